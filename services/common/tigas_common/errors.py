@@ -1,0 +1,65 @@
+"""Typed errors, raised deep and mapped to an answer in one place: `problem` (RFC 9457)."""
+
+from __future__ import annotations
+
+from tigas_common.wire import Problem
+
+
+class TigasError(Exception):
+    """An error with one sentence that a person can act on. Subclasses fix the HTTP status and the stable type."""
+
+    status = 500
+    type = "internal-error"
+    title = "The server failed"
+
+    def __init__(self, detail: str) -> None:
+        super().__init__(detail)
+        self.detail = detail
+
+
+class InvalidRequest(TigasError):
+    """The request cannot be understood or asks for something out of range."""
+
+    status, type, title = 400, "invalid-request", "The request is not valid"
+
+
+class BodyTooLarge(TigasError):
+    """The request's body is over the limit."""
+
+    status, type, title = 413, "body-too-large", "The request is too large"
+
+
+class UnknownScene(TigasError):
+    """No scene has this id."""
+
+    status, type, title = 404, "unknown-scene", "There is no such scene"
+
+
+class BrokenScene(TigasError):
+    """The scene's file cannot be read, or is larger than the memory that scenes may take."""
+
+    status, type, title = 422, "broken-scene", "The scene cannot be loaded"
+
+
+class Superseded(TigasError):
+    """A newer request of the same client took this one's place before it was rendered."""
+
+    status, type, title = 409, "superseded", "A newer request took this one's place"
+
+
+class DeadlineExceeded(TigasError):
+    """The frame could not have been ready by the request's deadline, so it was not rendered."""
+
+    status, type, title = 504, "deadline-exceeded", "The frame would have come too late"
+
+
+class Overloaded(TigasError):
+    """The server holds as many waiting requests as it may."""
+
+    status, type, title = 503, "overloaded", "The server has too much to do"
+
+
+def problem(error: Exception) -> Problem:
+    """The answer to a failed request. Anything but a TigasError becomes a bare 500 that tells nothing of the inside."""
+    known = error if isinstance(error, TigasError) else TigasError("The server failed; its log says why.")
+    return Problem(type=f"tigas:{known.type}", title=known.title, status=known.status, detail=known.detail)

@@ -1,0 +1,1 @@
+"""Codecs for images in the host's memory: one module each."""

@@ -1,0 +1,80 @@
+"""The interface that every rasteriser has. It knows nothing of requests, queues or sockets."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from typing import Self
+
+from tigas_common.pose import Intrinsics, Pose
+from tigas_common.wire import FrameFormat
+from tigas_render.scenes.gaussians import Gaussians
+
+NEAR_PLANE = 0.01
+"""Gaussians whose centre is nearer than this to the camera's plane, or behind it, are not drawn (scene units)."""
+BLUR = 0.3
+"""Added to the diagonal of each projected covariance, in pixels² (EWA's low-pass filter as in 3DGS)."""
+ALPHA_MIN = 1 / 255
+"""A Gaussian contributes to a pixel only where its alpha is at least this."""
+ALPHA_MAX = 0.999
+"""A single Gaussian's alpha is clamped to this."""
+TRANSMITTANCE_MIN = 1e-4
+"""A pixel is finished when less light than this passes."""
+
+
+@dataclass(frozen=True, slots=True)
+class Camera:
+    """One view: where from, through which lens, and what lies behind everything."""
+
+    pose: Pose
+    intrinsics: Intrinsics
+    background: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """RGB, 0 to 1."""
+
+
+class PreparedScene(ABC):
+    """A scene packed by one rasteriser for its own device."""
+
+    @property
+    @abstractmethod
+    def nbytes(self) -> int:
+        """Bytes that it holds on its device."""
+
+
+class Image(ABC):
+    """A rendered image, still on the device that made it; a context manager that gives its memory back."""
+
+    width: int
+    height: int
+
+    @abstractmethod
+    def encode(self, format: FrameFormat, quality: int) -> bytes:
+        """The image in a file format, on the host: `jpeg` (at `quality` 1 to 100), `png`, or planar `yuv420p`."""
+
+    @abstractmethod
+    def close(self) -> None:
+        """Give the image's memory back to its rasteriser; closing twice does nothing."""
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+
+class Rasterizer(ABC):
+    """Renders prepared scenes. Called from one thread at a time, unless an implementation says otherwise."""
+
+    device: str
+    """Where it runs, for people: `cpu`, `cuda:0`."""
+
+    @abstractmethod
+    def prepare(self, gaussians: Gaussians) -> PreparedScene:
+        """Pack a scene for rendering; the tensors are not needed afterwards. Safe to call from any thread."""
+
+    @abstractmethod
+    def render(self, scene: PreparedScene, camera: Camera) -> Image:
+        """Render one view at the intrinsics' own resolution."""
+
+    def warm_up(self) -> None:  # noqa: B027 - a rasteriser without a compiler has nothing to do
+        """Pay once for what the first frame would otherwise wait for, such as compiling."""

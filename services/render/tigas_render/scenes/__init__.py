@@ -1,0 +1,1 @@
+"""Scenes: loading, the registry, the built-in demo scene and previews."""
