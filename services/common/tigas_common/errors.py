@@ -60,6 +60,6 @@ class Overloaded(TigasError):
 
 
 def problem(error: Exception) -> Problem:
-    """The answer to a failed request. Anything but a TigasError becomes a bare 500 that tells nothing of the inside."""
+    """The answer to a failed request. Anything but a TigasError becomes a 500 that tells nothing of the inside."""
     known = error if isinstance(error, TigasError) else TigasError("The server failed; its log says why.")
     return Problem(type=f"tigas:{known.type}", title=known.title, status=known.status, detail=known.detail)

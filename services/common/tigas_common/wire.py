@@ -43,7 +43,7 @@ class Rung(WireModel):
     def size_for(self, width: int, height: int) -> tuple[int, int]:
         """Width and height in pixels for a viewport: the rung's own number of pixels in the viewport's own shape.
 
-        A viewport with the rung's aspect ratio gets exactly the rung's resolution, so pixels are square in every shape.
+        A viewport with the rung's aspect ratio gets exactly the rung's resolution; pixels are square in every shape.
         """
         scale = math.sqrt(self.width * self.height / (width * height))
         return min(MAX_SIDE, max(1, round(width * scale))), min(MAX_SIDE, max(1, round(height * scale)))
@@ -136,7 +136,7 @@ class ServerTiming(WireModel):
 
 
 class FrameHeader(WireModel):
-    """Goes before the body on WebTransport. From status 400 on, the body is a Problem and the frame's fields are absent."""
+    """Goes before the body on WebTransport. From status 400 on, the body is a Problem and the rest is null."""
 
     status: int
     seq: int

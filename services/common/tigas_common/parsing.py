@@ -1,0 +1,35 @@
+"""From bytes to wire models, with one sentence for whatever is wrong with them."""
+
+from __future__ import annotations
+
+from typing import TypeVar
+
+from pydantic import BaseModel, ValidationError
+
+from tigas_common.errors import BodyTooLarge, InvalidRequest
+
+MAX_BODY = 16 * 1024
+"""The largest request body, in bytes."""
+
+Model = TypeVar("Model", bound=BaseModel)
+
+
+def parse(model: type[Model], body: bytes) -> Model:
+    """Read a model from JSON.
+
+    Raises BodyTooLarge over MAX_BODY bytes, and InvalidRequest naming the first field that is wrong.
+    """
+    if len(body) > MAX_BODY:
+        raise BodyTooLarge(f"The body has {len(body)} bytes; the limit is {MAX_BODY}.")
+    try:
+        return model.model_validate_json(body)
+    except ValidationError as error:
+        raise InvalidRequest(_sentence(error)) from None
+
+
+def _sentence(error: ValidationError) -> str:
+    first = error.errors(include_url=False, include_input=False, include_context=False)[0]
+    where = ".".join(map(str, first["loc"]))
+    what = first["msg"].removeprefix("Value error, ")
+    what = what[:1].lower() + what[1:] if where else what[:1].upper() + what[1:]
+    return f"{where}: {what}." if where else f"{what}."

@@ -1,0 +1,44 @@
+"""A finished frame, and the one thing a transport needs to know of the engine."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+from tigas_common.wire import FrameFormat, RenderRequest, ServerTiming
+
+CONTENT_TYPES: dict[FrameFormat, str] = {
+    "jpeg": "image/jpeg",
+    "png": "image/png",
+    "yuv420p": "video/x-raw; format=I420",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Frame:
+    """The answer to one RenderRequest."""
+
+    body: bytes
+    format: FrameFormat
+    width: int
+    """Pixels."""
+    height: int
+    """Pixels."""
+    seq: int
+    profile: int | None
+    timing: ServerTiming
+
+    @property
+    def content_type(self) -> str:
+        """The body's media type."""
+        return CONTENT_TYPES[self.format]
+
+
+class FrameSource(Protocol):
+    """Whatever answers requests with frames: the engine, or a test's stand-in."""
+
+    async def submit(self, client: str, request: RenderRequest) -> Frame:
+        """The frame for a request of one client (a connection or session); cancel the call to withdraw the request.
+
+        Raises a TigasError: UnknownScene, BrokenScene, Superseded, DeadlineExceeded, Overloaded.
+        """
