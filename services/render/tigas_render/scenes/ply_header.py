@@ -1,0 +1,149 @@
+"""The header of a 3D Gaussian Splatting PLY: what a file promises, checked before anything is allocated."""
+
+from __future__ import annotations
+
+import io
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from plyfile import PlyData, PlyElement, PlyListProperty, PlyParseError
+
+from tigas_common.errors import BrokenScene
+
+MAX_HEADER = 64 * 1024
+"""The longest header, in bytes; one with SH degree 3 takes about 1,500."""
+
+REST_COUNTS = {0: 0, 9: 1, 24: 2, 45: 3}
+"""Number of f_rest_* properties to SH degree: 3 · ((degree + 1)² − 1)."""
+
+REQUIRED = (
+    *("x", "y", "z", "f_dc_0", "f_dc_1", "f_dc_2", "opacity"),
+    *("scale_0", "scale_1", "scale_2", "rot_0", "rot_1", "rot_2", "rot_3"),
+)
+
+_END = re.compile(rb"^end_header[ \t]*\r?\n", re.MULTILINE)
+_ELEMENT = re.compile(rb"^(element[ \t]+(\S+)[ \t]+)(\d+)[ \t]*(\r?)$", re.MULTILINE)
+
+
+@dataclass(frozen=True, slots=True)
+class PlyHeader:
+    """What is known of a PLY from its header and its size, and where its vertices lie."""
+
+    count: int
+    """Number of Gaussians, at least 1."""
+    sh_degree: int
+    """0 to 3."""
+    file_bytes: int
+    ascii: bool
+    offset: int
+    """Binary: bytes before the first vertex. ASCII: bytes before the first line of data."""
+    skip_lines: int
+    """ASCII: lines of other elements before the first vertex."""
+    dtype: np.dtype[np.void]
+    """One vertex; little-endian if binary."""
+
+    @property
+    def tensor_bytes(self) -> int:
+        """Bytes of the tensors that the scene is loaded into (float32)."""
+        return 4 * self.count * (3 + 3 + 4 + 1 + 3 * (self.sh_degree + 1) ** 2)
+
+
+def read_header(path: Path) -> PlyHeader:
+    """Read and check a file's header; reads at most MAX_HEADER bytes and allocates nothing by what they promise.
+
+    Raises BrokenScene, with one sentence, if the file is not an INRIA 3DGS PLY that its size has room for.
+    """
+    try:
+        with path.open("rb") as file:
+            file_bytes = file.seek(0, io.SEEK_END)
+            file.seek(0)
+            start = file.read(MAX_HEADER)
+    except OSError as error:
+        raise BrokenScene(f"{path.name} cannot be read: {error.strerror or error}.") from None
+    header, counts = _header_and_counts(path.name, start, file_bytes)
+    try:
+        # plyfile would go on to read the elements, so it is shown none of them
+        ply = PlyData.read(io.BytesIO(_ELEMENT.sub(rb"\g<1>0\4", header)))
+    except (PlyParseError, ValueError, UnicodeDecodeError) as error:
+        raise BrokenScene(f"{path.name} has a broken PLY header: {str(error).rstrip('.')}.") from None
+    if not ply.text and ply.byte_order == ">":
+        raise BrokenScene(f"{path.name} is a big-endian PLY; save it as binary_little_endian or ascii.")
+    if "vertex" not in ply:
+        raise BrokenScene(f"{path.name} has no element 'vertex', so it holds no Gaussians.")
+    vertex, count = ply["vertex"], counts["vertex"]
+    sh_degree = _check_properties(path.name, vertex)
+    if count == 0:
+        raise BrokenScene(f"{path.name} has 0 vertices, so there is nothing to show.")
+    dtype = vertex.dtype("=" if ply.text else "<")
+    before = ply.elements[: ply.elements.index(vertex)]
+    offset = len(header)
+    if ply.text:
+        skip_lines = sum(counts[element.name] for element in before)
+        needed = offset + 2 * (skip_lines + count * len(vertex.properties)) - 1  # a digit and a separator each
+        if file_bytes < needed:
+            raise BrokenScene(_promise(path.name, count, "at least ", needed, file_bytes))
+        return PlyHeader(count, sh_degree, file_bytes, True, offset, skip_lines, dtype)
+    for element in before:
+        if _lists(element):
+            raise BrokenScene(f"{path.name} has lists in element '{element.name}' before its vertices; put them after.")
+        offset += counts[element.name] * element.dtype("<").itemsize
+    needed = offset + count * dtype.itemsize
+    after = ply.elements[len(before) + 1 :]
+    if not any(map(_lists, after)):
+        needed += sum(counts[element.name] * element.dtype("<").itemsize for element in after)
+        if file_bytes != needed:
+            raise BrokenScene(_promise(path.name, count, "", needed, file_bytes))
+    elif file_bytes < needed:
+        raise BrokenScene(_promise(path.name, count, "at least ", needed, file_bytes))
+    return PlyHeader(count, sh_degree, file_bytes, False, offset, 0, dtype)
+
+
+def _header_and_counts(name: str, start: bytes, file_bytes: int) -> tuple[bytes, dict[str, int]]:
+    """The header up to and with its last line, and each element's count."""
+    if not start:
+        raise BrokenScene(f"{name} is empty.")
+    if not re.match(rb"ply[ \t]*\r?\n", start):
+        raise BrokenScene(f"{name} is not a PLY file: it does not begin with 'ply'.")
+    end = _END.search(start)
+    if end is None:
+        if file_bytes > MAX_HEADER:
+            raise BrokenScene(f"{name} has a header of more than {MAX_HEADER // 1024} KiB; that is no 3DGS PLY.")
+        raise BrokenScene(f"{name} is truncated: its header has no 'end_header'.")
+    header = start[: end.end()]
+    counts: dict[str, int] = {}
+    for match in _ELEMENT.finditer(header):
+        if len(match[3]) > 18:
+            raise BrokenScene(f"{name} promises an impossible number of elements: {match[3][:20].decode()}….")
+        counts[match[2].decode("ascii", "replace")] = int(match[3])
+    return header, counts
+
+
+def _check_properties(name: str, vertex: PlyElement) -> int:
+    """The SH degree, after a look at the vertices' properties."""
+    properties = {prop.name: prop for prop in vertex.properties}
+    if _lists(vertex):
+        listed = next(prop.name for prop in vertex.properties if isinstance(prop, PlyListProperty))
+        raise BrokenScene(
+            f"{name} has a list as property '{listed}' of its vertices; Gaussians have plain numbers only."
+        )
+    missing = next((prop for prop in REQUIRED if prop not in properties), None)
+    if missing is not None:
+        raise BrokenScene(f"{name} is not a 3DGS PLY: its vertices have no property '{missing}'.")
+    rest = sum(prop.startswith("f_rest_") for prop in properties)
+    if rest not in REST_COUNTS:
+        raise BrokenScene(f"{name} has {rest} properties f_rest_*; SH degree 0, 1, 2 or 3 has 0, 9, 24 or 45.")
+    missing = next((f"f_rest_{i}" for i in range(rest) if f"f_rest_{i}" not in properties), None)
+    if missing is not None:
+        raise BrokenScene(f"{name} has {rest} properties f_rest_* but no '{missing}'.")
+    return REST_COUNTS[rest]
+
+
+def _lists(element: PlyElement) -> bool:
+    return any(isinstance(prop, PlyListProperty) for prop in element.properties)
+
+
+def _promise(name: str, count: int, at_least: str, needed: int, file_bytes: int) -> str:
+    what = "is truncated" if file_bytes < needed else "is longer than its header says"
+    return f"{name} {what}: {count} vertices make {at_least}{needed} bytes, the file has {file_bytes}."
