@@ -20,7 +20,7 @@ def encode_yuv420p(pixels: npt.NDArray[np.uint8]) -> bytes:
     return planes.tobytes()
 
 
-@njit(cache=True, nogil=True, fastmath=True)  # type: ignore[untyped-decorator]
+@njit(cache=True, nogil=True, fastmath=True)
 def _convert(rgb, luma, cb, cr):  # type: ignore[no-untyped-def]  # pragma: no cover - compiled
     height, width = luma.shape
     kr, kb = np.float32(KR), np.float32(KB)

@@ -1,0 +1,226 @@
+"""The engine: takes requests from any transport and answers with frames, rendering one while the last is encoded.
+
+Requests wait on the event loop; rendering and encoding each have one thread, and nothing here blocks the loop.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import threading
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import AbstractAsyncContextManager
+from dataclasses import dataclass
+from typing import Protocol, Self
+
+from tigas_common.errors import DeadlineExceeded, InvalidRequest, Overloaded, Superseded, TigasError
+from tigas_common.wire import RenderRequest, Rung, ServerTiming
+from tigas_render.frame import Frame
+from tigas_render.metrics import EngineMetrics
+from tigas_render.raster.base import Camera, Image, PreparedScene, Rasterizer
+from tigas_render.schedule import FairSchedule
+
+logger = logging.getLogger(__name__)
+
+QUEUE_DEPTH = 4
+"""Requests of one client that may wait: enough to cover a burst, too few to build up delay."""
+MAX_WAITING = 512
+"""Requests of all clients together that may wait."""
+IMAGES_IN_FLIGHT = 2
+"""Rendered images at a time: one being encoded while the next is rendered."""
+
+STOPPING = "The server is stopping."
+
+
+class LoadedScene(Protocol):
+    """What the engine needs of a scene in use."""
+
+    @property
+    def prepared(self) -> PreparedScene:
+        """The scene on the rasteriser's device."""
+
+    @property
+    def background(self) -> tuple[float, float, float]:
+        """RGB, 0 to 1."""
+
+
+class Scenes(Protocol):
+    """Where scenes come from: the registry, or a test's stand-in."""
+
+    def use(self, scene_id: str) -> AbstractAsyncContextManager[LoadedScene]:
+        """The scene, loaded for as long as the context lasts. Raises UnknownScene and BrokenScene."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Work:
+    client: str
+    request: RenderRequest
+    scene: LoadedScene
+    arrived: float
+    answer: asyncio.Future[Frame]
+    loop: asyncio.AbstractEventLoop
+
+    def resolve(self, answer: Frame | Exception) -> None:
+        """Hand over the frame, or the reason why there is none, from any thread."""
+        self.loop.call_soon_threadsafe(self._resolve, answer)
+
+    def _resolve(self, answer: Frame | Exception) -> None:
+        if self.answer.done():
+            return
+        if isinstance(answer, Frame):
+            self.answer.set_result(answer)
+        else:
+            self.answer.set_exception(answer)
+
+
+class Engine:
+    """Answers RenderRequests with Frames; an async context manager that owns its two threads."""
+
+    def __init__(
+        self,
+        rasterizer: Rasterizer,
+        scenes: Scenes,
+        ladder: tuple[Rung, ...],
+        metrics: EngineMetrics,
+        clock: Callable[[], float],
+    ) -> None:
+        self._rasterizer = rasterizer
+        self._scenes = scenes
+        self._ladder = ladder
+        self._metrics = metrics
+        self._clock = clock
+        self._schedule: FairSchedule[_Work] = FairSchedule(QUEUE_DEPTH)
+        self._changed = threading.Condition()
+        self._closed = False
+        self._images = threading.Semaphore(IMAGES_IN_FLIGHT)
+        self._renderer = ThreadPoolExecutor(1, "render")
+        self._encoder = ThreadPoolExecutor(1, "encode")
+        # Seconds that a frame of each scene takes, to tell which requests cannot meet their deadline.
+        self._service_time: dict[str, float] = {}
+
+    async def __aenter__(self) -> Self:
+        loop = asyncio.get_running_loop()
+        await loop.run_in_executor(self._renderer, self._rasterizer.warm_up)
+        self._running = loop.run_in_executor(self._renderer, self._render_forever)
+        return self
+
+    async def __aexit__(self, *_: object) -> None:
+        with self._changed:
+            self._closed = True
+            while self._schedule:
+                self._schedule.pop().resolve(Overloaded(STOPPING))
+            self._changed.notify()
+        await self._running
+        self._encoder.shutdown()
+        self._renderer.shutdown()
+
+    async def submit(self, client: str, request: RenderRequest) -> Frame:
+        """The frame for a request of one client (a connection or session); cancel the call to withdraw the request.
+
+        Raises InvalidRequest for a rung that the ladder does not have, UnknownScene, BrokenScene, Superseded,
+        DeadlineExceeded and Overloaded.
+        """
+        arrived = self._clock()
+        try:
+            if request.profile is not None and request.profile >= len(self._ladder):
+                raise InvalidRequest(f"profile: the ladder has rungs 0 to {len(self._ladder) - 1}.")
+            async with self._scenes.use(request.scene) as scene:
+                loop = asyncio.get_running_loop()
+                work = _Work(client, request, scene, arrived, loop.create_future(), loop)
+                self._enqueue(work)
+                try:
+                    frame = await work.answer
+                finally:
+                    with self._changed:
+                        self._schedule.remove(client, work)
+        except asyncio.CancelledError:
+            self._metrics.count("cancelled")
+            raise
+        except TigasError as error:
+            self._metrics.count(error.type)
+            raise
+        self._metrics.frame(frame)
+        return frame
+
+    def _enqueue(self, work: _Work) -> None:
+        with self._changed:
+            if self._closed or len(self._schedule) >= MAX_WAITING:
+                raise Overloaded(
+                    "The server is stopping." if self._closed else "Too many requests wait; ask less often."
+                )
+            pushed_out = self._schedule.push(work.client, work)
+            self._changed.notify()
+        if pushed_out is not None:
+            pushed_out.resolve(Superseded("Newer requests of this client took this one's place."))
+
+    def _render_forever(self) -> None:
+        while True:
+            # The image's place is taken first, so that the choice of what to render is made as late as possible.
+            self._images.acquire()
+            work = self._next()
+            if work is None:
+                return
+            try:
+                started = self._clock()
+                image = self._rasterizer.render(work.scene.prepared, self._camera(work))
+                rendered = self._clock()
+            except Exception as error:
+                self._images.release()
+                logger.exception("Rendering %s failed", work.request.scene)
+                work.resolve(error)
+            else:
+                self._encoder.submit(self._encode, work, image, started, rendered)
+
+    def _next(self) -> _Work | None:
+        """The next work that can meet its deadline; None once the engine is closed."""
+        while True:
+            with self._changed:
+                while not self._schedule:
+                    if self._closed:
+                        return None
+                    self._changed.wait()
+                work = self._schedule.pop()
+            if work.answer.cancelled():
+                continue
+            deadline_ms = work.request.deadline_ms
+            expected = self._service_time.get(work.request.scene, 0.0)
+            if deadline_ms is None or self._clock() + expected <= work.arrived + deadline_ms / 1000:
+                return work
+            # The estimate fades with every request it turns away, or a single slow frame could turn all away for good.
+            self._service_time[work.request.scene] = 0.9 * expected
+            work.resolve(DeadlineExceeded(f"The frame could not be ready within {deadline_ms:g} ms."))
+
+    def _size(self, request: RenderRequest) -> tuple[int, int]:
+        if request.profile is None:
+            return request.width, request.height
+        return self._ladder[request.profile].size_for(request.width, request.height)
+
+    def _camera(self, work: _Work) -> Camera:
+        request = work.request
+        intrinsics = request.intrinsics.resized(*self._size(request))
+        return Camera(request.pose, intrinsics, work.scene.background)
+
+    def _encode(self, work: _Work, image: Image, started: float, rendered: float) -> None:
+        request = work.request
+        try:
+            with image:
+                quality = self._ladder[request.profile or 0].quality
+                encoding = self._clock()
+                body = image.encode(request.format, quality)
+                encoded = self._clock()
+                width, height = image.width, image.height
+        except Exception as error:
+            logger.exception("Encoding %s failed", request.scene)
+            work.resolve(error)
+            return
+        finally:
+            self._images.release()
+        spent = (rendered - started) + (encoded - encoding)
+        self._service_time[request.scene] = 0.8 * self._service_time.get(request.scene, spent) + 0.2 * spent
+        timing = ServerTiming(
+            queue=round(1000 * (started - work.arrived + encoding - rendered), 3),
+            render=round(1000 * (rendered - started), 3),
+            encode=round(1000 * (encoded - encoding), 3),
+        )
+        work.resolve(Frame(body, request.format, width, height, request.seq, request.profile, timing))

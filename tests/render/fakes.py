@@ -1,0 +1,106 @@
+"""Stand-ins for the rasteriser and the scenes, under the test's control."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from dataclasses import dataclass, field
+from typing import Any
+
+from tigas_common.errors import UnknownScene
+from tigas_common.wire import FrameFormat, RenderRequest
+from tigas_render.raster.base import Camera, Image, PreparedScene, Rasterizer
+from tigas_render.scenes.gaussians import Gaussians
+
+
+def render_request(**changes: Any) -> RenderRequest:
+    """A valid request, with changes."""
+    fields: dict[str, Any] = {
+        "scene": "scene",
+        "azimuth": 0.0,
+        "elevation": 0.0,
+        "translation": (0.0, 0.0, 0.0),
+        "fx": 300.0,
+        "fy": 300.0,
+        "cx": 160.0,
+        "cy": 90.0,
+        "width": 320,
+        "height": 180,
+        "profile": 3,
+    }
+    return RenderRequest(**(fields | changes))
+
+
+class FakeScene(PreparedScene):
+    """A scene that takes 100 bytes."""
+
+    @property
+    def nbytes(self) -> int:
+        return 100
+
+
+@dataclass
+class FakeImage(Image):
+    """Encodes as the text of what was asked for."""
+
+    width: int
+    height: int
+    text: str
+    closed: bool = False
+
+    def encode(self, format: FrameFormat, quality: int) -> bytes:
+        return f"{self.text} {format} {quality}".encode()
+
+    def close(self) -> None:
+        self.closed = True
+
+
+@dataclass
+class FakeRasterizer(Rasterizer):
+    """Renders when the test lets it: `gate` holds every render up while it is not set."""
+
+    device: str = "fake"
+    gate: threading.Event = field(default_factory=threading.Event)
+    started: threading.Semaphore = field(default_factory=lambda: threading.Semaphore(0))
+    cameras: list[Camera] = field(default_factory=list)
+    images: list[FakeImage] = field(default_factory=list)
+    error: Exception | None = None
+
+    def prepare(self, gaussians: Gaussians) -> PreparedScene:
+        return FakeScene()
+
+    def render(self, scene: PreparedScene, camera: Camera) -> Image:
+        self.cameras.append(camera)
+        self.started.release()
+        assert self.gate.wait(10)
+        if self.error is not None:
+            raise self.error
+        size = (camera.intrinsics.width, camera.intrinsics.height)
+        self.images.append(FakeImage(*size, text="{}x{}".format(*size)))
+        return self.images[-1]
+
+
+@dataclass(frozen=True)
+class FakeLoaded:
+    """A loaded scene."""
+
+    prepared: PreparedScene = field(default_factory=FakeScene)
+    background: tuple[float, float, float] = (0.0, 0.5, 1.0)
+
+
+@dataclass
+class FakeScenes:
+    """Knows one scene, `scene`, and counts its users."""
+
+    users: int = 0
+
+    @asynccontextmanager
+    async def use(self, scene_id: str) -> AsyncIterator[FakeLoaded]:
+        if scene_id != "scene":
+            raise UnknownScene(f"There is no scene {scene_id!r}.")
+        self.users += 1
+        try:
+            yield FakeLoaded()
+        finally:
+            self.users -= 1

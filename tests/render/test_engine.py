@@ -1,0 +1,219 @@
+"""The engine answers every request once, keeps clients apart, and never makes the event loop wait."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import AsyncIterator
+from dataclasses import dataclass, field
+
+import pytest
+
+from tests.render.fakes import FakeImage, FakeRasterizer, FakeScenes, render_request
+from tigas_common.errors import DeadlineExceeded, InvalidRequest, Overloaded, Superseded, UnknownScene
+from tigas_common.wire import DEFAULT_LADDER
+from tigas_render import engine as engine_module
+from tigas_render.engine import Engine
+from tigas_render.frame import Frame
+from tigas_render.metrics import EngineMetrics
+
+pytestmark = pytest.mark.anyio
+
+
+@dataclass
+class Bench:
+    """An engine over stand-ins, with a clock that the test sets."""
+
+    rasterizer: FakeRasterizer = field(default_factory=FakeRasterizer)
+    scenes: FakeScenes = field(default_factory=FakeScenes)
+    metrics: EngineMetrics = field(default_factory=EngineMetrics)
+    now: float = 1000.0
+
+    def __post_init__(self) -> None:
+        self.engine = Engine(self.rasterizer, self.scenes, DEFAULT_LADDER, self.metrics, lambda: self.now)
+
+    async def rendering(self) -> None:
+        """Wait until the rasteriser has begun one more frame."""
+        assert await asyncio.to_thread(self.rasterizer.started.acquire, True, 10)
+
+    def submit(self, client: str, **changes: object) -> asyncio.Task[Frame]:
+        return asyncio.create_task(self.engine.submit(client, render_request(**changes)))
+
+    async def waiting(self, count: int) -> None:
+        """Wait until so many requests wait."""
+        async with asyncio.timeout(10):
+            while len(self.engine._schedule) != count:  # noqa: ASYNC110 - nothing announces it
+                await asyncio.sleep(0)
+
+    def outcome(self, name: str) -> float:
+        return self.metrics.registry.get_sample_value("tigas_requests_total", {"outcome": name}) or 0.0
+
+
+@pytest.fixture
+async def bench() -> AsyncIterator[Bench]:
+    bench = Bench()
+    async with bench.engine:
+        yield bench
+        bench.rasterizer.gate.set()
+
+
+async def busy(bench: Bench) -> asyncio.Task[Frame]:
+    """Keep the rasteriser busy with a frame, so that whatever comes next has to wait."""
+    task = bench.submit("somebody else")
+    await bench.rendering()
+    return task
+
+
+async def test_the_frame_has_the_rungs_resolution_and_quality_and_the_requests_number(bench: Bench) -> None:
+    bench.rasterizer.gate.set()
+    frame = await bench.submit("a", seq=7, profile=1)
+    assert (frame.body, frame.seq, frame.profile) == (b"960x540 jpeg 65", 7, 1)
+    camera = bench.rasterizer.cameras[0]
+    assert (camera.intrinsics.fx, camera.intrinsics.cx, camera.intrinsics.cy) == (900, 480, 270)
+    assert camera.background == (0.0, 0.5, 1.0)
+    assert bench.rasterizer.images[0].closed
+    assert bench.scenes.users == 0
+    assert bench.outcome("frame") == 1
+
+
+async def test_without_a_profile_the_frame_has_the_viewports_resolution(bench: Bench) -> None:
+    bench.rasterizer.gate.set()
+    frame = await bench.submit("a", profile=None, format="png")
+    assert frame.body == b"320x180 png 90"
+
+
+async def test_a_portrait_viewport_gets_as_many_square_pixels(bench: Bench) -> None:
+    bench.rasterizer.gate.set()
+    frame = await bench.submit("a", width=390, height=844, fx=500.0, fy=500.0, profile=2)
+    assert frame.width * frame.height == pytest.approx(640 * 360, rel=0.01)
+    assert frame.width / frame.height == pytest.approx(390 / 844, rel=0.01)
+    intrinsics = bench.rasterizer.cameras[0].intrinsics
+    assert intrinsics.fx == pytest.approx(intrinsics.fy, rel=0.01)
+
+
+async def test_a_client_that_floods_does_not_hold_up_another(bench: Bench) -> None:
+    first = await busy(bench)
+    flood = [bench.submit("flooder", seq=seq) for seq in range(50)]
+    await bench.waiting(engine_module.QUEUE_DEPTH)
+    patient = bench.submit("patient", seq=99)
+    await bench.waiting(engine_module.QUEUE_DEPTH + 1)
+    order: list[int] = []
+    for task in (*flood, patient):
+        task.add_done_callback(lambda t: None if t.exception() else order.append(t.result().seq))
+    bench.rasterizer.gate.set()
+    results = await asyncio.gather(first, patient, *flood, return_exceptions=True)
+    superseded = [result for result in results if isinstance(result, Superseded)]
+    assert len(superseded) == 50 - engine_module.QUEUE_DEPTH
+    assert order[:2] == [49, 99]
+    assert order[2:] == [48, 47, 46]
+    assert bench.outcome("superseded") == len(superseded)
+
+
+async def test_a_withdrawn_request_is_not_rendered(bench: Bench) -> None:
+    first = await busy(bench)
+    withdrawn = bench.submit("a")
+    await bench.waiting(1)
+    withdrawn.cancel()
+    with pytest.raises(asyncio.CancelledError):
+        await withdrawn
+    bench.rasterizer.gate.set()
+    await first
+    assert len(bench.rasterizer.cameras) == 1
+    assert bench.scenes.users == 0
+    assert bench.outcome("cancelled") == 1
+
+
+async def test_a_request_withdrawn_while_it_is_rendered_gives_its_image_back(bench: Bench) -> None:
+    task = await busy(bench)
+    task.cancel()
+    with pytest.raises(asyncio.CancelledError):
+        await task
+    bench.rasterizer.gate.set()
+    await bench.submit("a")
+    assert all(image.closed for image in bench.rasterizer.images)
+
+
+async def test_a_request_past_its_deadline_is_shed_and_others_are_not(bench: Bench) -> None:
+    first = await busy(bench)
+    late, patient = bench.submit("a", deadline_ms=50), bench.submit("b", deadline_ms=5000)
+    await bench.waiting(2)
+    bench.now += 1
+    bench.rasterizer.gate.set()
+    with pytest.raises(DeadlineExceeded, match="50 ms"):
+        await late
+    assert (await patient).timing.queue == 1000
+    await first
+    assert len(bench.rasterizer.cameras) == 2
+
+
+async def test_a_request_that_cannot_be_ready_in_time_is_shed_but_not_for_ever(bench: Bench) -> None:
+    """After a slow first frame, hopeless deadlines are refused; the estimate then fades until one is tried again."""
+    first = await busy(bench)
+    bench.now += 0.2
+    bench.rasterizer.gate.set()
+    await first
+    with pytest.raises(DeadlineExceeded):
+        await bench.submit("a", deadline_ms=100)
+    for _ in range(20):
+        try:
+            await bench.submit("a", deadline_ms=100)
+        except DeadlineExceeded:
+            continue
+        break
+    else:
+        pytest.fail("one slow frame turned every later request away")
+
+
+async def test_one_frame_is_rendered_while_another_is_encoded(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The first frame's encoding waits until the second frame's rendering has begun: it does not, if they overlap."""
+    def encode(image: FakeImage, format: str, quality: int) -> bytes:
+        if image is bench.rasterizer.images[0]:
+            assert bench.rasterizer.started.acquire(timeout=10)
+        return b"frame"
+
+    monkeypatch.setattr(FakeImage, "encode", encode)
+    first = await busy(bench)
+    second = bench.submit("a")
+    await bench.waiting(1)
+    bench.rasterizer.gate.set()
+    await asyncio.wait_for(asyncio.gather(first, second), 10)
+
+
+async def test_a_rasteriser_that_fails_fails_that_request_alone(bench: Bench) -> None:
+    bench.rasterizer.error = RuntimeError("out of luck")
+    bench.rasterizer.gate.set()
+    with pytest.raises(RuntimeError):
+        await bench.submit("a")
+    bench.rasterizer.error = None
+    for _ in range(engine_module.IMAGES_IN_FLIGHT + 1):
+        assert (await bench.submit("a")).body
+
+
+async def test_wrong_scene_and_rung_are_refused_before_anything_is_queued(bench: Bench) -> None:
+    with pytest.raises(UnknownScene):
+        await bench.submit("a", scene="../../etc/passwd")
+    with pytest.raises(InvalidRequest, match="rungs 0 to 3"):
+        await bench.submit("a", profile=4)
+    assert bench.rasterizer.cameras == []
+
+
+async def test_too_many_waiting_requests_are_refused(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(engine_module, "MAX_WAITING", 3)
+    first = await busy(bench)
+    tasks = [bench.submit(f"client {number}") for number in range(4)]
+    bench.rasterizer.gate.set()
+    results = await asyncio.gather(first, *tasks, return_exceptions=True)
+    assert [type(result) for result in results].count(Overloaded) == 1
+
+
+async def test_closing_answers_everyone() -> None:
+    bench = Bench()
+    async with bench.engine:
+        first = await busy(bench)
+        waiting = bench.submit("a")
+        await bench.waiting(1)
+        bench.rasterizer.gate.set()
+    assert (await first).body
+    outcome = (await asyncio.gather(waiting, return_exceptions=True))[0]
+    assert isinstance(outcome, Frame | Overloaded)
+    with pytest.raises(Overloaded, match="stopping"):
+        await bench.submit("a")
