@@ -1,0 +1,68 @@
+# Two commands are enough for a newcomer: `make demo` and `make test`.
+SHELL := /bin/bash
+.DEFAULT_GOAL := help
+.PHONY: help demo test lint format bench clean
+
+PYTHON ?= python3
+# Where PyTorch comes from; a machine without an NVIDIA GPU saves gigabytes with
+#   make demo TORCH_INDEX=https://download.pytorch.org/whl/cpu
+TORCH_INDEX ?=
+# The models directory; the built-in demo scene is always there.
+SCENES ?= $(wildcard models)
+
+VENV := .venv/bin
+STATIC := services/render/tigas_render/static/index.html
+
+help:
+	@echo "make demo   install what is missing, start the demo and print its URL"
+	@echo "make test   install what is missing and run every test, in browsers too"
+	@echo "make lint   check types, style and generated files"
+	@echo "make bench  measure speed and memory against baselines (about 10 minutes)"
+	@echo "make format, make clean"
+
+demo: .venv/.ready $(STATIC)
+	@$(VENV)/tigas render $(if $(SCENES),--scenes $(SCENES)) $(ARGS)
+
+test: .venv/.ready $(STATIC)
+	@command -v chromium >/dev/null || { echo "The browser tests need Chromium: sudo apt-get install chromium"; exit 1; }
+	@echo "== web client: unit tests"
+	@cd web && npm test --silent
+	@echo "== Python and browser tests"
+	@$(VENV)/python -m pytest
+
+lint: .venv/.ready web/node_modules/.ready
+	@echo "== ruff, mypy"
+	@$(VENV)/ruff check . && $(VENV)/ruff format --check . && $(VENV)/mypy
+	@echo "== web client: biome, tsc, generated types"
+	@cd web && npm run --silent check && npm run --silent wire -- --check
+
+format: .venv/.ready web/node_modules/.ready
+	@$(VENV)/ruff check --fix . ; $(VENV)/ruff format .
+	@cd web && npm run --silent format
+
+bench: .venv/.ready $(STATIC)
+	@$(VENV)/python benchmarks/raster.py
+	@$(VENV)/python benchmarks/transport.py
+	@$(VENV)/python benchmarks/memory.py
+
+.venv/.ready: pyproject.toml constraints.txt
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { echo "TIGAS needs Python 3.11 or newer: make PYTHON=python3.12 $(MAKECMDGOALS)"; exit 1; }
+	@echo "== Python environment in .venv (the first time this downloads about 300 MB)"
+	@$(PYTHON) -m venv .venv || { echo "Python cannot make virtual environments: sudo apt-get install python3-venv"; exit 1; }
+	@$(if $(TORCH_INDEX),$(VENV)/pip install --disable-pip-version-check -q -c constraints.txt --index-url $(TORCH_INDEX) torch)
+	@$(VENV)/pip install --disable-pip-version-check --progress-bar on -c constraints.txt -e '.[dev]' | grep -E '^(Collecting|Downloading|Successfully)' || { echo "pip failed; run it again to see why"; exit 1; }
+	@touch $@
+
+web/node_modules/.ready: web/package.json web/package-lock.json
+	@node -e 'process.exit(Number(process.versions.node.split(".")[0]) < 20)' 2>/dev/null || { echo "The web client needs Node.js 20 or newer: https://nodejs.org, or sudo apt-get install nodejs npm"; exit 1; }
+	@echo "== web client: dependencies"
+	@cd web && npm ci --no-audit --no-fund --loglevel=error
+	@touch $@
+
+$(STATIC): web/node_modules/.ready $(shell find web/src web/public web/index.html web/vite.config.ts -type f 2>/dev/null)
+	@echo "== web client: build"
+	@cd web && npm run --silent build
+	@touch $@
+
+clean:
+	rm -rf .venv web/node_modules services/render/tigas_render/static .mypy_cache .ruff_cache .pytest_cache

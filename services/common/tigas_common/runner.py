@@ -1,0 +1,74 @@
+"""Runs ASGI applications over HTTP/1.1 until the process is told to stop."""
+
+from __future__ import annotations
+
+import asyncio
+import signal
+import ssl
+from collections.abc import AsyncIterator, Iterator
+from contextlib import asynccontextmanager, contextmanager, suppress
+from typing import Any
+
+import uvicorn
+
+from tigas_common.address import Address
+
+
+class _Server(uvicorn.Server):
+    """A server that leaves signals to whoever runs it, so that several can share a process."""
+
+    def __init__(self, config: uvicorn.Config) -> None:
+        super().__init__(config)
+        self.started_event = asyncio.Event()
+
+    @contextmanager
+    def capture_signals(self) -> Iterator[None]:
+        yield
+
+    async def startup(self, sockets: Any = None) -> None:
+        await super().startup(sockets)
+        self.started_event.set()
+
+
+@asynccontextmanager
+async def serve_http(app: Any, address: Address, tls: ssl.SSLContext | None = None) -> AsyncIterator[int]:
+    """Serve an ASGI application for as long as the context lasts; gives the port.
+
+    Raises OSError if the address cannot be listened on. With `tls`, it is HTTPS; a certificate that is loaded into the
+    same context later is used for new connections.
+    """
+    listener = address.listen()
+    config = uvicorn.Config(
+        app,
+        lifespan="off",
+        log_level="warning",
+        access_log=False,
+        server_header=False,
+        timeout_graceful_shutdown=1,
+        ws="none",
+        ssl_context_factory=(lambda *_: tls) if tls else None,
+    )
+    server = _Server(config)
+    running = asyncio.create_task(server.serve([listener]))
+    await asyncio.wait([running, asyncio.create_task(server.started_event.wait())], return_when=asyncio.FIRST_COMPLETED)
+    if running.done():
+        running.result()
+    try:
+        yield listener.getsockname()[1]
+    finally:
+        server.should_exit = True
+        with suppress(asyncio.CancelledError):
+            await running
+
+
+async def until_stopped() -> None:
+    """Wait for SIGINT or SIGTERM."""
+    stopped = asyncio.Event()
+    loop = asyncio.get_running_loop()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        loop.add_signal_handler(number, stopped.set)
+    try:
+        await stopped.wait()
+    finally:
+        for number in (signal.SIGINT, signal.SIGTERM):
+            loop.remove_signal_handler(number)
