@@ -1,0 +1,165 @@
+"""One HTTP/3 request, answered by the ASGI application."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from collections import deque
+from collections.abc import Iterable
+from http import HTTPStatus
+from typing import TYPE_CHECKING
+from urllib.parse import unquote_to_bytes
+
+from aioquic.h3.connection import ErrorCode
+from aioquic.h3.events import Headers
+
+from tigas_common.wire import Problem
+from tigas_render.transport.asgi import Message, Scope
+from tigas_render.transport.stream import CHUNK, Stream, StreamClosed
+
+if TYPE_CHECKING:
+    from tigas_render.transport.connection import Connection
+
+logger = logging.getLogger(__name__)
+
+HOP_BY_HOP = frozenset((b"connection", b"keep-alive", b"proxy-connection", b"te", b"transfer-encoding", b"upgrade"))
+"""Fields that HTTP/3 forbids (RFC 9114, 4.2)."""
+REFUSALS = {
+    425: "This request may not be sent before the connection is established; send it again.",
+    500: "The server failed; its log says why.",
+    503: "This connection has too many requests running.",
+}
+
+
+def http_scope(headers: Headers, client: tuple[str, int], server: tuple[str, int]) -> Scope:
+    """The ASGI scope of a request."""
+    pseudo = {name: value for name, value in headers if name.startswith(b":")}
+    raw_path, _, query = pseudo.get(b":path", b"/").partition(b"?")
+    fields = [(name, value) for name, value in headers if not name.startswith(b":") and name != b"host"]
+    return {
+        "type": "http",
+        "asgi": {"version": "3.0", "spec_version": "2.4"},
+        "http_version": "3",
+        "method": pseudo[b":method"].decode("latin-1").upper(),
+        "scheme": "https",
+        "path": unquote_to_bytes(raw_path).decode("utf-8", "replace"),
+        "raw_path": raw_path,
+        "query_string": query,
+        "root_path": "",
+        "headers": [(b"host", pseudo[b":authority"]), *fields],
+        "client": client,
+        "server": server,
+    }
+
+
+class HttpRequest(Stream):
+    """A request and its response."""
+
+    def __init__(self, connection: Connection, stream_id: int, headers: Headers, refuse: int | None = None) -> None:
+        """With `refuse`, a status, the request is answered without the application."""
+        super().__init__(connection, stream_id)
+        self.scope = http_scope(headers, connection.client, connection.server)
+        self._refuse = refuse
+        self._body: deque[bytes] = deque()
+        self._unread = 0
+        self._ended = False
+        self._end_delivered = False
+        self._disconnected = False
+        self._news = asyncio.Event()
+        self._started = False
+        self._complete = False
+
+    # -- from the client ---------------------------------------------------------------------------------------------
+
+    def data_received(self, data: bytes, ended: bool) -> None:
+        self._ended |= ended
+        if data and not self._disconnected and not self._complete:
+            self._body.append(data)
+            self._unread += len(data)
+            if self._unread > self.connection.service.limits.unread:
+                self.connection.abort(self.stream_id, ErrorCode.H3_EXCESSIVE_LOAD)
+                self.cancelled()
+        self._news.set()
+
+    def cancelled(self) -> None:
+        self._disconnected = True
+        self._body.clear()
+        self._news.set()
+
+    # -- the application's side --------------------------------------------------------------------------------------
+
+    async def run(self) -> None:
+        if self._refuse is not None:
+            await self._answer(self._refuse)
+            return
+        try:
+            await self.connection.service.app(self.scope, self.receive, self.send)
+            failed = not self._complete and not self._disconnected
+        except Exception:
+            logger.exception("%s %s failed", self.scope["method"], self.scope["path"])
+            failed = True
+        if failed and not self._started:
+            await self._answer(500)
+        elif failed:
+            self.connection.abort(self.stream_id, ErrorCode.H3_INTERNAL_ERROR)
+
+    async def receive(self) -> Message:
+        """ASGI's receive: the body part by part, then, when the client or the response is done, the disconnect."""
+        while not (self._disconnected or self._complete):
+            self._news.clear()
+            if self._body or (self._ended and not self._end_delivered):
+                body = b"".join(self._body)
+                self._body.clear()
+                self._unread = 0
+                self._end_delivered = self._ended
+                return {"type": "http.request", "body": body, "more_body": not self._ended}
+            timeout = None if self._ended else self.connection.service.limits.request_timeout
+            try:
+                async with asyncio.timeout(timeout):
+                    await self._news.wait()
+            except TimeoutError:
+                self.connection.abort(self.stream_id, ErrorCode.H3_REQUEST_INCOMPLETE)
+                self.cancelled()
+        return {"type": "http.disconnect"}
+
+    async def send(self, message: Message) -> None:
+        """ASGI's send. Waits while the client or the network cannot keep up; says nothing if the client is gone."""
+        if self._disconnected:
+            return
+        match message["type"]:
+            case "http.response.start" if not self._started:
+                self._started = True
+                self._send_headers(message["status"], message.get("headers", ()))
+            case "http.response.body" if self._started and not self._complete:
+                await self._send_body(message.get("body", b""), message.get("more_body", False))
+            case other:
+                raise RuntimeError(f"The application sent {other!r} out of turn.")
+
+    def _send_headers(self, status: int, headers: Iterable[tuple[bytes, bytes]]) -> None:
+        fields = [(name.lower(), value) for name, value in headers]
+        fields = [field for field in fields if field[0] not in HOP_BY_HOP]
+        self.connection.send_headers(self.stream_id, [(b":status", str(status).encode()), *fields])
+
+    async def _send_body(self, body: bytes, more: bool) -> None:
+        self._complete = not more
+        view = memoryview(b"" if self.scope["method"] == "HEAD" else body)
+        try:
+            while len(view) > 0:
+                await self.connection.room(self.stream_id)
+                chunk, view = view[:CHUNK], view[CHUNK:]
+                self.connection.send_data(self.stream_id, bytes(chunk), end=self._complete and not view)
+            if self._complete and (self.scope["method"] == "HEAD" or not body):
+                self.connection.send_data(self.stream_id, b"", end=True)
+        except StreamClosed:
+            self.cancelled()
+        if self._complete:
+            self.connection.stop_reading(self.stream_id, ErrorCode.H3_NO_ERROR)
+            self._news.set()
+
+    async def _answer(self, status: int) -> None:
+        title = HTTPStatus(status).phrase
+        about = Problem(type="about:blank", title=title, status=status, detail=REFUSALS[status])
+        body = about.model_dump_json().encode()
+        headers = [(b"content-type", b"application/problem+json"), (b"content-length", str(len(body)).encode())]
+        await self.send({"type": "http.response.start", "status": status, "headers": headers})
+        await self.send({"type": "http.response.body", "body": body})

@@ -1,0 +1,136 @@
+"""aioquic's connection with bounded memory: the one place that reaches into its private attributes.
+
+Written against aioquic 1.7; the tests of this package exercise every attribute that is used here.
+"""
+
+from __future__ import annotations
+
+from aioquic.h3.connection import H3Connection
+from aioquic.quic.configuration import SMALLEST_MAX_DATAGRAM_SIZE
+from aioquic.quic.connection import MAX_STREAM_DATA_FRAME_CAPACITY, QuicConnection
+from aioquic.quic.packet import QuicFrameType
+from aioquic.quic.packet_builder import QuicPacketBuilder
+from aioquic.quic.recovery import QuicPacketSpace
+from aioquic.quic.stream import QuicStream
+
+SHORT_HEADER = 1 + 2 + 16
+"""Bytes of a 1-RTT packet around its frames, without the connection id: first byte, packet number, AEAD tag."""
+DATAGRAM_HEADER = 1 + 2
+"""Bytes of a DATAGRAM frame before its data: type and length."""
+BLACK_HOLE_PROBES = 2
+"""Probe timeouts in a row after which datagrams above QUIC's minimum size are suspected of being lost on the way."""
+
+
+class ServerQuicConnection(QuicConnection):
+    """A server's connection."""
+
+    # -- receiving ---------------------------------------------------------------------------------------------------
+
+    def _write_stream_limits(self, builder: QuicPacketBuilder, space: QuicPacketSpace, stream: QuicStream) -> None:
+        """Let a client be one window ahead of what has arrived in order.
+
+        aioquic doubles the window whenever half of it was *reached*, so that a few bytes sent at ever higher offsets
+        make it allocate without bound.
+        """
+        assert stream.stream_id is not None
+        window = self._configuration.max_stream_data
+        receiver = stream.receiver
+        if stream.max_stream_data_local and not receiver.is_finished:
+            limit = receiver.starting_offset() + window
+            if limit - stream.max_stream_data_local >= window // 2:
+                stream.max_stream_data_local = limit
+        if stream.max_stream_data_local_sent != stream.max_stream_data_local:
+            buffer = builder.start_frame(
+                QuicFrameType.MAX_STREAM_DATA,
+                capacity=MAX_STREAM_DATA_FRAME_CAPACITY,
+                handler=self._on_max_stream_data_delivery,
+                handler_args=(stream,),
+            )
+            buffer.push_uint_var(stream.stream_id)
+            buffer.push_uint_var(stream.max_stream_data_local)
+            stream.max_stream_data_local_sent = stream.max_stream_data_local
+
+    # -- sending -----------------------------------------------------------------------------------------------------
+
+    def unsent(self, stream_id: int) -> int:
+        """Bytes of a stream that wait to be sent for the first time."""
+        stream = self._streams.get(stream_id)
+        return 0 if stream is None else stream.sender._buffer_stop - stream.sender.highest_offset
+
+    def unsent_by_network(self) -> int:
+        """Bytes of all streams that wait for the network; those that wait for a client to read are not counted."""
+        return sum(
+            stream.sender._buffer_stop - stream.sender.highest_offset
+            for stream in self._streams.values()
+            if not stream.sender.buffer_is_empty and stream.sender.highest_offset < stream.max_stream_data_remote
+        )
+
+    def can_write(self, stream_id: int) -> bool:
+        """Whether a stream still takes data: it is open, was not finished, and neither side has reset it."""
+        stream = self._streams.get(stream_id)
+        return (
+            stream is not None
+            and stream.sender._buffer_fin is None
+            and stream.sender._reset_error_code is None
+            and not stream.sender.is_finished
+        )
+
+    def is_receiving(self, stream_id: int) -> bool:
+        """Whether the client may still send on a stream."""
+        stream = self._streams.get(stream_id)
+        return stream is not None and not stream.receiver.is_finished
+
+    # -- datagrams ---------------------------------------------------------------------------------------------------
+
+    @property
+    def max_datagram_payload(self) -> int:
+        """The longest data that fits in a DATAGRAM frame of one packet, in bytes; 0 if the client takes none.
+
+        A longer one would stay at the head of aioquic's queue for ever and hold up all others.
+        """
+        remote = self._remote_max_datagram_frame_size or 0
+        packet = self._max_datagram_size - SHORT_HEADER - len(self._peer_cid.cid)
+        return max(0, min(remote, packet) - DATAGRAM_HEADER)
+
+    @property
+    def datagram_room(self) -> int:
+        """How many full datagrams may be handed over now without waiting in a queue that nobody can take back."""
+        room = (self._loss.congestion_window - self._loss.bytes_in_flight) // self._max_datagram_size
+        return max(0, room - len(self._datagrams_pending))
+
+    # -- path MTU ----------------------------------------------------------------------------------------------------
+
+    def handle_timer(self, now: float) -> None:
+        """As aioquic's, and fall back to the size that every QUIC path carries when nothing gets through any more."""
+        super().handle_timer(now)
+        if self._loss._pto_count >= BLACK_HOLE_PROBES and self._max_datagram_size > SMALLEST_MAX_DATAGRAM_SIZE:
+            self._max_datagram_size = SMALLEST_MAX_DATAGRAM_SIZE
+            limit = self.max_datagram_payload
+            fitting = [data for data in self._datagrams_pending if len(data) <= limit]
+            self._datagrams_pending.clear()
+            self._datagrams_pending.extend(fitting)
+
+    # -- state -------------------------------------------------------------------------------------------------------
+
+    @property
+    def is_established(self) -> bool:
+        """Whether the handshake is complete; before that, whatever has arrived is early data that may be a replay."""
+        return self._handshake_complete
+
+
+class ServerH3Connection(H3Connection):
+    """A server's HTTP/3 connection."""
+
+    def finished(self, stream_id: int) -> None:
+        """Forget a stream that was ended below HTTP/3, as WebTransport's are; aioquic would keep its state."""
+        stream = self._stream.get(stream_id)
+        if stream is not None:
+            stream.sending_ended = True
+            if stream.is_ended():
+                del self._stream[stream_id]
+
+    @property
+    def control_stream_id(self) -> int:
+        """The stream that GOAWAY is sent on."""
+        assert self._local_control_stream_id is not None
+        return self._local_control_stream_id

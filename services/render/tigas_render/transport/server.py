@@ -1,0 +1,249 @@
+"""The HTTP/3 server: one UDP socket, its connections, its certificate."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from collections.abc import Mapping
+from typing import Literal, Self
+
+from aioquic._buffer import Buffer
+from aioquic.h3.connection import H3_ALPN
+from aioquic.quic.configuration import SMALLEST_MAX_DATAGRAM_SIZE, QuicConfiguration
+from aioquic.quic.packet import (
+    QuicHeader,
+    QuicPacketType,
+    encode_quic_retry,
+    encode_quic_version_negotiation,
+    pull_quic_header,
+)
+
+from tigas_common.certificate import Certificate
+from tigas_render.transport.asgi import App
+from tigas_render.transport.connection import Connection, Service
+from tigas_render.transport.gso import Address, Datagram
+from tigas_render.transport.limits import Limits
+from tigas_render.transport.quic import ServerQuicConnection
+from tigas_render.transport.retry import RetryTokens
+from tigas_render.transport.tickets import TicketStore
+from tigas_render.transport.udp import UdpEndpoint, bind
+from tigas_render.transport.webtransport import SessionHandler
+
+logger = logging.getLogger(__name__)
+
+MAX_DATAGRAM_SIZE = 1452
+"""Bytes of UDP payload that fit an Ethernet frame over IPv6 (1500 − 40 − 8), and over IPv4."""
+CID_LENGTH = 8
+
+CongestionControl = Literal["reno", "cubic"]
+
+
+class Http3Server:
+    """Serves an ASGI application and WebTransport sessions. An async context manager."""
+
+    def __init__(
+        self,
+        app: App,
+        *,
+        certificate: Certificate,
+        host: str = "::",
+        port: int = 0,
+        webtransport: Mapping[str, SessionHandler] | None = None,
+        congestion_control: CongestionControl = "reno",
+        limits: Limits | None = None,
+    ) -> None:
+        """`host` may be `::` for every address of both families; port 0 takes any that is free."""
+        self._host = host
+        self._port = port
+        self._limits = limits or Limits()
+        self._service = Service(app, dict(webtransport or {}), self._limits)
+        self._congestion_control = congestion_control
+        self._configuration = self._configure(certificate)
+        self._tickets = TicketStore()
+        self._retry = RetryTokens()
+        self._connections: dict[Connection, set[bytes]] = {}
+        self._by_cid: dict[bytes, Connection] = {}
+        self._dirty: set[Connection] = set()
+        self._endpoint: UdpEndpoint | None = None
+        self._address: tuple[str, int] = (host, port)
+        self._closing = False
+
+    # -- start and stop ----------------------------------------------------------------------------------------------
+
+    async def start(self) -> None:
+        """Bind and serve. Raises OSError if the address cannot be bound."""
+        sock = bind(self._host, self._port)
+        self._address = sock.getsockname()[:2]
+        self._endpoint = UdpEndpoint(sock, self._received, self._drained)
+
+    async def close(self, grace_s: float = 0.0) -> None:
+        """Stop taking requests, give running ones `grace_s` seconds to finish, and close every connection."""
+        if self._endpoint is None:
+            return
+        self._closing = True
+        connections = list(self._connections)
+        for connection in connections:
+            connection.go_away()
+        if grace_s > 0 and connections:
+            unfinished = [asyncio.create_task(connection.finish()) for connection in connections]
+            _, late = await asyncio.wait(unfinished, timeout=grace_s)
+            for task in late:
+                task.cancel()
+        for connection in connections:
+            connection.close()
+        await asyncio.gather(*(connection.ended() for connection in connections))
+        for connection in connections:
+            connection.abandon()
+        self._connections.clear()
+        self._by_cid.clear()
+        self._endpoint.close()
+        self._endpoint = None
+
+    async def __aenter__(self) -> Self:
+        await self.start()
+        return self
+
+    async def __aexit__(self, *_: object) -> None:
+        await self.close()
+
+    @property
+    def port(self) -> int:
+        """The UDP port that it listens on."""
+        return self._address[1]
+
+    @property
+    def connections(self) -> int:
+        """How many connections there are now."""
+        return len(self._connections)
+
+    def replace_certificate(self, certificate: Certificate) -> None:
+        """Show new connections another certificate; existing ones go on."""
+        self._configuration = self._configure(certificate)
+
+    def _configure(self, certificate: Certificate) -> QuicConfiguration:
+        return QuicConfiguration(
+            is_client=False,
+            alpn_protocols=H3_ALPN,
+            certificate=certificate.x509,
+            private_key=certificate.private_key,
+            congestion_control_algorithm=self._congestion_control,
+            connection_id_length=CID_LENGTH,
+            idle_timeout=self._limits.idle_timeout,
+            max_datagram_size=MAX_DATAGRAM_SIZE,
+            max_datagram_frame_size=65_536,
+            max_stream_data=self._limits.stream_window,
+        )
+
+    # -- the network -------------------------------------------------------------------------------------------------
+
+    def send(self, datagrams: list[Datagram]) -> None:
+        """Put datagrams on the network."""
+        if self._endpoint is not None:
+            self._endpoint.send(datagrams)
+
+    def _received(self, data: bytes, address: Address) -> None:
+        connection = self._connection_for(data, address)
+        if connection is None:
+            return
+        try:
+            connection.receive(data, address)
+        except Exception:
+            # Whatever a client manages to provoke ends its own connection and no other.
+            logger.exception("A connection from %s failed", address[0])
+            connection.abandon()
+            self.terminated(connection)
+        else:
+            self._dirty.add(connection)
+
+    def _drained(self) -> None:
+        dirty, self._dirty = self._dirty, set()
+        for connection in dirty:
+            connection.transmit()
+
+    def _connection_for(self, data: bytes, address: Address) -> Connection | None:
+        """The connection that a datagram belongs to, a new one if it opens one, or None if nothing is to be done."""
+        if len(data) <= CID_LENGTH:
+            return None
+        if not data[0] & 0x80:  # a short header: no new connection begins with one
+            return self._by_cid.get(data[1 : 1 + CID_LENGTH])
+        try:
+            header = pull_quic_header(Buffer(data=data), host_cid_length=CID_LENGTH)
+        except ValueError:
+            return None
+        if (connection := self._by_cid.get(header.destination_cid)) is not None:
+            return connection
+        if header.packet_type == QuicPacketType.VERSION_NEGOTIATION or len(data) < SMALLEST_MAX_DATAGRAM_SIZE:
+            return None
+        if header.version not in self._configuration.supported_versions:
+            self._negotiate_version(header, address)
+            return None
+        if header.packet_type != QuicPacketType.INITIAL or self._closing:
+            return None
+        return self._open(header, address)
+
+    def _negotiate_version(self, header: QuicHeader, address: Address) -> None:
+        answer = encode_quic_version_negotiation(
+            source_cid=header.destination_cid,
+            destination_cid=header.source_cid,
+            supported_versions=self._configuration.supported_versions,
+        )
+        self.send([(answer, address)])
+
+    # -- connections -------------------------------------------------------------------------------------------------
+
+    def _open(self, header: QuicHeader, address: Address) -> Connection | None:
+        if len(self._connections) >= self._limits.connections:
+            return None
+        original, retry_source = header.destination_cid, None
+        now = asyncio.get_running_loop().time()
+        if header.token:
+            validated = self._retry.validate(header.token, address, header.destination_cid, now)
+            if validated is None:
+                return None
+            original, retry_source = validated, header.destination_cid
+        elif self._unproven() >= self._limits.unproven:
+            self._send_retry(header, address, now)
+            return None
+        quic = ServerQuicConnection(
+            configuration=self._configuration,
+            original_destination_connection_id=original,
+            retry_source_connection_id=retry_source,
+            session_ticket_fetcher=self._tickets.take,
+            session_ticket_handler=self._tickets.add,
+        )
+        client = (str(address[0]).removeprefix("::ffff:"), int(address[1]))
+        connection = Connection(quic, self, self._service, client, self._address)
+        self._connections[connection] = set()
+        self.issued(connection, header.destination_cid)
+        self.issued(connection, quic.host_cid)
+        return connection
+
+    def _unproven(self) -> int:
+        return sum(not connection.is_established for connection in self._connections)
+
+    def _send_retry(self, header: QuicHeader, address: Address, now: float) -> None:
+        source_cid = self._retry.new_connection_id()
+        answer = encode_quic_retry(
+            version=header.version or 0,
+            source_cid=source_cid,
+            destination_cid=header.source_cid,
+            original_destination_cid=header.destination_cid,
+            retry_token=self._retry.create(address, header.destination_cid, source_cid, now),
+        )
+        self.send([(answer, address)])
+
+    def issued(self, connection: Connection, cid: bytes) -> None:
+        """The client may use this connection id from now on."""
+        self._by_cid[cid] = connection
+        self._connections[connection].add(cid)
+
+    def retired(self, connection: Connection, cid: bytes) -> None:
+        """The client does not use this connection id any more."""
+        self._by_cid.pop(cid, None)
+        self._connections[connection].discard(cid)
+
+    def terminated(self, connection: Connection) -> None:
+        """The connection is over."""
+        self._dirty.discard(connection)
+        for cid in self._connections.pop(connection, ()):
+            self._by_cid.pop(cid, None)

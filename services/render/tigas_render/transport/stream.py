@@ -1,0 +1,38 @@
+"""A bidirectional stream that a client opened, and the task that answers it."""
+
+from __future__ import annotations
+
+import asyncio
+from abc import ABC, abstractmethod
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from tigas_render.transport.connection import Connection
+
+CHUNK = 64 * 1024
+"""Bytes handed to QUIC at a time."""
+
+
+class StreamClosed(ConnectionError):
+    """The client has cancelled the stream, or its connection is gone."""
+
+
+class Stream(ABC):
+    """What an HTTP request and a WebTransport stream have in common."""
+
+    def __init__(self, connection: Connection, stream_id: int) -> None:
+        self.connection = connection
+        self.stream_id = stream_id
+        self.task: asyncio.Task[None] | None = None
+
+    @abstractmethod
+    def data_received(self, data: bytes, ended: bool) -> None:
+        """The next part of what the client sends; `ended` with the last."""
+
+    @abstractmethod
+    def cancelled(self) -> None:
+        """The client wants no answer any more, has reset its side, or is gone."""
+
+    @abstractmethod
+    async def run(self) -> None:
+        """Answer the client. Ends the stream in every case."""

@@ -1,0 +1,143 @@
+"""A UDP socket on the event loop: drains what has arrived in one go, sends in batches, waits when it is full."""
+
+from __future__ import annotations
+
+import asyncio
+import errno
+import logging
+import socket
+from collections import deque
+from collections.abc import Callable
+
+from tigas_render.transport.gso import Address, Datagram, batches, segment_size
+
+logger = logging.getLogger(__name__)
+
+SOCKET_BUFFER = 8 << 20
+"""Bytes asked of the kernel for each direction; it gives what its own limits allow."""
+MAX_DRAIN = 128
+"""Datagrams read before other work gets its turn."""
+MAX_BACKLOG = 4096
+"""Batches that wait for room in the socket; beyond it the oldest are dropped, which QUIC sees as loss."""
+MAX_DATAGRAM = 65_535
+SO_RCVBUFFORCE, SO_SNDBUFFORCE = 33, 32
+
+OFFLOAD_REFUSED = frozenset((errno.EINVAL, errno.EIO, errno.EMSGSIZE, errno.ENOPROTOOPT, errno.EOPNOTSUPP))
+"""What the kernel says when it cannot cut a batch: an old kernel, a device without checksums, a small path MTU."""
+
+
+def bind(host: str, port: int) -> socket.socket:
+    """A non-blocking UDP socket. `::` is dual-stack; without IPv6 it becomes 0.0.0.0.
+
+    Raises OSError if the address cannot be bound, and socket.gaierror (an OSError) if the host is unknown.
+    """
+    if host == "::":
+        try:
+            return _bind(socket.AF_INET6, ("::", port, 0, 0))
+        except OSError as error:
+            if error.errno not in (errno.EAFNOSUPPORT, errno.EADDRNOTAVAIL):
+                raise
+            host = "0.0.0.0"
+    family, _, _, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_DGRAM)[0]
+    return _bind(family, address)
+
+
+def _bind(family: int, address: Address) -> socket.socket:
+    sock = socket.socket(family, socket.SOCK_DGRAM)
+    try:
+        sock.setblocking(False)
+        if family == socket.AF_INET6:
+            sock.setsockopt(socket.IPPROTO_IPV6, socket.IPV6_V6ONLY, 0)
+        for forced, option in ((SO_SNDBUFFORCE, socket.SO_SNDBUF), (SO_RCVBUFFORCE, socket.SO_RCVBUF)):
+            try:
+                sock.setsockopt(socket.SOL_SOCKET, forced, SOCKET_BUFFER)  # needs CAP_NET_ADMIN
+            except OSError:
+                sock.setsockopt(socket.SOL_SOCKET, option, SOCKET_BUFFER)
+        sock.bind(address)
+    except BaseException:
+        sock.close()
+        raise
+    return sock
+
+
+class UdpEndpoint:
+    """Sends and receives on one socket, which it owns from now on."""
+
+    def __init__(
+        self, sock: socket.socket, received: Callable[[bytes, Address], None], drained: Callable[[], None]
+    ) -> None:
+        """`received` gets each datagram; `drained` is called when no more wait, to answer them all at once."""
+        self._loop = asyncio.get_running_loop()
+        self._sock = sock
+        self._received = received
+        self._drained = drained
+        self._backlog: deque[tuple[list[bytes], Address]] = deque(maxlen=MAX_BACKLOG)
+        self._offload = True
+        self._loop.add_reader(sock.fileno(), self._read)
+
+    def send(self, datagrams: list[Datagram]) -> None:
+        """Send now, or as soon as the socket has room. What the network refuses is dropped, as the network would."""
+        if self._backlog:
+            self._backlog.extend(batches(datagrams))
+            return
+        pending = batches(datagrams)
+        for batch, address in pending:
+            if not self._send(batch, address):
+                self._backlog.append((batch, address))
+                self._backlog.extend(pending)
+                self._loop.add_writer(self._sock.fileno(), self._flush)
+
+    def close(self) -> None:
+        """Close the socket; what waits is dropped."""
+        fd = self._sock.fileno()
+        if fd < 0:
+            return
+        self._loop.remove_reader(fd)
+        self._loop.remove_writer(fd)
+        self._sock.close()
+        self._backlog.clear()
+
+    def _read(self) -> None:
+        try:
+            for _ in range(MAX_DRAIN):
+                self._received(*self._sock.recvfrom(MAX_DATAGRAM))
+        except (BlockingIOError, InterruptedError):
+            pass
+        except OSError as error:  # such as an ICMP error for an earlier datagram
+            logger.debug("UDP receive failed: %s", error)
+        self._drained()
+
+    def _flush(self) -> None:
+        while self._backlog:
+            if not self._send(*self._backlog[0]):
+                return
+            self._backlog.popleft()
+        self._loop.remove_writer(self._sock.fileno())
+
+    def _send(self, batch: list[bytes], address: Address) -> bool:
+        """Whether the batch has left, or never will; False if the socket is full."""
+        if len(batch) > 1 and self._offload:
+            try:
+                self._sock.sendmsg(batch, segment_size(batch), 0, address)
+            except (BlockingIOError, InterruptedError):
+                return False
+            except OSError as error:
+                if error.errno not in OFFLOAD_REFUSED:
+                    logger.debug("UDP send to %s failed: %s", address, error)
+                    return True
+                # A small path MTU is one client's affair; anything else holds for the socket.
+                self._offload = error.errno == errno.EMSGSIZE
+            else:
+                return True
+        return self._send_singly(batch, address)
+
+    def _send_singly(self, batch: list[bytes], address: Address) -> bool:
+        while batch:
+            try:
+                self._sock.sendto(batch[0], address)
+            except (BlockingIOError, InterruptedError):
+                return False
+            except OSError as error:
+                logger.debug("UDP send to %s failed: %s", address, error)
+            del batch[0]
+        return True

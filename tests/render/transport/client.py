@@ -1,0 +1,272 @@
+"""An HTTP/3 and WebTransport client on aioquic, and the small things that the transport's tests serve."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import json
+import socket
+import ssl
+import struct
+from collections import defaultdict
+from collections.abc import AsyncIterator, Callable
+from dataclasses import dataclass, field
+from datetime import UTC, datetime
+from typing import Any
+
+from aioquic.asyncio import QuicConnectionProtocol
+from aioquic.h3.connection import H3_ALPN, H3Connection
+from aioquic.h3.events import DatagramReceived, DataReceived, HeadersReceived, WebTransportStreamDataReceived
+from aioquic.quic.configuration import QuicConfiguration
+from aioquic.quic.connection import QuicConnection
+from aioquic.quic.events import (
+    ConnectionTerminated,
+    HandshakeCompleted,
+    QuicEvent,
+    StopSendingReceived,
+    StreamDataReceived,
+    StreamReset,
+)
+from aioquic.tls import SessionTicket
+
+from tigas_common.certificate import Certificate
+from tigas_common.wire import RenderRequest, ServerTiming
+from tigas_render.frame import Frame
+
+CERTIFICATE = Certificate.create([], datetime.now(UTC))
+TIMING = ServerTiming(queue=1.0, render=2.0, encode=3.0)
+
+
+@dataclass
+class Response:
+    """What has arrived on one stream."""
+
+    status: int = 0
+    headers: dict[bytes, bytes] = field(default_factory=dict)
+    body: bytearray = field(default_factory=bytearray)
+    ended: bool = False
+    reset: int | None = None
+    stopped: int | None = None
+
+    @property
+    def done(self) -> bool:
+        return self.ended or self.reset is not None
+
+
+class Client(QuicConnectionProtocol):
+    """One connection. Waits with `until`, which looks again whenever something has arrived."""
+
+    def __init__(self, *args: Any, **kwargs: Any) -> None:
+        super().__init__(*args, **kwargs)
+        self.h3 = H3Connection(self._quic, enable_webtransport=True)
+        self.responses: dict[int, Response] = defaultdict(Response)
+        self.datagrams: list[bytes] = []
+        self.terminated: ConnectionTerminated | None = None
+        self.handshake: HandshakeCompleted | None = None
+        self.goaway = False
+        self._raw: set[int] = set()
+        self._news = asyncio.Event()
+
+    def quic_event_received(self, event: QuicEvent) -> None:
+        match event:
+            case ConnectionTerminated():
+                self.terminated = event
+            case HandshakeCompleted():
+                self.handshake = event
+            case StreamReset():
+                self.responses[event.stream_id].reset = event.error_code
+            case StopSendingReceived():
+                self.responses[event.stream_id].stopped = event.error_code
+        if isinstance(event, StreamDataReceived) and event.stream_id in self._raw:
+            # aioquic takes the answer on a WebTransport stream of the client's own for HTTP/3 frames
+            self.responses[event.stream_id].body += event.data
+            self.responses[event.stream_id].ended |= event.end_stream
+            self._news.set()
+            return
+        for h3_event in self.h3.handle_event(event):
+            match h3_event:
+                case HeadersReceived():
+                    response = self.responses[h3_event.stream_id]
+                    response.headers = dict(h3_event.headers)
+                    response.status = int(response.headers[b":status"])
+                    response.ended |= h3_event.stream_ended
+                case DataReceived() | WebTransportStreamDataReceived():
+                    response = self.responses[h3_event.stream_id]
+                    response.body += h3_event.data
+                    response.ended |= h3_event.stream_ended
+                case DatagramReceived():
+                    self.datagrams.append(h3_event.data)
+        self._news.set()
+
+    async def until(self, condition: Callable[[], object]) -> None:
+        async with asyncio.timeout(20):
+            while not condition():
+                self._news.clear()
+                await self._news.wait()
+
+    # -- HTTP --------------------------------------------------------------------------------------------------------
+
+    def request(
+        self, method: str, path: str, body: bytes | None = None, headers: list[tuple[bytes, bytes]] | None = None
+    ) -> int:
+        """Send a whole request; its stream's id."""
+        stream_id = self.open_request(method, path, headers, end=body is None)
+        if body is not None:
+            self.h3.send_data(stream_id, body, end_stream=True)
+            self.transmit()
+        return stream_id
+
+    def open_request(
+        self, method: str, path: str, headers: list[tuple[bytes, bytes]] | None = None, end: bool = False
+    ) -> int:
+        stream_id = self._quic.get_next_available_stream_id()
+        pseudo = [
+            (b":method", method.encode()),
+            (b":scheme", b"https"),
+            (b":authority", b"localhost"),
+            (b":path", path.encode()),
+        ]
+        self.h3.send_headers(stream_id, [*pseudo, *(headers or [])], end_stream=end)
+        self.transmit()
+        return stream_id
+
+    async def fetch(self, method: str, path: str, body: bytes | None = None, **kwargs: Any) -> Response:
+        return await self.response(self.request(method, path, body, **kwargs))
+
+    async def response(self, stream_id: int) -> Response:
+        await self.until(lambda: self.responses[stream_id].done)
+        return self.responses[stream_id]
+
+    # -- WebTransport ------------------------------------------------------------------------------------------------
+
+    async def connect_webtransport(self, path: str = "/render") -> int:
+        stream_id = self._quic.get_next_available_stream_id()
+        headers = [
+            (b":method", b"CONNECT"),
+            (b":protocol", b"webtransport"),
+            (b":scheme", b"https"),
+            (b":authority", b"localhost"),
+            (b":path", path.encode()),
+        ]
+        self.h3.send_headers(stream_id, headers)
+        self.transmit()
+        await self.until(lambda: self.responses[stream_id].status)
+        return stream_id
+
+    def open_stream(self, session: int, data: bytes = b"", end: bool = True) -> int:
+        stream_id = self.h3.create_webtransport_stream(session)
+        self._raw.add(stream_id)
+        self._quic.send_stream_data(stream_id, data, end)
+        self.transmit()
+        return stream_id
+
+    def stop(self, stream_id: int) -> None:
+        """Send STOP_SENDING, as a page does that cancels its reader."""
+        self._quic.stop_stream(stream_id, 0x52E4A40FA8DB)
+        self.transmit()
+
+    def send_datagram(self, session: int, data: bytes) -> None:
+        self.h3.send_datagram(session, data)
+        self.transmit()
+
+    async def frame(self, session: int, request: bytes) -> tuple[dict[str, Any], bytes]:
+        stream_id = self.open_stream(session, request)
+        return split_frame(bytes((await self.response(stream_id)).body))
+
+
+def split_frame(answer: bytes) -> tuple[dict[str, Any], bytes]:
+    """A FrameHeader and the body after it."""
+    (length,) = struct.unpack_from("!I", answer)
+    return json.loads(answer[4 : 4 + length]), answer[4 + length :]
+
+
+@contextlib.asynccontextmanager
+async def connect(
+    port: int,
+    *,
+    host: str = "127.0.0.1",
+    ticket: SessionTicket | None = None,
+    on_ticket: Callable[[SessionTicket], None] | None = None,
+    wait: bool = True,
+    certificate: Certificate = CERTIFICATE,
+    **configuration: Any,
+) -> AsyncIterator[Client]:
+    """A connected client; `configuration` goes to aioquic."""
+    config = QuicConfiguration(
+        alpn_protocols=H3_ALPN,
+        max_datagram_frame_size=65536,
+        server_name="localhost",
+        verify_mode=ssl.CERT_REQUIRED,
+        cadata=certificate.pem,
+        session_ticket=ticket,
+        **configuration,
+    )
+    loop = asyncio.get_running_loop()
+    quic = QuicConnection(configuration=config, session_ticket_handler=on_ticket)
+    transport, client = await loop.create_datagram_endpoint(
+        lambda: Client(quic), family=socket.AF_INET6 if ":" in host else socket.AF_INET, local_addr=(host, 0)
+    )
+    try:
+        client.connect((host, port) if "." in host else (host, port, 0, 0), transmit=wait)
+        if wait:
+            await client.wait_connected()
+        yield client
+    finally:
+        client.close()
+        transport.close()
+
+
+def request_body(**changes: Any) -> bytes:
+    """A RenderRequest's JSON, with changes."""
+    fields: dict[str, Any] = {
+        "scene": "scene",
+        "azimuth": 0,
+        "elevation": 0,
+        "translation": [0, 0, 0],
+        "fx": 300,
+        "fy": 300,
+        "cx": 160,
+        "cy": 90,
+        "width": 320,
+        "height": 180,
+    }
+    return json.dumps(fields | changes).encode()
+
+
+class FakeFrames:
+    """A FrameSource: answers at once with `body`, or, if `held`, when the test lets a request go."""
+
+    def __init__(self, body: bytes = b"frame") -> None:
+        self.body = body
+        self.held = False
+        self.error: Exception | None = None
+        self.requests: list[tuple[str, RenderRequest]] = []
+        self.cancelled: list[int] = []
+        self._gates: dict[int, asyncio.Future[None]] = {}
+        self._news = asyncio.Event()
+
+    async def submit(self, client: str, request: RenderRequest) -> Frame:
+        self.requests.append((client, request))
+        self._news.set()
+        try:
+            if self.held:
+                await self._gate(request.seq)
+        except asyncio.CancelledError:
+            self.cancelled.append(request.seq)
+            self._news.set()
+            raise
+        if self.error is not None:
+            raise self.error
+        return Frame(self.body, "jpeg", 320, 180, request.seq, request.profile, TIMING)
+
+    def release(self, seq: int) -> None:
+        self._gate(seq).set_result(None)
+
+    async def until(self, condition: Callable[[], object]) -> None:
+        async with asyncio.timeout(20):
+            while not condition():
+                self._news.clear()
+                await self._news.wait()
+
+    def _gate(self, seq: int) -> asyncio.Future[None]:
+        return self._gates.setdefault(seq, asyncio.get_running_loop().create_future())
