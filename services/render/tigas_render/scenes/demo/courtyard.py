@@ -1,0 +1,80 @@
+"""Puts the courtyard together: geometry, light, and its mirror image below the water."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from tigas_common.wire import StartCamera
+from tigas_render.scenes.demo import layout
+from tigas_render.scenes.demo.architecture import architecture
+from tigas_render.scenes.demo.light import shade, to_gaussians
+from tigas_render.scenes.demo.nature import benches, cypresses, jets, landscape, nature, sky, water
+from tigas_render.scenes.demo.surfels import Floats, Surfels, join
+from tigas_render.scenes.gaussians import Gaussians
+from tigas_render.scenes.metadata import SceneMetadata
+
+SEED = 20_240_229
+
+DEMO_METADATA = SceneMetadata(
+    name="Courtyard",
+    up=(0.0, -1.0, 0.0),
+    camera=StartCamera(position=(0.0, -1.75, -12.2), look_at=(0.0, -1.9, 0.0)),
+    background=(0.86, 0.86, 0.83),
+)
+"""What a scene.json would say."""
+
+
+def demo_scene() -> Gaussians:
+    """The courtyard, about 200,000 Gaussians of SH degree 1, in metres with y pointing down; the same at every call."""
+    rng = np.random.default_rng(SEED)
+    near = _shaded(_lit_parts(1.0, rng), rng)
+    far = _shaded(join(landscape(rng), sky(rng)), rng, lit=False)
+    mirrored = _seen_in_water(*_shaded(_lit_parts(0.5, rng), rng), rng)
+    mirrored_far = _seen_in_water(*far, rng)
+    return to_gaussians(*_concatenate(near, mirrored, mirrored_far, water(rng), far))
+
+
+Shaded = tuple[Surfels, Floats, Floats]
+"""Surfels with their display colour and its change with the viewing direction."""
+
+
+def _lit_parts(detail: float, rng: np.random.Generator) -> Surfels:
+    parts = [architecture(detail, rng), nature(detail, rng), cypresses(detail, rng), jets(rng)]
+    return join(*parts, benches(detail, rng)) if detail == 1 else join(*parts)
+
+
+def _shaded(surfels: Surfels, rng: np.random.Generator, *, lit: bool = True) -> Shaded:
+    return surfels, *shade(surfels, rng, lit=lit)
+
+
+def _concatenate(*parts: Shaded) -> Shaded:
+    return (
+        join(*(part[0] for part in parts)),
+        np.concatenate([part[1] for part in parts]),
+        np.concatenate([part[2] for part in parts]),
+    )
+
+
+def _seen_in_water(surfels: Surfels, colour: Floats, tilt: Floats, rng: np.random.Generator) -> Shaded:
+    """The mirror image of what is above the water, as far as someone in the courtyard can see it in the basin.
+
+    A copy below the surface is what photographs of still water turn into when they are reconstructed, too.
+    """
+    flip = np.array([1, -1, 1], np.float32)
+    positions = surfels.positions * flip + np.array([0, -2 * layout.WATER, 0], np.float32)
+    above = surfels.positions[:, 1] < -layout.WATER
+    xs, zs = np.meshgrid(np.linspace(-9, 9, 8), np.linspace(-13, 13, 11), indexing="ij")
+    seen = np.zeros(len(positions), bool)
+    for height in (1.0, 1.7, 3.2):
+        for x, z in zip(xs.ravel(), zs.ravel(), strict=True):
+            t = (height - layout.WATER) / (positions[:, 1] + height).clip(1e-3)
+            hit_x, hit_z = x + t * (positions[:, 0] - x), z + t * (positions[:, 2] - z)
+            seen |= (np.abs(hit_x) < layout.BASIN_X + 0.1) & (np.abs(hit_z) < layout.BASIN_Z + 0.1)
+    keep = above & seen
+    # ripples shake the image sideways and draw it out
+    shaken = positions + rng.normal(size=positions.shape).astype(np.float32) * np.array([0.04, 0.02, 0.04], np.float32)
+    mirrored = replace(surfels, positions=shaken.astype(np.float32), frames=surfels.frames * flip)
+    dim = np.array([0.80, 0.86, 0.86], np.float32)
+    return mirrored.where(keep), colour[keep] * dim, tilt[keep] * flip[:, None] * dim
