@@ -1,0 +1,5 @@
+"""The CPU tile rasteriser, compiled by Numba: `rasterizer` drives the stages, one module each."""
+
+from tigas_render.raster.cpu.rasterizer import CpuRasterizer
+
+__all__ = ["CpuRasterizer"]

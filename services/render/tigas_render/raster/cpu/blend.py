@@ -1,0 +1,114 @@
+"""The last stage: blends each tile's Gaussians front to back and writes its pixels."""
+
+# mypy: disable-error-code="no-untyped-def,no-untyped-call,untyped-decorator,call-arg,var-annotated"
+from __future__ import annotations
+
+import numpy as np
+from numba import njit, prange
+
+from tigas_render.raster.base import ALPHA_MAX, TRANSMITTANCE_MIN
+from tigas_render.raster.cpu import layout as L
+from tigas_render.raster.cpu.intrinsics import OPTIONS, fetch_add, prefetch
+from tigas_render.raster.cpu.tiles import pixel_box
+
+U, F = np.uint64, np.float32
+CHECK_EVERY = 32
+"""Gaussians between two looks at whether a tile is finished."""
+AHEAD = 8
+"""Records are asked for this many places ahead."""
+CHANNELS = 4
+"""Red, green, blue, and the transmittance: negative once the pixel is finished."""
+BLOCK_FLOATS = CHANNELS * L.LANES
+TILE_FLOATS = BLOCK_FLOATS * L.TILE_BLOCKS * L.TILE_BLOCKS
+LIGHT = U(3 * L.LANES)
+
+# exp2(8 x) for -1 ≤ x ≤ 0 is p(x)⁸; p is a minimax polynomial of 2^x there.
+P0, P1, P2 = F(0.9999999250673), F(0.6931422526456), F(0.2401721894460)
+P3, P4, P5 = F(0.05527972284758), F(0.009188611833452), F(0.0009387883195262)
+
+
+@njit(parallel=True, **OPTIONS)
+def blend(splats, starts, entries, background, frame, accumulators, turn):
+    """Draw all tiles into frame [H, W, 3] uint8. accumulators [threads, TILE_FLOATS]; background: RGB float32."""
+    tiles_x = (frame.shape[1] + L.TILE - 1) // L.TILE
+    for thread in prange(accumulators.shape[0]):
+        while True:
+            tile = fetch_add(turn, 0)
+            if tile >= starts.shape[0] - 1:
+                break
+            x0, y0 = tile % tiles_x * L.TILE, tile // tiles_x * L.TILE
+            blend_tile(splats, entries, starts[tile], starts[tile + 1], x0, y0, accumulators[thread])
+            write_tile(accumulators[thread], background, x0, y0, frame)
+
+
+@njit(**OPTIONS)
+def blend_tile(splats, entries, start, end, tile_x, tile_y, acc):
+    """Blend entries[start:end] into `acc`: blocks of BLOCK × BLOCK pixels, row by row, each CHANNELS × LANES floats."""
+    for block in range(L.TILE_BLOCKS * L.TILE_BLOCKS):
+        first = U(block * BLOCK_FLOATS)
+        for lane in range(U(L.LANES)):
+            acc[first + lane] = F(0)
+            acc[first + U(L.LANES) + lane] = F(0)
+            acc[first + U(2 * L.LANES) + lane] = F(0)
+            acc[first + LIGHT + lane] = F(1)
+    for i in range(start, end):
+        if i + AHEAD < end:
+            prefetch(splats, (entries[i + AHEAD] & U(0xFFFFFFFF)) * U(L.RECORD))
+        at = (entries[i] & U(0xFFFFFFFF)) * U(L.RECORD)
+        x0, x1, y0, y1 = pixel_box(splats, at)
+        bx0, bx1 = max(x0 - tile_x, 0) // L.BLOCK, (min(x1 - tile_x, L.TILE) - 1) // L.BLOCK
+        by0, by1 = max(y0 - tile_y, 0) // L.BLOCK, (min(y1 - tile_y, L.TILE) - 1) // L.BLOCK
+        u, v = splats[at + U(L.CENTRE_X)] - F(tile_x) - F(0.5), splats[at + U(L.CENTRE_Y)] - F(tile_y) - F(0.5)
+        xx, xy, yy = splats[at + U(L.XX)], splats[at + U(L.XY)], splats[at + U(L.YY)]
+        log_alpha = splats[at + U(L.LOG)]
+        red, green, blue = splats[at + U(L.RED)], splats[at + U(L.GREEN)], splats[at + U(L.BLUE)]
+        for by in range(by0, by1 + 1):
+            for bx in range(bx0, bx1 + 1):
+                first = U((by * L.TILE_BLOCKS + bx) * BLOCK_FLOATS)
+                left, top = F(bx * L.BLOCK) - u, F(by * L.BLOCK) - v
+                for lane in range(U(L.LANES)):
+                    dx, dy = left + F(np.int32(lane & U(3))), top + F(np.int32(lane >> U(2)))
+                    x = log_alpha + yy * dy * dy + (xx * dx + xy * dy) * dx
+                    p = P0 + x * (P1 + x * (P2 + x * (P3 + x * (P4 + x * P5))))
+                    p *= p
+                    p *= p
+                    alpha = min(p * p, F(ALPHA_MAX))
+                    alpha = alpha if x >= F(L.LOG_ALPHA_MIN) else F(0)
+                    light = acc[first + LIGHT + lane]
+                    before = max(light, F(0))
+                    weight = alpha * before
+                    after = before - weight
+                    lit = after > F(TRANSMITTANCE_MIN)
+                    weight = weight if lit else F(0)
+                    acc[first + LIGHT + lane] = after if lit else -abs(light)
+                    acc[first + lane] += weight * red
+                    acc[first + U(L.LANES) + lane] += weight * green
+                    acc[first + U(2 * L.LANES) + lane] += weight * blue
+        if (i - start) % CHECK_EVERY == CHECK_EVERY - 1 and is_finished(acc):
+            break
+
+
+@njit(**OPTIONS)
+def is_finished(acc):
+    """Whether no pixel of a tile takes more light."""
+    for block in range(L.TILE_BLOCKS * L.TILE_BLOCKS):
+        first = U(block * BLOCK_FLOATS) + LIGHT
+        lit = np.uint32(0)
+        for lane in range(U(L.LANES)):
+            lit |= np.uint32(1) if acc[first + lane] > F(0) else np.uint32(0)
+        if lit:
+            return False
+    return True
+
+
+@njit(**OPTIONS)
+def write_tile(acc, background, x0, y0, frame):
+    """Put the background behind a tile and write it into the frame."""
+    for y in range(min(L.TILE, frame.shape[0] - y0)):
+        for x in range(min(L.TILE, frame.shape[1] - x0)):
+            block = (y // L.BLOCK) * L.TILE_BLOCKS + x // L.BLOCK
+            at = U(block * BLOCK_FLOATS + (y % L.BLOCK) * L.BLOCK + x % L.BLOCK)
+            light = abs(acc[at + LIGHT])
+            for channel in range(3):
+                value = (acc[at + U(channel * L.LANES)] + light * background[channel]) * F(255) + F(0.5)
+                frame[y0 + y, x0 + x, channel] = np.uint8(np.int32(min(max(value, F(0)), F(255))))

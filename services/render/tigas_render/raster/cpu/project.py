@@ -1,0 +1,143 @@
+"""The first stage: from Gaussians in space to compact records of those that are visible, and the tiles they touch."""
+
+# mypy: disable-error-code="no-untyped-def,no-untyped-call,untyped-decorator,call-arg,var-annotated"
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit, prange
+
+from tigas_render.raster.base import BLUR, NEAR_PLANE
+from tigas_render.raster.cpu import layout as L
+from tigas_render.raster.cpu import view as V
+from tigas_render.raster.cpu.culling import chunk_is_outside
+from tigas_render.raster.cpu.intrinsics import OPTIONS, bits_of, fetch_add, float_of
+from tigas_render.raster.cpu.sh import shade
+from tigas_render.raster.cpu.tiles import count_tiles
+
+U, F = np.uint64, np.float32
+LOG_E = F(math.log2(math.e) * L.ALPHA_SCALE)
+"""Turns sigma into a scaled binary logarithm."""
+TWO_LN_2 = F(2 * math.log(2) / L.ALPHA_SCALE)
+FARTHEST = F(1e7)
+"""Centres farther outside than this many pixels are not drawn: float32 has no fractions of a pixel there."""
+
+
+@njit(parallel=True, **OPTIONS)
+def project(geometry, sh, bounds, view, splats, visible, slices, tile_counts, tiles_x, scratch, turn):
+    """Project every chunk, shade what is visible, and count tiles.
+
+    geometry, sh: flat packed scene; bounds [chunks, BOUNDS]; view [VIEW].
+    splats: flat [chunks · CHUNK · RECORD], a chunk's visible Gaussians at its own place; visible [chunks] their number.
+    slices [S + 1]: chunks are handed to threads in these runs; tile_counts [S, tiles]: touched tiles of each.
+    scratch [threads, USED · CHUNK]; turn [1]: the next slice, 0 at first.
+    """
+    coefficients = sh.shape[0] // max(1, bounds.shape[0] * L.CHUNK * 3)
+    for thread in prange(scratch.shape[0]):
+        while True:
+            part = fetch_add(turn, 0)
+            if part >= slices.shape[0] - 1:
+                break
+            tile_counts[part, :] = 0
+            for chunk in range(slices[part], slices[part + 1]):
+                visible[chunk] = 0
+                if not chunk_is_outside(bounds[chunk], view):
+                    start = U(chunk * L.GEOMETRY * L.CHUNK)
+                    project_chunk(geometry, start, view, scratch[thread])
+                    visible[chunk] = keep_visible(
+                        geometry, start, sh, U(chunk * coefficients * 3 * L.CHUNK), coefficients, view,
+                        scratch[thread], splats, chunk * L.CHUNK * L.RECORD, tile_counts[part], tiles_x,
+                    )  # fmt: skip
+
+
+@njit(**OPTIONS)
+def project_chunk(geometry, start, view, out):
+    """EWA projection of one chunk into `out` [USED · CHUNK], one row a field; COLUMNS is 0 for what is not visible.
+
+    One array in, one out, unsigned indices and no branches: this is what makes it vectorise.
+    """
+    r00, r01, r02 = F(view[0]), F(view[1]), F(view[2])
+    r10, r11, r12 = F(view[3]), F(view[4]), F(view[5])
+    r20, r21, r22 = F(view[6]), F(view[7]), F(view[8])
+    ex, ey, ez = F(view[V.EYE]), F(view[V.EYE + 1]), F(view[V.EYE + 2])
+    fx, fy, cx, cy = F(view[V.FX]), F(view[V.FY]), F(view[V.CX]), F(view[V.CY])
+    x_low, x_high, y_low, y_high = F(view[V.LEFT]), F(view[V.RIGHT]), F(view[V.TOP]), F(view[V.BOTTOM])
+    width, height = F(view[V.WIDTH]), F(view[V.HEIGHT])
+    for i in range(U(L.CHUNK)):
+        at = start + i
+        x = geometry[at + U(L.MEAN_X * L.CHUNK)] - ex
+        y = geometry[at + U(L.MEAN_Y * L.CHUNK)] - ey
+        z = geometry[at + U(L.MEAN_Z * L.CHUNK)] - ez
+        px, py, pz = r00 * x + r01 * y + r02 * z, r10 * x + r11 * y + r12 * z, r20 * x + r21 * y + r22 * z
+        inverse = F(1) / pz
+        tx, ty = px * inverse, py * inverse
+        u, v = fx * tx + cx, fy * ty + cy
+        tx, ty = min(max(tx, x_low), x_high), min(max(ty, y_low), y_high)
+        # rows of J W, the derivative of the projection in world axes
+        jx, jy = fx * inverse, fy * inverse
+        ax, ay, az = jx * (r00 - tx * r20), jx * (r01 - tx * r21), jx * (r02 - tx * r22)
+        bx, by, bz = jy * (r10 - ty * r20), jy * (r11 - ty * r21), jy * (r12 - ty * r22)
+        sxx, sxy = geometry[at + U(L.COV_XX * L.CHUNK)], geometry[at + U(L.COV_XY * L.CHUNK)]
+        sxz, syy = geometry[at + U(L.COV_XZ * L.CHUNK)], geometry[at + U(L.COV_YY * L.CHUNK)]
+        syz, szz = geometry[at + U(L.COV_YZ * L.CHUNK)], geometry[at + U(L.COV_ZZ * L.CHUNK)]
+        ux, uy, uz = sxx * ax + sxy * ay + sxz * az, sxy * ax + syy * ay + syz * az, sxz * ax + syz * ay + szz * az
+        vx, vy, vz = sxx * bx + sxy * by + sxz * bz, sxy * bx + syy * by + syz * bz, sxz * bx + syz * by + szz * bz
+        cxx = ax * ux + ay * uy + az * uz + F(BLUR)
+        cxy = ax * vx + ay * vy + az * vz
+        cyy = bx * vx + by * vy + bz * vz + F(BLUR)
+        determinant = cxx * cyy - cxy * cxy
+        scale = LOG_E / determinant
+        log_alpha = geometry[at + U(L.LOG_ALPHA * L.CHUNK)]
+        reach = (log_alpha - F(L.LOG_ALPHA_MIN)) * TWO_LN_2  # squared, in standard deviations
+        rx, ry = np.sqrt(reach * cxx), np.sqrt(reach * cyy)
+        # False for NaN and for what would overflow later on
+        ok = (
+            (pz >= F(NEAR_PLANE))
+            & (pz < F(1e30))
+            & (log_alpha >= F(L.LOG_ALPHA_MIN))
+            & (determinant > F(0))
+            & (scale * (cxx + cyy) < F(1e6))
+            & (abs(u) < FARTHEST)
+            & (abs(v) < FARTHEST)
+            & (rx < F(1e30))
+            & (ry < F(1e30))
+        )
+        # pixels whose centres lie within reach
+        x0 = np.int32((min(max(u - rx, F(0)), width) if ok else F(0)) + F(0.5))
+        x1 = np.int32((min(max(u + rx, F(0)), width) if ok else F(0)) + F(0.5))
+        y0 = np.int32((min(max(v - ry, F(0)), height) if ok else F(0)) + F(0.5))
+        y1 = np.int32((min(max(v + ry, F(0)), height) if ok else F(0)) + F(0.5))
+        inside = ok & (x0 < x1) & (y0 < y1)
+        columns = x0 | (x1 << np.int32(16))
+        rows = y0 | (y1 << np.int32(16))
+        out[U(L.CENTRE_X * L.CHUNK) + i] = u
+        out[U(L.CENTRE_Y * L.CHUNK) + i] = v
+        out[U(L.XX * L.CHUNK) + i] = F(-0.5) * scale * cyy
+        out[U(L.XY * L.CHUNK) + i] = scale * cxy
+        out[U(L.YY * L.CHUNK) + i] = F(-0.5) * scale * cxx
+        out[U(L.LOG * L.CHUNK) + i] = log_alpha
+        out[U(L.COLUMNS * L.CHUNK) + i] = float_of(np.uint32(columns if inside else np.int32(0)))
+        out[U(L.ROWS * L.CHUNK) + i] = float_of(np.uint32(rows))
+        out[U(L.DEPTH * L.CHUNK) + i] = pz
+
+
+@njit(**OPTIONS)
+def keep_visible(geometry, start, sh, sh_start, coefficients, view, projected, splats, into, counts, tiles_x):
+    """Shade a projected chunk's visible Gaussians and write their records from splats[into]; gives their number."""
+    eye = (F(view[V.EYE]), F(view[V.EYE + 1]), F(view[V.EYE + 2]))
+    at = into
+    for lane0 in range(0, L.CHUNK, L.LANES):
+        seen = np.uint32(0)
+        for lane in range(U(L.LANES)):
+            seen |= bits_of(projected[U(L.COLUMNS * L.CHUNK + lane0) + lane])
+        if seen == 0:
+            continue
+        shade(geometry, start, eye, sh, sh_start, coefficients, U(lane0), projected)
+        for lane in range(lane0, lane0 + L.LANES):
+            if bits_of(projected[U(L.COLUMNS * L.CHUNK + lane)]) != 0:
+                for field in range(L.USED):
+                    splats[U(at + field)] = projected[U(field * L.CHUNK + lane)]
+                count_tiles(splats, at, counts, tiles_x)
+                at += L.RECORD
+    return (at - into) // L.RECORD

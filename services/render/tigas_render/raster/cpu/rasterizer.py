@@ -1,0 +1,151 @@
+"""Drives the stages of the CPU rasteriser: project, bin, sort, blend."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numba
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from tigas_common.pose import Intrinsics, Pose
+from tigas_render.raster.base import Camera, PreparedScene, Rasterizer
+from tigas_render.raster.cpu import layout as L
+from tigas_render.raster.cpu.binning import DIGIT, DIGITS, fill_lists, place_lists, sort_lists
+from tigas_render.raster.cpu.blend import TILE_FLOATS, blend
+from tigas_render.raster.cpu.project import project
+from tigas_render.raster.cpu.scene import CpuScene, pack
+from tigas_render.raster.cpu.view import VIEW, fill_view
+from tigas_render.raster.cpu.workspace import Workspace
+from tigas_render.raster.host_image import FramebufferPool, HostImage
+from tigas_render.scenes.gaussians import Gaussians
+
+SLICES_PER_THREAD = 8
+"""Pieces of work per thread while projecting and binning: enough to even out, few enough to count tiles in each."""
+
+
+@dataclass(slots=True)
+class FrameJob:
+    """One frame on its way through the stages: views of the rasteriser's buffers."""
+
+    scene: CpuScene
+    image: HostImage
+    background: NDArray[np.float32]
+    tiles_x: int
+    view: NDArray[np.float64]
+    slices: NDArray[np.int64]
+    splats: NDArray[np.float32]
+    visible: NDArray[np.int64]
+    tile_counts: NDArray[np.int64]
+    starts: NDArray[np.int64]
+    entries: NDArray[np.uint64]
+    """Gaussians per tile, once binned; sorted by depth, once sorted."""
+
+
+class CpuRasterizer(Rasterizer):
+    """Renders on all the cores that Numba may use (NUMBA_NUM_THREADS). Render from one thread at a time."""
+
+    device = "cpu"
+
+    def __init__(self) -> None:
+        self._threads: int = numba.get_num_threads()
+        self._workspace = Workspace()
+        self._pool = FramebufferPool()
+        self._turn = np.zeros(1, np.int64)
+
+    def prepare(self, gaussians: Gaussians) -> CpuScene:
+        """Pack a scene; see `scene.pack`."""
+        return pack(gaussians)
+
+    def render(self, scene: PreparedScene, camera: Camera) -> HostImage:
+        """Render one view into a framebuffer of the pool; closing the image gives it back."""
+        assert isinstance(scene, CpuScene)
+        job = self.start(scene, camera)
+        self.project(job)
+        self.bin(job)
+        self.sort(job)
+        self.blend(job)
+        return job.image
+
+    def warm_up(self) -> None:
+        """Compile every kernel, or load it from the cache."""
+        for degree in (0, 1):
+            scene = self.prepare(_one_gaussian(degree))
+            pose = Pose((0.0, 0.0, 0.0), ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)))
+            self.render(scene, Camera(pose, Intrinsics(16.0, 16.0, 8.0, 8.0, 16, 16))).close()
+
+    # The stages, in their order; benchmarks time them one by one.
+
+    def start(self, scene: CpuScene, camera: Camera) -> FrameJob:
+        """Lay out the buffers of one frame."""
+        k = camera.intrinsics
+        tiles_x, tiles_y = -(-k.width // L.TILE), -(-k.height // L.TILE)
+        chunks = len(scene.bounds)
+        parts = max(1, min(chunks, self._threads * SLICES_PER_THREAD))
+        get = self._workspace.get
+        job = FrameJob(
+            scene=scene,
+            image=self._pool.image(k.width, k.height),
+            background=get("background", 3, np.float32),
+            tiles_x=tiles_x,
+            view=get("view", VIEW, np.float64),
+            slices=get("slices", parts + 1, np.int64),
+            splats=get("splats", chunks * L.CHUNK * L.RECORD, np.float32),
+            visible=get("visible", chunks, np.int64),
+            tile_counts=get("tile_counts", parts * tiles_x * tiles_y, np.int64).reshape(parts, -1),
+            starts=get("starts", tiles_x * tiles_y + 1, np.int64),
+            entries=get("entries", 0, np.uint64),
+        )
+        job.background[:] = camera.background
+        fill_view(camera, job.view)
+        job.slices[:] = np.arange(parts + 1) * chunks // parts
+        return job
+
+    def project(self, job: FrameJob) -> None:
+        """Cull, project, shade, and count the tiles that each Gaussian touches."""
+        scene = job.scene
+        project(
+            scene.geometry.reshape(-1), scene.sh.reshape(-1), scene.bounds, job.view, job.splats, job.visible,
+            job.slices, job.tile_counts, job.tiles_x, self._per_thread("projected", L.USED * L.CHUNK, np.float32),
+            self._first_turn(),
+        )  # fmt: skip
+
+    def bin(self, job: FrameJob) -> None:
+        """Write the list of each tile's Gaussians."""
+        total = place_lists(job.tile_counts, job.starts)
+        job.entries = self._workspace.get("entries", total, np.uint64)
+        fill_lists(
+            job.splats, job.visible, job.slices, job.tile_counts, job.tiles_x, job.entries, self._threads,
+            self._first_turn(),
+        )  # fmt: skip
+
+    def sort(self, job: FrameJob) -> None:
+        """Sort each tile's list by depth."""
+        in_order = self._workspace.get("entries in order", len(job.entries), np.uint64)
+        histograms = self._per_thread("histograms", DIGITS << DIGIT, np.int64)
+        sort_lists(job.starts, job.entries, in_order, histograms, self._first_turn())
+        job.entries = in_order
+
+    def blend(self, job: FrameJob) -> None:
+        """Draw the tiles into the image."""
+        accumulators = self._per_thread("accumulators", TILE_FLOATS, np.float32)
+        blend(job.splats, job.starts, job.entries, job.background, job.image.pixels, accumulators, self._first_turn())
+
+    def _per_thread(self, name: str, size: int, dtype: Any) -> NDArray[Any]:
+        return self._workspace.get(name, self._threads * size, dtype).reshape(self._threads, size)
+
+    def _first_turn(self) -> NDArray[np.int64]:
+        self._turn[0] = 0
+        return self._turn
+
+
+def _one_gaussian(degree: int) -> Gaussians:
+    return Gaussians(
+        means=torch.tensor([[0.0, 0.0, 1.0]]),
+        scales=torch.full((1, 3), 0.1),
+        quaternions=torch.tensor([[1.0, 0.0, 0.0, 0.0]]),
+        opacities=torch.full((1,), 0.5),
+        sh=torch.zeros(1, (degree + 1) ** 2, 3),
+    )

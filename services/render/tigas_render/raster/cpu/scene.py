@@ -1,0 +1,117 @@
+"""Packs a scene for the CPU: neighbours in space become neighbours in memory, in chunks that are culled as one."""
+
+# mypy: disable-error-code="no-untyped-def,no-untyped-call,untyped-decorator,call-arg,var-annotated"
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit, prange
+from numpy.typing import NDArray
+
+from tigas_render.raster.base import ALPHA_MIN, PreparedScene
+from tigas_render.raster.cpu import layout as L
+from tigas_render.raster.cpu.intrinsics import OPTIONS
+from tigas_render.raster.cpu.sh import BASIS_CONSTANTS
+from tigas_render.scenes.gaussians import Gaussians
+
+Floats = NDArray[np.float32]
+
+
+@dataclass(frozen=True, slots=True)
+class CpuScene(PreparedScene):
+    """A packed scene; `layout` names the fields."""
+
+    geometry: Floats
+    """[chunks, GEOMETRY, CHUNK]"""
+    sh: Floats
+    """[chunks, K · 3, CHUNK] coefficients, times the constants of their basis functions."""
+    bounds: NDArray[np.float64]
+    """[chunks, BOUNDS]"""
+
+    @property
+    def nbytes(self) -> int:
+        """Bytes of the packed arrays."""
+        return self.geometry.nbytes + self.sh.nbytes + self.bounds.nbytes
+
+
+def pack(gaussians: Gaussians) -> CpuScene:
+    """Pack a scene. Gaussians that are too transparent to be drawn are left out."""
+    means, scales, quaternions, opacities, sh = (
+        np.ascontiguousarray(tensor.detach().cpu().numpy(), np.float32)
+        for tensor in (gaussians.means, gaussians.scales, gaussians.quaternions, gaussians.opacities, gaussians.sh)
+    )
+    drawable = np.flatnonzero(opacities >= ALPHA_MIN)
+    order = drawable[np.argsort(morton_codes(means[drawable]), kind="stable")]
+    chunks = -(-len(order) // L.CHUNK)
+    geometry = np.zeros((chunks, L.GEOMETRY, L.CHUNK), np.float32)
+    packed_sh = np.zeros((chunks, sh.shape[1] * 3, L.CHUNK), np.float32)
+    bounds = np.zeros((chunks, L.BOUNDS))
+    constants = np.repeat(BASIS_CONSTANTS[: sh.shape[1]], 3)
+    flat_sh = sh.reshape(len(sh), sh.shape[1] * 3)
+    _pack(order, means, scales, quaternions, opacities, flat_sh, constants, geometry, packed_sh, bounds)
+    return CpuScene(geometry, packed_sh, bounds)
+
+
+def morton_codes(points: Floats) -> NDArray[np.uint64]:
+    """The Z-order codes [N] of points [N, 3], 20 bits an axis.
+
+    The grid spans the middle 98 % of each axis, so that a few points far away do not make it coarse.
+    """
+    if len(points) == 0:
+        return np.zeros(0, np.uint64)
+    low, high = np.quantile(points, [0.01, 0.99], axis=0).astype(np.float64)
+    cells = (points - low) * (0.5 / np.maximum((high - low).max(), 1e-30)) + 0.25
+    grid = (np.nan_to_num(cells.clip(0, 1)) * (2**20 - 1)).astype(np.uint64)
+    codes = np.zeros(len(points), np.uint64)
+    for axis in range(3):
+        codes |= _spread(grid[:, axis]) << np.uint64(axis)
+    return codes
+
+
+def _spread(values: NDArray[np.uint64]) -> NDArray[np.uint64]:
+    """Put two zero bits between the lowest 21 bits of each value."""
+    for shift, mask in (
+        (32, 0x1F00000000FFFF),
+        (16, 0x1F0000FF0000FF),
+        (8, 0x100F00F00F00F00F),
+        (4, 0x10C30C30C30C30C3),
+        (2, 0x1249249249249249),
+    ):
+        values = (values | (values << np.uint64(shift))) & np.uint64(mask)
+    return values
+
+
+@njit(parallel=True, **OPTIONS)
+def _pack(order, means, scales, quaternions, opacities, sh, constants, geometry, packed_sh, bounds):
+    """Fill geometry, packed_sh and bounds from the Gaussians order[...]: Σ = R S Sᵀ Rᵀ, as in 3DGS."""
+    for chunk in prange(geometry.shape[0]):
+        into = geometry[chunk]
+        into[L.LOG_ALPHA, :] = np.float32(-2)
+        low, high = np.full(3, np.inf), np.full(3, -np.inf)
+        largest = 0.0
+        for lane in range(min(L.CHUNK, order.shape[0] - chunk * L.CHUNK)):
+            i = order[chunk * L.CHUNK + lane]
+            for axis in range(3):
+                into[L.MEAN_X + axis, lane] = means[i, axis]
+                low[axis] = min(low[axis], np.float64(means[i, axis]))
+                high[axis] = max(high[axis], np.float64(means[i, axis]))
+                largest = max(largest, np.float64(scales[i, axis]))
+            w, x, y, z = quaternions[i]
+            sx, sy, sz = scales[i]
+            m00, m01, m02 = (1 - 2 * (y * y + z * z)) * sx, 2 * (x * y - w * z) * sy, 2 * (x * z + w * y) * sz
+            m10, m11, m12 = 2 * (x * y + w * z) * sx, (1 - 2 * (x * x + z * z)) * sy, 2 * (y * z - w * x) * sz
+            m20, m21, m22 = 2 * (x * z - w * y) * sx, 2 * (y * z + w * x) * sy, (1 - 2 * (x * x + y * y)) * sz
+            into[L.COV_XX, lane] = m00 * m00 + m01 * m01 + m02 * m02
+            into[L.COV_XY, lane] = m00 * m10 + m01 * m11 + m02 * m12
+            into[L.COV_XZ, lane] = m00 * m20 + m01 * m21 + m02 * m22
+            into[L.COV_YY, lane] = m10 * m10 + m11 * m11 + m12 * m12
+            into[L.COV_YZ, lane] = m10 * m20 + m11 * m21 + m12 * m22
+            into[L.COV_ZZ, lane] = m20 * m20 + m21 * m21 + m22 * m22
+            into[L.LOG_ALPHA, lane] = np.log2(np.float64(opacities[i])) * L.ALPHA_SCALE
+            for coefficient in range(sh.shape[1]):
+                packed_sh[chunk, coefficient, lane] = sh[i, coefficient] * constants[coefficient]
+        for axis in range(3):
+            bounds[chunk, L.BOUND_LOW + axis] = low[axis]
+            bounds[chunk, L.BOUND_HIGH + axis] = high[axis]
+        bounds[chunk, L.BOUND_SCALE] = largest

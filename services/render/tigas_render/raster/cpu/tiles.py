@@ -1,0 +1,75 @@
+"""Which tiles a Gaussian touches: exact spans of its ellipse alpha ≥ 1/255 over a strip of pixel rows."""
+
+# mypy: disable-error-code="no-untyped-def,no-untyped-call,untyped-decorator,call-arg,var-annotated"
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from tigas_render.raster.cpu import layout as L
+from tigas_render.raster.cpu.intrinsics import OPTIONS, bits_of
+
+F = np.float32
+
+
+@njit(inline="always", **OPTIONS)
+def span(splats, at, y0, y1, x0, x1):
+    """First and last + 1 of the pixel columns x0 … x1 - 1 that the splat at `at` touches in rows y0 … y1 - 1.
+
+    With a dx² + 2b dx dy + c dy² = k as the ellipse, its right-most point has dy = -b/c · dx. Where that lies outside
+    the strip, the strip's nearer edge has the right-most point; the left-most follows by symmetry.
+    """
+    a, b, c = -splats[at + L.XX], F(-0.5) * splats[at + L.XY], -splats[at + L.YY]
+    k = splats[at + L.LOG] - F(L.LOG_ALPHA_MIN)
+    u, v = splats[at + L.CENTRE_X], splats[at + L.CENTRE_Y]
+    low, high = F(y0) + F(0.5) - v, F(y1) - F(0.5) - v
+    determinant = max(a * c - b * b, F(1e-30))
+    widest = -b * np.sqrt(k / (c * determinant))
+    right_dy = min(max(widest, low), high)
+    left_dy = min(max(-widest, low), high)
+    right = (-b * right_dy + np.sqrt(max(a * k - determinant * right_dy * right_dy, F(0)))) / a
+    left = (-b * left_dy - np.sqrt(max(a * k - determinant * left_dy * left_dy, F(0)))) / a
+    # rounding may cost a hair: widen by a hundredth of a pixel; clamp before converting to int
+    first = max(x0, int(min(max(u + left + F(0.49), F(x0)), F(x1))))
+    end = min(x1, int(min(max(u + right + F(0.51), F(x0)), F(x1))))
+    return first, end
+
+
+@njit(**OPTIONS)
+def count_tiles(splats, at, counts, tiles_x):
+    """Add 1 to the counter of every tile that the splat at `at` touches."""
+    x0, x1, y0, y1 = pixel_box(splats, at)
+    tx0, tx1, ty0, ty1 = x0 // L.TILE, (x1 - 1) // L.TILE, y0 // L.TILE, (y1 - 1) // L.TILE
+    exact = tx0 < tx1 and ty0 < ty1
+    for ty in range(ty0, ty1 + 1):
+        first, last = tx0, tx1
+        if exact:
+            left, right = span(splats, at, max(y0, ty * L.TILE), min(y1, ty * L.TILE + L.TILE), x0, x1)
+            first, last = left // L.TILE, (right - 1) // L.TILE
+        for tx in range(first, last + 1):
+            counts[ty * tiles_x + tx] += 1
+
+
+@njit(**OPTIONS)
+def list_tiles(splats, at, entry, cursors, tiles_x, entries):
+    """Append `entry` to the list of every tile that count_tiles counted; a tile's list goes on at its cursor."""
+    x0, x1, y0, y1 = pixel_box(splats, at)
+    tx0, tx1, ty0, ty1 = x0 // L.TILE, (x1 - 1) // L.TILE, y0 // L.TILE, (y1 - 1) // L.TILE
+    exact = tx0 < tx1 and ty0 < ty1
+    for ty in range(ty0, ty1 + 1):
+        first, last = tx0, tx1
+        if exact:
+            left, right = span(splats, at, max(y0, ty * L.TILE), min(y1, ty * L.TILE + L.TILE), x0, x1)
+            first, last = left // L.TILE, (right - 1) // L.TILE
+        for tx in range(first, last + 1):
+            cursor = cursors[ty * tiles_x + tx]
+            entries[cursor] = entry
+            cursors[ty * tiles_x + tx] = cursor + 1
+
+
+@njit(inline="always", **OPTIONS)
+def pixel_box(splats, at):
+    """x0, x1, y0, y1: the splat at `at` touches no pixel outside columns x0 … x1 - 1 and rows y0 … y1 - 1."""
+    columns, rows = bits_of(splats[at + L.COLUMNS]), bits_of(splats[at + L.ROWS])
+    mask, shift = np.uint32(0xFFFF), np.uint32(16)
+    return np.int64(columns & mask), np.int64(columns >> shift), np.int64(rows & mask), np.int64(rows >> shift)

@@ -1,0 +1,78 @@
+"""An image in the host's memory, and the small pool of framebuffers that images come from."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+from typing import assert_never
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tigas_common.wire import FrameFormat
+from tigas_render.encode.jpeg import encode_jpeg
+from tigas_render.encode.png import encode_png
+from tigas_render.encode.yuv420p import encode_yuv420p
+from tigas_render.raster.base import Image
+
+Pixels = NDArray[np.uint8]
+
+
+class HostImage(Image):
+    """RGB pixels as a NumPy array; `on_close` is called once, when they are no longer needed."""
+
+    def __init__(self, pixels: Pixels, on_close: Callable[[], None] | None = None) -> None:
+        self.height, self.width = pixels.shape[:2]
+        self._pixels: Pixels | None = pixels
+        self._on_close = on_close
+
+    @property
+    def pixels(self) -> Pixels:
+        """uint8 [H, W, 3], C-contiguous. Raises ValueError once the image is closed."""
+        if self._pixels is None:
+            raise ValueError("the image is closed")
+        return self._pixels
+
+    def encode(self, format: FrameFormat, quality: int) -> bytes:
+        """The image in a file format. Raises ValueError once the image is closed."""
+        match format:
+            case "jpeg":
+                return encode_jpeg(self.pixels, quality)
+            case "png":
+                return encode_png(self.pixels)
+            case "yuv420p":
+                return encode_yuv420p(self.pixels)
+            case _:
+                assert_never(format)
+
+    def close(self) -> None:
+        """Give the pixels back."""
+        on_close, self._on_close, self._pixels = self._on_close, None, None
+        if on_close is not None:
+            on_close()
+
+
+class FramebufferPool:
+    """Framebuffers that are used again, so that one frame can be encoded while the next is rendered.
+
+    Images are closed from any thread. The pool keeps as many buffers as were ever open at once, at most `keep`.
+    """
+
+    def __init__(self, keep: int = 4) -> None:
+        self._keep = keep
+        self._free: list[Pixels] = []
+        self._lock = threading.Lock()
+
+    def image(self, width: int, height: int) -> HostImage:
+        """An image of `height` × `width` pixels whose content is not yet defined."""
+        size = height * width * 3
+        with self._lock:
+            buffer = self._free.pop() if self._free else np.empty(0, np.uint8)
+        if buffer.size < size:
+            buffer = np.empty(max(size, buffer.size * 3 // 2), np.uint8)
+        return HostImage(buffer[:size].reshape(height, width, 3), lambda: self._give_back(buffer))
+
+    def _give_back(self, buffer: Pixels) -> None:
+        with self._lock:
+            if len(self._free) < self._keep:
+                self._free.append(buffer)

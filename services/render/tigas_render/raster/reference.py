@@ -1,0 +1,206 @@
+"""A short, readable PyTorch rasteriser: the slow twin that tests and benchmarks compare the fast ones with.
+
+It draws what gsplat 1.5.3 draws. Sources of the formulas:
+
+- [3DGS] Kerbl et al., "3D Gaussian Splatting for Real-Time Radiance Field Rendering", 2023: blending, SH.
+- [EWA] Zwicker et al., "EWA Splatting", 2002: the projected covariance J W Σ Wᵀ Jᵀ.
+- [gsplat] Ye et al., "gsplat: An Open-Source Library for Gaussian Splatting", 2024: tangent clamping, stopping rules.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import torch
+
+from tigas_common.pose import Intrinsics
+from tigas_render.raster.base import (
+    ALPHA_MAX,
+    ALPHA_MIN,
+    BLUR,
+    NEAR_PLANE,
+    TRANSMITTANCE_MIN,
+    Camera,
+    PreparedScene,
+    Rasterizer,
+)
+from tigas_render.raster.host_image import HostImage
+from tigas_render.scenes.gaussians import Gaussians
+
+TILE = 32
+"""Pixels are blended in squares of this side, so that memory stays small."""
+DEPTH_CHUNK = 256
+"""Gaussians are blended this many at a time."""
+
+
+@dataclass(frozen=True, slots=True)
+class ReferenceScene(PreparedScene):
+    """The tensors as they were given."""
+
+    gaussians: Gaussians
+
+    @property
+    def nbytes(self) -> int:
+        """Bytes of the tensors."""
+        return self.gaussians.nbytes
+
+
+class ReferenceRasterizer(Rasterizer):
+    """Renders with plain tensor operations, in the depth order of the Gaussians' centres."""
+
+    device = "reference"
+
+    def prepare(self, gaussians: Gaussians) -> ReferenceScene:
+        """Nothing to pack."""
+        return ReferenceScene(gaussians)
+
+    def render(self, scene: PreparedScene, camera: Camera) -> HostImage:
+        """Render one view; seconds, not milliseconds."""
+        assert isinstance(scene, ReferenceScene)
+        picture = render_float(scene.gaussians, camera)  # [H, W, 3]
+        return HostImage((picture.clamp(0, 1) * 255 + 0.5).to(torch.uint8).cpu().numpy())
+
+
+@dataclass(frozen=True, slots=True)
+class _Splats:
+    """M projected Gaussians, nearest first."""
+
+    centres: torch.Tensor  # [M, 2] pixels
+    conics: torch.Tensor  # [M, 3] a, b, c of the inverse covariance [[a, b], [b, c]]
+    extents: torch.Tensor  # [M, 2] pixels from the centre beyond which alpha < ALPHA_MIN
+    colours: torch.Tensor  # [M, 3]
+    opacities: torch.Tensor  # [M]
+
+
+def render_float(gaussians: Gaussians, camera: Camera) -> torch.Tensor:
+    """The picture before rounding, float32 [H, W, 3]."""
+    device = gaussians.means.device
+    intrinsics = camera.intrinsics
+    background = torch.tensor(camera.background, dtype=torch.float32, device=device)
+    picture = torch.empty(intrinsics.height, intrinsics.width, 3, device=device)
+    splats = _project(gaussians, camera)
+    low, high = splats.centres - splats.extents, splats.centres + splats.extents
+    for y in range(0, intrinsics.height, TILE):
+        in_rows = (low[:, 1] < y + TILE) & (high[:, 1] > y)
+        for x in range(0, intrinsics.width, TILE):
+            near = torch.nonzero(in_rows & (low[:, 0] < x + TILE) & (high[:, 0] > x)).squeeze(1)
+            tile = picture[y : y + TILE, x : x + TILE]
+            rows = torch.arange(y, y + tile.shape[0], device=device) + 0.5
+            columns = torch.arange(x, x + tile.shape[1], device=device) + 0.5
+            pixels = torch.cartesian_prod(rows, columns).flip(1)  # [P, 2] x, y
+            tile[:] = _blend(splats, near, pixels, background).reshape(tile.shape)
+    return picture
+
+
+def _project(gaussians: Gaussians, camera: Camera) -> _Splats:
+    """EWA projection; drops what cannot be seen and sorts the rest by depth."""
+    device, k = gaussians.means.device, camera.intrinsics
+    rotation = torch.tensor(camera.pose.rotation, dtype=torch.float32, device=device).T  # world to camera
+    from_camera = gaussians.means - torch.tensor(camera.pose.position, dtype=torch.float32, device=device)  # [N, 3]
+    points = from_camera @ rotation.T
+    keep = torch.nonzero((points[:, 2] >= NEAR_PLANE) & (gaussians.opacities >= ALPHA_MIN)).squeeze(1)
+    keep = keep[torch.argsort(points[keep, 2], stable=True)]
+    points, opacities = points[keep], gaussians.opacities[keep]
+
+    x, y, z = points.unbind(1)
+    axes = _rotation_matrices(gaussians.quaternions[keep]) * gaussians.scales[keep, None, :]
+    jacobian = _jacobian(points, k)  # [M, 2, 3]
+    half = jacobian @ rotation @ axes  # [M, 2, 3]: a square root of the projected covariance
+    covariance = half @ half.mT + BLUR * torch.eye(2, device=device)
+    cxx, cxy, cyy = covariance[:, 0, 0], covariance[:, 0, 1], covariance[:, 1, 1]
+    determinant = cxx * cyy - cxy * cxy
+    reach = torch.sqrt(2 * torch.log(opacities / ALPHA_MIN))  # alpha falls below ALPHA_MIN at this many deviations
+    splats = _Splats(
+        centres=torch.stack([k.fx * x / z + k.cx, k.fy * y / z + k.cy], 1),
+        conics=torch.stack([cyy, -cxy, cxx], 1) / determinant[:, None],
+        extents=reach[:, None] * torch.stack([cxx, cyy], 1).sqrt(),
+        colours=colours(gaussians.sh[keep], torch.nn.functional.normalize(from_camera[keep], dim=1)),
+        opacities=opacities,
+    )
+    numbers = torch.cat([splats.centres, splats.conics, splats.extents], 1)
+    ok = (determinant > 0) & numbers.isfinite().all(1)
+    return _Splats(splats.centres[ok], splats.conics[ok], splats.extents[ok], splats.colours[ok], splats.opacities[ok])
+
+
+def _jacobian(points: torch.Tensor, k: Intrinsics) -> torch.Tensor:
+    """[M, 2, 3]: the derivative of the perspective projection [EWA], with x/z and y/z clamped as in [gsplat].
+
+    The limits lie 0.3 half-widths of a centred picture outside the picture's own edges.
+    """
+    x, y, z = points.unbind(1)
+    margin_x, margin_y = 0.3 * 0.5 * k.width / k.fx, 0.3 * 0.5 * k.height / k.fy
+    tx = (x / z).clamp(-k.cx / k.fx - margin_x, (k.width - k.cx) / k.fx + margin_x)
+    ty = (y / z).clamp(-k.cy / k.fy - margin_y, (k.height - k.cy) / k.fy + margin_y)
+    zero = torch.zeros_like(z)
+    return torch.stack([k.fx / z, zero, -k.fx * tx / z, zero, k.fy / z, -k.fy * ty / z], 1).reshape(-1, 2, 3)
+
+
+def _rotation_matrices(quaternions: torch.Tensor) -> torch.Tensor:
+    """[M, 3, 3] from unit quaternions [M, 4] w, x, y, z."""
+    w, x, y, z = quaternions.unbind(1)
+    rows = [
+        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+    ]
+    return torch.stack([torch.stack(row, 1) for row in rows], 1)
+
+
+def colours(sh: torch.Tensor, directions: torch.Tensor) -> torch.Tensor:
+    """[M, 3] colours seen along unit directions [M, 3] from the camera; basis and signs of [3DGS].
+
+    sh: [M, K, 3] coefficients.
+    """
+    basis = sh_basis(directions, sh.shape[1])  # [M, K]
+    return (torch.einsum("mk,mkc->mc", basis, sh) + 0.5).clamp_min(0)
+
+
+def sh_basis(directions: torch.Tensor, count: int) -> torch.Tensor:
+    """[M, count] real spherical harmonics for unit directions [M, 3]; count = (degree + 1)², degree 0 to 3 [3DGS]."""
+    x, y, z = directions.unbind(1)
+    xx, yy, zz, xy, yz, xz = x * x, y * y, z * z, x * y, y * z, x * z
+    functions = [
+        0.28209479177387814 * torch.ones_like(x),
+        -0.4886025119029199 * y,
+        0.4886025119029199 * z,
+        -0.4886025119029199 * x,
+        1.0925484305920792 * xy,
+        -1.0925484305920792 * yz,
+        0.31539156525252005 * (2 * zz - xx - yy),
+        -1.0925484305920792 * xz,
+        0.5462742152960396 * (xx - yy),
+        -0.5900435899266435 * y * (3 * xx - yy),
+        2.890611442640554 * xy * z,
+        -0.4570457994644658 * y * (4 * zz - xx - yy),
+        0.3731763325901154 * z * (2 * zz - 3 * xx - 3 * yy),
+        -0.4570457994644658 * x * (4 * zz - xx - yy),
+        1.445305721320277 * z * (xx - yy),
+        -0.5900435899266435 * x * (xx - 3 * yy),
+    ]
+    return torch.stack(functions[:count], 1)
+
+
+def _blend(splats: _Splats, near: torch.Tensor, pixels: torch.Tensor, background: torch.Tensor) -> torch.Tensor:
+    """Front to back over `near` (indices, nearest first): [P, 3] colours of pixel centres [P, 2].
+
+    A Gaussian that would leave a transmittance of TRANSMITTANCE_MIN or less is not drawn and ends its pixel [gsplat].
+    """
+    colour = torch.zeros(len(pixels), 3, device=pixels.device)
+    light = torch.ones(len(pixels), device=pixels.device)  # transmittance so far
+    alive = torch.ones(len(pixels), dtype=torch.bool, device=pixels.device)
+    for first in range(0, len(near), DEPTH_CHUNK):
+        some = near[first : first + DEPTH_CHUNK]
+        dx, dy = (pixels[:, None, :] - splats.centres[some]).unbind(2)  # [P, C]
+        a, b, c = splats.conics[some].unbind(1)
+        sigma = 0.5 * (a * dx * dx + c * dy * dy) + b * dx * dy
+        alpha = (splats.opacities[some] * torch.exp(-sigma)).clamp_max(ALPHA_MAX)
+        alpha = torch.where((alpha >= ALPHA_MIN) & (sigma >= 0), alpha, 0.0)
+        after = light[:, None] * torch.cumprod(1 - alpha, 1)  # transmittance behind each Gaussian
+        drawn = alive[:, None] & (after > TRANSMITTANCE_MIN)
+        before = torch.cat([light[:, None], after[:, :-1]], 1)
+        colour += torch.where(drawn, alpha * before, 0.0) @ splats.colours[some]
+        light = torch.where(drawn, after, light[:, None]).amin(1)
+        alive &= drawn[:, -1]
+        if not alive.any():
+            break
+    return colour + light[:, None] * background
