@@ -1,0 +1,122 @@
+"""A network trace: what a link can carry, moment by moment. Plain values; nothing here reads a file or a clock."""
+
+from __future__ import annotations
+
+import math
+import re
+from bisect import bisect_right
+from dataclasses import dataclass, fields
+from functools import cached_property
+
+from tigas_common.errors import TigasError
+
+MAX_RATE_KBPS = 1e8
+MAX_DELAY_MS = 60_000.0
+MAX_STEPS = 250_000
+"""Seven hours at 100 ms, almost three days at 1 s. One step takes about 200 bytes of memory."""
+MAX_DURATION_MS = 30 * 24 * 3600 * 1000
+_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._+=-]{0,99}")
+
+
+class TraceError(TigasError):
+    """The trace cannot be read, or asks for what no link can do."""
+
+    status, type, title = 422, "broken-trace", "The network trace cannot be used"
+
+
+@dataclass(frozen=True, slots=True)
+class LinkState:
+    """What a link does to packets. Raises TraceError for values that are negative, not finite or over their bound."""
+
+    down_kbps: float
+    """Rate towards the client, kbit/s (1000 bit/s), at most 1e8. 0 is an outage: nothing passes, packets wait."""
+    up_kbps: float
+    """Rate from the client, kbit/s; as above."""
+    delay_ms: float = 0.0
+    """One-way delay, added in each direction, at most 60 s. A round trip takes twice as long."""
+    jitter_ms: float = 0.0
+    """Variation of the delay, in each direction, at most 60 s."""
+    loss_pct: float = 0.0
+    """Packets lost at random in each direction, per cent."""
+
+    def __post_init__(self) -> None:
+        for name, bound in _BOUNDS:
+            value = getattr(self, name)
+            if not 0 <= value <= bound:  # NaN fails as well
+                raise TraceError(f"{name} must be between 0 and {bound:.0f}, not {value:g}.")
+
+
+_BOUNDS = tuple(
+    zip(
+        (field.name for field in fields(LinkState)),
+        (MAX_RATE_KBPS, MAX_RATE_KBPS, MAX_DELAY_MS, MAX_DELAY_MS, 100.0),
+        strict=True,
+    )
+)
+
+
+@dataclass(frozen=True)
+class NetworkTrace:
+    """The states of a link over time, to be played from the start and again from there at its end.
+
+    Raises TraceError where times do not start at 0 and rise, where lengths differ, or over the limits above.
+    """
+
+    name: str
+    """Letters, digits and any of . _ + = -, at most 100: safe in a file name and in a URL's path."""
+    times_ms: tuple[int, ...]
+    """Strictly increasing from 0."""
+    states: tuple[LinkState, ...]
+    """One a time: the state from that time on."""
+    duration_ms: int
+    """The end of the last state, after the last time."""
+
+    def __post_init__(self) -> None:
+        if not _NAME.fullmatch(self.name):
+            raise TraceError(
+                f"A trace's name is 1 to 100 letters, digits and any of . _ + = - and starts with a letter or digit, "
+                f"not {self.name[:40]!r}."
+            )
+        if not self.times_ms:
+            raise TraceError("A trace needs at least one step.")
+        if len(self.times_ms) > MAX_STEPS:
+            raise TraceError(f"A trace may have {MAX_STEPS:,} steps; this one has {len(self.times_ms):,}.")
+        if len(self.times_ms) != len(self.states):
+            raise TraceError(f"A trace has one state a time, not {len(self.states)} for {len(self.times_ms)}.")
+        if self.times_ms[0] != 0:
+            raise TraceError(f"A trace starts at 0 ms, not at {self.times_ms[0]} ms.")
+        ends = (*self.times_ms[1:], self.duration_ms)
+        for time, end in zip(self.times_ms, ends, strict=True):
+            if end <= time:
+                raise TraceError(f"Times must rise: {end} ms comes after {time} ms.")
+        if self.duration_ms > MAX_DURATION_MS:
+            raise TraceError(f"A trace may last 30 days; this one ends at {self.duration_ms} ms.")
+
+    def at(self, t_ms: float) -> LinkState:
+        """The state in force `t_ms` after the start of playing; past the end the trace starts again."""
+        return self.states[bisect_right(self.times_ms, t_ms % self.duration_ms) - 1]
+
+    @cached_property
+    def steps_ms(self) -> tuple[int, ...]:
+        """How long each state lasts, ms."""
+        ends = (*self.times_ms[1:], self.duration_ms)
+        return tuple(end - start for start, end in zip(self.times_ms, ends, strict=True))
+
+    @cached_property
+    def mean_down_kbps(self) -> float:
+        """Mean rate towards the client, weighted by time."""
+        return self._mean(tuple(state.down_kbps for state in self.states))
+
+    @cached_property
+    def mean_up_kbps(self) -> float:
+        """Mean rate from the client, weighted by time."""
+        return self._mean(tuple(state.up_kbps for state in self.states))
+
+    def _mean(self, values: tuple[float, ...]) -> float:
+        weighted = (value * step for value, step in zip(values, self.steps_ms, strict=True))
+        return math.fsum(weighted) / self.duration_ms
+
+
+def constant_trace(name: str, state: LinkState, duration_ms: int = 60_000) -> NetworkTrace:
+    """A trace that never changes."""
+    return NetworkTrace(name, (0,), (state,), duration_ms)
