@@ -44,13 +44,8 @@ def blend(splats, starts, entries, background, frame, accumulators, turn):
 @njit(**OPTIONS)
 def blend_tile(splats, entries, start, end, tile_x, tile_y, acc):
     """Blend entries[start:end] into `acc`: blocks of BLOCK × BLOCK pixels, row by row, each CHANNELS × LANES floats."""
-    for block in range(L.TILE_BLOCKS * L.TILE_BLOCKS):
-        first = U(block * BLOCK_FLOATS)
-        for lane in range(U(L.LANES)):
-            acc[first + lane] = F(0)
-            acc[first + U(L.LANES) + lane] = F(0)
-            acc[first + U(2 * L.LANES) + lane] = F(0)
-            acc[first + LIGHT + lane] = F(1)
+    for j in range(U(TILE_FLOATS)):
+        acc[j] = F(1) if j % U(BLOCK_FLOATS) >= LIGHT else F(0)
     for i in range(start, end):
         if i + AHEAD < end:
             prefetch(splats, (entries[i + AHEAD] & U(0xFFFFFFFF)) * U(L.RECORD))

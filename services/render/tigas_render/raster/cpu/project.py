@@ -133,7 +133,8 @@ def keep_visible(geometry, start, sh, sh_start, coefficients, view, projected, s
             seen |= bits_of(projected[U(L.COLUMNS * L.CHUNK + lane0) + lane])
         if seen == 0:
             continue
-        shade(geometry, start, eye, sh, sh_start, coefficients, U(lane0), projected)
+        group = sh_start + U(lane0 * coefficients * 3)
+        shade(geometry, start, eye, sh, group, coefficients, U(lane0), projected)
         for lane in range(lane0, lane0 + L.LANES):
             if bits_of(projected[U(L.COLUMNS * L.CHUNK + lane)]) != 0:
                 for field in range(L.USED):

@@ -25,7 +25,7 @@ class CpuScene(PreparedScene):
     geometry: Floats
     """[chunks, GEOMETRY, CHUNK]"""
     sh: Floats
-    """[chunks, K · 3, CHUNK] coefficients, times the constants of their basis functions."""
+    """[chunks · CHUNK / LANES, K · 3, LANES] coefficients, times the constants of their basis functions."""
     bounds: NDArray[np.float64]
     """[chunks, BOUNDS]"""
 
@@ -45,7 +45,7 @@ def pack(gaussians: Gaussians) -> CpuScene:
     order = drawable[np.argsort(morton_codes(means[drawable]), kind="stable")]
     chunks = -(-len(order) // L.CHUNK)
     geometry = np.zeros((chunks, L.GEOMETRY, L.CHUNK), np.float32)
-    packed_sh = np.zeros((chunks, sh.shape[1] * 3, L.CHUNK), np.float32)
+    packed_sh = np.zeros((chunks * L.CHUNK // L.LANES, sh.shape[1] * 3, L.LANES), np.float32)
     bounds = np.zeros((chunks, L.BOUNDS))
     constants = np.repeat(BASIS_CONSTANTS[: sh.shape[1]], 3)
     flat_sh = sh.reshape(len(sh), sh.shape[1] * 3)
@@ -109,8 +109,9 @@ def _pack(order, means, scales, quaternions, opacities, sh, constants, geometry,
             into[L.COV_YZ, lane] = m10 * m20 + m11 * m21 + m12 * m22
             into[L.COV_ZZ, lane] = m20 * m20 + m21 * m21 + m22 * m22
             into[L.LOG_ALPHA, lane] = np.log2(np.float64(opacities[i])) * L.ALPHA_SCALE
+            group = (chunk * L.CHUNK + lane) // L.LANES
             for coefficient in range(sh.shape[1]):
-                packed_sh[chunk, coefficient, lane] = sh[i, coefficient] * constants[coefficient]
+                packed_sh[group, coefficient, lane % L.LANES] = sh[i, coefficient] * constants[coefficient]
         for axis in range(3):
             bounds[chunk, L.BOUND_LOW + axis] = low[axis]
             bounds[chunk, L.BOUND_HIGH + axis] = high[axis]

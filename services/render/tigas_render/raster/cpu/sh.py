@@ -33,58 +33,55 @@ BASIS_CONSTANTS = np.array(
 """The constant factor of each basis function, signs included; packed coefficients are already multiplied by it."""
 
 U, F = np.uint64, np.float32
-R0, G0, B0 = U(L.RED * L.CHUNK), U(L.GREEN * L.CHUNK), U(L.BLUE * L.CHUNK)
+BRIGHTEST = F(1e9)
+"""Bounds colours, so that no sum of them overflows."""
 
 
 @njit(inline="always", **OPTIONS)
-def add_basis(out, sh, first, lane, k, basis):
-    """Add one basis function, times its coefficients, to one lane's colour."""
-    at = first + U(3 * L.CHUNK * k) + lane
-    out[R0 + lane] += basis * sh[at]
-    out[G0 + lane] += basis * sh[at + U(L.CHUNK)]
-    out[B0 + lane] += basis * sh[at + U(2 * L.CHUNK)]
+def shade(geometry, start, eye, sh, group, coefficients, lane0, out):
+    """Write the colours of LANES Gaussians of a chunk, 0 at least, into lanes from lane0 of `out` [USED · CHUNK].
 
-
-@njit(**OPTIONS)
-def shade(geometry, start, eye, sh, sh_start, coefficients, lane0, out):
-    """Write the colours of lanes lane0 … lane0 + LANES - 1 of a chunk, 0 at least, into `out` [USED · CHUNK].
-
-    geometry and sh are flat; `start` and `sh_start` are where the chunk begins. eye: camera centre [3].
+    geometry, sh: flat; `start` and `group` are where the chunk's geometry and the lanes' coefficients begin.
+    eye: the camera's centre [3]. The sums stay in registers: branches on the degree are hoisted out of the loop.
     """
-    ex, ey, ez = eye[0], eye[1], eye[2]
     for j in range(U(L.LANES)):
+        at = group + j
         i = lane0 + j
-        out[R0 + i] = F(0.5) + sh[sh_start + i]
-        out[G0 + i] = F(0.5) + sh[sh_start + U(L.CHUNK) + i]
-        out[B0 + i] = F(0.5) + sh[sh_start + U(2 * L.CHUNK) + i]
-    if coefficients > 1:
-        for j in range(U(L.LANES)):
-            i = lane0 + j
-            x = geometry[start + i] - ex
-            y = geometry[start + U(L.CHUNK) + i] - ey
-            z = geometry[start + U(2 * L.CHUNK) + i] - ez
+        red, green, blue = F(0.5) + sh[at], F(0.5) + sh[at + U(L.LANES)], F(0.5) + sh[at + U(2 * L.LANES)]
+        if coefficients > 1:
+            x = geometry[start + i] - eye[0]
+            y = geometry[start + U(L.CHUNK) + i] - eye[1]
+            z = geometry[start + U(2 * L.CHUNK) + i] - eye[2]
             inverse = F(1) / np.sqrt(x * x + y * y + z * z)
             x, y, z = x * inverse, y * inverse, z * inverse
-            add_basis(out, sh, sh_start, i, 1, y)
-            add_basis(out, sh, sh_start, i, 2, z)
-            add_basis(out, sh, sh_start, i, 3, x)
+            red, green, blue = add(red, green, blue, sh, at, 1, y)
+            red, green, blue = add(red, green, blue, sh, at, 2, z)
+            red, green, blue = add(red, green, blue, sh, at, 3, x)
             if coefficients > 4:
                 xx, yy, zz = x * x, y * y, z * z
-                add_basis(out, sh, sh_start, i, 4, x * y)
-                add_basis(out, sh, sh_start, i, 5, y * z)
-                add_basis(out, sh, sh_start, i, 6, F(2) * zz - xx - yy)
-                add_basis(out, sh, sh_start, i, 7, x * z)
-                add_basis(out, sh, sh_start, i, 8, xx - yy)
+                red, green, blue = add(red, green, blue, sh, at, 4, x * y)
+                red, green, blue = add(red, green, blue, sh, at, 5, y * z)
+                red, green, blue = add(red, green, blue, sh, at, 6, F(2) * zz - xx - yy)
+                red, green, blue = add(red, green, blue, sh, at, 7, x * z)
+                red, green, blue = add(red, green, blue, sh, at, 8, xx - yy)
                 if coefficients > 9:
-                    add_basis(out, sh, sh_start, i, 9, y * (F(3) * xx - yy))
-                    add_basis(out, sh, sh_start, i, 10, x * y * z)
-                    add_basis(out, sh, sh_start, i, 11, y * (F(4) * zz - xx - yy))
-                    add_basis(out, sh, sh_start, i, 12, z * (F(2) * zz - F(3) * xx - F(3) * yy))
-                    add_basis(out, sh, sh_start, i, 13, x * (F(4) * zz - xx - yy))
-                    add_basis(out, sh, sh_start, i, 14, z * (xx - yy))
-                    add_basis(out, sh, sh_start, i, 15, x * (xx - F(3) * yy))
-    for j in range(U(L.LANES)):
-        i = lane0 + j
-        out[R0 + i] = max(out[R0 + i], F(0))
-        out[G0 + i] = max(out[G0 + i], F(0))
-        out[B0 + i] = max(out[B0 + i], F(0))
+                    red, green, blue = add(red, green, blue, sh, at, 9, y * (F(3) * xx - yy))
+                    red, green, blue = add(red, green, blue, sh, at, 10, x * y * z)
+                    red, green, blue = add(red, green, blue, sh, at, 11, y * (F(4) * zz - xx - yy))
+                    red, green, blue = add(red, green, blue, sh, at, 12, z * (F(2) * zz - F(3) * xx - F(3) * yy))
+                    red, green, blue = add(red, green, blue, sh, at, 13, x * (F(4) * zz - xx - yy))
+                    red, green, blue = add(red, green, blue, sh, at, 14, z * (xx - yy))
+                    red, green, blue = add(red, green, blue, sh, at, 15, x * (xx - F(3) * yy))
+        out[U(L.RED * L.CHUNK) + i] = min(max(red, F(0)), BRIGHTEST)
+        out[U(L.GREEN * L.CHUNK) + i] = min(max(green, F(0)), BRIGHTEST)
+        out[U(L.BLUE * L.CHUNK) + i] = min(max(blue, F(0)), BRIGHTEST)
+
+
+@njit(inline="always", **OPTIONS)
+def add(red, green, blue, sh, at, number, basis):
+    """A colour plus one basis function times its coefficients."""
+    at += U(3 * L.LANES * number)
+    red += basis * sh[at]
+    green += basis * sh[at + U(L.LANES)]
+    blue += basis * sh[at + U(2 * L.LANES)]
+    return red, green, blue
