@@ -1,27 +1,27 @@
-"""aioquic's connection with bounded memory: the one place that reaches into its private attributes.
+"""aioquic's connection with bounded memory, and what the rest of the transport wants to know of it.
 
-Written against aioquic 1.7; the tests of this package exercise every attribute that is used here.
+Together with `bulk` this is the one place that reaches into aioquic's private attributes. Written against aioquic 1.7.
 """
 
 from __future__ import annotations
 
 from aioquic.h3.connection import H3Connection
 from aioquic.quic.configuration import SMALLEST_MAX_DATAGRAM_SIZE
-from aioquic.quic.connection import MAX_STREAM_DATA_FRAME_CAPACITY, QuicConnection
+from aioquic.quic.connection import MAX_STREAM_DATA_FRAME_CAPACITY
 from aioquic.quic.packet import QuicFrameType
 from aioquic.quic.packet_builder import QuicPacketBuilder
 from aioquic.quic.recovery import QuicPacketSpace
 from aioquic.quic.stream import QuicStream
 
-SHORT_HEADER = 1 + 2 + 16
-"""Bytes of a 1-RTT packet around its frames, without the connection id: first byte, packet number, AEAD tag."""
+from tigas_render.transport.bulk import SHORT_HEADER, BulkQuicConnection
+
 DATAGRAM_HEADER = 1 + 2
 """Bytes of a DATAGRAM frame before its data: type and length."""
 BLACK_HOLE_PROBES = 2
 """Probe timeouts in a row after which datagrams above QUIC's minimum size are suspected of being lost on the way."""
 
 
-class ServerQuicConnection(QuicConnection):
+class ServerQuicConnection(BulkQuicConnection):
     """A server's connection."""
 
     # -- receiving ---------------------------------------------------------------------------------------------------
