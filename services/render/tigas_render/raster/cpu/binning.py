@@ -1,13 +1,14 @@
 """The second and third stage: one list of Gaussians for each tile, nearest first."""
 
-# mypy: disable-error-code="no-untyped-def,no-untyped-call,untyped-decorator,call-arg,var-annotated"
+# mypy: disable-error-code="no-untyped-def,no-untyped-call,call-arg,var-annotated"
 from __future__ import annotations
 
 import numpy as np
-from numba import njit, prange
+from numba import prange
 
 from tigas_render.raster.cpu import layout as L
-from tigas_render.raster.cpu.intrinsics import OPTIONS, bits_of, fetch_add
+from tigas_render.raster.cpu.intrinsics import bits_of, fetch_add
+from tigas_render.raster.cpu.kernel import kernel
 from tigas_render.raster.cpu.tiles import list_tiles
 
 U = np.uint64
@@ -17,7 +18,7 @@ DIGITS = 3
 KEY_BITS = DIGIT * DIGITS
 
 
-@njit(**OPTIONS)
+@kernel()
 def place_lists(tile_counts, starts):
     """Turn counts [S, tiles] into cursors: where each slice begins to write in each tile's list. Gives the total.
 
@@ -34,7 +35,7 @@ def place_lists(tile_counts, starts):
     return total
 
 
-@njit(parallel=True, **OPTIONS)
+@kernel(parallel=True)
 def fill_lists(splats, visible, slices, cursors, tiles_x, entries, threads, turn):
     """Write every tile's list: entries [total] uint64, the depth's bits << 32 | the record's number.
 
@@ -52,7 +53,7 @@ def fill_lists(splats, visible, slices, cursors, tiles_x, entries, threads, turn
                     list_tiles(splats, at, entry, cursors[part], tiles_x, entries)
 
 
-@njit(parallel=True, **OPTIONS)
+@kernel(parallel=True)
 def sort_lists(starts, entries, spare, histograms, turn):
     """Sort each tile's list by depth, stably, from `entries` into `spare`; histograms [threads, DIGITS << DIGIT]."""
     for thread in prange(histograms.shape[0]):
@@ -63,7 +64,7 @@ def sort_lists(starts, entries, spare, histograms, turn):
             sort_list(entries, spare, starts[tile], starts[tile + 1], histograms[thread])
 
 
-@njit(**OPTIONS)
+@kernel()
 def sort_list(entries, spare, start, end, histogram):
     """Radix sort of entries[start:end] into spare[start:end].
 

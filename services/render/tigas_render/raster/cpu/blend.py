@@ -1,14 +1,15 @@
 """The last stage: blends each tile's Gaussians front to back and writes its pixels."""
 
-# mypy: disable-error-code="no-untyped-def,no-untyped-call,untyped-decorator,call-arg,var-annotated"
+# mypy: disable-error-code="no-untyped-def,no-untyped-call,call-arg,var-annotated"
 from __future__ import annotations
 
 import numpy as np
-from numba import njit, prange
+from numba import prange
 
 from tigas_render.raster.base import ALPHA_MAX, TRANSMITTANCE_MIN
 from tigas_render.raster.cpu import layout as L
-from tigas_render.raster.cpu.intrinsics import OPTIONS, fetch_add, prefetch
+from tigas_render.raster.cpu.intrinsics import fetch_add, prefetch
+from tigas_render.raster.cpu.kernel import kernel
 from tigas_render.raster.cpu.tiles import pixel_box
 
 U, F = np.uint64, np.float32
@@ -27,7 +28,7 @@ P0, P1, P2 = F(0.9999999250673), F(0.6931422526456), F(0.2401721894460)
 P3, P4, P5 = F(0.05527972284758), F(0.009188611833452), F(0.0009387883195262)
 
 
-@njit(parallel=True, **OPTIONS)
+@kernel(parallel=True)
 def blend(splats, starts, entries, background, frame, accumulators, turn):
     """Draw all tiles into frame [H, W, 3] uint8. accumulators [threads, TILE_FLOATS]; background: RGB float32."""
     tiles_x = (frame.shape[1] + L.TILE - 1) // L.TILE
@@ -41,7 +42,7 @@ def blend(splats, starts, entries, background, frame, accumulators, turn):
             write_tile(accumulators[thread], background, x0, y0, frame)
 
 
-@njit(**OPTIONS)
+@kernel()
 def blend_tile(splats, entries, start, end, tile_x, tile_y, acc):
     """Blend entries[start:end] into `acc`: blocks of BLOCK × BLOCK pixels, row by row, each CHANNELS × LANES floats."""
     for j in range(U(TILE_FLOATS)):
@@ -83,7 +84,7 @@ def blend_tile(splats, entries, start, end, tile_x, tile_y, acc):
             break
 
 
-@njit(**OPTIONS)
+@kernel()
 def is_finished(acc):
     """Whether no pixel of a tile takes more light."""
     for block in range(L.TILE_BLOCKS * L.TILE_BLOCKS):
@@ -96,7 +97,7 @@ def is_finished(acc):
     return True
 
 
-@njit(**OPTIONS)
+@kernel()
 def write_tile(acc, background, x0, y0, frame):
     """Put the background behind a tile and write it into the frame."""
     for y in range(min(L.TILE, frame.shape[0] - y0)):

@@ -1,22 +1,20 @@
 """Decides whether a whole chunk is outside the picture, without looking at its Gaussians."""
 
-# mypy: disable-error-code="no-untyped-def,no-untyped-call,untyped-decorator,call-arg,var-annotated"
+# mypy: disable-error-code="no-untyped-def,no-untyped-call,call-arg,var-annotated"
 from __future__ import annotations
 
 import math
 
-from numba import njit
-
 from tigas_render.raster.base import ALPHA_MIN, BLUR, NEAR_PLANE
 from tigas_render.raster.cpu import layout as L
 from tigas_render.raster.cpu import view as V
-from tigas_render.raster.cpu.intrinsics import OPTIONS
+from tigas_render.raster.cpu.kernel import kernel
 
 REACH = math.sqrt(2 * math.log(1 / ALPHA_MIN)) * 1.01
 """Standard deviations beyond which even an opaque Gaussian is not drawn, and a little for rounding."""
 
 
-@njit(**OPTIONS)
+@kernel()
 def chunk_is_outside(bounds, view):
     """Whether no Gaussian of a chunk can be drawn; False when in doubt.
 

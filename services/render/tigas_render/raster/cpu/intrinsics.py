@@ -1,23 +1,12 @@
-"""What Numba lacks and the kernels need: an atomic counter, a cache hint and bit casts; and the options of kernels."""
+"""What Numba lacks and the kernels need: an atomic counter, a cache hint and bit casts."""
 
 # mypy: disable-error-code="no-untyped-def,no-untyped-call,untyped-decorator,call-arg,var-annotated"
 from __future__ import annotations
-
-from typing import Any
 
 from llvmlite import ir
 from numba import types
 from numba.core import cgutils
 from numba.extending import intrinsic
-
-OPTIONS: dict[str, Any] = {
-    "cache": True,
-    "nogil": True,
-    "error_model": "numpy",
-    # Neither nnan nor ninf, because the kernels test for both.
-    "fastmath": {"contract", "nsz", "arcp", "afn"},
-}
-"""Options of every kernel, for `numba.njit`."""
 
 
 @intrinsic

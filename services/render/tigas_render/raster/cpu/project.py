@@ -1,18 +1,19 @@
 """The first stage: from Gaussians in space to compact records of those that are visible, and the tiles they touch."""
 
-# mypy: disable-error-code="no-untyped-def,no-untyped-call,untyped-decorator,call-arg,var-annotated"
+# mypy: disable-error-code="no-untyped-def,no-untyped-call,call-arg,var-annotated"
 from __future__ import annotations
 
 import math
 
 import numpy as np
-from numba import njit, prange
+from numba import prange
 
 from tigas_render.raster.base import BLUR, NEAR_PLANE
 from tigas_render.raster.cpu import layout as L
 from tigas_render.raster.cpu import view as V
 from tigas_render.raster.cpu.culling import chunk_is_outside
-from tigas_render.raster.cpu.intrinsics import OPTIONS, bits_of, fetch_add, float_of
+from tigas_render.raster.cpu.intrinsics import bits_of, fetch_add, float_of
+from tigas_render.raster.cpu.kernel import kernel
 from tigas_render.raster.cpu.sh import shade
 from tigas_render.raster.cpu.tiles import count_tiles
 
@@ -24,7 +25,7 @@ FARTHEST = F(1e7)
 """Centres farther outside than this many pixels are not drawn: float32 has no fractions of a pixel there."""
 
 
-@njit(parallel=True, **OPTIONS)
+@kernel(parallel=True)
 def project(geometry, sh, bounds, view, splats, visible, slices, tile_counts, tiles_x, scratch, turn):
     """Project every chunk, shade what is visible, and count tiles.
 
@@ -51,7 +52,7 @@ def project(geometry, sh, bounds, view, splats, visible, slices, tile_counts, ti
                     )  # fmt: skip
 
 
-@njit(**OPTIONS)
+@kernel()
 def project_chunk(geometry, start, view, out):
     """EWA projection of one chunk into `out` [USED · CHUNK], one row a field; COLUMNS is 0 for what is not visible.
 
@@ -122,7 +123,7 @@ def project_chunk(geometry, start, view, out):
         out[U(L.DEPTH * L.CHUNK) + i] = pz
 
 
-@njit(**OPTIONS)
+@kernel()
 def keep_visible(geometry, start, sh, sh_start, coefficients, view, projected, splats, into, counts, tiles_x):
     """Shade a projected chunk's visible Gaussians and write their records from splats[into]; gives their number."""
     eye = (F(view[V.EYE]), F(view[V.EYE + 1]), F(view[V.EYE + 2]))

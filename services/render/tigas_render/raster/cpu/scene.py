@@ -1,17 +1,17 @@
 """Packs a scene for the CPU: neighbours in space become neighbours in memory, in chunks that are culled as one."""
 
-# mypy: disable-error-code="no-untyped-def,no-untyped-call,untyped-decorator,call-arg,var-annotated"
+# mypy: disable-error-code="no-untyped-def,no-untyped-call,call-arg,var-annotated"
 from __future__ import annotations
 
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit, prange
+from numba import prange
 from numpy.typing import NDArray
 
 from tigas_render.raster.base import ALPHA_MIN, PreparedScene
 from tigas_render.raster.cpu import layout as L
-from tigas_render.raster.cpu.intrinsics import OPTIONS
+from tigas_render.raster.cpu.kernel import kernel
 from tigas_render.raster.cpu.sh import BASIS_CONSTANTS
 from tigas_render.scenes.gaussians import Gaussians
 
@@ -82,7 +82,7 @@ def _spread(values: NDArray[np.uint64]) -> NDArray[np.uint64]:
     return values
 
 
-@njit(parallel=True, **OPTIONS)
+@kernel(parallel=True)
 def _pack(order, means, scales, quaternions, opacities, sh, constants, geometry, packed_sh, bounds):
     """Fill geometry, packed_sh and bounds from the Gaussians order[...]: Σ = R S Sᵀ Rᵀ, as in 3DGS."""
     for chunk in prange(geometry.shape[0]):

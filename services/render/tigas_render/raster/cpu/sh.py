@@ -1,13 +1,12 @@
 """Colours from spherical harmonics, LANES Gaussians at a time (basis and signs of Kerbl et al., 3DGS, 2023)."""
 
-# mypy: disable-error-code="no-untyped-def,no-untyped-call,untyped-decorator,call-arg,var-annotated"
+# mypy: disable-error-code="no-untyped-def,no-untyped-call,call-arg,var-annotated"
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from tigas_render.raster.cpu import layout as L
-from tigas_render.raster.cpu.intrinsics import OPTIONS
+from tigas_render.raster.cpu.kernel import kernel
 
 BASIS_CONSTANTS = np.array(
     [
@@ -37,7 +36,7 @@ BRIGHTEST = F(1e9)
 """Bounds colours, so that no sum of them overflows."""
 
 
-@njit(inline="always", **OPTIONS)
+@kernel(inline=True)
 def shade(geometry, start, eye, sh, group, coefficients, lane0, out):
     """Write the colours of LANES Gaussians of a chunk, 0 at least, into lanes from lane0 of `out` [USED · CHUNK].
 
@@ -77,7 +76,7 @@ def shade(geometry, start, eye, sh, group, coefficients, lane0, out):
         out[U(L.BLUE * L.CHUNK) + i] = min(max(blue, F(0)), BRIGHTEST)
 
 
-@njit(inline="always", **OPTIONS)
+@kernel(inline=True)
 def add(red, green, blue, sh, at, number, basis):
     """A colour plus one basis function times its coefficients."""
     at += U(3 * L.LANES * number)

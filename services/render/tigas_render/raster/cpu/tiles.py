@@ -1,18 +1,18 @@
 """Which tiles a Gaussian touches: exact spans of its ellipse alpha ≥ 1/255 over a strip of pixel rows."""
 
-# mypy: disable-error-code="no-untyped-def,no-untyped-call,untyped-decorator,call-arg,var-annotated"
+# mypy: disable-error-code="no-untyped-def,no-untyped-call,call-arg,var-annotated"
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from tigas_render.raster.cpu import layout as L
-from tigas_render.raster.cpu.intrinsics import OPTIONS, bits_of
+from tigas_render.raster.cpu.intrinsics import bits_of
+from tigas_render.raster.cpu.kernel import kernel
 
 F = np.float32
 
 
-@njit(inline="always", **OPTIONS)
+@kernel(inline=True)
 def span(splats, at, y0, y1, x0, x1):
     """First and last + 1 of the pixel columns x0 … x1 - 1 that the splat at `at` touches in rows y0 … y1 - 1.
 
@@ -35,7 +35,7 @@ def span(splats, at, y0, y1, x0, x1):
     return first, end
 
 
-@njit(**OPTIONS)
+@kernel()
 def count_tiles(splats, at, counts, tiles_x):
     """Add 1 to the counter of every tile that the splat at `at` touches."""
     x0, x1, y0, y1 = pixel_box(splats, at)
@@ -50,7 +50,7 @@ def count_tiles(splats, at, counts, tiles_x):
             counts[ty * tiles_x + tx] += 1
 
 
-@njit(**OPTIONS)
+@kernel()
 def list_tiles(splats, at, entry, cursors, tiles_x, entries):
     """Append `entry` to the list of every tile that count_tiles counted; a tile's list goes on at its cursor."""
     x0, x1, y0, y1 = pixel_box(splats, at)
@@ -67,7 +67,7 @@ def list_tiles(splats, at, entry, cursors, tiles_x, entries):
             cursors[ty * tiles_x + tx] = cursor + 1
 
 
-@njit(inline="always", **OPTIONS)
+@kernel(inline=True)
 def pixel_box(splats, at):
     """x0, x1, y0, y1: the splat at `at` touches no pixel outside columns x0 … x1 - 1 and rows y0 … y1 - 1."""
     columns, rows = bits_of(splats[at + L.COLUMNS]), bits_of(splats[at + L.ROWS])
