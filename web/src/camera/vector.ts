@@ -1,0 +1,46 @@
+/** Vectors and rotations, only as much as a camera needs. Quaternions are [x, y, z, w]. */
+
+export type Vector3 = readonly [number, number, number];
+export type Quaternion = readonly [number, number, number, number];
+
+export function add(a: Vector3, b: Vector3): Vector3 {
+  return [a[0] + b[0], a[1] + b[1], a[2] + b[2]];
+}
+
+export function subtract(a: Vector3, b: Vector3): Vector3 {
+  return [a[0] - b[0], a[1] - b[1], a[2] - b[2]];
+}
+
+/** Hamilton product: the rotation `b`, then `a`. */
+export function multiply(a: Quaternion, b: Quaternion): Quaternion {
+  const [ax, ay, az, aw] = a;
+  const [bx, by, bz, bw] = b;
+  return [
+    aw * bx + ax * bw + ay * bz - az * by,
+    aw * by - ax * bz + ay * bw + az * bx,
+    aw * bz + ax * by - ay * bx + az * bw,
+    aw * bw - ax * bx - ay * by - az * bz,
+  ];
+}
+
+export function conjugate([x, y, z, w]: Quaternion): Quaternion {
+  return [-x, -y, -z, w];
+}
+
+export function rotate(q: Quaternion, [x, y, z]: Vector3): Vector3 {
+  const [rx, ry, rz] = multiply(multiply(q, [x, y, z, 0]), conjugate(q));
+  return [rx, ry, rz];
+}
+
+/** The shortest rotation that turns the direction `from` into `to`; opposite directions turn about the x axis. */
+export function rotationBetween(from: Vector3, to: Vector3): Quaternion {
+  const scale = Math.hypot(...from) * Math.hypot(...to);
+  if (scale === 0) return [0, 0, 0, 1];
+  const dot = (from[0] * to[0] + from[1] * to[1] + from[2] * to[2]) / scale;
+  if (dot < -1 + 1e-9) return [1, 0, 0, 0];
+  const x = (from[1] * to[2] - from[2] * to[1]) / scale;
+  const y = (from[2] * to[0] - from[0] * to[2]) / scale;
+  const z = (from[0] * to[1] - from[1] * to[0]) / scale;
+  const length = Math.hypot(x, y, z, 1 + dot);
+  return [x / length, y / length, z / length, (1 + dot) / length];
+}

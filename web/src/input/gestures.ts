@@ -1,0 +1,57 @@
+/** What mouse, fingers and wheel mean. Pure: positions in CSS pixels come in, nudges for the camera go out. */
+import { NO_NUDGE, type Nudge } from "./motion";
+
+interface Point {
+  readonly x: number;
+  readonly y: number;
+}
+
+/** How far a wheel's notch goes, in seconds of walking; browsers report about 100 pixels or 3 lines for one. */
+const NOTCH_SECONDS = 0.2;
+const NOTCH = { 0: 100, 1: 3, 2: 1 } as const;
+/** A pinch to twice the size goes forward by this, in seconds of walking. */
+const PINCH_SECONDS = 1.2;
+/** Two fingers that wander across the stage's height go this far, in seconds of walking. */
+const PAN_SECONDS = 2;
+/** However wildly a wheel spins, one event is no teleporter. */
+const MAX_NOTCHES = 5;
+
+/** The picture follows the pointer: what was under it stays under it. `fx`, `fy` are in CSS pixels. */
+export function look(from: Point, to: Point, focal: { readonly fx: number; readonly fy: number }): Nudge {
+  const degrees = 180 / Math.PI;
+  return {
+    ...NO_NUDGE,
+    turnRight: Math.atan((from.x - to.x) / focal.fx) * degrees,
+    turnUp: Math.atan((to.y - from.y) / focal.fy) * degrees,
+  };
+}
+
+/** A wheel turned by one event: away from the person goes forward. */
+export function wheel({ deltaY, deltaMode }: Pick<WheelEvent, "deltaY" | "deltaMode">): Nudge {
+  const notches = -deltaY / (NOTCH[deltaMode as keyof typeof NOTCH] ?? NOTCH[0]);
+  return { ...NO_NUDGE, forward: Math.max(-MAX_NOTCHES, Math.min(MAX_NOTCHES, notches)) * NOTCH_SECONDS };
+}
+
+/** Two fingers: apart goes forward, together goes back, both in one direction drags the scene along. */
+export function pinch(from: readonly [Point, Point], to: readonly [Point, Point], stageHeight: number): Nudge {
+  const spread = ([a, b]: readonly [Point, Point]) => Math.max(1, Math.hypot(a.x - b.x, a.y - b.y));
+  const middle = ([a, b]: readonly [Point, Point]) => ({ x: (a.x + b.x) / 2, y: (a.y + b.y) / 2 });
+  const [before, after] = [middle(from), middle(to)];
+  const perPixel = PAN_SECONDS / Math.max(1, stageHeight);
+  return {
+    ...NO_NUDGE,
+    forward: Math.log2(spread(to) / spread(from)) * PINCH_SECONDS,
+    right: (before.x - after.x) * perPixel,
+    up: (after.y - before.y) * perPixel,
+  };
+}
+
+export function sum(a: Nudge, b: Nudge): Nudge {
+  return {
+    turnRight: a.turnRight + b.turnRight,
+    turnUp: a.turnUp + b.turnUp,
+    forward: a.forward + b.forward,
+    right: a.right + b.right,
+    up: a.up + b.up,
+  };
+}

@@ -1,0 +1,16 @@
+/** The page's entry: nothing but wiring. */
+import "./styles/tokens.css";
+import "./styles/base.css";
+import "./styles/dashboard.css";
+import "./styles/viewer.css";
+import "./styles/sidebar.css";
+import "./styles/hud.css";
+import { render } from "preact";
+import { start } from "./state/app";
+import { App } from "./ui/app";
+
+const mount = document.getElementById("app");
+if (mount) {
+  start();
+  render(<App />, mount);
+}

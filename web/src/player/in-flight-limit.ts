@@ -1,0 +1,64 @@
+/**
+ * How many requests to keep in flight: enough to cover the way there and back at the rate of the slowest stage, so that the
+ * frame rate does not fall with the round trip, and one more to keep that stage busy. More would only queue.
+ *
+ *     limit = ceil((base + service) / interval) + 1
+ *
+ * `base` is the least time that a frame spends outside the server (network, transmission, decoding). It is a minimum, because
+ * anything above it is our own queue on the link, which a larger limit would only lengthen. A minimum never rises on its own,
+ * so when no frame has come close to it for a while, the pipeline drains once (limit 1) and measures it anew.
+ */
+export interface FrameTimes {
+  /** From sending the request to the decoded frame, less all time in the server, in milliseconds. */
+  readonly overhead: number;
+  /** Rendering and encoding, in milliseconds. */
+  readonly render: number;
+  readonly encode: number;
+  /** How long the frame's bytes take on the link, in milliseconds; 0 if unknown. */
+  readonly transmission: number;
+  /** Nothing else was in flight when it was sent. */
+  readonly alone: boolean;
+}
+
+const MIN = 2;
+const MAX = 32;
+/** A base that no frame came close to during this much activity (milliseconds) is out of date. */
+const BASE_MAX_AGE = 5000;
+/** Weight of the newest frame in the averages. */
+const ALPHA = 0.2;
+/** Shortest time between requests: one animation frame at 60 Hz, in milliseconds. */
+const ANIMATION_FRAME = 1000 / 60;
+
+export class InFlightLimit {
+  #base: number | undefined;
+  #baseAt = 0;
+  #observedAt = 0;
+  #service = 0;
+  #interval = ANIMATION_FRAME;
+
+  observe({ overhead, render, encode, transmission, alone }: FrameTimes, now: number): void {
+    const interval = Math.max(ANIMATION_FRAME, render, encode, transmission);
+    const first = this.#base === undefined;
+    this.#service = first ? render + encode : mix(this.#service, render + encode);
+    this.#interval = first ? interval : mix(this.#interval, interval);
+    this.#observedAt = now;
+    if (this.#base === undefined || alone) {
+      this.#base = overhead;
+      this.#baseAt = now;
+    } else if (overhead <= this.#base * 1.25 + 4) {
+      this.#base = Math.min(this.#base, overhead);
+      this.#baseAt = now;
+    }
+  }
+
+  /** How many requests may be in flight now. */
+  get limit(): number {
+    if (this.#base === undefined || this.#observedAt - this.#baseAt > BASE_MAX_AGE) return 1;
+    const depth = Math.ceil((this.#base + this.#service) / this.#interval) + 1;
+    return Math.min(MAX, Math.max(MIN, depth));
+  }
+}
+
+function mix(average: number, value: number): number {
+  return average + ALPHA * (value - average);
+}

@@ -1,0 +1,55 @@
+/** The service's JSON endpoints. Every failure is an ApiError with one sentence to show. */
+import { readProblem } from "../transport/fetch";
+import type { SceneInfo, ServerConfig } from "../wire";
+
+export class ApiError extends Error {
+  /** The server did not answer at all. */
+  readonly unreachable: boolean;
+
+  constructor(detail: string, unreachable: boolean) {
+    super(detail);
+    this.name = "ApiError";
+    this.unreachable = unreachable;
+  }
+}
+
+const TIMEOUT = 5000;
+
+export function fetchConfig(signal?: AbortSignal): Promise<ServerConfig> {
+  return call<ServerConfig>("config.json", {}, withTimeout(signal));
+}
+
+/** All scenes; `scan` has the server look at its directory again first. */
+export function fetchScenes({ scan = false } = {}): Promise<SceneInfo[]> {
+  return call<SceneInfo[]>(scan ? "scenes?scan=1" : "scenes", {}, withTimeout());
+}
+
+/** Loads a scene, however long it takes. */
+export function loadScene(id: string, signal?: AbortSignal): Promise<SceneInfo> {
+  return call<SceneInfo>(`scenes/${encodeURIComponent(id)}/load`, { method: "POST" }, signal);
+}
+
+export function unloadScene(id: string): Promise<SceneInfo> {
+  return call<SceneInfo>(`scenes/${encodeURIComponent(id)}/unload`, { method: "POST" }, withTimeout());
+}
+
+async function call<T>(path: string, init: RequestInit, signal?: AbortSignal): Promise<T> {
+  let response: Response;
+  try {
+    response = await fetch(path, { ...init, cache: "no-store", ...(signal && { signal }) });
+    if (response.ok) return (await response.json()) as T;
+  } catch (error) {
+    if (signal?.aborted && !isTimeout(signal.reason)) throw error;
+    throw new ApiError("The server does not answer.", true);
+  }
+  throw new ApiError((await readProblem(response)).detail, false);
+}
+
+function withTimeout(signal?: AbortSignal): AbortSignal {
+  const timeout = AbortSignal.timeout(TIMEOUT);
+  return signal ? AbortSignal.any([signal, timeout]) : timeout;
+}
+
+function isTimeout(reason: unknown): boolean {
+  return reason instanceof DOMException && reason.name === "TimeoutError";
+}

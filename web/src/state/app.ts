@@ -1,0 +1,65 @@
+/** What the whole page shares: settings, the place in it, the server's configuration and its scenes. */
+import { effect, signal } from "@preact/signals";
+import type { SceneInfo, ServerConfig } from "../wire";
+import { ApiError, fetchConfig, fetchScenes, loadScene, unloadScene } from "./api";
+import { parseRoute, type Route } from "./route";
+import { DEFAULT_SETTINGS, loadSettings, type Settings, saveSettings } from "./settings";
+
+export const settings = signal<Settings>(DEFAULT_SETTINGS);
+export const route = signal<Route>({ page: "scenes" });
+export const config = signal<ServerConfig | null>(null);
+/** Null until the server has answered. */
+export const scenes = signal<readonly SceneInfo[] | null>(null);
+/** Why the list of scenes is missing or old, or null. */
+export const scenesError = signal<string | null>(null);
+
+export function change(part: Partial<Settings>): void {
+  settings.value = { ...settings.value, ...part };
+}
+
+/** Connects the state with the browser; called once. */
+export function start(): void {
+  settings.value = loadSettings(localStorage);
+  effect(() => saveSettings(localStorage, settings.value));
+  effect(() => {
+    document.documentElement.dataset.theme = settings.value.theme;
+  });
+  const follow = () => {
+    route.value = parseRoute(location.hash);
+  };
+  follow();
+  addEventListener("hashchange", follow);
+}
+
+/** Asks the server for its configuration and scenes; `scan` has it look at its directory again. */
+export async function refresh({ scan = false } = {}): Promise<void> {
+  try {
+    const [newConfig, newScenes] = await Promise.all([fetchConfig(), fetchScenes({ scan })]);
+    config.value = newConfig;
+    scenes.value = newScenes;
+    scenesError.value = null;
+  } catch (error) {
+    scenesError.value = sentence(error);
+  }
+}
+
+export async function setLoaded(scene: SceneInfo, loaded: boolean): Promise<void> {
+  if (loaded) put({ ...scene, state: "loading" });
+  try {
+    put(await (loaded ? loadScene(scene.id) : unloadScene(scene.id)));
+    scenesError.value = null;
+  } catch (error) {
+    put(scene);
+    await refresh();
+    scenesError.value = sentence(error);
+  }
+}
+
+/** Puts what is newly known of a scene into the list. */
+export function put(scene: SceneInfo): void {
+  scenes.value = scenes.value?.map((other) => (other.id === scene.id ? scene : other)) ?? null;
+}
+
+function sentence(error: unknown): string {
+  return error instanceof ApiError ? error.message : "Something went wrong in this page; reloading it may help.";
+}

@@ -1,0 +1,45 @@
+/** Picks the transport: WebTransport if it can be had, fetch otherwise, and the reason if that is not what was asked for. */
+import type { ServerConfig } from "../wire";
+import { DatagramTransport } from "./datagrams";
+import { FetchTransport } from "./fetch";
+import type { Clock } from "./reception";
+import { openSession } from "./session";
+import { StreamTransport } from "./streams";
+import type { FrameTransport, TransportKind } from "./transport";
+
+/** `auto` is WebTransport streams, then fetch. */
+export type TransportChoice = "auto" | TransportKind;
+
+export interface Connected {
+  readonly transport: FrameTransport;
+  /** Why it is not the transport that was wanted, or null. */
+  readonly fallback: string | null;
+}
+
+const SESSION_TIMEOUT = 3000;
+
+/** Rejects only if aborted: fetch needs no connecting. */
+export async function connect(
+  config: Pick<ServerConfig, "webtransport_url" | "certificate_sha256">,
+  choice: TransportChoice,
+  signal: AbortSignal,
+  now: Clock,
+  open: typeof openSession = openSession,
+): Promise<Connected> {
+  const byFetch = (fallback: string | null): Connected => ({ transport: new FetchTransport(now), fallback });
+  if (choice === "fetch") return byFetch(null);
+  if (!globalThis.isSecureContext) return byFetch("this page is not a secure context");
+  if (!("WebTransport" in globalThis)) return byFetch("this browser has no WebTransport");
+  if (config.webtransport_url === null) return byFetch("the server offers no WebTransport");
+  try {
+    const session = await open(
+      { url: config.webtransport_url, certificateSha256: config.certificate_sha256, timeout: SESSION_TIMEOUT },
+      signal,
+    );
+    const Transport = choice === "webtransport-datagrams" ? DatagramTransport : StreamTransport;
+    return { transport: new Transport(session, now), fallback: null };
+  } catch (error) {
+    signal.throwIfAborted();
+    return byFetch(error instanceof Error ? error.message : String(error));
+  }
+}

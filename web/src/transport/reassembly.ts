@@ -1,0 +1,52 @@
+/** Puts frames together again that came as datagrams: lost, twice, out of order, or made up by somebody. */
+
+/** seq (4 bytes), fragment (2), fragments (2), all unsigned and big-endian. */
+export const FRAGMENT_HEADER_BYTES = 8;
+
+type Bytes = Uint8Array<ArrayBuffer>;
+
+interface Partial {
+  readonly count: number;
+  readonly fragments: Map<number, Bytes>;
+}
+
+/** A frame whose fragments are all there. */
+export interface WholeFrame {
+  readonly seq: number;
+  readonly chunks: Bytes[];
+}
+
+export class Reassembler {
+  readonly #wanted: (seq: number) => boolean;
+  readonly #frames = new Map<number, Partial>();
+
+  /** Only frames that are `wanted` take memory, so what a sender can make us hold is bounded by what we asked for. */
+  constructor(wanted: (seq: number) => boolean) {
+    this.#wanted = wanted;
+  }
+
+  /** Takes one datagram; returns the frame that it completes, if any. Whatever makes no sense is ignored. */
+  add(datagram: Bytes): WholeFrame | undefined {
+    if (datagram.byteLength <= FRAGMENT_HEADER_BYTES) return undefined;
+    const view = new DataView(datagram.buffer, datagram.byteOffset);
+    const [seq, index, count] = [view.getUint32(0), view.getUint16(4), view.getUint16(6)];
+    if (index >= count || !this.#wanted(seq)) return undefined;
+    const frame = this.#frames.get(seq) ?? { count, fragments: new Map() };
+    if (frame.count !== count || frame.fragments.has(index)) return undefined;
+    this.#frames.set(seq, frame);
+    frame.fragments.set(index, datagram.subarray(FRAGMENT_HEADER_BYTES));
+    if (frame.fragments.size < count) return undefined;
+    this.#frames.delete(seq);
+    return { seq, chunks: Array.from({ length: count }, (_, i) => frame.fragments.get(i) as Bytes) };
+  }
+
+  /** Forget a frame that will not be completed. */
+  drop(seq: number): void {
+    this.#frames.delete(seq);
+  }
+
+  /** How many frames have some of their fragments. */
+  get partial(): number {
+    return this.#frames.size;
+  }
+}

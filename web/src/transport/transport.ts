@@ -1,0 +1,54 @@
+/** What every way of fetching frames has in common. */
+import type { FrameHeader, Problem, RenderRequest } from "../wire";
+
+export type TransportKind = "webtransport-streams" | "webtransport-datagrams" | "fetch";
+
+/** When and how a reply's bytes came, in milliseconds on the page's clock. */
+export interface Arrival {
+  readonly sentAt: number;
+  readonly firstByteAt: number;
+  readonly lastByteAt: number;
+  /** Bytes of this reply. */
+  readonly bytes: number;
+  /** Bytes of all replies of the transport that came after `firstByteAt`, until `lastByteAt`. */
+  readonly sharedBytes: number;
+}
+
+export interface FrameReply {
+  readonly header: FrameHeader;
+  readonly image: Blob;
+  readonly arrival: Arrival;
+}
+
+export interface FrameTransport {
+  readonly kind: TransportKind;
+  /** The most requests that it can carry at a time. */
+  readonly maxInFlight: number;
+  /** Settles with a reason once the server cannot be reached through it any more; never rejects. */
+  readonly lost: Promise<string>;
+  /**
+   * Fetches one frame. Rejects with RequestProblem if the server refuses, FrameDropped if the frame will not come, the
+   * signal's reason if it was aborted, and anything else if the connection failed.
+   */
+  request(request: RenderRequest, signal: AbortSignal): Promise<FrameReply>;
+  close(): void;
+}
+
+/** The server refused a request, and said why. */
+export class RequestProblem extends Error {
+  readonly problem: Problem;
+
+  constructor(problem: Problem) {
+    super(problem.detail);
+    this.name = "RequestProblem";
+    this.problem = problem;
+  }
+}
+
+/** A frame got lost on its way, or a newer one overtook it. */
+export class FrameDropped extends Error {
+  constructor(reason: string) {
+    super(reason);
+    this.name = "FrameDropped";
+  }
+}

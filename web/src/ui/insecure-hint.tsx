@@ -1,0 +1,18 @@
+/** Tells a visitor over plain HTTP from another device where WebTransport works. */
+import { LockOpen } from "lucide";
+import { config } from "../state/app";
+import { Icon } from "./icon";
+
+export function InsecureHint() {
+  const url = config.value?.https_url;
+  if (globalThis.isSecureContext || !url) return null;
+  return (
+    <p class="hint">
+      <Icon of={LockOpen} />
+      <span>
+        Over plain HTTP, frames come by fetch. For WebTransport open <a href={url}>the secure page</a> and accept its
+        certificate once.
+      </span>
+    </p>
+  );
+}

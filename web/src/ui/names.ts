@@ -1,0 +1,9 @@
+/** Names of things that several parts of the page show. */
+import type { TransportChoice } from "../transport/connect";
+
+export const TRANSPORT_NAMES: Readonly<Record<TransportChoice, string>> = {
+  auto: "Automatic",
+  "webtransport-streams": "WebTransport streams",
+  "webtransport-datagrams": "WebTransport datagrams",
+  fetch: "HTTP fetch",
+};

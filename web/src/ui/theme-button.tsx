@@ -1,0 +1,16 @@
+/** Switches between the system's theme, light and dark. */
+import { Monitor, Moon, Sun } from "lucide";
+import { change, settings } from "../state/app";
+import type { Settings } from "../state/settings";
+import { IconButton } from "./icon-button";
+
+const NEXT: Record<Settings["theme"], Settings["theme"]> = { system: "light", light: "dark", dark: "system" };
+const ICONS = { system: Monitor, light: Sun, dark: Moon };
+const NAMES = { system: "as the system", light: "light", dark: "dark" };
+
+export function ThemeButton() {
+  const { theme } = settings.value;
+  return (
+    <IconButton icon={ICONS[theme]} label={`Theme: ${NAMES[theme]}`} onClick={() => change({ theme: NEXT[theme] })} />
+  );
+}

@@ -1,0 +1,37 @@
+/** The viewer's keys that are not movement. */
+import { useEffect, useRef } from "preact/hooks";
+
+export interface ViewerActions {
+  readonly help: () => void;
+  readonly hud: () => void;
+  readonly sidebar: () => void;
+  readonly reset: () => void;
+  readonly fullscreen: () => void;
+}
+
+const KEYS: Readonly<Record<string, keyof ViewerActions>> = {
+  h: "help",
+  "?": "help",
+  i: "hud",
+  p: "sidebar",
+  r: "reset",
+  f: "fullscreen",
+};
+
+const TYPING = "input:not([type=checkbox]), select, textarea, dialog";
+
+export function useShortcuts(actions: ViewerActions): void {
+  const latest = useRef(actions);
+  latest.current = actions;
+  useEffect(() => {
+    const press = (event: KeyboardEvent) => {
+      const typing = event.target instanceof Element && event.target.closest(TYPING);
+      const action = KEYS[event.key.toLowerCase()];
+      if (!action || typing || event.repeat || event.ctrlKey || event.altKey || event.metaKey) return;
+      event.preventDefault();
+      latest.current[action]();
+    };
+    addEventListener("keydown", press);
+    return () => removeEventListener("keydown", press);
+  }, []);
+}

@@ -1,0 +1,89 @@
+/** The viewer: the stage with its frame, what floats over it, and the sidebar. */
+import { useSignal } from "@preact/signals";
+import { useEffect, useRef } from "preact/hooks";
+import { ViewerSession } from "../player/session";
+import { change, settings } from "../state/app";
+import { HelpDialog } from "./help";
+import { Hud } from "./hud";
+import { MovePad } from "./move-pad";
+import { Sidebar } from "./sidebar";
+import { StageMessage } from "./stage-message";
+import { Toolbar } from "./toolbar";
+import { useFocusReturn } from "./use-focus-return";
+import { useShortcuts } from "./use-shortcuts";
+import { useWide } from "./use-wide";
+
+export function Viewer({ sceneId }: { sceneId: string }) {
+  const root = useRef<HTMLDivElement>(null);
+  const stage = useRef<HTMLDivElement>(null);
+  const canvas = useRef<HTMLCanvasElement>(null);
+  const session = useSignal<ViewerSession | null>(null);
+  const help = useSignal(false);
+  const wide = useWide();
+
+  useEffect(() => {
+    if (!stage.current || !canvas.current) return undefined;
+    const current = new ViewerSession(sceneId, stage.current, canvas.current);
+    session.value = current;
+    stage.current.focus({ preventScroll: true });
+    return () => {
+      session.value = null;
+      current.dispose();
+    };
+  }, [sceneId, session]);
+
+  const { hud, sidebar } = settings.value;
+  const sidebarOpen = sidebar ?? wide;
+  const actions = {
+    help: () => {
+      help.value = !help.value;
+    },
+    hud: () => change({ hud: !hud }),
+    sidebar: () => change({ sidebar: !sidebarOpen }),
+    reset: () => session.value?.player.resetCamera(),
+    fullscreen: () => void toggleFullscreen(root.current),
+  };
+  useShortcuts(actions);
+  useFocusReturn(root, stage);
+
+  const live = session.value;
+  const phase = live?.phase.value.kind ?? "connecting";
+  const name = live?.scene.value?.name ?? sceneId;
+  useEffect(() => {
+    document.title = `${name} · TIGAS`;
+  }, [name]);
+
+  return (
+    <div class="viewer" ref={root} data-sidebar={sidebarOpen ? "open" : "closed"}>
+      <main class="stage-area">
+        <div
+          class="stage"
+          ref={stage}
+          // biome-ignore lint/a11y/noNoninteractiveTabindex: an application is where keys go
+          tabIndex={0}
+          role="application"
+          aria-label={`${name}: arrow keys turn, W A S D walk, Space and Shift rise and sink, H shows help`}
+          data-phase={phase}
+          data-transport={live?.player.stats.value.transport}
+          data-frames={live?.player.stats.value.shown}
+        >
+          <canvas ref={canvas} />
+        </div>
+        <Toolbar name={name} actions={actions} hud={hud} sidebar={sidebarOpen} />
+        {live && hud && <Hud session={live} wide={wide} />}
+        {live && <MovePad input={live.input} />}
+        {live && <StageMessage session={live} />}
+      </main>
+      {live && sidebarOpen && <Sidebar session={live} onClose={actions.sidebar} onReset={actions.reset} />}
+      <HelpDialog open={help} />
+    </div>
+  );
+}
+
+async function toggleFullscreen(element: HTMLElement | null): Promise<void> {
+  try {
+    await (document.fullscreenElement ? document.exitFullscreen() : element?.requestFullscreen());
+  } catch {
+    // phones that have no fullscreen for pages: the frame fills the window as it is
+  }
+}

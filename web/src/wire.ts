@@ -1,0 +1,126 @@
+// Generated from services/common/tigas_common/wire.py by `npm run wire`. Do not edit.
+
+/**
+ * All messages between client and server.
+ */
+export interface Wire {
+  RenderRequest: RenderRequest;
+  FrameHeader: FrameHeader;
+  Problem: Problem;
+  SceneInfo: SceneInfo;
+  ServerConfig: ServerConfig;
+}
+/**
+ * One view to render. The pose is either Euler angles and `translation`, or `position` and `quaternion`.
+ */
+export interface RenderRequest {
+  scene: string;
+  seq?: number;
+  azimuth?: number | null;
+  elevation?: number | null;
+  roll?: number | null;
+  translation?: [number, number, number] | null;
+  position?: [number, number, number] | null;
+  quaternion?: [number, number, number, number] | null;
+  fx: number;
+  fy: number;
+  cx: number;
+  cy: number;
+  width: number;
+  height: number;
+  profile?: number | null;
+  format?: "jpeg" | "png" | "yuv420p";
+  deadline_ms?: number | null;
+}
+/**
+ * Goes before the body on WebTransport. From status 400 on, the body is a Problem and the rest is null.
+ */
+export interface FrameHeader {
+  status: number;
+  seq: number;
+  content_type: string;
+  width?: number | null;
+  height?: number | null;
+  profile?: number | null;
+  timing?: ServerTiming | null;
+}
+/**
+ * Where the server's time went, in milliseconds.
+ */
+export interface ServerTiming {
+  queue: number;
+  render: number;
+  encode: number;
+}
+/**
+ * Why a request failed (RFC 9457, application/problem+json).
+ */
+export interface Problem {
+  type: string;
+  title: string;
+  status: number;
+  detail: string;
+}
+/**
+ * What is known of a scene without loading it; `camera` is known once it was loaded, or from its scene.json.
+ */
+export interface SceneInfo {
+  id: string;
+  name: string;
+  state: "unloaded" | "loading" | "loaded" | "broken";
+  error: string | null;
+  gaussians: number | null;
+  sh_degree: number | null;
+  file_bytes: number;
+  memory_bytes: number;
+  preview: string;
+  /**
+   * @minItems 3
+   * @maxItems 3
+   */
+  up: [number, number, number];
+  camera: StartCamera | null;
+  /**
+   * @minItems 3
+   * @maxItems 3
+   */
+  background: [number, number, number];
+}
+/**
+ * Where a visitor enters the scene.
+ */
+export interface StartCamera {
+  /**
+   * @minItems 3
+   * @maxItems 3
+   */
+  position: [number, number, number];
+  /**
+   * @minItems 3
+   * @maxItems 3
+   */
+  look_at: [number, number, number];
+}
+/**
+ * What the page needs to know of its server (`/config.json`).
+ */
+export interface ServerConfig {
+  version: string;
+  ladder: Rung[];
+  certificate_sha256: string | null;
+  webtransport_url: string | null;
+  https_url: string | null;
+  services: {
+    [k: string]: string;
+  };
+}
+/**
+ * One level of the quality ladder; its number is its place in the ladder, 0 the best.
+ */
+export interface Rung {
+  name: string;
+  width: number;
+  height: number;
+  quality: number;
+  expected_kb: number;
+}

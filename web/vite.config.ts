@@ -1,0 +1,18 @@
+import { defineConfig } from "vitest/config";
+
+const SERVER = "http://localhost:8080";
+
+export default defineConfig({
+  base: "./",
+  build: {
+    outDir: "../services/render/tigas_render/static",
+    emptyOutDir: true,
+    target: "es2024",
+    modulePreload: { polyfill: false },
+  },
+  worker: { format: "es" },
+  server: {
+    proxy: Object.fromEntries(["/config.json", "/healthz", "/render", "/scenes"].map((path) => [path, SERVER])),
+  },
+  test: { environment: "node", include: ["src/**/*.test.ts"] },
+});
