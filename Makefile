@@ -38,7 +38,7 @@ lint: .venv/.ready web/node_modules/.ready
 
 format: .venv/.ready web/node_modules/.ready
 	@$(VENV)/ruff check --fix . ; $(VENV)/ruff format .
-	@cd web && npm run --silent format
+	@cd web && npm run --silent fix
 
 bench: .venv/.ready $(STATIC)
 	@$(VENV)/python benchmarks/raster.py

@@ -56,6 +56,13 @@ def test_any_quaternion_but_zero_is_a_rotation(quaternion: tuple[float, float, f
     assert np.linalg.det(rotation) == pytest.approx(1)
 
 
+@given(quaternions)
+def test_a_rotation_gives_its_quaternion_back(quaternion: tuple[float, float, float, float]) -> None:
+    pose = Pose.from_quaternion(ORIGIN, quaternion)
+    assert math.hypot(*pose.quaternion) == pytest.approx(1)
+    assert np.allclose(Pose.from_quaternion(ORIGIN, pose.quaternion).rotation, pose.rotation, atol=1e-9)
+
+
 def test_quaternion_and_angles_agree() -> None:
     half = math.radians(30) / 2
     turned = Pose.from_quaternion((1.0, 2.0, 3.0), (0.0, math.sin(half), 0.0, math.cos(half)))

@@ -56,6 +56,19 @@ class Pose:
             ),
         )
 
+    @property
+    def quaternion(self) -> tuple[float, float, float, float]:
+        """The rotation as a unit quaternion [x, y, z, w], camera to world.
+
+        Shepperd's method: divide by the largest of the four, so that nothing cancels (J. Guidance and Control 1, 1978).
+        """
+        (a, b, c), (d, e, f), (g, h, i) = self.rotation
+        x, y, z, w = 1 + a - e - i, 1 - a + e - i, 1 - a - e + i, 1 + a + e + i
+        rows = ((x, b + d, c + g, h - f), (b + d, y, f + h, c - g), (c + g, f + h, z, d - b), (h - f, c - g, d - b, w))
+        row = max(enumerate(rows), key=lambda item: item[1][item[0]])[1]
+        length = math.hypot(*row)
+        return (row[0] / length, row[1] / length, row[2] / length, row[3] / length)
+
     @classmethod
     def look_at(cls, position: Vector3, target: Vector3, up: Vector3) -> Pose:
         """A pose at `position` that sees `target` in its centre, with `up` pointing up in the picture.

@@ -1,0 +1,125 @@
+"""The commands `tigas render` and `tigas scene`. Heavy imports wait until a command runs."""
+
+from __future__ import annotations
+
+import logging
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from tigas_common.errors import TigasError
+from tigas_common.settings import load_settings
+
+scene = typer.Typer(help="Look at and make scene files.", no_args_is_help=True)
+
+
+def render(
+    scenes: Annotated[Path | None, typer.Option(help="Models directory: one folder a scene.")] = None,
+    http: Annotated[str | None, typer.Option(metavar="HOST:PORT", help="Page and API. [127.0.0.1:8080]")] = None,
+    https: Annotated[
+        str | None,
+        typer.Option(metavar="HOST:PORT", help="The same over HTTPS, for phones and other devices. [off]"),
+    ] = None,
+    quic: Annotated[
+        str | None, typer.Option(metavar="HOST:PORT", help="HTTP/3 and WebTransport, or 'off'. [[::]:4433]")
+    ] = None,
+    device: Annotated[str | None, typer.Option(metavar="auto|cpu|cuda", help="Where to rasterise. [auto]")] = None,
+    congestion_control: Annotated[str | None, typer.Option(metavar="reno|cubic", help="QUIC's. [reno]")] = None,
+    memory_gb: Annotated[float | None, typer.Option(help="Memory that loaded scenes may take, in GB. [8]")] = None,
+    idle_minutes: Annotated[float | None, typer.Option(help="Unload scenes unused for so long. [15]")] = None,
+) -> None:
+    """Serve scenes: open the page it prints, pick one and walk through it.
+
+    Settings are also read from [render] in tigas.toml (or the file that TIGAS_CONFIG names) and from TIGAS_RENDER_*.
+    """
+    flags = {name: value for name, value in locals().items() if value is not None}
+    import uvloop
+
+    from tigas_render.main import StartError, serve
+    from tigas_render.settings import RenderSettings
+
+    settings = load_settings(RenderSettings, flags)
+    logging.basicConfig(format="%(asctime)s %(levelname)s %(message)s", level=logging.INFO, stream=sys.stdout)
+    try:
+        uvloop.run(serve(settings))
+    except StartError as error:
+        typer.secho(str(error), err=True, fg="red")
+        raise typer.Exit(1) from None
+
+
+@scene.command("info")
+def info(ply: Annotated[Path, typer.Argument(help="An INRIA 3DGS PLY.")]) -> None:
+    """Print what is in a scene's file."""
+    from rich.console import Console
+    from rich.table import Table
+
+    from tigas_render.scenes.metadata import DEFAULT_UP, derive_camera
+    from tigas_render.scenes.ply import load_ply
+
+    with _explained():
+        gaussians = load_ply(ply)
+    camera = derive_camera(gaussians.means, gaussians.opacities, gaussians.scales, DEFAULT_UP)
+    low, high = gaussians.means.amin(0).tolist(), gaussians.means.amax(0).tolist()
+    table = Table(show_header=False, box=None)
+    table.add_row("Gaussians", f"{len(gaussians):,}")
+    table.add_row("SH degree", str(gaussians.sh_degree))
+    table.add_row("memory", f"{gaussians.nbytes / 1e6:.1f} MB")
+    for axis, start, end in zip("xyz", low, high, strict=True):
+        table.add_row(axis, f"{start:.3f} … {end:.3f}")
+    table.add_row("median opacity", f"{gaussians.opacities.median():.3f}")
+    table.add_row("median scale", f"{gaussians.scales.median():.4g}")
+    table.add_row("start camera", _point(camera.position) + " → " + _point(camera.look_at))
+    Console().print(table)
+
+
+@scene.command("synth")
+def synth(ply: Annotated[Path, typer.Argument(help="Where to write it.")]) -> None:
+    """Write the built-in demo scene as a PLY."""
+    from tigas_render.scenes.demo import demo_scene
+    from tigas_render.scenes.ply import write_ply
+
+    gaussians = demo_scene()
+    with _explained():
+        write_ply(ply, gaussians)
+    print(f"{ply}: {len(gaussians):,} Gaussians, SH degree {gaussians.sh_degree}")
+
+
+@scene.command("preview")
+def preview(
+    ply: Annotated[Path, typer.Argument(help="An INRIA 3DGS PLY.")],
+    image: Annotated[Path, typer.Argument(help="Where to write the picture: .jpg or .png.")],
+    width: Annotated[int, typer.Option(min=1, max=8192)] = 640,
+    height: Annotated[int, typer.Option(min=1, max=8192)] = 360,
+) -> None:
+    """Render a scene from its start camera."""
+    from tigas_render.raster.devices import create_rasterizer
+    from tigas_render.scenes.metadata import DEFAULT_UP, derive_camera
+    from tigas_render.scenes.ply import load_ply
+    from tigas_render.scenes.preview import preview_camera
+
+    with _explained():
+        gaussians = load_ply(ply)
+        start = derive_camera(gaussians.means, gaussians.opacities, gaussians.scales, DEFAULT_UP)
+        rasterizer = create_rasterizer("auto")
+        camera = preview_camera(start, DEFAULT_UP, width, height)
+        with rasterizer.render(rasterizer.prepare(gaussians), camera) as picture:
+            image.write_bytes(picture.encode("png" if image.suffix.lower() == ".png" else "jpeg", 90))
+    print(image)
+
+
+@contextmanager
+def _explained() -> Iterator[None]:
+    """Turns errors about files into one sentence and exit status 1."""
+    try:
+        yield
+    except (TigasError, OSError) as error:
+        typer.secho(str(error), err=True, fg="red")
+        raise typer.Exit(1) from None
+
+
+def _point(point: tuple[float, float, float]) -> str:
+    return "(" + ", ".join(f"{value:.2f}" for value in point) + ")"

@@ -1,0 +1,92 @@
+"""Wires the render service together: settings in, servers up, until told to stop."""
+
+from __future__ import annotations
+
+import os
+import ssl
+from collections.abc import Iterator
+from contextlib import AsyncExitStack, contextmanager
+from pathlib import Path
+
+from tigas_common.address import Address
+from tigas_common.runner import serve_http, until_stopped
+from tigas_render.app import create_app
+from tigas_render.raster.devices import create_rasterizer
+from tigas_render.service import RenderService
+from tigas_render.settings import RenderSettings
+from tigas_render.transport.frames import render_session
+from tigas_render.transport.server import Http3Server
+
+
+class StartError(Exception):
+    """Why the service cannot start, in one sentence."""
+
+
+async def serve(settings: RenderSettings) -> None:
+    """Run the render service until SIGINT or SIGTERM. Raises StartError."""
+    _check_directory(settings.scenes)
+    try:
+        rasterizer = create_rasterizer(settings.device)
+    except ValueError as error:
+        raise StartError(str(error)) from None
+    print("Preparing the rasteriser (the first start on a machine compiles it, about half a minute) …", flush=True)
+    async with AsyncExitStack() as stack:
+        service = await stack.enter_async_context(RenderService.open(settings, rasterizer))
+        app = create_app(service)
+        if settings.quic:
+            with _explained("--quic", settings.quic):
+                server = await stack.enter_async_context(
+                    Http3Server(
+                        app,
+                        host=settings.quic.host,
+                        port=settings.quic.port,
+                        certificate=service.certificate,
+                        webtransport={"/render": render_session(service.engine)},
+                        congestion_control=settings.congestion_control,
+                    )
+                )
+            service.quic_port = server.port
+            service.on_renewal(server.replace_certificate)
+        if settings.https:
+            tls = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
+            service.on_renewal(lambda certificate: certificate.load_into(tls))
+            with _explained("--https", settings.https):
+                service.https_port = await stack.enter_async_context(serve_http(app, settings.https, tls))
+        with _explained("--http", settings.http):
+            port = await stack.enter_async_context(serve_http(app, settings.http))
+        _announce(service, Address(settings.http.host, port))
+        await until_stopped()
+
+
+@contextmanager
+def _explained(flag: str, address: Address) -> Iterator[None]:
+    """Turns the system's errors about an address into a sentence."""
+    try:
+        yield
+    except OSError as error:
+        reason = os.strerror(error.errno) if error.errno and error.errno > 0 else str(error)
+        raise StartError(f"Cannot listen on {address} ({reason}); choose another with {flag}.") from None
+
+
+def _check_directory(scenes: Path | None) -> None:
+    if scenes is None:
+        return
+    if not scenes.is_dir():
+        raise StartError(f"The models directory {scenes} does not exist; make it, or name another with --scenes.")
+    if not os.access(scenes, os.R_OK | os.X_OK):
+        raise StartError(f"The models directory {scenes} cannot be read; look at its permissions.")
+
+
+def _announce(service: RenderService, http: Address) -> None:
+    scenes = service.registry.infos()
+    for scene in scenes:
+        if scene.state == "broken":
+            print(f"  {scene.id} is left out: {scene.error}")
+    usable = sum(scene.state != "broken" for scene in scenes)
+    print(f"{usable} {'scene' if usable == 1 else 'scenes'} ready on {service.device}.")
+    if service.settings.scenes is not None and len(scenes) == 1:
+        folder = service.settings.scenes
+        print(f"{folder} has no scenes yet: put each model in a folder of its own, such as {folder}/garden/garden.ply.")
+    if service.https_port:
+        print(f"Other devices on the network: https://<this machine's address>:{service.https_port}/")
+    print(f"Open http://{http.reachable_host}:{http.port}/", flush=True)

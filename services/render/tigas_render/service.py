@@ -1,0 +1,118 @@
+"""Everything that the render service holds while it runs: rasteriser, scenes, engine, previews and certificate."""
+
+from __future__ import annotations
+
+import asyncio
+import socket
+import time
+from collections.abc import AsyncIterator, Callable
+from contextlib import asynccontextmanager
+from datetime import UTC, datetime
+from importlib.metadata import version
+
+from tigas_common.certificate import Certificate
+from tigas_common.wire import RenderRequest, ServerConfig
+from tigas_render.engine import Engine
+from tigas_render.metrics import EngineMetrics
+from tigas_render.raster.base import Rasterizer
+from tigas_render.scenes.preview import Preview, PreviewCache, preview_camera
+from tigas_render.scenes.registry import SceneRegistry
+from tigas_render.settings import RenderSettings
+
+HOUSEKEEPING_S = 15
+"""How often idle scenes and the certificate are looked after, in seconds."""
+
+
+class RenderService:
+    """The running service. Transports ask `engine` for frames; `app` turns the rest into HTTP."""
+
+    def __init__(self, settings: RenderSettings, rasterizer: Rasterizer) -> None:
+        self.settings = settings
+        self.device = rasterizer.device
+        self.metrics = EngineMetrics()
+        self.registry = SceneRegistry(
+            settings.scenes,
+            rasterizer.prepare,
+            memory_budget=int(settings.memory_gb * 1e9),
+            idle_s=60 * settings.idle_minutes,
+            clock=time.monotonic,
+        )
+        self.engine = Engine(rasterizer, self.registry, settings.ladder, self.metrics, time.monotonic)
+        self.certificate = Certificate.create(_own_names(settings), datetime.now(UTC))
+        self.quic_port: int | None = None
+        """Where QUIC is served, once it is."""
+        self.https_port: int | None = None
+        self._previews = PreviewCache(settings.cache, self._render_preview)
+        self._on_renewal: list[Callable[[Certificate], None]] = []
+
+    @classmethod
+    @asynccontextmanager
+    async def open(cls, settings: RenderSettings, rasterizer: Rasterizer) -> AsyncIterator[RenderService]:
+        """A running service for as long as the context lasts."""
+        service = cls(settings, rasterizer)
+        async with service.engine:
+            await service.registry.scan()
+            housekeeping = asyncio.create_task(service._keep_house())
+            try:
+                yield service
+            finally:
+                housekeeping.cancel()
+
+    def on_renewal(self, use: Callable[[Certificate], None]) -> None:
+        """Call `use` with the certificate now, and with each that replaces it."""
+        use(self.certificate)
+        self._on_renewal.append(use)
+
+    def config(self, host: str) -> ServerConfig:
+        """What a page that was opened under `host` needs to know."""
+        # QUIC does not fall back from ::1 to 127.0.0.1, so a browser must not choose between them.
+        quic_host = "127.0.0.1" if host == "localhost" else host
+        return ServerConfig(
+            version=version("tigas"),
+            ladder=self.settings.ladder,
+            certificate_sha256=self.certificate.sha256 if self.quic_port else None,
+            webtransport_url=f"https://{_bracketed(quic_host)}:{self.quic_port}/render" if self.quic_port else None,
+            https_url=f"https://{_bracketed(host)}:{self.https_port}/" if self.https_port else None,
+            services=self.settings.services,
+        )
+
+    async def preview(self, scene_id: str) -> Preview:
+        """A scene's thumbnail. Raises UnknownScene and BrokenScene."""
+        return await self._previews.get(self.registry.source(scene_id))
+
+    async def _render_preview(self, scene_id: str, width: int, height: int) -> bytes:
+        """From the start camera, through the engine like every other frame, so that it waits for its turn."""
+        async with self.registry.use(scene_id) as scene:
+            camera = preview_camera(scene.camera, scene.source.metadata.up, width, height)
+            lens = camera.intrinsics
+            request = RenderRequest(
+                scene=scene_id,
+                position=camera.pose.position,
+                quaternion=camera.pose.quaternion,
+                fx=lens.fx,
+                fy=lens.fy,
+                cx=lens.cx,
+                cy=lens.cy,
+                width=width,
+                height=height,
+            )
+            return (await self.engine.submit("previews", request)).body
+
+    async def _keep_house(self) -> None:
+        while True:
+            await asyncio.sleep(HOUSEKEEPING_S)
+            self.registry.evict_idle(time.monotonic())
+            now = datetime.now(UTC)
+            if self.certificate.needs_renewal(now):
+                self.certificate = Certificate.create(_own_names(self.settings), now)
+                for use in self._on_renewal:
+                    use(self.certificate)
+
+
+def _own_names(settings: RenderSettings) -> list[str]:
+    addresses = [address.host for address in (settings.http, settings.https, settings.quic) if address]
+    return [socket.gethostname(), *addresses]
+
+
+def _bracketed(host: str) -> str:
+    return f"[{host}]" if ":" in host else host

@@ -1,0 +1,55 @@
+"""The render service's settings."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import Annotated, Any, ClassVar, Literal
+
+from pydantic import BeforeValidator, Field
+from pydantic_settings import SettingsConfigDict
+
+from tigas_common.address import Address
+from tigas_common.settings import ServiceSettings
+from tigas_common.wire import DEFAULT_LADDER, Rung
+
+
+def _address(value: Any) -> Any:
+    return Address.parse(value) if isinstance(value, str) else value
+
+
+def _address_or_off(value: Any) -> Any:
+    return None if value == "off" else _address(value)
+
+
+def _cache_directory() -> Path:
+    return Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache")) / "tigas"
+
+
+class RenderSettings(ServiceSettings):
+    """Each may be set in `tigas.toml` under [render], as TIGAS_RENDER_<NAME>, or as a flag of `tigas render`."""
+
+    model_config = SettingsConfigDict(env_prefix="TIGAS_RENDER_", extra="forbid", frozen=True)
+    table: ClassVar[str] = "render"
+
+    scenes: Path | None = None
+    """The models directory: one folder a scene."""
+    http: Annotated[Address, BeforeValidator(_address)] = Address("127.0.0.1", 8080)
+    """Where the page and the API are served over HTTP/1.1."""
+    https: Annotated[Address | None, BeforeValidator(_address_or_off)] = None
+    """Where they are served over HTTPS too, for other devices on the network."""
+    quic: Annotated[Address | None, BeforeValidator(_address_or_off)] = Address("::", 4433)
+    """Where HTTP/3 and WebTransport are served; `off` for neither."""
+    device: Literal["auto", "cpu", "cuda"] = "auto"
+    congestion_control: Literal["reno", "cubic"] = "reno"
+    """QUIC's congestion control."""
+    memory_gb: float = Field(default=8.0, gt=0)
+    """How much memory loaded scenes may take, in gigabytes (10⁹ bytes)."""
+    idle_minutes: float = Field(default=15.0, gt=0)
+    """A scene that nobody looked at for so long is unloaded."""
+    ladder: tuple[Rung, ...] = Field(default=DEFAULT_LADDER, min_length=1, max_length=16)
+    """Quality levels, the best first."""
+    cache: Path = Field(default_factory=_cache_directory)
+    """Where rendered previews are kept."""
+    services: dict[str, str] = Field(default_factory=dict)
+    """Base URLs of other services that the page may use, by name."""

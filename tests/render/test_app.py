@@ -1,0 +1,198 @@
+"""The HTTP interface over the real engine and rasteriser, through a real client."""
+
+from __future__ import annotations
+
+import asyncio
+import io
+import json
+from collections.abc import AsyncIterator
+from pathlib import Path
+from typing import Any
+
+import httpx
+import pytest
+import torch
+from PIL import Image
+
+from tests.render.fakes import render_request
+from tigas_render.app import create_app
+from tigas_render.raster.devices import create_rasterizer
+from tigas_render.scenes.gaussians import Gaussians
+from tigas_render.scenes.ply import write_ply
+from tigas_render.service import RenderService
+from tigas_render.settings import RenderSettings
+
+pytestmark = pytest.mark.anyio
+
+
+def red_wall() -> Gaussians:
+    """One large red Gaussian, three units in front of the origin."""
+    return Gaussians(
+        means=torch.tensor([[0.0, 0.0, 3.0]]),
+        scales=torch.full((1, 3), 5.0),
+        quaternions=torch.tensor([[1.0, 0.0, 0.0, 0.0]]),
+        opacities=torch.tensor([0.999]),
+        sh=torch.tensor([[[1.7, -1.7, -1.7]]]),
+    )
+
+
+@pytest.fixture(scope="module")
+def models(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A models directory with a good scene and a broken one."""
+    directory = tmp_path_factory.mktemp("models")
+    for name in ("wall", "broken"):
+        (directory / name).mkdir()
+    write_ply(directory / "wall" / "wall.ply", red_wall())
+    (directory / "wall" / "scene.json").write_text(
+        json.dumps({"name": "A wall", "camera": {"position": [0, 0, 0], "look_at": [0, 0, 3]}, "background": [0, 0, 1]})
+    )
+    big_endian = b"ply\nformat binary_big_endian 1.0\nelement vertex 1\nproperty float x\nend_header\n1234"
+    (directory / "broken" / "broken.ply").write_bytes(big_endian)
+    return directory
+
+
+@pytest.fixture
+async def client(models: Path, tmp_path: Path) -> AsyncIterator[httpx.AsyncClient]:
+    settings = RenderSettings(scenes=models, cache=tmp_path / "cache")
+    async with RenderService.open(settings, create_rasterizer("cpu")) as service:
+        transport = httpx.ASGITransport(create_app(service), raise_app_exceptions=False)
+        async with httpx.AsyncClient(transport=transport, base_url="http://localhost:8080") as client:
+            yield client
+
+
+def frame(**changes: Any) -> dict[str, Any]:
+    return render_request(scene="wall", **changes).model_dump(mode="json", exclude_none=True)
+
+
+async def test_a_frame_comes_with_what_the_protocol_promises(client: httpx.AsyncClient) -> None:
+    response = await client.post("/render", json=frame(seq=41))
+    assert response.status_code == 200
+    assert response.headers["content-type"] == "image/jpeg"
+    assert response.headers["content-length"] == str(len(response.content))
+    assert response.headers["cache-control"] == "no-store"
+    assert response.headers["timing-allow-origin"] == "*"
+    assert response.headers["tigas-frame"] == "seq=41, width=320, height=180, profile=3"
+    stages = [part.split(";dur=") for part in response.headers["server-timing"].split(", ")]
+    assert [name for name, _ in stages] == ["queue", "render", "encode"]
+    assert all(float(duration) >= 0 for _, duration in stages)
+    picture = Image.open(io.BytesIO(response.content))
+    assert picture.size == (320, 180)
+    red, green, blue = picture.getpixel((160, 90))  # type: ignore[misc]
+    assert red > 200
+    assert green < 60
+    assert blue < 60
+
+
+async def test_the_other_formats_and_pose(client: httpx.AsyncClient) -> None:
+    away = frame(
+        azimuth=None, elevation=None, translation=None, position=(0, 0, 0), quaternion=(0, 1, 0, 0), format="png"
+    )
+    response = await client.post("/render", json=away)
+    assert response.headers["content-type"] == "image/png"
+    picture = Image.open(io.BytesIO(response.content)).convert("RGB")
+    assert picture.getcolors() == [(320 * 180, (0, 0, 255))]  # turned round: nothing but the background
+    raw = await client.post("/render", json=frame(format="yuv420p", profile=None, width=33, height=17))
+    assert len(raw.content) == 33 * 17 + 2 * 17 * 9
+
+
+@pytest.mark.parametrize(
+    ("changes", "status", "kind"),
+    [
+        ({"scene": "nowhere"}, 404, "unknown-scene"),
+        ({"scene": "../wall"}, 404, "unknown-scene"),
+        ({"scene": "wall\0"}, 404, "unknown-scene"),
+        ({"scene": "/etc/passwd"}, 404, "unknown-scene"),
+        ({"scene": "broken"}, 422, "broken-scene"),
+        ({"profile": 9}, 400, "invalid-request"),
+        ({"fx": 0}, 400, "invalid-request"),
+        ({"width": 100_000, "height": 100_000}, 400, "invalid-request"),
+        ({"extra": 1}, 400, "invalid-request"),
+    ],
+)
+async def test_a_request_that_cannot_be_served_gets_a_problem(
+    client: httpx.AsyncClient, changes: dict[str, Any], status: int, kind: str
+) -> None:
+    response = await client.post("/render", json=frame() | changes)
+    assert response.status_code == status
+    assert response.headers["content-type"] == "application/problem+json"
+    problem = response.json()
+    assert problem["type"] == f"tigas:{kind}"
+    assert problem["status"] == status
+    assert problem["detail"].endswith(".")
+    assert (await client.post("/render", json=frame())).status_code == 200
+
+
+async def test_hostile_bodies_and_paths(client: httpx.AsyncClient) -> None:
+    assert (await client.post("/render", content=b"x" * 20_000)).status_code == 413
+    assert (await client.post("/render", content=b'{"fx": NaN')).status_code == 400
+    assert (await client.get("/render")).status_code == 405
+    for path in ("/nothing", "/scenes/..%2f..%2fetc", "/scenes/%00", "/static/../app.py", "/..%2fapp.py"):
+        response = await client.get(path)
+        assert response.status_code == 404, path
+        assert response.json()["type"] in ("tigas:not-found", "tigas:unknown-scene")
+
+
+async def test_extreme_but_valid_views_are_frames(client: httpx.AsyncClient) -> None:
+    for changes in (
+        {"fx": 1e-3, "fy": 1e6},
+        {"cx": 1e6, "cy": -1e6},
+        {"translation": (1e9, -1e9, 1e9)},
+        {"azimuth": 1e6, "elevation": -1e6, "roll": 1e6},
+        {"width": 1, "height": 1, "profile": None},
+        {"width": 8192, "height": 1},
+    ):
+        response = await client.post("/render", json=frame(**changes))
+        assert response.status_code == 200, changes
+
+
+async def test_scenes_are_listed_loaded_and_unloaded(client: httpx.AsyncClient) -> None:
+    scenes = {scene["id"]: scene for scene in (await client.get("/scenes")).json()}
+    assert scenes["wall"] | {"name": "A wall", "gaussians": 1, "state": "unloaded", "memory_bytes": 0} == scenes["wall"]
+    assert scenes["broken"]["state"] == "broken"
+    assert "big-endian" in scenes["broken"]["error"]
+    loaded = (await client.post("/scenes/wall/load")).json()
+    assert loaded["state"] == "loaded"
+    assert loaded["memory_bytes"] > 0
+    assert loaded["camera"] == {"position": [0, 0, 0], "look_at": [0, 0, 3]}
+    assert (await client.post("/scenes/wall/unload")).json()["state"] == "unloaded"
+    assert (await client.get("/scenes/wall")).json()["state"] == "unloaded"
+    assert (await client.post("/scenes/nowhere/load")).status_code == 404
+    assert (await client.post("/scenes/broken/load")).status_code == 422
+
+
+async def test_a_scene_added_later_is_found_on_request(client: httpx.AsyncClient, models: Path) -> None:
+    (models / "late").mkdir()
+    write_ply(models / "late" / "late.ply", red_wall())
+    assert (await client.get("/scenes/late")).status_code == 404
+    assert "late" in [scene["id"] for scene in (await client.get("/scenes?scan=1")).json()]
+
+
+async def test_a_missing_preview_is_rendered(client: httpx.AsyncClient) -> None:
+    response = await client.get("/scenes/wall/preview")
+    assert response.headers["content-type"] == "image/jpeg"
+    picture = Image.open(io.BytesIO(response.content))
+    assert picture.getpixel((picture.width // 2, picture.height // 2))[0] > 200  # type: ignore[index]
+    assert (await client.get("/scenes/nowhere/preview")).status_code == 404
+
+
+async def test_the_page_learns_its_ladder_and_urls(client: httpx.AsyncClient) -> None:
+    config = (await client.get("/config.json")).json()
+    assert [rung["height"] for rung in config["ladder"]] == [720, 540, 360, 180]
+    assert config["webtransport_url"] is None  # this application is not served over QUIC
+    assert (await client.get("/healthz")).json() == {"status": "ok"}
+
+
+async def test_metrics_count_frames_and_failures(client: httpx.AsyncClient) -> None:
+    await client.post("/render", json=frame())
+    await client.post("/render", json=frame() | {"scene": "nowhere"})
+    text = (await client.get("/metrics")).text
+    assert 'tigas_requests_total{outcome="frame"} 1.0' in text
+    assert 'tigas_requests_total{outcome="unknown-scene"} 1.0' in text
+    assert 'tigas_frame_seconds_count{stage="render"} 1.0' in text
+
+
+async def test_many_viewers_at_once_all_get_their_frames(client: httpx.AsyncClient) -> None:
+    responses = await asyncio.gather(*(client.post("/render", json=frame(seq=seq)) for seq in range(4)))
+    assert sorted(response.headers["tigas-frame"].split(",")[0] for response in responses) == [
+        f"seq={seq}" for seq in range(4)
+    ]
