@@ -15,7 +15,6 @@ from aioquic.h3.events import (
     DatagramReceived,
     DataReceived,
     H3Event,
-    Headers,
     HeadersReceived,
     WebTransportStreamDataReceived,
 )
@@ -35,13 +34,14 @@ from tigas_render.transport.gso import Address, Datagram
 from tigas_render.transport.http import HttpRequest
 from tigas_render.transport.limits import Limits
 from tigas_render.transport.quic import ServerH3Connection, ServerQuicConnection
-from tigas_render.transport.stream import Stream, StreamClosed
+from tigas_render.transport.stream import Stream
 from tigas_render.transport.webtransport import (
     DRAFT_HEADER,
     SessionHandler,
     WebTransportSession,
     WebTransportStream,
 )
+from tigas_render.transport.writer import Writer
 
 logger = logging.getLogger(__name__)
 
@@ -90,8 +90,8 @@ class Connection:
         self.service = service
         self.client = client
         self.server = server
+        self.writer = Writer(quic, service.limits, self.transmit_soon)
         self._quic = quic
-        self._h3: ServerH3Connection | None = None
         self._listener = listener
         self._loop = asyncio.get_running_loop()
         self._timer: asyncio.TimerHandle | None = None
@@ -100,10 +100,9 @@ class Connection:
         self._streams: dict[int, Stream] = {}
         self._sessions: dict[int, WebTransportSession] = {}
         self._session_tasks: set[asyncio.Task[None]] = set()
-        self._waiting: dict[int, asyncio.Future[None]] = {}
+        self._abandoned = False
         self._next_request = 0
         self._goaway: int | None = None
-        self._closed = False
         self._idle: asyncio.Future[None] | None = None
         self._handshake_timer = self._loop.call_later(service.limits.handshake_timeout, self._handshake_late)
 
@@ -123,22 +122,37 @@ class Connection:
 
     def receive(self, data: bytes, address: Address) -> None:
         """Take one datagram; `transmit` must follow once all that have arrived are in."""
-        self._quic.receive_datagram(data, address, now=self._loop.time())
-        self._process_events()
+        try:
+            self._quic.receive_datagram(data, address, now=self._loop.time())
+            self._process_events()
+        except Exception:
+            self._fail()
 
     def transmit(self) -> None:
         """Send what may be sent now, and arm the timer for the rest."""
         if self._transmit_handle is not None:
             self._transmit_handle.cancel()
             self._transmit_handle = None
+        try:
+            if not self._abandoned:
+                self._transmit()
+        except Exception:
+            self._fail()
+
+    def transmit_soon(self) -> None:
+        """Send once the running callbacks are done, so that many writes share packets."""
+        if self._transmit_handle is None and not self._abandoned:
+            self._transmit_handle = self._loop.call_soon(self.transmit)
+
+    def _transmit(self) -> None:
         more = True
         while more:
-            more = self._hand_over_datagrams()
+            more = self.writer.hand_over_datagrams(self._sessions.values())
             datagrams = self._quic.datagrams_to_send(now=self._loop.time())
             if not datagrams:
                 break
             self._listener.send(datagrams)
-        self._wake_writers()
+        self.writer.wake()
         timer_at = self._quic.get_timer()
         if timer_at != self._timer_at:
             if self._timer is not None:
@@ -146,18 +160,22 @@ class Connection:
             self._timer = None if timer_at is None else self._loop.call_at(timer_at, self._handle_timer)
             self._timer_at = timer_at
 
-    def transmit_soon(self) -> None:
-        """Send once the running callbacks are done, so that many writes share packets."""
-        if self._transmit_handle is None:
-            self._transmit_handle = self._loop.call_soon(self.transmit)
-
     def _handle_timer(self) -> None:
         assert self._timer_at is not None
         now = max(self._timer_at, self._loop.time())
         self._timer = self._timer_at = None
-        self._quic.handle_timer(now=now)
-        self._process_events()
+        try:
+            self._quic.handle_timer(now=now)
+            self._process_events()
+        except Exception:
+            self._fail()
         self.transmit()
+
+    def _fail(self) -> None:
+        """Whatever a client manages to provoke ends its own connection and no other."""
+        logger.exception("The connection from %s failed", self.client[0])
+        self.abandon()
+        self._listener.terminated(self)
 
     def _handshake_late(self) -> None:
         if not self.is_established:
@@ -167,11 +185,11 @@ class Connection:
 
     def go_away(self) -> None:
         """Tell the client to open no further requests here; those that it has opened are still answered."""
-        if self._h3 is None or self._goaway is not None:
+        if self.writer.h3 is None or self._goaway is not None:
             return
         self._goaway = self._next_request
         frame = encode_frame(FrameType.GOAWAY, encode_uint_var(self._goaway))
-        self._quic.send_stream_data(self._h3.control_stream_id, frame)
+        self._quic.send_stream_data(self.writer.h3.control_stream_id, frame)
         self.transmit()
 
     async def finish(self) -> None:
@@ -180,7 +198,7 @@ class Connection:
             self._idle = self._loop.create_future()
             await self._idle
 
-    async def ended(self) -> None:
+    async def tasks_ended(self) -> None:
         """Wait until the tasks of a closed connection have ended."""
         tasks = [stream.task for stream in self._streams.values() if stream.task is not None]
         tasks += self._session_tasks
@@ -195,6 +213,7 @@ class Connection:
 
     def abandon(self) -> None:
         """Forget the connection without a word to the client: no more timers, no more tasks."""
+        self._abandoned = True
         self._handshake_timer.cancel()
         if self._timer is not None:
             self._timer.cancel()
@@ -203,15 +222,12 @@ class Connection:
         self._end_everything()
 
     def _end_everything(self) -> None:
-        self._closed = True
         self._handshake_timer.cancel()
         for session in list(self._sessions.values()):
             session.close()
         for stream in list(self._streams.values()):
             stream.cancelled()
-        for waiter in self._waiting.values():
-            if not waiter.done():
-                waiter.set_result(None)
+        self.writer.close()
 
     # -- events ------------------------------------------------------------------------------------------------------
 
@@ -228,14 +244,14 @@ class Connection:
                 case HandshakeCompleted():
                     self._handshake_timer.cancel()
                 case ProtocolNegotiated():
-                    self._h3 = ServerH3Connection(self._quic, enable_webtransport=True)
+                    self.writer.h3 = ServerH3Connection(self._quic, enable_webtransport=True)
                 case _:
                     self._stream_event(event)
 
     def _stream_event(self, event: QuicEvent) -> None:
-        if self._h3 is None:
+        if self.writer.h3 is None:
             return
-        for h3_event in self._h3.handle_event(event):
+        for h3_event in self.writer.h3.handle_event(event):
             self._h3_event(h3_event)
         if isinstance(event, StopSendingReceived | StreamReset):
             if (session := self._sessions.get(event.stream_id)) is not None:
@@ -253,7 +269,7 @@ class Connection:
             case HeadersReceived():
                 if (stream := self._streams.get(event.stream_id)) is not None:  # trailers
                     stream.data_received(b"", event.stream_ended)
-                elif event.stream_id not in self._sessions and self._quic.can_write(event.stream_id):
+                elif event.stream_id not in self._sessions and self.writer.is_open(event.stream_id):
                     self._request_received(event)
             case DataReceived():
                 if (session := self._sessions.get(event.stream_id)) is not None:
@@ -265,7 +281,7 @@ class Connection:
         stream_id = event.stream_id
         self._next_request = max(self._next_request, stream_id + 4)
         if self._goaway is not None and stream_id >= self._goaway:
-            self.abort(stream_id, ErrorCode.H3_REQUEST_REJECTED)
+            self.writer.abort(stream_id, ErrorCode.H3_REQUEST_REJECTED)
             return
         pseudo = {name: value for name, value in event.headers if name.startswith(b":")}
         if pseudo[b":method"] == b"CONNECT":
@@ -296,14 +312,14 @@ class Connection:
         elif len(self._sessions) >= self.service.limits.sessions:
             self._refuse_connect(stream_id, b"429")
         else:
-            self.send_headers(stream_id, [(b":status", b"200"), DRAFT_HEADER])
+            self.writer.headers(stream_id, [(b":status", b"200"), DRAFT_HEADER])
             session = self._sessions[stream_id] = WebTransportSession(self, stream_id, path, handler)
             self._session_tasks.add(session.task)
             session.task.add_done_callback(self._session_tasks.discard)
 
     def _refuse_connect(self, stream_id: int, status: bytes) -> None:
-        self.send_headers(stream_id, [(b":status", status)], end=True)
-        self.abort(stream_id, ErrorCode.H3_NO_ERROR)
+        self.writer.headers(stream_id, [(b":status", status)], end=True)
+        self.writer.abort(stream_id, ErrorCode.H3_NO_ERROR)
 
     def _webtransport_data(self, event: WebTransportStreamDataReceived) -> None:
         stream_id = event.stream_id
@@ -311,9 +327,9 @@ class Connection:
         if stream is None:
             session = self._sessions.get(event.session_id)
             if session is None or stream_id % 4 != 0 or self._goaway is not None:
-                self.abort(stream_id, BUFFERED_STREAM_REJECTED)
+                self.writer.abort(stream_id, BUFFERED_STREAM_REJECTED)
                 return
-            if not self._quic.can_write(stream_id):  # answered already; the client has not stopped yet
+            if not self.writer.is_open(stream_id):  # answered already; the client has not stopped yet
                 return
             stream = WebTransportStream(
                 self, stream_id, session, overloaded=self.running >= self.service.limits.requests
@@ -327,20 +343,17 @@ class Connection:
 
     def _start(self, stream: Stream) -> None:
         self._streams[stream.stream_id] = stream
-        stream.task = self._loop.create_task(self._run(stream))
+        stream.task = self._loop.create_task(stream.run())
+        # A callback, because a task that is cancelled before it starts never enters its own `finally`.
+        stream.task.add_done_callback(lambda task: self._ended(stream, task))
 
-    async def _run(self, stream: Stream) -> None:
-        try:
-            await stream.run()
-        except asyncio.CancelledError:
-            pass  # the client's wish; the task ends here and nobody awaits it
-        except Exception:
-            logger.exception("A stream's handler failed")
-        finally:
-            self._streams.pop(stream.stream_id, None)
-            self.abort(stream.stream_id, ErrorCode.H3_REQUEST_CANCELLED)
-            if self._idle is not None and not self._streams and not self._idle.done():
-                self._idle.set_result(None)
+    def _ended(self, stream: Stream, task: asyncio.Task[None]) -> None:
+        if not task.cancelled() and (error := task.exception()) is not None:
+            logger.error("A stream's handler failed", exc_info=error)
+        del self._streams[stream.stream_id]
+        self.writer.abort(stream.stream_id, stream.abort_code)
+        if self._idle is not None and not self._streams and not self._idle.done():
+            self._idle.set_result(None)
 
     def session_closed(self, session: WebTransportSession) -> None:
         """Forget a session and cancel its streams."""
@@ -349,90 +362,5 @@ class Connection:
         for stream in list(self._streams.values()):
             if isinstance(stream, WebTransportStream) and stream.session is session:
                 stream.cancelled()
-        self.send_raw(session.stream_id, b"", end=True)
-        self.abort(session.stream_id, ErrorCode.H3_NO_ERROR)
-
-    def abort(self, stream_id: int, error_code: int) -> None:
-        """End whatever is not ended yet, in both directions."""
-        if self._quic.is_receiving(stream_id):
-            self._quic.stop_stream(stream_id, error_code)
-        if stream_id % 4 == 0 and self._quic.can_write(stream_id):
-            self._quic.reset_stream(stream_id, error_code)
-        if self._h3 is not None:
-            self._h3.finished(stream_id)
-        self.transmit_soon()
-
-    def stop_reading(self, stream_id: int, error_code: int) -> None:
-        """Ask the client to send no more on a stream."""
-        if self._quic.is_receiving(stream_id):
-            self._quic.stop_stream(stream_id, error_code)
-            self.transmit_soon()
-
-    # -- writing -----------------------------------------------------------------------------------------------------
-
-    def send_headers(self, stream_id: int, headers: Headers, end: bool = False) -> None:
-        """Send an HTTP header section; nothing if the client has cancelled."""
-        if self._h3 is not None and self._quic.can_write(stream_id):
-            self._h3.send_headers(stream_id, headers, end)
-            self.transmit_soon()
-
-    def send_data(self, stream_id: int, data: bytes, end: bool) -> None:
-        """Send a part of an HTTP body; nothing if the client has cancelled."""
-        if self._h3 is not None and self._quic.can_write(stream_id):
-            self._h3.send_data(stream_id, data, end)
-            self.transmit_soon()
-
-    def send_raw(self, stream_id: int, data: bytes, end: bool) -> None:
-        """Send bytes of a WebTransport stream; nothing if the client has cancelled."""
-        if self._h3 is not None and self._quic.can_write(stream_id):
-            self._quic.send_stream_data(stream_id, data, end)
-            if end:
-                self._h3.finished(stream_id)
-            self.transmit_soon()
-
-    async def room(self, stream_id: int) -> None:
-        """Wait until a stream may hand more data to QUIC; the oldest stream of a connection goes first.
-
-        Raises StreamClosed if the client cancelled, is gone, or has read nothing for too long.
-        """
-        while not self._closed and self._quic.can_write(stream_id):
-            if self._has_room(stream_id):
-                return
-            waiter = self._waiting[stream_id] = self._loop.create_future()
-            try:
-                async with asyncio.timeout(self.service.limits.stall_timeout):
-                    await waiter
-            except TimeoutError:
-                raise StreamClosed("the client reads nothing") from None
-            finally:
-                del self._waiting[stream_id]
-        raise StreamClosed("the stream is closed")
-
-    def _has_room(self, stream_id: int) -> bool:
-        limit = self.service.limits.unsent
-        return self._quic.unsent(stream_id) < limit and self._quic.unsent_by_network() < limit
-
-    def _wake_writers(self) -> None:
-        for stream_id in sorted(self._waiting):
-            waiter = self._waiting[stream_id]
-            if not waiter.done() and (not self._quic.can_write(stream_id) or self._has_room(stream_id)):
-                waiter.set_result(None)
-
-    # -- datagrams ---------------------------------------------------------------------------------------------------
-
-    @property
-    def max_datagram(self) -> int:
-        """The longest WebTransport datagram that can be sent, in bytes; the session id takes up to 8 of the packet."""
-        return self._quic.max_datagram_payload - 8
-
-    def _hand_over_datagrams(self) -> bool:
-        """Give QUIC as many datagrams as it can send soon; whether any are left."""
-        more = False
-        for session in self._sessions.values():
-            for queue in (session.urgent, session.outgoing):
-                while queue and self._quic.datagram_room:
-                    data = session.prefix + queue.popleft()
-                    if len(data) <= self._quic.max_datagram_payload:
-                        self._quic.send_datagram_frame(data)
-                more |= bool(queue)
-        return more
+        self.writer.raw(session.stream_id, b"", end=True)
+        self.writer.abort(session.stream_id, ErrorCode.H3_NO_ERROR)

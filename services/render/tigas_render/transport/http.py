@@ -55,6 +55,8 @@ def http_scope(headers: Headers, client: tuple[str, int], server: tuple[str, int
 class HttpRequest(Stream):
     """A request and its response."""
 
+    abort_code = ErrorCode.H3_REQUEST_CANCELLED
+
     def __init__(self, connection: Connection, stream_id: int, headers: Headers, refuse: int | None = None) -> None:
         """With `refuse`, a status, the request is answered without the application."""
         super().__init__(connection, stream_id)
@@ -67,6 +69,7 @@ class HttpRequest(Stream):
         self._disconnected = False
         self._news = asyncio.Event()
         self._started = False
+        self._last_sent = False
         self._complete = False
 
     # -- from the client ---------------------------------------------------------------------------------------------
@@ -77,7 +80,7 @@ class HttpRequest(Stream):
             self._body.append(data)
             self._unread += len(data)
             if self._unread > self.connection.service.limits.unread:
-                self.connection.abort(self.stream_id, ErrorCode.H3_EXCESSIVE_LOAD)
+                self.connection.writer.abort(self.stream_id, ErrorCode.H3_EXCESSIVE_LOAD)
                 self.cancelled()
         self._news.set()
 
@@ -101,7 +104,7 @@ class HttpRequest(Stream):
         if failed and not self._started:
             await self._answer(500)
         elif failed:
-            self.connection.abort(self.stream_id, ErrorCode.H3_INTERNAL_ERROR)
+            self.connection.writer.abort(self.stream_id, ErrorCode.H3_INTERNAL_ERROR)
 
     async def receive(self) -> Message:
         """ASGI's receive: the body part by part, then, when the client or the response is done, the disconnect."""
@@ -118,7 +121,7 @@ class HttpRequest(Stream):
                 async with asyncio.timeout(timeout):
                     await self._news.wait()
             except TimeoutError:
-                self.connection.abort(self.stream_id, ErrorCode.H3_REQUEST_INCOMPLETE)
+                self.connection.writer.abort(self.stream_id, ErrorCode.H3_REQUEST_INCOMPLETE)
                 self.cancelled()
         return {"type": "http.disconnect"}
 
@@ -130,7 +133,7 @@ class HttpRequest(Stream):
             case "http.response.start" if not self._started:
                 self._started = True
                 self._send_headers(message["status"], message.get("headers", ()))
-            case "http.response.body" if self._started and not self._complete:
+            case "http.response.body" if self._started and not self._last_sent:
                 await self._send_body(message.get("body", b""), message.get("more_body", False))
             case other:
                 raise RuntimeError(f"The application sent {other!r} out of turn.")
@@ -138,22 +141,23 @@ class HttpRequest(Stream):
     def _send_headers(self, status: int, headers: Iterable[tuple[bytes, bytes]]) -> None:
         fields = [(name.lower(), value) for name, value in headers]
         fields = [field for field in fields if field[0] not in HOP_BY_HOP]
-        self.connection.send_headers(self.stream_id, [(b":status", str(status).encode()), *fields])
+        self.connection.writer.headers(self.stream_id, [(b":status", str(status).encode()), *fields])
 
     async def _send_body(self, body: bytes, more: bool) -> None:
-        self._complete = not more
+        self._last_sent = not more
         view = memoryview(b"" if self.scope["method"] == "HEAD" else body)
         try:
             while len(view) > 0:
-                await self.connection.room(self.stream_id)
+                await self.connection.writer.room(self.stream_id)
                 chunk, view = view[:CHUNK], view[CHUNK:]
-                self.connection.send_data(self.stream_id, bytes(chunk), end=self._complete and not view)
-            if self._complete and (self.scope["method"] == "HEAD" or not body):
-                self.connection.send_data(self.stream_id, b"", end=True)
+                self.connection.writer.data(self.stream_id, bytes(chunk), end=False)
         except StreamClosed:
+            self.connection.writer.abort(self.stream_id, ErrorCode.H3_REQUEST_CANCELLED)
             self.cancelled()
-        if self._complete:
-            self.connection.stop_reading(self.stream_id, ErrorCode.H3_NO_ERROR)
+        if not more:
+            self.connection.writer.raw(self.stream_id, b"", end=True)
+            self.connection.writer.stop_reading(self.stream_id, ErrorCode.H3_NO_ERROR)
+            self._complete = True  # from now on `receive` tells of the disconnect
             self._news.set()
 
     async def _answer(self, status: int) -> None:

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import asyncio
-import logging
 from collections.abc import Mapping
-from typing import Literal, Self
+from typing import Self
 
 from aioquic._buffer import Buffer
 from aioquic.h3.connection import H3_ALPN
@@ -20,6 +19,7 @@ from aioquic.quic.packet import (
 
 from tigas_common.certificate import Certificate
 from tigas_render.transport.asgi import App
+from tigas_render.transport.congestion import CongestionControl, algorithm
 from tigas_render.transport.connection import Connection, Service
 from tigas_render.transport.gso import Address, Datagram
 from tigas_render.transport.limits import Limits
@@ -29,13 +29,9 @@ from tigas_render.transport.tickets import TicketStore
 from tigas_render.transport.udp import UdpEndpoint, bind
 from tigas_render.transport.webtransport import SessionHandler
 
-logger = logging.getLogger(__name__)
-
 MAX_DATAGRAM_SIZE = 1452
 """Bytes of UDP payload that fit an Ethernet frame over IPv6 (1500 − 40 − 8), and over IPv4."""
 CID_LENGTH = 8
-
-CongestionControl = Literal["reno", "cubic"]
 
 
 class Http3Server:
@@ -57,7 +53,7 @@ class Http3Server:
         self._port = port
         self._limits = limits or Limits()
         self._service = Service(app, dict(webtransport or {}), self._limits)
-        self._congestion_control = congestion_control
+        self._algorithm = algorithm(congestion_control)
         self._configuration = self._configure(certificate)
         self._tickets = TicketStore()
         self._retry = RetryTokens()
@@ -91,7 +87,7 @@ class Http3Server:
                 task.cancel()
         for connection in connections:
             connection.close()
-        await asyncio.gather(*(connection.ended() for connection in connections))
+        await asyncio.gather(*(connection.tasks_ended() for connection in connections))
         for connection in connections:
             connection.abandon()
         self._connections.clear()
@@ -126,7 +122,7 @@ class Http3Server:
             alpn_protocols=H3_ALPN,
             certificate=certificate.x509,
             private_key=certificate.private_key,
-            congestion_control_algorithm=self._congestion_control,
+            congestion_control_algorithm=self._algorithm,
             connection_id_length=CID_LENGTH,
             idle_timeout=self._limits.idle_timeout,
             max_datagram_size=MAX_DATAGRAM_SIZE,
@@ -143,17 +139,9 @@ class Http3Server:
 
     def _received(self, data: bytes, address: Address) -> None:
         connection = self._connection_for(data, address)
-        if connection is None:
-            return
-        try:
-            connection.receive(data, address)
-        except Exception:
-            # Whatever a client manages to provoke ends its own connection and no other.
-            logger.exception("A connection from %s failed", address[0])
-            connection.abandon()
-            self.terminated(connection)
-        else:
+        if connection is not None:
             self._dirty.add(connection)
+            connection.receive(data, address)
 
     def _drained(self) -> None:
         dirty, self._dirty = self._dirty, set()

@@ -20,6 +20,9 @@ class StreamClosed(ConnectionError):
 class Stream(ABC):
     """What an HTTP request and a WebTransport stream have in common."""
 
+    abort_code: int
+    """The error code for a stream whose task ends before the stream is finished."""
+
     def __init__(self, connection: Connection, stream_id: int) -> None:
         self.connection = connection
         self.stream_id = stream_id
@@ -35,4 +38,4 @@ class Stream(ABC):
 
     @abstractmethod
     async def run(self) -> None:
-        """Answer the client. Ends the stream in every case."""
+        """Answer the client. What is not finished when it returns is reset."""

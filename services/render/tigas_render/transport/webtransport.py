@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import itertools
 import logging
 from collections import deque
@@ -65,7 +66,7 @@ class WebTransportSession:
     @property
     def max_datagram(self) -> int:
         """The longest datagram that fits in a packet now, in bytes; may shrink with the path."""
-        return self._connection.max_datagram
+        return self._connection.writer.max_datagram
 
     def flush(self) -> None:
         """Start sending what was put in `outgoing`."""
@@ -108,6 +109,8 @@ class WebTransportSession:
 class WebTransportStream(Stream):
     """One bidirectional stream that the client opened."""
 
+    abort_code = CANCELLED
+
     def __init__(
         self, connection: Connection, stream_id: int, session: WebTransportSession, overloaded: bool = False
     ) -> None:
@@ -122,7 +125,7 @@ class WebTransportStream(Stream):
         self._ended |= ended
         self._body += data
         if len(self._body) > self.connection.service.limits.unread:
-            self.connection.abort(self.stream_id, CANCELLED)
+            self.connection.writer.abort(self.stream_id, CANCELLED)
             self.cancelled()
         self._news.set()
 
@@ -157,18 +160,14 @@ class WebTransportStream(Stream):
         first = b"".join(part for part in parts[:-1])
         view = memoryview(parts[-1])
         while True:
-            await self.connection.room(self.stream_id)
+            await self.connection.writer.room(self.stream_id)
             size = max(0, CHUNK - len(first))
             chunk, view = first + view[:size], view[size:]
-            self.connection.send_raw(self.stream_id, chunk, end=not view)
+            self.connection.writer.raw(self.stream_id, chunk, end=not view)
             if not view:
                 return
             first = b""
 
     async def run(self) -> None:
-        try:
+        with contextlib.suppress(StreamClosed):
             await self.session.answer(self)
-        except StreamClosed:
-            pass
-        finally:
-            self.connection.abort(self.stream_id, CANCELLED)
