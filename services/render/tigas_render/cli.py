@@ -37,12 +37,14 @@ def render(
     Settings are also read from [render] in tigas.toml (or the file that TIGAS_CONFIG names) and from TIGAS_RENDER_*.
     """
     flags = {name: value for name, value in locals().items() if value is not None}
-    import uvloop
-
-    from tigas_render.main import StartError, serve
     from tigas_render.settings import RenderSettings
 
     settings = load_settings(RenderSettings, flags)
+
+    import uvloop
+
+    from tigas_render.main import StartError, serve
+
     logging.basicConfig(format="%(asctime)s %(levelname)s %(message)s", level=logging.INFO, stream=sys.stdout)
     try:
         uvloop.run(serve(settings))
@@ -57,8 +59,9 @@ def info(ply: Annotated[Path, typer.Argument(help="An INRIA 3DGS PLY.")]) -> Non
     from rich.console import Console
     from rich.table import Table
 
-    from tigas_render.scenes.metadata import DEFAULT_UP, derive_camera
+    from tigas_render.scenes.metadata import DEFAULT_UP
     from tigas_render.scenes.ply import load_ply
+    from tigas_render.scenes.start_camera import derive_camera
 
     with _explained():
         gaussians = load_ply(ply)
@@ -97,9 +100,10 @@ def preview(
 ) -> None:
     """Render a scene from its start camera."""
     from tigas_render.raster.devices import create_rasterizer
-    from tigas_render.scenes.metadata import DEFAULT_UP, derive_camera
+    from tigas_render.scenes.metadata import DEFAULT_UP
     from tigas_render.scenes.ply import load_ply
     from tigas_render.scenes.preview import preview_camera
+    from tigas_render.scenes.start_camera import derive_camera
 
     with _explained():
         gaussians = load_ply(ply)

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import BeforeValidator, Field
-from pydantic_settings import SettingsConfigDict
+from pydantic_settings import NoDecode, SettingsConfigDict
 
 from tigas_common.address import Address
 from tigas_common.settings import ServiceSettings
@@ -22,6 +22,11 @@ def _address_or_off(value: Any) -> Any:
     return None if value == "off" else _address(value)
 
 
+# NoDecode: what the environment holds is HOST:PORT, not JSON.
+Listen = Annotated[Address, NoDecode, BeforeValidator(_address)]
+ListenOrOff = Annotated[Address | None, NoDecode, BeforeValidator(_address_or_off)]
+
+
 def _cache_directory() -> Path:
     return Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache")) / "tigas"
 
@@ -34,11 +39,11 @@ class RenderSettings(ServiceSettings):
 
     scenes: Path | None = None
     """The models directory: one folder a scene."""
-    http: Annotated[Address, BeforeValidator(_address)] = Address("127.0.0.1", 8080)
+    http: Listen = Address("127.0.0.1", 8080)
     """Where the page and the API are served over HTTP/1.1."""
-    https: Annotated[Address | None, BeforeValidator(_address_or_off)] = None
+    https: ListenOrOff = None
     """Where they are served over HTTPS too, for other devices on the network."""
-    quic: Annotated[Address | None, BeforeValidator(_address_or_off)] = Address("::", 4433)
+    quic: ListenOrOff = Address("::", 4433)
     """Where HTTP/3 and WebTransport are served; `off` for neither."""
     device: Literal["auto", "cpu", "cuda"] = "auto"
     congestion_control: Literal["reno", "cubic"] = "reno"

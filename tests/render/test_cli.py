@@ -1,0 +1,150 @@
+"""The commands as a person uses them: what they print, how they fail, how they stop."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import re
+import signal
+import socket
+import ssl
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import httpx
+import pytest
+
+TIGAS = str(Path(sys.executable).parent / "tigas")
+
+
+def tigas(*arguments: str, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
+    """Run a command to its end."""
+    return subprocess.run([TIGAS, *arguments], capture_output=True, text=True, timeout=60, cwd=cwd, check=False)
+
+
+@contextlib.contextmanager
+def serving(*arguments: str) -> Iterator[tuple[subprocess.Popen[str], str]]:
+    """A server on free ports and what it printed until it was ready."""
+    command = [TIGAS, "render", "--http", "127.0.0.1:0", "--quic", "127.0.0.1:0", *arguments]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True) as process:
+        try:
+            assert process.stdout is not None
+            printed = ""
+            for line in process.stdout:
+                printed += line
+                if line.startswith("Open "):
+                    break
+            else:
+                pytest.fail(f"the server did not start:\n{printed}")
+            yield process, printed
+        finally:
+            if process.poll() is None:
+                process.send_signal(signal.SIGTERM)
+                process.wait(10)
+
+
+def url_in(printed: str) -> str:
+    match = re.search(r"Open (http://\S+/)", printed)
+    assert match
+    return match[1]
+
+
+@pytest.fixture(scope="module")
+def scene_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("synth") / "courtyard.ply"
+    result = tigas("scene", "synth", str(path))
+    assert result.returncode == 0, result.stderr
+    assert re.search(r"[12]\d\d,\d{3} Gaussians, SH degree [1-3]", result.stdout)
+    return path
+
+
+def test_the_server_says_what_it_serves_and_stops_at_once_when_told(tmp_path: Path) -> None:
+    (tmp_path / "torn").mkdir()
+    (tmp_path / "torn" / "torn.ply").write_bytes(b"ply\nformat binary_little_endian 1.0\n")
+    with serving("--scenes", str(tmp_path), "--https", "127.0.0.1:0") as (process, printed):
+        assert "torn is left out: torn.ply is truncated" in printed
+        assert "1 scene ready on cpu." in printed
+        config = httpx.get(url_in(printed) + "config.json").json()
+        assert config["webtransport_url"].startswith("https://127.0.0.1:")
+        context = ssl.create_default_context()
+        context.check_hostname, context.verify_mode = False, ssl.CERT_NONE
+        https_url = config["https_url"].replace("localhost", "127.0.0.1")
+        assert httpx.get(https_url + "healthz", verify=context).json() == {"status": "ok"}
+        stopping = time.monotonic()
+        process.send_signal(signal.SIGTERM)
+        assert process.wait(5) == 0
+        assert time.monotonic() - stopping < 2
+
+
+def test_an_empty_directory_is_explained_and_the_demo_is_served(tmp_path: Path) -> None:
+    with serving("--scenes", str(tmp_path), "--quic", "off") as (_, printed):
+        assert "has no scenes yet" in printed
+        assert [scene["id"] for scene in httpx.get(url_in(printed) + "scenes").json()] == ["courtyard"]
+        assert httpx.get(url_in(printed) + "config.json").json()["webtransport_url"] is None
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (("--scenes", "/nowhere/at/all"), "does not exist"),
+        (("--scenes", __file__), "does not exist|not a directory"),
+        (("--device", "cuda"), "no CUDA"),
+        (("--device", "abacus"), "device"),
+        (("--http", "8080"), "HOST:PORT"),
+        (("--memory-gb", "-1"), "memory_gb"),
+        (("--http", "192.0.2.1:0"), "Cannot listen on 192.0.2.1:0"),
+    ],
+)
+def test_a_server_that_cannot_start_says_why_in_a_sentence(arguments: tuple[str, ...], says: str) -> None:
+    result = tigas("render", "--quic", "off", *arguments)
+    assert result.returncode != 0
+    assert re.search(says, " ".join((result.stdout + result.stderr).replace("│", " ").split()))
+    assert "Traceback" not in result.stderr
+
+
+@pytest.mark.parametrize("flag", ["--http", "--https", "--quic"])
+def test_a_port_that_is_taken_is_named(flag: str) -> None:
+    kind = socket.SOCK_DGRAM if flag == "--quic" else socket.SOCK_STREAM
+    with socket.socket(socket.AF_INET, kind) as taken:
+        taken.bind(("127.0.0.1", 0))
+        if kind == socket.SOCK_STREAM:
+            taken.listen()
+        address = f"127.0.0.1:{taken.getsockname()[1]}"
+        free = {"--http": "127.0.0.1:0", "--quic": "127.0.0.1:0"} | {flag: address}
+        result = tigas("render", *(part for pair in free.items() for part in pair))
+    assert result.returncode == 1
+    assert f"Cannot listen on {address} (Address already in use); choose another with {flag}." in result.stderr
+
+
+def test_scene_info_and_preview(scene_file: Path, tmp_path: Path) -> None:
+    result = tigas("scene", "info", str(scene_file))
+    assert re.search(r"Gaussians\s+[12]\d\d,\d{3}", result.stdout)
+    assert "start camera" in result.stdout
+    for name, magic in (("view.jpg", b"\xff\xd8"), ("view.png", b"\x89PNG")):
+        result = tigas("scene", "preview", str(scene_file), str(tmp_path / name), "--width", "320", "--height", "180")
+        assert result.returncode == 0, result.stderr
+        assert (tmp_path / name).read_bytes().startswith(magic)
+
+
+@pytest.mark.parametrize("command", ["info", "preview"])
+def test_a_file_that_is_no_scene_is_explained(command: str, tmp_path: Path) -> None:
+    (tmp_path / "scene.ply").write_text("hello")
+    target = [str(tmp_path / "view.jpg")] if command == "preview" else []
+    for name in ("scene.ply", "missing.ply"):
+        result = tigas("scene", command, str(tmp_path / name), *target)
+        assert result.returncode == 1
+        assert result.stderr.count("\n") == 1
+        assert name in result.stderr
+
+
+def test_settings_come_from_file_and_environment(tmp_path: Path) -> None:
+    (tmp_path / "tigas.toml").write_text('[render]\nquic = "off"\nhttp = "nonsense"\n')
+    assert "HOST:PORT" in tigas("render", cwd=tmp_path).stderr
+    environment = os.environ | {"TIGAS_RENDER_HTTP": "192.0.2.1:0"}
+    result = subprocess.run(
+        [TIGAS, "render"], capture_output=True, text=True, timeout=60, cwd=tmp_path, env=environment, check=False
+    )
+    assert "Cannot listen on 192.0.2.1:0" in result.stderr
