@@ -233,6 +233,24 @@ def request_body(**changes: Any) -> bytes:
     return json.dumps(fields | changes).encode()
 
 
+class Recorder:
+    """What has happened on the server's side, for a test to wait for."""
+
+    def __init__(self) -> None:
+        self.events: list[str] = []
+        self._news = asyncio.Event()
+
+    def add(self, event: str) -> None:
+        self.events.append(event)
+        self._news.set()
+
+    async def until(self, event: str) -> None:
+        async with asyncio.timeout(20):
+            while event not in self.events:
+                self._news.clear()
+                await self._news.wait()
+
+
 class FakeFrames:
     """A FrameSource: answers at once with `body`, or, if `held`, when the test lets a request go."""
 

@@ -1,0 +1,325 @@
+"""The render session over streams and datagrams, as docs/protocol.md has it."""
+
+from __future__ import annotations
+
+import json
+import logging
+import random
+import struct
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+
+import pytest
+
+from tests.render.transport.client import CERTIFICATE, Client, FakeFrames, connect, request_body, split_frame
+from tigas_common.errors import UnknownScene
+from tigas_render.transport.frames import render_session
+from tigas_render.transport.limits import Limits
+from tigas_render.transport.server import Http3Server
+
+pytestmark = pytest.mark.anyio
+
+
+async def no_app(*_: object) -> None:
+    raise NotImplementedError
+
+
+@asynccontextmanager
+async def served(source: FakeFrames, limits: Limits | None = None) -> AsyncIterator[tuple[Http3Server, Client, int]]:
+    sessions = {"/render": render_session(source)}
+    async with (
+        Http3Server(no_app, host="127.0.0.1", certificate=CERTIFICATE, webtransport=sessions, limits=limits) as server,
+        connect(server.port) as client,
+    ):
+        yield server, client, await client.connect_webtransport()
+
+
+# -- streams -----------------------------------------------------------------------------------------------------------
+
+
+async def test_a_frame_on_a_stream() -> None:
+    source = FakeFrames(random.Random(1).randbytes(200_000))
+    async with served(source) as (_, client, session):
+        response = client.responses[session]
+        assert response.status == 200
+        assert response.headers[b"sec-webtransport-http3-draft"] == b"draft02"
+        header, body = await client.frame(session, request_body(seq=7, profile=2))
+        assert not client.terminated
+    assert header == {
+        "status": 200,
+        "seq": 7,
+        "content_type": "image/jpeg",
+        "width": 320,
+        "height": 180,
+        "profile": 2,
+        "timing": {"queue": 1.0, "render": 2.0, "encode": 3.0},
+    }
+    assert body == source.body
+
+
+async def test_frames_side_by_side() -> None:
+    source = FakeFrames(random.Random(2).randbytes(50_000))
+    async with served(source) as (_, client, session):
+        streams = [client.open_stream(session, request_body(seq=seq)) for seq in range(20)]
+        for seq, stream in enumerate(streams):
+            header, body = split_frame(bytes((await client.response(stream)).body))
+            assert header["seq"] == seq
+            assert body == source.body
+
+
+async def test_each_session_is_a_client_of_its_own() -> None:
+    source = FakeFrames()
+    async with served(source) as (server, client, session):
+        second = await client.connect_webtransport()
+        async with connect(server.port) as other:
+            third = await other.connect_webtransport()
+            for connection, its_session in ((client, session), (client, session), (client, second), (other, third)):
+                await connection.frame(its_session, request_body())
+    clients = [client for client, _ in source.requests]
+    assert clients[0] == clients[1]
+    assert len(set(clients)) == 3
+
+
+@pytest.mark.parametrize(
+    ("body", "seq"),
+    [
+        (b"", 0),
+        (b"not json", 0),
+        (b"[]", 0),
+        (b'"' + b"[" * 5000, 0),
+        (b"[" * 15_000, 0),
+        (b"\xff\xfe\x00", 0),
+        (request_body(seq=5, fx=-1), 5),
+        (request_body(seq=5, unknown=1), 5),
+        (request_body(seq=-1), 0),
+        (request_body(seq=2**40), 0),
+        (request_body(seq=True), 0),
+        (request_body(width=0), 0),
+    ],
+)
+async def test_a_bad_request_is_a_problem_with_one_sentence(body: bytes, seq: int) -> None:
+    source = FakeFrames()
+    async with served(source) as (_, client, session):
+        header, problem = await client.frame(session, body)
+        assert (header["status"], header["seq"], header["content_type"]) == (400, seq, "application/problem+json")
+        assert json.loads(problem)["type"] == "tigas:invalid-request"
+        assert (await client.frame(session, request_body()))[0]["status"] == 200
+    assert len(source.requests) == 1
+
+
+async def test_the_engines_errors_are_problems() -> None:
+    source = FakeFrames()
+    source.error = UnknownScene("There is no scene 'x'.")
+    async with served(source) as (_, client, session):
+        header, problem = await client.frame(session, request_body(seq=3))
+    assert (header["status"], header["seq"]) == (404, 3)
+    assert json.loads(problem)["detail"] == "There is no scene 'x'."
+
+
+async def test_an_unexpected_error_is_a_500_that_tells_nothing(caplog: pytest.LogCaptureFixture) -> None:
+    source = FakeFrames()
+    source.error = RuntimeError("secret")
+    async with served(source) as (_, client, session):
+        with caplog.at_level(logging.ERROR, "tigas_render"):
+            header, problem = await client.frame(session, request_body())
+    assert header["status"] == 500
+    assert b"secret" not in problem
+    assert "secret" in caplog.text
+
+
+async def test_a_body_over_the_limit_is_cut() -> None:
+    source = FakeFrames()
+    async with served(source) as (_, client, session):
+        stream = client.open_stream(session, b" " * 20_000, end=False)
+        response = await client.response(stream)
+        header, _ = split_frame(bytes(response.body))
+        assert header["status"] == 413
+        await client.until(lambda: response.stopped is not None)
+        assert (await client.frame(session, request_body()))[0]["status"] == 200
+    assert len(source.requests) == 1
+
+
+async def test_a_stream_that_is_never_finished_is_cut() -> None:
+    source = FakeFrames()
+    async with served(source, Limits(request_timeout=0.05)) as (_, client, session):
+        stream = client.open_stream(session, b"{", end=False)
+        response = await client.response(stream)
+        header, _ = split_frame(bytes(response.body))
+        assert header["status"] == 400
+        await client.until(lambda: response.stopped is not None)
+
+
+@pytest.mark.parametrize("how", ["stop", "reset", "close session", "close connection"])
+async def test_what_the_client_does_not_want_any_more_is_withdrawn(how: str) -> None:
+    source = FakeFrames()
+    source.held = True
+    async with served(source) as (_, client, session):
+        stream = client.open_stream(session, request_body(seq=1), end=how != "reset")
+        if how == "reset":  # before the request is complete: the engine never hears of it
+            client._quic.reset_stream(stream, 0)
+            client.transmit()
+            await client.response(stream)
+            assert source.requests == []
+            return
+        await source.until(lambda: source.requests)
+        if how == "stop":
+            client.stop(stream)
+        elif how == "close session":
+            client._quic.send_stream_data(session, bytes.fromhex("000768430400000000"), end_stream=True)
+            client.transmit()
+        else:
+            client.close()
+        await source.until(lambda: source.cancelled == [1])
+        if how == "stop":
+            source.held = False
+            assert (await client.frame(session, request_body(seq=2)))[0]["seq"] == 2
+
+
+async def test_a_frame_cancelled_while_it_is_being_sent_makes_room_for_the_next() -> None:
+    source = FakeFrames(bytes(3_000_000))
+    async with served(source) as (_, client, session):
+        stream = client.open_stream(session, request_body(seq=1))
+        await client.until(lambda: len(client.responses[stream].body) > 20_000)
+        client.stop(stream)
+        source.body = b"next"
+        header, body = await client.frame(session, request_body(seq=2))
+        assert (header["seq"], body) == (2, b"next")
+        response = await client.response(stream)
+        assert response.reset is not None
+        assert len(response.body) < 3_000_000
+
+
+async def test_streams_beyond_the_limit_are_told_so() -> None:
+    source = FakeFrames()
+    source.held = True
+    async with served(source, Limits(requests=4)) as (_, client, session):
+        waiting = [client.open_stream(session, request_body(seq=seq)) for seq in range(4)]
+        header, problem = await client.frame(session, request_body(seq=9))
+        assert header["status"] == 503
+        assert json.loads(problem)["type"] == "tigas:overloaded"
+        for seq, stream in enumerate(waiting):
+            source.release(seq)
+            assert split_frame(bytes((await client.response(stream)).body))[0]["status"] == 200
+
+
+async def test_unknown_paths_and_too_many_sessions_are_refused() -> None:
+    async with served(FakeFrames(), Limits(sessions=2)) as (_, client, first):
+        unknown = await client.connect_webtransport("/other")
+        assert client.responses[unknown].status == 404
+        assert client.responses[await client.connect_webtransport("/render?x=1")].status == 200
+        assert client.responses[await client.connect_webtransport()].status == 429
+        client._quic.send_stream_data(first, b"", end_stream=True)
+        client.transmit()
+        await client.response(first)
+        assert client.responses[await client.connect_webtransport()].status == 200
+
+
+async def test_streams_of_no_session_and_unidirectional_ones_are_refused() -> None:
+    source = FakeFrames()
+    async with served(source) as (_, client, session):
+        stray = client.open_stream(4 * 1000, request_body())
+        assert (await client.response(stray)).reset is not None
+        one_way = client.h3.create_webtransport_stream(session, is_unidirectional=True)
+        client._quic.send_stream_data(one_way, request_body())
+        client.transmit()
+        await client.until(lambda: client.responses[one_way].stopped is not None)
+        assert (await client.frame(session, request_body()))[0]["status"] == 200
+    assert len(source.requests) == 1
+
+
+# -- datagrams ---------------------------------------------------------------------------------------------------------
+
+
+def assemble(datagrams: list[bytes]) -> dict[int, bytes | None]:
+    """The answers by seq; None where a fragment is missing."""
+    parts: dict[int, dict[int, bytes]] = {}
+    counts: dict[int, int] = {}
+    for datagram in datagrams:
+        seq, number, count = struct.unpack_from("!IHH", datagram)
+        parts.setdefault(seq, {})[number] = datagram[8:]
+        counts[seq] = count
+    return {
+        seq: b"".join(numbered[n] for n in range(counts[seq])) if len(numbered) == counts[seq] else None
+        for seq, numbered in parts.items()
+    }
+
+
+async def test_a_frame_in_datagrams() -> None:
+    source = FakeFrames(random.Random(3).randbytes(20_000))
+    async with served(source) as (_, client, session):
+        for seq in (1, 2**32 - 1):
+            client.send_datagram(session, request_body(seq=seq))
+            await client.until(lambda seq=seq: assemble(client.datagrams).get(seq))
+            header, body = split_frame(assemble(client.datagrams)[seq] or b"")
+            assert (header["status"], header["seq"]) == (200, seq)
+            assert body == source.body
+        sizes = [len(datagram) for datagram in client.datagrams if struct.unpack_from("!I", datagram)[0] == 1]
+    assert len(set(sizes[:-1])) == 1, "all but the last have the same length"
+    assert sizes[-1] <= sizes[0] > 1350, "fragments fill their packets"
+
+
+@pytest.mark.parametrize("body", [b"", b"\0", b"not json", b"[" * 1000, request_body(seq=0, fx=0)])
+async def test_a_malformed_datagram_is_a_problem(body: bytes) -> None:
+    source = FakeFrames()
+    async with served(source) as (_, client, session):
+        client.send_datagram(session, body)
+        await client.until(lambda: client.datagrams)
+        header, _ = split_frame(assemble(client.datagrams)[0] or b"")
+        assert header["status"] == 400
+        assert (await client.frame(session, request_body()))[0]["status"] == 200
+
+
+async def test_datagrams_of_no_session_are_dropped() -> None:
+    source = FakeFrames()
+    async with served(source) as (_, client, session):
+        client.send_datagram(4 * 1000, request_body())
+        client.send_datagram(session, request_body(seq=1))
+        await client.until(lambda: client.datagrams)
+    assert [request.seq for _, request in source.requests] == [1]
+
+
+async def test_an_older_frame_is_dropped_once_a_newer_one_was_answered() -> None:
+    source = FakeFrames()
+    source.held = True
+    async with served(source) as (_, client, session):
+        client.send_datagram(session, request_body(seq=1))
+        client.send_datagram(session, request_body(seq=2))
+        await source.until(lambda: len(source.requests) == 2)
+        source.release(2)
+        await client.until(lambda: assemble(client.datagrams).get(2))
+        source.release(1)
+        source.held = False
+        client.send_datagram(session, request_body(seq=3))
+        await client.until(lambda: assemble(client.datagrams).get(3))
+        assert 1 not in assemble(client.datagrams)
+
+
+async def test_unsent_fragments_make_way_for_a_newer_frame() -> None:
+    """A frame of 4 MB does not fit the network's window; a newer one overtakes it at once."""
+    source = FakeFrames(bytes(4_000_000))
+    async with served(source) as (_, client, session):
+        client.send_datagram(session, request_body(seq=1))
+        await client.until(lambda: client.datagrams)
+        source.body = b"new"
+        client.send_datagram(session, request_body(seq=2))
+        await client.until(lambda: assemble(client.datagrams).get(2))
+        assert assemble(client.datagrams)[1] is None
+        header, body = await client.frame(session, request_body(seq=3))
+        assert (header["seq"], body) == (3, b"new"), "nothing stays in the way of streams"
+        (_, _, count) = struct.unpack_from("!IHH", client.datagrams[0])
+        assert len(client.datagrams) < count
+
+
+async def test_a_flood_of_datagrams_is_bounded() -> None:
+    source = FakeFrames()
+    source.held = True
+    async with served(source) as (_, client, session):
+        for seq in range(1, 41):
+            client.send_datagram(session, request_body(seq=seq))
+        await client.until(lambda: len(client.datagrams) >= 40 - 16)
+        statuses = {split_frame(body)[0]["status"] for body in assemble(client.datagrams).values() if body}
+        assert statuses == {503}
+        assert len(source.requests) == 16
+        client._quic.send_stream_data(session, b"", end_stream=True)
+        client.transmit()
+        await source.until(lambda: len(source.cancelled) == 16)
