@@ -1,15 +1,55 @@
-"""What is known of a scene beside its Gaussians: name, up, start camera and background."""
+"""What is known of a scene beside its Gaussians: name, up, start camera and background, from its scene.json."""
 
 from __future__ import annotations
 
+from pathlib import Path
+from typing import Self
+
+from pydantic import Field, field_validator, model_validator
+
+from tigas_common.errors import BrokenScene, InvalidRequest
+from tigas_common.parsing import MAX_BODY, parse
 from tigas_common.wire import Point, StartCamera, Unit, WireModel
+
+DEFAULT_UP: Point = (0.0, -1.0, 0.0)
+"""Captures have OpenCV's axes: y points down."""
 
 
 class SceneMetadata(WireModel):
     """The content of a scene.json; every field may be left out."""
 
-    name: str | None = None
-    up: Point = (0.0, -1.0, 0.0)
+    name: str | None = Field(default=None, min_length=1, max_length=128)
+    up: Point = DEFAULT_UP
     camera: StartCamera | None = None
     background: tuple[Unit, Unit, Unit] = (0.0, 0.0, 0.0)
     """RGB, 0 to 1."""
+
+    @field_validator("up")
+    @classmethod
+    def _check_up(cls, up: Point) -> Point:
+        if not any(up):
+            raise ValueError("a vector of length zero points nowhere")
+        return up
+
+    @model_validator(mode="after")
+    def _check_camera(self) -> Self:
+        if self.camera is not None and self.camera.position == self.camera.look_at:
+            raise ValueError("a camera cannot look at its own position")
+        return self
+
+
+def read_metadata(path: Path) -> SceneMetadata:
+    """Read a scene.json; a missing one says nothing. Raises BrokenScene with one sentence about what is wrong."""
+    try:
+        with path.open("rb") as file:
+            content = file.read(MAX_BODY + 1)
+    except FileNotFoundError:
+        return SceneMetadata()
+    except OSError as error:
+        raise BrokenScene(f"{path.name} cannot be read: {error.strerror or error}.") from None
+    if len(content) > MAX_BODY:
+        raise BrokenScene(f"{path.name} is larger than {MAX_BODY // 1024} KiB.")
+    try:
+        return parse(SceneMetadata, content)
+    except InvalidRequest as error:
+        raise BrokenScene(f"{path.name} is not valid: {error.detail}") from None

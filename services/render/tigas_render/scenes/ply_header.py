@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import re
+import textwrap
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -67,7 +68,8 @@ def read_header(path: Path) -> PlyHeader:
         # plyfile would go on to read the elements, so it is shown none of them
         ply = PlyData.read(io.BytesIO(_ELEMENT.sub(rb"\g<1>0\4", header)))
     except (PlyParseError, ValueError, UnicodeDecodeError) as error:
-        raise BrokenScene(f"{path.name} has a broken PLY header: {str(error).rstrip('.')}.") from None
+        reason = textwrap.shorten(str(error), 120, placeholder=" …").rstrip(".")
+        raise BrokenScene(f"{path.name} has a broken PLY header: {reason}.") from None
     if not ply.text and ply.byte_order == ">":
         raise BrokenScene(f"{path.name} is a big-endian PLY; save it as binary_little_endian or ascii.")
     if "vertex" not in ply:

@@ -14,6 +14,7 @@ from tigas_render.scenes.demo.nature import benches, cypresses, jets, landscape,
 from tigas_render.scenes.demo.surfels import Floats, Surfels, join
 from tigas_render.scenes.gaussians import Gaussians
 from tigas_render.scenes.metadata import SceneMetadata
+from tigas_render.scenes.source import SceneSource
 
 SEED = 20_240_229
 
@@ -34,6 +35,17 @@ def demo_scene() -> Gaussians:
     mirrored = _seen_in_water(*_shaded(_lit_parts(0.5, rng), rng), rng)
     mirrored_far = _seen_in_water(*far, rng)
     return to_gaussians(*_concatenate(near, mirrored, mirrored_far, water(rng), far))
+
+
+DEMO_SOURCE = SceneSource(
+    id="courtyard",
+    metadata=DEMO_METADATA,
+    version=f"built-in {SEED}",
+    open=demo_scene,
+    sh_degree=1,
+    memory_bytes=30_000_000,
+)
+"""The courtyard as the registry offers it."""
 
 
 Shaded = tuple[Surfels, Floats, Floats]

@@ -1,0 +1,292 @@
+"""The scenes that the service knows: what is on offer, what is in memory, and who uses it.
+
+All methods belong to one event loop; only reading files and preparing scenes happens in worker threads.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from types import TracebackType
+from urllib.parse import quote
+
+from tigas_common.errors import BrokenScene, Overloaded, TigasError, UnknownScene
+from tigas_common.wire import SceneInfo, StartCamera
+from tigas_render.raster.base import PreparedScene
+from tigas_render.scenes.demo import DEMO_SOURCE
+from tigas_render.scenes.directory import scan_directory
+from tigas_render.scenes.gaussians import Gaussians
+from tigas_render.scenes.source import SceneSource
+from tigas_render.scenes.start_camera import derive_camera
+
+_log = logging.getLogger(__name__)
+
+BUILTIN: Mapping[str, SceneSource] = {DEMO_SOURCE.id: DEMO_SOURCE}
+"""Scenes that need no file; a folder of the same name takes their place."""
+
+
+@dataclass(frozen=True, slots=True)
+class LoadedScene:
+    """A scene in memory."""
+
+    source: SceneSource
+    prepared: PreparedScene
+    gaussians: int
+    camera: StartCamera
+    """From the scene's metadata, or derived from its Gaussians."""
+
+    @property
+    def background(self) -> tuple[float, float, float]:
+        """RGB, 0 to 1."""
+        return self.source.metadata.background
+
+
+class _Entry:
+    """A scene's changing state."""
+
+    def __init__(self, source: SceneSource) -> None:
+        self.source = source
+        self.error = source.error
+        self.loaded: LoadedScene | None = None
+        self.loading: asyncio.Task[TigasError | None] | None = None
+        self.reserved = 0
+        """Bytes that it takes, or is going to take once it is loaded."""
+        self.camera: StartCamera | None = source.metadata.camera
+        self.users = 0
+        self.last_used = 0.0
+        self.leaving = False
+        """To be unloaded as soon as nobody uses it."""
+
+
+class SceneRegistry:
+    """Loads scenes on first use and keeps them while there is memory and interest.
+
+    `prepare` packs Gaussians for the rasteriser, in a worker thread; `memory_budget` (bytes) is what prepared scenes
+    may take together; a scene unused for `idle_s` seconds is evicted when `evict_idle` is next called; `clock` tells
+    seconds.
+    """
+
+    def __init__(
+        self,
+        directory: Path | None,
+        prepare: Callable[[Gaussians], PreparedScene],
+        *,
+        builtin: Mapping[str, SceneSource] = BUILTIN,
+        memory_budget: int,
+        idle_s: float,
+        clock: Callable[[], float],
+    ) -> None:
+        self._directory = directory
+        self._prepare = prepare
+        self._builtin = builtin
+        self._budget = memory_budget
+        self._idle_s = idle_s
+        self._clock = clock
+        self._entries = {id: _Entry(source) for id, source in builtin.items()}
+        self._retired: set[_Entry] = set()  # gone from the directory or replaced there, but still in use
+
+    async def scan(self) -> None:
+        """Look at the models directory again: scenes appear and disappear, changed and broken ones get a new chance.
+
+        Loaded scenes whose file is the same stay loaded.
+        """
+        found = await asyncio.to_thread(scan_directory, self._directory) if self._directory else {}
+        old = self._entries
+        self._entries = {}
+        for id, source in sorted((dict(self._builtin) | found).items()):
+            entry = old.pop(id, None)
+            if entry is not None and entry.source.version == source.version and not (entry.error or source.error):
+                entry.source = source
+                entry.camera = source.metadata.camera or entry.camera
+                if entry.loaded is not None:
+                    camera = source.metadata.camera or entry.loaded.camera
+                    entry.loaded = LoadedScene(source, entry.loaded.prepared, entry.loaded.gaussians, camera)
+                self._entries[id] = entry
+                continue
+            if entry is not None:
+                self._retire(entry)
+            self._entries[id] = _Entry(source)
+        for entry in old.values():
+            self._retire(entry)
+
+    def infos(self) -> list[SceneInfo]:
+        """Every scene, by id."""
+        return [self._info(entry) for entry in self._entries.values()]
+
+    def info(self, scene_id: str) -> SceneInfo:
+        """One scene. Raises UnknownScene."""
+        return self._info(self._entry(scene_id))
+
+    def source(self, scene_id: str) -> SceneSource:
+        """Where a scene comes from. Raises UnknownScene."""
+        return self._entry(scene_id).source
+
+    def use(self, scene_id: str) -> SceneUse:
+        """A context manager that holds the scene in memory: `async with registry.use(id) as loaded`.
+
+        Entering loads the scene if need be, and costs next to nothing if it is loaded. It raises UnknownScene,
+        BrokenScene, and Overloaded if scenes in use leave no room for it.
+        """
+        return SceneUse(self, scene_id)
+
+    async def load(self, scene_id: str) -> None:
+        """Load a scene, also one that was broken when it was last looked at. Raises as `use` does."""
+        if self._entry(scene_id).error is not None:
+            await self.scan()
+        async with SceneUse(self, scene_id):
+            self._entry(scene_id).leaving = False
+
+    def unload(self, scene_id: str) -> None:
+        """Give a scene's memory back, as soon as nobody uses it. Raises UnknownScene."""
+        entry = self._entry(scene_id)
+        entry.leaving = True
+        self._drop_if_leaving(entry)
+
+    def evict_idle(self, now: float) -> None:
+        """Unload every scene that nobody has used for a while."""
+        for entry in self._entries.values():
+            if entry.loaded and not entry.users and now - entry.last_used >= self._idle_s:
+                _log.info("Unloaded %s: unused for %.0f s", entry.source.id, now - entry.last_used)
+                self._drop(entry)
+
+    async def _acquire(self, scene_id: str) -> tuple[_Entry, LoadedScene]:
+        entry = self._entry(scene_id)
+        entry.users += 1
+        try:
+            while entry.loaded is None:
+                await self._wait_until_loaded(entry)
+        except BaseException:
+            self._release(entry)
+            raise
+        return entry, entry.loaded
+
+    async def _wait_until_loaded(self, entry: _Entry) -> None:
+        if entry.error is not None:
+            raise BrokenScene(entry.error)
+        if entry.loading is None:
+            entry.loading = asyncio.create_task(self._load(entry), name=f"load {entry.source.id}")
+        # shielded: whoever gives up waiting must not take the scene away from the others
+        error = await asyncio.shield(entry.loading)
+        if error is not None:
+            raise type(error)(error.detail)
+
+    def _release(self, entry: _Entry) -> None:
+        entry.users -= 1
+        entry.last_used = self._clock()
+        self._drop_if_leaving(entry)
+
+    async def _load(self, entry: _Entry) -> TigasError | None:
+        """Load an entry; what went wrong is returned, as nobody may be left to catch it."""
+        source = entry.source
+        try:
+            self._make_room(entry, source.memory_bytes)
+            loaded = await asyncio.to_thread(self._read, source)
+            self._make_room(entry, loaded.prepared.nbytes)
+        except TigasError as error:
+            if isinstance(error, BrokenScene):
+                entry.error = error.detail
+            entry.reserved = 0
+            _log.warning("%s was not loaded: %s", source.id, error.detail)
+            return error
+        except Exception:
+            _log.exception("%s was not loaded", source.id)
+            entry.reserved = 0
+            entry.error = f"{source.name} could not be loaded; the server's log says why."
+            return BrokenScene(entry.error)
+        else:
+            entry.loaded, entry.camera, entry.last_used = loaded, loaded.camera, self._clock()
+            _log.info("Loaded %s: %d Gaussians, %.1f MB", source.id, loaded.gaussians, loaded.prepared.nbytes / 1e6)
+            return None
+        finally:
+            entry.loading = None
+            self._drop_if_leaving(entry)
+
+    def _read(self, source: SceneSource) -> LoadedScene:
+        """In a worker thread: from the file to what the rasteriser takes."""
+        if source.open is None:
+            raise BrokenScene(source.error or f"{source.name} cannot be loaded.")
+        gaussians = source.open()
+        metadata = source.metadata
+        camera = metadata.camera or derive_camera(gaussians.means, gaussians.opacities, gaussians.scales, metadata.up)
+        return LoadedScene(source, self._prepare(gaussians), len(gaussians), camera)
+
+    def _make_room(self, entry: _Entry, needed: int) -> None:
+        """Reserve `needed` bytes for an entry; the least recently used of the scenes that nobody uses go first."""
+        if needed > self._budget:
+            raise BrokenScene(
+                f"{entry.source.name} takes {needed / 1e6:.1f} MB in memory, and all scenes together may take"
+                f" {self._budget / 1e6:.1f} MB."
+            )
+        others = {other for other in (*self._entries.values(), *self._retired) if other is not entry}
+        excess = sum(other.reserved for other in others) + needed - self._budget
+        victims = sorted((o for o in others if o.loaded and not o.users), key=lambda other: other.last_used)
+        if sum(other.reserved for other in victims) < excess:
+            raise Overloaded(
+                f"There is no room for {entry.source.name} ({needed / 1e6:.1f} MB) beside the scenes that are in use;"
+                " try again later."
+            )
+        for victim in victims:
+            if excess <= 0:
+                break
+            excess -= victim.reserved
+            _log.info("Unloaded %s to make room for %s", victim.source.id, entry.source.id)
+            self._drop(victim)
+        entry.reserved = needed
+
+    def _retire(self, entry: _Entry) -> None:
+        entry.leaving = True
+        self._retired.add(entry)
+        self._drop_if_leaving(entry)
+
+    def _drop_if_leaving(self, entry: _Entry) -> None:
+        if entry.leaving and not entry.users and entry.loading is None:
+            self._drop(entry)
+
+    def _drop(self, entry: _Entry) -> None:
+        entry.loaded, entry.reserved, entry.leaving = None, 0, False
+        self._retired.discard(entry)
+
+    def _entry(self, scene_id: str) -> _Entry:
+        try:
+            return self._entries[scene_id]
+        except KeyError:
+            raise UnknownScene(f"There is no scene {scene_id[:100]!r}.") from None
+
+    def _info(self, entry: _Entry) -> SceneInfo:
+        source, loaded = entry.source, entry.loaded
+        return SceneInfo(
+            id=source.id,
+            name=source.name,
+            state="loaded" if loaded else "loading" if entry.loading else "broken" if entry.error else "unloaded",
+            error=entry.error,
+            gaussians=loaded.gaussians if loaded else source.gaussians,
+            sh_degree=source.sh_degree,
+            file_bytes=source.file_bytes,
+            memory_bytes=loaded.prepared.nbytes if loaded else 0,
+            preview=f"/scenes/{quote(source.id)}/preview",
+            up=source.metadata.up,
+            camera=entry.camera,
+            background=source.metadata.background,
+        )
+
+
+class SceneUse:
+    """Holds a scene in memory while its context lasts."""
+
+    __slots__ = ("_entry", "_registry", "_scene_id")
+
+    def __init__(self, registry: SceneRegistry, scene_id: str) -> None:
+        self._registry = registry
+        self._scene_id = scene_id
+
+    async def __aenter__(self) -> LoadedScene:
+        self._entry, loaded = await self._registry._acquire(self._scene_id)
+        return loaded
+
+    async def __aexit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._registry._release(self._entry)

@@ -1,0 +1,36 @@
+"""A scene on offer: where its Gaussians come from, and what is known before they are loaded."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from tigas_render.scenes.gaussians import Gaussians
+from tigas_render.scenes.metadata import SceneMetadata
+
+
+@dataclass(frozen=True, slots=True)
+class SceneSource:
+    """Where a scene comes from and what is known of it before it is loaded."""
+
+    id: str
+    metadata: SceneMetadata
+    version: str
+    """Changes when the Gaussians may have changed."""
+    open: Callable[[], Gaussians] | None
+    """Loads the Gaussians; None if the scene is broken. Raises BrokenScene."""
+    error: str | None = None
+    """One sentence, if the scene is broken."""
+    gaussians: int | None = None
+    sh_degree: int | None = None
+    file_bytes: int = 0
+    memory_bytes: int = 0
+    """An estimate of what it takes when loaded."""
+    preview: Path | None = None
+    """The picture that the scene brings along."""
+
+    @property
+    def name(self) -> str:
+        """For people."""
+        return self.metadata.name or self.id

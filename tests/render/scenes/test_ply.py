@@ -1,0 +1,174 @@
+"""Loading and writing scene files: every value in its place, and memory that stays near the tensors' own size."""
+
+from __future__ import annotations
+
+import logging
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+from tests.render.scenes import plys
+from tests.shared_data import reference_scene_ply
+from tigas_common.errors import BrokenScene
+from tigas_render.scenes.gaussians import Gaussians
+from tigas_render.scenes.ply import BLOCK, load_ply, write_ply
+from tigas_render.scenes.ply_header import read_header
+
+
+def assert_same(a: Gaussians, b: Gaussians, **tolerance: float) -> None:
+    for name in ("means", "scales", "quaternions", "opacities", "sh"):
+        torch.testing.assert_close(getattr(a, name), getattr(b, name), **(tolerance or {"rtol": 1e-5, "atol": 1e-6}))
+
+
+def test_activations_are_applied(tmp_path: Path) -> None:
+    values = dict.fromkeys(plys.names(0), 0.0)
+    values |= {"x": 1, "y": 2, "z": 3, "f_dc_0": 0.1, "f_dc_1": 0.2, "f_dc_2": 0.3, "opacity": np.log(3)}
+    values |= {"scale_0": np.log(2), "scale_1": np.log(4), "scale_2": np.log(8), "rot_0": 3, "rot_2": 4}
+    content = plys.header(list(values), 1) + np.array(list(values.values()), "<f4").tobytes()
+    scene = load_ply(plys.write(tmp_path / "one.ply", content))
+    assert_same(
+        scene,
+        Gaussians(
+            means=torch.tensor([[1.0, 2.0, 3.0]]),
+            scales=torch.tensor([[2.0, 4.0, 8.0]]),
+            quaternions=torch.tensor([[0.6, 0.0, 0.8, 0.0]]),
+            opacities=torch.tensor([0.75]),
+            sh=torch.tensor([[[0.1, 0.2, 0.3]]]),
+        ),
+    )
+
+
+@pytest.mark.parametrize("sh_degree", [0, 1, 2, 3])
+@pytest.mark.parametrize("make", [plys.binary_ply, plys.ascii_ply])
+def test_coefficients_are_channel_major(tmp_path: Path, make: object, sh_degree: int) -> None:
+    content = make(5, sh_degree)  # type: ignore[operator]
+    path = plys.write(tmp_path / "scene.ply", content)
+    scene = load_ply(path)
+    per_channel = (sh_degree + 1) ** 2 - 1
+    columns = dict(zip(plys.names(sh_degree), plys.rows(5, sh_degree).T, strict=True))
+    assert read_header(path).sh_degree == scene.sh_degree == sh_degree
+    assert scene.sh.shape == (5, per_channel + 1, 3)
+    for channel in range(3):
+        for k in range(per_channel):
+            expected = columns[f"f_rest_{channel * per_channel + k}"]
+            np.testing.assert_array_equal(scene.sh[:, 1 + k, channel].numpy(), expected)
+
+
+def test_text_and_binary_give_the_same_scene(tmp_path: Path) -> None:
+    binary = load_ply(plys.write(tmp_path / "binary.ply", plys.binary_ply(50, 3)))
+    text = load_ply(plys.write(tmp_path / "text.ply", plys.ascii_ply(50, 3)))
+    assert_same(binary, text)
+
+
+@pytest.mark.parametrize("sh_degree", [0, 1, 2, 3])
+def test_what_is_written_is_read_back(tmp_path: Path, sh_degree: int) -> None:
+    scene = plys.gaussians(2 * BLOCK + 7, sh_degree)  # more than one block
+    write_ply(tmp_path / "scene.ply", scene)
+    assert_same(load_ply(tmp_path / "scene.ply"), scene)
+
+
+def test_gaussians_that_are_not_finite_are_dropped_and_counted(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    values, columns = plys.rows(BLOCK + 10, 1), plys.names(1)
+    values[3, columns.index("x")] = np.nan
+    values[4, columns.index("f_rest_8")] = np.inf
+    values[5, columns.index("scale_1")] = 200  # finite, but not its exponential
+    values[6, [columns.index(f"rot_{i}") for i in range(4)]] = 0
+    values[BLOCK + 2, columns.index("opacity")] = -np.inf
+    values[7, [columns.index(f"rot_{i}") for i in range(4)]] = 1e30  # its square overflows; the rotation is sound
+    path = plys.write(tmp_path / "scene.ply", plys.header(columns, len(values)) + values.tobytes())
+    with caplog.at_level(logging.WARNING):
+        scene = load_ply(path)
+    assert len(scene) == BLOCK + 5
+    assert f"dropped 5 of {BLOCK + 10}" in caplog.text
+    torch.testing.assert_close(scene.quaternions[3], torch.full((4,), 0.5))
+    for tensor in (scene.means, scene.scales, scene.quaternions, scene.opacities, scene.sh):
+        assert tensor.isfinite().all()
+        assert len(tensor) == len(scene)
+
+
+def test_a_scene_without_any_finite_gaussian_is_broken(tmp_path: Path) -> None:
+    content = plys.header(plys.names(0), 2) + np.full((2, 17), np.nan, "<f4").tobytes()
+    with pytest.raises(BrokenScene, match="no Gaussian without NaN"):
+        load_ply(plys.write(tmp_path / "scene.ply", content))
+
+
+def test_other_properties_types_and_elements_are_put_up_with(tmp_path: Path) -> None:
+    fields = [("id", "<i4"), *((name, "<f8") for name in plys.names(0)), ("red", "u1")]
+    kinds = {"<i4": "int", "<f8": "double", "u1": "uchar"}
+    data = np.zeros(4, fields)
+    for name, column in zip(plys.names(0), plys.rows(4).T, strict=True):
+        data[name] = column
+    data["x"][1] = 1e300  # infinite as float32, without any warning
+    cameras = np.arange(6, dtype="<f4").tobytes()
+    content = plys.header([f"{kinds[kind]} {name}" for name, kind in fields], 4)
+    content = content.replace(
+        b"element vertex",
+        b"comment made by a test\nelement camera 2\nproperty float a\nproperty float b\n"
+        b"property float c\nelement vertex",
+    ).replace(b"end_header", b"element face 1\nproperty list uchar int vertex_indices\nend_header")
+    faces = b"\x03" + np.arange(3, dtype="<i4").tobytes()
+    scene = load_ply(plys.write(tmp_path / "scene.ply", content + cameras + data.tobytes() + faces))
+    plain = load_ply(plys.write(tmp_path / "plain.ply", plys.binary_ply(4)))
+    assert len(scene) == 3
+    torch.testing.assert_close(scene.means, plain.means[[0, 2, 3]])
+    torch.testing.assert_close(scene.opacities, plain.opacities[[0, 2, 3]])
+
+
+def test_text_may_have_other_elements_and_windows_line_ends(tmp_path: Path) -> None:
+    content = plys.ascii_ply(4).replace(
+        b"element vertex", b"element camera 2\nproperty list int float v\nelement vertex"
+    )
+    content = content.replace(b"end_header\n", b"end_header\n1 5\n2 5 6\n").replace(b"\n", b"\r\n")
+    scene = load_ply(plys.write(tmp_path / "scene.ply", content))
+    assert_same(scene, load_ply(plys.write(tmp_path / "plain.ply", plys.binary_ply(4))))
+
+
+def test_huge_numbers_in_text_drop_their_gaussian(tmp_path: Path) -> None:
+    lines = plys.ascii_ply(3).decode().splitlines()
+    lines[-2] = " ".join(["1e39", "1" + "0" * 400, *lines[-2].split()[2:]])
+    scene = load_ply(plys.write(tmp_path / "scene.ply", "\n".join(lines).encode()))
+    assert len(scene) == 2
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="the peak of a process's memory is read from Linux's /proc")
+@pytest.mark.parametrize("make", ["binary", "ascii"])
+def test_loading_takes_less_than_three_times_the_tensors(tmp_path: Path, make: str) -> None:
+    count = 60_000
+    values = plys.rows(count, 3)
+    path = tmp_path / "large.ply"
+    with path.open("wb") as file:
+        file.write(plys.header(plys.names(3), count, "ascii" if make == "ascii" else "binary_little_endian"))
+        if make == "ascii":
+            line = b" ".join(b"%.4f" % value for value in values[0]) + b"\n"
+            file.write(line * count)
+        else:
+            file.write(values.tobytes())
+    script = f"""
+import re
+from pathlib import Path
+from tigas_render.scenes.ply import load_ply
+def peak():  # the kernel's own measure, which counts mapped pages as well
+    return 1024 * int(re.search("VmHWM:\\s*(\\d+)", Path("/proc/self/status").read_text())[1])
+load_ply(Path({str(tmp_path / "small.ply")!r}))
+before = peak()
+scene = load_ply(Path({str(path)!r}))
+print(scene.nbytes, peak() - before)
+"""
+    plys.write(tmp_path / "small.ply", plys.ascii_ply(3, 3) if make == "ascii" else plys.binary_ply(3, 3))
+    done = subprocess.run([sys.executable, "-c", script], check=True, capture_output=True, text=True)
+    tensors, peak = map(int, done.stdout.split())
+    assert tensors == count * 4 * 59
+    assert tensors * 0.9 < peak < 3 * tensors
+
+
+def test_a_captured_scene_loads(caplog: pytest.LogCaptureFixture) -> None:
+    scene = load_ply(reference_scene_ply("guitar"))
+    assert len(scene) == 90_854
+    assert scene.sh_degree == 0
+    assert not caplog.records
