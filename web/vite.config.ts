@@ -7,7 +7,6 @@ export default defineConfig({
   build: {
     outDir: "../services/render/tigas_render/static",
     emptyOutDir: true,
-    target: "es2024",
     modulePreload: { polyfill: false },
   },
   worker: { format: "es" },

@@ -1,4 +1,5 @@
 /** Decodes images in a worker, called by id → promise. Whoever gets a bitmap closes it. */
+import { type Deferred, deferred } from "../deferred";
 
 export interface DecodeRequest {
   readonly id: number;
@@ -14,7 +15,7 @@ export type DecodeWorker = Pick<Worker, "postMessage" | "terminate" | "onmessage
 
 export class Decoder {
   readonly #worker: DecodeWorker;
-  readonly #waiting = new Map<number, PromiseWithResolvers<ImageBitmap>>();
+  readonly #waiting = new Map<number, Deferred<ImageBitmap>>();
   #nextId = 0;
 
   constructor(worker: DecodeWorker) {
@@ -26,7 +27,7 @@ export class Decoder {
   /** Decodes one image. If nobody wants it any more when it is done, its bitmap is closed and the signal's reason thrown. */
   async decode(image: Blob, signal: AbortSignal): Promise<ImageBitmap> {
     signal.throwIfAborted();
-    const waiting = Promise.withResolvers<ImageBitmap>();
+    const waiting = deferred<ImageBitmap>();
     const id = this.#nextId++;
     this.#waiting.set(id, waiting);
     this.#worker.postMessage({ id, image } satisfies DecodeRequest);

@@ -1,8 +1,12 @@
 /**
- * How many requests to keep in flight: enough to cover the way there and back at the rate of the slowest stage, so that the
- * frame rate does not fall with the round trip, and one more to keep that stage busy. More would only queue.
+ * How many requests to keep in flight: enough to cover the way there and back and the server's work, so that the frame rate
+ * does not fall with the round trip, and one more to keep the slowest stage busy. More would only queue.
  *
  *     limit = ceil((base + service) / interval) + 1
+ *
+ * `interval` is the time between requests. Where the server renders a viewer's newest request first, a view may go out with
+ * every animation frame: what a newer one overtakes is never rendered, and what is rendered was never newer. Elsewhere requests
+ * are served in order, and one more than the server can render only makes the others wait. Frames queue on the link in any case.
  *
  * `base` is the least time that a frame spends outside the server (network, transmission, decoding). It is a minimum, because
  * anything above it is our own queue on the link, which a larger limit would only lengthen. A minimum never rises on its own,
@@ -35,9 +39,16 @@ export class InFlightLimit {
   #observedAt = 0;
   #service = 0;
   #interval = ANIMATION_FRAME;
+  readonly #overtaking: boolean;
+
+  /** `overtaking`: whether the server renders the newest request first. */
+  constructor(overtaking: boolean) {
+    this.#overtaking = overtaking;
+  }
 
   observe({ overhead, render, encode, transmission, alone }: FrameTimes, now: number): void {
-    const interval = Math.max(ANIMATION_FRAME, render, encode, transmission);
+    const inOrder = this.#overtaking ? 0 : Math.max(render, encode);
+    const interval = Math.max(ANIMATION_FRAME, transmission, inOrder);
     const first = this.#base === undefined;
     this.#service = first ? render + encode : mix(this.#service, render + encode);
     this.#interval = first ? interval : mix(this.#interval, interval);

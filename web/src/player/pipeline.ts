@@ -52,7 +52,7 @@ export class FramePipeline {
   readonly #decode: (image: Blob, signal: AbortSignal) => Promise<ImageBitmap>;
   readonly #now: () => number;
   readonly #events: PipelineEvents;
-  readonly #limit = new InFlightLimit();
+  readonly #limit: InFlightLimit;
   readonly #inFlight = new Map<number, Entry>();
   #seq = 0;
   #version = 0;
@@ -69,6 +69,7 @@ export class FramePipeline {
     events: PipelineEvents,
   ) {
     this.#transport = transport;
+    this.#limit = new InFlightLimit(transport.overtaking);
     this.#decode = decode;
     this.#now = now;
     this.#events = events;

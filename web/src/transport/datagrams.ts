@@ -1,4 +1,5 @@
 /** WebTransport datagrams: nothing is sent again, so a lost fragment costs one frame and no time. */
+import { type Deferred, deferred } from "../deferred";
 import type { RenderRequest } from "../wire";
 import { parseFrame } from "./framing";
 import { Reassembler } from "./reassembly";
@@ -8,7 +9,7 @@ import { FrameDropped, type FrameReply, type FrameTransport } from "./transport"
 
 interface Pending {
   readonly reception: Reception;
-  readonly reply: PromiseWithResolvers<FrameReply>;
+  readonly reply: Deferred<FrameReply>;
 }
 
 /** A frame that is not there after this many round trips of the others is lost (and not before MIN_WAIT, in ms). */
@@ -19,6 +20,7 @@ const FIRST_WAIT = 2000;
 export class DatagramTransport implements FrameTransport {
   readonly kind = "webtransport-datagrams";
   readonly maxInFlight = 32;
+  readonly overtaking = true;
   readonly lost: Promise<string>;
   readonly #session: WebTransport;
   readonly #writer: WritableStreamDefaultWriter<Uint8Array>;
@@ -42,7 +44,7 @@ export class DatagramTransport implements FrameTransport {
     const bytes = new TextEncoder().encode(JSON.stringify(request));
     const largest = this.#session.datagrams.maxDatagramSize;
     if (bytes.byteLength > largest) throw new Error(`a request of ${bytes.byteLength} bytes fits in no datagram`);
-    const pending: Pending = { reception: this.#receiver.begin(), reply: Promise.withResolvers() };
+    const pending: Pending = { reception: this.#receiver.begin(), reply: deferred() };
     this.#pending.set(seq, pending);
     const wait = this.#roundTrip === undefined ? FIRST_WAIT : Math.max(MIN_WAIT, PATIENCE * this.#roundTrip);
     const timer = setTimeout(() => pending.reply.reject(new FrameDropped("the frame got lost")), wait);
@@ -87,7 +89,7 @@ export class DatagramTransport implements FrameTransport {
     const pending = whole && this.#pending.get(whole.seq);
     if (whole === undefined || pending === undefined) return;
     try {
-      pending.reply.resolve({ ...parseFrame(whole.chunks), arrival: pending.reception.finish() });
+      pending.reply.resolve({ ...parseFrame(whole.chunks), arrival: pending.reception.arrival });
     } catch (error) {
       pending.reply.reject(error);
       return;

@@ -1,4 +1,5 @@
 /** One `POST /render` per frame: works wherever a page works, with at most six connections on HTTP/1.1. */
+import { deferred } from "../deferred";
 import type { Problem, RenderRequest } from "../wire";
 import { frameHeader } from "./http-fields";
 import { type Clock, Receiver, readAll } from "./reception";
@@ -8,13 +9,14 @@ export class FetchTransport implements FrameTransport {
   readonly kind = "fetch";
   /** Browsers open six connections to a server; one stays free for everything else. */
   readonly maxInFlight = 5;
+  readonly overtaking = false;
   readonly lost: Promise<string>;
   readonly #lose: (reason: string) => void;
   readonly #closed = new AbortController();
   readonly #receiver: Receiver;
 
   constructor(now: Clock) {
-    const { promise, resolve } = Promise.withResolvers<string>();
+    const { promise, resolve } = deferred<string>();
     this.lost = promise;
     this.#lose = resolve;
     this.#receiver = new Receiver(now);
@@ -34,7 +36,7 @@ export class FetchTransport implements FrameTransport {
       if (!response.ok) throw new RequestProblem(await readProblem(response));
       const chunks = response.body === null ? [] : await readAll(response.body, reception, either);
       const header = frameHeader(response.status, response.headers);
-      return { header, image: new Blob(chunks, { type: header.content_type }), arrival: reception.finish() };
+      return { header, image: new Blob(chunks, { type: header.content_type }), arrival: reception.arrival };
     } catch (error) {
       if (!either.aborted && !(error instanceof RequestProblem)) this.#lose("The server does not answer.");
       throw error;

@@ -23,7 +23,9 @@ export class Reception {
   readonly #receiver: Receiver;
   readonly #sentAt: number;
   #firstByteAt: number | undefined;
+  #lastByteAt = 0;
   #totalAtFirst = 0;
+  #totalAtLast = 0;
   #bytes = 0;
 
   constructor(receiver: Receiver) {
@@ -34,20 +36,22 @@ export class Reception {
   add(bytes: number): void {
     this.#receiver.total += bytes;
     this.#bytes += bytes;
+    this.#lastByteAt = this.#receiver.now();
+    this.#totalAtLast = this.#receiver.total;
     if (this.#firstByteAt === undefined) {
-      this.#firstByteAt = this.#receiver.now();
-      this.#totalAtFirst = this.#receiver.total;
+      this.#firstByteAt = this.#lastByteAt;
+      this.#totalAtFirst = this.#totalAtLast;
     }
   }
 
-  finish(): Arrival {
-    const lastByteAt = this.#receiver.now();
+  /** What has come until now. A stream's end may be heard of long after its last byte, so it does not count. */
+  get arrival(): Arrival {
     return {
       sentAt: this.#sentAt,
-      firstByteAt: this.#firstByteAt ?? lastByteAt,
-      lastByteAt,
+      firstByteAt: this.#firstByteAt ?? this.#sentAt,
+      lastByteAt: this.#firstByteAt === undefined ? this.#sentAt : this.#lastByteAt,
       bytes: this.#bytes,
-      sharedBytes: this.#firstByteAt === undefined ? 0 : this.#receiver.total - this.#totalAtFirst,
+      sharedBytes: this.#totalAtLast - this.#totalAtFirst,
     };
   }
 }

@@ -1,4 +1,5 @@
 /** Opens a WebTransport session to the render service. */
+import { deferred } from "../deferred";
 
 export interface SessionOptions {
   readonly url: string;
@@ -25,7 +26,7 @@ export async function openSession(
   // Both reject when the session fails; only the race below is to report it.
   session.closed.catch(() => undefined);
   const either = AbortSignal.any([signal, AbortSignal.timeout(timeout)]);
-  const { promise: aborted, reject } = Promise.withResolvers<never>();
+  const { promise: aborted, reject } = deferred<never>();
   const abort = () => reject(either.reason);
   either.addEventListener("abort", abort, { once: true });
   try {

@@ -8,6 +8,7 @@ import type { FrameReply, FrameTransport } from "./transport";
 export class StreamTransport implements FrameTransport {
   readonly kind = "webtransport-streams";
   readonly maxInFlight = 32;
+  readonly overtaking = true;
   readonly lost: Promise<string>;
   readonly #session: WebTransport;
   readonly #receiver: Receiver;
@@ -25,7 +26,7 @@ export class StreamTransport implements FrameTransport {
     // Reading starts first, so that an abort reaches the server even while the request is on its way.
     const reply = readAll(stream.readable, reception, signal);
     const [chunks] = await Promise.all([reply, send(stream.writable, request)]);
-    return { ...parseFrame(chunks), arrival: reception.finish() };
+    return { ...parseFrame(chunks), arrival: reception.arrival };
   }
 
   close(): void {

@@ -24,6 +24,11 @@ export interface FrameTransport {
   readonly kind: TransportKind;
   /** The most requests that it can carry at a time. */
   readonly maxInFlight: number;
+  /**
+   * The server knows that all requests come from one viewer, and renders the newest first. Then a request that gets
+   * overtaken costs next to nothing, and it pays to send every view.
+   */
+  readonly overtaking: boolean;
   /** Settles with a reason once the server cannot be reached through it any more; never rejects. */
   readonly lost: Promise<string>;
   /**

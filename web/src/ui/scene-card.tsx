@@ -8,7 +8,7 @@ import type { SceneInfo } from "../wire";
 import { Icon } from "./icon";
 
 const STATES: Record<SceneInfo["state"], string> = {
-  unloaded: "On disk",
+  unloaded: "Not loaded",
   loading: "Loading…",
   loaded: "In memory",
   broken: "Broken",
@@ -78,7 +78,7 @@ function Thumbnail({ scene }: { scene: SceneInfo }) {
 function facts(scene: SceneInfo): string {
   const parts = [
     scene.gaussians !== null && `${count(scene.gaussians)} Gaussians`,
-    bytes(scene.file_bytes),
+    scene.file_bytes > 0 && bytes(scene.file_bytes),
     scene.sh_degree !== null && `SH degree ${scene.sh_degree}`,
   ];
   return parts.filter(Boolean).join(" · ");

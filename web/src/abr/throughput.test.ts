@@ -1,0 +1,37 @@
+import { expect, test } from "vitest";
+import { Receiver } from "../transport/reception";
+import { ThroughputEstimator } from "./throughput";
+
+const sample = (bytes: number, ms: number) => ({ firstByteAt: 0, lastByteAt: ms, sharedBytes: bytes });
+
+test("unknown before the first frame", () => {
+  expect(new ThroughputEstimator().bitsPerSecond).toBeNull();
+});
+
+test("the moving average of the last five, the newest with weight 0.3", () => {
+  const subject = new ThroughputEstimator();
+  for (const bytes of [999_999, 1000, 1000, 1000, 1000, 2000]) subject.observe(sample(bytes, 10));
+  expect(subject.bitsPerSecond).toBeCloseTo(0.7 * 800_000 + 0.3 * 1_600_000, 3);
+});
+
+test("several frames in flight do not make the link look slower", () => {
+  // A link of 1000 bytes per millisecond, whose packets belong to four frames in turn.
+  let now = 0;
+  const receiver = new Receiver(() => now);
+  const frames = Array.from({ length: 4 }, () => receiver.begin());
+  for (let i = 0; i < 200; i++) {
+    now += 1;
+    frames[i % 4]?.add(1000);
+  }
+  const subject = new ThroughputEstimator();
+  for (const frame of frames) subject.observe(frame.arrival);
+  expect(subject.bitsPerSecond).toBeCloseTo(8_000_000, 0);
+});
+
+test("frames that come in one piece measure nothing, and bits of a millisecond are added up", () => {
+  const subject = new ThroughputEstimator();
+  for (let i = 0; i < 10; i++) subject.observe(sample(0, 0));
+  expect(subject.bitsPerSecond).toBeNull();
+  for (let i = 0; i < 4; i++) subject.observe(sample(500, 0.5));
+  expect(subject.bitsPerSecond).toBeCloseTo(8_000_000, 0);
+});

@@ -1,0 +1,68 @@
+import { describe, expect, test } from "vitest";
+import { InFlightLimit } from "./in-flight-limit";
+
+const FRAME = { render: 10, encode: 2, transmission: 0, alone: false };
+
+function after(overhead: number, options = {}, overtaking = true): InFlightLimit {
+  const subject = new InFlightLimit(overtaking);
+  for (let now = 0; now < 2000; now += 20) subject.observe({ ...FRAME, overhead, ...options }, now);
+  return subject;
+}
+
+test("the first request goes alone: it measures the way", () => {
+  expect(new InFlightLimit(true).limit).toBe(1);
+});
+
+test.each([
+  [2, 2],
+  [30, 4],
+  [100, 8],
+  [300, 20],
+  [5000, 32],
+])("with %i ms outside the server, %i are in flight", (overhead, expected) => {
+  expect(after(overhead).limit).toBe(expected);
+});
+
+test("where requests are served in order, no more are sent than the server can render", () => {
+  const slow = { render: 100 };
+  expect(after(4, slow, false).limit).toBe(3);
+  expect(after(4, slow, true).limit).toBeGreaterThan(5);
+});
+
+test("a slow link gets no more frames than it can carry, however long its own queue becomes", () => {
+  const subject = new InFlightLimit(true);
+  let now = 0;
+  subject.observe({ ...FRAME, overhead: 220, transmission: 200, alone: true }, now);
+  for (let i = 0; i < 100; i++) {
+    now += 200;
+    const alone = subject.limit === 1;
+    const overhead = alone ? 220 : 20 + subject.limit * 200;
+    subject.observe({ ...FRAME, overhead, transmission: 200, alone }, now);
+    expect(subject.limit).toBeLessThanOrEqual(3);
+  }
+});
+
+describe("when the way becomes longer", () => {
+  test("the pipeline drains once, measures it, and covers it", () => {
+    const subject = after(10);
+    const limits: number[] = [];
+    for (let now = 2000; now < 9000; now += 50) {
+      subject.observe({ ...FRAME, overhead: 200, alone: subject.limit === 1 }, now);
+      limits.push(subject.limit);
+    }
+    expect(limits.filter((limit) => limit === 1)).toHaveLength(1);
+    expect(limits.at(-1)).toBe(14);
+  });
+});
+
+test("when the way becomes shorter, the limit follows at once", () => {
+  const subject = after(200);
+  subject.observe({ ...FRAME, overhead: 5 }, 2020);
+  expect(subject.limit).toBe(3);
+});
+
+test("standing still is no reason to forget the way", () => {
+  const subject = after(100);
+  subject.observe({ ...FRAME, overhead: 100, alone: true }, 600_000);
+  expect(subject.limit).toBe(8);
+});

@@ -1,0 +1,242 @@
+import { beforeEach, describe, expect, test } from "vitest";
+import { FakeTransport, settle } from "../transport/fake";
+import { FrameDropped, RequestProblem } from "../transport/transport";
+import { FramePipeline, type View } from "./pipeline";
+
+let now: number;
+let transport: FakeTransport;
+let bitmaps: { closed: boolean; close(): void }[];
+let refusals: string[];
+
+function pipeline(decode?: () => Promise<ImageBitmap>): FramePipeline {
+  const decodeNow = async () => {
+    const bitmap = {
+      closed: false,
+      close() {
+        this.closed = true;
+      },
+    };
+    bitmaps.push(bitmap);
+    return bitmap as unknown as ImageBitmap;
+  };
+  return new FramePipeline(transport, decode ?? decodeNow, () => now, {
+    replied: () => undefined,
+    refused: (problem) => refusals.push(problem.message),
+    transmission: () => 0,
+  });
+}
+
+function view(x: number, profile = 0): View {
+  const pose = { position: [x, 0, 0], quaternion: [0, 0, 0, 1] } as const;
+  return {
+    scene: "s",
+    position: [...pose.position],
+    quaternion: [...pose.quaternion],
+    fx: 1,
+    fy: 1,
+    cx: 1,
+    cy: 1,
+    width: 2,
+    height: 2,
+    profile,
+  };
+}
+
+const problem = (type: string) => new RequestProblem({ type, title: "", status: 400, detail: `because of ${type}` });
+const sent = () => transport.requests.map(({ request }) => request.position?.[0]);
+
+/** One animation frame later, with everything settled that can be. */
+async function frame(subject: FramePipeline, wanted: View): Promise<number | undefined> {
+  await settle();
+  now += 16;
+  subject.want(wanted);
+  const taken = subject.take();
+  await settle();
+  return taken?.seq;
+}
+
+beforeEach(() => {
+  now = 0;
+  transport = new FakeTransport(() => now);
+  bitmaps = [];
+  refusals = [];
+});
+
+describe("asking for frames", () => {
+  test("a view is asked for once, and nothing is asked while it stays the same", async () => {
+    const subject = pipeline();
+    subject.want(view(1));
+    transport.requests[0]?.reply();
+    expect(await frame(subject, view(1))).toBe(0);
+    for (let i = 0; i < 5; i++) await frame(subject, view(1));
+    expect(transport.requests).toHaveLength(1);
+    expect(subject.settled).toBe(true);
+  });
+
+  test("while the limit is reached the newest view waits, and the ones between are never asked for", async () => {
+    transport = new FakeTransport(() => now, { maxInFlight: 1 });
+    const subject = pipeline();
+    for (const x of [1, 2, 3, 4]) await frame(subject, view(x));
+    expect(sent()).toEqual([1]);
+    transport.requests[0]?.reply();
+    await frame(subject, view(4));
+    expect(sent()).toEqual([1, 4]);
+  });
+
+  test("a change of profile alone asks for the view again", async () => {
+    const subject = pipeline();
+    subject.want(view(1, 3));
+    transport.requests[0]?.reply();
+    await frame(subject, view(1, 3));
+    await frame(subject, view(1, 0));
+    expect(transport.requests.map(({ request }) => request.profile)).toEqual([3, 0]);
+  });
+});
+
+describe("showing frames", () => {
+  test("a shown frame cancels the older requests and no newer one", async () => {
+    const subject = pipeline();
+    subject.want(view(0));
+    transport.requests[0]?.reply({ timing: { queue: 0, render: 60, encode: 0 } });
+    for (const x of [1, 2, 3]) await frame(subject, view(x));
+    expect(sent()).toEqual([0, 1, 2, 3]);
+    transport.requests[2]?.reply();
+    expect(await frame(subject, view(3))).toBe(2);
+    expect(transport.requests.map(({ signal }) => signal.aborted)).toEqual([false, true, false, false]);
+    expect(subject.counts).toMatchObject({ sent: 4, cancelled: 1, dropped: 0 });
+  });
+
+  test("of two frames that come between two animation frames the newer is shown and the other closed", async () => {
+    const subject = pipeline();
+    subject.want(view(0));
+    transport.requests[0]?.reply({ timing: { queue: 0, render: 60, encode: 0 } });
+    await frame(subject, view(1));
+    await frame(subject, view(2));
+    transport.requests[2]?.reply();
+    transport.requests[1]?.reply();
+    expect(await frame(subject, view(2))).toBe(2);
+    expect(await frame(subject, view(2))).toBeUndefined();
+    expect(bitmaps.map(({ closed }) => closed)).toEqual([false, false, true]);
+  });
+
+  test("what is still decoded when the viewer closes is closed", async () => {
+    const subject = pipeline();
+    subject.want(view(1));
+    transport.requests[0]?.reply();
+    await settle();
+    subject.dispose();
+    expect(bitmaps.map(({ closed }) => closed)).toEqual([true]);
+    expect(subject.inFlight).toBe(0);
+  });
+});
+
+describe("failures", () => {
+  test.each([
+    ["superseded", () => problem("tigas:superseded")],
+    ["too late", () => problem("tigas:deadline-exceeded")],
+    ["lost on the way", () => new FrameDropped("lost")],
+  ])(
+    "a frame that is %s is counted, not shown as an error, and asked for again if it is the newest",
+    async (_, error) => {
+      const subject = pipeline();
+      subject.want(view(1));
+      transport.requests[0]?.fail(error());
+      await frame(subject, view(1));
+      expect(sent()).toEqual([1, 1]);
+      expect(refusals).toEqual([]);
+      expect(subject.counts.dropped).toBe(1);
+    },
+  );
+
+  test("the last view is rendered even if its request fails when nothing moves any more", async () => {
+    const subject = pipeline();
+    subject.want(view(1));
+    transport.requests[0]?.fail(new Error("stream was reset"));
+    for (let i = 0; i < 20 && transport.requests.length < 2; i++) await frame(subject, view(1));
+    transport.requests[1]?.reply();
+    await frame(subject, view(1));
+    expect(subject.settled).toBe(true);
+  });
+
+  test("a refusal is reported, and the server is not asked again with every animation frame", async () => {
+    const subject = pipeline();
+    subject.want(view(1));
+    transport.requests[0]?.fail(problem("tigas:broken-scene"));
+    for (let i = 0; i < 5; i++) await frame(subject, view(1));
+    expect(refusals).toEqual(["because of tigas:broken-scene"]);
+    expect(transport.requests).toHaveLength(1);
+  });
+
+  test("an image that cannot be decoded is a dropped frame", async () => {
+    const subject = pipeline(() => Promise.reject(new Error("no image")));
+    subject.want(view(1));
+    transport.requests[0]?.reply();
+    await frame(subject, view(1));
+    expect(subject.counts.dropped).toBe(1);
+    expect(subject.settled).toBe(false);
+  });
+});
+
+/** Walks for some seconds against a server with this round trip and service time (ms); returns frames shown a second. */
+async function walk(roundTrip: number, service: number): Promise<{ rate: number; inFlight: number }> {
+  const subject = pipeline();
+  let shown = 0;
+  let free = 0;
+  let measured = 0;
+  let most = 0;
+  const waiting = new Set<number>();
+  const due: { at: number; reply: () => void }[] = [];
+  const until = 12_000;
+  let handled = 0;
+  for (now = 0; now < until; now += 1) {
+    if (now % 16 === 0) {
+      subject.want(view(now));
+      const taken = subject.take();
+      if (taken && now > 6000) shown++;
+      if (now > 6000) most = Math.max(most, subject.inFlight);
+    }
+    while (handled < transport.requests.length) waiting.add(handled++);
+    if (now >= free) {
+      // newest first, as the engine does it; a request reaches the server after half of the round trip
+      const here = [...waiting].filter((i) => {
+        const request = transport.requests[i];
+        return request && !request.signal.aborted && request.sentAt + roundTrip / 2 <= now;
+      });
+      const next = here.at(-1);
+      const request = next === undefined ? undefined : transport.requests[next];
+      if (next !== undefined && request) {
+        waiting.delete(next);
+        free = now + service;
+        const queue = now - request.sentAt - roundTrip / 2;
+        const timing = { queue, render: service, encode: 0 };
+        due.push({ at: free + roundTrip / 2, reply: () => request.reply({ timing }) });
+      }
+    }
+    for (const entry of due.splice(0)) {
+      if (entry.at <= now) entry.reply();
+      else due.push(entry);
+    }
+    await settle();
+    measured = now - 6000;
+  }
+  return { rate: (shown * 1000) / measured, inFlight: most };
+}
+
+describe("the frame rate does not fall with the round trip", () => {
+  test.each([
+    [2, 20],
+    [100, 20],
+    [300, 20],
+    [2, 60],
+    [300, 60],
+  ])(
+    "round trip %i ms, service %i ms",
+    async (roundTrip, service) => {
+      const { rate, inFlight } = await walk(roundTrip, service);
+      // The server could answer 1000 / service a second; one animation frame may be lost to its beat.
+      expect(rate).toBeGreaterThan(0.85 * Math.min(1000 / 16, 1000 / (service + 8)));
+      expect(inFlight).toBeLessThanOrEqual(Math.ceil((roundTrip + service) / 16) + 2);
+    },
+    30_000,
+  );
+});

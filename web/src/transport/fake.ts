@@ -1,0 +1,61 @@
+/** A transport for tests: requests wait until the test answers them. */
+import { deferred } from "../deferred";
+import type { FrameHeader, RenderRequest, ServerTiming } from "../wire";
+import type { FrameReply, FrameTransport, TransportKind } from "./transport";
+
+export interface FakeRequest {
+  readonly request: RenderRequest;
+  readonly signal: AbortSignal;
+  readonly sentAt: number;
+  /** Answers with a frame whose last byte comes now. */
+  reply(options?: { readonly timing?: ServerTiming; readonly bytes?: number }): void;
+  fail(error: unknown): void;
+}
+
+export class FakeTransport implements FrameTransport {
+  readonly kind: TransportKind = "fetch";
+  readonly maxInFlight: number;
+  readonly overtaking: boolean;
+  readonly lost: Promise<string>;
+  readonly lose: (reason: string) => void;
+  readonly requests: FakeRequest[] = [];
+  closed = false;
+  readonly #now: () => number;
+
+  constructor(now: () => number, { maxInFlight = 32, overtaking = true } = {}) {
+    this.#now = now;
+    this.maxInFlight = maxInFlight;
+    this.overtaking = overtaking;
+    const { promise, resolve } = deferred<string>();
+    this.lost = promise;
+    this.lose = resolve;
+  }
+
+  request(request: RenderRequest, signal: AbortSignal): Promise<FrameReply> {
+    const { promise, resolve, reject } = deferred<FrameReply>();
+    const sentAt = this.#now();
+    signal.addEventListener("abort", () => reject(signal.reason), { once: true });
+    this.requests.push({
+      request,
+      signal,
+      sentAt,
+      fail: reject,
+      reply: ({ timing = { queue: 0, render: 0, encode: 0 }, bytes = 1000 } = {}) => {
+        const at = this.#now();
+        const header: FrameHeader = { status: 200, seq: request.seq ?? 0, content_type: "image/jpeg", timing };
+        const arrival = { sentAt, firstByteAt: at, lastByteAt: at, bytes, sharedBytes: 0 };
+        resolve({ header, image: new Blob(), arrival });
+      },
+    });
+    return promise;
+  }
+
+  close(): void {
+    this.closed = true;
+  }
+}
+
+/** Lets all promises that can settle now settle. */
+export async function settle(): Promise<void> {
+  for (let i = 0; i < 20; i++) await Promise.resolve();
+}
