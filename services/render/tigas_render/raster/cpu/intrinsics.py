@@ -48,6 +48,16 @@ def bits_of(typingctx, value):
 
 
 @intrinsic
+def widen(typingctx, bits):
+    """The float32 of the same value as the float16 that has these bits (uint16)."""
+
+    def codegen(context, builder, signature, args):
+        return builder.fpext(builder.bitcast(args[0], ir.HalfType()), ir.FloatType())
+
+    return types.float32(types.uint16), codegen
+
+
+@intrinsic
 def float_of(typingctx, value):
     """The float32 that has these bits (uint32)."""
 

@@ -105,11 +105,10 @@ class CpuRasterizer(Rasterizer):
 
     def project(self, job: FrameJob) -> None:
         """Cull, project, shade, and count the tiles that each Gaussian touches."""
-        scene = job.scene
+        scene, projected = job.scene, self._per_thread("projected", L.USED * L.CHUNK, np.float32)
         project(
-            scene.geometry.reshape(-1), scene.sh.reshape(-1), scene.bounds, job.view, job.splats, job.visible,
-            job.slices, job.tile_counts, job.tiles_x, self._per_thread("projected", L.USED * L.CHUNK, np.float32),
-            self._first_turn(),
+            scene.geometry.reshape(-1), scene.sh.reshape(-1).view(np.uint16), scene.bounds, job.view, job.splats,
+            job.visible, job.slices, job.tile_counts, job.tiles_x, projected, self._first_turn(),
         )  # fmt: skip
 
     def bin(self, job: FrameJob) -> None:

@@ -6,6 +6,7 @@ from __future__ import annotations
 import numpy as np
 
 from tigas_render.raster.cpu import layout as L
+from tigas_render.raster.cpu.intrinsics import prefetch, widen
 from tigas_render.raster.cpu.kernel import kernel
 
 BASIS_CONSTANTS = np.array(
@@ -32,55 +33,103 @@ BASIS_CONSTANTS = np.array(
 """The constant factor of each basis function, signs included; packed coefficients are already multiplied by it."""
 
 U, F = np.uint64, np.float32
+CACHE_LINE_HALVES = 32
+GROUPS_AHEAD = 2
+"""Coefficients are asked for this many groups of LANES ahead."""
 BRIGHTEST = F(1e9)
 """Bounds colours, so that no sum of them overflows."""
 
 
-@kernel(inline=True)
+@kernel()
 def shade(geometry, start, eye, sh, group, coefficients, lane0, out):
     """Write the colours of LANES Gaussians of a chunk, 0 at least, into lanes from lane0 of `out` [USED · CHUNK].
 
     geometry, sh: flat; `start` and `group` are where the chunk's geometry and the lanes' coefficients begin.
-    eye: the camera's centre [3]. The sums stay in registers: branches on the degree are hoisted out of the loop.
+    eye: the camera's centre [3]. A loop for each degree: a branch within would be vectorised to masked loads, which
+    cost twice as much; the processor's own prefetching falls short here, too.
     """
-    for j in range(U(L.LANES)):
-        at = group + j
-        i = lane0 + j
-        red, green, blue = F(0.5) + sh[at], F(0.5) + sh[at + U(L.LANES)], F(0.5) + sh[at + U(2 * L.LANES)]
-        if coefficients > 1:
-            x = geometry[start + i] - eye[0]
-            y = geometry[start + U(L.CHUNK) + i] - eye[1]
-            z = geometry[start + U(2 * L.CHUNK) + i] - eye[2]
-            inverse = F(1) / np.sqrt(x * x + y * y + z * z)
-            x, y, z = x * inverse, y * inverse, z * inverse
-            red, green, blue = add(red, green, blue, sh, at, 1, y)
-            red, green, blue = add(red, green, blue, sh, at, 2, z)
-            red, green, blue = add(red, green, blue, sh, at, 3, x)
-            if coefficients > 4:
-                xx, yy, zz = x * x, y * y, z * z
-                red, green, blue = add(red, green, blue, sh, at, 4, x * y)
-                red, green, blue = add(red, green, blue, sh, at, 5, y * z)
-                red, green, blue = add(red, green, blue, sh, at, 6, F(2) * zz - xx - yy)
-                red, green, blue = add(red, green, blue, sh, at, 7, x * z)
-                red, green, blue = add(red, green, blue, sh, at, 8, xx - yy)
-                if coefficients > 9:
-                    red, green, blue = add(red, green, blue, sh, at, 9, y * (F(3) * xx - yy))
-                    red, green, blue = add(red, green, blue, sh, at, 10, x * y * z)
-                    red, green, blue = add(red, green, blue, sh, at, 11, y * (F(4) * zz - xx - yy))
-                    red, green, blue = add(red, green, blue, sh, at, 12, z * (F(2) * zz - F(3) * xx - F(3) * yy))
-                    red, green, blue = add(red, green, blue, sh, at, 13, x * (F(4) * zz - xx - yy))
-                    red, green, blue = add(red, green, blue, sh, at, 14, z * (xx - yy))
-                    red, green, blue = add(red, green, blue, sh, at, 15, x * (xx - F(3) * yy))
-        out[U(L.RED * L.CHUNK) + i] = min(max(red, F(0)), BRIGHTEST)
-        out[U(L.GREEN * L.CHUNK) + i] = min(max(green, F(0)), BRIGHTEST)
-        out[U(L.BLUE * L.CHUNK) + i] = min(max(blue, F(0)), BRIGHTEST)
+    floats = U(coefficients * 3 * L.LANES)
+    for ahead in range(U(0), floats, U(CACHE_LINE_HALVES)):
+        prefetch(sh, group + U(GROUPS_AHEAD) * floats + ahead)
+    if coefficients == 1:
+        for j in range(U(L.LANES)):
+            store(out, lane0 + j, degree0(sh, group + j))
+    elif coefficients == 4:
+        for j in range(U(L.LANES)):
+            x, y, z = direction(geometry, start + lane0 + j, eye)
+            store(out, lane0 + j, degree1(sh, group + j, degree0(sh, group + j), x, y, z))
+    elif coefficients == 9:
+        for j in range(U(L.LANES)):
+            x, y, z = direction(geometry, start + lane0 + j, eye)
+            colour = degree1(sh, group + j, degree0(sh, group + j), x, y, z)
+            store(out, lane0 + j, degree2(sh, group + j, colour, x, y, z))
+    else:
+        for j in range(U(L.LANES)):
+            x, y, z = direction(geometry, start + lane0 + j, eye)
+            colour = degree1(sh, group + j, degree0(sh, group + j), x, y, z)
+            colour = degree2(sh, group + j, colour, x, y, z)
+            store(out, lane0 + j, degree3(sh, group + j, colour, x, y, z))
 
 
 @kernel(inline=True)
-def add(red, green, blue, sh, at, number, basis):
+def direction(geometry, at, eye):
+    """Unit vector from the camera to a Gaussian."""
+    x, y, z = geometry[at] - eye[0], geometry[at + U(L.CHUNK)] - eye[1], geometry[at + U(2 * L.CHUNK)] - eye[2]
+    inverse = F(1) / np.sqrt(x * x + y * y + z * z)
+    return x * inverse, y * inverse, z * inverse
+
+
+@kernel(inline=True)
+def store(out, lane, colour):
+    """Write a colour, bounded, into a lane of `out`."""
+    out[U(L.RED * L.CHUNK) + lane] = min(max(colour[0], F(0)), BRIGHTEST)
+    out[U(L.GREEN * L.CHUNK) + lane] = min(max(colour[1], F(0)), BRIGHTEST)
+    out[U(L.BLUE * L.CHUNK) + lane] = min(max(colour[2], F(0)), BRIGHTEST)
+
+
+@kernel(inline=True)
+def add(sh, at, number, colour, basis):
     """A colour plus one basis function times its coefficients."""
     at += U(3 * L.LANES * number)
-    red += basis * sh[at]
-    green += basis * sh[at + U(L.LANES)]
-    blue += basis * sh[at + U(2 * L.LANES)]
-    return red, green, blue
+    return (
+        colour[0] + basis * widen(sh[at]),
+        colour[1] + basis * widen(sh[at + U(L.LANES)]),
+        colour[2] + basis * widen(sh[at + U(2 * L.LANES)]),
+    )
+
+
+@kernel(inline=True)
+def degree0(sh, at):
+    """The colour without its dependence on the direction."""
+    return add(sh, at, 0, (F(0.5), F(0.5), F(0.5)), F(1))
+
+
+@kernel(inline=True)
+def degree1(sh, at, colour, x, y, z):
+    """A colour plus what varies with the direction (x, y, z) once around."""
+    colour = add(sh, at, 1, colour, y)
+    colour = add(sh, at, 2, colour, z)
+    return add(sh, at, 3, colour, x)
+
+
+@kernel(inline=True)
+def degree2(sh, at, colour, x, y, z):
+    """A colour plus the second degree."""
+    colour = add(sh, at, 4, colour, x * y)
+    colour = add(sh, at, 5, colour, y * z)
+    colour = add(sh, at, 6, colour, F(2) * z * z - x * x - y * y)
+    colour = add(sh, at, 7, colour, x * z)
+    return add(sh, at, 8, colour, x * x - y * y)
+
+
+@kernel(inline=True)
+def degree3(sh, at, colour, x, y, z):
+    """A colour plus the third degree."""
+    xx, yy, zz = x * x, y * y, z * z
+    colour = add(sh, at, 9, colour, y * (F(3) * xx - yy))
+    colour = add(sh, at, 10, colour, x * y * z)
+    colour = add(sh, at, 11, colour, y * (F(4) * zz - xx - yy))
+    colour = add(sh, at, 12, colour, z * (F(2) * zz - F(3) * xx - F(3) * yy))
+    colour = add(sh, at, 13, colour, x * (F(4) * zz - xx - yy))
+    colour = add(sh, at, 14, colour, z * (xx - yy))
+    return add(sh, at, 15, colour, x * (xx - F(3) * yy))
