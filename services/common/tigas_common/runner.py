@@ -41,7 +41,7 @@ async def serve_http(app: Any, address: Address, tls: ssl.SSLContext | None = No
     config = uvicorn.Config(
         app,
         lifespan="off",
-        log_level="warning",
+        log_level="critical",  # applications log their own failures; the rest is clients that leave
         access_log=False,
         server_header=False,
         timeout_graceful_shutdown=1,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import logging
 from pathlib import Path
 
 from prometheus_client import CONTENT_TYPE_LATEST, generate_latest
@@ -20,6 +21,8 @@ from tigas_common.parsing import MAX_BODY, parse
 from tigas_common.wire import Problem, RenderRequest
 from tigas_render.frame import Frame
 from tigas_render.service import RenderService
+
+logger = logging.getLogger(__name__)
 
 STATIC = Path(__file__).parent / "static"
 """Where the web client's build lies."""
@@ -123,7 +126,9 @@ async def metrics(request: Request) -> Response:
 
 
 async def on_error(request: Request, error: Exception) -> Response:
-    """Every failure, as problem+json."""
+    """Every failure, as problem+json; those that are our own fault are logged."""
+    if not isinstance(error, TigasError):
+        logger.error("%s %s failed", request.method, request.url.path, exc_info=error)
     return _problem(problem(error))
 
 

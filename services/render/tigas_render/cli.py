@@ -46,6 +46,7 @@ def render(
     from tigas_render.main import StartError, serve
 
     logging.basicConfig(format="%(asctime)s %(levelname)s %(message)s", level=logging.INFO, stream=sys.stdout)
+    logging.getLogger("quic").setLevel(logging.WARNING)  # aioquic tells the story of every connection
     try:
         uvloop.run(serve(settings))
     except StartError as error:
