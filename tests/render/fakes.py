@@ -70,7 +70,7 @@ class FakeRasterizer(Rasterizer):
     def prepare(self, gaussians: Gaussians) -> PreparedScene:
         return FakeScene()
 
-    def render(self, scene: PreparedScene, camera: Camera) -> Image:
+    def render(self, scene: PreparedScene, camera: Camera, format: FrameFormat = "jpeg") -> Image:
         self.cameras.append(camera)
         self.started.release()
         assert self.gate.wait(10)
