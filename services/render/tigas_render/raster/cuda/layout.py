@@ -8,6 +8,11 @@ SMALL_TILE_PIXELS = 400 * 225
 """Pictures of at most so many pixels get small tiles: with large ones they would keep few multiprocessors busy, and
 each tile's list would be long. Measured, see docs/gpu.md."""
 
+MAX_SLICES = 256
+"""A slice's number has 8 bits."""
+MAX_LISTS = 1 << 18
+"""Lists of all tiles and slices together: enough to keep each short, few enough to count in microseconds."""
+
 
 @dataclass(frozen=True, slots=True)
 class TileLayout:
@@ -17,6 +22,8 @@ class TileLayout:
     """Pixels: 8 or 16."""
     columns: int
     rows: int
+    slices: int
+    """Depth is cut into so many, each with a list for every tile: a power of two, 256 at most."""
 
     @property
     def tiles(self) -> int:
@@ -27,4 +34,8 @@ class TileLayout:
 def tile_layout(width: int, height: int) -> TileLayout:
     """The tiles of a picture of so many pixels."""
     side = 8 if width * height <= SMALL_TILE_PIXELS else 16
-    return TileLayout(side, -(-width // side), -(-height // side))
+    columns, rows = -(-width // side), -(-height // side)
+    slices = MAX_SLICES
+    while slices > 4 and slices * columns * rows > MAX_LISTS:
+        slices //= 2
+    return TileLayout(side, columns, rows, slices)

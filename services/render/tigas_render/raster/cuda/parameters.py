@@ -13,8 +13,8 @@ from tigas_render.raster.base import Camera
 from tigas_render.raster.cuda.layout import TileLayout
 from tigas_render.raster.cuda.scene import CHUNK, CudaScene
 
-LAYOUT: Final = struct.Struct("=15Q6I3i25f")
-"""15 pointers; padded, chunks, capacity, tiles, tiles_x, sh_coefficients; width, height, format; the floats."""
+LAYOUT: Final = struct.Struct("=16Q6I4i25f4x")
+"""Pointers; padded, chunks, capacity, tiles, tiles_x, slices; width, height, format, sh_coefficients; the floats."""
 FORMATS: Final[dict[FrameFormat, int]] = {"png": 0, "jpeg": 1, "yuv420p": 2}
 """How the blending kernel lays out pixels: RGB, JPEG's planes, video's planes."""
 CLAMP_MARGIN: Final = 0.3
@@ -36,8 +36,8 @@ def write_frame(
     LAYOUT.pack_into(
         into, 0,
         scene.means.data_ptr(), scene.shapes.data_ptr(), scene.sh.data_ptr(), scene.bounds.data_ptr(), *buffers,
-        scene.padded, scene.padded // CHUNK, capacity, layout.tiles, layout.columns, scene.coefficients,
-        k.width, k.height, FORMATS[format],
+        scene.padded, scene.padded // CHUNK, capacity, layout.tiles, layout.columns, layout.slices,
+        k.width, k.height, FORMATS[format], scene.coefficients,
         scene.scale_low, scene.scale_step,
         *(rotation[column][row] for row in range(3) for column in range(3)),  # world to camera
         *camera.pose.position,

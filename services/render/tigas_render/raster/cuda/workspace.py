@@ -19,6 +19,9 @@ from tigas_render.raster.cuda.scene import CHUNK, CudaScene
 FIRST_CAPACITY = 1 << 21
 """Entries of all tiles' lists together that a workspace begins with; it grows when a frame needs more."""
 
+DEPTH_BINS = 8192
+"""As in frame.cuh."""
+
 
 @dataclass(frozen=True, slots=True)
 class Stage:
@@ -45,7 +48,8 @@ class Workspace:
         self._buffers: dict[str, torch.Tensor] = {}
         self._output = torch.empty(0, dtype=torch.uint8)
         self._allocate("frame", LAYOUT.size)
-        self._allocate("progress", 8)
+        self._allocate("progress", 16 + 4 * DEPTH_BINS).zero_()
+        torch.cuda.current_stream(device).synchronize()
         self._allocate("entries", 8 * FIRST_CAPACITY)
         self._graphs = {side: self._capture(of_side) for side, of_side in stages.items()}
 
@@ -62,14 +66,16 @@ class Workspace:
         """Make room for a frame and write its parameters, but launch nothing."""
         k = camera.intrinsics
         layout = tile_layout(k.width, k.height)
+        lists = 4 * layout.tiles * layout.slices
         sizes = (
             ("splats", 32 * scene.padded),
             ("depths", 4 * scene.padded),
             ("boxes", 8 * scene.padded),
-            ("chunk_visible", 4 * (scene.padded // CHUNK)),
-            ("tile_counts", 4 * layout.tiles),
-            ("tile_starts", 4 * layout.tiles),
-            ("tile_ends", 4 * layout.tiles),
+            ("chosen", 4 * (scene.padded // CHUNK)),
+            ("slice_of", DEPTH_BINS),
+            ("counts", lists),
+            ("starts", lists),
+            ("ends", lists),
             ("entries", 0),
             ("pixels", 3 * k.width * k.height + 4 * max(k.width, k.height)),  # planes of odd sizes take a little more
         )
@@ -155,8 +161,9 @@ def make_stages(device: Device, kernels: dict[str, Kernel], side: int) -> tuple[
         return Stage(name, kernel, LaunchConfig(grid=processors * blocks, block=threads))
 
     return (
-        Stage("begin", kernels["begin"], LaunchConfig(grid=16, block=256)),
+        Stage("begin", kernels["begin"], LaunchConfig(grid=processors, block=CHUNK)),
         stage("project", kernels[f"project_{side}"], CHUNK),
+        stage("place", kernels["place"], CHUNK),
         stage("bin", kernels[f"bin_{side}"], CHUNK),
-        stage("blend", kernels[f"blend_{side}"], side * side),
+        stage("blend", kernels[f"blend_{side}"], 256),
     )

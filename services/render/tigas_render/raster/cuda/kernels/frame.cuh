@@ -19,6 +19,23 @@ constexpr float TRANSMITTANCE_MIN = 1e-4f;
 constexpr float FARTHEST = 1e7f;  // centres farther outside have no fractions of a pixel in float32
 constexpr float LOG2_E = 1.44269504f;
 
+// Depth in bins that are even in the float's bits: 256 an octave, from 2^-8 to 2^24. Whole bins make up slices.
+constexpr int DEPTH_BINS = 8192;
+
+__device__ __forceinline__ u32 depth_bin(float depth) {
+    int bin = (__float_as_int(depth) >> 15) - (119 << 8);
+    return min(max(bin, 0), DEPTH_BINS - 1);
+}
+
+// Counters that the kernels of a frame share. Each frame leaves them all zero but `entries`.
+struct Progress {
+    u32 culled;    // blocks that have finished culling
+    u32 chosen;    // chunks that may be visible
+    u32 entries;   // of all lists together
+    u32 tiles;     // that were taken up for blending
+    u32 depths[DEPTH_BINS];  // chosen chunks by the depth of their centres
+};
+
 enum Format { RGB = 0, JPEG_PLANES = 1, VIDEO_PLANES = 2 };
 
 // One frame: rasterizer.py writes it (FRAME_DTYPE there), `begin` copies it to the device. Pointers first.
@@ -32,16 +49,17 @@ struct Frame {
     float4* splats;         // [padded, 2] records of visible Gaussians
     float* depths;          // [padded]
     ushort4* boxes;         // [padded] tiles that a Gaussian may touch: first x, first y, columns, rows
-    u32* chunk_visible;     // [chunks] whether any of a chunk's Gaussians is visible
-    u32* tile_counts;       // [tiles]
-    u32* tile_starts;       // [tiles] where each tile's list begins
-    u32* tile_ends;         // [tiles] where it ends; while it is being filled, where it goes on
-    u64* entries;           // [capacity] depth << 32 | Gaussian, the tiles' lists one after the other
+    u32* chosen;            // [chunks] the chunks that may be visible
+    u8* slice_of;           // [DEPTH_BINS] the slice of each depth bin
+    u32* counts;            // [tiles, slices] entries of each list
+    u32* starts;            // [tiles, slices] where each list begins
+    u32* ends;              // [tiles, slices] where it ends; while it is being filled, where it goes on
+    u64* entries;           // [capacity] depth << 32 | Gaussian; the lists of one tile lie one after the other
     u8* pixels;             // RGB [H, W, 3], or three planes
     u32* status;            // pinned, [0]: entries that the frame needed
-    u32* progress;          // [2] blocks that finished projecting; tiles that were taken up for blending
-    u32 padded, chunks, capacity, tiles, tiles_x, sh_coefficients;
-    int width, height, format;
+    Progress* progress;
+    u32 padded, chunks, capacity, tiles, tiles_x, slices;  // slices: a power of two, at most 256
+    int width, height, format, sh_coefficients;
     float scale_low, scale_step;  // log2 scale = scale_low + scale_step * code
     float rotation[9];      // world to camera, row by row
     float eye[3];

@@ -4,30 +4,6 @@
 #include "frame.cuh"
 #include "tiles.cuh"
 
-// Whether no Gaussian of a chunk can be drawn; false when in doubt. A chunk is a sphere around its means and the
-// greatest deviation among its Gaussians. The least depth bounds how large those deviations become in pixels.
-__device__ bool chunk_is_outside(const Frame& f, u32 chunk) {
-    float4 sphere = f.bounds[2 * chunk];
-    float deviation = f.bounds[2 * chunk + 1].x;
-    float x = sphere.x - f.eye[0], y = sphere.y - f.eye[1], z = sphere.z - f.eye[2], r = sphere.w;
-    float px = f.rotation[0] * x + f.rotation[1] * y + f.rotation[2] * z;
-    float py = f.rotation[3] * x + f.rotation[4] * y + f.rotation[5] * z;
-    float pz = f.rotation[6] * x + f.rotation[7] * y + f.rotation[8] * z;
-    if (pz + r < 0.999f * NEAR_PLANE) return true;
-    float nearest = pz - r;
-    if (!(nearest > NEAR_PLANE)) return false;
-    constexpr float REACH = 3.37f;  // sqrt(2 ln 255), and a little
-    float slope_x = fmaxf(fabsf(f.left), fabsf(f.right)), slope_y = fmaxf(fabsf(f.top), fabsf(f.bottom));
-    float sx = f.fx * deviation / nearest, sy = f.fy * deviation / nearest;
-    float margin_x = (REACH * sqrtf(sx * sx * (1 + slope_x * slope_x) + BLUR) + 2) / f.fx;
-    float margin_y = (REACH * sqrtf(sy * sy * (1 + slope_y * slope_y) + BLUR) + 2) / f.fy;
-    // planes through the eye: outside where the signed distance of the sphere's centre is more than its radius
-    float l = -f.cx / f.fx - margin_x, rr = (f.width - f.cx) / f.fx + margin_x;
-    float t = -f.cy / f.fy - margin_y, b = (f.height - f.cy) / f.fy + margin_y;
-    return l * pz - px > r * sqrtf(1 + l * l) || px - rr * pz > r * sqrtf(1 + rr * rr) ||
-           t * pz - py > r * sqrtf(1 + t * t) || py - b * pz > r * sqrtf(1 + b * b);
-}
-
 struct Colour {
     float r, g, b;
 };
@@ -126,72 +102,25 @@ __device__ bool project_one(const Frame& f, u32 i, Splat& splat, ushort4& box) {
     return true;
 }
 
-// Where each tile's list begins: one block's exclusive scan of the counts. Writes the total to the host's status.
-__device__ void place_lists(const Frame& f) {
-    __shared__ u32 sums[CHUNK / 32];
-    u32 total = 0;
-    int lane = threadIdx.x & 31, warp = threadIdx.x / 32;
-    for (u32 first = 0; first < f.tiles; first += CHUNK * 4) {
-        u32 at = first + threadIdx.x * 4, counts[4], mine = 0;
-        for (int k = 0; k < 4; k++) {
-            counts[k] = at + k < f.tiles ? __ldcg(&f.tile_counts[at + k]) : 0;
-            mine += counts[k];
-        }
-        u32 last = mine;
-        for (int step = 1; step < 32; step *= 2) {
-            u32 other = __shfl_up_sync(ALL, last, step);
-            if (lane >= step) last += other;
-        }
-        if (lane == 31) sums[warp] = last;
-        __syncthreads();
-        u32 start = total + last - mine;
-        for (int w = 0; w < CHUNK / 32; w++) {
-            if (w < warp) start += sums[w];
-            total += sums[w];
-        }
-        for (int k = 0; k < 4; k++) {
-            if (at + k < f.tiles) f.tile_starts[at + k] = f.tile_ends[at + k] = start;
-            start += counts[k];
-        }
-        __syncthreads();
-    }
-    if (threadIdx.x == 0) {
-        f.status[0] = total;
-        __threadfence_system();
-    }
-}
-
 template <int TILE>
 __device__ __forceinline__ void project_all(const Frame* frame) {
     __shared__ Frame f;
     __shared__ float4 staged[CHUNK * 3];
-    __shared__ bool last_block;
     for (int word = threadIdx.x; word < FRAME_WORDS; word += CHUNK) ((u32*)&f)[word] = ((const u32*)frame)[word];
     __syncthreads();
-    for (u32 chunk = blockIdx.x; chunk < f.chunks; chunk += gridDim.x) {
-        bool visible = false;
+    u32 chosen = f.progress->chosen;
+    for (u32 at = blockIdx.x; at < chosen; at += gridDim.x) {
+        u32 i = f.chosen[at] * CHUNK + threadIdx.x;
         Splat splat = {};
         ushort4 box = make_ushort4(0, 0, 0, 0);
-        u32 i = chunk * CHUNK + threadIdx.x;
-        bool outside = chunk_is_outside(f, chunk);
-        if (!outside) {
-            visible = project_one<TILE>(f, i, splat, box);
-            f.boxes[i] = box;
-            for_each_tile<TILE>(f, splat, box, staged + (threadIdx.x / 32) * 96, [&](bool hit, u32 tile, int) {
-                if (hit) atomicAdd(&f.tile_counts[tile], 1);
-            });
-        }
-        visible = __syncthreads_or(visible);
-        if (threadIdx.x == 0) f.chunk_visible[chunk] = visible;
-    }
-    // The block that finishes last places the lists: no further kernel, no waiting.
-    __threadfence();
-    __syncthreads();
-    if (threadIdx.x == 0) last_block = atomicAdd(&f.progress[0], 1) == gridDim.x - 1;
-    __syncthreads();
-    if (last_block) {
-        __threadfence();
-        place_lists(f);
+        u32 slice = 0;
+        if (project_one<TILE>(f, i, splat, box)) slice = f.slice_of[depth_bin(f.depths[i])];
+        f.boxes[i] = box;
+        for_each_tile<TILE>(f, splat, box, slice, staged + (threadIdx.x / 32) * 96, [&](bool hit, u32 list, int) {
+            // lanes with the same list send one addition
+            u32 peers = __match_any_sync(ALL, hit ? list : ALL);
+            if (hit && __ffs(peers) - 1 == (threadIdx.x & 31)) atomicAdd(&f.counts[list], __popc(peers));
+        });
     }
 }
 
