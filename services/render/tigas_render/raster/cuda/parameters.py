@@ -1,11 +1,10 @@
-"""One frame's parameters as the kernels take them: `struct Frame` of frame.cuh, written into pinned memory."""
+"""One frame's parameters as the kernels take them: `struct Frame` of frame.cuh."""
 
 from __future__ import annotations
 
+import ctypes
 import struct
 from typing import Final
-
-import torch
 
 from tigas_common.pose import Intrinsics
 from tigas_common.wire import FrameFormat
@@ -13,7 +12,7 @@ from tigas_render.raster.base import Camera
 from tigas_render.raster.cuda.layout import TileLayout
 from tigas_render.raster.cuda.scene import CHUNK, CudaScene
 
-LAYOUT: Final = struct.Struct("=16Q6I4i25f4x")
+LAYOUT: Final = struct.Struct("=21Q6I4i25f4x")
 """Pointers; padded, chunks, capacity, tiles, tiles_x, slices; width, height, format, sh_coefficients; the floats."""
 FORMATS: Final[dict[FrameFormat, int]] = {"png": 0, "jpeg": 1, "yuv420p": 2}
 """How the blending kernel lays out pixels: RGB, JPEG's planes, video's planes."""
@@ -22,7 +21,7 @@ CLAMP_MARGIN: Final = 0.3
 
 
 def write_frame(
-    into: memoryview,
+    into: ctypes.Array[ctypes.c_char],
     scene: CudaScene,
     camera: Camera,
     layout: TileLayout,
@@ -56,8 +55,3 @@ def derivative_limits(k: Intrinsics) -> tuple[float, float, float, float]:
         (k.height - k.cy) / k.fy + margin_y,
     )
 
-
-def pinned_frame() -> tuple[torch.Tensor, memoryview]:
-    """Pinned memory for one frame's parameters, and a view to write through."""
-    tensor = torch.zeros(LAYOUT.size, dtype=torch.uint8, pin_memory=True)
-    return tensor, memoryview(tensor.numpy())

@@ -6,6 +6,7 @@ import ctypes
 from dataclasses import dataclass
 
 import torch
+from cuda.bindings import driver
 from cuda.core import Device, Kernel, LaunchConfig, Stream, launch
 from cuda.core.graph import Graph
 
@@ -13,14 +14,18 @@ from tigas_common.wire import FrameFormat
 from tigas_render.raster.base import Camera
 from tigas_render.raster.cuda.layout import TileLayout, tile_layout
 from tigas_render.raster.cuda.nvjpeg import JpegEncoder, NvJpeg
-from tigas_render.raster.cuda.parameters import LAYOUT, pinned_frame, write_frame
+from tigas_render.raster.cuda.parameters import LAYOUT, write_frame
 from tigas_render.raster.cuda.scene import CHUNK, CudaScene
 
 FIRST_CAPACITY = 1 << 21
 """Entries of all tiles' lists together that a workspace begins with; it grows when a frame needs more."""
 
+# As in frame.cuh.
 DEPTH_BINS = 8192
-"""As in frame.cuh."""
+MAX_SEGMENTS = 64
+PROGRESS_BYTES = 4 * (DEPTH_BINS + 5 + MAX_SEGMENTS)
+ENTRIES_PER_PARTIAL = 512
+"""Capacity of the lists, over the number of partial pictures that there is room for."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,13 +47,13 @@ class Workspace:
         self._torch_stream = torch.cuda.Stream(device)
         self.stream = Stream.from_handle(self._torch_stream.cuda_stream)
         self._encoder = JpegEncoder(library, self._torch_stream.cuda_stream)
-        self._pinned, self._parameters = pinned_frame()
+        self._parameters = ctypes.create_string_buffer(LAYOUT.size)
         self._status = torch.zeros(1, dtype=torch.int32, pin_memory=True)
         self._needed = ctypes.c_uint32.from_address(self._status.data_ptr())
         self._buffers: dict[str, torch.Tensor] = {}
         self._output = torch.empty(0, dtype=torch.uint8)
         self._allocate("frame", LAYOUT.size)
-        self._allocate("progress", 16 + 4 * DEPTH_BINS).zero_()
+        self._allocate("progress", PROGRESS_BYTES).zero_()
         torch.cuda.current_stream(device).synchronize()
         self._allocate("entries", 8 * FIRST_CAPACITY)
         self._graphs = {side: self._capture(of_side) for side, of_side in stages.items()}
@@ -60,12 +65,15 @@ class Workspace:
 
     def start(self, scene: CudaScene, camera: Camera, format: FrameFormat) -> None:
         """Queue one frame. Raises torch.cuda.OutOfMemoryError if the buffers have to grow and cannot."""
-        self._graphs[self.prepare(scene, camera, format).side].launch(self.stream)
+        side = self.prepare(scene, camera, format).side
+        self.begin(self._stages[side][0])
+        self._graphs[side].launch(self.stream)
 
     def prepare(self, scene: CudaScene, camera: Camera, format: FrameFormat) -> TileLayout:
         """Make room for a frame and write its parameters, but launch nothing."""
         k = camera.intrinsics
         layout = tile_layout(k.width, k.height)
+        capacity = self._buffers["entries"].nbytes // 8
         lists = 4 * layout.tiles * layout.slices
         sizes = (
             ("splats", 32 * scene.padded),
@@ -77,11 +85,15 @@ class Workspace:
             ("starts", lists),
             ("ends", lists),
             ("entries", 0),
+            ("queue", 4 * layout.tiles * MAX_SEGMENTS),
+            ("partial_of", 4 * layout.tiles),
+            ("finished", 4 * layout.tiles),
+            ("lights", 4 * layout.tiles * MAX_SEGMENTS),
+            ("partials", capacity // ENTRIES_PER_PARTIAL * layout.side**2 * 16),
             ("pixels", 3 * k.width * k.height + 4 * max(k.width, k.height)),  # planes of odd sizes take a little more
         )
         addresses = tuple(self._allocate(name, size).data_ptr() for name, size in sizes)
         others = (self._status.data_ptr(), self._buffers["progress"].data_ptr())
-        capacity = self._buffers["entries"].nbytes // 8
         write_frame(self._parameters, scene, camera, layout, format, addresses + others, capacity)
         return layout
 
@@ -117,22 +129,29 @@ class Workspace:
 
     def launch_stage(self, stage: Stage) -> None:
         """Launch one kernel by itself; benchmarks time them so."""
-        self._launch(self.stream, stage)
+        if stage.name == "begin":
+            self.begin(stage)
+        else:
+            launch(self.stream, stage.config, stage.kernel, self._buffers["frame"].data_ptr())
+
+    def begin(self, stage: Stage) -> None:
+        """Launch the first kernel, which brings the parameters along."""
+        frame = ctypes.c_void_p(self._buffers["frame"].data_ptr())
+        arguments = (ctypes.c_void_p * 2)(ctypes.addressof(self._parameters), ctypes.addressof(frame))
+        (error,) = driver.cuLaunchKernel(
+            driver.CUfunction(int(stage.kernel.handle)), *stage.config.grid, *stage.config.block, 0,
+            driver.CUstream(int(self.stream.handle)), ctypes.addressof(arguments), 0,
+        )  # fmt: skip
+        if error != driver.CUresult.CUDA_SUCCESS:
+            raise RuntimeError(f"the first kernel was not launched: {error.name}")
 
     def _capture(self, stages: tuple[Stage, ...]) -> Graph:
-        """The frame's kernels as one graph: all that differs between frames is in the parameters they read."""
+        """All kernels but the first as one graph: what differs between frames is in the parameters that they read."""
         builder = self.stream.create_graph_builder()
         builder.begin_building("relaxed")
-        for stage in stages:
-            self._launch(builder, stage)
+        for stage in stages[1:]:
+            launch(builder, stage.config, stage.kernel, self._buffers["frame"].data_ptr())
         return builder.end_building().complete()
-
-    def _launch(self, stream: object, stage: Stage) -> None:
-        frame = self._buffers["frame"].data_ptr()
-        if stage.name == "begin":
-            launch(stream, stage.config, stage.kernel, self._pinned.data_ptr(), frame)
-        else:
-            launch(stream, stage.config, stage.kernel, frame)
 
     def _allocate(self, name: str, size: int) -> torch.Tensor:
         """The buffer of this name, enlarged if it has less than `size` bytes; then its content is lost."""
@@ -161,7 +180,7 @@ def make_stages(device: Device, kernels: dict[str, Kernel], side: int) -> tuple[
         return Stage(name, kernel, LaunchConfig(grid=processors * blocks, block=threads))
 
     return (
-        Stage("begin", kernels["begin"], LaunchConfig(grid=processors, block=CHUNK)),
+        Stage("begin", kernels["begin"], LaunchConfig(grid=2 * processors, block=CHUNK)),
         stage("project", kernels[f"project_{side}"], CHUNK),
         stage("place", kernels["place"], CHUNK),
         stage("bin", kernels[f"bin_{side}"], CHUNK),

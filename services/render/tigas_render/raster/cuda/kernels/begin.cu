@@ -1,6 +1,7 @@
-// The frame's first kernel: fetches its parameters from pinned memory, clears the counts, chooses the chunks that may be
-// visible, and cuts depth into slices with about equally many Gaussians, so that no list becomes long.
+// The frame's first kernel: keeps the parameters for the others, clears counts and picture, chooses the chunks that may
+// be visible, and cuts depth into slices with about equally many Gaussians, so that no list becomes long.
 #include "frame.cuh"
+#include "pixels.cuh"
 
 // Whether no Gaussian of a chunk can be drawn; false when in doubt. A chunk is a sphere around its means and the
 // greatest deviation among its Gaussians. The least depth bounds how large those deviations become in pixels.
@@ -64,19 +65,15 @@ __device__ void cut_slices(const Frame& f, u32* warps) {
     }
 }
 
-// Launched with any number of blocks of CHUNK threads. `pinned` is host memory that the device reads over the bus.
-extern "C" __global__ void __launch_bounds__(CHUNK) begin(const Frame* pinned, Frame* frame) {
-    __shared__ Frame f;
+// Launched with any number of blocks of CHUNK threads. `f` comes with the launch, the other kernels find it at `frame`.
+extern "C" __global__ void __launch_bounds__(CHUNK) begin(const __grid_constant__ Frame f, Frame* frame) {
     __shared__ u32 warps[CHUNK / 32];
     __shared__ bool last_block;
-    for (int word = threadIdx.x; word < FRAME_WORDS; word += CHUNK) {
-        u32 value = ((const u32*)pinned)[word];
-        ((u32*)&f)[word] = value;
-        if (blockIdx.x == 0) ((u32*)frame)[word] = value;
-    }
-    __syncthreads();
+    if (blockIdx.x == 0)
+        for (int word = threadIdx.x; word < FRAME_WORDS; word += CHUNK) ((u32*)frame)[word] = ((const u32*)&f)[word];
     u32 thread = blockIdx.x * CHUNK + threadIdx.x, threads = gridDim.x * CHUNK;
     for (u32 at = thread; at < f.tiles * f.slices / 4; at += threads) ((uint4*)f.counts)[at] = make_uint4(0, 0, 0, 0);
+    fill(f, thread, threads);
     for (u32 first = blockIdx.x * CHUNK; first < f.chunks; first += threads) {
         u32 chunk = first + threadIdx.x;
         float depth = 0;
@@ -98,5 +95,5 @@ extern "C" __global__ void __launch_bounds__(CHUNK) begin(const Frame* pinned, F
     if (!last_block) return;
     __threadfence();
     cut_slices(f, warps);
-    if (threadIdx.x == 0) f.progress->culled = 0, f.progress->entries = 0;
+    if (threadIdx.x == 0) f.progress->culled = f.progress->entries = f.progress->partials = 0;
 }

@@ -2,15 +2,39 @@
 #include "frame.cuh"
 #include "tiles.cuh"
 
-// Gives every list its place among the entries; the order of tiles does not matter, that of a tile's slices does.
+// Queues a tile's segments, so that all tiles' first ones are blended first, then all second ones, and so on: when a
+// later one is taken up, it is mostly known whether light still reaches it.
+__device__ __forceinline__ void queue_tile(const Frame& f, u32 tile, u32 entries) {
+    u32 segments = entries ? (entries - 1) / segment_length(entries) + 1 : 0;
+    if (segments > 1) {
+        f.partial_of[tile] = atomicAdd(&f.progress->partials, segments);
+        f.finished[tile] = 0;
+    }
+    for (u32 segment = 0; __any_sync(ALL, segment < segments); segment++) {
+        u32 votes = __ballot_sync(ALL, segment < segments), base = 0;
+        int lane = threadIdx.x & 31, leader = __ffs(votes) - 1;
+        if (lane == leader) base = atomicAdd(&f.progress->queued[segment], __popc(votes));
+        base = __shfl_sync(ALL, base, leader);
+        if (segment < segments) {
+            f.queue[(u64)segment * f.tiles + base + __popc(votes & ((1u << lane) - 1))] = tile;
+            if (segments > 1) f.lights[(u64)tile * MAX_SEGMENTS + segment] = 1;
+        }
+    }
+}
+
+// Gives every list its place among the entries: in no order of tiles, but a tile's slices one after the other.
+// Then queues the tiles for blending. A block has CHUNK * 4 lists at a time, of whole tiles.
 extern "C" __global__ void __launch_bounds__(CHUNK) place(const Frame* frame) {
-    __shared__ u32 warps[CHUNK / 32], base;
-    u32 lists = frame->tiles * frame->slices;
+    __shared__ Frame f;
+    __shared__ u32 warps[CHUNK / 32], ends[CHUNK], base;
+    for (int word = threadIdx.x; word < FRAME_WORDS; word += CHUNK) ((u32*)&f)[word] = ((const u32*)frame)[word];
+    __syncthreads();
+    u32 lists = f.tiles * f.slices;
     int lane = threadIdx.x & 31, warp = threadIdx.x / 32;
     for (u32 first = blockIdx.x * CHUNK * 4; first < lists; first += gridDim.x * CHUNK * 4) {
         u32 at = first + threadIdx.x * 4;
         uint4 counts = make_uint4(0, 0, 0, 0);
-        if (at < lists) counts = *(const uint4*)&frame->counts[at];
+        if (at < lists) counts = *(const uint4*)&f.counts[at];
         u32 mine = counts.x + counts.y + counts.z + counts.w, last = mine;
         for (int step = 1; step < 32; step *= 2) {
             u32 other = __shfl_up_sync(ALL, last, step);
@@ -23,11 +47,15 @@ extern "C" __global__ void __launch_bounds__(CHUNK) place(const Frame* frame) {
             if (w < warp) start += warps[w];
             total += warps[w];
         }
-        if (threadIdx.x == 0) base = total ? atomicAdd(&frame->progress->entries, total) : 0;
+        if (threadIdx.x == 0) base = total ? atomicAdd(&f.progress->entries, total) : 0;
+        ends[threadIdx.x] = start + mine;
         __syncthreads();
+        u32 entries = 0;  // of the tile whose first slice is this thread's
+        if (at < lists && at % f.slices == 0) entries = ends[threadIdx.x + f.slices / 4 - 1] - start;
+        queue_tile(f, at / f.slices, entries);
         start += base;
         uint4 starts = make_uint4(start, start + counts.x, start + counts.x + counts.y, start + mine - counts.w);
-        if (at < lists) *(uint4*)&frame->starts[at] = *(uint4*)&frame->ends[at] = starts;
+        if (at < lists) *(uint4*)&f.starts[at] = *(uint4*)&f.ends[at] = starts;
         __syncthreads();
     }
 }
@@ -35,33 +63,31 @@ extern "C" __global__ void __launch_bounds__(CHUNK) place(const Frame* frame) {
 template <int TILE>
 __device__ __forceinline__ void bin_all(const Frame* frame) {
     __shared__ Frame f;
-    __shared__ float4 staged[CHUNK * 3];
+    __shared__ TileWork work;
     for (int word = threadIdx.x; word < FRAME_WORDS; word += CHUNK) ((u32*)&f)[word] = ((const u32*)frame)[word];
     __syncthreads();
     if (blockIdx.x == 0 && threadIdx.x == 0) f.status[0] = f.progress->entries;
     u32 chosen = f.progress->chosen;
     int lane = threadIdx.x & 31;
-    for (u32 chunk = blockIdx.x; chunk < chosen; chunk += gridDim.x) {
-        u32 i = f.chosen[chunk] * CHUNK + threadIdx.x;
+    for (u32 k = blockIdx.x; k < chosen; k += gridDim.x) {
+        u32 chunk = f.chosen[k], i = chunk * CHUNK + threadIdx.x;
         ushort4 box = f.boxes[i];
         Splat splat = {};
-        u32 depth = 0, slice = 0;
+        float depth = 0;
+        u32 slice = 0;
         if (box.z) {
             float4 s0 = f.splats[2 * i], s1 = f.splats[2 * i + 1];
             splat = {s0.x, s0.y, s0.z, s0.w, s1.x, s1.y};
-            float z = f.depths[i];
-            depth = __float_as_uint(z), slice = f.slice_of[depth_bin(z)];
+            depth = f.depths[i], slice = f.slice_of[depth_bin(depth)];
         }
-        u32 first = i - lane;
-        for_each_tile<TILE>(f, splat, box, slice, staged + (threadIdx.x / 32) * 96, [&](bool hit, u32 list, int owner) {
-            u32 its_depth = __shfl_sync(ALL, depth, owner);
+        for_each_tile<TILE>(f, splat, box, slice, depth, work, [&](bool hit, u32 list, u32 owner, float its_depth) {
             // lanes with the same list take their places together
             u32 peers = __match_any_sync(ALL, hit ? list : ALL);
             int leader = __ffs(peers) - 1;
             u32 at = 0;
             if (hit && leader == lane) at = atomicAdd(&f.ends[list], __popc(peers));
             at = __shfl_sync(ALL, at, leader) + __popc(peers & ((1u << lane) - 1));
-            if (hit && at < f.capacity) f.entries[at] = (u64)its_depth << 32 | (first + owner);
+            if (hit && at < f.capacity) f.entries[at] = (u64)__float_as_uint(its_depth) << 32 | (chunk * CHUNK + owner);
         });
     }
 }

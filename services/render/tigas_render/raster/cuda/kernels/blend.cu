@@ -1,20 +1,25 @@
-// Sorts each tile's lists and blends them front to back. One block a tile. Each warp has 8 × 4 pixels, one a lane; where
-// a tile has fewer of those than the block has warps, several warps blend the same pixels, each its part of the depth.
+// Sorts the tiles' entries and blends them front to back. A block takes up one segment of a tile at a time. Each warp
+// has 8 × 4 pixels, one a lane; where a tile has fewer of those than the block has warps, several warps blend the same
+// pixels, each its part of the depth. What lies in different depths is blended apart and put together in order, as
+// "over" is associative (Porter and Duff 1984).
 #include "frame.cuh"
+#include "pixels.cuh"
 
 constexpr int THREADS = 256, WARPS = THREADS / 32;
 constexpr int BIN_BITS = 11, BINS = 1 << BIN_BITS;  // of one histogram over depth
 constexpr int BATCH = 2048;                         // entries that are sorted and blended at a time
 constexpr int OWN = BATCH / THREADS;                // of them, or of the bins, one thread's
+constexpr u32 FEW = 128;                            // so many entries are sorted by comparing each with each
 constexpr u64 NONE = ~0ull;
 
-struct Shared {
+struct __align__(16) Shared {
     u64 keys[BATCH];
     u32 order[BATCH];
     u32 bins[BINS + 1];
     float4 staged[WARPS][32][3];
     u32 warps[WARPS];
-    u32 low, high, tile, whole;
+    u32 queued[MAX_SEGMENTS];
+    u32 low, high, ticket, whole;
 };
 
 // A run of entries; the first BATCH of them are read once and stay in registers.
@@ -69,6 +74,19 @@ __device__ __forceinline__ void find_range(Shared& s, const Keys& keys, u64& low
 // On the run's first batch, finds [low, high]. Returns the number of entries in s.order.
 __device__ __forceinline__ u32 next_batch(Shared& s, const u64* entries, u32 n, bool first, u64& low, u64& high) {
     int lane = threadIdx.x & 31, warp = threadIdx.x / 32;
+    if (n <= FEW) {  // everyone counts who is before him
+        u64 key = threadIdx.x < n ? __ldg(&entries[threadIdx.x]) : NONE;
+        if (threadIdx.x < FEW) s.keys[threadIdx.x] = key;
+        __syncthreads();
+        u32 rank = 0;
+        for (u32 other = 0; other < n; other += 2) {
+            ulonglong2 two = *(const ulonglong2*)&s.keys[other];
+            rank += (two.x < key) + (two.y < key);
+        }
+        if (threadIdx.x < n) s.order[rank] = (u32)key;
+        __syncthreads();
+        return n;
+    }
     Keys keys(entries, n);
     if (first) find_range(s, keys, low, high);
     u64 to = high;
@@ -129,46 +147,6 @@ __device__ __forceinline__ u32 next_batch(Shared& s, const u64* entries, u32 n, 
         low = whole == BINS || behind > to || behind < low ? to + 1 : behind;
         return taken;
     }
-}
-
-// Stores one pixel in the frame's format. All lanes of the warp call it: lanes 1 and 8 apart are neighbours.
-__device__ __forceinline__ void store(const Frame& f, int x, int y, bool inside, float r, float g, float b) {
-    r = floorf(clamp(r, 0.f, 1.f) * 255 + 0.5f);
-    g = floorf(clamp(g, 0.f, 1.f) * 255 + 0.5f);
-    b = floorf(clamp(b, 0.f, 1.f) * 255 + 0.5f);
-    if (f.format == RGB) {
-        if (!inside) return;
-        u8* at = f.pixels + 3 * ((u64)y * f.width + x);
-        at[0] = (u8)r, at[1] = (u8)g, at[2] = (u8)b;
-        return;
-    }
-    // JFIF: BT.601, full range. Video: BT.709, limited range (ITU-R BT.709-6), as encode/yuv420p.py.
-    bool video = f.format == VIDEO_PLANES;
-    float kr = video ? 0.2126f : 0.299f, kb = video ? 0.0722f : 0.114f, kg = 1 - kr - kb;
-    float luma = kr * r + kg * g + kb * b;
-    u64 area = (u64)f.width * f.height;
-    if (inside) f.pixels[(u64)y * f.width + x] = (u8)(video ? 16.5f + 219.f / 255 * luma : luma + 0.5f);
-    // the mean of four pixels; at an odd edge the last column or row counts twice
-    float mean[2] = {r, b};
-    float mean_luma = luma;
-    bool more_x = (x | 1) < f.width, more_y = (y | 1) < f.height;
-    for (int k = 0; k < 3; k++) {
-        float value = k == 2 ? luma : mean[k];
-        float across = __shfl_xor_sync(ALL, value, 1);
-        value += more_x ? across : value;
-        float down = __shfl_xor_sync(ALL, value, 8);
-        value = 0.25f * (value + (more_y ? down : value));
-        if (k == 2) mean_luma = value;
-        else mean[k] = value;
-    }
-    if (!inside || (x & 1) || (y & 1)) return;
-    float range = video ? 224.f / 255 : 1.f;
-    float blue = 128.5f + range * 0.5f * (mean[1] - mean_luma) / (1 - kb);
-    float red = 128.5f + range * 0.5f * (mean[0] - mean_luma) / (1 - kr);
-    int columns = (f.width + 1) / 2, rows = (f.height + 1) / 2;
-    u8* at = f.pixels + area + (u64)(y / 2) * columns + x / 2;
-    at[0] = (u8)clamp(blue, 0.f, 255.f);
-    at[(u64)rows * columns] = (u8)clamp(red, 0.f, 255.f);
 }
 
 // What a pixel has got so far, and the light that still passes.
@@ -233,74 +211,142 @@ __device__ __forceinline__ void blend_run(
     }
 }
 
+// One segment of a tile: as a partial picture of its own, as if nothing were before it.
 template <int TILE>
-__device__ __forceinline__ void blend_all(const Frame* frame) {
-    constexpr int REGIONS = TILE * TILE / 32, PARTS = WARPS / REGIONS;
-    __shared__ Frame f;
-    __shared__ Shared s;
-    for (int word = threadIdx.x; word < FRAME_WORDS; word += THREADS) ((u32*)&f)[word] = ((const u32*)frame)[word];
-    float4(*partial)[32] = (float4(*)[32])s.keys;  // free while blending
-    int lane = threadIdx.x & 31, warp = threadIdx.x / 32;
-    int region = warp / PARTS, part = warp % PARTS;
-    __syncthreads();
-    if (blockIdx.x == 0 && threadIdx.x == 0) f.progress->chosen = 0;  // for the next frame
-    while (true) {
-        if (threadIdx.x == 0) s.tile = atomicAdd(&f.progress->tiles, 1);
-        __syncthreads();
-        u32 tile = s.tile;
-        if (tile >= f.tiles) {
-            // Each block comes here once; the last one resets the counter for the next frame.
-            if (threadIdx.x == 0 && tile == f.tiles + gridDim.x - 1) f.progress->tiles = 0;
-            return;
-        }
+struct Blender {
+    static constexpr int REGIONS = TILE * TILE / 32, PARTS = WARPS / REGIONS;
+    const Frame& f;
+    Shared& s;
+    int lane, warp, region, part, x, y;
+    bool inside;
+    float x0, x1, y0, y1;
+
+    __device__ __forceinline__ Blender(const Frame& f, Shared& s, u32 tile) : f(f), s(s) {
+        lane = threadIdx.x & 31, warp = threadIdx.x / 32, region = warp / PARTS, part = warp % PARTS;
         int left = tile % f.tiles_x * TILE + region % (TILE / 8) * 8;
         int top = tile / f.tiles_x * TILE + region / (TILE / 8) * 4;
-        int x = left + (lane & 7), y = top + lane / 8;
-        bool inside = x < f.width && y < f.height;
-        float px = x + 0.5f, py = y + 0.5f;
-        float x0 = left + 0.5f, x1 = fminf(x0 + 7, f.width - 0.5f), y0 = top + 0.5f, y1 = fminf(y0 + 3, f.height - 0.5f);
-        Pixel pixel = {0, 0, 0, 1, inside};
+        x = left + (lane & 7), y = top + lane / 8;
+        inside = x < f.width && y < f.height;
+        x0 = left + 0.5f, x1 = fminf(x0 + 7, f.width - 0.5f), y0 = top + 0.5f, y1 = fminf(y0 + 3, f.height - 0.5f);
+    }
 
-        const u32* ends = f.ends + (u64)tile * f.slices;
-        u32 at = min(f.starts[(u64)tile * f.slices], f.capacity);
-        u32 my_end = threadIdx.x < f.slices ? min(ends[threadIdx.x], f.capacity) : ALL;
+    // entries [n], not sorted. All warps of a region end with the same pixels.
+    __device__ __forceinline__ Pixel blend(const u64* entries, u32 n) {
+        Pixel pixel = {0, 0, 0, 1, inside};
+        float(*partial)[32][4] = (float(*)[32][4])s.keys;  // free while blending
+        u64 low = 0, high = 0;
         bool more = true;
-        while (more) {
-            // As many slices as fit in a batch; or the next one alone, if it is longer than that.
-            u32 fit = __syncthreads_count(threadIdx.x < f.slices && my_end <= at + BATCH);
-            u32 end = fit ? min(ends[fit - 1], f.capacity) : at;
-            if (end == at && fit < f.slices) end = min(ends[fit], f.capacity);
-            if (end == at) break;
-            const u64* entries = f.entries + at;
-            u32 n = end - at;
-            at = end;
-            u64 low = 0, high = 0;
-            for (u32 done = 0; done < n && more;) {
-                u32 taken = next_batch(s, entries, n, done == 0, low, high);
-                done += taken;
-                if (PARTS == 1) {
-                    blend_run(f, s.order, 0, taken, s.staged[warp], px, py, x0, x1, y0, y1, pixel);
-                } else {
-                    u32 length = (taken + PARTS - 1) / PARTS;
-                    Pixel mine = {0, 0, 0, 1, pixel.alive};
-                    blend_run(f, s.order, min(part * length, taken), min((part + 1) * length, taken), s.staged[warp],
-                              px, py, x0, x1, y0, y1, mine);
-                    partial[warp][lane] = make_float4(mine.r, mine.g, mine.b, mine.light);
-                    __syncthreads();
-                    for (int p = 0; p < PARTS; p++) {
-                        float4 other = partial[region * PARTS + p][lane];
-                        pixel.r += pixel.light * other.x, pixel.g += pixel.light * other.y;
-                        pixel.b += pixel.light * other.z, pixel.light *= other.w;
-                    }
-                    pixel.alive = inside && pixel.light > TRANSMITTANCE_MIN;
-                }
-                more = __syncthreads_or(pixel.alive);
+        for (u32 done = 0; done < n && more;) {
+            u32 taken = next_batch(s, entries, n, done == 0, low, high);
+            done += taken;
+            if (PARTS == 1) {
+                blend_run(f, s.order, 0, taken, s.staged[warp], x + 0.5f, y + 0.5f, x0, x1, y0, y1, pixel);
+            } else {
+                u32 length = (taken + PARTS - 1) / PARTS;
+                Pixel mine = {0, 0, 0, 1, pixel.alive};
+                blend_run(f, s.order, min(part * length, taken), min((part + 1) * length, taken), s.staged[warp],
+                          x + 0.5f, y + 0.5f, x0, x1, y0, y1, mine);
+                *(float4*)partial[warp][lane] = make_float4(mine.r, mine.g, mine.b, mine.light);
+                __syncthreads();
+                for (int p = 0; p < PARTS; p++) add(pixel, *(float4*)partial[region * PARTS + p][lane]);
+                pixel.alive = inside && pixel.light > TRANSMITTANCE_MIN;
             }
+            more = done < n && __syncthreads_or(pixel.alive);
         }
+        return pixel;
+    }
+
+    // Puts a partial picture behind what the pixel has.
+    __device__ __forceinline__ void add(Pixel& pixel, float4 behind) {
+        if (pixel.light <= TRANSMITTANCE_MIN) return;
+        pixel.r += pixel.light * behind.x, pixel.g += pixel.light * behind.y, pixel.b += pixel.light * behind.z;
+        pixel.light *= behind.w;
+    }
+
+    __device__ __forceinline__ void finish(const Pixel& pixel) {
         if (part == 0)
             store(f, x, y, inside, pixel.r + pixel.light * f.background[0], pixel.g + pixel.light * f.background[1],
                   pixel.b + pixel.light * f.background[2]);
+    }
+};
+
+template <int TILE>
+__device__ __forceinline__ void blend_all(const Frame* frame) {
+    constexpr int AREA = TILE * TILE;
+    __shared__ Frame f;
+    __shared__ Shared s;
+    for (int word = threadIdx.x; word < FRAME_WORDS; word += THREADS) ((u32*)&f)[word] = ((const u32*)frame)[word];
+    __syncthreads();
+    if (threadIdx.x < MAX_SEGMENTS) s.queued[threadIdx.x] = f.progress->queued[threadIdx.x];
+    if (blockIdx.x == 0 && threadIdx.x == 0) f.progress->chosen = 0;  // for the next frame
+    while (true) {
+        if (threadIdx.x == 0) s.ticket = atomicAdd(&f.progress->taken, 1);
         __syncthreads();
+        u32 ticket = s.ticket, segment = 0, ahead = 0;
+        while (segment < MAX_SEGMENTS && ticket >= ahead + s.queued[segment]) ahead += s.queued[segment++];
+        if (segment == MAX_SEGMENTS) {
+            // Each block comes here once; the last one resets the counters for the next frame.
+            if (ticket == ahead + gridDim.x - 1) {
+                if (threadIdx.x < MAX_SEGMENTS) f.progress->queued[threadIdx.x] = 0;
+                if (threadIdx.x == 0) f.progress->taken = 0;
+            }
+            return;
+        }
+        u32 tile = f.queue[(u64)segment * f.tiles + ticket - ahead];
+        u64 list = (u64)tile * f.slices;
+        u32 first = f.starts[list], n = f.ends[list + f.slices - 1] - first, length = segment_length(n);
+        u32 segments = (n - 1) / length + 1;
+        float* lights = f.lights + (u64)tile * MAX_SEGMENTS;
+
+        // A segment has the slices that begin in its part of the tile's entries.
+        if (threadIdx.x == 0) s.low = ALL, s.high = 0;
+        bool dark = false;
+        if (segment) {  // the most light that all segments before this one, as far as they are finished, let through
+            float light = 1;
+            for (u32 k = threadIdx.x & 31; k < segment; k += 32) light *= __ldcg(&lights[k]);
+            for (int step = 16; step; step /= 2) light *= __shfl_xor_sync(ALL, light, step);
+            dark = light <= TRANSMITTANCE_MIN;
+        }
+        dark = __syncthreads_or(dark && threadIdx.x < 32);
+        if (threadIdx.x < f.slices) {
+            u32 start = f.starts[list + threadIdx.x], end = f.ends[list + threadIdx.x];
+            if (end > start && (start - first) / length == segment) {
+                atomicMin(&s.low, min(start, f.capacity));
+                atomicMax(&s.high, min(end, f.capacity));
+            }
+        }
+        __syncthreads();
+        u32 from = s.low, end = s.high;
+        __syncthreads();
+        Blender<TILE> blender(f, s, tile);
+        Pixel pixel = {0, 0, 0, 1, false};
+        if (from < end && !dark) pixel = blender.blend(f.entries + from, end - from);
+        if (segments == 1) {
+            blender.finish(pixel);
+            continue;
+        }
+        u32 slot = f.partial_of[tile];
+        float4* partials = f.partials + (u64)slot * AREA + blender.region * 32 + blender.lane;
+        bool room = slot + segments <= f.capacity / 512;  // or the lists have overflowed, and the picture is void
+        if (blender.part == 0 && room) partials[segment * AREA] = make_float4(pixel.r, pixel.g, pixel.b, pixel.light);
+        u32 most = __reduce_max_sync(ALL, blender.inside ? __float_as_uint(pixel.light) : 0);
+        if (threadIdx.x == 0) s.high = 0;
+        __threadfence();
+        __syncthreads();
+        if (blender.lane == 0) atomicMax(&s.high, most);
+        __syncthreads();
+        if (threadIdx.x == 0) {
+            lights[segment] = __uint_as_float(s.high);
+            __threadfence();
+            s.low = atomicAdd(&f.finished[tile], 1);
+        }
+        __syncthreads();
+        if (s.low == segments - 1 && room) {  // the last to finish puts the partial pictures together
+            __threadfence();
+            pixel = {0, 0, 0, 1, false};
+            for (u32 k = 0; k < segments; k++) blender.add(pixel, __ldcg(&partials[k * AREA]));
+            blender.finish(pixel);
+        }
     }
 }
 

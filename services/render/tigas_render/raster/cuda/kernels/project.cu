@@ -105,7 +105,7 @@ __device__ bool project_one(const Frame& f, u32 i, Splat& splat, ushort4& box) {
 template <int TILE>
 __device__ __forceinline__ void project_all(const Frame* frame) {
     __shared__ Frame f;
-    __shared__ float4 staged[CHUNK * 3];
+    __shared__ TileWork work;
     for (int word = threadIdx.x; word < FRAME_WORDS; word += CHUNK) ((u32*)&f)[word] = ((const u32*)frame)[word];
     __syncthreads();
     u32 chosen = f.progress->chosen;
@@ -116,7 +116,7 @@ __device__ __forceinline__ void project_all(const Frame* frame) {
         u32 slice = 0;
         if (project_one<TILE>(f, i, splat, box)) slice = f.slice_of[depth_bin(f.depths[i])];
         f.boxes[i] = box;
-        for_each_tile<TILE>(f, splat, box, slice, staged + (threadIdx.x / 32) * 96, [&](bool hit, u32 list, int) {
+        for_each_tile<TILE>(f, splat, box, slice, 0, work, [&](bool hit, u32 list, u32, float) {
             // lanes with the same list send one addition
             u32 peers = __match_any_sync(ALL, hit ? list : ALL);
             if (hit && __ffs(peers) - 1 == (threadIdx.x & 31)) atomicAdd(&f.counts[list], __popc(peers));

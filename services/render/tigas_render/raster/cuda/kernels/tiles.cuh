@@ -1,45 +1,74 @@
-// Hands out the tiles of a warp's 32 Gaussians evenly to its 32 lanes, so that a large Gaussian holds up nobody.
+// Hands out the tiles of a block's Gaussians evenly to its threads, so that a large Gaussian holds up nobody.
 #pragma once
 #include "frame.cuh"
 
-// Calls `visit(hit, list, owner)` with, in each lane, another of the tiles that the 32 lanes' splats may touch: whether
-// it does, the tile's list for the splat's slice of depth, and the lane whose splat it is. All lanes call it together,
-// each with its own splat and its box of tiles (first x, first y, columns, rows; no columns: nothing to draw).
-// staged: [32, 3] of shared memory, this warp's own.
+// Gaussians that may touch more tiles than this are taken up by the whole block, the others by their own warp.
+constexpr u32 LARGE = 64;
+
+struct TileWork {
+    float4 staged[CHUNK][3];  // a Gaussian's splat, its first candidate, slice, box and depth
+    u32 large[CHUNK];
+    u32 large_count;
+};
+
+// Calls `visit(hit, list, owner, depth)` with, in each lane, another of the tiles that the block's splats may touch:
+// whether it does, the tile's list for the splat's slice of depth, the thread whose splat it is, and its depth.
+// All threads call it together, each with its own splat and its box of tiles (first x, first y, columns, rows; no
+// columns: nothing to draw).
 template <int TILE, class Visit>
 __device__ __forceinline__ void for_each_tile(
-    const Frame& frame, const Splat& splat, ushort4 box, u32 slice, float4* staged, Visit visit
+    const Frame& f, const Splat& splat, ushort4 box, u32 slice, float depth, TileWork& work, Visit visit
 ) {
-    int lane = threadIdx.x & 31;
-    u32 candidates = (u32)box.z * box.w, last = candidates;
+    int lane = threadIdx.x & 31, warp_first = threadIdx.x - lane;
+    u32 candidates = (u32)box.z * box.w;
+    if (threadIdx.x == 0) work.large_count = 0;
+    __syncthreads();
+    bool large = candidates > LARGE;
+    if (large) work.large[atomicAdd(&work.large_count, 1)] = threadIdx.x;
+    if (large) candidates = 0;
+    u32 last = candidates;
     for (int step = 1; step < 32; step *= 2) {
         u32 other = __shfl_up_sync(ALL, last, step);
         if (lane >= step) last += other;
     }
+    float4* mine = work.staged[threadIdx.x];
+    if (box.z) {
+        mine[0] = make_float4(splat.u, splat.v, splat.a, splat.b);
+        mine[1] = make_float4(splat.c, splat.log_alpha, __uint_as_float(last - candidates), __uint_as_float(slice));
+        mine[2] = make_float4(__uint_as_float(box.x | (u32)box.y << 16), __uint_as_float(box.z | (u32)box.w << 16), depth, 0);
+    }
+    __syncthreads();
+    auto look = [&](bool valid, u32 owner, u32 candidate, bool from_first) {
+        bool hit = false;
+        u32 list = 0;
+        float its_depth = 0;
+        if (valid) {
+            float4 s0 = work.staged[owner][0], s1 = work.staged[owner][1], s2 = work.staged[owner][2];
+            u32 corner = __float_as_uint(s2.x), columns = __float_as_uint(s2.y) & 0xffff;
+            if (from_first) candidate -= __float_as_uint(s1.z);
+            u32 row = candidate / columns, tx = (corner & 0xffff) + candidate - row * columns, ty = (corner >> 16) + row;
+            float x0 = tx * TILE + 0.5f, y0 = ty * TILE + 0.5f;
+            float x1 = fminf(x0 + TILE - 1, f.width - 0.5f), y1 = fminf(y0 + TILE - 1, f.height - 0.5f);
+            hit = touches(Splat{s0.x, s0.y, s0.z, s0.w, s1.x, s1.y}, x0, x1, y0, y1);
+            list = (ty * f.tiles_x + tx) * f.slices + __float_as_uint(s1.w);
+            its_depth = s2.z;
+        }
+        visit(hit, list, owner, its_depth);
+    };
     u32 total = __shfl_sync(ALL, last, 31);
-    if (total == 0) return;
-    staged[3 * lane] = make_float4(splat.u, splat.v, splat.a, splat.b);
-    staged[3 * lane + 1] = make_float4(splat.c, splat.log_alpha, __uint_as_float(last - candidates), __uint_as_float(slice));
-    ((ushort4*)staged)[6 * lane + 4] = box;
-    __syncwarp();
     for (u32 first = 0; first < total; first += 32) {
         u32 candidate = first + lane;
         int owner = 0;  // the number of lanes whose candidates all come before this one
         for (int step = 16; step; step /= 2)
             if (__shfl_sync(ALL, last, owner + step - 1) <= candidate) owner += step;
-        bool hit = candidate < total;
-        u32 list = 0;
-        if (hit) {
-            float4 s0 = staged[3 * owner], s1 = staged[3 * owner + 1];
-            ushort4 b = ((ushort4*)staged)[6 * owner + 4];
-            u32 index = candidate - __float_as_uint(s1.z);
-            u32 row = index / b.z, tx = b.x + index - row * b.z, ty = b.y + row;
-            float x0 = tx * TILE + 0.5f, y0 = ty * TILE + 0.5f;
-            float x1 = fminf(x0 + TILE - 1, frame.width - 0.5f), y1 = fminf(y0 + TILE - 1, frame.height - 0.5f);
-            hit = touches(Splat{s0.x, s0.y, s0.z, s0.w, s1.x, s1.y}, x0, x1, y0, y1);
-            list = (ty * frame.tiles_x + tx) * frame.slices + __float_as_uint(s1.w);
-        }
-        visit(hit, list, owner);
+        look(candidate < total, warp_first + owner, candidate, true);
     }
-    __syncwarp();
+    u32 count = work.large_count;
+    for (u32 k = 0; k < count; k++) {
+        u32 owner = work.large[k], size = __float_as_uint(work.staged[owner][2].y);
+        size = (size & 0xffff) * (size >> 16);
+        for (u32 first = 0; first < size; first += CHUNK)
+            look(first + threadIdx.x < size, owner, first + threadIdx.x, false);
+    }
+    __syncthreads();
 }
