@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-SMALL_TILE_PIXELS = 400 * 225
+SMALL_TILE_PIXELS = 640 * 360
 """Pictures of at most so many pixels get small tiles: with large ones they would keep few multiprocessors busy, and
 each tile's list would be long. Measured, see docs/gpu.md."""
 

@@ -2,22 +2,26 @@
 #include "frame.cuh"
 #include "tiles.cuh"
 
-// Queues a tile's segments, so that all tiles' first ones are blended first, then all second ones, and so on: when a
-// later one is taken up, it is mostly known whether light still reaches it.
-__device__ __forceinline__ void queue_tile(const Frame& f, u32 tile, u32 entries) {
+// Queues the segments of each lane's tile, so that all tiles' first ones are blended first, then all second ones, and so
+// on: when a later one is taken up, it is mostly known whether light still reaches it.
+__device__ __forceinline__ void queue_tiles(const Frame& f, u32 tile, u32 entries) {
+    int lane = threadIdx.x & 31;
     u32 segments = entries ? (entries - 1) / segment_length(entries) + 1 : 0;
+    u32 votes = __ballot_sync(ALL, segments > 0), base = 0;
+    if (lane == 0 && votes) base = atomicAdd(&f.progress->queued[0], __popc(votes));
+    base = __shfl_sync(ALL, base, 0);
+    if (segments > 0) f.queue[base + __popc(votes & ((1u << lane) - 1))] = tile;
     if (segments > 1) {
         f.partial_of[tile] = atomicAdd(&f.progress->partials, segments);
         f.finished[tile] = 0;
     }
-    for (u32 segment = 0; __any_sync(ALL, segment < segments); segment++) {
-        u32 votes = __ballot_sync(ALL, segment < segments), base = 0;
-        int lane = threadIdx.x & 31, leader = __ffs(votes) - 1;
-        if (lane == leader) base = atomicAdd(&f.progress->queued[segment], __popc(votes));
-        base = __shfl_sync(ALL, base, leader);
-        if (segment < segments) {
-            f.queue[(u64)segment * f.tiles + base + __popc(votes & ((1u << lane) - 1))] = tile;
-            if (segments > 1) f.lights[(u64)tile * MAX_SEGMENTS + segment] = 1;
+    // the others of one tile after the other, a segment a lane
+    for (u32 left = __ballot_sync(ALL, segments > 1); left; left &= left - 1) {
+        int owner = __ffs(left) - 1;
+        u32 its_tile = __shfl_sync(ALL, tile, owner), count = __shfl_sync(ALL, segments, owner);
+        for (u32 segment = lane; segment < count; segment += 32) {
+            f.lights[(u64)its_tile * MAX_SEGMENTS + segment] = 1;
+            if (segment) f.queue[(u64)segment * f.tiles + atomicAdd(&f.progress->queued[segment], 1)] = its_tile;
         }
     }
 }
@@ -52,7 +56,7 @@ extern "C" __global__ void __launch_bounds__(CHUNK) place(const Frame* frame) {
         __syncthreads();
         u32 entries = 0;  // of the tile whose first slice is this thread's
         if (at < lists && at % f.slices == 0) entries = ends[threadIdx.x + f.slices / 4 - 1] - start;
-        queue_tile(f, at / f.slices, entries);
+        queue_tiles(f, at / f.slices, entries);
         start += base;
         uint4 starts = make_uint4(start, start + counts.x, start + counts.x + counts.y, start + mine - counts.w);
         if (at < lists) *(uint4*)&f.starts[at] = *(uint4*)&f.ends[at] = starts;

@@ -160,7 +160,9 @@ __device__ __forceinline__ void blend_run(
     const Frame& f, const u32* order, u32 from, u32 end, float4 (*staged)[3], float px, float py,
     float x0, float x1, float y0, float y1, Pixel& pixel
 ) {
+    constexpr float ENDED = 1e30f;  // no logarithm is as large
     int lane = threadIdx.x & 31;
+    float least = pixel.alive ? LOG2_ALPHA_MIN : ENDED;
     float4 next0, next1;
     bool have = from + lane < end;
     if (have) {
@@ -168,7 +170,7 @@ __device__ __forceinline__ void blend_run(
         next0 = f.splats[2 * i], next1 = f.splats[2 * i + 1];
     }
     for (u32 first = from; first < end; first += 32) {
-        if (!__any_sync(ALL, pixel.alive)) break;
+        if (!__any_sync(ALL, least < ENDED)) break;
         // Each lane looks at one splat: whether it touches this warp's pixels at all.
         float4 s0 = next0, s1 = next1;
         bool hit = have && touches(Splat{s0.x, s0.y, s0.z, s0.w, s1.x, s1.y}, x0, x1, y0, y1);
@@ -191,15 +193,14 @@ __device__ __forceinline__ void blend_run(
         for (int k = 0; k < count; k++) {
             float4 a = staged[k][0], c = staged[k][1];
             float dx = px - a.x, dy = py - a.y;
-            float falloff = dx * (a.z * dx + a.w * dy) + c.x * dy * dy;
-            float log_alpha = c.y - falloff;
-            if (pixel.alive && log_alpha >= LOG2_ALPHA_MIN && falloff >= 0) {
+            float log_alpha = c.y - dx * (a.z * dx + a.w * dy) - c.x * dy * dy;
+            if (log_alpha >= least) {
                 float alpha;
                 asm("ex2.approx.ftz.f32 %0, %1;" : "=f"(alpha) : "f"(log_alpha));
                 alpha = fminf(alpha, ALPHA_MAX);
                 float after = pixel.light * (1 - alpha);
                 if (after <= TRANSMITTANCE_MIN) {
-                    pixel.alive = false;  // not drawn, and the pixel ends [gsplat]
+                    least = ENDED;  // not drawn, and the pixel ends [gsplat]
                 } else {
                     float weight = alpha * pixel.light;
                     pixel.r += weight * c.z, pixel.g += weight * c.w, pixel.b += weight * staged[k][2].x;
@@ -209,6 +210,7 @@ __device__ __forceinline__ void blend_run(
         }
         __syncwarp();
     }
+    pixel.alive = least < ENDED;
 }
 
 // One segment of a tile: as a partial picture of its own, as if nothing were before it.
