@@ -1,5 +1,6 @@
 /** Listens to keyboard, mouse, touch and wheel, and keeps what they ask for until the next animation frame samples it. */
 import { look, pinch, sum, wheel } from "./gestures";
+import { Glide } from "./glide";
 import { type Axes, HeldKeys } from "./keys";
 import { NO_NUDGE, type Nudge } from "./motion";
 
@@ -26,6 +27,8 @@ export class StageInput {
   readonly #keys = new HeldKeys();
   readonly #pointers = new Map<number, Point>();
   readonly #listening = new AbortController();
+  readonly #glide = new Glide();
+  readonly #reducedMotion = matchMedia("(prefers-reduced-motion: reduce)");
   #nudge = NO_NUDGE;
 
   /** `focal` tells the focal lengths in CSS pixels of the stage. */
@@ -45,9 +48,10 @@ export class StageInput {
     stage.addEventListener("wheel", (event) => this.#turnWheel(event), { signal, passive: false });
   }
 
-  /** What was asked since the last sample. */
-  sample(): Sample {
-    const nudge = this.#nudge;
+  /** What was asked since the last sample, `elapsed` milliseconds ago. */
+  sample(elapsed: number): Sample {
+    const glided = this.#glide.take(elapsed, !this.#reducedMotion.matches);
+    const nudge = glided === 0 ? this.#nudge : sum(this.#nudge, { ...NO_NUDGE, forward: glided });
     this.#nudge = NO_NUDGE;
     const keys = this.#keys.axes;
     return {
@@ -76,6 +80,7 @@ export class StageInput {
   #release(): void {
     this.#keys.releaseAll();
     this.#pointers.clear();
+    this.#glide.stop();
     this.pad = { forward: 0, right: 0, up: 0 };
     delete this.#stage.dataset.grabbed;
   }
@@ -105,7 +110,7 @@ export class StageInput {
   #turnWheel(event: WheelEvent): void {
     if (event.ctrlKey) return; // the browser's zoom
     event.preventDefault();
-    this.#nudge = sum(this.#nudge, wheel(event));
+    this.#glide.add(wheel(event));
   }
 }
 

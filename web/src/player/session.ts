@@ -28,6 +28,10 @@ export class ViewerSession {
   readonly #decoder = new Decoder(
     new Worker(new URL("./decode.worker.ts", import.meta.url), { type: "module", name: "decoder" }),
   );
+  /** The chosen rung, or the last if the server's ladder is shorter. */
+  readonly #controller = computed(
+    () => new FixedController(Math.min(settings.value.profile, Math.max(0, (config.value?.ladder.length ?? 1) - 1))),
+  );
   /** Counts connections that a person asked for. */
   readonly #attempt = signal(0);
   readonly #cleanups: (() => void)[] = [];
@@ -38,8 +42,8 @@ export class ViewerSession {
     this.player = new Player({
       canvas,
       decoder: this.#decoder,
-      sampleInput: () => this.input.sample(),
-      controller: () => new FixedController(this.#profile()),
+      sampleInput: (elapsed) => this.input.sample(elapsed),
+      controller: () => this.#controller.value,
       refine: () => settings.value.refine,
       turnSpeed: () => settings.value.turnSpeed,
       now,
@@ -84,11 +88,6 @@ export class ViewerSession {
     this.input.dispose();
     this.player.dispose();
     this.#decoder.dispose();
-  }
-
-  /** The chosen rung, or the last if the server's ladder is shorter. */
-  #profile(): number {
-    return Math.min(settings.value.profile, Math.max(0, (config.value?.ladder.length ?? 1) - 1));
   }
 
   #follow(state: ConnectionState, signal: AbortSignal): void {
