@@ -25,7 +25,9 @@ def span(splats, at, y0, y1, x0, x1):
     k = splats[at + L.LOG] - F(L.LOG_ALPHA_MIN)
     u, v = splats[at + L.CENTRE_X], splats[at + L.CENTRE_Y]
     low, high = F(y0) + F(0.5) - v, F(y1) - F(0.5) - v
-    determinant = max(a * c - b * b, F(1e-30))
+    determinant = a * c - b * b
+    if not determinant > F(1e-30):  # far larger than any picture
+        return x0, x1
     widest = -b * np.sqrt(k / (c * determinant))
     right_dy = min(max(widest, low), high)
     left_dy = min(max(-widest, low), high)
