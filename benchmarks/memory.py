@@ -36,6 +36,7 @@ from tigas_render.transport.server import Http3Server
 
 LIMIT_MB = 20
 IN_FLIGHT = 4
+AT_ONCE = 8
 WARM_UP = 2000
 TIMING = ServerTiming(queue=0, render=0, encode=0)
 REQUEST = json.dumps(
@@ -159,16 +160,22 @@ async def watch(port: int, frames: int, deadline: float) -> int:
     return got
 
 
+async def crowd(port: int, connections: int, frames: int, deadline: float) -> int:
+    """So many connections, a few at a time, each of which gets so many frames; how many frames there were in all."""
+    todo = iter(range(connections))
+
+    async def one_after_another() -> int:
+        return sum([await watch(port, frames, deadline) for _ in todo if time.monotonic() < deadline])
+
+    return sum(await asyncio.gather(*(one_after_another() for _ in range(AT_ONCE))))
+
+
 async def measure(name: str, port: int, process: psutil.Process, frames: int, connections: int, seconds: float) -> bool:
     deadline = time.monotonic() + seconds
-    per_connection = max(1, frames // connections)
-    warm_up = max(1, WARM_UP // per_connection)
-    for _ in range(warm_up):
-        await watch(port, min(per_connection, WARM_UP), deadline)
+    each = max(1, frames // connections)
+    await crowd(port, max(1, connections // 10), min(each, WARM_UP), deadline)
     before, start = process.memory_info().rss / 1e6, time.monotonic()
-    got = 0
-    for _ in range(connections):
-        got += await watch(port, per_connection, deadline)
+    got = await crowd(port, connections, each, deadline)
     after, elapsed = process.memory_info().rss / 1e6, time.monotonic() - start
     print(
         f"{name:16} {got:6,} frames, {connections} connections, {elapsed:5.1f} s:"
