@@ -6,6 +6,7 @@ import shutil
 import stat
 import tempfile
 import zipfile
+import zlib
 from pathlib import Path, PurePosixPath
 
 from tigas_shaper.sources import FetchError
@@ -37,7 +38,7 @@ def unpack(archive: Path) -> Path:
                 with content.open(member) as source, path.open("xb") as out:
                     shutil.copyfileobj(source, out)
             folder.replace(target)
-    except (zipfile.BadZipFile, NotImplementedError, RuntimeError, EOFError, FileExistsError) as error:
+    except (zipfile.BadZipFile, zlib.error, NotImplementedError, RuntimeError, EOFError, FileExistsError) as error:
         raise FetchError(f"{archive.name} cannot be unpacked: {error}.") from None
     return target
 

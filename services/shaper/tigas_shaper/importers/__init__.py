@@ -9,7 +9,7 @@ from dataclasses import replace
 from pathlib import Path, PurePath
 
 from tigas_shaper.csv_format import parse_csv
-from tigas_shaper.importers.column import holds_packet_times, parse_mahimahi, parse_plain, read_column
+from tigas_shaper.importers.column import holds_packet_times, parse_mahimahi, parse_plain
 from tigas_shaper.importers.ghent import parse_ghent
 from tigas_shaper.importers.irish import parse_irish
 from tigas_shaper.importers.pensieve import parse_pensieve
@@ -41,7 +41,7 @@ def load_trace(path: Path, *, up_kbps: float = DEFAULT_UP_KBPS, format: str | No
 def parse_trace(name: str, data: bytes, *, up_kbps: float = DEFAULT_UP_KBPS, format: str | None = None) -> NetworkTrace:
     """The trace in a file's bytes, perhaps gzipped; `format` is one of FORMATS, recognised if None. Raises TraceError.
 
-    Takes time in proportion to the bytes, some seconds for the 64 MB that are the limit: not for an event loop.
+    Takes time in proportion to the bytes, some ten seconds for the 64 MB that are the limit: not for an event loop.
     """
     text = decode(data)
     return FORMATS[format or recognise(text)](name, text, up_kbps)
@@ -61,7 +61,7 @@ def recognise(text: str) -> str:
         raise TraceError(f"Line {line}: a comma-separated trace has t_ms and down_kbps, or DL_bitrate, in its header.")
     words = first.split()
     if len(words) == 1:
-        return "mahimahi" if holds_packet_times(read_column(text)) else "plain"
+        return "mahimahi" if holds_packet_times(text) else "plain"
     if len(words) == 2:
         return "pensieve"
     if len(words) == 6:
