@@ -155,7 +155,8 @@ def _localhost(inside: Sequence[str], interface: str, address: str, table: str, 
         "}",
         "chain leave { type nat hook postrouting priority srcnat;",
         f'oifname "{interface}" ip saddr != {address} snat to {address}',
-        "} }",
+        "}",
+        "}",
     ]
     _run(*inside, "nft", "-f", "-", text="\n".join(rules))
 
