@@ -90,6 +90,12 @@ def test_a_pensieve_rate_holds_up_to_the_time_on_its_line() -> None:
     assert (trace.times_ms, trace.duration_ms, down(trace)) == ((0, 500), 2000, [1500, 3000])
 
 
+def test_parts_of_milliseconds_add_up_and_do_not_drift() -> None:
+    trace = read("".join(f"{line * 0.2504:.4f} 1\n" for line in range(11)))
+    assert trace.times_ms[:4] == (0, 250, 501, 751)
+    assert trace.duration_ms == 2504
+
+
 def test_irish_rows_of_one_second_are_averaged_gaps_hold_and_uplink_traffic_is_no_capacity() -> None:
     trace = read(IRISH)
     assert (trace.times_ms, trace.duration_ms) == ((0, 1000, 5000), 6000)
