@@ -14,10 +14,11 @@ export interface Sample {
   readonly nudge: Nudge;
 }
 
-/** Where keys write text or change a value, they do not move the camera. */
-const TYPING = "input, select, textarea, dialog, [contenteditable]";
-/** Where Space presses something. */
-const PRESSING = "button, a, summary, label";
+/** Where keys write text or open something. */
+const TYPING = "input:not([type=radio], [type=checkbox]), select, textarea, dialog, [contenteditable]";
+/** Where Space presses something, and where arrows choose something. */
+const PRESSING = "button, a, summary, input";
+const CHOOSING = "input[type=radio]";
 
 export class StageInput {
   /** What the on-screen pad asks for. */
@@ -71,9 +72,10 @@ export class StageInput {
   }
 
   #press(event: KeyboardEvent): void {
-    const target = event.target instanceof Element ? event.target : null;
-    if (target?.closest(TYPING)) return;
-    if (event.code === "Space" && target?.closest(PRESSING)) return;
+    const inside = (selector: string) => event.target instanceof Element && event.target.closest(selector) !== null;
+    if (inside(TYPING)) return;
+    if (event.code === "Space" && inside(PRESSING)) return;
+    if (event.code.startsWith("Arrow") && inside(CHOOSING)) return;
     if (this.#keys.press(event)) event.preventDefault(); // the page must not scroll
   }
 

@@ -175,13 +175,14 @@ export class Player {
   }
 
   #publish(now: number): void {
-    if (now - this.#publishedAt < STATS_EVERY) return;
-    this.#publishedAt = now;
     const pipeline = this.#pipeline;
+    const settled = pipeline?.settled ?? true;
+    if (now - this.#publishedAt < STATS_EVERY && settled === this.stats.peek().settled) return;
+    this.#publishedAt = now;
     this.stats.value = this.#recorder.snapshot(now, {
       transport: this.#connected?.transport.kind ?? null,
       inFlight: pipeline?.inFlight ?? 0,
-      settled: pipeline?.settled ?? true,
+      settled,
       ...(pipeline && { counts: pipeline.counts }),
     });
   }
