@@ -91,7 +91,7 @@ def test_unsent_data_is_told_apart() -> None:
     assert not simulation.server.can_write(stream_id), "it was finished"
     simulation.run()
     assert simulation.server.unsent(stream_id) == 0
-    assert simulation.server.unsent_by_network() == 0
+    assert simulation.server.unsent_total() == (0, 0)
 
 
 # -- receiving ---------------------------------------------------------------------------------------------------------
