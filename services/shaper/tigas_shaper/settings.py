@@ -3,18 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Literal
+from typing import ClassVar, Literal
 
-from pydantic import BeforeValidator, Field
+from pydantic import Field
 from pydantic_settings import SettingsConfigDict
 
 from tigas_common.address import Address
-from tigas_common.settings import ServiceSettings
+from tigas_common.settings import Listen, ServiceSettings
 from tigas_shaper.trace import MAX_RATE_KBPS
-
-
-def _address(value: Any) -> Any:
-    return Address.parse(value) if isinstance(value, str) else value
 
 
 class ShaperSettings(ServiceSettings):
@@ -33,7 +29,7 @@ class ShaperSettings(ServiceSettings):
     """A directory of network traces."""
     trace: str | None = None
     """The trace to play from the start; without it the link is constant."""
-    http: Annotated[Address, BeforeValidator(_address)] = Address("127.0.0.1", 8090)
+    http: Listen = Address("127.0.0.1", 8090)
     """Where the API is served."""
     origins: tuple[str, ...] = ("http://localhost:8080", "http://127.0.0.1:8080")
     """The pages that may change the link, as browsers name them in `Origin`."""
