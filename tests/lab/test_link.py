@@ -11,7 +11,7 @@ from contextlib import suppress
 
 import pytest
 
-from tests.lab.inside import Receiver, echo_server, flood, inside, udp
+from tests.lab.inside import Receiver, echo_server, flood, inside, steady, udp
 from tests.lab.shaper_process import ShaperProcess
 from tigas_shaper.trace import LinkState, NetworkTrace
 
@@ -59,6 +59,7 @@ def delivered(link: ShaperProcess, played: NetworkTrace, rate_kbps: float) -> tu
         (100, [20_000.0 + 12_000.0 * math.sin(0.9 * step) for step in range(50)]),
     ],
 )
+@steady
 def test_delivered_rate_follows_the_trace(link: ShaperProcess, step_ms: int, down: list[float]) -> None:
     receiver, start = delivered(link, trace(f"steps-{step_ms}", step_ms, down), PEAK)
     step = step_ms / 1e3
@@ -70,6 +71,7 @@ def test_delivered_rate_follows_the_trace(link: ShaperProcess, step_ms: int, dow
     assert statistics.mean(errors) < 0.05
 
 
+@steady
 def test_uplink_has_a_rate_of_its_own(link: ShaperProcess) -> None:
     link.post("/link", down_kbps=50_000, up_kbps=6_000)
     with udp(link.lab, "client") as client, udp(link.lab, "service", 4433) as server:
@@ -82,6 +84,7 @@ def test_uplink_has_a_rate_of_its_own(link: ShaperProcess) -> None:
     assert arrived * 8e-3 / 1.5 == pytest.approx(6_000, rel=0.05)
 
 
+@steady
 def test_an_outage_stops_everything_and_recovers_at_once(link: ShaperProcess) -> None:
     receiver, start = delivered(link, trace("outage", 1000, [20_000.0, 0.0, 0.0, 20_000.0]), 30_000)
     during = [at for at, _ in receiver.arrivals if start + 1.01 < at < start + 2.995]
@@ -93,6 +96,7 @@ def test_an_outage_stops_everything_and_recovers_at_once(link: ShaperProcess) ->
 
 
 @pytest.mark.parametrize("rtt_ms", [20, 50, 100, 300])
+@steady
 def test_round_trip_takes_twice_the_delay(link: ShaperProcess, rtt_ms: int) -> None:
     link.post("/link", down_kbps=50_000, up_kbps=20_000, delay_ms=rtt_ms / 2)
     with echo_server(link.lab), udp(link.lab, "client") as client:
@@ -108,6 +112,7 @@ def test_round_trip_takes_twice_the_delay(link: ShaperProcess, rtt_ms: int) -> N
     assert median == pytest.approx(rtt_ms, abs=3)
 
 
+@steady
 def test_jitter_varies_the_delay_and_keeps_the_order(link: ShaperProcess) -> None:
     link.post("/link", down_kbps=50_000, up_kbps=20_000, delay_ms=20, jitter_ms=10)
     with echo_server(link.lab), udp(link.lab, "client") as client:
@@ -125,6 +130,7 @@ def test_jitter_varies_the_delay_and_keeps_the_order(link: ShaperProcess) -> Non
     assert received == sorted(received)
 
 
+@steady
 def test_loss_is_within_its_confidence_interval(link: ShaperProcess) -> None:
     loss, count = 0.05, 3000
     link.post("/link", down_kbps=100_000, up_kbps=100_000, loss_pct=loss * 100)
@@ -143,6 +149,7 @@ def test_loss_is_within_its_confidence_interval(link: ShaperProcess) -> None:
     assert lost == pytest.approx(loss, abs=3.3 * math.sqrt(loss * (1 - loss) / count))  # 99.9 %
 
 
+@steady
 def test_a_client_that_floods_fills_its_own_direction_only(link: ShaperProcess) -> None:
     link.post("/link", down_kbps=20_000, up_kbps=5_000)
     receiver = Receiver(link.lab)
@@ -159,6 +166,7 @@ def test_a_client_that_floods_fills_its_own_direction_only(link: ShaperProcess) 
     assert status["up"]["queue_ms"] < 160
 
 
+@steady
 def test_a_sender_with_segmentation_offload_gets_through(link: ShaperProcess) -> None:
     """Super-packets of 64 kB are cut before they are queued: they would not fit a short queue, nor leave evenly."""
     argv = link.lab.command("service", ["ethtool", "-K", "service", "tso", "on", "gso", "on"])

@@ -27,6 +27,7 @@ class Channel:
         self._process = process
         self._failure = failure
         self._asking = asyncio.Lock()
+        self._ended = False
 
     @classmethod
     @asynccontextmanager
@@ -54,7 +55,7 @@ class Channel:
             if not _LINE.fullmatch(line):
                 raise CommandError(f"{line!r} is not one line of plain text.")
         assert self._process.stdin
-        if self._process.returncode is not None or self._process.stdin.is_closing():
+        if self._ended or self._process.returncode is not None:
             raise CommandError("The tool has ended.")
         self._process.stdin.write("".join(line + "\n" for line in lines).encode())
 
@@ -77,6 +78,7 @@ class Channel:
                             heard.append(text.strip())
             except TimeoutError:
                 raise CommandError("The tool does not answer.") from None
+            self._ended = True
             raise CommandError(" ".join(heard) or "The tool has ended.")
 
     async def _read(self) -> str | None:
