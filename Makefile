@@ -54,7 +54,7 @@ bench: .venv/.ready $(STATIC)
 	@touch $@
 
 web/node_modules/.ready: web/package.json web/package-lock.json
-	@node -e 'process.exit(Number(process.versions.node.split(".")[0]) < 20)' 2>/dev/null || { echo "The web client needs Node.js 20 or newer: https://nodejs.org, or sudo apt-get install nodejs npm"; exit 1; }
+	@node -e 'process.exit(parseInt(process.versions.node) < 20 ? 1 : 0)' 2>/dev/null || { echo "The web client needs Node.js 20 or newer: https://nodejs.org, or sudo apt-get install nodejs npm"; exit 1; }
 	@echo "== web client: dependencies"
 	@cd web && npm ci --no-audit --no-fund --loglevel=error
 	@touch $@

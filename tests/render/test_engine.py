@@ -165,6 +165,7 @@ async def test_a_request_that_cannot_be_ready_in_time_is_shed_but_not_for_ever(b
 
 async def test_one_frame_is_rendered_while_another_is_encoded(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
     """The first frame's encoding waits until the second frame's rendering has begun: it does not, if they overlap."""
+
     def encode(image: FakeImage, format: str, quality: int) -> bytes:
         if image is bench.rasterizer.images[0]:
             assert bench.rasterizer.started.acquire(timeout=10)

@@ -5,15 +5,32 @@ from __future__ import annotations
 import os
 import tomllib
 from pathlib import Path
-from typing import Any, ClassVar, TypeVar
+from typing import Annotated, Any, ClassVar, TypeVar
 
 import typer
-from pydantic import ValidationError
+from pydantic import BeforeValidator, ValidationError
 from pydantic.fields import FieldInfo
-from pydantic_settings import BaseSettings, PydanticBaseSettingsSource, SettingsConfigDict
+from pydantic_settings import BaseSettings, NoDecode, PydanticBaseSettingsSource, SettingsConfigDict
+
+from tigas_common.address import Address
 
 FILE_VARIABLE = "TIGAS_CONFIG"
 """Names the settings file; without it, `tigas.toml` in the working directory is read if it is there."""
+
+
+def _address(value: Any) -> Any:
+    return Address.parse(value) if isinstance(value, str) else value
+
+
+def _address_or_off(value: Any) -> Any:
+    return None if value == "off" else _address(value)
+
+
+# NoDecode: what the environment holds is HOST:PORT, not JSON.
+Listen = Annotated[Address, NoDecode, BeforeValidator(_address)]
+"""A setting that is an address, written HOST:PORT."""
+ListenOrOff = Annotated[Address | None, NoDecode, BeforeValidator(_address_or_off)]
+"""An address, or `off` for None."""
 
 Settings = TypeVar("Settings", bound="ServiceSettings")
 

@@ -4,27 +4,14 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Literal
+from typing import ClassVar, Literal
 
-from pydantic import BeforeValidator, Field
-from pydantic_settings import NoDecode, SettingsConfigDict
+from pydantic import Field
+from pydantic_settings import SettingsConfigDict
 
 from tigas_common.address import Address
-from tigas_common.settings import ServiceSettings
+from tigas_common.settings import Listen, ListenOrOff, ServiceSettings
 from tigas_common.wire import DEFAULT_LADDER, Rung
-
-
-def _address(value: Any) -> Any:
-    return Address.parse(value) if isinstance(value, str) else value
-
-
-def _address_or_off(value: Any) -> Any:
-    return None if value == "off" else _address(value)
-
-
-# NoDecode: what the environment holds is HOST:PORT, not JSON.
-Listen = Annotated[Address, NoDecode, BeforeValidator(_address)]
-ListenOrOff = Annotated[Address | None, NoDecode, BeforeValidator(_address_or_off)]
 
 
 def _cache_directory() -> Path:

@@ -139,7 +139,7 @@ def test_huge_numbers_in_text_drop_their_gaussian(tmp_path: Path) -> None:
 @pytest.mark.skipif(sys.platform != "linux", reason="the peak of a process's memory is read from Linux's /proc")
 @pytest.mark.parametrize("make", ["binary", "ascii"])
 def test_loading_takes_less_than_three_times_the_tensors(tmp_path: Path, make: str) -> None:
-    count = 60_000
+    count = 100_000
     values = plys.rows(count, 3)
     path = tmp_path / "large.ply"
     with path.open("wb") as file:

@@ -104,6 +104,10 @@ class Client(QuicConnectionProtocol):
                 self._news.clear()
                 await self._news.wait()
 
+    def vanish(self) -> None:
+        """Go without a word."""
+        self._quic.close = lambda **_: None  # type: ignore[method-assign]
+
     # -- HTTP --------------------------------------------------------------------------------------------------------
 
     def request(
@@ -213,6 +217,8 @@ async def connect(
         yield client
     finally:
         client.close()
+        if client._timer is not None:
+            client._timer.cancel()
         transport.close()
 
 
@@ -256,7 +262,8 @@ class FakeFrames:
 
     def __init__(self, body: bytes = b"frame") -> None:
         self.body = body
-        self.held = False
+        self.held: bool | set[int] = False
+        """Whether requests wait for `release`: all, none, or those with these numbers."""
         self.error: Exception | None = None
         self.requests: list[tuple[str, RenderRequest]] = []
         self.cancelled: list[int] = []
@@ -267,7 +274,7 @@ class FakeFrames:
         self.requests.append((client, request))
         self._news.set()
         try:
-            if self.held:
+            if self.held is True or (self.held and request.seq in self.held):
                 await self._gate(request.seq)
         except asyncio.CancelledError:
             self.cancelled.append(request.seq)

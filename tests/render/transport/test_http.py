@@ -276,6 +276,24 @@ async def test_a_client_that_stops_reading_holds_up_nobody_and_takes_no_memory()
         await sent.until("all")  # what is left goes nowhere
 
 
+async def test_small_answers_that_nobody_reads_take_no_memory() -> None:
+    """Each fits in what a stream may hold, but all of them together do not fit in what a connection may hold."""
+
+    async def app(scope: Scope, receive: Receive, send: Send) -> None:
+        await answer(send, bytes(20_000))
+
+    limits = Limits(unread_answers=100_000, stall_timeout=0.1)
+    async with served(app, limits) as (server, client), connect(server.port, max_stream_data=1000) as deaf:
+        deaf._quic._write_stream_limits = lambda **_: None
+        streams = [deaf.request("GET", "/") for _ in range(30)]
+        await deaf.until(lambda: sum(deaf.responses[stream].reset is not None for stream in streams) >= 24)
+        connection = next(
+            c for c in server._connections if c.client[1] == deaf._transport.get_extra_info("sockname")[1]
+        )
+        assert connection._quic.unsent_total()[1] <= 130_000
+        assert (await client.fetch("GET", "/")).status == 200
+
+
 async def test_connect_without_webtransport_and_odd_methods() -> None:
     methods: list[str] = []
 

@@ -26,10 +26,10 @@ export function look(from: Point, to: Point, focal: { readonly fx: number; reado
   };
 }
 
-/** A wheel turned by one event: away from the person goes forward. */
-export function wheel({ deltaY, deltaMode }: Pick<WheelEvent, "deltaY" | "deltaMode">): Nudge {
+/** A wheel turned by one event, in seconds of walking: away from the person goes forward. */
+export function wheel({ deltaY, deltaMode }: Pick<WheelEvent, "deltaY" | "deltaMode">): number {
   const notches = -deltaY / (NOTCH[deltaMode as keyof typeof NOTCH] ?? NOTCH[0]);
-  return { ...NO_NUDGE, forward: Math.max(-MAX_NOTCHES, Math.min(MAX_NOTCHES, notches)) * NOTCH_SECONDS };
+  return Math.max(-MAX_NOTCHES, Math.min(MAX_NOTCHES, notches)) * NOTCH_SECONDS;
 }
 
 /** Two fingers: apart goes forward, together goes back, both in one direction drags the scene along. */

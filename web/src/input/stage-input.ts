@@ -1,5 +1,6 @@
 /** Listens to keyboard, mouse, touch and wheel, and keeps what they ask for until the next animation frame samples it. */
 import { look, pinch, sum, wheel } from "./gestures";
+import { Glide } from "./glide";
 import { type Axes, HeldKeys } from "./keys";
 import { NO_NUDGE, type Nudge } from "./motion";
 
@@ -13,10 +14,11 @@ export interface Sample {
   readonly nudge: Nudge;
 }
 
-/** Where keys write text or change a value, they do not move the camera. */
-const TYPING = "input, select, textarea, dialog, [contenteditable]";
-/** Where Space presses something. */
-const PRESSING = "button, a, summary, label";
+/** Where keys write text or open something. */
+const TYPING = "input:not([type=radio], [type=checkbox]), select, textarea, dialog, [contenteditable]";
+/** Where Space presses something, and where arrows choose something. */
+const PRESSING = "button, a, summary, input";
+const CHOOSING = "input[type=radio]";
 
 export class StageInput {
   /** What the on-screen pad asks for. */
@@ -26,6 +28,8 @@ export class StageInput {
   readonly #keys = new HeldKeys();
   readonly #pointers = new Map<number, Point>();
   readonly #listening = new AbortController();
+  readonly #glide = new Glide();
+  readonly #reducedMotion = matchMedia("(prefers-reduced-motion: reduce)");
   #nudge = NO_NUDGE;
 
   /** `focal` tells the focal lengths in CSS pixels of the stage. */
@@ -45,9 +49,10 @@ export class StageInput {
     stage.addEventListener("wheel", (event) => this.#turnWheel(event), { signal, passive: false });
   }
 
-  /** What was asked since the last sample. */
-  sample(): Sample {
-    const nudge = this.#nudge;
+  /** What was asked since the last sample, `elapsed` milliseconds ago. */
+  sample(elapsed: number): Sample {
+    const glided = this.#glide.take(elapsed, !this.#reducedMotion.matches);
+    const nudge = glided === 0 ? this.#nudge : sum(this.#nudge, { ...NO_NUDGE, forward: glided });
     this.#nudge = NO_NUDGE;
     const keys = this.#keys.axes;
     return {
@@ -67,15 +72,17 @@ export class StageInput {
   }
 
   #press(event: KeyboardEvent): void {
-    const target = event.target instanceof Element ? event.target : null;
-    if (target?.closest(TYPING)) return;
-    if (event.code === "Space" && target?.closest(PRESSING)) return;
+    const inside = (selector: string) => event.target instanceof Element && event.target.closest(selector) !== null;
+    if (inside(TYPING)) return;
+    if (event.code === "Space" && inside(PRESSING)) return;
+    if (event.code.startsWith("Arrow") && inside(CHOOSING)) return;
     if (this.#keys.press(event)) event.preventDefault(); // the page must not scroll
   }
 
   #release(): void {
     this.#keys.releaseAll();
     this.#pointers.clear();
+    this.#glide.stop();
     this.pad = { forward: 0, right: 0, up: 0 };
     delete this.#stage.dataset.grabbed;
   }
@@ -105,7 +112,7 @@ export class StageInput {
   #turnWheel(event: WheelEvent): void {
     if (event.ctrlKey) return; // the browser's zoom
     event.preventDefault();
-    this.#nudge = sum(this.#nudge, wheel(event));
+    this.#glide.add(wheel(event));
   }
 }
 

@@ -15,7 +15,8 @@ import { NO_STATS, type Stats, StatsRecorder } from "./stats";
 export interface PlayerOptions {
   readonly canvas: HTMLCanvasElement;
   readonly decoder: Pick<Decoder, "decode">;
-  readonly sampleInput: () => Sample;
+  /** What was asked since the last sample, so many milliseconds ago. */
+  readonly sampleInput: (elapsed: number) => Sample;
   readonly controller: () => Controller;
   /** Whether to ask for the view at the best rung once it stands still. */
   readonly refine: () => boolean;
@@ -150,9 +151,10 @@ export class Player {
   }
 
   #sample(now: number): boolean {
-    const { axes, nudge } = this.#options.sampleInput();
+    const elapsed = now - this.#sampledAt;
+    const { axes, nudge } = this.#options.sampleInput(elapsed);
     const speeds: Speeds = { turn: this.#options.turnSpeed(), move: this.moveSpeed.value };
-    const camera = step(this.#camera, axes, nudge, speeds, now - this.#sampledAt);
+    const camera = step(this.#camera, axes, nudge, speeds, elapsed);
     this.#sampledAt = now;
     const moved = camera !== this.#camera;
     this.#camera = camera;
@@ -173,13 +175,14 @@ export class Player {
   }
 
   #publish(now: number): void {
-    if (now - this.#publishedAt < STATS_EVERY) return;
-    this.#publishedAt = now;
     const pipeline = this.#pipeline;
+    const settled = pipeline?.settled ?? true;
+    if (now - this.#publishedAt < STATS_EVERY && settled === this.stats.peek().settled) return;
+    this.#publishedAt = now;
     this.stats.value = this.#recorder.snapshot(now, {
       transport: this.#connected?.transport.kind ?? null,
       inFlight: pipeline?.inFlight ?? 0,
-      settled: pipeline?.settled ?? true,
+      settled,
       ...(pipeline && { counts: pipeline.counts }),
     });
   }

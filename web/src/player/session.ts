@@ -28,6 +28,11 @@ export class ViewerSession {
   readonly #decoder = new Decoder(
     new Worker(new URL("./decode.worker.ts", import.meta.url), { type: "module", name: "decoder" }),
   );
+  /** The chosen rung, or the last if the server's ladder is shorter. */
+  readonly #controller = computed(
+    () => new FixedController(Math.min(settings.value.profile, Math.max(0, (config.value?.ladder.length ?? 1) - 1))),
+  );
+  #loading: Promise<SceneInfo> | undefined;
   /** Counts connections that a person asked for. */
   readonly #attempt = signal(0);
   readonly #cleanups: (() => void)[] = [];
@@ -38,8 +43,8 @@ export class ViewerSession {
     this.player = new Player({
       canvas,
       decoder: this.#decoder,
-      sampleInput: () => this.input.sample(),
-      controller: () => new FixedController(this.#profile()),
+      sampleInput: (elapsed) => this.input.sample(elapsed),
+      controller: () => this.#controller.value,
       refine: () => settings.value.refine,
       turnSpeed: () => settings.value.turnSpeed,
       now,
@@ -68,7 +73,10 @@ export class ViewerSession {
             config.value = await fetchConfig(signal);
             return config.value;
           },
-          connect: (server, signal) => connect(server, chosen, signal, now),
+          connect: (server, signal) => {
+            void this.#load(connection.signal).catch(() => undefined); // side by side; #play hears of a failure
+            return connect(server, chosen, signal, now);
+          },
           onState: (state) => untracked(() => this.#follow(state, connection.signal)),
           sleep,
         },
@@ -86,11 +94,6 @@ export class ViewerSession {
     this.#decoder.dispose();
   }
 
-  /** The chosen rung, or the last if the server's ladder is shorter. */
-  #profile(): number {
-    return Math.min(settings.value.profile, Math.max(0, (config.value?.ladder.length ?? 1) - 1));
-  }
-
   #follow(state: ConnectionState, signal: AbortSignal): void {
     this.connected.value = state.status === "connected" ? state : null;
     if (state.status !== "connected") this.player.attach(null);
@@ -99,11 +102,20 @@ export class ViewerSession {
     else void this.#play(state, signal);
   }
 
+  /** Asks for the scene once at a time; after a failure it may be asked for again. */
+  #load(signal: AbortSignal): Promise<SceneInfo> {
+    this.#loading ??= loadScene(this.#sceneId, signal).catch((error: unknown) => {
+      this.#loading = undefined;
+      throw error;
+    });
+    return this.#loading;
+  }
+
   async #play(connected: Connected, signal: AbortSignal): Promise<void> {
     if (this.scene.value === null) {
       this.phase.value = { kind: "loading" };
       try {
-        this.scene.value = await loadScene(this.#sceneId, signal);
+        this.scene.value = await this.#load(signal);
       } catch (error) {
         if (signal.aborted || !(error instanceof ApiError) || error.unreachable) return; // the connection will say
         this.phase.value = { kind: "failed", message: error.message };

@@ -29,7 +29,7 @@ export async function connect(
   const byFetch = (fallback: string | null): Connected => ({ transport: new FetchTransport(now), fallback });
   if (choice === "fetch") return byFetch(null);
   if (!globalThis.isSecureContext) return byFetch("this page is not a secure context");
-  if (!("WebTransport" in globalThis)) return byFetch("this browser has no WebTransport");
+  if (typeof globalThis.WebTransport !== "function") return byFetch("this browser has no WebTransport");
   if (config.webtransport_url === null) return byFetch("the server offers no WebTransport");
   try {
     const session = await open(

@@ -59,3 +59,10 @@ export class FakeTransport implements FrameTransport {
 export async function settle(): Promise<void> {
   for (let i = 0; i < 20; i++) await Promise.resolve();
 }
+
+const later = globalThis.setTimeout;
+
+/** Lets streams run, too; works while a test has faked the timers. */
+export function turn(): Promise<void> {
+  return new Promise((resolve) => later(resolve, 0));
+}

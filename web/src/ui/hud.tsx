@@ -17,7 +17,7 @@ export function Hud({ session, wide }: { session: ViewerSession; wide: boolean }
   return (
     <section class="floating hud" aria-label="Measurements">
       <div class="hud-main">
-        <Figure name="fps" label="frames/s" value={String(Math.round(stats.framesPerSecond))} />
+        <Figure name="fps" label="frames/s" value={rate(stats)} />
         <Figure
           name="motion-to-photon"
           label="motion to photon"
@@ -63,15 +63,10 @@ function Details({ stats }: { stats: Stats }) {
         {milliseconds(stats.roundTrip)} ms
       </Row>
       <Row name="server" label="Server">
-        <span
-          title={
-            server
-              ? `queue ${server.queue.toFixed(1)}, render ${server.render.toFixed(1)}, encode ${server.encode.toFixed(1)} ms`
-              : undefined
-          }
-        >
-          {milliseconds(total)} ms
-        </span>
+        {milliseconds(total)} ms
+      </Row>
+      <Row name="server-parts" label="Queue, render, encode">
+        {server ? [server.queue, server.render, server.encode].map(milliseconds).join(", ") : NONE}
       </Row>
       <Row name="throughput" label="Throughput">
         {stats.throughput === null ? NONE : bitrate(stats.throughput)}
@@ -114,6 +109,11 @@ function Figure({ name, label, value, unit }: { name: string; label: string; val
       <span class="muted">{label}</span>
     </p>
   );
+}
+
+/** A still camera needs no frames: none a second is no fault then. */
+function rate({ framesPerSecond, settled, shown }: Stats): string {
+  return framesPerSecond === 0 && settled && shown > 0 ? "idle" : String(Math.round(framesPerSecond));
 }
 
 function milliseconds(value: number | null | undefined): string {

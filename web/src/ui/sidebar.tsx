@@ -25,9 +25,9 @@ export function Sidebar({ session, onClose, onReset }: Props) {
         <IconButton icon={X} label="Close settings" onClick={onClose} />
       </header>
       <Quality session={session} />
+      <Transport />
       <Movement session={session} onReset={onReset} />
       <Lens session={session} />
-      <Transport />
     </aside>
   );
 }

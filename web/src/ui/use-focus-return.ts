@@ -1,16 +1,37 @@
-/** After a click on a button the keys belong to the camera again; who came by keyboard keeps the focus. */
+/** What is used by pointer gives the keys back to the camera; who came by keyboard keeps the focus. */
 import type { RefObject } from "preact";
 import { useEffect } from "preact/hooks";
+
+const SWITCHES = "select, input[type=radio], input[type=checkbox]";
 
 export function useFocusReturn(root: RefObject<HTMLElement | null>, stage: RefObject<HTMLElement | null>): void {
   useEffect(() => {
     const element = root.current;
-    const giveBack = (event: MouseEvent) => {
-      const button = event.target instanceof Element && event.target.closest("button");
-      const byPointer = event.detail > 0;
-      if (button && byPointer && !button.closest("dialog")) stage.current?.focus({ preventScroll: true });
+    if (!element) return undefined;
+    const listening = new AbortController();
+    const { signal } = listening;
+    let byPointer = false;
+    const giveBack = () => stage.current?.focus({ preventScroll: true });
+    const remember = ({ type }: Event) => {
+      byPointer = type === "pointerdown";
     };
-    element?.addEventListener("click", giveBack);
-    return () => element?.removeEventListener("click", giveBack);
+    addEventListener("pointerdown", remember, { signal, capture: true });
+    addEventListener("keydown", remember, { signal, capture: true });
+    element.addEventListener(
+      "click",
+      (event) => {
+        const button = event.target instanceof Element && event.target.closest("button");
+        if (byPointer && button && !button.closest("dialog")) giveBack();
+      },
+      { signal },
+    );
+    element.addEventListener(
+      "change",
+      (event) => {
+        if (byPointer && event.target instanceof Element && event.target.matches(SWITCHES)) giveBack();
+      },
+      { signal },
+    );
+    return () => listening.abort();
   }, [root, stage]);
 }

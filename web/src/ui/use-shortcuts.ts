@@ -18,7 +18,7 @@ const KEYS: Readonly<Record<string, keyof ViewerActions>> = {
   f: "fullscreen",
 };
 
-const TYPING = "input:not([type=checkbox]), select, textarea, dialog";
+const TYPING = "input:not([type=radio], [type=checkbox]), select, textarea, dialog";
 
 export function useShortcuts(actions: ViewerActions): void {
   const latest = useRef(actions);

@@ -66,6 +66,7 @@ export function Viewer({ sceneId }: { sceneId: string }) {
           data-phase={phase}
           data-transport={live?.player.stats.value.transport}
           data-frames={live?.player.stats.value.shown}
+          data-settled={live?.player.stats.value.settled}
         >
           <canvas ref={canvas} />
         </div>

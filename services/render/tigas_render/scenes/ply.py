@@ -9,23 +9,26 @@ from __future__ import annotations
 
 import itertools
 import logging
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import torch
+from numpy.typing import NDArray
 from plyfile import PlyData, PlyElement
 
 from tigas_common.errors import BrokenScene
 from tigas_render.scenes.gaussians import Gaussians
 from tigas_render.scenes.ply_header import MAX_HEADER, REQUIRED, PlyHeader, read_header
 
-BLOCK = 16_384
+BLOCK = 4096
 """Vertices that are converted at a time, so that nothing but the tensors grows with the scene."""
 
 _log = logging.getLogger(__name__)
 
 _Block = np.ndarray[tuple[int], np.dtype[np.void]]
+_Floats = NDArray[np.floating[Any]]
 
 
 def load_ply(path: Path, device: str | torch.device = "cpu") -> Gaussians:
@@ -36,38 +39,23 @@ def load_ply(path: Path, device: str | torch.device = "cpu") -> Gaussians:
     """
     header = read_header(path)
     n, k = header.count, (header.sh_degree + 1) ** 2
-    gaussians = Gaussians(
-        means=torch.empty(n, 3, device=device),
-        scales=torch.empty(n, 3, device=device),
-        quaternions=torch.empty(n, 4, device=device),
-        opacities=torch.empty(n, device=device),
-        sh=torch.empty(n, k, 3, device=device),
-    )
+    # NumPy, as PyTorch splits even small operations over threads that then wait for each other on a busy machine
+    arrays = [np.empty((n, *shape), np.float32) for shape in ((3,), (3,), (4,), (), (k, 3))]
     kept = 0
     try:
         for block in _ascii_blocks(path, header) if header.ascii else _binary_blocks(path, header):
-            part = _activate(block, header.sh_degree)
-            end = kept + len(part)
-            gaussians.means[kept:end] = part.means
-            gaussians.scales[kept:end] = part.scales
-            gaussians.quaternions[kept:end] = part.quaternions
-            gaussians.opacities[kept:end] = part.opacities
-            gaussians.sh[kept:end] = part.sh
+            parts = _activate(block, header.sh_degree)
+            end = kept + len(parts[0])
+            for array, part in zip(arrays, parts, strict=True):
+                array[kept:end] = part
             kept = end
     except OSError as error:
         raise BrokenScene(f"{path.name} cannot be read: {error.strerror or error}.") from None
     if kept == 0:
         raise BrokenScene(f"{path.name} has no Gaussian without NaN or infinite attributes.")
-    if kept == n:
-        return gaussians
-    _log.warning("%s: dropped %d of %d Gaussians with NaN or infinite attributes", path, n - kept, n)
-    return Gaussians(
-        gaussians.means[:kept],
-        gaussians.scales[:kept],
-        gaussians.quaternions[:kept],
-        gaussians.opacities[:kept],
-        gaussians.sh[:kept],
-    )
+    if kept < n:
+        _log.warning("%s: dropped %d of %d Gaussians with NaN or infinite attributes", path, n - kept, n)
+    return Gaussians(*(torch.from_numpy(array[:kept]).to(device) for array in arrays))
 
 
 def write_ply(path: Path, gaussians: Gaussians) -> None:
@@ -132,24 +120,24 @@ def _text_error(error: Exception, start: int) -> str:
     return f"{first} (counted from vertex {start})" if start else first
 
 
-def _activate(block: _Block, sh_degree: int) -> Gaussians:
-    """The block's Gaussians in float32 with activations applied, without those that are not finite."""
-    columns = _columns(block, REQUIRED)
-    quaternions = columns[:, 10:14].double()  # double, as the square of a float32 may overflow
-    scales = columns[:, 7:10].exp()
-    quaternions = (quaternions / quaternions.norm(dim=1, keepdim=True)).float()
-    opacities = columns[:, 6].sigmoid()
-    rest = _columns(block, _rest_names(sh_degree).split()).reshape(len(block), 3, (sh_degree + 1) ** 2 - 1)
-    sh = torch.cat((columns[:, None, 3:6], rest.transpose(1, 2)), dim=1)
-    finite = columns.isfinite().all(1) & scales.isfinite().all(1) & quaternions.isfinite().all(1)
-    finite &= sh.flatten(1).isfinite().all(1)
-    return Gaussians(columns[finite, 0:3], scales[finite], quaternions[finite], opacities[finite], sh[finite])
+def _activate(block: _Block, sh_degree: int) -> tuple[_Floats, _Floats, _Floats, _Floats, _Floats]:
+    """A block's means, scales, quaternions, opacities and SH, activated, without the Gaussians that are not finite."""
+    with np.errstate(all="ignore"):  # what overflows is dropped below
+        columns = _columns(block, REQUIRED)
+        scales = np.exp(columns[:, 7:10])
+        quaternions = columns[:, 10:14].astype(np.float64)  # as the square of a float32 may overflow
+        quaternions /= np.linalg.norm(quaternions, axis=1, keepdims=True)
+        opacities = 1 / (1 + np.exp(-columns[:, 6]))
+        rest = _columns(block, _rest_names(sh_degree).split()).reshape(len(block), 3, (sh_degree + 1) ** 2 - 1)
+    sh = np.concatenate((columns[:, None, 3:6], rest.transpose(0, 2, 1)), axis=1)
+    finite = np.isfinite(columns).all(1) & np.isfinite(scales).all(1) & np.isfinite(quaternions).all(1)
+    finite &= np.isfinite(sh).all((1, 2))
+    return columns[finite, 0:3], scales[finite], quaternions[finite].astype(np.float32), opacities[finite], sh[finite]
 
 
-def _columns(block: _Block, names: tuple[str, ...] | list[str]) -> torch.Tensor:
-    """[rows, len(names)] float32."""
+def _columns(block: _Block, names: Sequence[str]) -> _Floats:
+    """[rows, len(names)]; a double beyond float32 becomes infinite."""
     columns = np.empty((len(block), len(names)), np.float32)
-    with np.errstate(over="ignore"):  # a double beyond float32 becomes infinite, and its Gaussian is dropped
-        for i, name in enumerate(names):
-            columns[:, i] = block[name]
-    return torch.from_numpy(columns)
+    for i, name in enumerate(names):
+        columns[:, i] = block[name]
+    return columns

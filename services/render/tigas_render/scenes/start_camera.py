@@ -14,8 +14,8 @@ import torch
 
 from tigas_common.wire import Point, StartCamera
 
-SAMPLE = 40_000
-"""Gaussians that are looked at, spread evenly over the file."""
+SAMPLE = 10_000
+"""Gaussians that are looked at, spread evenly over the file; from 32,768 numbers on, PyTorch starts threads."""
 SOLID = 0.5
 """Opacity from which on a Gaussian hides what is behind it."""
 AZIMUTHS = 16
@@ -53,7 +53,8 @@ def _sample(means: torch.Tensor, opacities: torch.Tensor, scales: torch.Tensor) 
     step = max(1, len(means) // SAMPLE)
     means, opacities, scales = means[::step].cpu(), opacities[::step].cpu(), scales[::step].cpu()
     solid = opacities >= min(SOLID, float(opacities.max()))
-    return means[solid].double(), scales[solid].double().amax(1)
+    # the protocol's coordinates end at 1e9, and the camera stands outside
+    return means[solid].double().clamp(-1e8, 1e8), scales[solid].double().amax(1)
 
 
 def _level_frame(up: Point) -> torch.Tensor:

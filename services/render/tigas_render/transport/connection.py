@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import logging
+import time
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Protocol
@@ -47,6 +48,10 @@ logger = logging.getLogger(__name__)
 
 BUFFERED_STREAM_REJECTED = 0x3994BD84
 """WebTransport's error for a stream of a session that does not exist."""
+
+_now = time.monotonic
+"""The event loop's own clock, read afresh: uvloop's `time()` stands still within an iteration and ticks in
+milliseconds, too coarse for round trips and pacing."""
 
 
 class Listener(Protocol):
@@ -123,7 +128,7 @@ class Connection:
     def receive(self, data: bytes, address: Address) -> None:
         """Take one datagram; `transmit` must follow once all that have arrived are in."""
         try:
-            self._quic.receive_datagram(data, address, now=self._loop.time())
+            self._quic.receive_datagram(data, address, now=_now())
             self._process_events()
         except Exception:
             self._fail()
@@ -148,7 +153,7 @@ class Connection:
         more = True
         while more:
             more = self.writer.hand_over_datagrams(self._sessions.values())
-            datagrams = self._quic.datagrams_to_send(now=self._loop.time())
+            datagrams = self._quic.datagrams_to_send(now=_now())
             if not datagrams:
                 break
             self._listener.send(datagrams)
@@ -162,7 +167,7 @@ class Connection:
 
     def _handle_timer(self) -> None:
         assert self._timer_at is not None
-        now = max(self._timer_at, self._loop.time())
+        now = max(self._timer_at, _now())
         self._timer = self._timer_at = None
         try:
             self._quic.handle_timer(now=now)

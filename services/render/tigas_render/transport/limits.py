@@ -22,7 +22,9 @@ class Limits:
     stream_window: int = 64 * 1024
     """Bytes that a client may send on one stream ahead of what has arrived in order (QUIC flow control)."""
     unsent: int = 256 * 1024
-    """Bytes of a connection's answers that wait in QUIC; what is beyond waits with whoever writes it."""
+    """Bytes of a connection's answers that wait in QUIC for the network; more waits with whoever writes it."""
+    unread_answers: int = 2 * 1024 * 1024
+    """The same, with those that wait for a client that does not read them."""
     handshake_timeout: float = 5.0
     """For a client to complete the handshake."""
     request_timeout: float = 10.0

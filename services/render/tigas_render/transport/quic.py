@@ -57,13 +57,17 @@ class ServerQuicConnection(BulkQuicConnection):
         stream = self._streams.get(stream_id)
         return 0 if stream is None else stream.sender._buffer_stop - stream.sender.highest_offset
 
-    def unsent_by_network(self) -> int:
-        """Bytes of all streams that wait for the network; those that wait for a client to read are not counted."""
-        return sum(
-            stream.sender._buffer_stop - stream.sender.highest_offset
-            for stream in self._streams.values()
-            if not stream.sender.buffer_is_empty and stream.sender.highest_offset < stream.max_stream_data_remote
-        )
+    def unsent_total(self) -> tuple[int, int]:
+        """Bytes of all streams that wait: for the network, and for the network or a client that does not read."""
+        network = total = 0
+        for stream in self._streams.values():
+            sender = stream.sender
+            if not sender.buffer_is_empty:
+                unsent = sender._buffer_stop - sender.highest_offset
+                total += unsent
+                if sender.highest_offset < stream.max_stream_data_remote:
+                    network += unsent
+        return network, total
 
     def can_write(self, stream_id: int) -> bool:
         """Whether a stream still takes data: it is open, was not finished, and neither side has reset it."""

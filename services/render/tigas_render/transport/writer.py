@@ -102,8 +102,11 @@ class Writer:
                 waiter.set_result(None)
 
     def _has_room(self, stream_id: int) -> bool:
-        limit = self._limits.unsent
-        return self._quic.unsent(stream_id) < limit and self._quic.unsent_by_network() < limit
+        limits = self._limits
+        network, total = self._quic.unsent_total()
+        return (
+            self._quic.unsent(stream_id) < limits.unsent and network < limits.unsent and total < limits.unread_answers
+        )
 
     # -- datagrams ---------------------------------------------------------------------------------------------------
 

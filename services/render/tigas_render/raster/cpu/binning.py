@@ -7,9 +7,9 @@ import numpy as np
 from numba import prange
 
 from tigas_render.raster.cpu import layout as L
-from tigas_render.raster.cpu.intrinsics import bits_of, fetch_add
+from tigas_render.raster.cpu.intrinsics import fetch_add
 from tigas_render.raster.cpu.kernel import kernel
-from tigas_render.raster.cpu.tiles import list_tiles
+from tigas_render.raster.cpu.tiles import MANY, list_tiles
 
 U = np.uint64
 DIGIT = 8
@@ -19,47 +19,64 @@ KEY_BITS = DIGIT * DIGITS
 
 
 @kernel()
-def place_lists(tile_counts, starts):
-    """Turn counts [S, tiles] into cursors: where each slice begins to write in each tile's list. Gives the total.
+def place_lists(tile_counts, begin, limit, starts):
+    """Turn counts [S, tiles] of tiles from `begin` on into cursors: where each slice starts to write in a tile's list.
 
-    starts [tiles + 1]: where each tile's list begins.
+    Stops before the lists together would exceed `limit` entries, but not before one tile; gives the tile it stopped at.
+    starts [tiles + 1]: where each tile's list begins, and the end of the last.
     """
     total = 0
-    for tile in range(tile_counts.shape[1]):
+    tile = begin
+    while tile < tile_counts.shape[1]:
         starts[tile] = total
+        for part in range(tile_counts.shape[0]):
+            total += tile_counts[part, tile]
+        if total > limit and tile > begin:
+            break
+        total = starts[tile]
         for part in range(tile_counts.shape[0]):
             count = tile_counts[part, tile]
             tile_counts[part, tile] = total
             total += count
-    starts[tile_counts.shape[1]] = total
-    return total
+        tile += 1
+        starts[tile] = total
+    return tile
 
 
 @kernel(parallel=True)
-def fill_lists(splats, visible, slices, cursors, tiles_x, entries, threads, turn):
-    """Write every tile's list: entries [total] uint64, the depth's bits << 32 | the record's number.
+def fill_lists(splats, keys, visible, slices, cursors, tiles_x, begin, end, entries, threads, turn):
+    """Write the lists of tiles begin … end - 1: entries [total], the depth's bits << 32 | the splat's number.
 
     Each slice of chunks writes at its own cursors, so the order does not depend on the threads.
     """
+    low = U(0xFFFFFFFF)
     for _ in prange(threads):
         while True:
             part = fetch_add(turn, 0)
             if part >= slices.shape[0] - 1:
                 break
             for chunk in range(slices[part], slices[part + 1]):
-                for record in range(chunk * L.CHUNK, chunk * L.CHUNK + visible[chunk]):
-                    at = record * L.RECORD
-                    entry = (U(bits_of(splats[at + L.DEPTH])) << U(32)) | U(record)
-                    list_tiles(splats, at, entry, cursors[part], tiles_x, entries)
+                for splat in range(chunk * L.CHUNK, chunk * L.CHUNK + visible[chunk]):
+                    entry = (keys[splat] & ~low) | U(splat)
+                    tile = np.int64(keys[splat] & low)
+                    if tile == MANY:
+                        list_tiles(splats, splat * L.RECORD, entry, cursors[part], tiles_x, begin, end, entries)
+                    elif begin <= tile < end:
+                        cursor = cursors[part, tile]
+                        entries[cursor] = entry
+                        cursors[part, tile] = cursor + 1
 
 
 @kernel(parallel=True)
-def sort_lists(starts, entries, spare, histograms, turn):
-    """Sort each tile's list by depth, stably, from `entries` into `spare`; histograms [threads, DIGITS << DIGIT]."""
+def sort_lists(starts, begin, end, entries, spare, histograms, turn):
+    """Sort the lists of tiles begin … end - 1 by depth, stably, from `entries` into `spare`.
+
+    histograms [threads, DIGITS << DIGIT]; turn [1]: the next tile, `begin` at first.
+    """
     for thread in prange(histograms.shape[0]):
         while True:
             tile = fetch_add(turn, 0)
-            if tile >= starts.shape[0] - 1:
+            if tile >= end:
                 break
             sort_list(entries, spare, starts[tile], starts[tile + 1], histograms[thread])
 

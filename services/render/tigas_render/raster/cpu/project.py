@@ -26,12 +26,13 @@ FARTHEST = F(1e7)
 
 
 @kernel(parallel=True)
-def project(geometry, sh, bounds, view, splats, visible, slices, tile_counts, tiles_x, scratch, turn):
+def project(geometry, sh, bounds, view, splats, keys, visible, slices, tile_counts, tiles_x, scratch, turn):
     """Project every chunk, shade what is visible, and count tiles.
 
     geometry, sh: flat packed scene; bounds [chunks, BOUNDS]; view [VIEW].
-    splats: flat [chunks · CHUNK · RECORD], a chunk's visible Gaussians at its own place; visible [chunks] their number.
-    slices [S + 1]: chunks are handed to threads in these runs; tile_counts [S, tiles]: touched tiles of each.
+    splats: flat [chunks · CHUNK · RECORD], a chunk's visible Gaussians at its own place.
+    keys [chunks · CHUNK]: of each splat, the bits of its depth << 32 | its tile, or MANY; visible [chunks] their
+    number. slices [S + 1]: chunks are handed to threads in these runs; tile_counts [S, tiles]: touched tiles of each.
     scratch [threads, USED · CHUNK]; turn [1]: the next slice, 0 at first.
     """
     coefficients = sh.shape[0] // max(1, bounds.shape[0] * L.CHUNK * 3)
@@ -48,7 +49,7 @@ def project(geometry, sh, bounds, view, splats, visible, slices, tile_counts, ti
                     project_chunk(geometry, start, view, scratch[thread])
                     visible[chunk] = keep_visible(
                         geometry, start, sh, U(chunk * coefficients * 3 * L.CHUNK), coefficients, view,
-                        scratch[thread], splats, chunk * L.CHUNK * L.RECORD, tile_counts[part], tiles_x,
+                        scratch[thread], splats, keys, chunk * L.CHUNK * L.RECORD, tile_counts[part], tiles_x,
                     )  # fmt: skip
 
 
@@ -124,7 +125,7 @@ def project_chunk(geometry, start, view, out):
 
 
 @kernel()
-def keep_visible(geometry, start, sh, sh_start, coefficients, view, projected, splats, into, counts, tiles_x):
+def keep_visible(geometry, start, sh, sh_start, coefficients, view, projected, splats, keys, into, counts, tiles_x):
     """Shade a projected chunk's visible Gaussians and write their records from splats[into]; gives their number."""
     eye = (F(view[V.EYE]), F(view[V.EYE + 1]), F(view[V.EYE + 2]))
     at = into
@@ -140,6 +141,8 @@ def keep_visible(geometry, start, sh, sh_start, coefficients, view, projected, s
             if bits_of(projected[U(L.COLUMNS * L.CHUNK + lane)]) != 0:
                 for field in range(L.USED):
                     splats[U(at + field)] = projected[U(field * L.CHUNK + lane)]
-                count_tiles(splats, at, counts, tiles_x)
+                tile = count_tiles(splats, at, counts, tiles_x)
+                depth = bits_of(projected[U(L.DEPTH * L.CHUNK + lane)])
+                keys[U(at // L.RECORD)] = (U(depth) << U(32)) | U(tile)
                 at += L.RECORD
     return (at - into) // L.RECORD

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numba
@@ -25,6 +25,8 @@ from tigas_render.scenes.gaussians import Gaussians
 
 SLICES_PER_THREAD = 8
 """Pieces of work per thread while projecting and binning: enough to even out, few enough to count tiles in each."""
+MAX_ENTRIES = 1 << 24
+"""Entries of tile lists held at once: a frame with more is drawn in several bands, so that memory stays bounded."""
 
 
 @dataclass(slots=True)
@@ -35,14 +37,19 @@ class FrameJob:
     image: HostImage
     background: NDArray[np.float32]
     tiles_x: int
+    tiles: int
     view: NDArray[np.float64]
     slices: NDArray[np.int64]
     splats: NDArray[np.float32]
+    keys: NDArray[np.uint64]
     visible: NDArray[np.int64]
     tile_counts: NDArray[np.int64]
     starts: NDArray[np.int64]
-    entries: NDArray[np.uint64]
-    """Gaussians per tile, once binned; sorted by depth, once sorted."""
+    begin: int = 0
+    end: int = 0
+    """The tiles that are being listed, sorted and drawn are begin … end - 1; those before are finished."""
+    entries: NDArray[np.uint64] = field(default_factory=lambda: np.empty(0, np.uint64))
+    in_order: NDArray[np.uint64] = field(default_factory=lambda: np.empty(0, np.uint64))
 
 
 class CpuRasterizer(Rasterizer):
@@ -65,9 +72,10 @@ class CpuRasterizer(Rasterizer):
         assert isinstance(scene, CpuScene)
         job = self.start(scene, camera)
         self.project(job)
-        self.bin(job)
-        self.sort(job)
-        self.blend(job)
+        while job.end < job.tiles:
+            self.bin(job)
+            self.sort(job)
+            self.blend(job)
         return job.image
 
     def warm_up(self) -> None:
@@ -91,13 +99,14 @@ class CpuRasterizer(Rasterizer):
             image=self._pool.image(k.width, k.height),
             background=get("background", 3, np.float32),
             tiles_x=tiles_x,
+            tiles=tiles_x * tiles_y,
             view=get("view", VIEW, np.float64),
             slices=get("slices", parts + 1, np.int64),
             splats=get("splats", chunks * L.CHUNK * L.RECORD, np.float32),
+            keys=get("keys", chunks * L.CHUNK, np.uint64),
             visible=get("visible", chunks, np.int64),
             tile_counts=get("tile_counts", parts * tiles_x * tiles_y, np.int64).reshape(parts, -1),
             starts=get("starts", tiles_x * tiles_y + 1, np.int64),
-            entries=get("entries", 0, np.uint64),
         )
         job.background[:] = camera.background
         fill_view(camera, job.view)
@@ -109,35 +118,40 @@ class CpuRasterizer(Rasterizer):
         scene, projected = job.scene, self._per_thread("projected", L.USED * L.CHUNK, np.float32)
         project(
             scene.geometry.reshape(-1), scene.sh.reshape(-1).view(np.uint16), scene.bounds, job.view, job.splats,
-            job.visible, job.slices, job.tile_counts, job.tiles_x, projected, self._first_turn(),
+            job.keys, job.visible, job.slices, job.tile_counts, job.tiles_x, projected, self._turn_from(0),
         )  # fmt: skip
 
     def bin(self, job: FrameJob) -> None:
-        """Write the list of each tile's Gaussians."""
-        total = place_lists(job.tile_counts, job.starts)
+        """List the Gaussians of each tile, from the first unfinished tile on, as far as the buffers may grow."""
+        job.begin = job.end
+        job.end = place_lists(job.tile_counts, job.begin, MAX_ENTRIES, job.starts)
+        total = int(job.starts[job.end])
         job.entries = self._workspace.get("entries", total, np.uint64)
+        job.in_order = self._workspace.get("entries in order", total, np.uint64)
         fill_lists(
-            job.splats, job.visible, job.slices, job.tile_counts, job.tiles_x, job.entries, self._threads,
-            self._first_turn(),
+            job.splats, job.keys, job.visible, job.slices, job.tile_counts, job.tiles_x, job.begin, job.end,
+            job.entries, self._threads, self._turn_from(0),
         )  # fmt: skip
 
     def sort(self, job: FrameJob) -> None:
-        """Sort each tile's list by depth."""
-        in_order = self._workspace.get("entries in order", len(job.entries), np.uint64)
+        """Sort the lists by depth."""
         histograms = self._per_thread("histograms", DIGITS << DIGIT, np.int64)
-        sort_lists(job.starts, job.entries, in_order, histograms, self._first_turn())
-        job.entries = in_order
+        turn = self._turn_from(job.begin)
+        sort_lists(job.starts, job.begin, job.end, job.entries, job.in_order, histograms, turn)
 
     def blend(self, job: FrameJob) -> None:
-        """Draw the tiles into the image."""
+        """Draw the listed tiles into the image."""
         accumulators = self._per_thread("accumulators", TILE_FLOATS, np.float32)
-        blend(job.splats, job.starts, job.entries, job.background, job.image.pixels, accumulators, self._first_turn())
+        blend(
+            job.splats, job.starts, job.begin, job.end, job.in_order, job.background, job.image.pixels, accumulators,
+            self._turn_from(job.begin),
+        )  # fmt: skip
 
     def _per_thread(self, name: str, size: int, dtype: Any) -> NDArray[Any]:
         return self._workspace.get(name, self._threads * size, dtype).reshape(self._threads, size)
 
-    def _first_turn(self) -> NDArray[np.int64]:
-        self._turn[0] = 0
+    def _turn_from(self, first: int) -> NDArray[np.int64]:
+        self._turn[0] = first
         return self._turn
 
 

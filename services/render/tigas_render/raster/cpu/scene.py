@@ -41,12 +41,12 @@ class CpuScene(PreparedScene):
 
 
 def pack(gaussians: Gaussians) -> CpuScene:
-    """Pack a scene. Gaussians that are too transparent to be drawn are left out."""
+    """Pack a scene. Gaussians that are too transparent to be drawn, or nowhere, are left out."""
     means, scales, quaternions, opacities, sh = (
         np.ascontiguousarray(tensor.detach().cpu().numpy(), np.float32)
         for tensor in (gaussians.means, gaussians.scales, gaussians.quaternions, gaussians.opacities, gaussians.sh)
     )
-    drawable = np.flatnonzero(opacities >= ALPHA_MIN)
+    drawable = np.flatnonzero((opacities >= ALPHA_MIN) & np.isfinite(means).all(axis=1))
     order = drawable[np.argsort(morton_codes(means[drawable]), kind="stable")]
     chunks = -(-len(order) // L.CHUNK)
     geometry = np.zeros((chunks, L.GEOMETRY, L.CHUNK), np.float32)

@@ -10,6 +10,8 @@ from tigas_render.raster.cpu.intrinsics import bits_of
 from tigas_render.raster.cpu.kernel import kernel
 
 F = np.float32
+MANY = np.uint32(0xFFFFFFFF)
+"""Stands for more than one tile."""
 
 
 @kernel(inline=True)
@@ -23,7 +25,9 @@ def span(splats, at, y0, y1, x0, x1):
     k = splats[at + L.LOG] - F(L.LOG_ALPHA_MIN)
     u, v = splats[at + L.CENTRE_X], splats[at + L.CENTRE_Y]
     low, high = F(y0) + F(0.5) - v, F(y1) - F(0.5) - v
-    determinant = max(a * c - b * b, F(1e-30))
+    determinant = a * c - b * b
+    if not determinant > F(1e-30):  # far larger than any picture
+        return x0, x1
     widest = -b * np.sqrt(k / (c * determinant))
     right_dy = min(max(widest, low), high)
     left_dy = min(max(-widest, low), high)
@@ -37,34 +41,39 @@ def span(splats, at, y0, y1, x0, x1):
 
 @kernel()
 def count_tiles(splats, at, counts, tiles_x):
-    """Add 1 to the counter of every tile that the splat at `at` touches."""
+    """Add 1 to the counter of every tile that the splat at `at` touches; gives the tile if it is only one, or MANY."""
     x0, x1, y0, y1 = pixel_box(splats, at)
     tx0, tx1, ty0, ty1 = x0 // L.TILE, (x1 - 1) // L.TILE, y0 // L.TILE, (y1 - 1) // L.TILE
-    exact = tx0 < tx1 and ty0 < ty1
+    if tx0 == tx1 and ty0 == ty1:
+        counts[ty0 * tiles_x + tx0] += 1
+        return np.uint32(ty0 * tiles_x + tx0)
     for ty in range(ty0, ty1 + 1):
-        first, last = tx0, tx1
-        if exact:
-            left, right = span(splats, at, max(y0, ty * L.TILE), min(y1, ty * L.TILE + L.TILE), x0, x1)
-            first, last = left // L.TILE, (right - 1) // L.TILE
-        for tx in range(first, last + 1):
-            counts[ty * tiles_x + tx] += 1
+        first, last = tile_span(splats, at, ty, x0, x1, y0, y1)
+        for tile in range(ty * tiles_x + first, ty * tiles_x + last + 1):
+            counts[tile] += 1
+    return MANY
 
 
 @kernel()
-def list_tiles(splats, at, entry, cursors, tiles_x, entries):
-    """Append `entry` to the list of every tile that count_tiles counted; a tile's list goes on at its cursor."""
+def list_tiles(splats, at, entry, cursors, tiles_x, begin, end, entries):
+    """Append `entry` to the list of each tile from `begin` to `end` - 1 that count_tiles counted, at its cursor."""
     x0, x1, y0, y1 = pixel_box(splats, at)
-    tx0, tx1, ty0, ty1 = x0 // L.TILE, (x1 - 1) // L.TILE, y0 // L.TILE, (y1 - 1) // L.TILE
-    exact = tx0 < tx1 and ty0 < ty1
-    for ty in range(ty0, ty1 + 1):
-        first, last = tx0, tx1
-        if exact:
-            left, right = span(splats, at, max(y0, ty * L.TILE), min(y1, ty * L.TILE + L.TILE), x0, x1)
-            first, last = left // L.TILE, (right - 1) // L.TILE
-        for tx in range(first, last + 1):
-            cursor = cursors[ty * tiles_x + tx]
+    for ty in range(y0 // L.TILE, (y1 - 1) // L.TILE + 1):
+        first, last = tile_span(splats, at, ty, x0, x1, y0, y1)
+        for tile in range(max(begin, ty * tiles_x + first), min(end, ty * tiles_x + last + 1)):
+            cursor = cursors[tile]
             entries[cursor] = entry
-            cursors[ty * tiles_x + tx] = cursor + 1
+            cursors[tile] = cursor + 1
+
+
+@kernel(inline=True)
+def tile_span(splats, at, ty, x0, x1, y0, y1):
+    """First and last tile column that the splat at `at` with this pixel box touches in the tile row ty."""
+    if x0 // L.TILE == (x1 - 1) // L.TILE or y0 // L.TILE == (y1 - 1) // L.TILE:
+        left, right = x0, x1
+    else:
+        left, right = span(splats, at, max(y0, ty * L.TILE), min(y1, ty * L.TILE + L.TILE), x0, x1)
+    return left // L.TILE, (right - 1) // L.TILE
 
 
 @kernel(inline=True)

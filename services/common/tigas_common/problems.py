@@ -1,0 +1,68 @@
+"""What every Starlette application here shares: bodies in, models and problem+json (RFC 9457) out."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Mapping
+from typing import Any
+
+from pydantic import BaseModel
+from starlette.exceptions import HTTPException
+from starlette.requests import ClientDisconnect, Request
+from starlette.responses import Response
+
+from tigas_common.errors import BodyTooLarge, InvalidRequest, TigasError, problem
+from tigas_common.wire import Problem
+
+BODY_TIMEOUT_S = 10
+"""A body that is not complete by then is given up, in seconds."""
+
+
+def json_response(model: BaseModel) -> Response:
+    """A model as JSON that nobody keeps."""
+    return Response(model.model_dump_json(), media_type="application/json", headers={"Cache-Control": "no-store"})
+
+
+def problem_response(answer: Problem, headers: Mapping[str, str] | None = None) -> Response:
+    """A failure as problem+json."""
+    return Response(answer.model_dump_json(), answer.status, headers, media_type="application/problem+json")
+
+
+async def read_body(request: Request, limit: int) -> bytes:
+    """The request's body.
+
+    Raises BodyTooLarge over `limit` bytes, before reading more; InvalidRequest if it does not come in time.
+    """
+    body = bytearray()
+    try:
+        async with asyncio.timeout(BODY_TIMEOUT_S):
+            async for part in request.stream():
+                body += part
+                if len(body) > limit:
+                    raise BodyTooLarge(f"The body is larger than {limit} bytes.")
+    except TimeoutError:
+        raise InvalidRequest(f"The body was not complete after {BODY_TIMEOUT_S} seconds.") from None
+    except ClientDisconnect:
+        raise InvalidRequest("The client left before its request was complete.") from None
+    return bytes(body)
+
+
+async def on_error(request: Request, error: Exception) -> Response:
+    """Every failure of our own."""
+    return problem_response(problem(error))
+
+
+async def on_http_error(request: Request, error: Exception) -> Response:
+    """Starlette's own errors: unknown paths and wrong methods."""
+    assert isinstance(error, HTTPException)
+    if error.status_code == 405:
+        detail = f"{request.url.path} does not take {request.method}."
+        answer = Problem(type="tigas:method-not-allowed", title="Method not allowed", status=405, detail=detail)
+    else:
+        detail = f"There is nothing at {request.url.path}."
+        answer = Problem(type="tigas:not-found", title="Not found", status=error.status_code, detail=detail)
+    return problem_response(answer, error.headers)
+
+
+EXCEPTION_HANDLERS: Mapping[Any, Any] = {TigasError: on_error, HTTPException: on_http_error, Exception: on_error}
+"""For Starlette's `exception_handlers`."""

@@ -1,0 +1,182 @@
+"""The shaper's HTTP interface: Starlette routes, nothing else.
+
+Requests that change something need an `Origin` that the settings allow: browsers send it by themselves, so that no
+other page can change the link; command-line tools say it (`curl -H 'Origin: http://localhost:8080' …`).
+"""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import AsyncIterator, Sequence
+
+from starlette.applications import Starlette
+from starlette.middleware import Middleware
+from starlette.middleware.cors import CORSMiddleware
+from starlette.requests import Request
+from starlette.responses import JSONResponse, Response, StreamingResponse
+from starlette.routing import Route
+from starlette.types import ASGIApp, Receive, Scope, Send
+
+from tigas_common.errors import Overloaded
+from tigas_common.parsing import MAX_BODY, Model, parse
+from tigas_common.problems import EXCEPTION_HANDLERS, json_response, on_error, read_body
+from tigas_shaper.errors import ForeignOrigin, LinkClosed
+from tigas_shaper.library import MAX_UPLOAD_BYTES, points, summary
+from tigas_shaper.service import Shaper
+from tigas_shaper.wire import LinkSetting, LoopRequest, SeekRequest, StartRequest, TraceList
+
+MAX_WATCHERS = 64
+
+
+def create_app(shaper: Shaper, origins: Sequence[str]) -> Starlette:
+    """The application over a running shaper, which is its caller's to open and close."""
+    app = Starlette(
+        routes=[
+            Route("/traces", traces),
+            Route("/traces", upload, methods=["POST"]),
+            Route("/traces/{name}", trace),
+            Route("/start", start, methods=["POST"]),
+            Route("/stop", stop, methods=["POST"]),
+            Route("/pause", pause, methods=["POST"]),
+            Route("/resume", resume, methods=["POST"]),
+            Route("/seek", seek, methods=["POST"]),
+            Route("/loop", loop, methods=["POST"]),
+            Route("/link", link, methods=["POST"]),
+            Route("/status", status),
+            Route("/events", events),
+            Route("/healthz", healthz),
+        ],
+        middleware=[
+            Middleware(CORSMiddleware, allow_origins=origins, allow_methods=["GET", "POST"], allow_headers=["*"]),
+            Middleware(OriginCheck, origins=origins),
+        ],
+        exception_handlers=EXCEPTION_HANDLERS,
+    )
+    app.state.shaper = shaper
+    app.state.watchers = 0
+    return app
+
+
+class OriginCheck:
+    """Refuses requests that change something unless an allowed page sent them."""
+
+    def __init__(self, app: ASGIApp, origins: Sequence[str]) -> None:
+        self._app = app
+        self._origins = frozenset(origins)
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        if scope["type"] != "http" or scope["method"] in ("GET", "HEAD", "OPTIONS"):
+            return await self._app(scope, receive, send)
+        request = Request(scope)
+        origin = request.headers.get("origin")
+        if origin in self._origins:
+            return await self._app(scope, receive, send)
+        said = f"not {origin[:100]}" if origin else "but it says none"
+        error = ForeignOrigin(f"A request that changes the link must have an allowed Origin, {said}.")
+        return await (await on_error(request, error))(scope, receive, send)
+
+
+async def traces(request: Request) -> Response:
+    """All traces, with summaries."""
+    return json_response(TraceList(traces=tuple(await asyncio.to_thread(_shaper(request).library.summaries))))
+
+
+async def upload(request: Request) -> Response:
+    """Keep a trace in any format that can be imported; `?name=` is the file's name."""
+    data = await read_body(request, MAX_UPLOAD_BYTES)
+    name = request.query_params.get("name", "uploaded")[:255]
+    added = await asyncio.to_thread(_shaper(request).library.add, name, data)
+    return json_response(summary(added, uploaded=True))
+
+
+async def trace(request: Request) -> Response:
+    """A trace to be drawn."""
+    found = await asyncio.to_thread(_shaper(request).library.get, request.path_params["name"])
+    return json_response(await asyncio.to_thread(points, found))
+
+
+async def start(request: Request) -> Response:
+    """Play a trace."""
+    wanted = await _read(request, StartRequest)
+    found = await asyncio.to_thread(_shaper(request).library.get, wanted.trace)
+    _shaper(request).player.start(found, loop=wanted.loop)
+    return _status(request)
+
+
+async def stop(request: Request) -> Response:
+    """Go back to the constant rate of the settings."""
+    _shaper(request).player.stop()
+    return _status(request)
+
+
+async def pause(request: Request) -> Response:
+    """Hold the state in force."""
+    _shaper(request).player.pause()
+    return _status(request)
+
+
+async def resume(request: Request) -> Response:
+    """Play on."""
+    _shaper(request).player.resume()
+    return _status(request)
+
+
+async def seek(request: Request) -> Response:
+    """Go to a position."""
+    _shaper(request).player.seek((await _read(request, SeekRequest)).position_ms)
+    return _status(request)
+
+
+async def loop(request: Request) -> Response:
+    """Start again at the end, or not."""
+    _shaper(request).player.set_loop((await _read(request, LoopRequest)).loop)
+    return _status(request)
+
+
+async def link(request: Request) -> Response:
+    """Keep one state."""
+    _shaper(request).player.constant((await _read(request, LinkSetting)).state)
+    return _status(request)
+
+
+async def status(request: Request) -> Response:
+    """The link now."""
+    return _status(request)
+
+
+async def events(request: Request) -> Response:
+    """The link about five times a second, as server-sent events: each one's data is a ShaperStatus."""
+    if request.app.state.watchers >= MAX_WATCHERS:
+        raise Overloaded(f"{MAX_WATCHERS} pages watch the link already.")
+    return StreamingResponse(_events(request), media_type="text/event-stream", headers={"Cache-Control": "no-store"})
+
+
+async def _events(request: Request) -> AsyncIterator[str]:
+    state = request.app.state
+    state.watchers += 1
+    try:
+        async for seen in _shaper(request).watch():
+            yield f"data: {seen.model_dump_json()}\n\n"
+    finally:
+        state.watchers -= 1
+
+
+async def healthz(request: Request) -> Response:
+    """Whether the link works."""
+    closed = _shaper(request).closed
+    if closed is not None:
+        raise LinkClosed(closed)
+    return JSONResponse({"status": "ok"})
+
+
+def _shaper(request: Request) -> Shaper:
+    shaper: Shaper = request.app.state.shaper
+    return shaper
+
+
+def _status(request: Request) -> Response:
+    return json_response(_shaper(request).status())
+
+
+async def _read(request: Request, model: type[Model]) -> Model:
+    return parse(model, await read_body(request, MAX_BODY))

@@ -1,0 +1,57 @@
+"""The command `tigas shaper`. Heavy imports wait until it runs."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from tigas_common.settings import load_settings
+
+
+def shaper(
+    access: Annotated[
+        str | None, typer.Option(metavar="NAME|NETWORK", help="Interface towards the clients, such as eth0.")
+    ] = None,
+    service: Annotated[
+        str | None, typer.Option(metavar="NAME|NETWORK", help="Interface towards the services, such as 172.30.2.0/24.")
+    ] = None,
+    forward: Annotated[
+        list[str] | None,
+        typer.Option(metavar="PROTOCOL:PORT=HOST:PORT", help="What to forward, such as tcp:8080=render:8080. Repeat."),
+    ] = None,
+    traces: Annotated[Path | None, typer.Option(help="Directory of network traces.")] = None,
+    trace: Annotated[str | None, typer.Option(help="Trace to play from the start.")] = None,
+    http: Annotated[str | None, typer.Option(metavar="HOST:PORT", help="API. [127.0.0.1:8090]")] = None,
+    origins: Annotated[
+        list[str] | None,
+        typer.Option("--origin", metavar="URL", help="Page that may change the link. Repeat. [http://localhost:8080]"),
+    ] = None,
+    down_kbps: Annotated[float | None, typer.Option(help="Rate to the clients when no trace plays. [100000]")] = None,
+    up_kbps: Annotated[float | None, typer.Option(help="Rate from the clients when no trace plays. [100000]")] = None,
+    queue_ms: Annotated[float | None, typer.Option(help="Queue, as time at the mean rate. [150]")] = None,
+    backend: Annotated[
+        str | None, typer.Option(metavar="auto|netem|relay", help="What makes delay, jitter and loss. [auto]")
+    ] = None,
+) -> None:
+    """Forward between clients and services over a link that replays a network trace.
+
+    Settings are also read from [shaper] in tigas.toml (or the file that TIGAS_CONFIG names) and from TIGAS_SHAPER_*.
+    """
+    flags = {name: value or None for name, value in locals().items()}
+    from tigas_shaper.errors import StartError
+    from tigas_shaper.main import check_rights, serve
+    from tigas_shaper.settings import ShaperSettings
+
+    try:
+        check_rights()
+        settings = load_settings(ShaperSettings, flags)
+        logging.basicConfig(format="%(asctime)s %(levelname)s %(message)s", level=logging.INFO, stream=sys.stdout)
+        asyncio.run(serve(settings))
+    except StartError as error:
+        typer.secho(str(error), err=True, fg="red")
+        raise typer.Exit(1) from None

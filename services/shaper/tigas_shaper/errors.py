@@ -1,0 +1,39 @@
+"""What can go wrong with a link, each with one sentence that a person can act on."""
+
+from __future__ import annotations
+
+from tigas_common.errors import TigasError
+
+
+class LinkClosed(TigasError):
+    """The link could not be shaped, so nothing crosses it until the shaper is started again."""
+
+    status, type, title = 503, "link-closed", "The link is closed"
+
+
+class UnknownTrace(TigasError):
+    """No trace has this name."""
+
+    status, type, title = 404, "unknown-trace", "There is no such network trace"
+
+
+class TooManyTraces(TigasError):
+    """As many uploaded traces are kept as may be."""
+
+    status, type, title = 409, "too-many-traces", "There are too many uploaded traces"
+
+
+class NothingPlays(TigasError):
+    """There is no trace to pause, resume, seek or loop."""
+
+    status, type, title = 409, "nothing-plays", "No trace is playing"
+
+
+class ForeignOrigin(TigasError):
+    """A page that is not the lab's, or a tool that did not say who it is, tried to change the link."""
+
+    status, type, title = 403, "foreign-origin", "Only the lab's page may change the link"
+
+
+class StartError(Exception):
+    """Why the shaper or the lab cannot start, in one sentence."""

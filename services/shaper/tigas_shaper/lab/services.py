@@ -1,0 +1,68 @@
+"""What runs inside the lab: the render service behind the gateway, and the shaper on it."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import threading
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+
+from tigas_shaper.errors import StartError
+from tigas_shaper.lab.namespaces import SERVICE_ADDRESS, Lab, LocalPort, Role, check_rights
+
+NAME = "lab"
+PORTS = (LocalPort("tcp", 8080), LocalPort("udp", 4433), LocalPort("tcp", 8090))
+"""The page, WebTransport, and the shaper's API."""
+STOP_S = 3
+"""A service that has not stopped by then is killed, in seconds."""
+
+
+def tigas(*arguments: str) -> list[str]:
+    """A command line of the `tigas` that this process belongs to."""
+    return [sys.executable, "-m", "tigas_common", *arguments]
+
+
+def render_command(scenes: Path | None) -> list[str]:
+    """The render service, on all addresses of its namespace."""
+    chosen = ("--scenes", str(scenes)) if scenes else ()
+    return tigas("render", "--http", "0.0.0.0:8080", "--quic", "0.0.0.0:4433", *chosen)
+
+
+def shaper_command(*more: str) -> list[str]:
+    """The shaper on the gateway, in front of the render service."""
+    forwards = (f"tcp:8080={SERVICE_ADDRESS}:8080", f"udp:4433={SERVICE_ADDRESS}:4433")
+    flags = [argument for forward in forwards for argument in ("--forward", forward)]
+    return tigas("shaper", "--access", "access", "--service", "service", "--http", "0.0.0.0:8090", *flags, *more)
+
+
+@contextmanager
+def running(lab: Lab, role: Role, argv: list[str]) -> Iterator[subprocess.Popen[bytes]]:
+    """A process inside the lab for as long as the context lasts."""
+    process = subprocess.Popen(lab.command(role, argv), start_new_session=True)
+    try:
+        yield process
+    finally:
+        process.terminate()
+        try:
+            process.wait(STOP_S)
+        except subprocess.TimeoutExpired:
+            process.kill()
+            process.wait()
+
+
+def run_lab(*, scenes: Path | None, traces: Path | None, trace: str | None, stop: threading.Event) -> None:
+    """Run the whole lab until `stop` is set. Raises StartError if it cannot start, or if a service of it ends."""
+    check_rights()
+    with ExitStack() as stack:
+        lab = stack.enter_context(Lab(NAME).up(PORTS, host=True))
+        options = [*(("--traces", str(traces)) if traces else ()), *(("--trace", trace) if trace else ())]
+        services = {
+            "shaper": stack.enter_context(running(lab, "gateway", shaper_command(*options))),
+            "render service": stack.enter_context(running(lab, "service", render_command(scenes))),
+        }
+        while not stop.wait(0.2):
+            for name, process in services.items():
+                if process.poll() is not None:
+                    raise StartError(f"The {name} has ended, so the lab ends too.")

@@ -1,0 +1,87 @@
+"""Wires the shaper together: settings in, link and API up, until told to stop."""
+
+from __future__ import annotations
+
+import asyncio
+import ipaddress
+import json
+import os
+import platform
+import subprocess
+import sys
+from contextlib import suppress
+from pathlib import Path
+
+from tigas_common.errors import TigasError
+from tigas_common.runner import serve_http, until_stopped
+from tigas_shaper.api import create_app
+from tigas_shaper.errors import StartError
+from tigas_shaper.gateway import Forward
+from tigas_shaper.interfaces import Interface
+from tigas_shaper.service import Shaper
+from tigas_shaper.settings import ShaperSettings
+
+_CAP_NET_ADMIN = 12
+
+
+async def serve(settings: ShaperSettings) -> None:
+    """Run the shaper until SIGINT or SIGTERM. Raises StartError."""
+    access, service = find_interface(settings.access), find_interface(settings.service)
+    if access == service:
+        raise StartError(f"The clients and the services must be on different interfaces, but both are on {access}.")
+    if settings.traces is not None and not settings.traces.is_dir():
+        raise StartError(f"The directory {settings.traces} does not exist; name one with --traces.")
+    try:
+        forwards = [Forward.parse(text) for text in settings.forward]
+    except ValueError as error:
+        raise StartError(f"{error}.") from None
+    # Python's threads take turns every 5 ms by default: reading a trace in a thread would make the player as late.
+    sys.setswitchinterval(0.0005)
+    with suppress(OSError):
+        os.nice(-10)  # a link does not become slow because its machine is busy
+    async with Shaper.open(settings, access, service, forwards) as shaper:
+        if settings.trace is not None:
+            try:
+                shaper.player.start(await asyncio.to_thread(shaper.library.get, settings.trace))
+            except TigasError as error:
+                raise StartError(error.detail) from None
+        try:
+            async with serve_http(create_app(shaper, settings.origins), settings.http) as port:
+                shown = ", ".join(settings.forward)
+                print(f"Shaping {access} ↔ {service} ({shaper.status().backend}), forwarding {shown}.")
+                print(f"API on http://{settings.http.reachable_host}:{port}/", flush=True)
+                await until_stopped()
+                shaper.stop_watching()
+        except OSError as error:
+            raise StartError(f"Cannot listen on {settings.http} ({os.strerror(error.errno or 0)}).") from None
+
+
+def check_rights() -> None:
+    """Raises StartError if this process cannot shape a network."""
+    if platform.system() != "Linux":
+        raise StartError("The shaper runs on Linux only; on other systems run it in its container.")
+    status = dict(line.split(":\t", 1) for line in Path("/proc/self/status").read_text().splitlines())
+    if not int(status["CapEff"], 16) >> _CAP_NET_ADMIN & 1:
+        raise StartError(
+            "The shaper needs the right to configure the network (CAP_NET_ADMIN): "
+            "run it as root, or in a container with cap_add: NET_ADMIN."
+        )
+
+
+def find_interface(text: str) -> Interface:
+    """An interface by its name, or by an IPv4 network that it has an address in. Raises StartError."""
+    try:
+        network = ipaddress.IPv4Network(text)
+    except ValueError:
+        try:
+            interface = Interface(text)
+        except ValueError as error:
+            raise StartError(f"{error}.") from None
+        if interface.number is None:
+            raise StartError(f"There is no network interface {text}.") from None
+        return interface
+    answer = subprocess.run(("ip", "-j", "-4", "address", "show"), check=True, capture_output=True)
+    for entry in json.loads(answer.stdout):
+        if any(ipaddress.IPv4Address(address["local"]) in network for address in entry.get("addr_info", ())):
+            return Interface(entry["ifname"])
+    raise StartError(f"No network interface has an address in {network}.")

@@ -1,0 +1,134 @@
+"""Plays network traces on a link: start, pause, seek, loop, stop, or one constant state."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Awaitable, Callable
+from typing import Literal
+
+from tigas_shaper.errors import LinkClosed, NothingPlays
+from tigas_shaper.link import Link
+from tigas_shaper.playback import Playback
+from tigas_shaper.trace import LinkState, NetworkTrace
+
+Mode = Literal["constant", "playing", "paused", "ended"]
+
+
+class Player:
+    """Changes a link when a trace says so. To be used from one event loop.
+
+    Steps are timed from the start of playing, so they do not drift; a step that was missed is skipped, not made up for.
+    """
+
+    def __init__(
+        self,
+        link: Link,
+        idle: LinkState,
+        *,
+        clock: Callable[[], float],
+        sleep: Callable[[float], Awaitable[None]] = asyncio.sleep,
+    ) -> None:
+        self._link = link
+        self._idle = idle
+        self._clock = clock
+        self._sleep = sleep
+        self._playback: Playback | None = None
+        self._state = idle
+        self._stepping: asyncio.Task[None] | None = None
+
+    @property
+    def state(self) -> LinkState:
+        """What is in force on the link."""
+        return self._state
+
+    @property
+    def trace(self) -> NetworkTrace | None:
+        """What is being played."""
+        return self._playback.trace if self._playback else None
+
+    @property
+    def loop(self) -> bool:
+        """Whether the trace starts again at its end."""
+        return self._playback is not None and self._playback.loop
+
+    @property
+    def position_ms(self) -> float | None:
+        """Where the trace is."""
+        return self._playback.position_ms(self._clock()) if self._playback else None
+
+    @property
+    def mode(self) -> Mode:
+        """What goes on."""
+        if self._playback is None:
+            return "constant"
+        if self._playback.since is None:
+            return "paused"
+        return "ended" if self._playback.ended(self._clock()) else "playing"
+
+    def start(self, trace: NetworkTrace, *, loop: bool = True) -> None:
+        """Play a trace from its start, in place of what was going on."""
+        self._link.size_queues(trace.mean_down_kbps, trace.mean_up_kbps)
+        self._go(Playback(trace, loop, since=self._clock()))
+
+    def constant(self, state: LinkState) -> None:
+        """Keep one state, in place of what was going on."""
+        self._halt()
+        self._playback = None
+        self._link.size_queues(state.down_kbps, state.up_kbps)
+        self._apply(state)
+
+    def stop(self) -> None:
+        """Go back to the idle state."""
+        self.constant(self._idle)
+
+    def pause(self) -> None:
+        """Hold the state in force. Raises NothingPlays."""
+        self._go(self._current().paused(self._clock()))
+
+    def resume(self) -> None:
+        """Play on. Raises NothingPlays."""
+        playback = self._current()
+        if playback.since is None or playback.ended(self._clock()):
+            self._go(playback.playing(self._clock()))
+
+    def seek(self, position_ms: float) -> None:
+        """Go to a position. Raises NothingPlays."""
+        self._go(self._current().at(position_ms, self._clock()))
+
+    def set_loop(self, loop: bool) -> None:
+        """Start again at the end, or stay there. Raises NothingPlays."""
+        self._go(self._current().looping(loop, self._clock()))
+
+    def close(self) -> None:
+        """Stop stepping, and leave the link as it is."""
+        self._halt()
+
+    def _current(self) -> Playback:
+        if self._playback is None:
+            raise NothingPlays("No trace is playing; start one first.")
+        return self._playback
+
+    def _go(self, playback: Playback) -> None:
+        self._halt()
+        self._playback = playback
+        self._apply(playback.state(self._clock()))
+        if playback.since is not None:
+            self._stepping = asyncio.create_task(self._step(playback))
+
+    async def _step(self, playback: Playback) -> None:
+        try:
+            while (change := playback.next_change(now := self._clock())) is not None:
+                await self._sleep(change - now)
+                # A sleep may end a hair early; the state is then that of the boundary all the same.
+                self._apply(playback.state(max(change, self._clock())))
+        except LinkClosed:
+            return  # whoever watches the link tells the story
+
+    def _apply(self, state: LinkState) -> None:
+        self._link.apply(state)
+        self._state = state
+
+    def _halt(self) -> None:
+        if self._stepping:
+            self._stepping.cancel()
+            self._stepping = None

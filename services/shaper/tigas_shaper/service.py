@@ -1,0 +1,157 @@
+"""Everything that the shaper holds while it runs: gateway, link, player and traces; and who watches them."""
+
+from __future__ import annotations
+
+import asyncio
+import time
+from collections.abc import AsyncIterator
+from contextlib import AsyncExitStack, asynccontextmanager
+
+from tigas_shaper.channel import CommandError
+from tigas_shaper.delay import detect
+from tigas_shaper.errors import LinkClosed, StartError
+from tigas_shaper.gateway import Forward, Gateway, clean, only_one
+from tigas_shaper.interfaces import Interface
+from tigas_shaper.library import TraceLibrary
+from tigas_shaper.link import Counters, ShapedLink
+from tigas_shaper.player import Player
+from tigas_shaper.settings import ShaperSettings
+from tigas_shaper.trace import LinkState
+from tigas_shaper.wire import DirectionStatus, LinkSetting, ShaperStatus
+
+SAMPLE_S = 0.2
+"""How often the link is looked at, in seconds."""
+_NOTHING = Counters(0, 0, 0, 0, 0)
+
+
+class Shaper:
+    """The running shaper. `api` turns it into HTTP."""
+
+    def __init__(self, link: ShapedLink, gateway: Gateway, player: Player, library: TraceLibrary) -> None:
+        self.player = player
+        self.library = library
+        self._link = link
+        self._gateway = gateway
+        self._down = _Meter()
+        self._up = _Meter()
+        self._sampled = asyncio.Event()
+        self._stopping = False
+
+    @classmethod
+    @asynccontextmanager
+    async def open(
+        cls, settings: ShaperSettings, access: Interface, service: Interface, forwards: list[Forward]
+    ) -> AsyncIterator[Shaper]:
+        """Forward and shape for as long as the context lasts. Raises StartError."""
+        async with AsyncExitStack() as stack:
+            stack.enter_context(only_one())
+            await clean((access, service))
+            idle = LinkState(settings.down_kbps, settings.up_kbps)
+            backend = await detect() if settings.backend == "auto" else settings.backend
+            try:
+                gateway = await stack.enter_async_context(Gateway.open(access, service, forwards))
+                link = await stack.enter_async_context(
+                    ShapedLink.open(
+                        access,
+                        service,
+                        idle,
+                        backend=backend,
+                        queue_ms=settings.queue_ms,
+                        on_close=gateway.close_gate,
+                    )
+                )
+            except CommandError as error:
+                raise StartError(f"The link cannot be shaped: {error}") from None
+            except FileNotFoundError as error:
+                raise StartError(f"The shaper needs {error.filename}: install iproute2 and nftables.") from None
+            shaper = cls(link, gateway, Player(link, idle, clock=time.monotonic), TraceLibrary(settings.traces))
+            stack.callback(shaper.player.close)
+            # The gate is shut first and the shaping removed after it, so that nothing ever crosses unshaped.
+            stack.push_async_callback(gateway.shut)
+            gateway.open_gate()
+            watching = asyncio.create_task(shaper._watch())
+            stack.callback(watching.cancel)
+            yield shaper
+
+    @property
+    def closed(self) -> str | None:
+        """Why the link is closed, in one sentence."""
+        return self._link.closed
+
+    def status(self) -> ShaperStatus:
+        """The link as it was last seen, and what plays now."""
+        player, state = self.player, self.player.state
+        return ShaperStatus(
+            time_ms=round(time.monotonic() * 1e3, 3),
+            mode=player.mode,
+            trace=player.trace.name if player.trace else None,
+            position_ms=player.position_ms,
+            duration_ms=player.trace.duration_ms if player.trace else None,
+            loop=player.loop,
+            link=LinkSetting.of(state),
+            down=self._down.status(state.down_kbps),
+            up=self._up.status(state.up_kbps),
+            backend=self._link.backend,
+            closed=self._link.closed,
+        )
+
+    async def watch(self) -> AsyncIterator[ShaperStatus]:
+        """The status now and after each look at the link. A slow reader misses some, and gets no old ones."""
+        while not self._stopping:
+            yield self.status()
+            await self._sampled.wait()
+
+    def stop_watching(self) -> None:
+        """End every `watch`, so that the server can stop."""
+        self._stopping = True
+        self._sampled.set()
+
+    async def _watch(self) -> None:
+        while True:
+            try:
+                await self._sample()
+            except LinkClosed:
+                self.player.close()
+            self._sampled.set()
+            self._sampled = asyncio.Event()
+            await asyncio.sleep(SAMPLE_S)
+
+    async def _sample(self) -> None:
+        down, up = await self._link.counters()
+        try:
+            await self._gateway.check()
+        except CommandError as error:
+            self._link.close(f"Forwarding failed, so that nothing passes until the shaper is started again: {error}")
+            raise LinkClosed(str(self._link.closed)) from None
+        now = time.monotonic()
+        self._down.sample(down, now, self.player.state.down_kbps)
+        self._up.sample(up, now, self.player.state.up_kbps)
+
+
+class _Meter:
+    """Turns one direction's counters into rates."""
+
+    def __init__(self) -> None:
+        self._counters = _NOTHING
+        self._at: float | None = None
+        self._delivered_kbps = 0.0
+        self._rate_kbps = 0.0
+
+    def sample(self, counters: Counters, now: float, rate_kbps: float) -> None:
+        """Take the counters at a time in seconds, while the link had a rate."""
+        if self._at is not None:
+            sent = counters.sent_bytes - self._counters.sent_bytes
+            self._delivered_kbps = max(0, sent) * 8e-3 / (now - self._at)
+        self._counters, self._at = counters, now
+        self._rate_kbps = rate_kbps or self._rate_kbps
+
+    def status(self, target_kbps: float) -> DirectionStatus:
+        """As last sampled."""
+        queue = self._counters.queue_bytes
+        return DirectionStatus(
+            target_kbps=target_kbps,
+            delivered_kbps=self._delivered_kbps,
+            queue_bytes=queue,
+            queue_ms=queue * 8 / self._rate_kbps if self._rate_kbps else 0.0,
+            drops=self._counters.dropped_packets,
+        )

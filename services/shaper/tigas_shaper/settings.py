@@ -1,0 +1,43 @@
+"""The shaper's settings."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import ClassVar, Literal
+
+from pydantic import Field
+from pydantic_settings import SettingsConfigDict
+
+from tigas_common.address import Address
+from tigas_common.settings import Listen, ServiceSettings
+from tigas_shaper.trace import MAX_RATE_KBPS
+
+
+class ShaperSettings(ServiceSettings):
+    """Each may be set in `tigas.toml` under [shaper], as TIGAS_SHAPER_<NAME>, or as a flag of `tigas shaper`."""
+
+    model_config = SettingsConfigDict(env_prefix="TIGAS_SHAPER_", extra="forbid", frozen=True)
+    table: ClassVar[str] = "shaper"
+
+    access: str
+    """The interface towards the clients: its name, or an IPv4 network that it has an address in."""
+    service: str
+    """The interface towards the services, likewise."""
+    forward: tuple[str, ...] = Field(min_length=1, max_length=64)
+    """What is forwarded: `tcp:PORT=HOST:PORT` and `udp:PORT=HOST:PORT`."""
+    traces: Path | None = None
+    """A directory of network traces."""
+    trace: str | None = None
+    """The trace to play from the start; without it the link is constant."""
+    http: Listen = Address("127.0.0.1", 8090)
+    """Where the API is served."""
+    origins: tuple[str, ...] = ("http://localhost:8080", "http://127.0.0.1:8080")
+    """The pages that may change the link, as browsers name them in `Origin`."""
+    down_kbps: float = Field(default=100_000, gt=0, le=MAX_RATE_KBPS)
+    """The rate towards the clients while no trace plays, kbit/s."""
+    up_kbps: float = Field(default=100_000, gt=0, le=MAX_RATE_KBPS)
+    """The rate from the clients, likewise."""
+    queue_ms: float = Field(default=150.0, ge=1, le=10_000)
+    """The length of each direction's queue: how long it takes to drain at the mean rate of what plays."""
+    backend: Literal["auto", "netem", "relay"] = "auto"
+    """What makes delay, jitter and loss; `auto` is netem where the kernel has it."""

@@ -1,0 +1,73 @@
+"""The CPU rasteriser draws what the reference draws, whatever the shape of the picture and the place of the camera."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import pytest
+import torch
+
+from tests.render.raster.views import camera, cloud, pixels, psnr
+from tigas_common.pose import Intrinsics, Pose, Vector3
+from tigas_render.raster.base import Camera
+from tigas_render.raster.cpu import CpuRasterizer
+from tigas_render.raster.cpu import rasterizer as cpu_rasterizer
+from tigas_render.raster.reference import ReferenceRasterizer
+from tigas_render.scenes.gaussians import Gaussians
+
+FAST, SLOW = CpuRasterizer(), ReferenceRasterizer()
+SIZES = [(64, 48), (37, 41), (1, 1), (400, 20), (20, 400), (333, 7), (129, 65)]
+PLACES: dict[str, Vector3] = {
+    "outside": (0.0, 0.0, -4.0),
+    "inside": (0.0, 0.0, 0.0),
+    "among": (0.3, -0.2, -1.0),
+    "looking away": (0.0, 0.0, 3.5),
+}
+
+
+def agreement(gaussians: Gaussians, view: Camera) -> float:
+    """PSNR between the two rasterisers."""
+    return psnr(pixels(FAST.render(FAST.prepare(gaussians), view)), pixels(SLOW.render(SLOW.prepare(gaussians), view)))
+
+
+@pytest.mark.parametrize("degree", range(4))
+@pytest.mark.parametrize(("width", "height"), SIZES, ids=lambda side: str(side))
+def test_all_degrees_and_shapes(degree: int, width: int, height: int) -> None:
+    gaussians = cloud(1500, degree, seed=degree)
+    for place in PLACES.values():
+        pose = Pose.from_euler(20, 10, 30, place)
+        focal = 0.6 * max(width, height)
+        lens = Intrinsics(focal, 1.1 * focal, 0.45 * width, 0.6 * height, width, height)
+        assert agreement(gaussians, Camera(pose, lens, (0.2, 0.5, 0.9))) >= 55
+
+
+@pytest.mark.parametrize("size", [0.002, 0.5, 3.0])
+def test_specks_and_giants(size: float) -> None:
+    assert agreement(cloud(1000, 1, size=size), camera(96, 64)) >= 55
+
+
+def test_a_dense_wall_ends_early_in_both() -> None:
+    gaussians = dataclasses.replace(cloud(4000, 1, size=0.3), opacities=torch.ones(4000))
+    assert agreement(gaussians, camera(96, 64, background=(1.0, 1.0, 1.0))) >= 55
+
+
+@pytest.mark.parametrize("focal", [5.0, 50.0, 5000.0])
+@pytest.mark.parametrize("centre", [-200.0, 40.0, 300.0])
+def test_unusual_lenses(focal: float, centre: float) -> None:
+    lens = Intrinsics(focal, 0.5 * focal, centre, 0.5 * centre, 80, 60)
+    for position in ((0.0, 0.0, -4.0), (0.1, 0.0, -0.5)):
+        pose = Pose.from_euler(0, 0, 0, position)
+        assert agreement(cloud(1500, 1), Camera(pose, lens)) >= 55
+
+
+def test_needles_cross_tiles_at_every_angle() -> None:
+    gaussians = cloud(300, 0, seed=5)
+    needles = dataclasses.replace(gaussians, scales=torch.tensor([1.0, 0.004, 0.004]).repeat(300, 1))
+    assert agreement(needles, camera(200, 150)) >= 55
+
+
+def test_many_gaussians_that_need_several_bands(monkeypatch: pytest.MonkeyPatch) -> None:
+    gaussians, view = cloud(3000, 1, size=0.2), camera(300, 200)
+    whole = pixels(FAST.render(FAST.prepare(gaussians), view))
+    monkeypatch.setattr(cpu_rasterizer, "MAX_ENTRIES", 1000)
+    assert (pixels(FAST.render(FAST.prepare(gaussians), view)) == whole).all()

@@ -1,0 +1,72 @@
+"""Scenes and cameras that the rasteriser's tests share."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from tigas_common.pose import Intrinsics, Pose
+from tigas_render.raster.base import Camera, Image
+from tigas_render.raster.host_image import HostImage, Pixels
+from tigas_render.scenes.gaussians import Gaussians
+
+LEVEL = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+"""A camera that looks along +z."""
+
+
+def cloud(count: int, degree: int, seed: int = 0, size: float = 0.05) -> Gaussians:
+    """A ball of `count` Gaussians of all shapes, opacities and colours around the origin."""
+    random = torch.Generator().manual_seed(seed)
+
+    def normal(*shape: int) -> torch.Tensor:
+        return torch.randn(*shape, generator=random)
+
+    return Gaussians(
+        means=normal(count, 3),
+        scales=size * torch.exp(0.8 * normal(count, 3)),
+        quaternions=torch.nn.functional.normalize(normal(count, 4), dim=1),
+        opacities=torch.rand(count, generator=random),
+        sh=0.5 * normal(count, (degree + 1) ** 2, 3),
+    )
+
+
+def balls(*centres: tuple[float, float, float], size: float, opacity: float, colours: list[list[float]]) -> Gaussians:
+    """Round Gaussians of one size and given colours."""
+    count = len(centres)
+    return Gaussians(
+        means=torch.tensor(centres, dtype=torch.float32),
+        scales=torch.full((count, 3), size),
+        quaternions=torch.tensor([[1.0, 0.0, 0.0, 0.0]]).repeat(count, 1),
+        opacities=torch.full((count,), opacity),
+        sh=((torch.tensor(colours) - 0.5) / 0.28209479177387814)[:, None, :],
+    )
+
+
+def camera(
+    width: int,
+    height: int,
+    pose: Pose | None = None,
+    focal: float | None = None,
+    background: tuple[float, float, float] = (0.0, 0.0, 0.0),
+) -> Camera:
+    """A camera at (0, 0, -4) looking at the origin, unless a pose is given."""
+    focal = focal or 0.6 * max(width, height)
+    pose = pose or Pose((0.0, 0.0, -4.0), LEVEL)
+    return Camera(pose, Intrinsics(focal, focal, width / 2, height / 2, width, height), background)
+
+
+def pixels(image: Image) -> Pixels:
+    """A copy of an image's pixels; closes the image."""
+    assert isinstance(image, HostImage)
+    with image:
+        return image.pixels.copy()
+
+
+def psnr(a: NDArray[np.uint8], b: NDArray[np.uint8]) -> float:
+    """Peak signal-to-noise ratio of two pictures, in dB."""
+    assert a.shape == b.shape
+    error = np.mean((a.astype(np.float64) - b) ** 2)
+    return math.inf if error == 0 else 10 * math.log10(255**2 / error)

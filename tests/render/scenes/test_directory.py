@@ -1,0 +1,77 @@
+"""Which file of a folder is the scene, and which folders are scenes."""
+
+from __future__ import annotations
+
+import logging
+import os
+from pathlib import Path
+
+import pytest
+
+from tests.render.scenes import plys
+from tigas_common.errors import BrokenScene
+from tigas_render.scenes.directory import find_ply, read_folder, scan_directory
+
+
+def test_of_several_files_the_first_counts_and_the_log_says_so(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    for name in ("b.ply", "A.PLY", "notes.txt"):
+        plys.write(tmp_path / name, plys.binary_ply())
+    with caplog.at_level(logging.WARNING):
+        assert find_ply(tmp_path).name == "A.PLY"
+    assert "2 .ply files; A.PLY is used" in caplog.text
+
+
+def test_the_last_iteration_of_a_training_goes_before_its_input(tmp_path: Path) -> None:
+    plys.write(tmp_path / "input.ply", b"a point cloud")
+    for iteration in ("iteration_7000", "iteration_30000", "iteration_900", "iteration_best", "iteration_99999"):
+        (tmp_path / "point_cloud" / iteration).mkdir(parents=True)
+        if iteration != "iteration_99999":
+            plys.write(tmp_path / "point_cloud" / iteration / "point_cloud.ply", plys.binary_ply())
+    assert find_ply(tmp_path) == tmp_path / "point_cloud" / "iteration_30000" / "point_cloud.ply"
+    assert read_folder(tmp_path).error is None
+
+
+def test_a_folder_without_a_scene_says_so(tmp_path: Path) -> None:
+    (tmp_path / "folder.ply").mkdir()
+    with pytest.raises(BrokenScene, match=r"has no \.ply file"):
+        find_ply(tmp_path)
+
+
+def test_hidden_and_unsafe_names_are_skipped_with_a_word(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    names = ("good", ".hidden", "new\nline", "per%cent", "back\\slash", "ask?", "x" * 129, " space")
+    for name in (*names, os.fsdecode(b"\xff")):
+        plys.write(tmp_path / name / "scene.ply", plys.binary_ply())
+    plys.write(tmp_path / "file.ply", plys.binary_ply())
+    with caplog.at_level(logging.WARNING):
+        assert list(scan_directory(tmp_path)) == ["good"]
+    assert len(caplog.records) == len(names)
+    assert all("Skipped" in record.getMessage() for record in caplog.records)
+
+
+def test_links_are_followed_also_out_of_the_directory(tmp_path: Path) -> None:
+    plys.write(tmp_path / "elsewhere" / "scene.ply", plys.binary_ply())
+    models = tmp_path / "models"
+    models.mkdir()
+    (models / "linked").symlink_to(tmp_path / "elsewhere")
+    (models / "loop").symlink_to(models / "loop")
+    sources = scan_directory(models)
+    assert list(sources) == ["linked"]
+    assert sources["linked"].gaussians == 3
+
+
+def test_a_directory_that_is_not_there_has_no_scenes(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    assert scan_directory(tmp_path / "nowhere") == {}
+    assert "cannot be read" in caplog.text
+
+
+def test_a_preview_and_a_version_come_with_the_source(tmp_path: Path) -> None:
+    plys.write(tmp_path / "scene.ply", plys.binary_ply())
+    first = read_folder(tmp_path)
+    assert first.preview is None
+    plys.write(tmp_path / "preview.png", b"")
+    plys.write(tmp_path / "scene.ply", plys.binary_ply(4))
+    second = read_folder(tmp_path)
+    assert second.preview == tmp_path / "preview.png"
+    assert second.version != first.version

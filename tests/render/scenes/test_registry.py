@@ -1,0 +1,373 @@
+"""The registry: scenes load once and on demand, share a memory budget, and come and go with the models directory."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import threading
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.render.scenes import plys
+from tigas_common.errors import BrokenScene, Overloaded, TigasError, UnknownScene
+from tigas_common.wire import StartCamera
+from tigas_render.raster.base import PreparedScene
+from tigas_render.scenes.gaussians import Gaussians
+from tigas_render.scenes.metadata import SceneMetadata
+from tigas_render.scenes.ply import write_ply
+from tigas_render.scenes.registry import SceneRegistry
+from tigas_render.scenes.source import SceneSource
+
+pytestmark = pytest.mark.anyio
+
+
+@dataclass
+class Packed(PreparedScene):
+    """Takes one byte for each Gaussian."""
+
+    count: int
+
+    @property
+    def nbytes(self) -> int:
+        return self.count
+
+
+@dataclass
+class Bench:
+    """A registry over sources that the test makes up: opening one waits at its gate, if it has one."""
+
+    budget: int = 1000
+    now: float = 0.0
+    opened: list[str] = field(default_factory=list)
+    started: threading.Semaphore = field(default_factory=lambda: threading.Semaphore(0))
+    gates: dict[str, threading.Event] = field(default_factory=dict)
+    errors: dict[str, Exception] = field(default_factory=dict)
+    builtin: dict[str, SceneSource] = field(default_factory=dict)
+
+    def add(self, id: str, count: int = 100, estimate: int | None = None) -> None:
+        def open() -> Gaussians:
+            self.opened.append(id)
+            self.started.release()
+            if id in self.gates:
+                assert self.gates[id].wait(10)
+            if id in self.errors:
+                raise self.errors[id]
+            return plys.gaussians(count)
+
+        size = count if estimate is None else estimate
+        self.builtin[id] = SceneSource(id, SceneMetadata(), "1", open, sh_degree=0, memory_bytes=size)
+
+    def registry(self, directory: Path | None = None) -> SceneRegistry:
+        return SceneRegistry(
+            directory,
+            lambda gaussians: Packed(len(gaussians)),
+            builtin=self.builtin,
+            memory_budget=self.budget,
+            idle_s=60,
+            clock=lambda: self.now,
+        )
+
+
+@pytest.fixture
+def bench() -> Bench:
+    bench = Bench()
+    for id in ("a", "b", "c"):
+        bench.add(id)
+    return bench
+
+
+def states(registry: SceneRegistry) -> dict[str, str]:
+    return {info.id: info.state for info in registry.infos()}
+
+
+async def until_opened(bench: Bench, count: int = 1) -> None:
+    for _ in range(count):
+        assert await asyncio.to_thread(bench.started.acquire, timeout=10)
+
+
+async def test_the_first_use_loads_and_later_ones_do_not(bench: Bench) -> None:
+    registry = bench.registry()
+    assert states(registry) == {"a": "unloaded", "b": "unloaded", "c": "unloaded"}
+    assert registry.info("a").camera is None
+    async with registry.use("a") as scene:
+        assert scene.prepared.nbytes == 100
+        assert scene.background == (0, 0, 0)
+    async with registry.use("a") as again:
+        assert again.prepared is scene.prepared
+    assert bench.opened == ["a"]
+    info = registry.info("a")
+    assert (info.state, info.gaussians, info.memory_bytes) == ("loaded", 100, 100)
+    assert info.camera == scene.camera
+
+
+async def test_a_loaded_scene_is_entered_without_giving_up_the_event_loop(bench: Bench) -> None:
+    registry = bench.registry()
+    await registry.load("a")
+    use = registry.use("a")
+    with pytest.raises(StopIteration):  # the coroutine ends at once: nothing was awaited
+        use.__aenter__().send(None)
+    await use.__aexit__(None, None, None)
+
+
+async def test_concurrent_first_uses_load_once_and_leave_the_event_loop_free(bench: Bench) -> None:
+    bench.gates["a"] = threading.Event()
+    registry = bench.registry()
+
+    async def use() -> PreparedScene:
+        async with registry.use("a") as scene:
+            return scene.prepared
+
+    users = [asyncio.create_task(use()) for _ in range(5)]
+    await until_opened(bench)
+    assert registry.info("a").state == "loading"
+    async with registry.use("b"):  # others are served meanwhile
+        pass
+    bench.gates["a"].set()
+    assert len(set(map(id, await asyncio.gather(*users)))) == 1
+    assert bench.opened == ["a", "b"]
+
+
+async def test_one_who_gives_up_waiting_does_not_take_the_scene_from_the_others(bench: Bench) -> None:
+    bench.gates["a"] = threading.Event()
+    registry = bench.registry()
+    first, second = (asyncio.create_task(registry.load("a")) for _ in range(2))
+    await until_opened(bench)
+    first.cancel()
+    with contextlib.suppress(asyncio.CancelledError):
+        await first
+    bench.gates["a"].set()
+    await second
+    assert bench.opened == ["a"]
+    assert registry.info("a").state == "loaded"
+    registry.unload("a")  # whoever gave up does not hold the scene
+    assert registry.info("a").state == "unloaded"
+
+
+@pytest.mark.parametrize(
+    ("error", "sentence"), [(BrokenScene("It is torn."), "It is torn."), (RuntimeError("secret"), "the server's log")]
+)
+async def test_a_failed_load_reaches_everybody_and_is_not_repeated_until_asked(
+    bench: Bench, error: Exception, sentence: str
+) -> None:
+    bench.gates["a"], bench.errors["a"] = threading.Event(), error
+    registry = bench.registry()
+    tasks = [asyncio.create_task(registry.load("a")) for _ in range(3)]
+    await until_opened(bench)
+    bench.gates["a"].set()
+    for outcome in await asyncio.gather(*tasks, return_exceptions=True):
+        assert isinstance(outcome, BrokenScene)
+        assert sentence in outcome.detail
+    info = registry.info("a")
+    assert info.state == "broken"
+    assert sentence in (info.error or "")
+    with pytest.raises(BrokenScene):
+        async with registry.use("a"):
+            pass
+    assert bench.opened == ["a"]
+    del bench.errors["a"]
+    await registry.load("a")
+    assert registry.info("a").state == "loaded"
+
+
+async def test_idle_scenes_are_evicted_unless_they_are_used(bench: Bench) -> None:
+    registry = bench.registry()
+    await registry.load("a")
+    await registry.load("b")
+    async with registry.use("b"):
+        bench.now = 59
+        registry.evict_idle(bench.now)
+        assert states(registry)["a"] == "loaded"
+        bench.now = 60
+        registry.evict_idle(bench.now)
+        assert states(registry) == {"a": "unloaded", "b": "loaded", "c": "unloaded"}
+    registry.evict_idle(bench.now)  # released just now
+    assert states(registry)["b"] == "loaded"
+    registry.evict_idle(bench.now + 60)
+    assert states(registry)["b"] == "unloaded"
+
+
+async def test_the_least_recently_used_scenes_make_room(bench: Bench) -> None:
+    bench.budget = 250
+    registry = bench.registry()
+    for bench.now, id in enumerate(("a", "b", "a", "c")):
+        await registry.load(id)
+    assert states(registry) == {"a": "loaded", "b": "unloaded", "c": "loaded"}
+
+
+async def test_room_is_made_before_loading(bench: Bench) -> None:
+    bench.budget, bench.gates["b"] = 150, threading.Event()
+    registry = bench.registry()
+    await registry.load("a")
+    loading = asyncio.create_task(registry.load("b"))
+    await until_opened(bench, 2)
+    assert states(registry) == {"a": "unloaded", "b": "loading", "c": "unloaded"}
+    bench.gates["b"].set()
+    await loading
+
+
+async def test_scenes_in_use_stay_and_the_newcomer_is_told(bench: Bench) -> None:
+    bench.budget = 150
+    registry = bench.registry()
+    async with registry.use("a"):
+        with pytest.raises(Overloaded, match="no room for b"):
+            await registry.load("b")
+        assert states(registry) == {"a": "loaded", "b": "unloaded", "c": "unloaded"}
+    await registry.load("b")
+    assert states(registry) == {"a": "unloaded", "b": "loaded", "c": "unloaded"}
+
+
+@pytest.mark.parametrize("estimate", [2000, 10])
+async def test_a_scene_beyond_the_budget_is_broken_and_disturbs_nobody(bench: Bench, estimate: int) -> None:
+    bench.add("huge", count=2000, estimate=estimate)
+    registry = bench.registry()
+    await registry.load("a")
+    with pytest.raises(BrokenScene, match=r"huge takes 0\.0 MB in memory, and all scenes together may take 0\.0 MB"):
+        await registry.load("huge")
+    assert states(registry)["a"] == "loaded"
+    assert registry.info("huge").state == "broken"
+    assert bench.opened == (["a"] if estimate > 1000 else ["a", "huge"])
+    await registry.load("b")  # nothing stays reserved
+
+
+async def test_unload_waits_for_the_last_user(bench: Bench) -> None:
+    registry = bench.registry()
+    async with registry.use("a"), registry.use("a"):
+        registry.unload("a")
+        assert states(registry)["a"] == "loaded"
+    assert states(registry)["a"] == "unloaded"
+    registry.unload("a")
+    assert states(registry)["a"] == "unloaded"
+    await registry.load("a")
+    assert bench.opened == ["a", "a"]
+
+
+async def test_unload_while_loading_unloads_afterwards(bench: Bench) -> None:
+    bench.gates["a"] = threading.Event()
+    registry = bench.registry()
+    uses = asyncio.create_task(registry.use("a").__aenter__())
+    await until_opened(bench)
+    uses.cancel()
+    with contextlib.suppress(asyncio.CancelledError):
+        await uses
+    registry.unload("a")
+    bench.gates["a"].set()
+    await asyncio.gather(*(task for task in asyncio.all_tasks() if task.get_name() == "load a"))
+    assert registry.info("a").state == "unloaded"
+
+
+@pytest.mark.parametrize("scene_id", ["", "..", "../a", "a/../b", "/etc/passwd", "a\0", "A", "x" * 10_000, "\ud800"])
+async def test_an_unknown_id_is_only_ever_looked_up(bench: Bench, tmp_path: Path, scene_id: str) -> None:
+    write_ply(plys.write(tmp_path / "outside.ply", b""), plys.gaussians(2))
+    registry = bench.registry(tmp_path)
+    await registry.scan()
+    for call in (registry.info, registry.source, registry.unload):
+        with pytest.raises(UnknownScene):
+            call(scene_id)
+    with pytest.raises(UnknownScene) as failure:
+        await registry.load(scene_id)
+    assert len(failure.value.detail) < 500
+
+
+def make_scene(folder: Path, count: int = 5, **metadata: Any) -> Path:
+    folder.mkdir(parents=True, exist_ok=True)
+    write_ply(folder / "scene.ply", plys.gaussians(count))
+    if metadata:
+        (folder / "scene.json").write_text(SceneMetadata(**metadata).model_dump_json())
+    return folder
+
+
+async def test_a_directory_of_scenes(tmp_path: Path) -> None:
+    make_scene(tmp_path / "garden", name="The garden", background=(0.1, 0.2, 0.3))
+    make_scene(tmp_path / "Küche 2")
+    plys.write(tmp_path / "torn" / "scene.ply", plys.binary_ply()[:-1])
+    registry = Bench(budget=10**6).registry(tmp_path)
+    await registry.scan()
+    assert states(registry) == {"Küche 2": "unloaded", "garden": "unloaded", "torn": "broken"}
+    garden = registry.info("garden")
+    assert (garden.name, garden.gaussians, garden.sh_degree) == ("The garden", 5, 0)
+    assert garden.background == (0.1, 0.2, 0.3)
+    assert garden.file_bytes == (tmp_path / "garden" / "scene.ply").stat().st_size
+    assert registry.info("Küche 2").preview == "/scenes/K%C3%BCche%202/preview"
+    assert "truncated" in (registry.info("torn").error or "")
+    async with registry.use("garden") as scene:
+        assert scene.background == (0.1, 0.2, 0.3)
+    with pytest.raises(BrokenScene, match="truncated"):
+        await registry.load("torn")
+
+
+async def test_a_rescan_follows_the_directory_and_keeps_what_is_loaded(tmp_path: Path) -> None:
+    for name in ("stays", "goes", "changes"):
+        make_scene(tmp_path / name)
+    plys.write(tmp_path / "torn" / "scene.ply", b"")
+    registry = Bench(budget=10**6).registry(tmp_path)
+    await registry.scan()
+    for name in ("stays", "goes", "changes"):
+        await registry.load(name)
+    async with registry.use("stays") as scene:
+        before = scene.prepared
+    for file in (tmp_path / "goes").iterdir():
+        file.unlink()
+    (tmp_path / "goes").rmdir()
+    make_scene(tmp_path / "changes", count=7)
+    make_scene(tmp_path / "torn")
+    make_scene(tmp_path / "stays" / "ignored")
+    (tmp_path / "stays" / "scene.json").write_text(
+        '{"name": "Renamed", "camera": {"position": [1,2,3], "look_at": [0,0,0]}}'
+    )
+    await registry.scan()
+    assert states(registry) == {"changes": "unloaded", "stays": "loaded", "torn": "unloaded"}
+    assert registry.info("changes").gaussians == 7
+    assert registry.info("stays").name == "Renamed"
+    async with registry.use("stays") as scene:
+        assert scene.prepared is before
+        assert scene.camera == StartCamera(position=(1, 2, 3), look_at=(0, 0, 0))
+
+
+async def test_a_scene_that_vanishes_stays_with_whoever_uses_it_and_counts_until_then(tmp_path: Path) -> None:
+    make_scene(tmp_path / "goes", count=80)
+    bench = Bench(budget=5000)
+    bench.add("other", count=4950)
+    registry = bench.registry(tmp_path)
+    await registry.scan()
+    async with registry.use("goes") as scene:
+        (tmp_path / "goes" / "scene.ply").unlink()
+        (tmp_path / "goes").rmdir()
+        await registry.scan()
+        assert scene.prepared.nbytes == 80
+        with pytest.raises(UnknownScene):
+            registry.info("goes")
+        with pytest.raises(Overloaded):
+            await registry.load("other")
+    await registry.load("other")
+
+
+async def test_loading_a_broken_scene_looks_at_its_file_again(tmp_path: Path) -> None:
+    plys.write(tmp_path / "torn" / "scene.ply", b"")
+    registry = Bench(budget=10**6).registry(tmp_path)
+    await registry.scan()
+    with pytest.raises(BrokenScene, match="empty"):
+        await registry.load("torn")
+    make_scene(tmp_path / "torn")
+    await registry.load("torn")
+    assert registry.info("torn").state == "loaded"
+
+
+async def test_a_folder_takes_the_place_of_a_built_in_scene(bench: Bench, tmp_path: Path) -> None:
+    make_scene(tmp_path / "a", count=3)
+    registry = bench.registry(tmp_path)
+    assert registry.info("a").gaussians is None
+    await registry.scan()
+    assert registry.info("a").gaussians == 3
+    assert set(states(registry)) == {"a", "b", "c"}
+
+
+async def test_every_refusal_is_a_sentence(bench: Bench) -> None:
+    bench.budget = 50
+    registry = bench.registry()
+    for id in ("a", "nowhere"):
+        with pytest.raises(TigasError) as failure:
+            await registry.load(id)
+        assert failure.value.detail.endswith(".")

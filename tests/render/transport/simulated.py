@@ -1,0 +1,128 @@
+"""A client's and our server's QUIC connection in one process, on a simulated clock and a network that a test spoils."""
+
+from __future__ import annotations
+
+import ssl
+from collections import defaultdict
+from collections.abc import Callable
+from typing import Any
+
+from aioquic.quic.configuration import QuicConfiguration
+from aioquic.quic.connection import QuicConnection
+from aioquic.quic.events import DatagramFrameReceived, QuicEvent, StreamDataReceived
+
+from tests.render.transport.client import CERTIFICATE
+from tigas_render.transport.congestion import CongestionControl, algorithm
+from tigas_render.transport.quic import ServerQuicConnection
+
+CLIENT, SERVER = ("192.0.2.1", 1000), ("192.0.2.2", 2000)
+DELAY = 0.02
+"""One way, in seconds."""
+TIMER_SLACK = 1e-6
+"""Timers fire a little late, as real ones do: aioquic's sums of floats may not be due at the exact moment."""
+
+Drop = Callable[[str, bytes], bool]
+"""Whether the network loses a datagram; told who sends it (`client`, `server`) and what."""
+
+
+class Simulation:
+    """Call `run` after every change; it plays until nobody has anything to say, or until a moment."""
+
+    def __init__(self, congestion_control: CongestionControl = "reno", **server: Any) -> None:
+        self.now = 0.0
+        self.drop: Drop = lambda sender, data: False
+        self.sent: list[tuple[float, str, int]] = []
+        """(time, sender, bytes) of every datagram, the lost ones too."""
+        self.streams: dict[int, bytearray] = defaultdict(bytearray)
+        """What the client has received."""
+        self.ended: list[int] = []
+        """The client's streams in the order in which they were complete."""
+        self.uploads: dict[int, bytearray] = defaultdict(bytearray)
+        """What the server has received."""
+        self.datagrams: list[bytes] = []
+        self.client = QuicConnection(
+            configuration=QuicConfiguration(
+                alpn_protocols=["test"],
+                max_datagram_frame_size=65536,
+                server_name="localhost",
+                verify_mode=ssl.CERT_NONE,
+                max_data=1 << 24,
+                max_stream_data=1 << 24,
+                idle_timeout=600,
+            )
+        )
+        self.client.connect(SERVER, now=0.0)
+        settings: dict[str, Any] = {"max_datagram_size": 1452, "max_stream_data": 64 * 1024}
+        self.server = ServerQuicConnection(
+            configuration=QuicConfiguration(
+                is_client=False,
+                alpn_protocols=["test"],
+                certificate=CERTIFICATE.x509,
+                private_key=CERTIFICATE.private_key,
+                max_datagram_frame_size=65536,
+                congestion_control_algorithm=algorithm(congestion_control),
+                idle_timeout=600,
+                **{**settings, **server},
+            ),
+            original_destination_connection_id=self.client.original_destination_connection_id,
+        )
+        self._flying: list[tuple[float, str, bytes]] = []
+        self.run()
+        assert self.server.is_established
+
+    def run(self, until: float = float("inf"), step: Callable[[], None] = lambda: None) -> None:
+        """Play; `step` is called after every moment in which something happened."""
+        while True:
+            self._send("client", self.client)
+            if self.server._network_paths:
+                self._send("server", self.server)
+            moments = [arrival for arrival, _, _ in self._flying]
+            for connection in (self.client, self.server):
+                timer = connection.get_timer() if connection._network_paths else None
+                idle = connection._close_at
+                if timer is not None and timer != idle:
+                    moments.append(timer + TIMER_SLACK)
+            if not moments or min(moments) > until:
+                self.now = max(self.now, until) if until != float("inf") else self.now
+                return
+            self.now = max(self.now, min(moments))
+            for connection in (self.client, self.server):
+                timer = connection.get_timer() if connection._network_paths else None
+                if timer is not None and timer <= self.now:
+                    connection.handle_timer(self.now)
+            arrived = [item for item in self._flying if item[0] <= self.now]
+            self._flying = [item for item in self._flying if item[0] > self.now]
+            for _, sender, data in arrived:
+                if sender == "client":
+                    self.server.receive_datagram(data, CLIENT, self.now)
+                else:
+                    self.client.receive_datagram(data, SERVER, self.now)
+            self._events()
+            step()
+
+    def open(self, size: int = 1) -> int:
+        """The client opens a stream with so many bytes of request, and ends its side."""
+        stream_id = self.client.get_next_available_stream_id()
+        self.client.send_stream_data(stream_id, bytes(size), end_stream=True)
+        return stream_id
+
+    def _send(self, sender: str, connection: QuicConnection) -> None:
+        for data, _ in connection.datagrams_to_send(self.now):
+            self.sent.append((self.now, sender, len(data)))
+            if not self.drop(sender, data):
+                self._flying.append((self.now + DELAY, sender, data))
+
+    def _events(self) -> None:
+        while (event := self.client.next_event()) is not None:
+            self._client_event(event)
+        while (event := self.server.next_event()) is not None:
+            if isinstance(event, StreamDataReceived):
+                self.uploads[event.stream_id] += event.data
+
+    def _client_event(self, event: QuicEvent) -> None:
+        if isinstance(event, StreamDataReceived):
+            self.streams[event.stream_id] += event.data
+            if event.end_stream:
+                self.ended.append(event.stream_id)
+        elif isinstance(event, DatagramFrameReceived):
+            self.datagrams.append(event.data)

@@ -1,0 +1,145 @@
+"""Datagrams leave in batches, arrive as they were, and none is lost when the socket is full or refuses batches."""
+
+from __future__ import annotations
+
+import asyncio
+import errno
+import socket
+from typing import Any
+
+import pytest
+
+from tigas_render.transport.gso import MAX_BATCH, MAX_SEGMENTS, batches
+from tigas_render.transport.udp import UdpEndpoint, bind
+
+pytestmark = pytest.mark.anyio
+
+A, B = ("192.0.2.1", 1), ("192.0.2.1", 2)
+
+
+@pytest.mark.parametrize(
+    ("sizes", "expected"),
+    [
+        ([], []),
+        ([100], [[100]]),
+        ([1452] * 3, [[1452] * 3]),
+        ([1452, 1452, 30, 1452], [[1452, 1452, 30], [1452]]),
+        ([30, 1452, 1452], [[30], [1452, 1452]]),
+        ([100] * (MAX_SEGMENTS + 1), [[100] * MAX_SEGMENTS, [100]]),
+        ([MAX_BATCH // 4] * 5, [[MAX_BATCH // 4] * 4, [MAX_BATCH // 4]]),
+    ],
+)
+def test_a_batch_has_one_size_but_for_its_last(sizes: list[int], expected: list[list[int]]) -> None:
+    result = list(batches([(bytes(size), A) for size in sizes]))
+    assert [[len(data) for data in batch] for batch, _ in result] == expected
+
+
+def test_a_batch_has_one_address() -> None:
+    result = list(batches([(b"1", A), (b"2", B), (b"3", B), (b"4", A)]))
+    assert result == [([b"1"], A), ([b"2", b"3"], B), ([b"4"], A)]
+
+
+class Socket:
+    """A real socket that refuses when told to."""
+
+    def __init__(self, sock: socket.socket) -> None:
+        self._sock = sock
+        self.full = False
+        self.batch_error: int | None = None
+        self.batches = 0
+
+    def sendmsg(self, *arguments: Any) -> int:
+        if self.full:
+            raise BlockingIOError
+        if self.batch_error is not None:
+            raise OSError(self.batch_error, "refused")
+        self.batches += 1
+        return self._sock.sendmsg(*arguments)
+
+    def sendto(self, *arguments: Any) -> int:
+        if self.full:
+            raise BlockingIOError
+        return self._sock.sendto(*arguments)
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._sock, name)
+
+
+class Pair:
+    """An endpoint over a socket that a test spoils, and another that it sends to."""
+
+    def __init__(self) -> None:
+        self.arrived: list[bytes] = []
+        self._news = asyncio.Event()
+        self._expected = 0
+        self.socket = Socket(bind("127.0.0.1", 0))
+        receiver = bind("127.0.0.1", 0)
+        self.address = receiver.getsockname()
+        self.sender = UdpEndpoint(self.socket, lambda *_: None, lambda: None)  # type: ignore[arg-type]
+        self.receiver = UdpEndpoint(receiver, lambda data, _: self.arrived.append(data), self._news.set)
+
+    def send(self, *payloads: bytes) -> None:
+        self._expected += len(payloads)
+        self.sender.send([(payload, self.address) for payload in payloads])
+
+    async def delivered(self) -> list[bytes]:
+        async with asyncio.timeout(10):
+            while len(self.arrived) < self._expected:
+                self._news.clear()
+                await self._news.wait()
+        return self.arrived
+
+    def close(self) -> None:
+        self.sender.close()
+        self.receiver.close()
+
+
+def numbered(count: int, size: int = 1400) -> list[bytes]:
+    return [number.to_bytes(2, "big") + bytes(size - 2) for number in range(count)]
+
+
+async def test_batches_arrive_as_single_datagrams() -> None:
+    pair = Pair()
+    payloads = [*numbered(90), b"tail"]
+    pair.send(*payloads)
+    assert await pair.delivered() == payloads
+    assert pair.socket.batches == 3
+    pair.close()
+
+
+async def test_a_full_socket_delays_and_loses_nothing() -> None:
+    pair = Pair()
+    pair.socket.full = True
+    payloads = numbered(50)
+    pair.send(*payloads[:30])
+    pair.send(*payloads[30:])
+    await asyncio.sleep(0)
+    pair.socket.full = False
+    assert await pair.delivered() == payloads
+    pair.close()
+
+
+@pytest.mark.parametrize("error", [errno.EINVAL, errno.EIO, errno.EMSGSIZE, errno.ENOPROTOOPT])
+async def test_a_kernel_without_offload_gets_single_datagrams(error: int) -> None:
+    pair = Pair()
+    pair.socket.batch_error = error
+    payloads = numbered(20)
+    pair.send(*payloads)
+    pair.send(*payloads)
+    assert await pair.delivered() == [*payloads, *payloads]
+    pair.close()
+
+
+async def test_what_the_network_refuses_is_dropped() -> None:
+    pair = Pair()
+    pair.sender.send([(bytes(70_000), pair.address)])  # no datagram is that long
+    pair.sender.send([(b"x", ("255.255.255.255", 9))])  # broadcast is forbidden
+    pair.send(b"after")
+    assert await pair.delivered() == [b"after"]
+    pair.close()
+
+
+async def test_closing_twice_does_nothing() -> None:
+    pair = Pair()
+    pair.close()
+    pair.close()

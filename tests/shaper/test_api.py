@@ -1,0 +1,211 @@
+"""The HTTP interface over a link that only remembers."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+from collections.abc import AsyncIterator
+from pathlib import Path
+from typing import Any
+
+import httpx
+import pytest
+
+from tests.shaper.fakes import FakeGateway, FakeLink, FakeTime, trace
+from tigas_shaper.api import create_app
+from tigas_shaper.csv_format import format_csv
+from tigas_shaper.library import MAX_UPLOAD_BYTES, MAX_UPLOADS, TraceLibrary
+from tigas_shaper.player import Player
+from tigas_shaper.service import Shaper
+from tigas_shaper.trace import LinkState
+
+pytestmark = pytest.mark.anyio
+PAGE = "http://localhost:8080"
+
+
+@pytest.fixture
+def time() -> FakeTime:
+    return FakeTime()
+
+
+@pytest.fixture
+def link(time: FakeTime) -> FakeLink:
+    return FakeLink(time)
+
+
+@pytest.fixture
+def directory(tmp_path: Path) -> Path:
+    (tmp_path / "steps.csv").write_text(format_csv(trace(4_000, 0, 8_000, name="steps")))
+    (tmp_path / "broken.csv").write_bytes(b"\x00\x01\x02")
+    (tmp_path / "README.md").write_text("not a trace")
+    return tmp_path
+
+
+@pytest.fixture
+def shaper(time: FakeTime, link: FakeLink, directory: Path) -> Shaper:
+    player = Player(link, LinkState(100_000, 50_000), clock=time.clock, sleep=time.sleep)
+    return Shaper(link, FakeGateway(), player, TraceLibrary(directory))  # type: ignore[arg-type]
+
+
+@pytest.fixture
+async def client(shaper: Shaper) -> AsyncIterator[httpx.AsyncClient]:
+    transport = httpx.ASGITransport(create_app(shaper, [PAGE]), raise_app_exceptions=False)
+    async with httpx.AsyncClient(
+        transport=transport, base_url="http://localhost:8090", headers={"origin": PAGE}
+    ) as client:
+        yield client
+    shaper.player.close()
+
+
+async def test_traces_are_listed_with_what_they_amount_to(client: httpx.AsyncClient) -> None:
+    broken, steps = (await client.get("/traces")).json()["traces"]
+    assert steps["name"] == "steps"
+    assert steps["mean_down_kbps"] == 4_000
+    assert (steps["duration_ms"], steps["steps"], steps["outages"], steps["uploaded"]) == (300, 3, 1, False)
+    assert broken["name"] == "broken"
+    assert broken["error"].endswith(".")
+
+
+async def test_an_uploaded_trace_can_be_played_and_drawn(client: httpx.AsyncClient, link: FakeLink) -> None:
+    text = "1000 2000 3000".replace(" ", "\n")
+    answer = await client.post("/traces?name=../../etc/my trace.txt", content=text)
+    assert answer.status_code == 200, answer.text
+    name = answer.json()["name"]
+    assert "/" not in name
+    drawn = (await client.get(f"/traces/{name}")).json()
+    assert drawn["down_kbps"] == [1000, 2000, 3000]
+    status = (await client.post("/start", json={"trace": name, "loop": False})).json()
+    assert (status["mode"], status["trace"], status["link"]["down_kbps"]) == ("playing", name, 1000)
+    assert link.queues[-1][0] == 2000
+
+
+async def test_a_long_trace_is_drawn_by_means(client: httpx.AsyncClient) -> None:
+    text = "\n".join(str(1000 + 500 * (second % 2)) for second in range(6000))
+    name = (await client.post("/traces?name=long", content=text)).json()["name"]
+    drawn = (await client.get(f"/traces/{name}")).json()
+    assert len(drawn["times_ms"]) == len(drawn["down_kbps"]) == 600
+    assert drawn["down_kbps"] == pytest.approx([1250] * 600)
+
+
+async def test_the_player_is_controlled(client: httpx.AsyncClient) -> None:
+    await client.post("/start", json={"trace": "steps"})
+    assert (await client.post("/pause")).json()["mode"] == "paused"
+    assert (await client.post("/seek", json={"position_ms": 250})).json()["link"]["down_kbps"] == 8_000
+    assert (await client.post("/resume")).json()["mode"] == "playing"
+    assert (await client.post("/loop", json={"loop": False})).json()["loop"] is False
+    status = (await client.post("/link", json={"down_kbps": 5000, "up_kbps": 900, "delay_ms": 12.5})).json()
+    assert (status["mode"], status["trace"]) == ("constant", None)
+    assert status["link"] == {"down_kbps": 5000, "up_kbps": 900, "delay_ms": 12.5, "jitter_ms": 0, "loss_pct": 0}
+    assert (await client.post("/stop")).json()["link"]["down_kbps"] == 100_000
+    assert (await client.get("/status")).json()["backend"] == "relay"
+
+
+@pytest.mark.parametrize(
+    ("path", "body", "status", "kind"),
+    [
+        ("/start", {"trace": "nothing"}, 404, "unknown-trace"),
+        ("/start", {"trace": "broken"}, 422, "broken-trace"),
+        ("/start", {}, 400, "invalid-request"),
+        ("/start", {"trace": "../../etc/passwd"}, 404, "unknown-trace"),
+        ("/link", {"down_kbps": -1, "up_kbps": 1}, 400, "invalid-request"),
+        ("/link", {"down_kbps": "1; reboot", "up_kbps": 1}, 400, "invalid-request"),
+        ("/link", {"down_kbps": 1, "up_kbps": 1, "loss_pct": 101}, 400, "invalid-request"),
+        ("/link", {"down_kbps": 1, "up_kbps": 1, "shell": "x"}, 400, "invalid-request"),
+        ("/seek", {"position_ms": 0}, 409, "nothing-plays"),
+        ("/pause", {}, 409, "nothing-plays"),
+        ("/nowhere", {}, 404, "not-found"),
+        ("/status", {}, 405, "method-not-allowed"),
+    ],
+)
+async def test_what_cannot_be_done_gets_a_problem(
+    client: httpx.AsyncClient, link: FakeLink, path: str, body: dict[str, Any], status: int, kind: str
+) -> None:
+    answer = await client.post(path, json=body)
+    assert answer.status_code == status
+    assert answer.headers["content-type"] == "application/problem+json"
+    assert answer.json()["type"] == f"tigas:{kind}"
+    assert answer.json()["detail"].endswith(".")
+    assert link.applied == []
+
+
+async def test_hostile_uploads_get_a_problem_and_change_nothing(client: httpx.AsyncClient) -> None:
+    for body in (
+        b"",
+        b"\x00" * 1000,
+        b"t_ms,down_kbps\n0,nan\n",
+        b"t_ms,down_kbps\n5,1\n3,1\n",
+        b"-1\n2\n",
+        b"{" * 9999,
+    ):
+        answer = await client.post("/traces?name=bad", content=body)
+        assert answer.status_code == 422, body
+        assert answer.json()["type"] == "tigas:broken-trace"
+    assert len((await client.get("/traces")).json()["traces"]) == 2
+
+
+async def test_an_endless_upload_is_cut_off(client: httpx.AsyncClient) -> None:
+    sent = 0
+
+    async def endless() -> AsyncIterator[bytes]:
+        nonlocal sent
+        while True:
+            sent += 1_000_000
+            yield b"1" * 1_000_000
+
+    answer = await client.post("/traces", content=endless())
+    assert answer.status_code == 413
+    assert sent <= MAX_UPLOAD_BYTES + 2_000_000
+
+
+async def test_uploads_are_bounded(client: httpx.AsyncClient) -> None:
+    for number in range(MAX_UPLOADS):
+        assert (await client.post(f"/traces?name=t{number}", content="1\n2")).status_code == 200
+    assert (await client.post("/traces?name=t0", content="3\n4")).status_code == 200  # in place of the first
+    answer = await client.post("/traces?name=more", content="1\n2")
+    assert (answer.status_code, answer.json()["type"]) == (409, "tigas:too-many-traces")
+
+
+@pytest.mark.parametrize("origin", [None, "https://evil.example", "null", "http://localhost:8080.evil.example"])
+@pytest.mark.parametrize("path", ["/link", "/stop", "/traces"])
+async def test_only_the_labs_page_changes_the_link(
+    client: httpx.AsyncClient, link: FakeLink, origin: str | None, path: str
+) -> None:
+    del client.headers["origin"]
+    headers = {"origin": origin} if origin else {}
+    answer = await client.post(path, json={"down_kbps": 1, "up_kbps": 1}, headers=headers)
+    assert (answer.status_code, answer.json()["type"]) == (403, "tigas:foreign-origin")
+    assert link.applied == []
+    seen = await client.get("/status", headers=headers)
+    assert seen.status_code == 200
+    assert "access-control-allow-origin" not in seen.headers
+
+
+async def test_the_page_may_read_across_origins(client: httpx.AsyncClient) -> None:
+    assert (await client.get("/status")).headers["access-control-allow-origin"] == PAGE
+    asked = {"access-control-request-method": "POST", "access-control-request-headers": "content-type"}
+    assert (await client.options("/link", headers=asked)).status_code == 200
+    refused = await client.options("/link", headers=asked | {"origin": "https://evil.example"})
+    assert refused.status_code == 400
+
+
+async def test_a_closed_link_says_why(client: httpx.AsyncClient, link: FakeLink) -> None:
+    assert (await client.get("/healthz")).json() == {"status": "ok"}
+    link.close("The cable is cut.")
+    assert (await client.get("/status")).json()["closed"] == "The cable is cut."
+    for answer in (await client.get("/healthz"), await client.post("/start", json={"trace": "steps"})):
+        assert (answer.status_code, answer.json()["detail"]) == (503, "The cable is cut.")
+
+
+async def test_watchers_see_the_newest_status_until_the_shaper_stops(shaper: Shaper) -> None:
+    watching = asyncio.create_task(shaper._watch())
+    seen = []
+    async for status in shaper.watch():
+        seen.append(status)
+        if len(seen) == 3:
+            shaper.stop_watching()
+    watching.cancel()
+    assert len(seen) == 3
+    assert seen[-1].down.drops == 3
+    assert seen[-1].down.delivered_kbps > 0
+    assert seen[-1].down.queue_ms == pytest.approx(1.0)  # 12,500 bytes at 100 Mbit/s
+    assert json.loads(seen[-1].model_dump_json())["down"]["queue_bytes"] == 12_500

@@ -1,0 +1,112 @@
+"""Playing traces on a link that only remembers."""
+
+from __future__ import annotations
+
+import pytest
+
+from tests.shaper.fakes import FakeLink, FakeTime, trace
+from tigas_shaper.errors import LinkClosed, NothingPlays
+from tigas_shaper.player import Player
+from tigas_shaper.trace import LinkState
+
+pytestmark = pytest.mark.anyio
+IDLE = LinkState(100_000, 50_000)
+
+
+@pytest.fixture
+def time() -> FakeTime:
+    return FakeTime()
+
+
+@pytest.fixture
+def link(time: FakeTime) -> FakeLink:
+    return FakeLink(time)
+
+
+@pytest.fixture
+def player(time: FakeTime, link: FakeLink) -> Player:
+    return Player(link, IDLE, clock=time.clock, sleep=time.sleep)
+
+
+async def test_each_step_comes_at_its_own_time_round_after_round(
+    time: FakeTime, link: FakeLink, player: Player
+) -> None:
+    player.start(trace(1, 2, 3))
+    await time.advance(0.65)
+    assert link.applied == [(0.0, 1), (0.1, 2), (0.2, 3), (0.3, 1), (0.4, 2), (0.5, 3), (0.6, 1)]
+    assert link.queues == [(2.0, 1000.0)]  # the mean rates of the trace
+    assert player.mode == "playing"
+    assert player.position_ms == pytest.approx(50)
+
+
+async def test_without_a_loop_the_last_state_stays(time: FakeTime, link: FakeLink, player: Player) -> None:
+    player.start(trace(1, 2), loop=False)
+    await time.advance(5)
+    assert player.mode == "ended"
+    assert player.state.down_kbps == 2
+    player.resume()
+    await time.advance(0.05)
+    assert (player.mode, player.state.down_kbps) == ("playing", 1)
+
+
+async def test_a_late_wake_up_skips_what_it_missed(time: FakeTime, link: FakeLink) -> None:
+    async def late(seconds: float) -> None:
+        await time.sleep(seconds + 0.25)
+
+    player = Player(link, IDLE, clock=time.clock, sleep=late)
+    player.start(trace(1, 2, 3, 4, 5), loop=False)
+    await time.advance(0.36)
+    assert link.applied == [(0.0, 1), (0.35, 4)]
+
+
+async def test_pause_resume_and_seek(time: FakeTime, link: FakeLink, player: Player) -> None:
+    player.start(trace(1, 2, 3))
+    await time.advance(0.15)
+    player.pause()
+    await time.advance(10)
+    assert (player.mode, player.state.down_kbps) == ("paused", 2)
+    player.seek(250)
+    assert (player.mode, player.state.down_kbps) == ("paused", 3)
+    player.resume()
+    link.applied.clear()
+    await time.advance(0.06)
+    assert link.applied == [(10.2, 1)]
+
+
+async def test_another_trace_or_a_constant_link_takes_over(time: FakeTime, link: FakeLink, player: Player) -> None:
+    player.start(trace(1, 2, 3))
+    await time.advance(0.15)
+    player.start(trace(10, 20, name="other"))
+    await time.advance(0.1)
+    assert player.state.down_kbps == 20
+    player.constant(LinkState(7, 8, delay_ms=9))
+    link.applied.clear()
+    await time.advance(5)
+    assert link.applied == []
+    assert (player.mode, player.trace, player.state.delay_ms) == ("constant", None, 9)
+    player.stop()
+    assert player.state == IDLE
+
+
+async def test_the_loop_can_be_ended_while_playing(time: FakeTime, link: FakeLink, player: Player) -> None:
+    player.start(trace(1, 2))
+    await time.advance(0.25)
+    player.set_loop(False)
+    await time.advance(5)
+    assert player.mode == "ended"
+    assert [rate for _, rate in link.applied] == [1, 2, 1, 1, 2, 2]
+
+
+async def test_without_a_trace_there_is_nothing_to_control(player: Player) -> None:
+    for act in (player.pause, player.resume, lambda: player.seek(0), lambda: player.set_loop(True)):
+        with pytest.raises(NothingPlays):
+            act()
+
+
+async def test_a_link_that_closes_ends_the_playing_quietly(time: FakeTime, link: FakeLink, player: Player) -> None:
+    player.start(trace(1, 2, 3))
+    link.close("gone")
+    await time.advance(1)
+    assert link.applied == [(0.0, 1)]
+    with pytest.raises(LinkClosed, match="gone"):
+        player.start(trace(1))

@@ -1,0 +1,80 @@
+"""A real server, a real browser, and pages that fail their test when they complain on the console."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from playwright.sync_api import Browser, BrowserContext, ConsoleMessage, Page, expect, sync_playwright
+
+from tests.web.server import RenderServer
+
+STATIC = Path(__file__).parents[2] / "services/render/tigas_render/static/index.html"
+CHROMIUM = shutil.which("chromium")
+CHROMIUM_ARGS = ["--headless=new", "--no-sandbox", "--disable-background-networking", "--disable-component-update"]
+PATIENCE = 30_000
+"""Milliseconds: how long a test waits for what must come, on a machine that may be busy."""
+DESKTOP = {"width": 1000, "height": 640}
+
+OpenPage = Callable[..., Page]
+
+
+@pytest.fixture(scope="session")
+def models(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A models directory with one broken scene; the built-in one is always there."""
+    directory = tmp_path_factory.mktemp("models")
+    broken = directory / "broken-garden"
+    broken.mkdir()
+    (broken / "point_cloud.ply").write_bytes(b"ply\nformat binary_little_endian 1.0\nelement vertex 10\nend_header\n")
+    return directory
+
+
+@pytest.fixture(scope="session")
+def server(models: Path) -> Iterator[RenderServer]:
+    """The render service as a user starts it, on free ports."""
+    if not STATIC.exists():
+        pytest.skip("the web client is not built: cd web && npm ci && npm run build")
+    with RenderServer("--scenes", str(models)) as running:
+        yield running
+
+
+@pytest.fixture(scope="session")
+def browser() -> Iterator[Browser]:
+    """Debian's Chromium: the one that Playwright would download is not needed."""
+    if CHROMIUM is None:
+        pytest.skip("Chromium is not installed: sudo apt-get install chromium")
+    expect.set_options(timeout=PATIENCE)
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=CHROMIUM_ARGS)
+        yield browser
+        browser.close()
+
+
+@pytest.fixture
+def open_page(browser: Browser, server: RenderServer) -> Iterator[OpenPage]:
+    """Opens pages; the test fails if one of them logs an error, unless it is told which ones to expect."""
+    contexts: list[BrowserContext] = []
+    complaints: list[str] = []
+
+    def open_(path: str = "", *, url: str = server.url, expected_errors: str | None = None, **options: Any) -> Page:
+        context = browser.new_context(**{"viewport": DESKTOP, **options})
+        context.set_default_timeout(PATIENCE)
+        contexts.append(context)
+        page = context.new_page()
+
+        def on_console(message: ConsoleMessage) -> None:
+            if message.type in ("error", "warning") and not (expected_errors and expected_errors in message.text):
+                complaints.append(f"{message.type}: {message.text}")
+
+        page.on("console", on_console)
+        page.on("pageerror", lambda error: complaints.append(f"uncaught: {error}"))
+        page.goto(url + path)
+        return page
+
+    yield open_
+    for context in contexts:
+        context.close()
+    assert not complaints

@@ -1,0 +1,56 @@
+"""What tests do with the viewer: wait for frames, look at the picture, read the HUD."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+from playwright.sync_api import FloatRect, Page
+
+SCENE = "#/scene/courtyard"
+
+
+def frames(page: Page) -> int:
+    """How many frames the viewer has shown."""
+    return int(page.locator(".stage").get_attribute("data-frames") or 0)
+
+
+def wait_for_frames(page: Page, at_least: int = 1) -> None:
+    """Until so many frames have been shown."""
+    page.wait_for_function("n => Number(document.querySelector('.stage')?.dataset.frames) >= n", arg=at_least)
+
+
+def wait_until_settled(page: Page) -> None:
+    """Until the newest view is on the screen."""
+    page.wait_for_function("() => document.querySelector('.stage')?.dataset.settled === 'true'")
+
+
+def stat(page: Page, name: str) -> str:
+    """One of the HUD's numbers, as text."""
+    return page.locator(f"[data-stat={name}]").inner_text()
+
+
+def picture(page: Page) -> NDArray[np.int16]:
+    """The middle of the stage, where nothing floats over it: [height, width, 3]."""
+    box = page.locator(".stage").bounding_box()
+    assert box is not None
+    clip: FloatRect = {
+        "x": box["x"] + box["width"] * 0.4,
+        "y": box["y"] + box["height"] * 0.3,
+        "width": box["width"] * 0.4,
+        "height": box["height"] * 0.35,
+    }
+    with Image.open(io.BytesIO(page.screenshot(clip=clip))) as image:
+        return np.asarray(image.convert("RGB"), dtype=np.int16)
+
+
+def changes(page: Page, act: Callable[[], object]) -> float:
+    """How much of the picture `act` changed: mean absolute difference, 0 to 255."""
+    before, shown = picture(page), frames(page)
+    act()
+    wait_for_frames(page, shown + 1)
+    wait_until_settled(page)
+    return float(np.abs(picture(page) - before).mean())

@@ -1,0 +1,45 @@
+"""What happens when the network or the server lets the page down."""
+
+from __future__ import annotations
+
+import json
+import socket
+
+from playwright.sync_api import Route, expect
+
+from tests.web.conftest import OpenPage
+from tests.web.server import RenderServer
+from tests.web.stage import SCENE, changes, picture, wait_for_frames, wait_until_settled
+
+
+def test_falls_back_to_fetch_where_quic_does_not_get_through(open_page: OpenPage) -> None:
+    page = open_page(expected_errors="ERR_QUIC")
+
+    def without_quic(route: Route) -> None:
+        config = route.fetch().json()
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as silent:
+            silent.bind(("127.0.0.1", 0))
+            config["webtransport_url"] = f"https://127.0.0.1:{silent.getsockname()[1]}/render"
+        route.fulfill(body=json.dumps(config), content_type="application/json")
+
+    page.route("**/config.json", without_quic)
+    page.get_by_role("link", name="Courtyard").click()
+    expect(page.locator("[data-stat=transport]")).to_have_text("HTTP fetch")
+    expect(page.locator("[data-stat=fallback]")).to_contain_text("QUIC")
+    wait_for_frames(page)
+    wait_until_settled(page)
+    assert changes(page, lambda: page.keyboard.press("ArrowRight", delay=200)) > 1
+
+
+def test_a_lost_server_is_announced_and_found_again(open_page: OpenPage, server: RenderServer) -> None:
+    page = open_page(SCENE, expected_errors="ERR_")
+    wait_for_frames(page)
+    server.kill()
+    expect(page.locator(".stage-message")).to_contain_text("Trying again")
+    assert picture(page).std() > 5, "the last frame stays"
+    server.start()  # at the same address, with a new certificate
+    expect(page.locator(".stage")).to_have_attribute("data-transport", "webtransport-streams")
+    expect(page.locator(".stage-message")).to_have_text("")
+    wait_for_frames(page)
+    wait_until_settled(page)
+    assert changes(page, lambda: page.keyboard.press("ArrowRight", delay=200)) > 1

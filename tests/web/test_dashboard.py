@@ -1,0 +1,74 @@
+"""The list of scenes, as a visitor sees it."""
+
+from __future__ import annotations
+
+from playwright.sync_api import expect
+
+from tests.web.conftest import OpenPage
+
+
+def test_shows_each_scene_with_its_picture(open_page: OpenPage) -> None:
+    page = open_page()
+    card = page.locator("[data-scene=courtyard]")
+    expect(card.get_by_role("heading", name="Courtyard")).to_be_visible()
+    expect(card.locator(".thumbnail")).to_have_attribute("data-state", "there")
+    assert card.locator("img").evaluate("image => image.naturalWidth") > 100
+
+
+def test_a_broken_scene_says_what_is_wrong_and_does_not_hide_the_others(open_page: OpenPage) -> None:
+    page = open_page(expected_errors="422")
+    broken = page.locator("[data-scene=broken-garden]")
+    broken.get_by_role("button").click()
+    expect(broken.locator(".card-error")).to_contain_text(".")
+    expect(page.locator("[data-scene=courtyard]")).to_be_visible()
+
+
+def test_the_filter_finds_by_name(open_page: OpenPage) -> None:
+    page = open_page()
+    expect(page.locator(".card")).to_have_count(2)
+    page.keyboard.press("/")
+    page.keyboard.type("COURT")
+    expect(page.locator(".card")).to_have_count(1)
+    expect(page.get_by_role("status")).to_have_text("1 of 2 scenes")
+    page.keyboard.type("xyz")
+    expect(page.get_by_role("heading", name="Nothing matches")).to_be_visible()
+    page.keyboard.press("Escape")
+    expect(page.locator(".card")).to_have_count(2)
+
+
+def test_scenes_are_loaded_and_unloaded(open_page: OpenPage) -> None:
+    page = open_page()
+    card = page.locator("[data-scene=courtyard]")
+    expect(card).to_have_attribute("data-state", "loaded" if card.get_by_text("Unload").count() else "unloaded")
+    if card.get_attribute("data-state") == "unloaded":
+        card.get_by_role("button", name="Load: Courtyard").click()
+    expect(card).to_have_attribute("data-state", "loaded")
+    expect(card).to_contain_text("Gaussians")
+    card.get_by_role("button", name="Unload: Courtyard").click()
+    expect(card).to_have_attribute("data-state", "unloaded")
+
+
+def test_new_scenes_are_found_when_asked_for(open_page: OpenPage, models: object) -> None:
+    page = open_page()
+    expect(page.locator(".card")).to_have_count(2)
+    with page.expect_response("**/scenes?scan=1") as answer:
+        page.get_by_role("button", name="Look for new scenes").click()
+    assert answer.value.ok
+
+
+def test_links_reloading_and_the_back_button_work(open_page: OpenPage) -> None:
+    page = open_page()
+    page.get_by_role("link", name="Courtyard").click()
+    expect(page.get_by_role("heading", name="Courtyard")).to_be_visible()
+    page.reload()
+    expect(page.locator(".stage")).to_be_visible()
+    page.go_back()
+    expect(page.get_by_role("heading", name="Scenes")).to_be_visible()
+
+
+def test_a_server_without_scenes_explains_how_to_add_some(open_page: OpenPage) -> None:
+    page = open_page("#/scene/x", expected_errors="404")  # anything but the list, so that the route is there first
+    page.route("**/scenes", lambda route: route.fulfill(json=[]))
+    page.get_by_role("link", name="All scenes", exact=True).click()
+    expect(page.get_by_role("heading", name="No scenes yet")).to_be_visible()
+    expect(page.locator("pre")).to_contain_text("point_cloud.ply")

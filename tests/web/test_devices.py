@@ -1,0 +1,116 @@
+"""Phones, dark rooms, and people who use nothing but a keyboard."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+from playwright.sync_api import Page, expect
+
+from tests.web.conftest import OpenPage
+from tests.web.stage import SCENE, changes, wait_for_frames, wait_until_settled
+
+PHONE: dict[str, Any] = {
+    "viewport": {"width": 390, "height": 844},
+    "device_scale_factor": 2,
+    "is_mobile": True,
+    "has_touch": True,
+}
+
+CONTROLS = "a[href], button, input, select, textarea, [tabindex='0']"
+# What can be reached and has no name: visible, enabled, and neither a label, an aria-label nor a text.
+NAMELESS = """(controls) => controls
+    .filter((control) => control.checkVisibility() && !control.disabled)
+    .filter((control) => !(control.getAttribute('aria-label') || control.labels?.[0]?.innerText || control.innerText))
+    .map((control) => control.outerHTML)"""
+REACHABLE = """(controls) => controls
+    .filter((control) => control.checkVisibility() && !control.disabled)
+    // of a group of radio buttons, Tab reaches the chosen one
+    .filter((control) => control.type !== 'radio' || control.checked)
+    .map((control) => control.outerHTML.slice(0, 80)).sort()"""
+
+
+def touch(page: Page, *moments: list[tuple[int, int]]) -> None:
+    """Fingers that go down at the first moment's places, move through the others, and lift."""
+    client = page.context.new_cdp_session(page)
+    for i, moment in enumerate(moments):
+        points = [{"x": x, "y": y, "id": finger} for finger, (x, y) in enumerate(moment)]
+        client.send("Input.dispatchTouchEvent", {"type": "touchMove" if i else "touchStart", "touchPoints": points})
+    client.send("Input.dispatchTouchEvent", {"type": "touchEnd", "touchPoints": []})
+    client.detach()
+
+
+def test_a_phone_shows_everything_without_scrolling_sideways(open_page: OpenPage) -> None:
+    page = open_page(**PHONE)
+    expect(page.locator("[data-scene=courtyard]")).to_be_visible()
+    for width in (390, 360):
+        page.set_viewport_size({"width": width, "height": 780})
+        assert page.evaluate("document.documentElement.scrollWidth") <= width
+    page.get_by_role("link", name="Courtyard").tap()
+    wait_for_frames(page)
+    assert page.evaluate("document.documentElement.scrollWidth") <= 360
+    expect(page.locator(".sidebar")).to_have_count(0)
+    expect(page.locator(".pad")).to_be_visible()
+    page.get_by_role("button", name="Settings").tap()
+    expect(page.locator(".sidebar")).to_be_in_viewport()
+
+
+def test_fingers_look_around_pinch_and_walk(open_page: OpenPage) -> None:
+    page = open_page(SCENE, **PHONE)
+    wait_for_frames(page)
+    wait_until_settled(page)
+    assert changes(page, lambda: touch(page, [(200, 400)], [(150, 420)], [(100, 440)])) > 1
+    assert changes(page, lambda: touch(page, [(180, 400), (220, 400)], [(100, 400), (300, 400)])) > 1
+    pad = page.locator(".pad").bounding_box()
+    assert pad is not None
+    middle, top = (int(pad["x"] + pad["width"] / 2), int(pad["y"] + pad["height"] / 2)), int(pad["y"] + 5)
+    assert changes(page, lambda: touch(page, [middle], *[[(middle[0], top)]] * 20)) > 0.5
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_follows_the_systems_colours_until_told_otherwise(open_page: OpenPage, scheme: str) -> None:
+    page = open_page(color_scheme=scheme)
+
+    def dark() -> bool:
+        background = page.evaluate("getComputedStyle(document.body).backgroundColor")
+        return sum(int(part) for part in background.removeprefix("rgb(").rstrip(")").split(",")) < 3 * 128
+
+    theme = page.get_by_role("button", name="Theme")
+    expect(theme).to_have_accessible_name("Theme: as the system")
+    assert dark() == (scheme == "dark")
+    theme.click()
+    expect(theme).to_have_accessible_name("Theme: light")
+    assert not dark()
+    theme.click()
+    assert dark()
+    page.reload()
+    expect(theme).to_have_accessible_name("Theme: dark")
+    assert dark(), "the choice outlasts a reload"
+
+
+@pytest.mark.parametrize("path", ["", SCENE])
+def test_every_control_has_a_name_and_the_tab_key_reaches_it(open_page: OpenPage, path: str) -> None:
+    page = open_page(path)
+    page.wait_for_selector(".sidebar" if path else ".card[data-scene]")
+    controls = page.locator(CONTROLS)
+    assert controls.evaluate_all(NAMELESS) == []
+    expected = controls.evaluate_all(REACHABLE)
+    page.evaluate("document.activeElement?.blur()")
+    reached = set()
+    for _ in range(len(expected) + 2):
+        page.keyboard.press("Tab")
+        reached.add(page.evaluate("document.activeElement.outerHTML.slice(0, 80)"))
+    assert set(expected) <= reached
+
+
+def test_the_focus_can_be_seen(open_page: OpenPage) -> None:
+    page = open_page()
+    expect(page.locator("[data-scene=courtyard]")).to_be_visible()
+    page.keyboard.press("Tab")
+    assert page.evaluate("getComputedStyle(document.activeElement).outlineStyle") == "solid"
+
+
+def test_a_person_who_wants_no_motion_gets_none(open_page: OpenPage) -> None:
+    page = open_page(reduced_motion="reduce")
+    expect(page.locator("[data-scene=courtyard]")).to_be_visible()
+    assert page.evaluate("document.getAnimations().length") == 0

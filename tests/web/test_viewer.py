@@ -1,0 +1,127 @@
+"""Walking through a scene: every way to move, and what the viewer says about it."""
+
+from __future__ import annotations
+
+import pytest
+from playwright.sync_api import Page, expect
+
+from tests.web.conftest import OpenPage
+from tests.web.stage import SCENE, changes, frames, picture, stat, wait_for_frames, wait_until_settled
+
+
+@pytest.fixture
+def viewer(open_page: OpenPage) -> Page:
+    """The demo scene, with its first frame on the screen."""
+    page = open_page(SCENE)
+    wait_for_frames(page)
+    wait_until_settled(page)
+    return page
+
+
+def test_shows_the_scene_over_webtransport(viewer: Page) -> None:
+    assert picture(viewer).std() > 10, "the picture is blank"
+    assert stat(viewer, "transport") == "WebTransport streams"
+    assert viewer.locator(".stage").get_attribute("data-transport") == "webtransport-streams"
+
+
+@pytest.mark.parametrize("key", ["KeyW", "KeyS", "KeyA", "KeyD", "Space", "ShiftLeft", "ArrowLeft", "ArrowUp"])
+def test_keys_move_the_camera(viewer: Page, key: str) -> None:
+    def hold() -> None:
+        shown = frames(viewer)
+        viewer.keyboard.down(key)
+        wait_for_frames(viewer, shown + 2)
+        viewer.keyboard.up(key)
+
+    assert changes(viewer, hold) > 1
+
+
+def test_r_goes_back_to_the_start(viewer: Page) -> None:
+    start = picture(viewer)
+    assert changes(viewer, lambda: viewer.keyboard.press("ArrowRight", delay=300)) > 1
+    assert changes(viewer, lambda: viewer.keyboard.press("r")) > 1
+    assert abs(picture(viewer) - start).mean() < 1
+
+
+def test_dragging_turns_and_the_wheel_walks(viewer: Page) -> None:
+    def drag() -> None:
+        viewer.mouse.move(500, 300)
+        viewer.mouse.down()
+        viewer.mouse.move(420, 330, steps=4)
+        viewer.mouse.up()
+
+    assert changes(viewer, drag) > 1
+    assert changes(viewer, lambda: viewer.mouse.wheel(0, -300)) > 1
+
+
+def test_keys_that_are_typed_into_a_field_do_not_move_the_camera(viewer: Page) -> None:
+    shown = frames(viewer)
+    viewer.get_by_role("spinbutton", name="Turn").press("ArrowLeft")
+    viewer.get_by_role("spinbutton", name="Turn").press("w")
+    viewer.wait_for_function("() => document.querySelector('[data-stat=fps]').textContent === 'idle'")
+    assert frames(viewer) == shown
+
+
+def test_the_hud_measures(viewer: Page) -> None:
+    viewer.keyboard.down("ArrowRight")
+    viewer.wait_for_function("() => Number(document.querySelector('[data-stat=fps]').textContent) > 1")
+    viewer.wait_for_function("() => parseFloat(document.querySelector('[data-stat=motion-to-photon]').textContent) > 5")
+    viewer.keyboard.up("ArrowRight")
+    assert float(stat(viewer, "round-trip").split()[0]) > 0
+    assert float(stat(viewer, "server").split()[0]) > 0
+    assert stat(viewer, "profile") == "High"
+    assert stat(viewer, "frame").endswith("kB")
+    viewer.keyboard.press("i")
+    expect(viewer.locator(".hud")).to_have_count(0)
+
+
+def test_a_lower_profile_has_fewer_pixels_and_is_refined_when_still(viewer: Page) -> None:
+    high = stat(viewer, "resolution")
+    viewer.get_by_label("Refine when still").uncheck()
+    viewer.get_by_label("Low", exact=False).last.check()
+    expect(viewer.locator("[data-stat=profile]")).to_have_text("Low")
+    assert int(stat(viewer, "resolution").split(" × ")[0]) < int(high.split(" × ")[0]) / 2
+    viewer.get_by_label("Refine when still").check()
+    expect(viewer.locator("[data-stat=profile]")).to_have_text("High")
+
+
+def test_the_lens_can_be_set_and_reset(viewer: Page) -> None:
+    fx = viewer.get_by_label("fx")
+    default = fx.input_value()
+
+    def zoom() -> None:
+        for name in ("fx", "fy"):
+            viewer.get_by_label(name).fill("1500")
+            viewer.get_by_label(name).press("Enter")
+
+    assert changes(viewer, zoom) > 1
+    viewer.set_viewport_size({"width": 1000, "height": 500})
+    assert fx.input_value() == "1500", "what was set stays when the window changes"
+    viewer.set_viewport_size({"width": 1000, "height": 640})
+    viewer.get_by_role("button", name="Reset lens").click()
+    expect(fx).to_have_value(default)
+    fx.fill("-3")
+    fx.press("Enter")
+    expect(fx).to_have_value(default)
+
+
+@pytest.mark.parametrize(
+    ("choice", "name"), [("fetch", "HTTP fetch"), ("webtransport-datagrams", "WebTransport datagrams")]
+)
+def test_other_transports_carry_frames_too(viewer: Page, choice: str, name: str) -> None:
+    viewer.get_by_label("Transport").select_option(choice)
+    expect(viewer.locator("[data-stat=transport]")).to_have_text(name)
+    assert changes(viewer, lambda: viewer.keyboard.press("ArrowRight", delay=200)) > 1
+
+
+def test_help_explains_the_keys(viewer: Page) -> None:
+    viewer.keyboard.press("h")
+    expect(viewer.get_by_role("dialog", name="Getting around")).to_be_visible()
+    viewer.keyboard.press("Escape")
+    expect(viewer.get_by_role("dialog")).to_have_count(0)
+
+
+def test_an_unknown_scene_is_one_sentence_and_a_way_back(open_page: OpenPage) -> None:
+    page = open_page("#/scene/no-such-scene", expected_errors="404")
+    expect(page.locator(".message")).to_contain_text("no-such-scene")
+    page.get_by_role("link", name="All scenes", exact=True).click()
+    expect(page.get_by_role("heading", name="Scenes")).to_be_visible()

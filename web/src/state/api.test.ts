@@ -1,0 +1,56 @@
+import { afterEach, expect, test, vi } from "vitest";
+import { fetchConfig, fetchScenes, loadScene, unloadScene } from "./api";
+
+afterEach(() => {
+  vi.unstubAllGlobals();
+});
+
+function answer(make: (path: string, init: RequestInit) => Response | Promise<Response>): string[] {
+  const asked: string[] = [];
+  vi.stubGlobal("fetch", async (path: string, init: RequestInit) => {
+    asked.push(`${init.method ?? "GET"} ${path}`);
+    return make(path, init);
+  });
+  return asked;
+}
+
+test("asks where the protocol says, whatever a scene's name", async () => {
+  const asked = answer(() => Response.json([]));
+  await fetchConfig();
+  await fetchScenes();
+  await fetchScenes({ scan: true });
+  await loadScene("a/b c");
+  await unloadScene("../x");
+  expect(asked).toEqual([
+    "GET config.json",
+    "GET scenes",
+    "GET scenes?scan=1",
+    "POST scenes/a%2Fb%20c/load",
+    "POST scenes/..%2Fx/unload",
+  ]);
+});
+
+test("a refusal is the server's own sentence", async () => {
+  const problem = { type: "tigas:broken-scene", title: "", status: 422, detail: "The file ends too early." };
+  answer(() => Response.json(problem, { status: 422 }));
+  await expect(loadScene("x")).rejects.toMatchObject({ message: "The file ends too early.", unreachable: false });
+});
+
+test.each([
+  ["is away", () => Promise.reject(new TypeError("Failed to fetch"))],
+  ["answers with a page instead of JSON", () => new Response("<html>")],
+])("a server that %s does not answer", async (_, make) => {
+  answer(make);
+  await expect(fetchScenes()).rejects.toMatchObject({ message: "The server does not answer.", unreachable: true });
+});
+
+test("aborting rejects with the reason and not with a sentence", async () => {
+  const abort = new AbortController();
+  answer(
+    (_, { signal }) =>
+      new Promise((_resolve, reject) => signal?.addEventListener("abort", () => reject(signal.reason))),
+  );
+  const loading = loadScene("x", abort.signal);
+  abort.abort(new Error("left the page"));
+  await expect(loading).rejects.toThrow("left the page");
+});

@@ -1,0 +1,61 @@
+import { afterEach, beforeEach, expect, test, vi } from "vitest";
+import { connect, type TransportChoice } from "./connect";
+import { FakeSession } from "./fake-session";
+
+const CONFIG = { webtransport_url: "https://localhost:4433/render", certificate_sha256: "AQID" };
+const never = new AbortController().signal;
+const opens = async () => new FakeSession().session;
+const fails = () => Promise.reject(new Error("QUIC did not answer in time"));
+
+beforeEach(() => {
+  vi.stubGlobal("isSecureContext", true);
+  vi.stubGlobal("WebTransport", class {});
+});
+afterEach(() => {
+  vi.unstubAllGlobals();
+});
+
+test.each<[TransportChoice, string]>([
+  ["auto", "webtransport-streams"],
+  ["webtransport-streams", "webtransport-streams"],
+  ["webtransport-datagrams", "webtransport-datagrams"],
+  ["fetch", "fetch"],
+])("%s gives %s where everything works", async (choice, kind) => {
+  const { transport, fallback } = await connect(CONFIG, choice, never, () => 0, opens);
+  expect(transport.kind).toBe(kind);
+  expect(fallback).toBeNull();
+});
+
+test("falls back to fetch, and says why", async () => {
+  const { transport, fallback } = await connect(CONFIG, "auto", never, () => 0, fails);
+  expect(transport.kind).toBe("fetch");
+  expect(fallback).toBe("QUIC did not answer in time");
+});
+
+test.each([
+  ["no secure context", () => vi.stubGlobal("isSecureContext", false), CONFIG, "secure context"],
+  ["an old browser", () => vi.stubGlobal("WebTransport", undefined), CONFIG, "no WebTransport"],
+  ["QUIC switched off", () => undefined, { ...CONFIG, webtransport_url: null }, "offers no WebTransport"],
+])("%s needs no attempt", async (_, prepare, config, reason) => {
+  prepare();
+  const open = vi.fn(opens);
+  const { transport, fallback } = await connect(config, "auto", never, () => 0, open);
+  expect(transport.kind).toBe("fetch");
+  expect(fallback).toContain(reason);
+  expect(open).not.toHaveBeenCalled();
+});
+
+test("aborting is no reason to fall back", async () => {
+  const abort = new AbortController();
+  const connecting = connect(
+    CONFIG,
+    "auto",
+    abort.signal,
+    () => 0,
+    () => {
+      abort.abort(new Error("left the page"));
+      return fails();
+    },
+  );
+  await expect(connecting).rejects.toThrow("left the page");
+});
