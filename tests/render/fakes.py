@@ -94,6 +94,8 @@ class FakeScenes:
     """Knows one scene, `scene`, and counts its users."""
 
     users: int = 0
+    evictable: int = 0
+    evicted: int = 0
 
     @asynccontextmanager
     async def use(self, scene_id: str) -> AsyncIterator[FakeLoaded]:
@@ -104,3 +106,7 @@ class FakeScenes:
             yield FakeLoaded()
         finally:
             self.users -= 1
+
+    def evict(self) -> bool:
+        self.evicted += 1
+        return self.evictable >= self.evicted

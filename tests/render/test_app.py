@@ -54,7 +54,7 @@ def models(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture
 async def client(models: Path, tmp_path: Path) -> AsyncIterator[httpx.AsyncClient]:
     settings = RenderSettings(scenes=models, cache=tmp_path / "cache")
-    async with RenderService.open(settings, create_rasterizer("cpu")) as service:
+    async with RenderService.open(settings, create_rasterizer("cpu", tmp_path)) as service:
         transport = httpx.ASGITransport(create_app(service), raise_app_exceptions=False)
         async with httpx.AsyncClient(transport=transport, base_url="http://localhost:8080") as client:
             yield client

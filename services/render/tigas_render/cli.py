@@ -27,7 +27,7 @@ def render(
     quic: Annotated[
         str | None, typer.Option(metavar="HOST:PORT", help="HTTP/3 and WebTransport, or 'off'. [[::]:4433]")
     ] = None,
-    device: Annotated[str | None, typer.Option(metavar="auto|cpu|cuda", help="Where to rasterise. [auto]")] = None,
+    device: Annotated[str | None, typer.Option(metavar="auto|cpu|cuda[:N]", help="Where to rasterise. [auto]")] = None,
     congestion_control: Annotated[str | None, typer.Option(metavar="reno|cubic", help="QUIC's. [reno]")] = None,
     memory_gb: Annotated[float | None, typer.Option(help="Memory that loaded scenes may take, in GB. [8]")] = None,
     idle_minutes: Annotated[float | None, typer.Option(help="Unload scenes unused for so long. [15]")] = None,
@@ -105,11 +105,12 @@ def preview(
     from tigas_render.scenes.ply import load_ply
     from tigas_render.scenes.preview import preview_camera
     from tigas_render.scenes.start_camera import derive_camera
+    from tigas_render.settings import cache_directory
 
     with _explained():
         gaussians = load_ply(ply)
         start = derive_camera(gaussians.means, gaussians.opacities, gaussians.scales, DEFAULT_UP)
-        rasterizer = create_rasterizer("auto")
+        rasterizer = create_rasterizer("auto", cache_directory())
         camera = preview_camera(start, DEFAULT_UP, width, height)
         with rasterizer.render(rasterizer.prepare(gaussians), camera) as picture:
             image.write_bytes(picture.encode("png" if image.suffix.lower() == ".png" else "jpeg", 90))

@@ -26,7 +26,7 @@ async def serve(settings: RenderSettings) -> None:
     """Run the render service until SIGINT or SIGTERM. Raises StartError."""
     _check_directory(settings.scenes)
     try:
-        rasterizer = create_rasterizer(settings.device)
+        rasterizer = create_rasterizer(settings.device, settings.cache)
     except ValueError as error:
         raise StartError(str(error)) from None
     print("Preparing the rasteriser (the first start on a machine compiles it, about half a minute) …", flush=True)

@@ -97,14 +97,6 @@ class CudaRasterizer(Rasterizer):
                 return
         workspace.close()
 
-    def trim(self) -> None:
-        """Give back all memory that no frame in flight uses."""
-        with self._lock:
-            idle, self._free = self._free, []
-        for workspace in idle:
-            workspace.close()
-        torch.cuda.empty_cache()
-
     def _make_current(self) -> None:
         torch.cuda.set_device(self._device)
         Device(self._device.index).set_current()
@@ -117,6 +109,7 @@ class CudaRasterizer(Rasterizer):
             yield
         except (RuntimeError, CUDAError) as error:
             if isinstance(error, torch.cuda.OutOfMemoryError) or getattr(error, "status", 0) == ALLOCATOR_FAILURE:
+                torch.cuda.empty_cache()  # what PyTorch keeps for later may be what others lack
                 raise OutOfDeviceMemory(f"{self.device} has too little free memory; try again later.") from None
             # Every call fails after a kernel crashed or the GPU fell off the bus; only a new process helps.
             reason = str(error).partition("\n")[0] or type(error).__name__
