@@ -23,7 +23,7 @@ def test_falls_back_to_fetch_where_quic_does_not_get_through(open_page: OpenPage
         route.fulfill(body=json.dumps(config), content_type="application/json")
 
     page.route("**/config.json", without_quic)
-    page.get_by_role("link", name="Courtyard").click()
+    page.get_by_role("link", name="Pebbles").click()
     expect(page.locator("[data-stat=transport]")).to_have_text("HTTP fetch")
     expect(page.locator("[data-stat=fallback]")).to_contain_text("QUIC")
     wait_for_frames(page)
