@@ -44,4 +44,4 @@ class RenderSettings(ServiceSettings):
     cache: Path = Field(default_factory=_cache_directory)
     """Where rendered previews are kept."""
     services: dict[str, str] = Field(default_factory=dict)
-    """Base URLs of other services that the page may use, by name; `:PORT` alone is on the host that the page came from."""
+    """Base URLs of other services that the page may use, by name; `:PORT` alone is on the page's own host."""
