@@ -11,20 +11,11 @@ SMALL = "pebbles"
 BROKEN = "broken-garden"
 
 PROPERTIES = [
-    "x",
-    "y",
-    "z",
-    "scale_0",
-    "scale_1",
-    "scale_2",
-    "rot_0",
-    "rot_1",
-    "rot_2",
-    "rot_3",
+    *"xyz",
+    *(f"scale_{i}" for i in range(3)),
+    *(f"rot_{i}" for i in range(4)),
     "opacity",
-    "f_dc_0",
-    "f_dc_1",
-    "f_dc_2",
+    *(f"f_dc_{i}" for i in range(3)),
 ]
 SH_BAND_0 = 0.28209479177387814
 
