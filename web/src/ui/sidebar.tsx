@@ -7,6 +7,7 @@ import { change, config, settings } from "../state/app";
 import type { TransportChoice } from "../transport/connect";
 import { Icon } from "./icon";
 import { IconButton } from "./icon-button";
+import { InsecureHint } from "./insecure-hint";
 import { TRANSPORT_NAMES } from "./names";
 import { NumberField } from "./number-field";
 import { ThemeButton } from "./theme-button";
@@ -180,6 +181,7 @@ function Transport() {
         </select>
         <Icon of={ChevronDown} size={16} />
       </div>
+      <InsecureHint />
     </Section>
   );
 }
