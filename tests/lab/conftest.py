@@ -12,7 +12,7 @@ import pytest
 
 from tests.lab.inside import root
 from tests.lab.shaper_process import ShaperProcess, shaper
-from tigas_shaper.errors import StartError
+from tigas_common.errors import StartError
 from tigas_shaper.lab.namespaces import Lab, sweep
 from tigas_shaper.lab.services import PORTS
 

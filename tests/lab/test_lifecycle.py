@@ -11,7 +11,8 @@ import pytest
 
 from tests.lab.inside import echo_server, udp, wait_until
 from tests.lab.shaper_process import ip_forward, left_behind, shaper
-from tigas_shaper.lab.namespaces import Lab, StartError, sweep
+from tigas_common.errors import StartError
+from tigas_shaper.lab.namespaces import Lab, sweep
 from tigas_shaper.lab.services import PORTS, shaper_command
 
 GATEWAY = ("198.18.1.1", 4433)

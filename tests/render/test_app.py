@@ -53,7 +53,8 @@ def models(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture
 async def client(models: Path, tmp_path: Path) -> AsyncIterator[httpx.AsyncClient]:
-    settings = RenderSettings(scenes=models, cache=tmp_path / "cache")
+    services = {"near": ":99", "far": "https://example.org/"}
+    settings = RenderSettings(scenes=models, cache=tmp_path / "cache", services=services)
     async with RenderService.open(settings, create_rasterizer("cpu", tmp_path)) as service:
         transport = httpx.ASGITransport(create_app(service), raise_app_exceptions=False)
         async with httpx.AsyncClient(transport=transport, base_url="http://localhost:8080") as client:
@@ -178,6 +179,7 @@ async def test_a_missing_preview_is_rendered(client: httpx.AsyncClient) -> None:
 async def test_the_page_learns_its_ladder_and_urls(client: httpx.AsyncClient) -> None:
     config = (await client.get("/config.json")).json()
     assert [rung["height"] for rung in config["ladder"]] == [720, 540, 360, 180]
+    assert config["services"] == {"near": "http://localhost:99", "far": "https://example.org/"}
     assert config["webtransport_url"] is None  # this application is not served over QUIC
     assert (await client.get("/healthz")).json() == {"status": "ok"}
 

@@ -10,6 +10,7 @@ from typing import Any
 import pytest
 from playwright.sync_api import Browser, BrowserContext, ConsoleMessage, Page, expect, sync_playwright
 
+from tests.web.scenes import write_scenes
 from tests.web.server import RenderServer
 
 STATIC = Path(__file__).parents[2] / "services/render/tigas_render/static/index.html"
@@ -24,11 +25,9 @@ OpenPage = Callable[..., Page]
 
 @pytest.fixture(scope="session")
 def models(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A models directory with one broken scene; the built-in one is always there."""
+    """A models directory with a small scene and a broken one."""
     directory = tmp_path_factory.mktemp("models")
-    broken = directory / "broken-garden"
-    broken.mkdir()
-    (broken / "point_cloud.ply").write_bytes(b"ply\nformat binary_little_endian 1.0\nelement vertex 10\nend_header\n")
+    write_scenes(directory)
     return directory
 
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from PIL import Image
 from playwright.sync_api import FloatRect, Page
 
-SCENE = "#/scene/courtyard"
+SCENE = "#/scene/pebbles"
 
 
 def frames(page: Page) -> int:

@@ -23,12 +23,31 @@ def test_falls_back_to_fetch_where_quic_does_not_get_through(open_page: OpenPage
         route.fulfill(body=json.dumps(config), content_type="application/json")
 
     page.route("**/config.json", without_quic)
-    page.get_by_role("link", name="Courtyard").click()
+    page.get_by_role("link", name="Pebbles").click()
     expect(page.locator("[data-stat=transport]")).to_have_text("HTTP fetch")
     expect(page.locator("[data-stat=fallback]")).to_contain_text("QUIC")
     wait_for_frames(page)
     wait_until_settled(page)
     assert changes(page, lambda: page.keyboard.press("ArrowRight", delay=200)) > 1
+
+
+def test_a_page_over_plain_http_works_and_names_the_secure_one(open_page: OpenPage, server: RenderServer) -> None:
+    def from_another_device(route: Route) -> None:
+        path = route.request.url.removeprefix("http://tigas.example/")
+        answer = route.fetch(url=server.url + path)
+        if path == "config.json":
+            route.fulfill(json=answer.json() | {"https_url": "https://tigas.example:8443/"})
+        else:
+            route.fulfill(response=answer)
+
+    page = open_page()
+    page.route("http://tigas.example/**", from_another_device)
+    page.goto("http://tigas.example/")
+    expect(page.get_by_role("link", name="the secure page")).to_have_attribute("href", "https://tigas.example:8443/")
+    page.get_by_role("link", name="Pebbles").click()
+    expect(page.locator("[data-stat=fallback]")).to_contain_text("secure context")
+    wait_for_frames(page)
+    assert picture(page).std() > 10, "the picture is blank"
 
 
 def test_a_lost_server_is_announced_and_found_again(open_page: OpenPage, server: RenderServer) -> None:

@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+import shutil
+from pathlib import Path
+
 from playwright.sync_api import expect
 
 from tests.web.conftest import OpenPage
+from tests.web.server import RenderServer
 
 
 def test_shows_each_scene_with_its_picture(open_page: OpenPage) -> None:
     page = open_page()
-    card = page.locator("[data-scene=courtyard]")
-    expect(card.get_by_role("heading", name="Courtyard")).to_be_visible()
+    card = page.locator("[data-scene=pebbles]")
+    expect(card.get_by_role("heading", name="Pebbles")).to_be_visible()
     expect(card.locator(".thumbnail")).to_have_attribute("data-state", "there")
     assert card.locator("img").evaluate("image => image.naturalWidth") > 100
 
@@ -20,46 +24,52 @@ def test_a_broken_scene_says_what_is_wrong_and_does_not_hide_the_others(open_pag
     broken = page.locator("[data-scene=broken-garden]")
     broken.get_by_role("button").click()
     expect(broken.locator(".card-error")).to_contain_text(".")
-    expect(page.locator("[data-scene=courtyard]")).to_be_visible()
+    expect(page.locator("[data-scene=pebbles]")).to_be_visible()
 
 
 def test_the_filter_finds_by_name(open_page: OpenPage) -> None:
     page = open_page()
-    expect(page.locator(".card")).to_have_count(2)
+    expect(page.locator(".card")).to_have_count(3)
     page.keyboard.press("/")
-    page.keyboard.type("COURT")
+    page.keyboard.type("PEBB")
     expect(page.locator(".card")).to_have_count(1)
-    expect(page.get_by_role("status")).to_have_text("1 of 2 scenes")
+    expect(page.get_by_role("status")).to_have_text("1 of 3 scenes")
     page.keyboard.type("xyz")
     expect(page.get_by_role("heading", name="Nothing matches")).to_be_visible()
     page.keyboard.press("Escape")
-    expect(page.locator(".card")).to_have_count(2)
+    expect(page.locator(".card")).to_have_count(3)
 
 
-def test_scenes_are_loaded_and_unloaded(open_page: OpenPage) -> None:
+def test_scenes_are_loaded_and_unloaded(open_page: OpenPage, server: RenderServer) -> None:
     page = open_page()
-    card = page.locator("[data-scene=courtyard]")
-    expect(card).to_have_attribute("data-state", "loaded" if card.get_by_text("Unload").count() else "unloaded")
-    if card.get_attribute("data-state") == "unloaded":
-        card.get_by_role("button", name="Load: Courtyard").click()
+    page.request.post(f"{server.url}scenes/pebbles/unload")
+    page.reload()
+    card = page.locator("[data-scene=pebbles]")
+    expect(card).to_have_attribute("data-state", "unloaded")
+    card.get_by_role("button", name="Load: Pebbles").click()
     expect(card).to_have_attribute("data-state", "loaded")
-    expect(card).to_contain_text("Gaussians")
-    card.get_by_role("button", name="Unload: Courtyard").click()
+    expect(card).to_contain_text("2 k Gaussians")
+    card.get_by_role("button", name="Unload: Pebbles").click()
     expect(card).to_have_attribute("data-state", "unloaded")
 
 
-def test_new_scenes_are_found_when_asked_for(open_page: OpenPage, models: object) -> None:
-    page = open_page()
-    expect(page.locator(".card")).to_have_count(2)
-    with page.expect_response("**/scenes?scan=1") as answer:
+def test_new_scenes_are_found_when_asked_for(open_page: OpenPage, models: Path) -> None:
+    page = open_page(expected_errors="422")  # the broken scene's preview is asked for again
+    expect(page.locator(".card")).to_have_count(3)
+    shutil.copytree(models / "pebbles", models / "more-pebbles")
+    try:
         page.get_by_role("button", name="Look for new scenes").click()
-    assert answer.value.ok
+        expect(page.locator("[data-scene=more-pebbles]")).to_be_visible()
+    finally:
+        shutil.rmtree(models / "more-pebbles")
+        page.get_by_role("button", name="Look for new scenes").click()
+        expect(page.locator(".card")).to_have_count(3)
 
 
 def test_links_reloading_and_the_back_button_work(open_page: OpenPage) -> None:
     page = open_page()
-    page.get_by_role("link", name="Courtyard").click()
-    expect(page.get_by_role("heading", name="Courtyard")).to_be_visible()
+    page.get_by_role("link", name="Pebbles").click()
+    expect(page.get_by_role("heading", name="Pebbles")).to_be_visible()
     page.reload()
     expect(page.locator(".stage")).to_be_visible()
     page.go_back()

@@ -42,11 +42,11 @@ def touch(page: Page, *moments: list[tuple[int, int]]) -> None:
 
 def test_a_phone_shows_everything_without_scrolling_sideways(open_page: OpenPage) -> None:
     page = open_page(**PHONE)
-    expect(page.locator("[data-scene=courtyard]")).to_be_visible()
+    expect(page.locator("[data-scene=pebbles]")).to_be_visible()
     for width in (390, 360):
         page.set_viewport_size({"width": width, "height": 780})
         assert page.evaluate("document.documentElement.scrollWidth") <= width
-    page.get_by_role("link", name="Courtyard").tap()
+    page.get_by_role("link", name="Pebbles").tap()
     wait_for_frames(page)
     assert page.evaluate("document.documentElement.scrollWidth") <= 360
     expect(page.locator(".sidebar")).to_have_count(0)
@@ -105,12 +105,12 @@ def test_every_control_has_a_name_and_the_tab_key_reaches_it(open_page: OpenPage
 
 def test_the_focus_can_be_seen(open_page: OpenPage) -> None:
     page = open_page()
-    expect(page.locator("[data-scene=courtyard]")).to_be_visible()
+    expect(page.locator("[data-scene=pebbles]")).to_be_visible()
     page.keyboard.press("Tab")
     assert page.evaluate("getComputedStyle(document.activeElement).outlineStyle") == "solid"
 
 
 def test_a_person_who_wants_no_motion_gets_none(open_page: OpenPage) -> None:
     page = open_page(reduced_motion="reduce")
-    expect(page.locator("[data-scene=courtyard]")).to_be_visible()
+    expect(page.locator("[data-scene=pebbles]")).to_be_visible()
     assert page.evaluate("document.getAnimations().length") == 0

@@ -11,7 +11,7 @@ from tests.web.stage import SCENE, changes, frames, picture, stat, wait_for_fram
 
 @pytest.fixture
 def viewer(open_page: OpenPage) -> Page:
-    """The demo scene, with its first frame on the screen."""
+    """A small scene, with its first frame on the screen."""
     page = open_page(SCENE)
     wait_for_frames(page)
     wait_until_settled(page)
@@ -125,3 +125,11 @@ def test_an_unknown_scene_is_one_sentence_and_a_way_back(open_page: OpenPage) ->
     expect(page.locator(".message")).to_contain_text("no-such-scene")
     page.get_by_role("link", name="All scenes", exact=True).click()
     expect(page.get_by_role("heading", name="Scenes")).to_be_visible()
+
+
+def test_the_built_in_scene_can_be_walked_through(open_page: OpenPage) -> None:
+    page = open_page("#/scene/courtyard")
+    wait_for_frames(page)
+    wait_until_settled(page)
+    assert picture(page).std() > 10, "the picture is blank"
+    assert changes(page, lambda: page.keyboard.press("KeyW", delay=300)) > 0.5

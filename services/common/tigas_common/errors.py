@@ -71,6 +71,10 @@ class DeviceLost(TigasError):
     status, type, title = 503, "device-lost", "The GPU failed"
 
 
+class StartError(Exception):
+    """Why a service cannot start, in one sentence for whoever starts it."""
+
+
 def problem(error: Exception) -> Problem:
     """The answer to a failed request. Anything but a TigasError becomes a 500 that tells nothing of the inside."""
     known = error if isinstance(error, TigasError) else TigasError("The server failed; its log says why.")

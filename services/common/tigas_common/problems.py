@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import logging
 from collections.abc import Mapping
 from typing import Any
 
@@ -13,6 +14,8 @@ from starlette.responses import Response
 
 from tigas_common.errors import BodyTooLarge, InvalidRequest, TigasError, problem
 from tigas_common.wire import Problem
+
+logger = logging.getLogger(__name__)
 
 BODY_TIMEOUT_S = 10
 """A body that is not complete by then is given up, in seconds."""
@@ -48,7 +51,9 @@ async def read_body(request: Request, limit: int) -> bytes:
 
 
 async def on_error(request: Request, error: Exception) -> Response:
-    """Every failure of our own."""
+    """Every failure, as problem+json; those that nobody foresaw are logged."""
+    if not isinstance(error, TigasError):
+        logger.error("%s %s failed", request.method, request.url.path, exc_info=error)
     return problem_response(problem(error))
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import os
 import signal
 import ssl
 from collections.abc import AsyncIterator, Iterator
@@ -12,6 +13,7 @@ from typing import Any
 import uvicorn
 
 from tigas_common.address import Address
+from tigas_common.errors import StartError
 
 
 class _Server(uvicorn.Server):
@@ -59,6 +61,16 @@ async def serve_http(app: Any, address: Address, tls: ssl.SSLContext | None = No
         server.should_exit = True
         with suppress(asyncio.CancelledError):
             await running
+
+
+@contextmanager
+def explained(address: Address, flag: str) -> Iterator[None]:
+    """Turns the system's errors about an address, which `flag` sets, into a StartError."""
+    try:
+        yield
+    except OSError as error:
+        reason = os.strerror(error.errno) if error.errno and error.errno > 0 else str(error)
+        raise StartError(f"Cannot listen on {address} ({reason}); choose another with {flag}.") from None
 
 
 async def until_stopped() -> None:

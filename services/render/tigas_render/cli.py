@@ -11,7 +11,7 @@ from typing import Annotated
 
 import typer
 
-from tigas_common.errors import TigasError
+from tigas_common.errors import StartError, TigasError
 from tigas_common.settings import load_settings
 
 scene = typer.Typer(help="Look at and make scene files.", no_args_is_help=True)
@@ -43,7 +43,7 @@ def render(
 
     import uvloop
 
-    from tigas_render.main import StartError, serve
+    from tigas_render.main import serve
 
     logging.basicConfig(format="%(asctime)s %(levelname)s %(message)s", level=logging.INFO, stream=sys.stdout)
     logging.getLogger("quic").setLevel(logging.WARNING)  # aioquic tells the story of every connection

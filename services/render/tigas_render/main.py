@@ -4,22 +4,18 @@ from __future__ import annotations
 
 import os
 import ssl
-from collections.abc import Iterator
-from contextlib import AsyncExitStack, contextmanager
+from contextlib import AsyncExitStack
 from pathlib import Path
 
 from tigas_common.address import Address
-from tigas_common.runner import serve_http, until_stopped
-from tigas_render.app import create_app
+from tigas_common.errors import StartError
+from tigas_common.runner import explained, serve_http, until_stopped
+from tigas_render.app import STATIC, create_app
 from tigas_render.raster.devices import create_rasterizer
 from tigas_render.service import RenderService
 from tigas_render.settings import RenderSettings
 from tigas_render.transport.frames import render_session
 from tigas_render.transport.server import Http3Server
-
-
-class StartError(Exception):
-    """Why the service cannot start, in one sentence."""
 
 
 async def serve(settings: RenderSettings) -> None:
@@ -34,7 +30,7 @@ async def serve(settings: RenderSettings) -> None:
         service = await stack.enter_async_context(RenderService.open(settings, rasterizer))
         app = create_app(service)
         if settings.quic:
-            with _explained("--quic", settings.quic):
+            with explained(settings.quic, "--quic"):
                 server = await stack.enter_async_context(
                     Http3Server(
                         app,
@@ -50,22 +46,12 @@ async def serve(settings: RenderSettings) -> None:
         if settings.https:
             tls = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
             service.on_renewal(lambda certificate: certificate.load_into(tls))
-            with _explained("--https", settings.https):
+            with explained(settings.https, "--https"):
                 service.https_port = await stack.enter_async_context(serve_http(app, settings.https, tls))
-        with _explained("--http", settings.http):
+        with explained(settings.http, "--http"):
             port = await stack.enter_async_context(serve_http(app, settings.http))
         _announce(service, Address(settings.http.host, port))
         await until_stopped()
-
-
-@contextmanager
-def _explained(flag: str, address: Address) -> Iterator[None]:
-    """Turns the system's errors about an address into a sentence."""
-    try:
-        yield
-    except OSError as error:
-        reason = os.strerror(error.errno) if error.errno and error.errno > 0 else str(error)
-        raise StartError(f"Cannot listen on {address} ({reason}); choose another with {flag}.") from None
 
 
 def _check_directory(scenes: Path | None) -> None:
@@ -87,6 +73,8 @@ def _announce(service: RenderService, http: Address) -> None:
     if service.settings.scenes is not None and len(scenes) == 1:
         folder = service.settings.scenes
         print(f"{folder} has no scenes yet: put each model in a folder of its own, such as {folder}/garden/garden.ply.")
+    if not STATIC.is_dir():
+        print("The page is not built yet, only the API is there: run `npm ci && npm run build` in web/.")
     if service.https_port:
         print(f"Other devices on the network: https://<this machine's address>:{service.https_port}/")
     print(f"Open http://{http.reachable_host}:{http.port}/", flush=True)

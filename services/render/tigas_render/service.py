@@ -73,7 +73,7 @@ class RenderService:
             certificate_sha256=self.certificate.sha256 if self.quic_port else None,
             webtransport_url=f"https://{_bracketed(quic_host)}:{self.quic_port}/render" if self.quic_port else None,
             https_url=f"https://{_bracketed(host)}:{self.https_port}/" if self.https_port else None,
-            services=self.settings.services,
+            services={name: _fitted(url, host) for name, url in self.settings.services.items()},
         )
 
     async def preview(self, scene_id: str) -> Preview:
@@ -112,6 +112,11 @@ class RenderService:
 def _own_names(settings: RenderSettings) -> list[str]:
     addresses = [address.host for address in (settings.http, settings.https, settings.quic) if address]
     return [socket.gethostname(), *addresses]
+
+
+def _fitted(url: str, host: str) -> str:
+    """A service's URL; `:PORT` alone is a port of the host that the page was opened under."""
+    return f"http://{_bracketed(host)}{url}" if url.startswith(":") else url
 
 
 def _bracketed(host: str) -> str:

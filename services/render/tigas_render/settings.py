@@ -46,4 +46,4 @@ class RenderSettings(ServiceSettings):
     cache: Path = Field(default_factory=cache_directory)
     """Where rendered previews are kept."""
     services: dict[str, str] = Field(default_factory=dict)
-    """Base URLs of other services that the page may use, by name."""
+    """Base URLs of other services that the page may use, by name; `:PORT` alone is on the page's own host."""

@@ -43,7 +43,7 @@ def shaper(
     Settings are also read from [shaper] in tigas.toml (or the file that TIGAS_CONFIG names) and from TIGAS_SHAPER_*.
     """
     flags = {name: value or None for name, value in locals().items()}
-    from tigas_shaper.errors import StartError
+    from tigas_common.errors import StartError
     from tigas_shaper.main import check_rights, serve
     from tigas_shaper.settings import ShaperSettings
 

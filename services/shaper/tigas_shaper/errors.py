@@ -33,7 +33,3 @@ class ForeignOrigin(TigasError):
     """A page that is not the lab's, or a tool that did not say who it is, tried to change the link."""
 
     status, type, title = 403, "foreign-origin", "Only the lab's page may change the link"
-
-
-class StartError(Exception):
-    """Why the shaper or the lab cannot start, in one sentence."""

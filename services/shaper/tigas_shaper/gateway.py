@@ -15,9 +15,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
+from tigas_common.errors import StartError
 from tigas_shaper.channel import Channel, CommandError, attempt
 from tigas_shaper.direction import MARK
-from tigas_shaper.errors import StartError
 from tigas_shaper.interfaces import Interface
 from tigas_shaper.link import DOWN_DEVICE, UP_DEVICE
 

@@ -9,13 +9,12 @@ import os
 import platform
 import subprocess
 import sys
-from contextlib import suppress
+from contextlib import AsyncExitStack, suppress
 from pathlib import Path
 
-from tigas_common.errors import TigasError
-from tigas_common.runner import serve_http, until_stopped
+from tigas_common.errors import StartError, TigasError
+from tigas_common.runner import explained, serve_http, until_stopped
 from tigas_shaper.api import create_app
-from tigas_shaper.errors import StartError
 from tigas_shaper.gateway import Forward
 from tigas_shaper.interfaces import Interface
 from tigas_shaper.service import Shaper
@@ -39,21 +38,20 @@ async def serve(settings: ShaperSettings) -> None:
     sys.setswitchinterval(0.0005)
     with suppress(OSError):
         os.nice(-10)  # a link does not become slow because its machine is busy
-    async with Shaper.open(settings, access, service, forwards) as shaper:
+    async with AsyncExitStack() as stack:
+        shaper = await stack.enter_async_context(Shaper.open(settings, access, service, forwards))
         if settings.trace is not None:
             try:
                 shaper.player.start(await asyncio.to_thread(shaper.library.get, settings.trace))
             except TigasError as error:
                 raise StartError(error.detail) from None
-        try:
-            async with serve_http(create_app(shaper, settings.origins), settings.http) as port:
-                shown = ", ".join(settings.forward)
-                print(f"Shaping {access} ↔ {service} ({shaper.status().backend}), forwarding {shown}.")
-                print(f"API on http://{settings.http.reachable_host}:{port}/", flush=True)
-                await until_stopped()
-                shaper.stop_watching()
-        except OSError as error:
-            raise StartError(f"Cannot listen on {settings.http} ({os.strerror(error.errno or 0)}).") from None
+        with explained(settings.http, "--http"):
+            port = await stack.enter_async_context(serve_http(create_app(shaper, settings.origins), settings.http))
+        shown = ", ".join(settings.forward)
+        print(f"Shaping {access} ↔ {service} ({shaper.status().backend}), forwarding {shown}.")
+        print(f"API on http://{settings.http.reachable_host}:{port}/", flush=True)
+        await until_stopped()
+        shaper.stop_watching()
 
 
 def check_rights() -> None:

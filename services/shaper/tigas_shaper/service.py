@@ -7,9 +7,10 @@ import time
 from collections.abc import AsyncIterator
 from contextlib import AsyncExitStack, asynccontextmanager
 
+from tigas_common.errors import StartError
 from tigas_shaper.channel import CommandError
 from tigas_shaper.delay import detect
-from tigas_shaper.errors import LinkClosed, StartError
+from tigas_shaper.errors import LinkClosed
 from tigas_shaper.gateway import Forward, Gateway, clean, only_one
 from tigas_shaper.interfaces import Interface
 from tigas_shaper.library import TraceLibrary

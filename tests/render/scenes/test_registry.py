@@ -172,6 +172,14 @@ async def test_a_failed_load_reaches_everybody_and_is_not_repeated_until_asked(
     assert registry.info("a").state == "loaded"
 
 
+async def test_a_failed_load_gives_its_room_back(bench: Bench) -> None:
+    bench.budget, bench.errors["a"] = 150, BrokenScene("It is torn.")
+    registry = bench.registry()
+    with pytest.raises(BrokenScene):
+        await registry.load("a")
+    await registry.load("b")
+
+
 async def test_idle_scenes_are_evicted_unless_they_are_used(bench: Bench) -> None:
     registry = bench.registry()
     await registry.load("a")

@@ -297,9 +297,11 @@ async def test_an_older_frame_is_dropped_once_a_newer_one_was_answered() -> None
 async def test_unsent_fragments_make_way_for_a_newer_frame() -> None:
     """A frame of 4 MB does not fit the network's window; a newer one overtakes it at once."""
     source = FakeFrames(bytes(4_000_000))
-    async with served(source) as (_, client, session):
+    async with served(source) as (server, client, session):
         client.send_datagram(session, request_body(seq=1))
         await client.until(lambda: client.datagrams)
+        (connection,) = server._connections
+        assert len(connection._quic._datagrams_pending) < 200, "QUIC has no more than it can send soon"
         source.body = b"new"
         client.send_datagram(session, request_body(seq=2))
         await client.until(lambda: assemble(client.datagrams).get(2))

@@ -201,6 +201,23 @@ async def test_closing_does_not_wait_longer_than_its_grace() -> None:
         assert server.connections == 0
 
 
+async def test_closing_does_not_wait_for_an_application_that_never_returns() -> None:
+    seen = Recorder()
+
+    async def app(scope: Scope, receive: Receive, send: Send) -> None:
+        seen.add("started")
+        try:
+            await asyncio.Event().wait()
+        finally:
+            seen.add("ended")
+
+    async with Http3Server(app, host="127.0.0.1", certificate=CERTIFICATE) as server, connect(server.port) as client:
+        client.request("GET", "/")
+        await seen.until("started")
+        await server.close()
+        assert seen.events == ["started", "ended"]
+
+
 # -- limits and hostile clients ----------------------------------------------------------------------------------------
 
 

@@ -5,8 +5,9 @@
  *     limit = ceil((base + service) / interval) + 1
  *
  * `interval` is the time between requests. Where the server renders a viewer's newest request first, a view may go out with
- * every animation frame: what a newer one overtakes is never rendered, and what is rendered was never newer. Elsewhere requests
- * are served in order, and one more than the server can render only makes the others wait. Frames queue on the link in any case.
+ * every animation frame: what a newer one overtakes is never rendered, and what is rendered was never newer. So that a slow
+ * server is not flooded with views that it will never render, `service` counts for two animation frames at most there.
+ * Elsewhere requests are served in order, and more than the server can render would only make the others wait.
  *
  * `base` is the least time that a frame spends outside the server (network, transmission, decoding). It is a minimum, because
  * anything above it is our own queue on the link, which a larger limit would only lengthen. A minimum never rises on its own,
@@ -65,7 +66,8 @@ export class InFlightLimit {
   /** How many requests may be in flight now. */
   get limit(): number {
     if (this.#base === undefined || this.#observedAt - this.#baseAt > BASE_MAX_AGE) return 1;
-    const depth = Math.ceil((this.#base + this.#service) / this.#interval) + 1;
+    const service = this.#overtaking ? Math.min(this.#service, 2 * ANIMATION_FRAME) : this.#service;
+    const depth = Math.ceil((this.#base + service) / this.#interval) + 1;
     return Math.min(MAX, Math.max(MIN, depth));
   }
 }

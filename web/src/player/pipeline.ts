@@ -114,7 +114,7 @@ export class FramePipeline {
 
   /** The newest view is on the screen. */
   get settled(): boolean {
-    return this.#shown.version === this.#version;
+    return this.#version > 0 && this.#shown.version === this.#version;
   }
 
   dispose(): void {

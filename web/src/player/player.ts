@@ -79,6 +79,7 @@ export class Player {
 
   resetCamera(): void {
     if (this.#scene) this.#camera = startCamera(this.#scene);
+    this.#changedAt = this.#options.now();
   }
 
   /** The stage has this many CSS pixels. */

@@ -57,16 +57,16 @@ function Details({ stats }: { stats: Stats }) {
   return (
     <dl class="hud-details">
       <Row name="motion-to-photon-p95" label="Motion to photon, p95">
-        {milliseconds(stats.motionToPhoton?.p95)} ms
+        {withUnit(stats.motionToPhoton?.p95)}
       </Row>
       <Row name="round-trip" label="Round trip">
-        {milliseconds(stats.roundTrip)} ms
+        {withUnit(stats.roundTrip)}
       </Row>
       <Row name="server" label="Server">
-        {milliseconds(total)} ms
+        {withUnit(total)}
       </Row>
-      <Row name="server-parts" label="Queue, render, encode">
-        {server ? [server.queue, server.render, server.encode].map(milliseconds).join(", ") : NONE}
+      <Row name="server-parts" label="Queue · render · encode">
+        {server ? [server.queue, server.render, server.encode].map(milliseconds).join(" · ") : NONE}
       </Row>
       <Row name="throughput" label="Throughput">
         {stats.throughput === null ? NONE : bitrate(stats.throughput)}
@@ -83,8 +83,8 @@ function Details({ stats }: { stats: Stats }) {
       <Row name="requests" label="In flight">
         {stats.inFlight}
       </Row>
-      <Row name="overtaken" label="Cancelled, dropped">
-        {counts.cancelled}, {counts.dropped}
+      <Row name="overtaken" label="Cancelled · dropped">
+        {counts.cancelled} · {counts.dropped}
       </Row>
     </dl>
   );
@@ -109,6 +109,10 @@ function Figure({ name, label, value, unit }: { name: string; label: string; val
       <span class="muted">{label}</span>
     </p>
   );
+}
+
+function withUnit(value: number | null | undefined): string {
+  return value === null || value === undefined ? NONE : `${milliseconds(value)} ms`;
 }
 
 /** A still camera needs no frames: none a second is no fault then. */

@@ -1,11 +1,13 @@
 /** The viewer's settings: quality, lens, movement and transport. */
-import { X } from "lucide";
+import { ChevronDown, X } from "lucide";
 import type { ComponentChildren } from "preact";
 import type { Intrinsics } from "../camera/intrinsics";
 import type { ViewerSession } from "../player/session";
 import { change, config, settings } from "../state/app";
 import type { TransportChoice } from "../transport/connect";
+import { Icon } from "./icon";
 import { IconButton } from "./icon-button";
+import { InsecureHint } from "./insecure-hint";
 import { TRANSPORT_NAMES } from "./names";
 import { NumberField } from "./number-field";
 import { ThemeButton } from "./theme-button";
@@ -165,17 +167,21 @@ function Lens({ session }: { session: ViewerSession }) {
 function Transport() {
   return (
     <Section title="Transport">
-      <select
-        aria-label="Transport"
-        value={settings.value.transport}
-        onChange={(event) => change({ transport: event.currentTarget.value as TransportChoice })}
-      >
-        {Object.entries(TRANSPORT_NAMES).map(([kind, name]) => (
-          <option key={kind} value={kind}>
-            {name}
-          </option>
-        ))}
-      </select>
+      <div class="select">
+        <select
+          aria-label="Transport"
+          value={settings.value.transport}
+          onChange={(event) => change({ transport: event.currentTarget.value as TransportChoice })}
+        >
+          {Object.entries(TRANSPORT_NAMES).map(([kind, name]) => (
+            <option key={kind} value={kind}>
+              {name}
+            </option>
+          ))}
+        </select>
+        <Icon of={ChevronDown} size={16} />
+      </div>
+      <InsecureHint />
     </Section>
   );
 }

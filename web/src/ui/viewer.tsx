@@ -71,7 +71,7 @@ export function Viewer({ sceneId }: { sceneId: string }) {
           <canvas ref={canvas} />
         </div>
         <Toolbar name={name} actions={actions} hud={hud} sidebar={sidebarOpen} />
-        {live && hud && <Hud session={live} wide={wide} />}
+        {live && hud && phase !== "failed" && <Hud session={live} wide={wide} />}
         {live && <MovePad input={live.input} />}
         {live && <StageMessage session={live} />}
       </main>

@@ -46,8 +46,7 @@ class BulkQuicConnection(QuicConnection):
             super()._write_application(builder, network_path, now)
         finally:
             self._streams_queue = [stream for stream in queue if stream.stream_id in self._streams]
-        if self._pacing_at is None:
-            self._write_stream_data(builder, now)
+        self._write_stream_data(builder, now)
 
     def _write_stream_data(self, builder: QuicPacketBuilder, now: float) -> None:
         sending = [stream for stream in self._streams_queue if not (stream.is_blocked or stream.sender.buffer_is_empty)]

@@ -203,10 +203,11 @@ class Connection:
             self._idle = self._loop.create_future()
             await self._idle
 
-    async def tasks_ended(self) -> None:
-        """Wait until the tasks of a closed connection have ended."""
-        tasks = [stream.task for stream in self._streams.values() if stream.task is not None]
-        tasks += self._session_tasks
+    async def end_tasks(self) -> None:
+        """Cancel the tasks of a closed connection that have not ended by themselves, and wait for them."""
+        tasks = {stream.task for stream in self._streams.values() if stream.task is not None} | self._session_tasks
+        for task in tasks:
+            task.cancel()
         if tasks:
             await asyncio.wait(tasks)
 

@@ -87,7 +87,7 @@ class Http3Server:
                 task.cancel()
         for connection in connections:
             connection.close()
-        await asyncio.gather(*(connection.tasks_ended() for connection in connections))
+        await asyncio.gather(*(connection.end_tasks() for connection in connections))
         for connection in connections:
             connection.abandon()
         self._connections.clear()

@@ -14,7 +14,7 @@ from typing import Annotated
 
 import typer
 
-from tigas_shaper.errors import StartError
+from tigas_common.errors import StartError
 
 lab = typer.Typer(help="The lab on this machine, in network namespaces: no Docker needed.", no_args_is_help=True)
 

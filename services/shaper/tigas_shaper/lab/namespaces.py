@@ -23,7 +23,7 @@ from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from typing import Literal
 
-from tigas_shaper.errors import StartError
+from tigas_common.errors import StartError
 
 PREFIX = "tigas-"
 Role = Literal["client", "gateway", "service"]

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
-from tigas_shaper.errors import StartError
+from tigas_common.errors import StartError
 from tigas_shaper.lab.namespaces import SERVICE_ADDRESS, Lab, LocalPort, Role, check_rights
 
 NAME = "lab"

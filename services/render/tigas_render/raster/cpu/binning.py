@@ -7,15 +7,17 @@ import numpy as np
 from numba import prange
 
 from tigas_render.raster.cpu import layout as L
-from tigas_render.raster.cpu.intrinsics import fetch_add
+from tigas_render.raster.cpu.intrinsics import fetch_add, prefetch
 from tigas_render.raster.cpu.kernel import kernel
-from tigas_render.raster.cpu.tiles import MANY, list_tiles
+from tigas_render.raster.cpu.tiles import has_corners, list_tiles
 
 U = np.uint64
 DIGIT = 8
 """Bits sorted by at once."""
 DIGITS = 3
 KEY_BITS = DIGIT * DIGITS
+AHEAD = 16
+"""Splats are asked for this many places ahead."""
 
 
 @kernel()
@@ -57,14 +59,10 @@ def fill_lists(splats, keys, visible, slices, cursors, tiles_x, begin, end, entr
                 break
             for chunk in range(slices[part], slices[part + 1]):
                 for splat in range(chunk * L.CHUNK, chunk * L.CHUNK + visible[chunk]):
-                    entry = (keys[splat] & ~low) | U(splat)
-                    tile = np.int64(keys[splat] & low)
-                    if tile == MANY:
-                        list_tiles(splats, splat * L.RECORD, entry, cursors[part], tiles_x, begin, end, entries)
-                    elif begin <= tile < end:
-                        cursor = cursors[part, tile]
-                        entries[cursor] = entry
-                        cursors[part, tile] = cursor + 1
+                    if has_corners(keys[splat + AHEAD]):
+                        prefetch(splats, (splat + AHEAD) * L.RECORD)
+                    entry, box = (keys[splat] & ~low) | U(splat), keys[splat] & low
+                    list_tiles(splats, splat * L.RECORD, box, entry, cursors[part], tiles_x, begin, end, entries)
 
 
 @kernel(parallel=True)

@@ -15,7 +15,7 @@ from tigas_render.raster.cpu.tiles import pixel_box
 U, F = np.uint64, np.float32
 CHECK_EVERY = 32
 """Gaussians between two looks at whether a tile is finished."""
-AHEAD = 8
+AHEAD = 16
 """Records are asked for this many places ahead."""
 CHANNELS = 4
 """Red, green, blue, and the transmittance: negative once the pixel is finished."""
@@ -61,36 +61,29 @@ def blend_tile(splats, entries, start, end, tile_x, tile_y, acc):
         xx, xy, yy = splats[at + U(L.XX)], splats[at + U(L.XY)], splats[at + U(L.YY)]
         log_alpha = splats[at + U(L.LOG)]
         red, green, blue = splats[at + U(L.RED)], splats[at + U(L.GREEN)], splats[at + U(L.BLUE)]
-        # One loop over all blocks, not one of rows and one of columns: loops this short end in a mispredicted branch.
-        first = U((by0 * L.TILE_BLOCKS + bx0) * BLOCK_FLOATS)
-        left, top = F(bx0 * L.BLOCK) - u, F(by0 * L.BLOCK) - v
-        columns = bx1 - bx0 + 1
-        column = 0
-        for _ in range(columns * (by1 - by0 + 1)):
-            for lane in range(U(L.LANES)):
-                dx, dy = left + F(np.int32(lane & U(3))), top + F(np.int32(lane >> U(2)))
-                x = log_alpha + yy * dy * dy + (xx * dx + xy * dy) * dx
-                p = P0 + x * (P1 + x * (P2 + x * (P3 + x * (P4 + x * P5))))
-                p *= p
-                p *= p
-                alpha = min(p * p, F(ALPHA_MAX))
-                alpha = alpha if x >= F(L.LOG_ALPHA_MIN) else F(0)
-                light = acc[first + LIGHT + lane]
-                before = max(light, F(0))
-                weight = alpha * before
-                after = before - weight
-                lit = after > F(TRANSMITTANCE_MIN)
-                weight = weight if lit else F(0)
-                acc[first + LIGHT + lane] = after if lit else -abs(light)
-                acc[first + lane] += weight * red
-                acc[first + U(L.LANES) + lane] += weight * green
-                acc[first + U(2 * L.LANES) + lane] += weight * blue
-            column += 1
-            at_end = column == columns
-            first += U((L.TILE_BLOCKS - columns + 1) * BLOCK_FLOATS) if at_end else U(BLOCK_FLOATS)
-            left -= F((columns - 1) * L.BLOCK) if at_end else F(-L.BLOCK)
-            top += F(L.BLOCK) if at_end else F(0)
-            column = 0 if at_end else column
+        for by in range(by0, by1 + 1):
+            top = F(by * L.BLOCK) - v
+            for bx in range(bx0, bx1 + 1):
+                left = F(bx * L.BLOCK) - u
+                first = U((by * L.TILE_BLOCKS + bx) * BLOCK_FLOATS)
+                for lane in range(U(L.LANES)):
+                    dx, dy = left + F(np.int32(lane & U(3))), top + F(np.int32(lane >> U(2)))
+                    x = log_alpha + yy * dy * dy + (xx * dx + xy * dy) * dx
+                    p = P0 + x * (P1 + x * (P2 + x * (P3 + x * (P4 + x * P5))))
+                    p *= p
+                    p *= p
+                    alpha = min(p * p, F(ALPHA_MAX))
+                    alpha = alpha if x >= F(L.LOG_ALPHA_MIN) else F(0)
+                    light = acc[first + LIGHT + lane]
+                    before = max(light, F(0))
+                    weight = alpha * before
+                    after = before - weight
+                    lit = after > F(TRANSMITTANCE_MIN)
+                    weight = weight if lit else F(0)
+                    acc[first + LIGHT + lane] = after if lit else -abs(light)
+                    acc[first + lane] += weight * red
+                    acc[first + U(L.LANES) + lane] += weight * green
+                    acc[first + U(2 * L.LANES) + lane] += weight * blue
         if (i - start) % CHECK_EVERY == CHECK_EVERY - 1 and is_finished(acc):
             break
 

@@ -34,8 +34,11 @@ class _KernelCache(FunctionCache):
         self._cache_file = IndexDataCacheFile(self._cache_path, self._impl.filename_base, FINGERPRINT)
 
 
-def kernel(*, parallel: bool = False, inline: bool = False) -> Callable[[Callable[..., Any]], Any]:
-    """Compile a function to run without the GIL, and cache it. Kernels may test for NaN and infinities."""
+def kernel(*, parallel: bool = False, inline: bool = False, exact: bool = False) -> Callable[[Callable[..., Any]], Any]:
+    """Compile a function to run without the GIL, and cache it. Kernels may test for NaN and infinities.
+
+    exact: follow IEEE 754 to the last bit, so that the function gives the same wherever it becomes part of another.
+    """
 
     def compile_(function: Callable[..., Any]) -> Any:
         compiled: Any = njit(
@@ -43,7 +46,7 @@ def kernel(*, parallel: bool = False, inline: bool = False) -> Callable[[Callabl
             inline="always" if inline else "never",
             nogil=True,
             error_model="numpy",
-            fastmath={"contract", "nsz", "arcp", "afn"},
+            fastmath=False if exact else {"contract", "nsz", "arcp", "afn"},
         )(function)
         compiled._cache = _KernelCache(function)
         return compiled

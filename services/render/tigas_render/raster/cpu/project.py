@@ -31,8 +31,9 @@ def project(geometry, sh, bounds, view, splats, keys, visible, slices, tile_coun
 
     geometry, sh: flat packed scene; bounds [chunks, BOUNDS]; view [VIEW].
     splats: flat [chunks · CHUNK · RECORD], a chunk's visible Gaussians at its own place.
-    keys [chunks · CHUNK]: of each splat, the bits of its depth << 32 | its tile, or MANY; visible [chunks] their
-    number. slices [S + 1]: chunks are handed to threads in these runs; tile_counts [S, tiles]: touched tiles of each.
+    keys [chunks · CHUNK + AHEAD]: of each splat, the bits of its depth << 32 | the box of its tiles.
+    visible [chunks]: their number. slices [S + 1]: chunks are handed to threads in these runs.
+    tile_counts [S, tiles]: how many splats of a slice touch each tile.
     scratch [threads, USED · CHUNK]; turn [1]: the next slice, 0 at first.
     """
     coefficients = sh.shape[0] // max(1, bounds.shape[0] * L.CHUNK * 3)
@@ -141,8 +142,8 @@ def keep_visible(geometry, start, sh, sh_start, coefficients, view, projected, s
             if bits_of(projected[U(L.COLUMNS * L.CHUNK + lane)]) != 0:
                 for field in range(L.USED):
                     splats[U(at + field)] = projected[U(field * L.CHUNK + lane)]
-                tile = count_tiles(splats, at, counts, tiles_x)
+                tiles = count_tiles(splats, at, counts, tiles_x)
                 depth = bits_of(projected[U(L.DEPTH * L.CHUNK + lane)])
-                keys[U(at // L.RECORD)] = (U(depth) << U(32)) | U(tile)
+                keys[U(at // L.RECORD)] = (U(depth) << U(32)) | tiles
                 at += L.RECORD
     return (at - into) // L.RECORD

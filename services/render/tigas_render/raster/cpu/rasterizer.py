@@ -14,7 +14,7 @@ from tigas_common.pose import Intrinsics, Pose
 from tigas_common.wire import FrameFormat
 from tigas_render.raster.base import Camera, PreparedScene, Rasterizer
 from tigas_render.raster.cpu import layout as L
-from tigas_render.raster.cpu.binning import DIGIT, DIGITS, fill_lists, place_lists, sort_lists
+from tigas_render.raster.cpu.binning import AHEAD, DIGIT, DIGITS, fill_lists, place_lists, sort_lists
 from tigas_render.raster.cpu.blend import TILE_FLOATS, blend
 from tigas_render.raster.cpu.project import project
 from tigas_render.raster.cpu.scene import CpuScene, pack
@@ -103,7 +103,7 @@ class CpuRasterizer(Rasterizer):
             view=get("view", VIEW, np.float64),
             slices=get("slices", parts + 1, np.int64),
             splats=get("splats", chunks * L.CHUNK * L.RECORD, np.float32),
-            keys=get("keys", chunks * L.CHUNK, np.uint64),
+            keys=get("keys", chunks * L.CHUNK + AHEAD, np.uint64),
             visible=get("visible", chunks, np.int64),
             tile_counts=get("tile_counts", parts * tiles_x * tiles_y, np.int64).reshape(parts, -1),
             starts=get("starts", tiles_x * tiles_y + 1, np.int64),

@@ -9,12 +9,10 @@ from tigas_render.raster.cpu import layout as L
 from tigas_render.raster.cpu.intrinsics import bits_of
 from tigas_render.raster.cpu.kernel import kernel
 
-F = np.float32
-MANY = np.uint32(0xFFFFFFFF)
-"""Stands for more than one tile."""
+U, F = np.uint64, np.float32
 
 
-@kernel(inline=True)
+@kernel(exact=True)
 def span(splats, at, y0, y1, x0, x1):
     """First and last + 1 of the pixel columns x0 … x1 - 1 that the splat at `at` touches in rows y0 … y1 - 1.
 
@@ -41,25 +39,31 @@ def span(splats, at, y0, y1, x0, x1):
 
 @kernel()
 def count_tiles(splats, at, counts, tiles_x):
-    """Add 1 to the counter of every tile that the splat at `at` touches; gives the tile if it is only one, or MANY."""
+    """Add 1 to the counter of every tile that the splat at `at` touches; gives the box of these tiles in 32 bits."""
     x0, x1, y0, y1 = pixel_box(splats, at)
     tx0, tx1, ty0, ty1 = x0 // L.TILE, (x1 - 1) // L.TILE, y0 // L.TILE, (y1 - 1) // L.TILE
-    if tx0 == tx1 and ty0 == ty1:
-        counts[ty0 * tiles_x + tx0] += 1
-        return np.uint32(ty0 * tiles_x + tx0)
     for ty in range(ty0, ty1 + 1):
-        first, last = tile_span(splats, at, ty, x0, x1, y0, y1)
+        first, last = tx0, tx1
+        if tx0 < tx1 and ty0 < ty1:
+            first, last = tile_span(splats, at, ty)
         for tile in range(ty * tiles_x + first, ty * tiles_x + last + 1):
             counts[tile] += 1
-    return MANY
+    return U(tx0) | U(ty0) << U(8) | U(tx1) << U(16) | U(ty1) << U(24)
 
 
 @kernel()
-def list_tiles(splats, at, entry, cursors, tiles_x, begin, end, entries):
-    """Append `entry` to the list of each tile from `begin` to `end` - 1 that count_tiles counted, at its cursor."""
-    x0, x1, y0, y1 = pixel_box(splats, at)
-    for ty in range(y0 // L.TILE, (y1 - 1) // L.TILE + 1):
-        first, last = tile_span(splats, at, ty, x0, x1, y0, y1)
+def list_tiles(splats, at, box, entry, cursors, tiles_x, begin, end, entries):
+    """Append `entry` to the list of each tile from `begin` to `end` - 1 that count_tiles counted, at its cursor.
+
+    box: what count_tiles gave; it spares a look at the splat unless the box has corners that the splat may not touch.
+    """
+    byte = U(0xFF)
+    tx0, ty0 = np.int64(box & byte), np.int64(box >> U(8) & byte)
+    tx1, ty1 = np.int64(box >> U(16) & byte), np.int64(box >> U(24) & byte)
+    for ty in range(ty0, ty1 + 1):
+        first, last = tx0, tx1
+        if tx0 < tx1 and ty0 < ty1:
+            first, last = tile_span(splats, at, ty)
         for tile in range(max(begin, ty * tiles_x + first), min(end, ty * tiles_x + last + 1)):
             cursor = cursors[tile]
             entries[cursor] = entry
@@ -67,12 +71,20 @@ def list_tiles(splats, at, entry, cursors, tiles_x, begin, end, entries):
 
 
 @kernel(inline=True)
-def tile_span(splats, at, ty, x0, x1, y0, y1):
-    """First and last tile column that the splat at `at` with this pixel box touches in the tile row ty."""
-    if x0 // L.TILE == (x1 - 1) // L.TILE or y0 // L.TILE == (y1 - 1) // L.TILE:
-        left, right = x0, x1
-    else:
-        left, right = span(splats, at, max(y0, ty * L.TILE), min(y1, ty * L.TILE + L.TILE), x0, x1)
+def has_corners(box):
+    """Whether a box of tiles, in the lower 32 bits, has at least two rows and two columns."""
+    difference = (box >> U(16)) ^ box
+    return difference & U(0xFF) != U(0) and difference & U(0xFF00) != U(0)
+
+
+@kernel(exact=True)
+def tile_span(splats, at, ty):
+    """First and last tile column that the splat at `at` touches in the tile row ty.
+
+    Exact, because count_tiles and list_tiles must come to the same result.
+    """
+    x0, x1, y0, y1 = pixel_box(splats, at)
+    left, right = span(splats, at, max(y0, ty * L.TILE), min(y1, ty * L.TILE + L.TILE), x0, x1)
     return left // L.TILE, (right - 1) // L.TILE
 
 

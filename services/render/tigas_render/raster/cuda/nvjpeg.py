@@ -88,9 +88,7 @@ class JpegEncoder:
     def bound(self, width: int, height: int) -> int:
         """Bytes that the JPEG of a picture of this size cannot exceed."""
         size = c_size_t()
-        self._library.call(
-            "nvjpegEncodeGetBufferSize", self._library.handle, self._params, width, height, byref(size)
-        )
+        self._library.call("nvjpegEncodeGetBufferSize", self._library.handle, self._params, width, height, byref(size))
         return size.value
 
     def encode(self, planes: int, width: int, height: int, quality: int) -> None:
@@ -119,4 +117,3 @@ class JpegEncoder:
             self._stream,
         )  # fmt: skip
         return length.value
-

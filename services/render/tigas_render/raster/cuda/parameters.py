@@ -54,4 +54,3 @@ def derivative_limits(k: Intrinsics) -> tuple[float, float, float, float]:
         -k.cy / k.fy - margin_y,
         (k.height - k.cy) / k.fy + margin_y,
     )
-

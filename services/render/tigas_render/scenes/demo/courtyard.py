@@ -8,10 +8,15 @@ import numpy as np
 
 from tigas_common.wire import StartCamera
 from tigas_render.scenes.demo import layout
-from tigas_render.scenes.demo.architecture import architecture
+from tigas_render.scenes.demo.arcade import arcade
+from tigas_render.scenes.demo.gallery import gallery
+from tigas_render.scenes.demo.ground import ground
 from tigas_render.scenes.demo.light import shade, to_gaussians
-from tigas_render.scenes.demo.nature import benches, cypresses, jets, landscape, nature, sky, water
+from tigas_render.scenes.demo.plants import plants
+from tigas_render.scenes.demo.roofs import roofs, tower
+from tigas_render.scenes.demo.sky import landscape, sky
 from tigas_render.scenes.demo.surfels import Floats, Surfels, join
+from tigas_render.scenes.demo.water import jets, water
 from tigas_render.scenes.gaussians import Gaussians
 from tigas_render.scenes.metadata import SceneMetadata
 from tigas_render.scenes.source import SceneSource
@@ -21,7 +26,7 @@ SEED = 20_240_229
 DEMO_METADATA = SceneMetadata(
     name="Courtyard",
     up=(0.0, -1.0, 0.0),
-    camera=StartCamera(position=(0.0, -1.75, -12.2), look_at=(0.0, -1.9, 0.0)),
+    camera=StartCamera(position=(-0.9, -1.75, -9.7), look_at=(0.35, -1.75, 0.0)),
     background=(0.86, 0.86, 0.83),
 )
 """What a scene.json would say."""
@@ -32,7 +37,7 @@ def demo_scene() -> Gaussians:
     rng = np.random.default_rng(SEED)
     near = _shaded(_lit_parts(1.0, rng), rng)
     far = _shaded(join(landscape(rng), sky(rng)), rng, lit=False)
-    mirrored = _seen_in_water(*_shaded(_lit_parts(0.5, rng), rng), rng)
+    mirrored = _seen_in_water(*_shaded(_lit_parts(0.4, rng), rng), rng)
     mirrored_far = _seen_in_water(*far, rng)
     return to_gaussians(*_concatenate(near, mirrored, mirrored_far, water(rng), far))
 
@@ -53,8 +58,16 @@ Shaded = tuple[Surfels, Floats, Floats]
 
 
 def _lit_parts(detail: float, rng: np.random.Generator) -> Surfels:
-    parts = [architecture(detail, rng), nature(detail, rng), cypresses(detail, rng), jets(rng)]
-    return join(*parts, benches(detail, rng)) if detail == 1 else join(*parts)
+    """Everything that the sun lights; the number of surfels goes with the square of `detail`."""
+    return join(
+        ground(detail, rng),
+        arcade(detail, rng),
+        gallery(detail, rng),
+        roofs(detail, rng),
+        tower(detail, rng),
+        plants(detail, rng),
+        jets(rng),
+    )
 
 
 def _shaded(surfels: Surfels, rng: np.random.Generator, *, lit: bool = True) -> Shaded:

@@ -66,7 +66,7 @@ def lamp_places() -> Floats:
 
 TREES = ((-5.6, 6.4, 3.3, 1.75), (5.5, -6.9, 3.0, 1.5))
 """x, z, height of the crown's centre and its radius."""
-POTS = tuple((side * 3.35, z) for side in (-1, 1) for z in (-6.6, -2.2, 2.2, 6.6))
+POTS = tuple((side * 3.35, z) for side in (-1, 1) for z in (-5.1, -1.7, 1.7, 5.1))
 """x and z of the orange trees in pots."""
 POT_CROWN = (1.62, 0.5)
 """Height and radius of an orange tree's crown."""

@@ -13,12 +13,12 @@ from tigas_render.scenes.demo.layout import SUN
 from tigas_render.scenes.demo.surfels import Bools, Floats, Surfels, unit
 from tigas_render.scenes.gaussians import Gaussians
 
-SUN_COLOUR = np.array([3.4, 2.75, 1.95], np.float32)
+SUN_COLOUR = np.array([3.3, 2.6, 1.75], np.float32)
 SKY_COLOUR = np.array([0.52, 0.66, 0.95], np.float32)
 BOUNCE_COLOUR = np.array([0.40, 0.32, 0.24], np.float32)
 LAMP_COLOUR = np.array([1.9, 1.05, 0.42], np.float32)
 
-SUN_SAMPLES, SKY_SAMPLES = 5, 14
+SUN_SAMPLES, SKY_SAMPLES = 4, 10
 
 SH_C0, SH_C1 = 0.28209479177387814, 0.4886025119029199
 """Constants of the real spherical harmonics of degree 0 and 1, as in INRIA's 3DGS."""
@@ -33,8 +33,8 @@ def tone(radiance: Floats) -> Floats:
 
 def visible(points: Floats, directions: Floats) -> Floats:
     """[N] 0 or 1, with trees in between: whether light from `directions` [N, 3] reaches `points` [N, 3]."""
-    x, y, z = points.T
-    dx, dy, dz = directions.T
+    x, y, z = np.ascontiguousarray(points.T)
+    dx, dy, dz = np.ascontiguousarray(directions.T)
     light = np.ones(len(points), np.float32)
     with np.errstate(divide="ignore", invalid="ignore"):
         for axis, across, half, side in (
@@ -50,19 +50,23 @@ def visible(points: Floats, directions: Floats) -> Floats:
                 inward = d_axis * plane < 0
                 light[hit & ~(inward & _in_arch(u, height, layout.BAYS_Z if axis is x else layout.BAYS_X))] = 0
             outer = layout.OUTER_X if axis is x else layout.OUTER_Z
-            t = (np.where(d_axis > 0, outer, -outer) - axis) / d_axis
-            light[(np.abs(axis) < outer) & (-(y + t * dy) < layout.EAVES) & (t > 0.03)] = 0
+            t = (np.copysign(np.float32(outer), d_axis) - axis) / d_axis
+            light[(np.abs(axis) < outer) & (-(y + t * dy) < layout.EAVES) & (t > 0)] = 0
         # the gallery's roof, as a level slab
         t = (-layout.CEILING - y) / dy
         hx, hz = np.abs(x + t * dx), np.abs(z + t * dz)
         over = (t > 0.03) & (hx < layout.OUTER_X) & (hz < layout.OUTER_Z)
         light[over & ((hx > layout.COURT_X - 0.2) | (hz > layout.COURT_Z - 0.2))] = 0
-    for tx, tz, height, radius in layout.TREES:
-        light *= _through_ball(points, directions, (tx, -height, tz), radius, 0.12)
-    for px, pz in layout.POTS:
-        light *= _through_ball(points, directions, (px, -layout.POT_CROWN[0], pz), layout.POT_CROWN[1], 0.1)
-        light *= _through_ball(points, directions, (px, -0.28, pz), 0.26, 0.0)
-    light *= _through_ball(points, directions, (0.0, -0.75, 0.0), 0.55, 0.1)
+    balls = [((tx, -height, tz), radius, 0.12) for tx, tz, height, radius in layout.TREES]
+    balls += [((px, -layout.POT_CROWN[0], pz), layout.POT_CROWN[1], 0.1) for px, pz in layout.POTS]
+    balls += [((px, -0.28, pz), 0.26, 0.0) for px, pz in layout.POTS]
+    balls += [((0.0, -0.75, 0.0), 0.55, 0.1)]
+    for centre, radius, leak in balls:
+        reach = np.float32(6 * radius)
+        near = np.flatnonzero(
+            (np.abs(x - centre[0]) < reach) & (np.abs(y - centre[1]) < reach) & (np.abs(z - centre[2]) < reach)
+        )
+        light[near] *= _through_ball(points[near], directions[near], centre, radius, leak)
     return light
 
 
@@ -79,13 +83,19 @@ def _in_arch(u: Floats, height: Floats, bays: int) -> Bools:
 def _through_ball(points: Floats, directions: Floats, centre: tuple[float, ...], radius: float, leak: float) -> Floats:
     """How much light passes a ball of leaves; points inside it are left alone."""
     to = np.asarray(centre, np.float32) - points
-    along = (to * directions).sum(1)
-    distance2 = (to * to).sum(1)
+    along = _dot(to, directions)
+    distance2 = _dot(to, to)
     gap = (distance2 - along * along) / radius**2
     passes: Floats = 1 - np.clip((1.1 - gap) / 0.4, 0, 1) * (1 - leak) * (along > 0) * (
         distance2 > (1.05 * radius) ** 2
     )
     return passes
+
+
+def _dot(a: Floats, b: Floats) -> Floats:
+    """[N] products of [N, 3], column by column: several times as fast as a sum over such a short axis."""
+    product: Floats = a[:, 0] * b[:, 0] + a[:, 1] * b[:, 1] + a[:, 2] * b[:, 2]
+    return product
 
 
 def illuminate(surfels: Surfels, rng: np.random.Generator) -> Floats:
@@ -109,10 +119,10 @@ def illuminate(surfels: Surfels, rng: np.random.Generator) -> Floats:
         turn = 2 * np.pi * ((i * 0.618) + rng.uniform(size=n) / 3)
         flat = np.sqrt(1 - height**2)
         direction = np.stack((flat * np.cos(turn), -height, flat * np.sin(turn)), axis=1).astype(np.float32)
-        weight = np.where(wrap > 0.5, 0.6, np.maximum((direction * normals).sum(1), 0))
+        weight = np.where(wrap > 0.5, 0.6, np.maximum(_dot(direction, normals), 0))
         sky += weight * visible(start, direction)
         total += weight
-    openness = sky / total
+    openness = _smooth(sky / total, start, normals, rng)
     hemisphere = 0.5 + 0.5 * np.where(wrap > 0.5, 0.6, normals @ up)
     # what the sunlit court throws back: strongest on what looks down or sideways, weaker deep in the gallery
     inside = np.maximum(np.abs(start[:, 0]) - layout.COURT_X, np.abs(start[:, 2]) - layout.COURT_Z).clip(0, None)
@@ -122,10 +132,22 @@ def illuminate(surfels: Surfels, rng: np.random.Generator) -> Floats:
     light += bounce[:, None] * BOUNCE_COLOUR * _contact(start)[:, None]
     for lamp in layout.lamp_places():
         to = lamp - start
-        distance2 = (to * to).sum(1)
-        cosine = np.maximum((to * normals).sum(1) / np.sqrt(distance2), 0.15)
+        distance2 = _dot(to, to)
+        cosine = np.maximum(_dot(to, normals) / np.sqrt(distance2), 0.15)
         light += (cosine * 0.42 / (0.25 + distance2) * (distance2 < 25))[:, None] * LAMP_COLOUR
     return light
+
+
+def _smooth(values: Floats, points: Floats, normals: Floats, rng: np.random.Generator) -> Floats:
+    """Means over neighbours that face the same way: of three lattices of cells, each shifted at random."""
+    result = np.zeros(len(values))
+    facing = np.round(normals * 1.4).astype(np.int64) @ np.array([1, 3, 9])
+    for size in (0.35, 0.45, 0.6):
+        cell = np.floor(points / size + rng.uniform(size=3)).astype(np.int64)
+        key = cell @ np.array([73_856_093, 19_349_663, 83_492_791]) + facing
+        _, index = np.unique(key, return_inverse=True)
+        result += (np.bincount(index, values) / np.bincount(index))[index] / 3
+    return result
 
 
 def _contact(points: Floats) -> Floats:
@@ -151,7 +173,7 @@ def shade(surfels: Surfels, rng: np.random.Generator, *, lit: bool = True) -> tu
     normals = surfels.normals
     mirrored = 2 * (normals @ SUN.astype(np.float32))[:, None] * normals - SUN.astype(np.float32)
     strength = surfels.gloss * light.max(1).clip(0, 2.5)
-    tilt = -mirrored[:, :, None] * strength[:, None, None] * np.array([0.16, 0.15, 0.125], np.float32)
+    tilt = -mirrored[:, :, None] * strength[:, None, None] * np.array([0.09, 0.082, 0.07], np.float32)
     # at grazing angles a polished level surface shows the sky
     grazing = (surfels.gloss * (normals[:, 1] < -0.7))[:, None] * np.array([0.07, 0.085, 0.11], np.float32)
     tilt[:, 1] -= grazing
@@ -191,5 +213,6 @@ def _quaternions(frames: Floats) -> Floats:
         1,
     )
     best = np.argmax(np.stack((xx + yy + zz, xx, yy, zz), 1), axis=1)
-    quaternions: Floats = unit(candidates[np.arange(len(m)), best]).astype(np.float32)
+    chosen = candidates[np.arange(len(m)), best]
+    quaternions: Floats = (chosen / np.linalg.norm(chosen, axis=1, keepdims=True)).astype(np.float32)
     return quaternions

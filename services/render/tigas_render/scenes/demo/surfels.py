@@ -65,8 +65,8 @@ class Surfels:
         """The same surfels with light of their own."""
         return replace(self, emission=np.broadcast_to(np.asarray(emission, np.float32), (len(self), 3)))
 
-    def where(self, keep: Bools) -> Surfels:
-        """Only the surfels for which `keep` [N] holds."""
+    def where(self, keep: Bools | NDArray[np.int64]) -> Surfels:
+        """Only the surfels for which `keep` [N] holds, or those that it lists."""
         return Surfels(*(getattr(self, field.name)[keep] for field in fields(self)))
 
     def moved(self, x: float, y: float, z: float, *, turn: float = 0.0) -> Surfels:
@@ -224,8 +224,9 @@ def noise(points: Floats, wavelength: float, rng: np.random.Generator) -> Floats
 
 
 def unit(vectors: Any) -> Any:
-    """[N, 3] vectors of length one."""
-    return vectors / np.linalg.norm(vectors, axis=-1, keepdims=True).clip(1e-12)
+    """[..., 3] vectors of length one."""
+    x, y, z = vectors[..., 0], vectors[..., 1], vectors[..., 2]
+    return vectors / np.sqrt(x * x + y * y + z * z).clip(1e-12)[..., None]
 
 
 def _evaluate(shape: Surface, u: Floats, v: Floats) -> Any:

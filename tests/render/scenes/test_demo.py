@@ -1,0 +1,98 @@
+"""The built-in scene: always the same, whole, and pleasant to stand in."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+
+from tigas_common.pose import Pose
+from tigas_render.raster.base import Camera, PreparedScene, Rasterizer
+from tigas_render.raster.devices import create_rasterizer
+from tigas_render.raster.host_image import HostImage
+from tigas_render.scenes.demo import DEMO_METADATA, DEMO_SOURCE, demo_scene
+from tigas_render.scenes.gaussians import Gaussians
+from tigas_render.scenes.preview import preview_camera
+
+EYE = -1.65
+
+
+@pytest.fixture(scope="module")
+def scene() -> Gaussians:
+    return demo_scene()
+
+
+@pytest.fixture(scope="module")
+def rasterizer() -> Rasterizer:
+    return create_rasterizer("cpu")
+
+
+@pytest.fixture(scope="module")
+def prepared(scene: Gaussians, rasterizer: Rasterizer) -> PreparedScene:
+    return rasterizer.prepare(scene)
+
+
+def pixels(rasterizer: Rasterizer, prepared: PreparedScene, camera: Camera) -> np.ndarray:  # type: ignore[type-arg]
+    with rasterizer.render(prepared, camera) as image:
+        assert isinstance(image, HostImage)
+        return np.array(image.pixels, np.int16)
+
+
+def test_it_is_sound_and_of_the_promised_size(scene: Gaussians) -> None:
+    assert 150_000 <= len(scene) <= 300_000
+    assert scene.sh_degree == DEMO_SOURCE.sh_degree == 1
+    assert scene.nbytes < DEMO_SOURCE.memory_bytes < 1.5 * scene.nbytes
+    for tensor in (scene.means, scene.scales, scene.quaternions, scene.opacities, scene.sh):
+        assert tensor.dtype == torch.float32
+        assert tensor.is_contiguous()
+        assert tensor.isfinite().all()
+    assert scene.scales.min() > 0
+    assert 0 < scene.opacities.min() <= scene.opacities.max() < 1
+    torch.testing.assert_close(scene.quaternions.norm(dim=1), torch.ones(len(scene)))
+
+
+def test_it_is_the_same_every_time(scene: Gaussians) -> None:
+    again = demo_scene()
+    for name in ("means", "scales", "quaternions", "opacities", "sh"):
+        assert torch.equal(getattr(scene, name), getattr(again, name))
+
+
+def test_highlights_move_with_the_viewer(scene: Gaussians) -> None:
+    change = scene.sh[:, 1:].norm(dim=(1, 2))
+    assert (change > 0.02).float().mean() > 0.1
+
+
+@pytest.mark.parametrize(
+    "place",
+    [(-0.9, EYE, -9.7), (0.0, EYE, 8.0), (-5.0, EYE, 0.0), (9.9, EYE, 0.0), (9.9, EYE, 12.3), (0.0, EYE, -12.3)],
+)
+def test_nothing_shines_through_in_any_direction(
+    rasterizer: Rasterizer, prepared: PreparedScene, place: tuple[float, float, float]
+) -> None:
+    assert DEMO_METADATA.camera is not None
+    camera = preview_camera(DEMO_METADATA.camera, DEMO_METADATA.up, 160, 90)
+    for azimuth, elevation in ((0, 0), (90, 0), (180, 0), (270, 0), (45, 60), (225, 60), (0, -40), (180, -40)):
+        view = replace(camera, pose=Pose.from_euler(azimuth, elevation, 0, place))
+        black = pixels(rasterizer, prepared, replace(view, background=(0, 0, 0)))
+        white = pixels(rasterizer, prepared, replace(view, background=(1, 1, 1)))
+        share_of_background = (white - black).max(axis=2) / 255
+        assert np.quantile(share_of_background, 0.999) < 0.1, (azimuth, elevation)
+        assert share_of_background.mean() < 0.01, (azimuth, elevation)
+
+
+def test_the_first_view_is_bright_colourful_and_detailed(rasterizer: Rasterizer, prepared: PreparedScene) -> None:
+    assert DEMO_METADATA.camera is not None
+    picture = pixels(rasterizer, prepared, preview_camera(DEMO_METADATA.camera, DEMO_METADATA.up, 640, 360))
+    assert 90 < picture.mean() < 200
+    assert (picture.max(axis=2) - picture.min(axis=2)).mean() > 25
+    assert (picture.min(axis=2) > 250).mean() < 0.03  # hardly anything is burnt out
+    assert np.abs(np.diff(picture.sum(axis=2), axis=1)).mean() > 6
+
+
+def test_a_visitor_enters_at_eye_height() -> None:
+    assert DEMO_METADATA.camera is not None
+    assert -2 < DEMO_METADATA.camera.position[1] < -1.5
+    assert math.dist(DEMO_METADATA.camera.position, DEMO_METADATA.camera.look_at) > 1
