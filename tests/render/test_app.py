@@ -55,7 +55,7 @@ def models(tmp_path_factory: pytest.TempPathFactory) -> Path:
 async def client(models: Path, tmp_path: Path) -> AsyncIterator[httpx.AsyncClient]:
     services = {"near": ":99", "far": "https://example.org/"}
     settings = RenderSettings(scenes=models, cache=tmp_path / "cache", services=services)
-    async with RenderService.open(settings, create_rasterizer("cpu", tmp_path)) as service:
+    async with RenderService.open(settings, create_rasterizer("cpu")) as service:
         transport = httpx.ASGITransport(create_app(service), raise_app_exceptions=False)
         async with httpx.AsyncClient(transport=transport, base_url="http://localhost:8080") as client:
             yield client

@@ -105,12 +105,11 @@ def preview(
     from tigas_render.scenes.ply import load_ply
     from tigas_render.scenes.preview import preview_camera
     from tigas_render.scenes.start_camera import derive_camera
-    from tigas_render.settings import cache_directory
 
     with _explained():
         gaussians = load_ply(ply)
         start = derive_camera(gaussians.means, gaussians.opacities, gaussians.scales, DEFAULT_UP)
-        rasterizer = create_rasterizer("auto", cache_directory())
+        rasterizer = create_rasterizer("auto")
         camera = preview_camera(start, DEFAULT_UP, width, height)
         with rasterizer.render(rasterizer.prepare(gaussians), camera) as picture:
             image.write_bytes(picture.encode("png" if image.suffix.lower() == ".png" else "jpeg", 90))

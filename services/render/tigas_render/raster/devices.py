@@ -6,23 +6,25 @@ from importlib.util import find_spec
 from pathlib import Path
 
 from tigas_render.raster.base import Rasterizer
+from tigas_render.settings import cache_directory
 
 GPU_PACKAGES = ("cuda.core", "cuda.pathfinder")
 """What the extra `gpu` installs."""
 
 
-def create_rasterizer(device: str, cache: Path) -> Rasterizer:
+def create_rasterizer(device: str, cache: Path | None = None) -> Rasterizer:
     """The rasteriser for `cpu`, `cuda`, `cuda:N` or `auto`, which takes a GPU if there is one that can be used.
 
-    cache: a directory for compiled kernels. Raises ValueError, with one sentence, if the machine has no such device.
+    cache: a directory for compiled kernels; the user's own by default.
+    Raises ValueError, with one sentence, if the machine has no such device.
     """
     if device != "cpu":
         missing = why_no_cuda()
         if missing is None:
-            from tigas_render.raster.cuda import CudaRasterizer
+            from tigas_render.raster.cuda.rasterizer import CudaRasterizer
 
             try:
-                return CudaRasterizer(_index(device), cache)
+                return CudaRasterizer(_index(device), cache or cache_directory())
             except ValueError:
                 if device != "auto":
                     raise

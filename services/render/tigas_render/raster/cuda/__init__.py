@@ -1,5 +1,1 @@
-"""The CUDA tile rasteriser: `rasterizer` drives it, `kernels` holds the CUDA C++, which is compiled at first use."""
-
-from tigas_render.raster.cuda.rasterizer import CudaRasterizer
-
-__all__ = ["CudaRasterizer"]
+"""The CUDA tile rasteriser: `rasterizer` drives it, `kernels` holds the CUDA C++, compiled when it is first used."""

@@ -5,8 +5,10 @@ from __future__ import annotations
 import hashlib
 import tempfile
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from cuda.core import ObjectCode, Program, ProgramOptions
+if TYPE_CHECKING:
+    from cuda.core import ObjectCode
 
 KERNELS = Path(__file__).parent / "kernels"
 """Where the sources lie: `.cu` files have kernels, `.cuh` files what they share."""
@@ -17,6 +19,8 @@ def load_kernels(arch: str, cache: Path) -> ObjectCode:
 
     Raises RuntimeError, from cuda.core, if the sources do not compile. A cache that cannot be written is no error.
     """
+    from cuda.core import ObjectCode
+
     path = cached_path(arch, cache)
     try:
         return ObjectCode.from_cubin(path.read_bytes())
@@ -28,6 +32,8 @@ def load_kernels(arch: str, cache: Path) -> ObjectCode:
 
 def compile_kernels(arch: str) -> bytes:
     """Machine code for an architecture; needs no GPU."""
+    from cuda.core import Program, ProgramOptions
+
     units = "".join(f'#include "{path.name}"\n' for path in sorted(KERNELS.glob("*.cu")))
     options = ProgramOptions(name="tigas.cu", arch=arch, std="c++17", use_fast_math=True, include_path=str(KERNELS))
     return bytes(Program(units, "c++", options).compile("cubin").code)

@@ -44,9 +44,9 @@ class Workspace:
         """stages: the kernels of a frame in their order, by the side of a tile."""
         self._device = device
         self._stages = stages
-        self._torch_stream = torch.cuda.Stream(device)
-        self.stream = Stream.from_handle(self._torch_stream.cuda_stream)
-        self._encoder = JpegEncoder(library, self._torch_stream.cuda_stream)
+        self.torch_stream = torch.cuda.Stream(device)  # type: ignore[no-untyped-call]
+        self.stream: Stream = Stream.from_handle(self.torch_stream.cuda_stream)
+        self._encoder = JpegEncoder(library, self.torch_stream.cuda_stream)
         self._parameters = ctypes.create_string_buffer(LAYOUT.size)
         self._status = torch.zeros(1, dtype=torch.int32, pin_memory=True)
         self._needed = ctypes.c_uint32.from_address(self._status.data_ptr())
@@ -62,6 +62,11 @@ class Workspace:
     def nbytes(self) -> int:
         """Bytes of the buffers on the device, without the encoder's own."""
         return sum(buffer.nbytes for buffer in self._buffers.values())
+
+    @property
+    def entries(self) -> int:
+        """Entries of all lists of the last frame that was finished."""
+        return self._needed.value
 
     def start(self, scene: CudaScene, camera: Camera, format: FrameFormat) -> None:
         """Queue one frame. Raises torch.cuda.OutOfMemoryError if the buffers have to grow and cannot."""
@@ -106,7 +111,7 @@ class Workspace:
     def copy_pixels(self, length: int) -> None:
         """Queue the copy of the first bytes of the pixels to the host."""
         output = self._host_output(length)
-        with torch.cuda.stream(self._torch_stream):
+        with torch.cuda.stream(self.torch_stream):
             output[:length].copy_(self._buffers["pixels"][:length], non_blocking=True)
 
     def output(self, length: int) -> bytes:
