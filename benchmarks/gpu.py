@@ -9,9 +9,7 @@ what people would use otherwise, in the same run: gsplat, a copy to the host, an
 from __future__ import annotations
 
 import argparse
-import asyncio
 import io
-import itertools
 import json
 import math
 import os
@@ -20,21 +18,17 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import AsyncIterator, Callable
-from contextlib import asynccontextmanager
-from dataclasses import dataclass
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 import torch
 import uvloop
+from gpu_load import View, throughput
 from PIL import Image as PillowImage
 
-from tigas_common.errors import Superseded
 from tigas_common.pose import Intrinsics, Pose
-from tigas_common.wire import DEFAULT_LADDER, RenderRequest
-from tigas_render.engine import Engine
-from tigas_render.metrics import EngineMetrics
 from tigas_render.raster.base import Camera, PreparedScene, Rasterizer
 from tigas_render.raster.cpu import CpuRasterizer
 from tigas_render.raster.cuda.rasterizer import CudaRasterizer
@@ -56,18 +50,6 @@ QUALITY = 90
 REPEATS = 300
 COPIES = 6
 """How many times the densified scene repeats each Gaussian."""
-
-
-@dataclass(frozen=True)
-class View:
-    """Where a scene is looked at from."""
-
-    pose: Pose
-    vertical_fov: float = 60.0
-
-    def camera(self, width: int, height: int) -> Camera:
-        focal = height / 2 / math.tan(math.radians(self.vertical_fov) / 2)
-        return Camera(self.pose, Intrinsics(focal, focal, width / 2, height / 2, width, height))
 
 
 def main() -> None:
@@ -101,7 +83,7 @@ def main() -> None:
     print("\nStages, microseconds, each kernel launched by itself")
     stages(rasterizer, prepared, {name: view for name, (_, view) in scenes.items()}, bandwidth)
     name = "flowers" if "flowers" in scenes else "courtyard"
-    print(f"\nEngine, {name}, profile 1 ({DEFAULT_LADDER[1].width} x {DEFAULT_LADDER[1].height})")
+    print(f"\nEngine, {name}, profile 1")
     uvloop.run(throughput(rasterizer, prepared[name], scenes[name][1], arguments.seconds))
 
 
@@ -260,20 +242,18 @@ def copy_bandwidth() -> float:
     """Bytes a second of a large copy on the device, read and written."""
     a = torch.empty(1 << 30, dtype=torch.uint8, device="cuda").random_()
     b = torch.empty_like(a)
-    return 2 * a.nbytes / (1e-6 * statistics.median(device_times(lambda: b.copy_(a), torch.cuda.current_stream(), 20)))
+    stream = torch.cuda.current_stream()
+    return 2 * a.nbytes / (1e-6 * statistics.median(device_time(lambda: b.copy_(a), stream) for _ in range(20)))
 
 
-def device_times(work: Callable[[], object], stream: torch.cuda.Stream, repeats: int = 100) -> list[float]:
+def device_time(work: Callable[[], object], stream: torch.cuda.Stream) -> float:
     """Microseconds that the device spends on what `work` queues on a stream."""
-    found = []
-    for _ in range(repeats + 3):
-        start, end = torch.cuda.Event(enable_timing=True), torch.cuda.Event(enable_timing=True)
-        start.record(stream)
-        work()
-        end.record(stream)
-        end.synchronize()
-        found.append(1000 * start.elapsed_time(end))
-    return found[3:]
+    start, end = torch.cuda.Event(enable_timing=True), torch.cuda.Event(enable_timing=True)
+    start.record(stream)
+    work()
+    end.record(stream)
+    end.synchronize()
+    return 1000 * start.elapsed_time(end)
 
 
 def stages(
@@ -281,132 +261,35 @@ def stages(
 ) -> None:
     for name, scene in prepared.items():
         for width, height in (RUNGS[0], RUNGS[3]):
-            camera = views[name].camera(width, height)
-            with rasterizer.render(scene, camera) as image:
-                image.encode("jpeg", QUALITY)
-            workspace = rasterizer.take_workspace()
-            workspace.start(scene, camera, "jpeg")
-            while not workspace.finish():
-                workspace.start(scene, camera, "jpeg")
-            side = workspace.prepare(scene, camera, "jpeg").side
-            spent: dict[str, list[float]] = {}
-            for _ in range(100):
-                for stage in rasterizer.stages[side]:
-                    took = device_times(lambda s=stage: workspace.launch_stage(s), workspace.torch_stream, -2)
-                    spent.setdefault(stage.name, []).extend(took)
-            whole = device_times(lambda: workspace.start(scene, camera, "jpeg"), workspace.torch_stream)
-            codec = timed(lambda: workspace.encode_jpeg(width, height, QUALITY), 100)
-            line = "  ".join(f"{stage} {statistics.median(times):.0f}" for stage, times in spent.items())
-            print(
-                f"  {name:12} {width}x{height}: {line}  all of them as a graph {statistics.median(whole):.0f};", end=""
-            )
-            print(f" nvJPEG {1000 * statistics.median(codec):.0f}; {workspace.entries} entries, tiles of {side}")
-            if height == RUNGS[0][1]:
-                read = scene.padded * (28 + 2 * scene.sh.shape[0] * 4)
-                projected = read + scene.padded * 44
-                binned = scene.padded * 44 + 8 * workspace.entries
-                for stage, size in (("project", projected), ("bin", binned)):
-                    rate = size / (1e-6 * statistics.median(spent[stage]))
-                    print(f"  {'':12} {stage}: {size / 1e6:.0f} MB at least, {rate / 1e12:.2f} TB/s", end="")
-                    print(f" = {100 * rate / bandwidth:.0f} % of the copy's")
-            rasterizer.give_back(workspace)
+            stages_of_one(rasterizer, name, scene, views[name].camera(width, height), bandwidth)
 
 
-# --- throughput ---
-
-
-@dataclass(frozen=True)
-class OneScene:
-    """The engine's view of the only scene."""
-
-    prepared: PreparedScene
-    background: tuple[float, float, float] = (0.0, 0.0, 0.0)
-
-    @asynccontextmanager
-    async def use(self, scene_id: str) -> AsyncIterator[OneScene]:
-        yield self
-
-    def evict(self) -> bool:
-        return False
-
-
-async def throughput(rasterizer: CudaRasterizer, scene: CudaScene, view: View, seconds: float) -> None:
-    requests = itertools.cycle(orbit(view))
-    for clients in (8, 32, 64):
-        async with Engine(rasterizer, OneScene(scene), DEFAULT_LADDER, EngineMetrics(), time.perf_counter) as engine:
-            done, _ = await closed_loop(engine, requests, clients, seconds)
-            print(f"  {clients} clients, each asks again at once: {done / seconds:.0f} frames/s")
-    best = done / seconds
-    for share in (0.5, 0.8):
-        async with Engine(rasterizer, OneScene(scene), DEFAULT_LADDER, EngineMetrics(), time.perf_counter) as engine:
-            times, lost = await open_loop(engine, requests, share * best, seconds)
-            print(
-                f"  {share:.0%} of that, {share * best:.0f} frames/s from 200 clients: p50 {times[len(times) // 2]:.2f} ms,",
-                end="",
-            )
-            print(
-                f" p95 {times[int(0.95 * len(times))]:.2f} ms, p99 {times[int(0.99 * len(times))]:.2f} ms, {lost} superseded"
-            )
-
-
-def orbit(view: View) -> list[RenderRequest]:
-    """Views around the start, a little to each side."""
-    intrinsics = view.camera(1280, 720).intrinsics
-    forward = tuple(row[2] for row in view.pose.rotation)
-    azimuth = math.degrees(math.atan2(forward[0], forward[2]))
-    elevation = math.degrees(math.asin(-forward[1]))
-    return [
-        RenderRequest(
-            scene="scene", azimuth=azimuth + 5 * math.sin(step), elevation=elevation + 3 * math.cos(step),
-            translation=view.pose.position, fx=intrinsics.fx, fy=intrinsics.fy, cx=640.0, cy=360.0,
-            width=1280, height=720, profile=1,
-        )
-        for step in range(100)
-    ]  # fmt: skip
-
-
-async def closed_loop(
-    engine: Engine, requests: itertools.cycle[RenderRequest], clients: int, seconds: float
-) -> tuple[int, float]:
-    """Frames that clients get who ask for the next one as soon as they have one."""
-    end = time.perf_counter() + seconds
-    done = 0
-
-    async def client(name: str) -> None:
-        nonlocal done
-        while time.perf_counter() < end:
-            await engine.submit(name, next(requests))
-            done += 1
-
-    started = time.perf_counter()
-    await asyncio.gather(*(client(f"client {number}") for number in range(clients)))
-    return done, time.perf_counter() - started
-
-
-async def open_loop(
-    engine: Engine, requests: itertools.cycle[RenderRequest], rate: float, seconds: float
-) -> tuple[list[float], int]:
-    """Milliseconds of frames that are asked for at a fixed rate, whether or not the ones before are there."""
-    times: list[float] = []
-    lost = 0
-
-    async def one(client: str, due: float) -> None:
-        nonlocal lost
-        try:
-            await engine.submit(client, next(requests))
-        except Superseded:
-            lost += 1
-        else:
-            times.append(1000 * (time.perf_counter() - due))
-
-    started = time.perf_counter()
-    async with asyncio.TaskGroup() as group:
-        for number in range(int(rate * seconds)):
-            due = started + number / rate
-            while (wait := due - time.perf_counter()) > 0:
-                await asyncio.sleep(wait if wait > 0.001 else 0)
-            group.create_task(one(f"client {number % 200}", due))
-    return sorted(times), lost
+def stages_of_one(rasterizer: CudaRasterizer, name: str, scene: CudaScene, camera: Camera, bandwidth: float) -> None:
+    width, height = camera.intrinsics.width, camera.intrinsics.height
+    with rasterizer.render(scene, camera) as image:
+        image.encode("jpeg", QUALITY)  # the buffers have grown
+    workspace = rasterizer.take_workspace()
+    stream = workspace.torch_stream
+    side = workspace.prepare(scene, camera, "jpeg").side
+    spent: dict[str, list[float]] = {}
+    for _ in range(100):
+        for stage in rasterizer.stages[side]:
+            spent.setdefault(stage.name, []).append(device_time(partial(workspace.launch_stage, stage), stream))
+    median = {stage: statistics.median(times) for stage, times in spent.items()}
+    whole = statistics.median(device_time(lambda: workspace.start(scene, camera, "jpeg"), stream) for _ in range(100))
+    codec = 1000 * statistics.median(timed(lambda: workspace.encode_jpeg(width, height, QUALITY), 100))
+    line = "  ".join(f"{stage} {time:.0f}" for stage, time in median.items())
+    print(f"  {name:12} {width} x {height}: {line}  as a graph {whole:.0f}; nvJPEG {codec:.0f};", end="")
+    print(f" {workspace.entries} entries, tiles of {side}")
+    read = scene.padded * (28 + 8 * scene.sh.shape[0])
+    for stage, size in (
+        ("project", read + scene.padded * 44),
+        ("bin", scene.padded * 44 + 8 * workspace.entries),
+    ):
+        rate = size / (1e-6 * median[stage])
+        print(f"  {'':12} {stage}: {size / 1e6:.0f} MB if all is visible, {rate / 1e12:.2f} TB/s,", end="")
+        print(f" {100 * rate / bandwidth:.0f} % of the copy's")
+    rasterizer.give_back(workspace)
 
 
 if __name__ == "__main__":
