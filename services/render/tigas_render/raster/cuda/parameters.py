@@ -12,7 +12,7 @@ from tigas_render.raster.base import Camera
 from tigas_render.raster.cuda.layout import TileLayout
 from tigas_render.raster.cuda.scene import CHUNK, CudaScene
 
-LAYOUT: Final = struct.Struct("=21Q6I4i25f4x")
+LAYOUT: Final = struct.Struct("=22Q6I4i25f4x")
 """Pointers; padded, chunks, capacity, tiles, tiles_x, slices; width, height, format, sh_coefficients; the floats."""
 FORMATS: Final[dict[FrameFormat, int]] = {"png": 0, "jpeg": 1, "yuv420p": 2}
 """How the blending kernel lays out pixels: RGB, JPEG's planes, video's planes."""

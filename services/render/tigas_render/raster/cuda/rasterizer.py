@@ -26,7 +26,7 @@ from tigas_render.scenes.gaussians import Gaussians
 
 SIDES = (8, 16)
 """Tiles' sides that there are kernels for."""
-KERNELS = ("begin", "place", *(f"{stage}_{side}" for side in SIDES for stage in ("project", "bin", "blend")))
+KERNELS = ("begin", "place", *(f"{stage}_{side}" for side in SIDES for stage in ("project", "large", "bin", "blend")))
 
 
 class CudaRasterizer(Rasterizer):

@@ -23,7 +23,7 @@ FIRST_CAPACITY = 1 << 21
 # As in frame.cuh.
 DEPTH_BINS = 8192
 MAX_SEGMENTS = 64
-PROGRESS_BYTES = 4 * (DEPTH_BINS + 5 + MAX_SEGMENTS)
+PROGRESS_BYTES = 4 * (DEPTH_BINS + 6 + MAX_SEGMENTS)
 ENTRIES_PER_PARTIAL = 512
 """Capacity of the lists, over the number of partial pictures that there is room for."""
 
@@ -85,6 +85,7 @@ class Workspace:
             ("depths", 4 * scene.padded),
             ("boxes", 8 * scene.padded),
             ("chosen", 4 * (scene.padded // CHUNK)),
+            ("large", 4 * scene.padded),
             ("slice_of", DEPTH_BINS),
             ("counts", lists),
             ("starts", lists),
@@ -187,6 +188,7 @@ def make_stages(device: Device, kernels: dict[str, Kernel], side: int) -> tuple[
     return (
         Stage("begin", kernels["begin"], LaunchConfig(grid=2 * processors, block=CHUNK)),
         stage("project", kernels[f"project_{side}"], CHUNK),
+        stage("large", kernels[f"large_{side}"], CHUNK),
         stage("place", kernels["place"], CHUNK),
         stage("bin", kernels[f"bin_{side}"], CHUNK),
         stage("blend", kernels[f"blend_{side}"], 256),

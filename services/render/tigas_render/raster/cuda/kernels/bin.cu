@@ -64,34 +64,36 @@ extern "C" __global__ void __launch_bounds__(CHUNK) place(const Frame* frame) {
     }
 }
 
+__device__ __forceinline__ void write_entry(const Frame& f, u32 at, float depth, u32 i) {
+    if (at < f.capacity) f.entries[at] = (u64)__float_as_uint(depth) << 32 | i;
+}
+
 template <int TILE>
 __device__ __forceinline__ void bin_all(const Frame* frame) {
     __shared__ Frame f;
-    __shared__ TileWork work;
+    __shared__ Staged staged[CHUNK];
     for (int word = threadIdx.x; word < FRAME_WORDS; word += CHUNK) ((u32*)&f)[word] = ((const u32*)frame)[word];
     __syncthreads();
     if (blockIdx.x == 0 && threadIdx.x == 0) f.status[0] = f.progress->entries;
     u32 chosen = f.progress->chosen;
     int lane = threadIdx.x & 31;
+    for_each_large<TILE>(f, [&](bool hit, u32 list, u32 i, float depth) {
+        if (hit) write_entry(f, atomicAdd(&f.ends[list], 1), depth, i);
+    });
     for (u32 k = blockIdx.x; k < chosen; k += gridDim.x) {
-        u32 chunk = f.chosen[k], i = chunk * CHUNK + threadIdx.x;
+        u32 i = f.chosen[k] * CHUNK + threadIdx.x;
         ushort4 box = f.boxes[i];
-        Splat splat = {};
+        float4 s0, s1;
         float depth = 0;
-        u32 slice = 0;
-        if (box.z) {
-            float4 s0 = f.splats[2 * i], s1 = f.splats[2 * i + 1];
-            splat = {s0.x, s0.y, s0.z, s0.w, s1.x, s1.y};
-            depth = f.depths[i], slice = f.slice_of[depth_bin(depth)];
-        }
-        for_each_tile<TILE>(f, splat, box, slice, depth, work, [&](bool hit, u32 list, u32 owner, float its_depth) {
+        if (box.z) s0 = f.splats[2 * i], s1 = f.splats[2 * i + 1], depth = f.depths[i];
+        for_each_tile<TILE>(f, s0, s1, box, depth, staged + (threadIdx.x & ~31), [&](bool hit, u32 list, u32 owner, float its_depth) {
             // lanes with the same list take their places together
             u32 peers = __match_any_sync(ALL, hit ? list : ALL);
             int leader = __ffs(peers) - 1;
             u32 at = 0;
             if (hit && leader == lane) at = atomicAdd(&f.ends[list], __popc(peers));
             at = __shfl_sync(ALL, at, leader) + __popc(peers & ((1u << lane) - 1));
-            if (hit && at < f.capacity) f.entries[at] = (u64)__float_as_uint(its_depth) << 32 | (chunk * CHUNK + owner);
+            if (hit) write_entry(f, at, its_depth, i - lane + owner);
         });
     }
 }

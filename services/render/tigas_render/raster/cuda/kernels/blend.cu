@@ -280,7 +280,7 @@ __device__ __forceinline__ void blend_all(const Frame* frame) {
     for (int word = threadIdx.x; word < FRAME_WORDS; word += THREADS) ((u32*)&f)[word] = ((const u32*)frame)[word];
     __syncthreads();
     if (threadIdx.x < MAX_SEGMENTS) s.queued[threadIdx.x] = f.progress->queued[threadIdx.x];
-    if (blockIdx.x == 0 && threadIdx.x == 0) f.progress->chosen = 0;  // for the next frame
+    if (blockIdx.x == 0 && threadIdx.x == 0) f.progress->chosen = f.progress->large = 0;  // for the next frame
     while (true) {
         if (threadIdx.x == 0) s.ticket = atomicAdd(&f.progress->taken, 1);
         __syncthreads();

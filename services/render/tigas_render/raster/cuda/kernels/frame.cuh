@@ -37,6 +37,7 @@ struct Progress {
     u32 depths[DEPTH_BINS];  // chosen chunks by the depth of their centres
     u32 culled;    // blocks that have finished culling
     u32 chosen;    // chunks that may be visible
+    u32 large;     // visible Gaussians with many tiles
     u32 entries;   // of all lists together
     u32 partials;  // of tiles that are blended in several segments
     u32 taken;     // segments that were taken up for blending
@@ -57,6 +58,7 @@ struct Frame {
     float* depths;          // [padded]
     ushort4* boxes;         // [padded] tiles that a Gaussian may touch: first x, first y, columns, rows
     u32* chosen;            // [chunks] the chunks that may be visible
+    u32* large;             // [padded] visible Gaussians with many tiles
     u8* slice_of;           // [DEPTH_BINS] the slice of each depth bin
     u32* counts;            // [tiles, slices] entries of each list
     u32* starts;            // [tiles, slices] where each list begins

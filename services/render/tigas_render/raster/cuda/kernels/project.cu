@@ -41,9 +41,9 @@ __device__ __forceinline__ Colour shade(const Frame& f, u32 i, float x, float y,
     return {fmaxf(colour[0], 0.f), fmaxf(colour[1], 0.f), fmaxf(colour[2], 0.f)};
 }
 
-// EWA projection of Gaussian i. False if it cannot be drawn; then nothing is written.
+// EWA projection of Gaussian i. False if it cannot be drawn.
 template <int TILE>
-__device__ bool project_one(const Frame& f, u32 i, Splat& splat, ushort4& box) {
+__device__ bool project_one(const Frame& f, u32 i, float4& s0, float4& s1, ushort4& box, float& depth) {
     float wx = f.means[i] - f.eye[0], wy = f.means[f.padded + i] - f.eye[1], wz = f.means[2 * f.padded + i] - f.eye[2];
     const float* R = f.rotation;
     float z = R[6] * wx + R[7] * wy + R[8] * wz;
@@ -52,9 +52,9 @@ __device__ bool project_one(const Frame& f, u32 i, Splat& splat, ushort4& box) {
     uint4 shape = f.shapes[i];
     float log_alpha = log2f((shape.y >> 16) * (1.f / 65535));
     if (!(log_alpha >= LOG2_ALPHA_MIN)) return false;
-    float s0 = exp2f(f.scale_low + f.scale_step * (shape.x & 0xffff));
-    float s1 = exp2f(f.scale_low + f.scale_step * (shape.x >> 16));
-    float s2 = exp2f(f.scale_low + f.scale_step * (shape.y & 0xffff));
+    float scale0 = exp2f(f.scale_low + f.scale_step * (shape.x & 0xffff));
+    float scale1 = exp2f(f.scale_low + f.scale_step * (shape.x >> 16));
+    float scale2 = exp2f(f.scale_low + f.scale_step * (shape.y & 0xffff));
     float qw = (short)shape.z, qx = (short)(shape.z >> 16), qy = (short)shape.w, qz = (short)(shape.w >> 16);
     float q = 2 / (qw * qw + qx * qx + qy * qy + qz * qz);  // any length will do
 
@@ -71,10 +71,10 @@ __device__ bool project_one(const Frame& f, u32 i, Splat& splat, ushort4& box) {
     float y0 = q * (qx * qy + qw * qz), y1 = 1 - q * (qx * qx + qz * qz), y2 = q * (qy * qz - qw * qx);
     float z0 = q * (qx * qz - qw * qy), z1 = q * (qy * qz + qw * qx), z2 = 1 - q * (qx * qx + qy * qy);
     // half of J W R S: its product with its own transpose is the projected covariance
-    float p0 = s0 * (ax * x0 + ay * y0 + az * z0), p1 = s1 * (ax * x1 + ay * y1 + az * z1);
-    float p2 = s2 * (ax * x2 + ay * y2 + az * z2);
-    float q0 = s0 * (bx * x0 + by * y0 + bz * z0), q1 = s1 * (bx * x1 + by * y1 + bz * z1);
-    float q2 = s2 * (bx * x2 + by * y2 + bz * z2);
+    float p0 = scale0 * (ax * x0 + ay * y0 + az * z0), p1 = scale1 * (ax * x1 + ay * y1 + az * z1);
+    float p2 = scale2 * (ax * x2 + ay * y2 + az * z2);
+    float q0 = scale0 * (bx * x0 + by * y0 + bz * z0), q1 = scale1 * (bx * x1 + by * y1 + bz * z1);
+    float q2 = scale2 * (bx * x2 + by * y2 + bz * z2);
     float cxx = p0 * p0 + p1 * p1 + p2 * p2 + BLUR, cyy = q0 * q0 + q1 * q1 + q2 * q2 + BLUR;
     float cxy = p0 * q0 + p1 * q1 + p2 * q2;
     float determinant = cxx * cyy - cxy * cxy;
@@ -91,38 +91,60 @@ __device__ bool project_one(const Frame& f, u32 i, Splat& splat, ushort4& box) {
     if (left >= right || top >= bottom) return false;
     int tx0 = left / TILE, ty0 = top / TILE;
     box = make_ushort4(tx0, ty0, (right - 1) / TILE - tx0 + 1, (bottom - 1) / TILE - ty0 + 1);
-    splat = {u, v, scale * cyy, -2 * scale * cxy, scale * cxx, log_alpha};
     float length = rsqrtf(wx * wx + wy * wy + wz * wz);
     Colour colour = shade(f, i, wx * length, wy * length, wz * length);
     u32 red_green = to_half(fminf(colour.r, 6e4f)) | to_half(fminf(colour.g, 6e4f)) << 16;
     u32 blue = to_half(fminf(colour.b, 6e4f));
-    f.splats[2 * i] = make_float4(u, v, splat.a, splat.b);
-    f.splats[2 * i + 1] = make_float4(splat.c, log_alpha, __uint_as_float(red_green), __uint_as_float(blue));
-    f.depths[i] = z;
+    s0 = make_float4(u, v, scale * cyy, -2 * scale * cxy);
+    s1 = make_float4(scale * cxx, log_alpha, __uint_as_float(red_green), __uint_as_float(blue));
+    depth = z;
     return true;
+}
+
+// One more entry for a list; lanes with the same list send one addition.
+__device__ __forceinline__ void count_entry(const Frame& f, bool hit, u32 list) {
+    u32 peers = __match_any_sync(ALL, hit ? list : ALL);
+    if (hit && __ffs(peers) - 1 == (threadIdx.x & 31)) atomicAdd(&f.counts[list], __popc(peers));
 }
 
 template <int TILE>
 __device__ __forceinline__ void project_all(const Frame* frame) {
     __shared__ Frame f;
-    __shared__ TileWork work;
+    __shared__ Staged staged[CHUNK];
     for (int word = threadIdx.x; word < FRAME_WORDS; word += CHUNK) ((u32*)&f)[word] = ((const u32*)frame)[word];
     __syncthreads();
     u32 chosen = f.progress->chosen;
     for (u32 at = blockIdx.x; at < chosen; at += gridDim.x) {
         u32 i = f.chosen[at] * CHUNK + threadIdx.x;
-        Splat splat = {};
-        ushort4 box = make_ushort4(0, 0, 0, 0);
-        u32 slice = 0;
-        if (project_one<TILE>(f, i, splat, box)) slice = f.slice_of[depth_bin(f.depths[i])];
+        float4 s0, s1;
+        float depth;
+        ushort4 box;
+        if (project_one<TILE>(f, i, s0, s1, box, depth)) {
+            f.splats[2 * i] = s0, f.splats[2 * i + 1] = s1;
+            f.depths[i] = depth;
+            if (is_large(box)) f.large[atomicAdd(&f.progress->large, 1)] = i;
+        } else {
+            box = make_ushort4(0, 0, 0, 0);
+        }
         f.boxes[i] = box;
-        for_each_tile<TILE>(f, splat, box, slice, 0, work, [&](bool hit, u32 list, u32, float) {
-            // lanes with the same list send one addition
-            u32 peers = __match_any_sync(ALL, hit ? list : ALL);
-            if (hit && __ffs(peers) - 1 == (threadIdx.x & 31)) atomicAdd(&f.counts[list], __popc(peers));
-        });
+        for_each_tile<TILE>(f, s0, s1, box, depth, staged + (threadIdx.x & ~31),
+                            [&](bool hit, u32 list, u32, float) { count_entry(f, hit, list); });
     }
+}
+
+// Counts the entries of the large Gaussians, when all are known.
+template <int TILE>
+__device__ __forceinline__ void count_large(const Frame* frame) {
+    __shared__ Frame f;
+    for (int word = threadIdx.x; word < FRAME_WORDS; word += CHUNK) ((u32*)&f)[word] = ((const u32*)frame)[word];
+    __syncthreads();
+    // a Gaussian is in a list once, so its lanes never share one
+    for_each_large<TILE>(f, [&](bool hit, u32 list, u32, float) {
+        if (hit) atomicAdd(&f.counts[list], 1);
+    });
 }
 
 extern "C" __global__ void __launch_bounds__(CHUNK) project_16(const Frame* frame) { project_all<16>(frame); }
 extern "C" __global__ void __launch_bounds__(CHUNK) project_8(const Frame* frame) { project_all<8>(frame); }
+extern "C" __global__ void __launch_bounds__(CHUNK) large_16(const Frame* frame) { count_large<16>(frame); }
+extern "C" __global__ void __launch_bounds__(CHUNK) large_8(const Frame* frame) { count_large<8>(frame); }
