@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-SMALL_TILE_PIXELS = 640 * 360
-"""Pictures of at most so many pixels get small tiles: with large ones they would keep few multiprocessors busy, and
-each tile's list would be long. Measured, see docs/gpu.md."""
+SMALL_PICTURE = 640 * 360
+"""Pixels. A picture of at most so many gets small tiles, as large ones would keep few multiprocessors busy; so does one
+with more Gaussians than pixels, as those are small themselves. Measured, see docs/gpu.md."""
 
 MAX_SLICES = 256
 """A slice's number has 8 bits."""
@@ -31,9 +31,9 @@ class TileLayout:
         return self.columns * self.rows
 
 
-def tile_layout(width: int, height: int) -> TileLayout:
-    """The tiles of a picture of so many pixels."""
-    side = 8 if width * height <= SMALL_TILE_PIXELS else 16
+def tile_layout(width: int, height: int, gaussians: int) -> TileLayout:
+    """The tiles of a picture of so many pixels and Gaussians."""
+    side = 8 if width * height <= max(SMALL_PICTURE, gaussians) else 16
     columns, rows = -(-width // side), -(-height // side)
     slices = MAX_SLICES
     while slices > 4 and slices * columns * rows > MAX_LISTS:

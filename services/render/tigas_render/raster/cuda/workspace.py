@@ -23,8 +23,8 @@ FIRST_CAPACITY = 1 << 21
 # As in frame.cuh.
 DEPTH_BINS = 8192
 MAX_SEGMENTS = 64
-PROGRESS_BYTES = 4 * (DEPTH_BINS + 6 + MAX_SEGMENTS)
-ENTRIES_PER_PARTIAL = 512
+PROGRESS_BYTES = 4 * (DEPTH_BINS + 7 + MAX_SEGMENTS)
+ENTRIES_PER_PARTIAL = 256
 """Capacity of the lists, over the number of partial pictures that there is room for."""
 
 
@@ -77,7 +77,7 @@ class Workspace:
     def prepare(self, scene: CudaScene, camera: Camera, format: FrameFormat) -> TileLayout:
         """Make room for a frame and write its parameters, but launch nothing."""
         k = camera.intrinsics
-        layout = tile_layout(k.width, k.height)
+        layout = tile_layout(k.width, k.height, scene.padded)
         capacity = self._buffers["entries"].nbytes // 8
         lists = 4 * layout.tiles * layout.slices
         sizes = (

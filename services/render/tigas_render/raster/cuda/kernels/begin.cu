@@ -95,5 +95,8 @@ extern "C" __global__ void __launch_bounds__(CHUNK) begin(const __grid_constant_
     if (!last_block) return;
     __threadfence();
     cut_slices(f, warps);
-    if (threadIdx.x == 0) f.progress->culled = f.progress->entries = f.progress->partials = 0;
+    if (threadIdx.x == 0) {
+        f.progress->culled = f.progress->entries = f.progress->partials = 0;
+        f.progress->segment = min(max(f.progress->chosen * CHUNK / MIN_SEGMENT, MIN_SEGMENT), MAX_SEGMENT);
+    }
 }

@@ -2,11 +2,11 @@
 #include "frame.cuh"
 #include "tiles.cuh"
 
-// Queues the segments of each lane's tile, so that all tiles' first ones are blended first, then all second ones, and so
+// Queues the segments of each lane's tile, so that all first ones are blended first, then all second ones, and so
 // on: when a later one is taken up, it is mostly known whether light still reaches it.
 __device__ __forceinline__ void queue_tiles(const Frame& f, u32 tile, u32 entries) {
     int lane = threadIdx.x & 31;
-    u32 segments = entries ? (entries - 1) / segment_length(entries) + 1 : 0;
+    u32 segments = entries ? (entries - 1) / segment_length(*f.progress, entries) + 1 : 0;
     u32 votes = __ballot_sync(ALL, segments > 0), base = 0;
     if (lane == 0 && votes) base = atomicAdd(&f.progress->queued[0], __popc(votes));
     base = __shfl_sync(ALL, base, 0);
@@ -86,7 +86,7 @@ __device__ __forceinline__ void bin_all(const Frame* frame) {
         float4 s0, s1;
         float depth = 0;
         if (box.z) s0 = f.splats[2 * i], s1 = f.splats[2 * i + 1], depth = f.depths[i];
-        for_each_tile<TILE>(f, s0, s1, box, depth, staged + (threadIdx.x & ~31), [&](bool hit, u32 list, u32 owner, float its_depth) {
+        auto enter = [&](bool hit, u32 list, u32 owner, float its_depth) {
             // lanes with the same list take their places together
             u32 peers = __match_any_sync(ALL, hit ? list : ALL);
             int leader = __ffs(peers) - 1;
@@ -94,7 +94,8 @@ __device__ __forceinline__ void bin_all(const Frame* frame) {
             if (hit && leader == lane) at = atomicAdd(&f.ends[list], __popc(peers));
             at = __shfl_sync(ALL, at, leader) + __popc(peers & ((1u << lane) - 1));
             if (hit) write_entry(f, at, its_depth, i - lane + owner);
-        });
+        };
+        for_each_tile<TILE>(f, s0, s1, box, depth, staged + (threadIdx.x & ~31), enter);
     }
 }
 

@@ -296,7 +296,7 @@ __device__ __forceinline__ void blend_all(const Frame* frame) {
         }
         u32 tile = f.queue[(u64)segment * f.tiles + ticket - ahead];
         u64 list = (u64)tile * f.slices;
-        u32 first = f.starts[list], n = f.ends[list + f.slices - 1] - first, length = segment_length(n);
+        u32 first = f.starts[list], n = f.ends[list + f.slices - 1] - first, length = segment_length(*f.progress, n);
         u32 segments = (n - 1) / length + 1;
         float* lights = f.lights + (u64)tile * MAX_SEGMENTS;
 
@@ -329,7 +329,7 @@ __device__ __forceinline__ void blend_all(const Frame* frame) {
         }
         u32 slot = f.partial_of[tile];
         float4* partials = f.partials + (u64)slot * AREA + blender.region * 32 + blender.lane;
-        bool room = slot + segments <= f.capacity / 512;  // or the lists have overflowed, and the picture is void
+        bool room = slot + segments <= f.capacity / 256;  // or the lists have overflowed, and the picture is void
         if (blender.part == 0 && room) partials[segment * AREA] = make_float4(pixel.r, pixel.g, pixel.b, pixel.light);
         u32 most = __reduce_max_sync(ALL, blender.inside ? __float_as_uint(pixel.light) : 0);
         if (threadIdx.x == 0) s.high = 0;
@@ -352,5 +352,5 @@ __device__ __forceinline__ void blend_all(const Frame* frame) {
     }
 }
 
-extern "C" __global__ void __launch_bounds__(THREADS, 4) blend_16(const Frame* frame) { blend_all<16>(frame); }
-extern "C" __global__ void __launch_bounds__(THREADS, 4) blend_8(const Frame* frame) { blend_all<8>(frame); }
+extern "C" __global__ void __launch_bounds__(THREADS, 3) blend_16(const Frame* frame) { blend_all<16>(frame); }
+extern "C" __global__ void __launch_bounds__(THREADS, 3) blend_8(const Frame* frame) { blend_all<8>(frame); }

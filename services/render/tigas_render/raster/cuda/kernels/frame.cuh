@@ -27,22 +27,27 @@ __device__ __forceinline__ u32 depth_bin(float depth) {
     return min(max(bin, 0), DEPTH_BINS - 1);
 }
 
-// A tile's entries are blended in segments, side by side: this many each, or more where that would be too many segments.
-constexpr u32 SEGMENT = 1024, MAX_SEGMENTS = 64;
+// A tile's entries are blended in segments, side by side. A scene with few Gaussians needs short ones to keep the whole
+// device busy; long ones cost less in all.
+constexpr u32 MIN_SEGMENT = 512, MAX_SEGMENT = 2048, MAX_SEGMENTS = 64;
 
-__device__ __forceinline__ u32 segment_length(u32 entries) { return max(SEGMENT, (entries - 1) / MAX_SEGMENTS + 1); }
-
-// Counters that the kernels of a frame share. Each frame leaves them zero, but for `entries` and `partials`.
+// Counters that the kernels of a frame share. Each frame leaves the first six members zero; `begin` sets the others.
 struct Progress {
     u32 depths[DEPTH_BINS];  // chosen chunks by the depth of their centres
     u32 culled;    // blocks that have finished culling
     u32 chosen;    // chunks that may be visible
     u32 large;     // visible Gaussians with many tiles
-    u32 entries;   // of all lists together
-    u32 partials;  // of tiles that are blended in several segments
     u32 taken;     // segments that were taken up for blending
     u32 queued[MAX_SEGMENTS];  // tiles that have a first, second, ... segment
+    u32 entries;   // of all lists together
+    u32 partials;  // of tiles that are blended in several segments
+    u32 segment;   // entries in one
 };
+
+// Longer where a tile would have too many of them.
+__device__ __forceinline__ u32 segment_length(const Progress& progress, u32 entries) {
+    return max(progress.segment, (entries - 1) / MAX_SEGMENTS + 1);
+}
 
 enum Format { RGB = 0, JPEG_PLANES = 1, VIDEO_PLANES = 2 };
 
@@ -68,7 +73,7 @@ struct Frame {
     u32* partial_of;        // [tiles] where the partial pictures of a tile's segments begin
     u32* finished;          // [tiles] segments that are blended
     float* lights;          // [tiles, MAX_SEGMENTS] the most light that passes a segment at any pixel; 1 until finished
-    float4* partials;       // [capacity / 512, side²] red, green, blue, light
+    float4* partials;       // [capacity / 256, side²] red, green, blue, light
     u8* pixels;             // RGB [H, W, 3], or three planes
     u32* status;            // pinned, [0]: entries that the frame needed
     Progress* progress;

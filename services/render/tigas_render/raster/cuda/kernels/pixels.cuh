@@ -10,7 +10,9 @@ struct Planes {
 
     __device__ __forceinline__ explicit Planes(int format)
         : video(format == VIDEO_PLANES), kr(video ? 0.2126f : 0.299f), kb(video ? 0.0722f : 0.114f) {}
-    __device__ __forceinline__ float luma(float r, float g, float b) const { return kr * r + (1 - kr - kb) * g + kb * b; }
+    __device__ __forceinline__ float luma(float r, float g, float b) const {
+        return kr * r + (1 - kr - kb) * g + kb * b;
+    }
     __device__ __forceinline__ u8 y(float luma) const { return (u8)(video ? 16.5f + 219.f / 255 * luma : luma + 0.5f); }
     __device__ __forceinline__ u8 cb(float b, float luma) const { return chroma((b - luma) / (1 - kb)); }
     __device__ __forceinline__ u8 cr(float r, float luma) const { return chroma((r - luma) / (1 - kr)); }

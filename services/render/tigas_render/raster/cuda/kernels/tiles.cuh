@@ -62,7 +62,7 @@ __device__ __forceinline__ void for_each_tile(
     __syncwarp();
 }
 
-// Visits each tile that the large Gaussians may touch; a block has one Gaussian at a time. `visit(hit, list, i, depth)`.
+// Visits each tile that the large Gaussians may touch, one Gaussian a block. `visit(hit, list, i, depth)`.
 template <int TILE, class Visit>
 __device__ __forceinline__ void for_each_large(const Frame& f, Visit visit) {
     u32 count = f.progress->large;
@@ -70,7 +70,8 @@ __device__ __forceinline__ void for_each_large(const Frame& f, Visit visit) {
         u32 i = f.large[k];
         ushort4 box = f.boxes[i];
         float depth = f.depths[i];
-        Staged g = {f.splats[2 * i], f.splats[2 * i + 1], 0, f.slice_of[depth_bin(depth)], depth, box.x, box.y, box.z, box.w};
+        u32 slice = f.slice_of[depth_bin(depth)];
+        Staged g = {f.splats[2 * i], f.splats[2 * i + 1], 0, slice, depth, box.x, box.y, box.z, box.w};
         u32 total = (u32)box.z * box.w;
         for (u32 first = 0; first < total; first += CHUNK)
             look<TILE>(f, first + threadIdx.x < total, g, first + threadIdx.x,
