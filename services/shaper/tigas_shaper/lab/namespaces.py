@@ -16,10 +16,11 @@ from __future__ import annotations
 
 import os
 import re
+import signal
 import socket
 import subprocess
 from collections.abc import Iterator, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from typing import Literal
 
@@ -62,6 +63,10 @@ class Lab:
         """Whether its namespaces are there."""
         return self.namespace("gateway") in _namespaces()
 
+    def processes(self, role: Role) -> list[int]:
+        """The processes in a namespace, by their ids."""
+        return [int(pid) for pid in _output("ip", "netns", "pids", self.namespace(role)).split()]
+
     @contextmanager
     def up(self, ports: Sequence[LocalPort] = (), *, host: bool = False) -> Iterator[Lab]:
         """The lab for as long as the context lasts; `host` joins the machine itself to the client's side.
@@ -78,10 +83,12 @@ class Lab:
     def remove(self) -> None:
         """End what runs in its namespaces and remove them, and what leads to them from the host."""
         existing = _namespaces()
-        for namespace in map(self.namespace, ROLES):
+        for role in ROLES:
+            namespace = self.namespace(role)
             if namespace in existing:
-                for pid in _output("ip", "netns", "pids", namespace).split():
-                    subprocess.run(("kill", "-KILL", pid), stderr=subprocess.DEVNULL)
+                for pid in self.processes(role):
+                    with suppress(ProcessLookupError):
+                        os.kill(pid, signal.SIGKILL)
                 subprocess.run(("ip", "netns", "del", namespace), check=True)
         subprocess.run(("nft", "delete", "table", "ip", self._table), stderr=subprocess.DEVNULL)
 
