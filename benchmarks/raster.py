@@ -2,11 +2,10 @@
 
     python benchmarks/raster.py [NAME=PLY …] [--baseline cpu_baseline.py --cameras cameras.json]
 
-Without a scene it takes the built-in courtyard. Every time is the median of the frames. A
-baseline takes turns with ours in the same run; the ratio is between the best frame of each, which other work on the
-machine disturbs least. `--baseline` names a module with `load`, `w2c` and `frame`, and `--cameras` the cameras it renders from
-(name: position, look_at, up; vertical field of view 60 degrees); a scene without a camera there starts where a visitor
-would.
+Without a scene it takes the built-in courtyard. Every time is the median of the frames. A baseline takes turns with
+ours in the same run; the ratio is between the best frame of each, which other work on the machine disturbs least.
+`--baseline` names a module with `load`, `w2c` and `frame`, and `--cameras` the cameras it renders from (name: position,
+look_at, up; vertical field of view 60 degrees); a scene without a camera there starts where a visitor would.
 """
 
 from __future__ import annotations
