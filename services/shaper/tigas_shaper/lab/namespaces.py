@@ -16,6 +16,7 @@ from __future__ import annotations
 
 import os
 import re
+import shutil
 import signal
 import socket
 import subprocess
@@ -25,6 +26,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from tigas_common.errors import StartError
+from tigas_shaper.rights import CAP_NET_ADMIN, CAP_SYS_ADMIN, holds
 
 PREFIX = "tigas-"
 Role = Literal["client", "gateway", "service"]
@@ -32,6 +34,8 @@ ROLES: tuple[Role, ...] = ("client", "gateway", "service")
 HOST_ADDRESS, CLIENT_HOST_ADDRESS = "198.18.0.1", "198.18.0.2"
 CLIENT_ADDRESS, GATEWAY_ADDRESS = "198.18.1.2", "198.18.1.1"
 GATEWAY_SERVICE_ADDRESS, SERVICE_ADDRESS = "198.18.2.1", "198.18.2.2"
+TOOLS = {"ip": "iproute2", "nft": "nftables", "ethtool": "ethtool"}
+"""Commands that the lab runs, and the Debian packages that they are in."""
 _NAME = re.compile(r"[a-z0-9]{1,20}")
 
 
@@ -135,9 +139,11 @@ def sweep(kind: str) -> None:
 
 
 def check_rights() -> None:
-    """Raises StartError if this process cannot make network namespaces."""
-    if os.geteuid() != 0:
+    """Raises StartError if this process cannot make network namespaces, or lacks a tool for it."""
+    if os.geteuid() != 0 or not holds(CAP_NET_ADMIN, CAP_SYS_ADMIN):
         raise StartError("The lab makes network namespaces, which needs root: run it with sudo.")
+    if missing := [package for tool, package in TOOLS.items() if shutil.which(tool) is None]:
+        raise StartError(f"The lab needs more tools: sudo apt-get install {' '.join(missing)}")
 
 
 @contextmanager
