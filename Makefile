@@ -22,7 +22,15 @@ help:
 	@echo "make format, make clean"
 
 demo: .venv/.ready $(STATIC)
-	@$(VENV)/tigas render $(if $(SCENES),--scenes $(SCENES)) $(ARGS)
+	@if [ -n '$(ARGS)' ]; then \
+		exec $(VENV)/tigas render $(if $(SCENES),--scenes $(SCENES)) $(ARGS); \
+	elif $(VENV)/tigas lab check; then \
+		echo "== behind a shaped link: the page's network panel replays traces on it"; \
+		exec $(VENV)/tigas lab up --traces traces/network $(if $(SCENES),--scenes $(SCENES)); \
+	else \
+		echo "== without the shaped link; everything else is there"; \
+		exec $(VENV)/tigas render $(if $(SCENES),--scenes $(SCENES)); \
+	fi
 
 test: .venv/.ready $(STATIC)
 	@command -v chromium >/dev/null || { echo "The browser tests need Chromium: sudo apt-get install chromium"; exit 1; }

@@ -5,6 +5,7 @@ import "./styles/dashboard.css";
 import "./styles/viewer.css";
 import "./styles/sidebar.css";
 import "./styles/hud.css";
+import "./styles/network.css";
 import { render } from "preact";
 import { start } from "./state/app";
 import { App } from "./ui/app";

@@ -1,36 +1,48 @@
-"""Prints one JSON Schema of all wire types, from which the page's TypeScript types are generated (`npm run wire`)."""
+"""JSON Schemas of wire types, from which the page's TypeScript types are generated (`npm run wire`).
+
+Run as a program it prints the schema of all messages that every client needs.
+"""
 
 from __future__ import annotations
 
 import json
-from typing import Any
+from collections.abc import Sequence
+from typing import Any, Literal
 
 from pydantic.json_schema import models_json_schema
 
-from tigas_common.wire import FrameHeader, Problem, RenderRequest, SceneInfo, ServerConfig
+from tigas_common.wire import FrameHeader, Problem, RenderRequest, SceneInfo, ServerConfig, WireModel
 
 
-def wire_schema() -> dict[str, Any]:
+def messages_schema(
+    title: str, description: str, *, requests: Sequence[type[WireModel]], answers: Sequence[type[WireModel]]
+) -> dict[str, Any]:
     """An object with one property per message; what a client may leave out of a request is optional in it."""
+    validation: Literal["validation"] = "validation"
+    serialization: Literal["serialization"] = "serialization"
     references, schema = models_json_schema(
-        [
-            (RenderRequest, "validation"),
-            (FrameHeader, "serialization"),
-            (Problem, "serialization"),
-            (SceneInfo, "serialization"),
-            (ServerConfig, "serialization"),
-        ],
+        [*((model, validation) for model in requests), *((model, serialization) for model in answers)]
     )
     messages = {model.__name__: reference for (model, _), reference in references.items()}
     return {
-        "title": "Wire",
-        "description": "All messages between client and server.",
+        "title": title,
+        "description": description,
         "type": "object",
         "properties": messages,
         "required": list(messages),
         "additionalProperties": False,
         "$defs": {name: _without_field_titles(definition) for name, definition in schema["$defs"].items()},
     }
+
+
+def wire_schema() -> dict[str, Any]:
+    """The messages between client and server."""
+    return messages_schema(
+        "Wire",
+        "All messages between client and server.",
+        requests=[RenderRequest],
+        answers=[FrameHeader, Problem, SceneInfo, ServerConfig],
+    )
 
 
 def _without_field_titles(definition: dict[str, Any]) -> dict[str, Any]:

@@ -75,7 +75,7 @@ class Direction:
         """Put a netem leaf in the way of marked packets on the interface; all others pass it by, unqueued."""
         return [
             f"qdisc add dev {self.interface} root handle 2: htb default 0",
-            f"class add dev {self.interface} parent 2: classid 2:1 htb rate 100gbit quantum {LEAF_BURST}",
+            f"class add dev {self.interface} parent 2: classid 2:1 htb rate 100gbit burst 1mb cburst 1mb quantum 3028",
             f"qdisc add dev {self.interface} parent 2:1 handle 20: netem limit 100000",
             f"filter add dev {self.interface} parent 2: protocol ip prio 1 "
             f"bpf bytecode {quoted(_IS_MARKED)} flowid 2:1",

@@ -10,17 +10,15 @@ import platform
 import subprocess
 import sys
 from contextlib import AsyncExitStack, suppress
-from pathlib import Path
 
 from tigas_common.errors import StartError, TigasError
 from tigas_common.runner import explained, serve_http, until_stopped
 from tigas_shaper.api import create_app
 from tigas_shaper.gateway import Forward
 from tigas_shaper.interfaces import Interface
+from tigas_shaper.rights import CAP_NET_ADMIN, holds
 from tigas_shaper.service import Shaper
 from tigas_shaper.settings import ShaperSettings
-
-_CAP_NET_ADMIN = 12
 
 
 async def serve(settings: ShaperSettings) -> None:
@@ -58,8 +56,7 @@ def check_rights() -> None:
     """Raises StartError if this process cannot shape a network."""
     if platform.system() != "Linux":
         raise StartError("The shaper runs on Linux only; on other systems run it in its container.")
-    status = dict(line.split(":\t", 1) for line in Path("/proc/self/status").read_text().splitlines())
-    if not int(status["CapEff"], 16) >> _CAP_NET_ADMIN & 1:
+    if not holds(CAP_NET_ADMIN):
         raise StartError(
             "The shaper needs the right to configure the network (CAP_NET_ADMIN): "
             "run it as root, or in a container with cap_add: NET_ADMIN."

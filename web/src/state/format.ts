@@ -24,3 +24,11 @@ export function bitrate(value: number): string {
 function significant(value: number): string {
   return value < 9.95 ? String(Math.round(value * 10) / 10) : String(Math.round(value));
 }
+
+/** Milliseconds as a clock: "0:07", "12:30", "1:02:03". */
+export function clock(milliseconds: number): string {
+  const total = Math.floor(milliseconds / 1000);
+  const [hours, minutes, seconds] = [Math.floor(total / 3600), Math.floor(total / 60) % 60, total % 60];
+  const tail = String(seconds).padStart(2, "0");
+  return hours ? `${hours}:${String(minutes).padStart(2, "0")}:${tail}` : `${minutes}:${tail}`;
+}

@@ -1,4 +1,4 @@
-/** The viewer's settings: quality, lens, movement and transport. */
+/** The viewer's settings: quality, transport, the shaped link if there is one, movement and lens. */
 import { ChevronDown, X } from "lucide";
 import type { ComponentChildren } from "preact";
 import type { Intrinsics } from "../camera/intrinsics";
@@ -9,6 +9,7 @@ import { Icon } from "./icon";
 import { IconButton } from "./icon-button";
 import { InsecureHint } from "./insecure-hint";
 import { TRANSPORT_NAMES } from "./names";
+import { NetworkPanel } from "./network-panel";
 import { NumberField } from "./number-field";
 import { ThemeButton } from "./theme-button";
 
@@ -19,6 +20,7 @@ interface Props {
 }
 
 export function Sidebar({ session, onClose, onReset }: Props) {
+  const shaper = config.value?.services.shaper;
   return (
     <aside class="sidebar" aria-label="Settings">
       <header>
@@ -28,6 +30,11 @@ export function Sidebar({ session, onClose, onReset }: Props) {
       </header>
       <Quality session={session} />
       <Transport />
+      {shaper && (
+        <Section title="Network">
+          <NetworkPanel base={shaper} session={session} />
+        </Section>
+      )}
       <Movement session={session} onReset={onReset} />
       <Lens session={session} />
     </aside>

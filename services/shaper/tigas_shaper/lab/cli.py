@@ -35,6 +35,15 @@ def up(
         run_lab(scenes=scenes, traces=traces, trace=trace, stop=stop)
 
 
+@lab.command("check")
+def check() -> None:
+    """Say whether this machine can run the lab: nothing if it can, one sentence and status 1 if not."""
+    from tigas_shaper.lab.namespaces import check_rights
+
+    with _explained():
+        check_rights()
+
+
 @lab.command("down")
 def down() -> None:
     """End a lab, or remove what one that was killed left behind."""

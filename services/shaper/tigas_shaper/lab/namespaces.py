@@ -16,14 +16,17 @@ from __future__ import annotations
 
 import os
 import re
+import shutil
+import signal
 import socket
 import subprocess
 from collections.abc import Iterator, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from typing import Literal
 
 from tigas_common.errors import StartError
+from tigas_shaper.rights import CAP_NET_ADMIN, CAP_SYS_ADMIN, holds
 
 PREFIX = "tigas-"
 Role = Literal["client", "gateway", "service"]
@@ -31,6 +34,8 @@ ROLES: tuple[Role, ...] = ("client", "gateway", "service")
 HOST_ADDRESS, CLIENT_HOST_ADDRESS = "198.18.0.1", "198.18.0.2"
 CLIENT_ADDRESS, GATEWAY_ADDRESS = "198.18.1.2", "198.18.1.1"
 GATEWAY_SERVICE_ADDRESS, SERVICE_ADDRESS = "198.18.2.1", "198.18.2.2"
+TOOLS = {"ip": "iproute2", "nft": "nftables", "ethtool": "ethtool"}
+"""Commands that the lab runs, and the Debian packages that they are in."""
 _NAME = re.compile(r"[a-z0-9]{1,20}")
 
 
@@ -62,6 +67,10 @@ class Lab:
         """Whether its namespaces are there."""
         return self.namespace("gateway") in _namespaces()
 
+    def processes(self, role: Role) -> list[int]:
+        """The processes in a namespace, by their ids."""
+        return [int(pid) for pid in _output("ip", "netns", "pids", self.namespace(role)).split()]
+
     @contextmanager
     def up(self, ports: Sequence[LocalPort] = (), *, host: bool = False) -> Iterator[Lab]:
         """The lab for as long as the context lasts; `host` joins the machine itself to the client's side.
@@ -78,10 +87,12 @@ class Lab:
     def remove(self) -> None:
         """End what runs in its namespaces and remove them, and what leads to them from the host."""
         existing = _namespaces()
-        for namespace in map(self.namespace, ROLES):
+        for role in ROLES:
+            namespace = self.namespace(role)
             if namespace in existing:
-                for pid in _output("ip", "netns", "pids", namespace).split():
-                    subprocess.run(("kill", "-KILL", pid), stderr=subprocess.DEVNULL)
+                for pid in self.processes(role):
+                    with suppress(ProcessLookupError):
+                        os.kill(pid, signal.SIGKILL)
                 subprocess.run(("ip", "netns", "del", namespace), check=True)
         subprocess.run(("nft", "delete", "table", "ip", self._table), stderr=subprocess.DEVNULL)
 
@@ -128,9 +139,11 @@ def sweep(kind: str) -> None:
 
 
 def check_rights() -> None:
-    """Raises StartError if this process cannot make network namespaces."""
-    if os.geteuid() != 0:
+    """Raises StartError if this process cannot make network namespaces, or lacks a tool for it."""
+    if os.geteuid() != 0 or not holds(CAP_NET_ADMIN, CAP_SYS_ADMIN):
         raise StartError("The lab makes network namespaces, which needs root: run it with sudo.")
+    if missing := [package for tool, package in TOOLS.items() if shutil.which(tool) is None]:
+        raise StartError(f"The lab needs more tools: sudo apt-get install {' '.join(missing)}")
 
 
 @contextmanager

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 import threading
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
+from types import MappingProxyType
 
 from tigas_common.errors import StartError
 from tigas_shaper.lab.namespaces import SERVICE_ADDRESS, Lab, LocalPort, Role, check_rights
@@ -15,6 +17,8 @@ from tigas_shaper.lab.namespaces import SERVICE_ADDRESS, Lab, LocalPort, Role, c
 NAME = "lab"
 PORTS = (LocalPort("tcp", 8080), LocalPort("udp", 4433), LocalPort("tcp", 8090))
 """The page, WebTransport, and the shaper's API."""
+SERVICES = {"TIGAS_RENDER_SERVICES": '{"shaper": ":8090"}'}
+"""Tells the page where the shaper's API is."""
 STOP_S = 3
 """A service that has not stopped by then is killed, in seconds."""
 
@@ -38,9 +42,11 @@ def shaper_command(*more: str) -> list[str]:
 
 
 @contextmanager
-def running(lab: Lab, role: Role, argv: list[str]) -> Iterator[subprocess.Popen[bytes]]:
-    """A process inside the lab for as long as the context lasts."""
-    process = subprocess.Popen(lab.command(role, argv), start_new_session=True)
+def running(
+    lab: Lab, role: Role, argv: list[str], environment: Mapping[str, str] = MappingProxyType({})
+) -> Iterator[subprocess.Popen[bytes]]:
+    """A process inside the lab for as long as the context lasts, with more in its environment."""
+    process = subprocess.Popen(lab.command(role, argv), start_new_session=True, env=os.environ | environment)
     try:
         yield process
     finally:
@@ -60,7 +66,7 @@ def run_lab(*, scenes: Path | None, traces: Path | None, trace: str | None, stop
         options = [*(("--traces", str(traces)) if traces else ()), *(("--trace", trace) if trace else ())]
         services = {
             "shaper": stack.enter_context(running(lab, "gateway", shaper_command(*options))),
-            "render service": stack.enter_context(running(lab, "service", render_command(scenes))),
+            "render service": stack.enter_context(running(lab, "service", render_command(scenes), SERVICES)),
         }
         while not stop.wait(0.2):
             for name, process in services.items():

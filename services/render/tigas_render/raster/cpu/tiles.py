@@ -51,7 +51,7 @@ def count_tiles(splats, at, counts, tiles_x):
     return U(tx0) | U(ty0) << U(8) | U(tx1) << U(16) | U(ty1) << U(24)
 
 
-@kernel()
+@kernel(inline=True)
 def list_tiles(splats, at, box, entry, cursors, tiles_x, begin, end, entries):
     """Append `entry` to the list of each tile from `begin` to `end` - 1 that count_tiles counted, at its cursor.
 

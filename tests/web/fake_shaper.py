@@ -1,0 +1,129 @@
+"""A shaper without a link: it speaks the real one's messages, plays nothing, and remembers what it was asked."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import socket
+import threading
+from collections.abc import AsyncIterator
+from typing import Any, Self
+
+import uvicorn
+from starlette.applications import Starlette
+from starlette.middleware import Middleware
+from starlette.middleware.cors import CORSMiddleware
+from starlette.requests import Request
+from starlette.responses import Response, StreamingResponse
+from starlette.routing import Route
+
+from tigas_common.parsing import parse
+from tigas_common.problems import EXCEPTION_HANDLERS, json_response
+from tigas_shaper.errors import NothingPlays
+from tigas_shaper.library import points, summary
+from tigas_shaper.trace import LinkState, NetworkTrace
+from tigas_shaper.wire import DirectionStatus, LinkSetting, LoopRequest, ShaperStatus, StartRequest, TraceList
+
+TRACES = {
+    trace.name: trace
+    for trace in (
+        NetworkTrace("stairs", (0, 10_000, 20_000), tuple(LinkState(kbps, 4000) for kbps in (8e3, 2e4, 4e3)), 30_000),
+        NetworkTrace("tunnel", (0, 5000), (LinkState(12e3, 4000), LinkState(0, 0)), 8000),
+    )
+}
+IDLE = LinkSetting(down_kbps=100_000, up_kbps=50_000)
+EVERY_S = 0.2
+
+
+class FakeShaper:
+    """Serves in a thread of its own; a context manager."""
+
+    def __init__(self) -> None:
+        self.asked: list[tuple[str, Any]] = []
+        self.closed: str | None = None
+        self._status = self._constant(IDLE)
+        self._socket = socket.create_server(("127.0.0.1", 0))
+        self.url = f"http://127.0.0.1:{self._socket.getsockname()[1]}"
+        changes = ("start", "stop", "pause", "resume", "loop", "link")
+        app = Starlette(
+            routes=[
+                Route("/traces", self._traces),
+                Route("/traces/{name}", self._trace),
+                Route("/events", self._events),
+                *(Route(f"/{change}", self._change, methods=["POST"]) for change in changes),
+            ],
+            middleware=[Middleware(CORSMiddleware, allow_origins=["*"], allow_methods=["*"], allow_headers=["*"])],
+            exception_handlers=EXCEPTION_HANDLERS,
+        )
+        self._server = uvicorn.Server(uvicorn.Config(app, log_level="error", timeout_graceful_shutdown=1))
+        self._thread = threading.Thread(target=self._server.run, kwargs={"sockets": [self._socket]})
+
+    def __enter__(self) -> Self:
+        self._thread.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.stop()
+
+    def stop(self) -> None:
+        """Go away, as a shaper that is stopped."""
+        self._server.should_exit = True
+        self._thread.join(timeout=10)
+        self._socket.close()
+
+    async def _traces(self, request: Request) -> Response:
+        return json_response(TraceList(traces=tuple(summary(trace, uploaded=False) for trace in TRACES.values())))
+
+    async def _trace(self, request: Request) -> Response:
+        return json_response(points(TRACES[request.path_params["name"]]))
+
+    async def _events(self, request: Request) -> Response:
+        return StreamingResponse(self._samples(), media_type="text/event-stream")
+
+    async def _samples(self) -> AsyncIterator[str]:
+        while not self._server.should_exit:
+            yield f"data: {self._now().model_dump_json()}\n\n"
+            await asyncio.sleep(EVERY_S)
+
+    async def _change(self, request: Request) -> Response:
+        path, body = request.url.path, await request.body()
+        self.asked.append((path, json.loads(body)))
+        if path == "/link":
+            self._status = self._constant(parse(LinkSetting, body))
+        elif path == "/start":
+            wanted = parse(StartRequest, body)
+            trace = TRACES[wanted.trace]
+            playing = {"trace": trace.name, "position_ms": 2000.0, "duration_ms": trace.duration_ms}
+            self._status = self._status.model_copy(update={"mode": "playing", "loop": wanted.loop, **playing})
+        elif path == "/stop":
+            self._status = self._constant(IDLE)
+        elif self._status.trace is None:
+            raise NothingPlays("No trace is playing; start one first.")
+        elif path == "/loop":
+            self._status = self._status.model_copy(update={"loop": parse(LoopRequest, body).loop})
+        else:
+            self._status = self._status.model_copy(update={"mode": "paused" if path == "/pause" else "playing"})
+        return json_response(self._now())
+
+    def _now(self) -> ShaperStatus:
+        return self._status.model_copy(update={"closed": self.closed})
+
+    @staticmethod
+    def _constant(link: LinkSetting) -> ShaperStatus:
+        down, up = (
+            DirectionStatus(target_kbps=kbps, delivered_kbps=kbps * 0.8, queue_bytes=9000, queue_ms=12.0, drops=3)
+            for kbps in (link.down_kbps, link.up_kbps)
+        )
+        return ShaperStatus(
+            time_ms=0.0,
+            mode="constant",
+            trace=None,
+            position_ms=None,
+            duration_ms=None,
+            loop=False,
+            link=link,
+            down=down,
+            up=up,
+            backend="netem",
+            closed=None,
+        )

@@ -1,0 +1,95 @@
+"""The network panel against a shaper that only pretends: what it shows, what it asks for, and what it says."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from playwright.sync_api import Page, expect
+
+from tests.web.conftest import STATIC, OpenPage
+from tests.web.fake_shaper import FakeShaper
+from tests.web.server import RenderServer
+from tests.web.stage import SCENE, wait_for_frames
+
+pytest.importorskip("tigas_shaper")
+WINDOW = {"width": 1000, "height": 900}
+
+
+@pytest.fixture
+def shaper() -> Iterator[FakeShaper]:
+    with FakeShaper() as running:
+        yield running
+
+
+@pytest.fixture
+def page_url(models: Path, shaper: FakeShaper, monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
+    """The viewer of a render service that knows the shaper."""
+    if not STATIC.exists():
+        pytest.skip("the web client is not built: cd web && npm ci && npm run build")
+    monkeypatch.setenv("TIGAS_RENDER_SERVICES", json.dumps({"shaper": shaper.url}))
+    with RenderServer("--scenes", str(models)) as running:
+        yield running.url
+
+
+def test_the_network_panel(open_page: OpenPage, shaper: FakeShaper, page_url: str) -> None:
+    page = open_page(SCENE, url=page_url, viewport=WINDOW, expected_errors="ERR_")
+    wait_for_frames(page)
+
+    expect(page.get_by_role("radio", name="stairs")).to_be_checked()
+    expect(page.locator(".trace-plot path")).to_have_count(2)
+    expect(page.get_by_role("figure", name="Rate towards this page").locator("canvas")).to_be_visible()
+    expect(page.get_by_role("figure", name="Rate towards this page")).to_contain_text("Target 100 Mbit/s")
+    expect(page.get_by_role("figure", name="Our frames").locator("canvas")).to_be_visible()
+    assert inked(page), "the chart is blank"
+
+    page.get_by_role("radio", name="tunnel").check()
+    page.get_by_label("Start again at the end").uncheck()
+    page.get_by_role("button", name="Play").press("Enter")
+    expect(page.locator("[data-network=mode]")).to_contain_text("Plays tunnel, 0:02 of 0:08")
+    page.get_by_role("button", name="Pause").click()
+    page.get_by_role("button", name="Resume").click()
+    page.get_by_role("button", name="Stop").click()
+    expect(page.locator("[data-network=mode]")).to_contain_text("A constant link")
+    expected = [("/start", {"trace": "tunnel", "loop": False}), ("/pause", {}), ("/resume", {}), ("/stop", {})]
+    assert shaper.asked == expected
+
+    down = page.get_by_role("textbox", name="Down")
+    down.fill("fast")
+    page.get_by_role("textbox", name="Round trip").fill("50")
+    page.get_by_role("textbox", name="Round trip").press("Enter")
+    expect(page.get_by_role("alert")).to_have_text("Down must be a number from 0 to 100,000 Mbit/s.")
+    expect(down).to_have_value("fast")
+    assert shaper.asked == expected, "an invalid link was sent"
+    down.fill("2,5")
+    page.get_by_role("button", name="Set constant link").click()
+    expect(page.get_by_role("figure", name="Rate towards this page")).to_contain_text("Target 2.5 Mbit/s")
+    link = {"down_kbps": 2500, "up_kbps": 50_000, "delay_ms": 25, "jitter_ms": 0, "loss_pct": 0}
+    assert shaper.asked[-1] == ("/link", link)
+
+    shaper.closed = "The interface has gone, so that nothing passes."
+    expect(page.locator(".notice")).to_have_text(shaper.closed)
+    shaper.stop()
+    expect(page.locator(".notice")).to_contain_text(f"The shaper at {shaper.url} does not answer")
+
+
+def test_there_is_no_panel_without_a_shaper(open_page: OpenPage) -> None:
+    page = open_page(SCENE)
+    asked: list[str] = []
+    page.on("request", lambda request: asked.append(request.url))
+    page.reload()
+    wait_for_frames(page)
+    expect(page.get_by_role("heading", name="Transport")).to_be_visible()
+    expect(page.get_by_role("heading", name="Network")).to_have_count(0)
+    assert not [url for url in asked if "plot" in url], "the chart library was loaded for nothing"
+
+
+def inked(page: Page) -> bool:
+    """Whether anything is drawn in the first chart."""
+    return bool(
+        page.locator(".chart canvas").first.evaluate(
+            "c => c.getContext('2d').getImageData(0, 0, c.width, c.height).data.some(value => value > 0)"
+        )
+    )

@@ -1,0 +1,78 @@
+/** The shaper's HTTP interface. Every failure is a ShaperError with one sentence to show. */
+import type { LinkSetting, ShaperStatus, StartRequest, TraceList, TracePoints } from "../shaper-wire";
+import { readProblem } from "../transport/fetch";
+
+export class ShaperError extends Error {}
+
+const TIMEOUT = 5000;
+
+export class ShaperApi {
+  readonly base: string;
+
+  /** `base` is the shaper's URL, with or without a slash at its end. */
+  constructor(base: string) {
+    this.base = base.replace(/\/+$/, "");
+  }
+
+  traces(): Promise<TraceList> {
+    return this.#call("traces");
+  }
+
+  trace(name: string): Promise<TracePoints> {
+    return this.#call(`traces/${encodeURIComponent(name)}`);
+  }
+
+  start(request: StartRequest): Promise<ShaperStatus> {
+    return this.#call("start", request);
+  }
+
+  pause(): Promise<ShaperStatus> {
+    return this.#call("pause", {});
+  }
+
+  resume(): Promise<ShaperStatus> {
+    return this.#call("resume", {});
+  }
+
+  stop(): Promise<ShaperStatus> {
+    return this.#call("stop", {});
+  }
+
+  loop(loop: boolean): Promise<ShaperStatus> {
+    return this.#call("loop", { loop });
+  }
+
+  link(setting: LinkSetting): Promise<ShaperStatus> {
+    return this.#call("link", setting);
+  }
+
+  /** A sentence for a shaper that cannot be reached; browsers do not tell a page that it was refused for its origin. */
+  get silence(): string {
+    return `The shaper at ${this.base} does not answer, or does not allow this page.`;
+  }
+
+  async #call<T>(path: string, body?: object): Promise<T> {
+    let response: Response;
+    try {
+      response = await fetch(`${this.base}/${path}`, {
+        cache: "no-store",
+        signal: AbortSignal.timeout(TIMEOUT),
+        ...(body && { method: "POST", body: JSON.stringify(body), headers: { "Content-Type": "application/json" } }),
+      });
+      if (response.ok) return (await response.json()) as T;
+    } catch {
+      throw new ShaperError(this.silence);
+    }
+    throw new ShaperError((await readProblem(response)).detail);
+  }
+}
+
+const LOOPBACK = /^(localhost|.*\.localhost|127(\.\d+){3}|\[::1\])$/;
+
+/** Why a page at `page` cannot talk to a shaper at `base`, in one sentence; null if it can. */
+export function obstacle(base: string, page: string): string | null {
+  if (!URL.canParse(base)) return `The shaper's address is not a URL: ${base}.`;
+  const { protocol, hostname } = new URL(base);
+  if (new URL(page).protocol !== "https:" || protocol !== "http:" || LOOPBACK.test(hostname)) return null;
+  return "Browsers do not let a secure page use a shaper over plain HTTP: open this page over http:// to change the link.";
+}

@@ -1,0 +1,86 @@
+/** One shaper as the page sees it: its traces, its link live, and what a person does to it, until it is disposed of. */
+import { signal } from "@preact/signals";
+import type { ShaperStatus, TracePoints, TraceSummary } from "../shaper-wire";
+import { obstacle, ShaperApi, ShaperError } from "./api";
+import { append, noColumns, rates } from "./series";
+
+/** EventSource reconnects by itself, but not after an answer with an error; then we do, after so many ms. */
+const RETRY = 5000;
+
+export class Shaper {
+  readonly traces = signal<readonly TraceSummary[]>([]);
+  /** Traces to be drawn, by name, as they come. */
+  readonly plots = signal<ReadonlyMap<string, TracePoints>>(new Map());
+  /** Null while the link is not seen. */
+  readonly status = signal<ShaperStatus | null>(null);
+  readonly rates = signal(noColumns(2));
+  /** Why the link cannot be seen, in one sentence. */
+  readonly silent = signal<string | null>(null);
+  /** Why the last thing that a person asked for was not done. */
+  readonly refusal = signal<string | null>(null);
+  readonly #api: ShaperApi;
+  readonly #now: () => number;
+  #events: EventSource | undefined;
+  #retry: ReturnType<typeof setTimeout> | undefined;
+  #disposed = false;
+
+  /** `page` is the page's own URL, `now` a clock in milliseconds. */
+  constructor(base: string, page: string, now: () => number) {
+    this.#api = new ShaperApi(base);
+    this.#now = now;
+    this.silent.value = obstacle(base, page);
+    if (this.silent.value === null) this.#watch();
+  }
+
+  /** Does what a person asked for, or says why not. */
+  async act(ask: (api: ShaperApi) => Promise<ShaperStatus>): Promise<void> {
+    try {
+      this.status.value = await ask(this.#api);
+      this.refusal.value = null;
+    } catch (error) {
+      if (!(error instanceof ShaperError)) throw error;
+      this.refusal.value = error.message;
+    }
+  }
+
+  dispose(): void {
+    this.#disposed = true;
+    this.#events?.close();
+    clearTimeout(this.#retry);
+  }
+
+  #watch(): void {
+    const events = new EventSource(`${this.#api.base}/events`);
+    this.#events = events;
+    events.onopen = () => {
+      this.silent.value = null;
+      void this.#list();
+    };
+    events.onmessage = ({ data }: MessageEvent<string>) => {
+      const status = JSON.parse(data) as ShaperStatus;
+      this.status.value = status;
+      this.rates.value = append(this.rates.value, this.#now() / 1000, rates(status));
+    };
+    events.onerror = () => {
+      this.status.value = null;
+      this.silent.value = this.#api.silence;
+      if (events.readyState !== EventSource.CLOSED) return;
+      this.#retry = setTimeout(() => this.#watch(), RETRY);
+    };
+  }
+
+  async #list(): Promise<void> {
+    try {
+      this.traces.value = (await this.#api.traces()).traces;
+      for (const { name, error } of this.traces.value) {
+        if (this.#disposed) return;
+        if (error) continue;
+        const points = await this.#api.trace(name);
+        this.plots.value = new Map(this.plots.value).set(name, points);
+      }
+    } catch (error) {
+      if (!(error instanceof ShaperError)) throw error;
+      this.refusal.value = error.message;
+    }
+  }
+}

@@ -1,0 +1,100 @@
+// Generated from services/shaper/tigas_shaper/wire.py by `npm run wire`. Do not edit.
+
+/**
+ * All messages between the shaper and the page.
+ */
+export interface ShaperWire {
+  StartRequest: StartRequest;
+  SeekRequest: SeekRequest;
+  LoopRequest: LoopRequest;
+  LinkSetting: LinkSetting;
+  TraceList: TraceList;
+  TracePoints: TracePoints;
+  ShaperStatus: ShaperStatus;
+}
+/**
+ * Play a trace from its start.
+ */
+export interface StartRequest {
+  trace: string;
+  loop?: boolean;
+}
+/**
+ * Go to a position in the trace.
+ */
+export interface SeekRequest {
+  position_ms: number;
+}
+/**
+ * Whether to start again at the end.
+ */
+export interface LoopRequest {
+  loop: boolean;
+}
+/**
+ * What a link does to packets.
+ */
+export interface LinkSetting {
+  down_kbps: number;
+  up_kbps: number;
+  delay_ms?: number;
+  jitter_ms?: number;
+  loss_pct?: number;
+}
+/**
+ * Every trace that there is.
+ */
+export interface TraceList {
+  traces: TraceSummary[];
+}
+/**
+ * A trace in the list. Where `error` is not null, the trace cannot be played and the rest is zero.
+ */
+export interface TraceSummary {
+  name: string;
+  uploaded: boolean;
+  duration_ms?: number;
+  steps?: number;
+  mean_down_kbps?: number;
+  min_down_kbps?: number;
+  max_down_kbps?: number;
+  mean_up_kbps?: number;
+  outages?: number;
+  error?: string | null;
+}
+/**
+ * A trace to be drawn, as means over spans of time.
+ */
+export interface TracePoints {
+  name: string;
+  duration_ms: number;
+  times_ms: number[];
+  down_kbps: number[];
+  up_kbps: number[];
+}
+/**
+ * The link at one moment, and what plays on it.
+ */
+export interface ShaperStatus {
+  time_ms: number;
+  mode: "constant" | "playing" | "paused" | "ended";
+  trace: string | null;
+  position_ms: number | null;
+  duration_ms: number | null;
+  loop: boolean;
+  link: LinkSetting;
+  down: DirectionStatus;
+  up: DirectionStatus;
+  backend: "netem" | "relay";
+  closed: string | null;
+}
+/**
+ * One direction, as tc counts it: bytes of whole Ethernet frames.
+ */
+export interface DirectionStatus {
+  target_kbps: number;
+  delivered_kbps: number;
+  queue_bytes: number;
+  queue_ms: number;
+  drops: number;
+}
