@@ -1,7 +1,7 @@
 # Two commands are enough for a newcomer: `make demo` and `make test`.
 SHELL := /bin/bash
 .DEFAULT_GOAL := help
-.PHONY: help demo test lint format bench clean
+.PHONY: help demo test test-compose lint format bench clean
 
 PYTHON ?= python3
 # Where PyTorch comes from; a machine without an NVIDIA GPU saves gigabytes with
@@ -16,6 +16,7 @@ STATIC := services/render/tigas_render/static/index.html
 help:
 	@echo "make demo   install what is missing, start the demo and print its URL"
 	@echo "make test   install what is missing and run every test, in browsers too"
+	@echo "make test-compose  start the containers, test them through the shaped link and remove them"
 	@echo "make lint   check types, style and generated files"
 	@echo "make bench  measure speed and memory against baselines (about 10 minutes)"
 	@echo "make format, make clean"
@@ -38,11 +39,16 @@ test: .venv/.ready $(STATIC)
 	@echo "== Python and browser tests"
 	@$(VENV)/python -m pytest
 
+test-compose: .venv/.ready
+	@$(VENV)/python -m pytest tests/compose -m compose -s
+
 lint: .venv/.ready web/node_modules/.ready
 	@echo "== ruff, mypy"
 	@$(VENV)/ruff check . && $(VENV)/ruff format --check . && $(VENV)/mypy
 	@echo "== web client: biome, tsc, generated types"
 	@cd web && npm run --silent check && npm run --silent wire -- --check
+	@echo "== compose.yaml"
+	@if docker compose version >/dev/null 2>&1; then docker compose config -q; else echo "not checked: docker with its compose plugin is missing"; fi
 
 format: .venv/.ready web/node_modules/.ready
 	@$(VENV)/ruff check --fix . ; $(VENV)/ruff format .
