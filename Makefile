@@ -1,7 +1,7 @@
 # Two commands are enough for a newcomer: `make demo` and `make test`.
 SHELL := /bin/bash
 .DEFAULT_GOAL := help
-.PHONY: help demo test lint format bench bench-gpu clean
+.PHONY: help demo gpu test test-compose lint format bench bench-gpu clean
 
 PYTHON ?= python3
 # Where PyTorch comes from; a machine without an NVIDIA GPU saves gigabytes with
@@ -16,9 +16,11 @@ STATIC := services/render/tigas_render/static/index.html
 help:
 	@echo "make demo   install what is missing, start the demo and print its URL"
 	@echo "make test   install what is missing and run every test, in browsers too"
+	@echo "make test-compose  start the containers, test them through the shaped link and remove them"
 	@echo "make lint   check types, style and generated files"
 	@echo "make bench  measure speed and memory against baselines (about 10 minutes)"
-	@echo "make bench-gpu   the same for the CUDA rasteriser; needs an NVIDIA GPU"
+	@echo "make gpu    install what rendering on an NVIDIA GPU needs: make gpu demo"
+	@echo "make bench-gpu   measure that; needs a GPU"
 	@echo "make format, make clean"
 
 demo: .venv/.ready $(STATIC)
@@ -39,11 +41,16 @@ test: .venv/.ready $(STATIC)
 	@echo "== Python and browser tests"
 	@$(VENV)/python -m pytest
 
+test-compose: .venv/.ready
+	@$(VENV)/python -m pytest tests/compose -m compose -s
+
 lint: .venv/.ready web/node_modules/.ready
 	@echo "== ruff, mypy"
 	@$(VENV)/ruff check . && $(VENV)/ruff format --check . && $(VENV)/mypy
 	@echo "== web client: biome, tsc, generated types"
 	@cd web && npm run --silent check && npm run --silent wire -- --check
+	@echo "== compose.yaml"
+	@if docker compose version >/dev/null 2>&1; then docker compose config -q; else echo "not checked: docker with its compose plugin is missing"; fi
 
 format: .venv/.ready web/node_modules/.ready
 	@$(VENV)/ruff check --fix . ; $(VENV)/ruff format .
@@ -56,6 +63,8 @@ bench: .venv/.ready $(STATIC)
 
 bench-gpu: .venv/.gpu
 	@$(VENV)/python benchmarks/gpu.py
+
+gpu: .venv/.gpu
 
 .venv/.gpu: .venv/.ready
 	@$(VENV)/pip install --disable-pip-version-check -q -c constraints.txt -e '.[gpu]'

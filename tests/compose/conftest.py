@@ -1,0 +1,53 @@
+"""The containers, started once, and a page of theirs in a browser."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from playwright.sync_api import Page, sync_playwright
+
+from tests.compose.stack import Stack
+from tests.web.conftest import CHROMIUM_ARGS, DESKTOP, PATIENCE
+from tests.web.scenes import write_scenes
+
+
+@pytest.fixture(scope="session")
+def running(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Stack]:
+    """The stack with a small scene, built and healthy; removed at the end, whatever happens."""
+    if (
+        shutil.which("docker") is None
+        or subprocess.run(("docker", "compose", "version"), capture_output=True).returncode
+    ):
+        pytest.fail("docker with its compose plugin is not installed")
+    models = tmp_path_factory.mktemp("models")
+    models.chmod(0o755)  # the container's user is another one
+    write_scenes(models)
+    stack = Stack(models)
+    with stack.running():
+        yield stack
+
+
+@pytest.fixture
+def stack(running: Stack) -> Stack:
+    """The stack, whole again and with a fast link, whatever the test before did to it."""
+    running.up()
+    running.set_link(down_kbps=50_000, up_kbps=20_000)
+    return running
+
+
+@pytest.fixture
+def page(stack: Stack) -> Iterator[Page]:
+    """An empty page."""
+    chromium: str | Path | None = shutil.which("chromium")
+    if chromium is None:
+        pytest.fail("Chromium is not installed: sudo apt-get install chromium")
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=chromium, args=CHROMIUM_ARGS)
+        made = browser.new_page(viewport=DESKTOP)
+        made.set_default_timeout(2 * PATIENCE)
+        yield made
+        browser.close()
