@@ -1,7 +1,7 @@
 # Two commands are enough for a newcomer: `make demo` and `make test`.
 SHELL := /bin/bash
 .DEFAULT_GOAL := help
-.PHONY: help demo test test-compose lint format bench clean
+.PHONY: help demo gpu test test-compose lint format bench bench-gpu clean
 
 PYTHON ?= python3
 # Where PyTorch comes from; a machine without an NVIDIA GPU saves gigabytes with
@@ -19,6 +19,8 @@ help:
 	@echo "make test-compose  start the containers, test them through the shaped link and remove them"
 	@echo "make lint   check types, style and generated files"
 	@echo "make bench  measure speed and memory against baselines (about 10 minutes)"
+	@echo "make gpu    install what rendering on an NVIDIA GPU needs: make gpu demo"
+	@echo "make bench-gpu   measure that; needs a GPU"
 	@echo "make format, make clean"
 
 demo: .venv/.ready $(STATIC)
@@ -58,6 +60,15 @@ bench: .venv/.ready $(STATIC)
 	@$(VENV)/python benchmarks/raster.py
 	@$(VENV)/python benchmarks/transport.py
 	@$(VENV)/python benchmarks/memory.py
+
+bench-gpu: .venv/.gpu
+	@$(VENV)/python benchmarks/gpu.py
+
+gpu: .venv/.gpu
+
+.venv/.gpu: .venv/.ready
+	@$(VENV)/pip install --disable-pip-version-check -q -c constraints.txt -e '.[gpu]'
+	@touch $@
 
 .venv/.ready: pyproject.toml constraints.txt
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { echo "TIGAS needs Python 3.11 or newer: make PYTHON=python3.12 $(MAKECMDGOALS)"; exit 1; }

@@ -66,12 +66,15 @@ class FakeRasterizer(Rasterizer):
     cameras: list[Camera] = field(default_factory=list)
     images: list[FakeImage] = field(default_factory=list)
     error: Exception | None = None
+    frames_in_flight: int = 2
+    formats: list[FrameFormat] = field(default_factory=list)
 
     def prepare(self, gaussians: Gaussians) -> PreparedScene:
         return FakeScene()
 
-    def render(self, scene: PreparedScene, camera: Camera) -> Image:
+    def render(self, scene: PreparedScene, camera: Camera, format: FrameFormat = "jpeg") -> Image:
         self.cameras.append(camera)
+        self.formats.append(format)
         self.started.release()
         assert self.gate.wait(10)
         if self.error is not None:
@@ -94,6 +97,8 @@ class FakeScenes:
     """Knows one scene, `scene`, and counts its users."""
 
     users: int = 0
+    evictable: int = 0
+    evicted: int = 0
 
     @asynccontextmanager
     async def use(self, scene_id: str) -> AsyncIterator[FakeLoaded]:
@@ -104,3 +109,7 @@ class FakeScenes:
             yield FakeLoaded()
         finally:
             self.users -= 1
+
+    def evict(self) -> bool:
+        self.evicted += 1
+        return self.evictable >= self.evicted

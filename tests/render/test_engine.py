@@ -3,13 +3,21 @@
 from __future__ import annotations
 
 import asyncio
+import threading
 from collections.abc import AsyncIterator
 from dataclasses import dataclass, field
 
 import pytest
 
 from tests.render.fakes import FakeImage, FakeRasterizer, FakeScenes, render_request
-from tigas_common.errors import DeadlineExceeded, InvalidRequest, Overloaded, Superseded, UnknownScene
+from tigas_common.errors import (
+    DeadlineExceeded,
+    InvalidRequest,
+    OutOfDeviceMemory,
+    Overloaded,
+    Superseded,
+    UnknownScene,
+)
 from tigas_common.wire import DEFAULT_LADDER
 from tigas_render import engine as engine_module
 from tigas_render.engine import Engine
@@ -185,7 +193,7 @@ async def test_a_rasteriser_that_fails_fails_that_request_alone(bench: Bench) ->
     with pytest.raises(RuntimeError):
         await bench.submit("a")
     bench.rasterizer.error = None
-    for _ in range(engine_module.IMAGES_IN_FLIGHT + 1):
+    for _ in range(bench.rasterizer.frames_in_flight + 1):
         assert (await bench.submit("a")).body
 
 
@@ -218,3 +226,40 @@ async def test_closing_answers_everyone() -> None:
     assert isinstance(outcome, Frame | Overloaded)
     with pytest.raises(Overloaded, match="stopping"):
         await bench.submit("a")
+
+
+async def test_when_the_device_is_full_a_scene_goes_and_the_frame_is_tried_once_more(bench: Bench) -> None:
+    bench.rasterizer.gate.set()
+    bench.scenes.evictable = 1
+    bench.rasterizer.error = OutOfDeviceMemory("full")
+    with pytest.raises(OutOfDeviceMemory):
+        await bench.submit("a")
+    assert (len(bench.rasterizer.cameras), bench.scenes.evicted) == (2, 1)
+    with pytest.raises(OutOfDeviceMemory):
+        await bench.submit("a")
+    assert len(bench.rasterizer.cameras) == 3
+    assert bench.scenes.users == 0
+
+
+async def test_the_rasteriser_hears_what_the_frame_will_be_encoded_as(bench: Bench) -> None:
+    bench.rasterizer.gate.set()
+    await bench.submit("a", format="yuv420p")
+    assert bench.rasterizer.formats == ["yuv420p"]
+
+
+async def test_as_many_images_are_encoded_at_a_time_as_the_rasteriser_allows(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    rasterizer = FakeRasterizer(frames_in_flight=5)
+    rasterizer.gate.set()
+    together = threading.Barrier(4)
+
+    def encode(image: FakeImage, format: str, quality: int) -> bytes:
+        together.wait(10)
+        return b"frame"
+
+    monkeypatch.setattr(FakeImage, "encode", encode)
+    bench = Bench(rasterizer)
+    async with bench.engine:
+        frames = await asyncio.wait_for(asyncio.gather(*(bench.submit(f"{n}") for n in range(4))), 20)
+    assert [frame.body for frame in frames] == [b"frame"] * 4

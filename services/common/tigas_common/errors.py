@@ -59,6 +59,18 @@ class Overloaded(TigasError):
     status, type, title = 503, "overloaded", "The server has too much to do"
 
 
+class OutOfDeviceMemory(TigasError):
+    """The device that renders has too little free memory, even after scenes that nobody uses were unloaded."""
+
+    status, type, title = 503, "out-of-memory", "The GPU's memory is full"
+
+
+class DeviceLost(TigasError):
+    """The device that renders failed for good; the service has to be restarted."""
+
+    status, type, title = 503, "device-lost", "The GPU failed"
+
+
 class StartError(Exception):
     """Why a service cannot start, in one sentence for whoever starts it."""
 

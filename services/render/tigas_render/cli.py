@@ -27,7 +27,7 @@ def render(
     quic: Annotated[
         str | None, typer.Option(metavar="HOST:PORT", help="HTTP/3 and WebTransport, or 'off'. [[::]:4433]")
     ] = None,
-    device: Annotated[str | None, typer.Option(metavar="auto|cpu|cuda", help="Where to rasterise. [auto]")] = None,
+    device: Annotated[str | None, typer.Option(metavar="auto|cpu|cuda[:N]", help="Where to rasterise. [auto]")] = None,
     congestion_control: Annotated[str | None, typer.Option(metavar="reno|cubic", help="QUIC's. [reno]")] = None,
     memory_gb: Annotated[float | None, typer.Option(help="Memory that loaded scenes may take, in GB. [8]")] = None,
     idle_minutes: Annotated[float | None, typer.Option(help="Unload scenes unused for so long. [15]")] = None,

@@ -1,6 +1,7 @@
-"""The engine: takes requests from any transport and answers with frames, rendering one while the last is encoded.
+"""The engine: takes requests from any transport and answers with frames, rendering one while others are encoded.
 
-Requests wait on the event loop; rendering and encoding each have one thread, and nothing here blocks the loop.
+Requests wait on the event loop. One thread renders; as many encode as the rasteriser can have images in flight beside
+the one that is rendered. Nothing here blocks the loop.
 """
 
 from __future__ import annotations
@@ -12,9 +13,17 @@ from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import AbstractAsyncContextManager
 from dataclasses import dataclass
+from queue import SimpleQueue
 from typing import Protocol, Self
 
-from tigas_common.errors import DeadlineExceeded, InvalidRequest, Overloaded, Superseded, TigasError
+from tigas_common.errors import (
+    DeadlineExceeded,
+    InvalidRequest,
+    OutOfDeviceMemory,
+    Overloaded,
+    Superseded,
+    TigasError,
+)
 from tigas_common.wire import RenderRequest, Rung, ServerTiming
 from tigas_render.frame import Frame
 from tigas_render.metrics import EngineMetrics
@@ -27,8 +36,6 @@ QUEUE_DEPTH = 4
 """Requests of one client that may wait: enough to cover a burst, too few to build up delay."""
 MAX_WAITING = 512
 """Requests of all clients together that may wait."""
-IMAGES_IN_FLIGHT = 2
-"""Rendered images at a time: one being encoded while the next is rendered."""
 
 STOPPING = "The server is stopping."
 
@@ -50,6 +57,9 @@ class Scenes(Protocol):
 
     def use(self, scene_id: str) -> AbstractAsyncContextManager[LoadedScene]:
         """The scene, loaded for as long as the context lasts. Raises UnknownScene and BrokenScene."""
+
+    def evict(self) -> bool:
+        """Unload the least recently used of the scenes that nobody uses; False if there is none."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -74,8 +84,16 @@ class _Work:
             self.answer.set_exception(answer)
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class _Rendered:
+    work: _Work
+    image: Image
+    started: float
+    rendered: float
+
+
 class Engine:
-    """Answers RenderRequests with Frames; an async context manager that owns its two threads."""
+    """Answers RenderRequests with Frames; an async context manager that owns its threads."""
 
     def __init__(
         self,
@@ -93,16 +111,19 @@ class Engine:
         self._schedule: FairSchedule[_Work] = FairSchedule(QUEUE_DEPTH)
         self._changed = threading.Condition()
         self._closed = False
-        self._images = threading.Semaphore(IMAGES_IN_FLIGHT)
+        self._images = threading.Semaphore(rasterizer.frames_in_flight)
         self._renderer = ThreadPoolExecutor(1, "render")
-        self._encoder = ThreadPoolExecutor(1, "encode")
+        self._encoders = ThreadPoolExecutor(rasterizer.frames_in_flight - 1, "encode")
+        self._rendered: SimpleQueue[_Rendered | None] = SimpleQueue()
         # Seconds that a frame of each scene takes, to tell which requests cannot meet their deadline.
         self._service_time: dict[str, float] = {}
 
     async def __aenter__(self) -> Self:
         loop = asyncio.get_running_loop()
         await loop.run_in_executor(self._renderer, self._rasterizer.warm_up)
-        self._running = loop.run_in_executor(self._renderer, self._render_forever)
+        self._running = [loop.run_in_executor(self._renderer, self._render_forever)]
+        for _ in range(self._rasterizer.frames_in_flight - 1):
+            self._running.append(loop.run_in_executor(self._encoders, self._encode_forever))
         return self
 
     async def __aexit__(self, *_: object) -> None:
@@ -111,29 +132,28 @@ class Engine:
             while self._schedule:
                 self._schedule.pop().resolve(Overloaded(STOPPING))
             self._changed.notify()
-        await self._running
-        self._encoder.shutdown()
+        await asyncio.gather(*self._running)
+        self._encoders.shutdown()
         self._renderer.shutdown()
 
     async def submit(self, client: str, request: RenderRequest) -> Frame:
         """The frame for a request of one client (a connection or session); cancel the call to withdraw the request.
 
         Raises InvalidRequest for a rung that the ladder does not have, UnknownScene, BrokenScene, Superseded,
-        DeadlineExceeded and Overloaded.
+        DeadlineExceeded and Overloaded; OutOfDeviceMemory, if that is so even after unloading a scene that nobody uses;
+        and DeviceLost.
         """
         arrived = self._clock()
         try:
             if request.profile is not None and request.profile >= len(self._ladder):
                 raise InvalidRequest(f"profile: the ladder has rungs 0 to {len(self._ladder) - 1}.")
             async with self._scenes.use(request.scene) as scene:
-                loop = asyncio.get_running_loop()
-                work = _Work(client, request, scene, arrived, loop.create_future(), loop)
-                self._enqueue(work)
                 try:
-                    frame = await work.answer
-                finally:
-                    with self._changed:
-                        self._schedule.remove(client, work)
+                    frame = await self._frame(client, request, scene, arrived)
+                except OutOfDeviceMemory:
+                    if not self._scenes.evict():
+                        raise
+                    frame = await self._frame(client, request, scene, arrived)
         except asyncio.CancelledError:
             self._metrics.count("cancelled")
             raise
@@ -142,6 +162,17 @@ class Engine:
             raise
         self._metrics.frame(frame)
         return frame
+
+    async def _frame(self, client: str, request: RenderRequest, scene: LoadedScene, arrived: float) -> Frame:
+        loop = asyncio.get_running_loop()
+        work = _Work(client, request, scene, arrived, loop.create_future(), loop)
+        self._enqueue(work)
+        try:
+            return await work.answer
+        except asyncio.CancelledError:
+            with self._changed:
+                self._schedule.remove(client, work)
+            raise
 
     def _enqueue(self, work: _Work) -> None:
         with self._changed:
@@ -160,17 +191,29 @@ class Engine:
             self._images.acquire()
             work = self._next()
             if work is None:
+                for _ in range(self._rasterizer.frames_in_flight - 1):
+                    self._rendered.put(None)
                 return
             try:
                 started = self._clock()
-                image = self._rasterizer.render(work.scene.prepared, self._camera(work))
+                image = self._rasterizer.render(work.scene.prepared, self._camera(work), work.request.format)
                 rendered = self._clock()
             except Exception as error:
                 self._images.release()
-                logger.exception("Rendering %s failed", work.request.scene)
-                work.resolve(error)
+                self._failed("Rendering", work, error)
             else:
-                self._encoder.submit(self._encode, work, image, started, rendered)
+                self._rendered.put(_Rendered(work, image, started, rendered))
+
+    def _encode_forever(self) -> None:
+        while (rendered := self._rendered.get()) is not None:
+            self._encode(rendered)
+
+    def _failed(self, doing: str, work: _Work, error: Exception) -> None:
+        if isinstance(error, TigasError):
+            logger.error("%s %s failed: %s", doing, work.request.scene, error.detail)
+        else:
+            logger.exception("%s %s failed", doing, work.request.scene)
+        work.resolve(error)
 
     def _next(self) -> _Work | None:
         """The next work that can meet its deadline; None once the engine is closed."""
@@ -201,7 +244,8 @@ class Engine:
         intrinsics = request.intrinsics.resized(*self._size(request))
         return Camera(request.pose, intrinsics, work.scene.background)
 
-    def _encode(self, work: _Work, image: Image, started: float, rendered: float) -> None:
+    def _encode(self, picture: _Rendered) -> None:
+        work, image, started, rendered = picture.work, picture.image, picture.started, picture.rendered
         request = work.request
         try:
             with image:
@@ -211,8 +255,7 @@ class Engine:
                 encoded = self._clock()
                 width, height = image.width, image.height
         except Exception as error:
-            logger.exception("Encoding %s failed", request.scene)
-            work.resolve(error)
+            self._failed("Encoding", work, error)
             return
         finally:
             self._images.release()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import os
 import ssl
 from contextlib import AsyncExitStack
@@ -22,7 +23,7 @@ async def serve(settings: RenderSettings) -> None:
     """Run the render service until SIGINT or SIGTERM. Raises StartError."""
     _check_directory(settings.scenes)
     try:
-        rasterizer = create_rasterizer(settings.device)
+        rasterizer = create_rasterizer(settings.device, settings.cache)
     except ValueError as error:
         raise StartError(str(error)) from None
     print("Preparing the rasteriser (the first start on a machine compiles it, about half a minute) …", flush=True)
@@ -50,6 +51,9 @@ async def serve(settings: RenderSettings) -> None:
                 service.https_port = await stack.enter_async_context(serve_http(app, settings.https, tls))
         with explained(settings.http, "--http"):
             port = await stack.enter_async_context(serve_http(app, settings.http))
+        # What start-up made stays; to look through it for garbage again and again would hold up frames.
+        gc.collect()
+        gc.freeze()
         _announce(service, Address(settings.http.host, port))
         await until_stopped()
 

@@ -14,7 +14,8 @@ from tigas_common.settings import Listen, ListenOrOff, ServiceSettings
 from tigas_common.wire import DEFAULT_LADDER, Rung
 
 
-def _cache_directory() -> Path:
+def cache_directory() -> Path:
+    """Where this user's programs keep what they can make again (XDG base directories)."""
     return Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache")) / "tigas"
 
 
@@ -32,7 +33,8 @@ class RenderSettings(ServiceSettings):
     """Where they are served over HTTPS too, for other devices on the network."""
     quic: ListenOrOff = Address("::", 4433)
     """Where HTTP/3 and WebTransport are served; `off` for neither."""
-    device: Literal["auto", "cpu", "cuda"] = "auto"
+    device: str = Field(default="auto", pattern=r"^(auto|cpu|cuda(:\d{1,3})?)$")
+    """Where scenes are rendered: `cpu`, `cuda`, `cuda:N` for one GPU of several, or whatever is fastest."""
     congestion_control: Literal["reno", "cubic"] = "reno"
     """QUIC's congestion control."""
     memory_gb: float = Field(default=8.0, gt=0)
@@ -41,7 +43,7 @@ class RenderSettings(ServiceSettings):
     """A scene that nobody looked at for so long is unloaded."""
     ladder: tuple[Rung, ...] = Field(default=DEFAULT_LADDER, min_length=1, max_length=16)
     """Quality levels, the best first."""
-    cache: Path = Field(default_factory=_cache_directory)
+    cache: Path = Field(default_factory=cache_directory)
     """Where rendered previews are kept."""
     services: dict[str, str] = Field(default_factory=dict)
     """Base URLs of other services that the page may use, by name; `:PORT` alone is on the page's own host."""

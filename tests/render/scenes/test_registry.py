@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 
 from tests.render.scenes import plys
-from tigas_common.errors import BrokenScene, Overloaded, TigasError, UnknownScene
+from tigas_common.errors import BrokenScene, OutOfDeviceMemory, Overloaded, TigasError, UnknownScene
 from tigas_common.wire import StartCamera
 from tigas_render.raster.base import PreparedScene
 from tigas_render.scenes.gaussians import Gaussians
@@ -379,3 +379,33 @@ async def test_every_refusal_is_a_sentence(bench: Bench) -> None:
         with pytest.raises(TigasError) as failure:
             await registry.load(id)
         assert failure.value.detail.endswith(".")
+
+
+async def test_a_device_that_is_full_gets_room_once(bench: Bench) -> None:
+    bench.add("old")
+    bench.add("older")
+    bench.add("new")
+    registry = bench.registry()
+    await registry.load("older")
+    bench.now += 1
+    await registry.load("old")
+    bench.errors["new"] = OutOfDeviceMemory("full")
+    with pytest.raises(OutOfDeviceMemory):
+        await registry.load("new")
+    assert bench.opened == ["older", "old", "new", "new"]
+    assert [registry.info(id).state for id in ("older", "old", "new")] == ["unloaded", "loaded", "unloaded"]
+    del bench.errors["new"]
+    await registry.load("new")  # the device is asked again: its memory comes and goes
+    assert registry.info("new").state == "loaded"
+
+
+async def test_scenes_in_use_are_not_taken_for_a_full_device(bench: Bench) -> None:
+    bench.add("used")
+    bench.add("new")
+    registry = bench.registry()
+    bench.errors["new"] = OutOfDeviceMemory("full")
+    async with registry.use("used"):
+        with pytest.raises(OutOfDeviceMemory):
+            await registry.load("new")
+        assert bench.opened == ["used", "new"]
+    assert registry.info("used").state == "loaded"

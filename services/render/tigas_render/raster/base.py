@@ -67,14 +67,19 @@ class Rasterizer(ABC):
 
     device: str
     """Where it runs, for people: `cpu`, `cuda:0`."""
+    frames_in_flight: int = 2
+    """Images at a time that keep it busy: one is encoded while the next is rendered, or several on several streams."""
 
     @abstractmethod
     def prepare(self, gaussians: Gaussians) -> PreparedScene:
         """Pack a scene for rendering; the tensors are not needed afterwards. Safe to call from any thread."""
 
     @abstractmethod
-    def render(self, scene: PreparedScene, camera: Camera) -> Image:
-        """Render one view at the intrinsics' own resolution."""
+    def render(self, scene: PreparedScene, camera: Camera, format: FrameFormat = "jpeg") -> Image:
+        """Render one view at the intrinsics' own resolution, or begin to: what is missing, `encode` waits for.
+
+        format: what the image is going to be encoded as; a rasteriser may lay out its pixels accordingly.
+        """
 
     def warm_up(self) -> None:  # noqa: B027 - a rasteriser without a compiler has nothing to do
         """Pay once for what the first frame would otherwise wait for, such as compiling."""

@@ -2,20 +2,58 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from importlib.util import find_spec
+from pathlib import Path
 
 from tigas_render.raster.base import Rasterizer
+from tigas_render.settings import cache_directory
 
-Device = Literal["auto", "cpu", "cuda"]
+GPU_PACKAGES = ("cuda.core", "cuda.pathfinder")
+"""What the extra `gpu` installs."""
 
 
-def create_rasterizer(device: Device) -> Rasterizer:
-    """The rasteriser for a device; `auto` takes the fastest that this machine has.
+def create_rasterizer(device: str, cache: Path | None = None) -> Rasterizer:
+    """The rasteriser for `cpu`, `cuda`, `cuda:N` or `auto`, which takes a GPU if there is one that can be used.
 
+    cache: a directory for compiled kernels; the user's own by default.
     Raises ValueError, with one sentence, if the machine has no such device.
     """
-    if device == "cuda":
-        raise ValueError("This version has no CUDA rasteriser; start it with --device cpu.")
+    if device != "cpu":
+        missing = why_no_cuda()
+        if missing is None:
+            from tigas_render.raster.cuda.rasterizer import CudaRasterizer
+
+            try:
+                return CudaRasterizer(_index(device), cache or cache_directory())
+            except ValueError:
+                if device != "auto":
+                    raise
+        elif device != "auto":
+            raise ValueError(f"{missing} Start the service with --device cpu, or put that right.")
     from tigas_render.raster.cpu import CpuRasterizer
 
     return CpuRasterizer()
+
+
+def why_no_cuda() -> str | None:
+    """One sentence on what keeps this machine from rendering on a GPU; None if nothing does."""
+    import torch
+
+    if torch.version.cuda is None:
+        return "The installed PyTorch is built without CUDA."
+    if not torch.cuda.is_available():
+        return "PyTorch finds no NVIDIA GPU and driver on this machine."
+    try:
+        complete = all(find_spec(package) for package in GPU_PACKAGES)
+    except ModuleNotFoundError:
+        complete = False
+    return None if complete else "The packages for GPUs are missing: pip install 'tigas[gpu]'."
+
+
+def _index(device: str) -> int:
+    import torch
+
+    index = int(device.partition(":")[2] or 0)
+    if index >= torch.cuda.device_count():
+        raise ValueError(f"There is no {device}: this machine has {torch.cuda.device_count()} GPUs, counted from 0.")
+    return index

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import torch
 
 from tigas_common.pose import Intrinsics
+from tigas_common.wire import FrameFormat
 from tigas_render.raster.base import (
     ALPHA_MAX,
     ALPHA_MIN,
@@ -54,7 +55,7 @@ class ReferenceRasterizer(Rasterizer):
         """Nothing to pack."""
         return ReferenceScene(gaussians)
 
-    def render(self, scene: PreparedScene, camera: Camera) -> HostImage:
+    def render(self, scene: PreparedScene, camera: Camera, format: FrameFormat = "jpeg") -> HostImage:
         """Render one view; seconds, not milliseconds."""
         assert isinstance(scene, ReferenceScene)
         picture = render_float(scene.gaussians, camera)  # [H, W, 3]

@@ -13,7 +13,7 @@ from pathlib import Path
 from types import TracebackType
 from urllib.parse import quote
 
-from tigas_common.errors import BrokenScene, Overloaded, TigasError, UnknownScene
+from tigas_common.errors import BrokenScene, OutOfDeviceMemory, Overloaded, TigasError, UnknownScene
 from tigas_common.wire import SceneInfo, StartCamera
 from tigas_render.raster.base import PreparedScene
 from tigas_render.scenes.demo import DEMO_SOURCE
@@ -145,6 +145,16 @@ class SceneRegistry:
         entry.leaving = True
         self._drop_if_leaving(entry)
 
+    def evict(self) -> bool:
+        """Unload the least recently used of the scenes that nobody uses; False if there is none."""
+        victims = [entry for entry in self._entries.values() if entry.loaded and not entry.users]
+        if not victims:
+            return False
+        victim = min(victims, key=lambda entry: entry.last_used)
+        _log.info("Unloaded %s: the device's memory is full", victim.source.id)
+        self._drop(victim)
+        return True
+
     def evict_idle(self, now: float) -> None:
         """Unload every scene that nobody has used for a while."""
         for entry in self._entries.values():
@@ -183,7 +193,12 @@ class SceneRegistry:
         source = entry.source
         try:
             self._make_room(entry, source.memory_bytes)
-            loaded = await asyncio.to_thread(self._read, source)
+            try:
+                loaded = await asyncio.to_thread(self._read, source)
+            except OutOfDeviceMemory:
+                if not self.evict():
+                    raise
+                loaded = await asyncio.to_thread(self._read, source)
             self._make_room(entry, loaded.prepared.nbytes)
         except TigasError as error:
             if isinstance(error, BrokenScene):

@@ -11,6 +11,7 @@ import torch
 from numpy.typing import NDArray
 
 from tigas_common.pose import Intrinsics, Pose
+from tigas_common.wire import FrameFormat
 from tigas_render.raster.base import Camera, PreparedScene, Rasterizer
 from tigas_render.raster.cpu import layout as L
 from tigas_render.raster.cpu.binning import AHEAD, DIGIT, DIGITS, fill_lists, place_lists, sort_lists
@@ -66,7 +67,7 @@ class CpuRasterizer(Rasterizer):
         """Pack a scene; see `scene.pack`."""
         return pack(gaussians)
 
-    def render(self, scene: PreparedScene, camera: Camera) -> HostImage:
+    def render(self, scene: PreparedScene, camera: Camera, format: FrameFormat = "jpeg") -> HostImage:
         """Render one view into a framebuffer of the pool; closing the image gives it back."""
         assert isinstance(scene, CpuScene)
         job = self.start(scene, camera)

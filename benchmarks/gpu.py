@@ -1,0 +1,296 @@
+"""The CUDA rasteriser on this machine: accuracy, time from pose to JPEG, stages, throughput, and gsplat beside it.
+
+    python benchmarks/gpu.py [--device cuda:0] [--seconds 5] [--gsplat]
+
+Real scenes come from ../shared (or TIGAS_SHARED); without them the built-in demo scene takes their place. --gsplat adds
+what people would use otherwise, in the same run: gsplat, a copy to the host, and Pillow. It needs gsplat and nvcc.
+"""
+
+from __future__ import annotations
+
+import argparse
+import io
+import json
+import math
+import os
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import torch
+import uvloop
+from gpu_load import View, throughput
+from PIL import Image as PillowImage
+
+from tigas_common.pose import Intrinsics, Pose
+from tigas_render.raster.base import Camera, PreparedScene, Rasterizer
+from tigas_render.raster.cpu import CpuRasterizer
+from tigas_render.raster.cuda.rasterizer import CudaRasterizer
+from tigas_render.raster.cuda.scene import CudaScene
+from tigas_render.scenes.demo import DEMO_METADATA, demo_scene
+from tigas_render.scenes.gaussians import Gaussians
+from tigas_render.scenes.ply import load_ply
+from tigas_render.scenes.start_camera import derive_camera
+from tigas_render.settings import cache_directory
+
+SHARED = Path(os.environ.get("TIGAS_SHARED", Path(__file__).resolve().parents[2] / "shared"))
+SOURCES = {
+    "guitar": ("0", "guitar.compressed.ply"),
+    "flowers": ("2", *(f"flowers_lod0_{part}.sog" for part in range(4))),
+    "narcissus": ("0", "narcissus.sog"),
+}
+RUNGS = ((1280, 720), (960, 540), (640, 360), (320, 180))
+QUALITY = 90
+REPEATS = 300
+COPIES = 6
+"""How many times the densified scene repeats each Gaussian."""
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--device", default="cuda:0")
+    parser.add_argument("--seconds", type=float, default=5, help="of each load on the engine")
+    parser.add_argument("--gsplat", action="store_true", help="compare with gsplat, a copy and Pillow")
+    arguments = parser.parse_args()
+    index = int(arguments.device.partition(":")[2] or 0)
+    with tempfile.TemporaryDirectory() as folder:
+        scenes = load_scenes(Path(folder))
+    started = time.perf_counter()
+    rasterizer = CudaRasterizer(index, cache_directory())
+    rasterizer.warm_up()
+    bandwidth = copy_bandwidth()
+    print(f"{torch.cuda.get_device_name(index)}: ready after {time.perf_counter() - started:.1f} s;", end=" ")
+    print(f"a copy on the device moves {bandwidth / 1e12:.2f} TB/s (read and written)")
+    print("\nAccuracy, PSNR in dB")
+    accuracy(rasterizer, scenes)
+    if "flowers" in scenes:
+        gaussians, view = scenes["flowers"]
+        scenes[f"flowers x {COPIES}"] = densified(gaussians), view
+    print(f"\nPose to JPEG bytes on the host, ms, quality {QUALITY}")
+    prepared = {name: rasterizer.prepare(gaussians) for name, (gaussians, _) in scenes.items()}
+    own = latencies(rasterizer, prepared, {name: view for name, (_, view) in scenes.items()})
+    if arguments.gsplat:
+        print("\ngsplat, copy, Pillow, ms at 1280 x 720")
+        for name, (gaussians, view) in scenes.items():
+            theirs = gsplat_latency(gaussians, view)
+            print(f"  {name:12} p50 {theirs:6.2f}   {theirs / own[name]:.1f} times ours")
+    print("\nStages, microseconds, each kernel launched by itself")
+    stages(rasterizer, prepared, {name: view for name, (_, view) in scenes.items()}, bandwidth)
+    name = "flowers" if "flowers" in scenes else "courtyard"
+    print(f"\nEngine, {name}, profile 1")
+    uvloop.run(throughput(rasterizer, prepared[name], scenes[name][1], arguments.seconds))
+
+
+# --- scenes ---
+
+
+def load_scenes(folder: Path) -> dict[str, tuple[Gaussians, View]]:
+    """The real scenes if they are there, and the demo scene."""
+    demo = demo_scene()
+    start = derive_camera(demo.means, demo.opacities, demo.scales, DEMO_METADATA.up)
+    start = DEMO_METADATA.camera or start
+    scenes = {"courtyard": (demo, View(Pose.look_at(start.position, start.look_at, DEMO_METADATA.up)))}
+    if not SHARED.is_dir():
+        return scenes
+    cameras = json.loads((SHARED / "scenes" / "cameras.json").read_text())
+    for name, (degree, *files) in SOURCES.items():
+        ply = folder / f"{name}.ply"
+        sources = [str(SHARED / "scenes" / file) for file in files]
+        command = [sys.executable, str(SHARED / "tools" / "splat_convert.py"), str(ply), *sources, "--deg", degree]
+        subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
+        where = {key: tuple(map(float, value)) for key, value in cameras[name].items()}
+        scenes[name] = load_ply(ply), View(Pose.look_at(where["position"], where["look_at"], where["up"]))
+        ply.unlink()
+    return scenes
+
+
+def densified(gaussians: Gaussians) -> Gaussians:
+    """Each Gaussian COPIES times, moved by 0.7 of its deviations, and as much smaller as keeps the scene's look."""
+    repeat = {
+        name: getattr(gaussians, name).repeat_interleave(COPIES, 0)
+        for name in ("means", "scales", "quaternions", "opacities", "sh")
+    }
+    from tigas_render.raster.reference import _rotation_matrices
+
+    random = torch.Generator().manual_seed(0)
+    moved = 0.7 * torch.randn(repeat["means"].shape, generator=random) * repeat["scales"]
+    repeat["means"] = repeat["means"] + torch.einsum("nij,nj->ni", _rotation_matrices(repeat["quaternions"]), moved)
+    repeat["scales"] = repeat["scales"] * COPIES**-0.33
+    return Gaussians(**{name: tensor.contiguous() for name, tensor in repeat.items()})
+
+
+# --- accuracy ---
+
+
+def accuracy(rasterizer: CudaRasterizer, scenes: dict[str, tuple[Gaussians, View]]) -> None:
+    renders = SHARED / "reference" / "gsplat_renders.npz"
+    if renders.exists():
+        with np.load(renders) as reference:
+            for name in SOURCES:
+                worst = min(gsplat_psnrs(rasterizer, scenes[name][0], reference, name))
+                print(f"  {name}: worst of gsplat's frames {worst:.1f}")
+    demo, view = scenes["courtyard"]
+    cpu = CpuRasterizer()
+    for degree in range(4):
+        sh = torch.zeros(len(demo), (degree + 1) ** 2, 3)
+        sh[:, : demo.sh.shape[1]] = demo.sh[:, : sh.shape[1]]
+        if degree > demo.sh_degree:
+            sh[:, demo.sh.shape[1] :] = 0.1 * torch.randn(
+                sh[:, demo.sh.shape[1] :].shape, generator=torch.Generator().manual_seed(degree)
+            )
+        scene = Gaussians(demo.means, demo.scales, demo.quaternions, demo.opacities, sh)
+        camera = view.camera(1280, 720)
+        agreement = psnr(*(pixels(r, r.prepare(scene), camera) for r in (rasterizer, cpu)))
+        print(f"  courtyard, SH degree {degree}: against the CPU rasteriser {agreement:.1f}")
+
+
+def gsplat_psnrs(rasterizer: CudaRasterizer, gaussians: Gaussians, reference: object, name: str) -> list[float]:
+    frames, matrices, k = (reference[name + key] for key in ("", "_w2c", "_K"))  # type: ignore[index]
+    intrinsics = Intrinsics(float(k[0, 0]), float(k[1, 1]), float(k[0, 2]), float(k[1, 2]), 640, 360)
+    scene = rasterizer.prepare(gaussians)
+    found = []
+    for frame, matrix in zip(frames, matrices.astype(float), strict=True):
+        rotation = matrix[:3, :3].T
+        pose = Pose(tuple((-rotation @ matrix[:3, 3]).tolist()), tuple(map(tuple, rotation.tolist())))
+        found.append(psnr(pixels(rasterizer, scene, Camera(pose, intrinsics)), frame))
+    return found
+
+
+def pixels(rasterizer: Rasterizer, scene: PreparedScene, camera: Camera) -> np.ndarray:
+    with rasterizer.render(scene, camera, "png") as image:
+        return np.asarray(PillowImage.open(io.BytesIO(image.encode("png", 0))).convert("RGB"))
+
+
+def psnr(a: np.ndarray, b: np.ndarray) -> float:
+    return 10 * math.log10(255**2 / max(1e-9, float(np.mean((a.astype(float) - b) ** 2))))
+
+
+# --- latency ---
+
+
+def latencies(rasterizer: CudaRasterizer, prepared: dict[str, CudaScene], views: dict[str, View]) -> dict[str, float]:
+    """p50 at the first rung, by scene."""
+    first = {}
+    print("  " + " " * 12 + "".join(f"{width:>9} x {height:<4}" for width, height in RUNGS))
+    for name, scene in prepared.items():
+        row = []
+        for width, height in RUNGS:
+            camera = views[name].camera(width, height)
+
+            def frame(scene: CudaScene = scene, camera: Camera = camera) -> int:
+                with rasterizer.render(scene, camera) as image:
+                    return len(image.encode("jpeg", QUALITY))
+
+            times = timed(frame)
+            row.append((statistics.median(times), times[int(0.95 * len(times))], frame()))
+        first[name] = row[0][0]
+        print(f"  {name:12}" + "".join(f"{p50:8.3f}/{p95:.3f} " for p50, p95, _ in row), end="")
+        print(f"   p50/p95; {row[0][2] // 1000} KB at the first")
+    return first
+
+
+def timed(frame: Callable[[], object], repeats: int = REPEATS) -> list[float]:
+    """Sorted milliseconds, after a warm-up."""
+    for _ in range(20):
+        frame()
+    times = []
+    for _ in range(repeats):
+        started = time.perf_counter()
+        frame()
+        times.append(1000 * (time.perf_counter() - started))
+    return sorted(times)
+
+
+def gsplat_latency(gaussians: Gaussians, view: View) -> float:
+    """p50 in milliseconds of gsplat's rasterisation, the copy to the host, and Pillow's JPEG."""
+    import gsplat
+
+    camera = view.camera(*RUNGS[0])
+    k = camera.intrinsics
+    rotation = torch.tensor(camera.pose.rotation).T
+    matrix = torch.eye(4)
+    matrix[:3, :3], matrix[:3, 3] = rotation, -rotation @ torch.tensor(camera.pose.position)
+    tensors = [
+        t.cuda() for t in (gaussians.means, gaussians.quaternions, gaussians.scales, gaussians.opacities, gaussians.sh)
+    ]
+    intrinsics = torch.tensor([[k.fx, 0, k.cx], [0, k.fy, k.cy], [0, 0, 1]]).cuda()
+
+    @torch.no_grad()
+    def frame() -> int:
+        picture = gsplat.rasterization(
+            *tensors, matrix[None].cuda(), intrinsics[None], k.width, k.height,
+            sh_degree=gaussians.sh_degree, near_plane=0.01,
+        )[0][0]  # fmt: skip
+        host = (picture.clamp(0, 1) * 255 + 0.5).to(torch.uint8).cpu().numpy()
+        buffer = io.BytesIO()
+        PillowImage.fromarray(host).save(buffer, "JPEG", quality=QUALITY)
+        return buffer.tell()
+
+    return statistics.median(timed(frame, 100))
+
+
+# --- stages ---
+
+
+def copy_bandwidth() -> float:
+    """Bytes a second of a large copy on the device, read and written."""
+    a = torch.empty(1 << 30, dtype=torch.uint8, device="cuda").random_()
+    b = torch.empty_like(a)
+    stream = torch.cuda.current_stream()
+    return 2 * a.nbytes / (1e-6 * statistics.median(device_time(lambda: b.copy_(a), stream) for _ in range(20)))
+
+
+def device_time(work: Callable[[], object], stream: torch.cuda.Stream) -> float:
+    """Microseconds that the device spends on what `work` queues on a stream."""
+    start, end = torch.cuda.Event(enable_timing=True), torch.cuda.Event(enable_timing=True)
+    start.record(stream)
+    work()
+    end.record(stream)
+    end.synchronize()
+    return 1000 * start.elapsed_time(end)
+
+
+def stages(
+    rasterizer: CudaRasterizer, prepared: dict[str, CudaScene], views: dict[str, View], bandwidth: float
+) -> None:
+    for name, scene in prepared.items():
+        for width, height in (RUNGS[0], RUNGS[3]):
+            stages_of_one(rasterizer, name, scene, views[name].camera(width, height), bandwidth)
+
+
+def stages_of_one(rasterizer: CudaRasterizer, name: str, scene: CudaScene, camera: Camera, bandwidth: float) -> None:
+    width, height = camera.intrinsics.width, camera.intrinsics.height
+    with rasterizer.render(scene, camera) as image:
+        image.encode("jpeg", QUALITY)  # the buffers have grown
+    workspace = rasterizer.take_workspace()
+    stream = workspace.torch_stream
+    side = workspace.prepare(scene, camera, "jpeg").side
+    spent: dict[str, list[float]] = {}
+    for _ in range(100):
+        for stage in rasterizer.stages[side]:
+            spent.setdefault(stage.name, []).append(device_time(partial(workspace.launch_stage, stage), stream))
+    median = {stage: statistics.median(times) for stage, times in spent.items()}
+    whole = statistics.median(device_time(lambda: workspace.start(scene, camera, "jpeg"), stream) for _ in range(100))
+    codec = 1000 * statistics.median(timed(lambda: workspace.encode_jpeg(width, height, QUALITY), 100))
+    line = "  ".join(f"{stage} {time:.0f}" for stage, time in median.items())
+    print(f"  {name:12} {width} x {height}: {line}  as a graph {whole:.0f}; nvJPEG {codec:.0f};", end="")
+    print(f" {workspace.entries} entries, tiles of {side}")
+    read = scene.padded * (28 + 8 * scene.sh.shape[0])
+    for stage, size in (
+        ("project", read + scene.padded * 44),
+        ("bin", scene.padded * 44 + 8 * workspace.entries),
+    ):
+        rate = size / (1e-6 * median[stage])
+        print(f"  {'':12} {stage}: {size / 1e6:.0f} MB if all is visible, {rate / 1e12:.2f} TB/s,", end="")
+        print(f" {100 * rate / bandwidth:.0f} % of the copy's")
+    rasterizer.give_back(workspace)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,58 @@
+"""Compiles the CUDA C++ in `kernels` through NVRTC, once for each architecture, and keeps the result on disk."""
+
+from __future__ import annotations
+
+import hashlib
+import tempfile
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from cuda.core import ObjectCode
+
+KERNELS = Path(__file__).parent / "kernels"
+"""Where the sources lie: `.cu` files have kernels, `.cuh` files what they share."""
+
+
+def load_kernels(arch: str, cache: Path) -> ObjectCode:
+    """The kernels for an architecture such as `sm_90`, from the cache directory if they are there, else compiled.
+
+    Raises RuntimeError, from cuda.core, if the sources do not compile. A cache that cannot be written is no error.
+    """
+    from cuda.core import ObjectCode
+
+    path = cached_path(arch, cache)
+    try:
+        return ObjectCode.from_cubin(path.read_bytes())
+    except OSError:
+        cubin = compile_kernels(arch)
+    _write_atomically(path, cubin)
+    return ObjectCode.from_cubin(cubin)
+
+
+def compile_kernels(arch: str) -> bytes:
+    """Machine code for an architecture; needs no GPU."""
+    from cuda.core import Program, ProgramOptions
+
+    units = "".join(f'#include "{path.name}"\n' for path in sorted(KERNELS.glob("*.cu")))
+    options = ProgramOptions(name="tigas.cu", arch=arch, std="c++17", use_fast_math=True, include_path=str(KERNELS))
+    return bytes(Program(units, "c++", options).compile("cubin").code)
+
+
+def cached_path(arch: str, cache: Path) -> Path:
+    """Where the machine code is kept: another source or architecture has another name."""
+    digest = hashlib.sha256(Path(__file__).read_bytes())  # the options are sources too
+    for path in sorted(KERNELS.iterdir()):
+        digest.update(path.name.encode() + b"\0" + path.read_bytes())
+    return cache / f"cuda-{arch}-{digest.hexdigest()[:16]}.cubin"
+
+
+def _write_atomically(path: Path, content: bytes) -> None:
+    """Another process that starts at the same time sees the whole file or none."""
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with tempfile.NamedTemporaryFile(dir=path.parent, delete=False) as file:
+            file.write(content)
+        Path(file.name).replace(path)
+    except OSError:
+        return

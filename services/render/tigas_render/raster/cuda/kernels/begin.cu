@@ -1,0 +1,102 @@
+// The frame's first kernel: keeps the parameters for the others, clears counts and picture, chooses the chunks that may
+// be visible, and cuts depth into slices with about equally many Gaussians, so that no list becomes long.
+#include "frame.cuh"
+#include "pixels.cuh"
+
+// Whether no Gaussian of a chunk can be drawn; false when in doubt. A chunk is a sphere around its means and the
+// greatest deviation among its Gaussians. The least depth bounds how large those deviations become in pixels.
+__device__ bool chunk_is_outside(const Frame& f, u32 chunk, float& depth) {
+    float4 sphere = f.bounds[2 * chunk];
+    float deviation = f.bounds[2 * chunk + 1].x;
+    float x = sphere.x - f.eye[0], y = sphere.y - f.eye[1], z = sphere.z - f.eye[2], r = sphere.w;
+    float px = f.rotation[0] * x + f.rotation[1] * y + f.rotation[2] * z;
+    float py = f.rotation[3] * x + f.rotation[4] * y + f.rotation[5] * z;
+    float pz = f.rotation[6] * x + f.rotation[7] * y + f.rotation[8] * z;
+    depth = pz;
+    if (pz + r < 0.999f * NEAR_PLANE) return true;
+    float nearest = pz - r;
+    if (!(nearest > NEAR_PLANE)) return false;
+    constexpr float REACH = 3.37f;  // sqrt(2 ln 255), and a little
+    float slope_x = fmaxf(fabsf(f.left), fabsf(f.right)), slope_y = fmaxf(fabsf(f.top), fabsf(f.bottom));
+    float sx = f.fx * deviation / nearest, sy = f.fy * deviation / nearest;
+    float margin_x = (REACH * sqrtf(sx * sx * (1 + slope_x * slope_x) + BLUR) + 2) / f.fx;
+    float margin_y = (REACH * sqrtf(sy * sy * (1 + slope_y * slope_y) + BLUR) + 2) / f.fy;
+    // planes through the eye: outside where the signed distance of the sphere's centre is more than its radius
+    float l = -f.cx / f.fx - margin_x, rr = (f.width - f.cx) / f.fx + margin_x;
+    float t = -f.cy / f.fy - margin_y, b = (f.height - f.cy) / f.fy + margin_y;
+    return l * pz - px > r * sqrtf(1 + l * l) || px - rr * pz > r * sqrtf(1 + rr * rr) ||
+           t * pz - py > r * sqrtf(1 + t * t) || py - b * pz > r * sqrtf(1 + b * b);
+}
+
+// One block: slices end where the chosen chunks nearer than the bin's end are a whole share of all.
+__device__ void cut_slices(const Frame& f, u32* warps) {
+    constexpr int OWN = DEPTH_BINS / CHUNK;
+    int lane = threadIdx.x & 31, warp = threadIdx.x / 32;
+    u32 counts[OWN], mine = 0;
+#pragma unroll
+    for (int k = 0; k < OWN; k += 4) {
+        uint4 four = __ldcg((uint4*)&f.progress->depths[threadIdx.x * OWN + k]);
+        counts[k] = four.x, counts[k + 1] = four.y, counts[k + 2] = four.z, counts[k + 3] = four.w;
+        mine += four.x + four.y + four.z + four.w;
+        *(uint4*)&f.progress->depths[threadIdx.x * OWN + k] = make_uint4(0, 0, 0, 0);
+    }
+    u32 last = mine;
+    for (int step = 1; step < 32; step *= 2) {
+        u32 other = __shfl_up_sync(ALL, last, step);
+        if (lane >= step) last += other;
+    }
+    if (lane == 31) warps[warp] = last;
+    __syncthreads();
+    u32 before = last - mine, total = 0;
+    for (int w = 0; w < CHUNK / 32; w++) {
+        if (w < warp) before += warps[w];
+        total += warps[w];
+    }
+    float share = (float)f.slices / max(total, 1u);
+#pragma unroll
+    for (int k = 0; k < OWN; k += 4) {
+        u32 four = 0;
+#pragma unroll
+        for (int j = 0; j < 4; j++) {
+            four |= min((u32)((before + 0.5f * counts[k + j]) * share), f.slices - 1) << 8 * j;
+            before += counts[k + j];
+        }
+        ((u32*)f.slice_of)[(threadIdx.x * OWN + k) / 4] = four;
+    }
+}
+
+// Launched with any number of blocks of CHUNK threads. `f` comes with the launch, the other kernels find it at `frame`.
+extern "C" __global__ void __launch_bounds__(CHUNK) begin(const __grid_constant__ Frame f, Frame* frame) {
+    __shared__ u32 warps[CHUNK / 32];
+    __shared__ bool last_block;
+    if (blockIdx.x == 0)
+        for (int word = threadIdx.x; word < FRAME_WORDS; word += CHUNK) ((u32*)frame)[word] = ((const u32*)&f)[word];
+    u32 thread = blockIdx.x * CHUNK + threadIdx.x, threads = gridDim.x * CHUNK;
+    for (u32 at = thread; at < f.tiles * f.slices / 4; at += threads) ((uint4*)f.counts)[at] = make_uint4(0, 0, 0, 0);
+    fill(f, thread, threads);
+    for (u32 first = blockIdx.x * CHUNK; first < f.chunks; first += threads) {
+        u32 chunk = first + threadIdx.x;
+        float depth = 0;
+        bool chosen = chunk < f.chunks && !chunk_is_outside(f, chunk, depth);
+        u32 votes = __ballot_sync(ALL, chosen), base = 0;
+        int lane = threadIdx.x & 31;
+        if (lane == 0 && votes) base = atomicAdd(&f.progress->chosen, __popc(votes));
+        base = __shfl_sync(ALL, base, 0);
+        if (chosen) {
+            f.chosen[base + __popc(votes & ((1u << lane) - 1))] = chunk;
+            atomicAdd(&f.progress->depths[depth_bin(depth)], 1);
+        }
+    }
+    // The block that finishes last cuts the slices: no further kernel, no waiting.
+    __threadfence();
+    __syncthreads();
+    if (threadIdx.x == 0) last_block = atomicAdd(&f.progress->culled, 1) == gridDim.x - 1;
+    __syncthreads();
+    if (!last_block) return;
+    __threadfence();
+    cut_slices(f, warps);
+    if (threadIdx.x == 0) {
+        f.progress->culled = f.progress->entries = f.progress->partials = 0;
+        f.progress->segment = min(max(f.progress->chosen * CHUNK / MIN_SEGMENT, MIN_SEGMENT), MAX_SEGMENT);
+    }
+}

@@ -1,0 +1,150 @@
+// From Gaussians in space to records of those that are visible, and how many entries each tile's list will have.
+// [3DGS] Kerbl et al. 2023: spherical harmonics. [EWA] Zwicker et al. 2002: the projected covariance.
+// [gsplat] Ye et al. 2024: clamping of the derivative. Twin: raster/reference.py.
+#include "frame.cuh"
+#include "tiles.cuh"
+
+struct Colour {
+    float r, g, b;
+};
+
+// The colour seen along the unit direction (x, y, z). Coefficients come times the constants of their basis functions
+// [3DGS], in the order coefficient-major, red, green, blue; four a group.
+__device__ __forceinline__ Colour shade(const Frame& f, u32 i, float x, float y, float z) {
+    float basis[16];
+    float xx = x * x, yy = y * y, zz = z * z;
+    basis[0] = 1, basis[1] = y, basis[2] = z, basis[3] = x;
+    basis[4] = x * y, basis[5] = y * z, basis[6] = 2 * zz - xx - yy, basis[7] = x * z, basis[8] = xx - yy;
+    basis[9] = y * (3 * xx - yy), basis[10] = x * y * z, basis[11] = y * (4 * zz - xx - yy);
+    basis[12] = z * (2 * zz - 3 * xx - 3 * yy), basis[13] = x * (4 * zz - xx - yy), basis[14] = z * (xx - yy);
+    basis[15] = x * (xx - 3 * yy);
+    float colour[3] = {0.5f, 0.5f, 0.5f};
+    int numbers = 3 * f.sh_coefficients;
+    // Degrees end in groups 1, 3, 7 and 12: each batch of loads is issued together before the first is used.
+#define GROUPS(FROM, TO)                                                                     \
+    if (numbers > 4 * FROM) {                                                                \
+        uint2 group[TO - FROM];                                                              \
+        _Pragma("unroll") for (int g = 0; g < TO - FROM; g++)                                \
+            group[g] = __ldg(&f.sh[(u64)(FROM + g) * f.padded + i]);                        \
+        _Pragma("unroll") for (int n = 0; n < 4 * (TO - FROM); n++) {                        \
+            constexpr int FIRST = 4 * FROM;                                                  \
+            u32 word = n & 2 ? group[n / 4].y : group[n / 4].x;                              \
+            if ((FIRST + n) / 3 < 16)                                                        \
+                colour[(FIRST + n) % 3] += basis[((FIRST + n) / 3) & 15] * from_half(n & 1 ? word >> 16 : word); \
+        }                                                                                    \
+    }
+    GROUPS(0, 1)
+    GROUPS(1, 3)
+    GROUPS(3, 7)
+    GROUPS(7, 12)
+#undef GROUPS
+    return {fmaxf(colour[0], 0.f), fmaxf(colour[1], 0.f), fmaxf(colour[2], 0.f)};
+}
+
+// EWA projection of Gaussian i. False if it cannot be drawn.
+template <int TILE>
+__device__ bool project_one(const Frame& f, u32 i, float4& s0, float4& s1, ushort4& box, float& depth) {
+    float wx = f.means[i] - f.eye[0], wy = f.means[f.padded + i] - f.eye[1], wz = f.means[2 * f.padded + i] - f.eye[2];
+    const float* R = f.rotation;
+    float z = R[6] * wx + R[7] * wy + R[8] * wz;
+    if (!(z >= NEAR_PLANE && z < 1e30f)) return false;
+    float x = R[0] * wx + R[1] * wy + R[2] * wz, y = R[3] * wx + R[4] * wy + R[5] * wz;
+    uint4 shape = f.shapes[i];
+    float log_alpha = log2f((shape.y >> 16) * (1.f / 65535));
+    if (!(log_alpha >= LOG2_ALPHA_MIN)) return false;
+    float scale0 = exp2f(f.scale_low + f.scale_step * (shape.x & 0xffff));
+    float scale1 = exp2f(f.scale_low + f.scale_step * (shape.x >> 16));
+    float scale2 = exp2f(f.scale_low + f.scale_step * (shape.y & 0xffff));
+    float qw = (short)shape.z, qx = (short)(shape.z >> 16), qy = (short)shape.w, qz = (short)(shape.w >> 16);
+    float q = 2 / (qw * qw + qx * qx + qy * qy + qz * qz);  // any length will do
+
+    float inverse = 1 / z;
+    float tx = x * inverse, ty = y * inverse;
+    float u = f.fx * tx + f.cx, v = f.fy * ty + f.cy;
+    tx = clamp(tx, f.left, f.right), ty = clamp(ty, f.top, f.bottom);
+    // rows of J W, the derivative of the projection in world axes [EWA]
+    float jx = f.fx * inverse, jy = f.fy * inverse;
+    float ax = jx * (R[0] - tx * R[6]), ay = jx * (R[1] - tx * R[7]), az = jx * (R[2] - tx * R[8]);
+    float bx = jy * (R[3] - ty * R[6]), by = jy * (R[4] - ty * R[7]), bz = jy * (R[5] - ty * R[8]);
+    // columns of the Gaussian's rotation
+    float x0 = 1 - q * (qy * qy + qz * qz), x1 = q * (qx * qy - qw * qz), x2 = q * (qx * qz + qw * qy);
+    float y0 = q * (qx * qy + qw * qz), y1 = 1 - q * (qx * qx + qz * qz), y2 = q * (qy * qz - qw * qx);
+    float z0 = q * (qx * qz - qw * qy), z1 = q * (qy * qz + qw * qx), z2 = 1 - q * (qx * qx + qy * qy);
+    // half of J W R S: its product with its own transpose is the projected covariance
+    float p0 = scale0 * (ax * x0 + ay * y0 + az * z0), p1 = scale1 * (ax * x1 + ay * y1 + az * z1);
+    float p2 = scale2 * (ax * x2 + ay * y2 + az * z2);
+    float q0 = scale0 * (bx * x0 + by * y0 + bz * z0), q1 = scale1 * (bx * x1 + by * y1 + bz * z1);
+    float q2 = scale2 * (bx * x2 + by * y2 + bz * z2);
+    float cxx = p0 * p0 + p1 * p1 + p2 * p2 + BLUR, cyy = q0 * q0 + q1 * q1 + q2 * q2 + BLUR;
+    float cxy = p0 * q0 + p1 * q1 + p2 * q2;
+    float determinant = cxx * cyy - cxy * cxy;
+    float scale = 0.5f * LOG2_E / determinant;
+    float reach = (log_alpha - LOG2_ALPHA_MIN) * (2 / LOG2_E);  // squared, in deviations
+    float rx = sqrtf(reach * cxx), ry = sqrtf(reach * cyy);
+    // false for NaN, and for what would overflow later on
+    if (!(determinant > 0 && scale * (cxx + cyy) < 1e6f && fabsf(u) < FARTHEST && fabsf(v) < FARTHEST &&
+          rx < 1e30f && ry < 1e30f))
+        return false;
+    // pixels whose centres lie within reach
+    int left = (int)(clamp(u - rx, 0.f, f.width) + 0.5f), right = (int)(clamp(u + rx, 0.f, f.width) + 0.5f);
+    int top = (int)(clamp(v - ry, 0.f, f.height) + 0.5f), bottom = (int)(clamp(v + ry, 0.f, f.height) + 0.5f);
+    if (left >= right || top >= bottom) return false;
+    int tx0 = left / TILE, ty0 = top / TILE;
+    box = make_ushort4(tx0, ty0, (right - 1) / TILE - tx0 + 1, (bottom - 1) / TILE - ty0 + 1);
+    float length = rsqrtf(wx * wx + wy * wy + wz * wz);
+    Colour colour = shade(f, i, wx * length, wy * length, wz * length);
+    u32 red_green = to_half(fminf(colour.r, 6e4f)) | to_half(fminf(colour.g, 6e4f)) << 16;
+    u32 blue = to_half(fminf(colour.b, 6e4f));
+    s0 = make_float4(u, v, scale * cyy, -2 * scale * cxy);
+    s1 = make_float4(scale * cxx, log_alpha, __uint_as_float(red_green), __uint_as_float(blue));
+    depth = z;
+    return true;
+}
+
+// One more entry for a list; lanes with the same list send one addition.
+__device__ __forceinline__ void count_entry(const Frame& f, bool hit, u32 list) {
+    u32 peers = __match_any_sync(ALL, hit ? list : ALL);
+    if (hit && __ffs(peers) - 1 == (threadIdx.x & 31)) atomicAdd(&f.counts[list], __popc(peers));
+}
+
+template <int TILE>
+__device__ __forceinline__ void project_all(const Frame* frame) {
+    __shared__ Frame f;
+    __shared__ Staged staged[CHUNK];
+    for (int word = threadIdx.x; word < FRAME_WORDS; word += CHUNK) ((u32*)&f)[word] = ((const u32*)frame)[word];
+    __syncthreads();
+    u32 chosen = f.progress->chosen;
+    for (u32 at = blockIdx.x; at < chosen; at += gridDim.x) {
+        u32 i = f.chosen[at] * CHUNK + threadIdx.x;
+        float4 s0, s1;
+        float depth;
+        ushort4 box;
+        if (project_one<TILE>(f, i, s0, s1, box, depth)) {
+            f.splats[2 * i] = s0, f.splats[2 * i + 1] = s1;
+            f.depths[i] = depth;
+            if (is_large(box)) f.large[atomicAdd(&f.progress->large, 1)] = i;
+        } else {
+            box = make_ushort4(0, 0, 0, 0);
+        }
+        f.boxes[i] = box;
+        for_each_tile<TILE>(f, s0, s1, box, depth, staged + (threadIdx.x & ~31),
+                            [&](bool hit, u32 list, u32, float) { count_entry(f, hit, list); });
+    }
+}
+
+// Counts the entries of the large Gaussians, when all are known.
+template <int TILE>
+__device__ __forceinline__ void count_large(const Frame* frame) {
+    __shared__ Frame f;
+    for (int word = threadIdx.x; word < FRAME_WORDS; word += CHUNK) ((u32*)&f)[word] = ((const u32*)frame)[word];
+    __syncthreads();
+    // a Gaussian is in a list once, so its lanes never share one
+    for_each_large<TILE>(f, [&](bool hit, u32 list, u32, float) {
+        if (hit) atomicAdd(&f.counts[list], 1);
+    });
+}
+
+extern "C" __global__ void __launch_bounds__(CHUNK) project_16(const Frame* frame) { project_all<16>(frame); }
+extern "C" __global__ void __launch_bounds__(CHUNK) project_8(const Frame* frame) { project_all<8>(frame); }
+extern "C" __global__ void __launch_bounds__(CHUNK) large_16(const Frame* frame) { count_large<16>(frame); }
+extern "C" __global__ void __launch_bounds__(CHUNK) large_8(const Frame* frame) { count_large<8>(frame); }

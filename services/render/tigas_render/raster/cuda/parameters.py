@@ -1,0 +1,56 @@
+"""One frame's parameters as the kernels take them: `struct Frame` of frame.cuh."""
+
+from __future__ import annotations
+
+import ctypes
+import struct
+from typing import Final
+
+from tigas_common.pose import Intrinsics
+from tigas_common.wire import FrameFormat
+from tigas_render.raster.base import Camera
+from tigas_render.raster.cuda.layout import TileLayout
+from tigas_render.raster.cuda.scene import CHUNK, CudaScene
+
+LAYOUT: Final = struct.Struct("=22Q6I4i25f4x")
+"""Pointers; padded, chunks, capacity, tiles, tiles_x, slices; width, height, format, sh_coefficients; the floats."""
+FORMATS: Final[dict[FrameFormat, int]] = {"png": 0, "jpeg": 1, "yuv420p": 2}
+"""How the blending kernel lays out pixels: RGB, JPEG's planes, video's planes."""
+CLAMP_MARGIN: Final = 0.3
+"""How far outside the picture the projection's derivative is clamped, in half-widths of the picture [gsplat]."""
+
+
+def write_frame(
+    into: ctypes.Array[ctypes.c_char],
+    scene: CudaScene,
+    camera: Camera,
+    layout: TileLayout,
+    format: FrameFormat,
+    buffers: tuple[int, ...],
+    capacity: int,
+) -> None:
+    """Fill `struct Frame`. buffers: the device's addresses from `splats` to `progress`, in the struct's order."""
+    k = camera.intrinsics
+    rotation = camera.pose.rotation
+    LAYOUT.pack_into(
+        into, 0,
+        scene.means.data_ptr(), scene.shapes.data_ptr(), scene.sh.data_ptr(), scene.bounds.data_ptr(), *buffers,
+        scene.padded, scene.padded // CHUNK, capacity, layout.tiles, layout.columns, layout.slices,
+        k.width, k.height, FORMATS[format], scene.coefficients,
+        scene.scale_low, scene.scale_step,
+        *(rotation[column][row] for row in range(3) for column in range(3)),  # world to camera
+        *camera.pose.position,
+        k.fx, k.fy, k.cx, k.cy, *derivative_limits(k),
+        *camera.background,
+    )  # fmt: skip
+
+
+def derivative_limits(k: Intrinsics) -> tuple[float, float, float, float]:
+    """Limits of x/z and y/z where the projection's derivative is taken: left, right, top, bottom."""
+    margin_x, margin_y = CLAMP_MARGIN * 0.5 * k.width / k.fx, CLAMP_MARGIN * 0.5 * k.height / k.fy
+    return (
+        -k.cx / k.fx - margin_x,
+        (k.width - k.cx) / k.fx + margin_x,
+        -k.cy / k.fy - margin_y,
+        (k.height - k.cy) / k.fy + margin_y,
+    )

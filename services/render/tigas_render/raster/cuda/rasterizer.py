@@ -1,0 +1,190 @@
+"""The CUDA rasteriser: hands each frame to a workspace of its own, so that several are in flight."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import assert_never
+
+import numpy as np
+import torch
+from cuda.core import Device
+from cuda.core._utils.cuda_utils import CUDAError  # no public name yet
+
+from tigas_common.errors import DeviceLost, OutOfDeviceMemory
+from tigas_common.pose import Intrinsics, Pose
+from tigas_common.wire import FrameFormat
+from tigas_render.encode.png import encode_png
+from tigas_render.raster.base import Camera, Image, PreparedScene, Rasterizer
+from tigas_render.raster.cuda.compiler import load_kernels
+from tigas_render.raster.cuda.nvjpeg import ALLOCATOR_FAILURE, NvJpeg
+from tigas_render.raster.cuda.scene import CudaScene, pack
+from tigas_render.raster.cuda.workspace import Workspace, make_stages
+from tigas_render.scenes.gaussians import Gaussians
+
+SIDES = (8, 16)
+"""Tiles' sides that there are kernels for."""
+KERNELS = ("begin", "place", *(f"{stage}_{side}" for side in SIDES for stage in ("project", "large", "bin", "blend")))
+
+
+class CudaRasterizer(Rasterizer):
+    """Renders on one NVIDIA GPU (Ampere or newer). `render` from one thread at a time; images encode on any."""
+
+    frames_in_flight = 6
+
+    def __init__(self, index: int, cache: Path) -> None:
+        """index: the device's number; cache: a directory for compiled kernels.
+
+        Raises ValueError, with one sentence, if the device cannot be used.
+        """
+        self.device = f"cuda:{index}"
+        self._device = torch.device(self.device)
+        capability = torch.cuda.get_device_capability(self._device)
+        if capability < (8, 0):
+            name = torch.cuda.get_device_name(self._device)
+            raise ValueError(f"{name} is too old: the CUDA rasteriser needs an Ampere GPU or newer.")
+        self._make_current()
+        program = load_kernels(f"sm_{capability[0]}{capability[1]}", cache)
+        kernels = {name: program.get_kernel(name) for name in KERNELS}
+        self.stages = {side: make_stages(Device(index), kernels, side) for side in SIDES}
+        self._library = NvJpeg()
+        self._free: list[Workspace] = []
+        self._lock = threading.Lock()
+
+    def prepare(self, gaussians: Gaussians) -> CudaScene:
+        """Pack a scene; see `scene.pack`. Raises OutOfDeviceMemory."""
+        with self._explained():
+            scene = pack(gaussians, self._device)
+            torch.cuda.current_stream(self._device).synchronize()  # frames read it from other streams
+            return scene
+
+    def render(self, scene: PreparedScene, camera: Camera, format: FrameFormat = "jpeg") -> CudaImage:
+        """Queue one view and return at once. Raises OutOfDeviceMemory and DeviceLost."""
+        assert isinstance(scene, CudaScene)
+        with self._explained():
+            workspace = self.take_workspace()
+            try:
+                return CudaImage(self, workspace, scene, camera, format)
+            except BaseException:
+                self.give_back(workspace)
+                raise
+
+    def warm_up(self) -> None:
+        """Render and encode once in every workspace and format, so that everything is loaded and allocated."""
+        scene = self.prepare(_one_gaussian())
+        pose = Pose((0.0, 0.0, 0.0), ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)))
+        for width, height in ((64, 36), (1280, 720)):
+            camera = Camera(pose, Intrinsics(width, width, width / 2, height / 2, width, height))
+            images = [self.render(scene, camera) for _ in range(self.frames_in_flight)]
+            for image in images:
+                with image:
+                    image.encode("jpeg", 90)
+
+    def take_workspace(self) -> Workspace:
+        """A free workspace, made anew if there is none."""
+        with self._lock:
+            if self._free:
+                return self._free.pop()
+        return Workspace(self._device, self.stages, self._library)
+
+    def give_back(self, workspace: Workspace) -> None:
+        """Take a workspace back; more than are in flight at a time are not kept."""
+        with self._lock:
+            if len(self._free) < self.frames_in_flight:
+                self._free.append(workspace)
+                return
+        workspace.close()
+
+    def _make_current(self) -> None:
+        torch.cuda.set_device(self._device)
+        Device(self._device.index).set_current()
+
+    @contextmanager
+    def _explained(self) -> Iterator[None]:
+        """Makes the device current for this thread, and turns its errors into sentences."""
+        try:
+            self._make_current()
+            yield
+        except (RuntimeError, CUDAError) as error:
+            if isinstance(error, torch.cuda.OutOfMemoryError) or getattr(error, "status", 0) == ALLOCATOR_FAILURE:
+                torch.cuda.empty_cache()  # what PyTorch keeps for later may be what others lack
+                raise OutOfDeviceMemory(f"{self.device} has too little free memory; try again later.") from None
+            # Every call fails after a kernel crashed or the GPU fell off the bus; only a new process helps.
+            reason = str(error).partition("\n")[0] or type(error).__name__
+            raise DeviceLost(f"{self.device} failed ({reason}); restart the service.") from error
+
+
+class CudaImage(Image):
+    """A view that the device is rendering, or has rendered."""
+
+    def __init__(
+        self, rasterizer: CudaRasterizer, workspace: Workspace, scene: CudaScene, camera: Camera, format: FrameFormat
+    ) -> None:
+        self.width, self.height = camera.intrinsics.width, camera.intrinsics.height
+        self._rasterizer = rasterizer
+        self._workspace: Workspace | None = workspace
+        self._scene = scene  # held until the device is done with it
+        self._camera = camera
+        self._format = format
+        self._finished = False
+        workspace.start(scene, camera, format)
+
+    def encode(self, format: FrameFormat, quality: int) -> bytes:
+        """The image in a file format. Rendered again if its pixels were laid out for another.
+
+        Raises OutOfDeviceMemory, DeviceLost, and ValueError once the image is closed.
+        """
+        workspace = self._workspace
+        if workspace is None:
+            raise ValueError("the image is closed")
+        with self._rasterizer._explained():
+            again = format != self._format
+            while True:
+                if again:
+                    workspace.start(self._scene, self._camera, format)
+                    self._format, self._finished = format, False
+                length = self._queue(workspace, format, quality)
+                again = not workspace.finish()
+                if not again:
+                    break
+            self._finished = True
+            encoded = workspace.output(length)
+        if format == "png":
+            return encode_png(np.frombuffer(encoded, np.uint8).reshape(self.height, self.width, 3))
+        return encoded
+
+    def close(self) -> None:
+        """Give the workspace back, once the device is done with it."""
+        workspace, self._workspace = self._workspace, None
+        if workspace is None:
+            return
+        if not self._finished:
+            with self._rasterizer._explained():
+                workspace.finish()
+        self._rasterizer.give_back(workspace)
+
+    def _queue(self, workspace: Workspace, format: FrameFormat, quality: int) -> int:
+        """Queue encoding and copy; bytes of the result."""
+        match format:
+            case "jpeg":
+                return workspace.encode_jpeg(self.width, self.height, quality)
+            case "png":
+                length = 3 * self.width * self.height
+            case "yuv420p":
+                length = self.width * self.height + 2 * ((self.width + 1) // 2) * ((self.height + 1) // 2)
+            case _:
+                assert_never(format)
+        workspace.copy_pixels(length)
+        return length
+
+
+def _one_gaussian() -> Gaussians:
+    return Gaussians(
+        means=torch.tensor([[0.0, 0.0, 1.0]]),
+        scales=torch.full((1, 3), 0.1),
+        quaternions=torch.tensor([[1.0, 0.0, 0.0, 0.0]]),
+        opacities=torch.full((1,), 0.5),
+        sh=torch.zeros(1, 1, 3),
+    )

@@ -1,0 +1,160 @@
+"""Packs a scene for the GPU: planar, 16 bits where they suffice, neighbours in space next to each other."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import torch
+
+from tigas_render.raster.base import ALPHA_MIN, PreparedScene
+from tigas_render.scenes.gaussians import Gaussians
+
+CHUNK = 256
+"""Gaussians that are culled together; `frame.cuh` says the same."""
+MAX_GAUSSIANS = 2**32 - CHUNK
+"""A Gaussian's number has 32 bits in a tile's list."""
+
+# The constant factors of the basis functions, signs included [3DGS]; coefficients are stored times these.
+BASIS_CONSTANTS = (
+    0.28209479177387814,
+    *(-0.4886025119029199, 0.4886025119029199, -0.4886025119029199),
+    *(1.0925484305920792, -1.0925484305920792, 0.31539156525252005, -1.0925484305920792, 0.5462742152960396),
+    *(-0.5900435899266435, 2.890611442640554, -0.4570457994644658, 0.3731763325901154),
+    *(-0.4570457994644658, 1.445305721320277, -0.5900435899266435),
+)
+
+
+@dataclass(frozen=True, slots=True)
+class CudaScene(PreparedScene):
+    """N Gaussians, padded to whole chunks with ones that are too transparent to be drawn."""
+
+    means: torch.Tensor
+    """float32 [3, N]."""
+    shapes: torch.Tensor
+    """int16 [N, 8]: three log2 scales as codes, opacity · 65535, quaternion w, x, y, z · 32767; all but the
+    quaternion unsigned."""
+    sh: torch.Tensor
+    """float16 [groups, N, 4]: coefficients times their basis constants, coefficient-major, red, green, blue."""
+    bounds: torch.Tensor
+    """float32 [chunks, 8]: centre and radius of the means, then the greatest deviation."""
+    coefficients: int
+    """(degree + 1)², of the highest degree in use."""
+    scale_low: float
+    scale_step: float
+    """log2 of a scale is scale_low + scale_step · code."""
+
+    @property
+    def padded(self) -> int:
+        """Gaussians, padding included."""
+        return self.means.shape[1]
+
+    @property
+    def nbytes(self) -> int:
+        """Bytes of the packed tensors."""
+        return sum(t.nbytes for t in (self.means, self.shapes, self.sh, self.bounds))
+
+
+def pack(gaussians: Gaussians, device: torch.device) -> CudaScene:
+    """Pack a scene on a device. Gaussians that are too transparent to be drawn or not finite are left out."""
+    means, scales, quaternions, opacities = (
+        t.detach().to(device) for t in (gaussians.means, gaussians.scales, gaussians.quaternions, gaussians.opacities)
+    )
+    sh = gaussians.sh[:, : coefficients_in_use(gaussians.sh)]
+    finite = torch.cat([means, scales, quaternions], 1).isfinite().all(1) & (opacities >= ALPHA_MIN)
+    keep = finite.nonzero().squeeze(1)
+    keep = keep[torch.argsort(morton_codes(means[keep]), stable=True)]
+    padding = -len(keep) % CHUNK if len(keep) else CHUNK
+
+    means = _padded(means[keep], padding)
+    scales = scales[keep].clamp_min(1e-30)
+    log_scales = scales.log2()
+    low = float(log_scales.min()) if len(keep) else 0.0
+    step = max((float(log_scales.max()) - low) / 65535, 1e-9) if len(keep) else 1.0
+    unit = torch.nn.functional.normalize(quaternions[keep], dim=1)
+    codes = torch.cat(
+        [
+            ((log_scales - low) / step).round().clamp(0, 65535),
+            (opacities[keep, None].clamp(0, 1) * 65535).round(),
+            (unit * 32767).round(),
+        ],
+        1,
+    ).to(torch.int32)
+    shapes = _padded(torch.where(codes > 32767, codes - 65536, codes).to(torch.int16), padding)
+    return CudaScene(
+        means=means.T.contiguous(),
+        shapes=shapes.contiguous(),
+        sh=_pack_sh(sh, keep, padding),
+        bounds=_bounds(means[: len(keep)], scales, padding),
+        coefficients=sh.shape[1],
+        scale_low=low,
+        scale_step=step,
+    )
+
+
+def coefficients_in_use(sh: torch.Tensor) -> int:
+    """(degree + 1)² of the highest degree that has a coefficient other than zero. sh: [N, K, 3]."""
+    for degree in (3, 2, 1):
+        first, end = degree**2, (degree + 1) ** 2
+        if sh.shape[1] >= end and bool(sh[:, first:end].any()):
+            return end
+    return 1
+
+
+def morton_codes(points: torch.Tensor) -> torch.Tensor:
+    """The Z-order codes int64 [N] of points [N, 3], 20 bits an axis.
+
+    The grid spans the middle 98 % of each axis, so that a few points far away do not make it coarse.
+    """
+    if len(points) == 0:
+        return torch.zeros(0, dtype=torch.int64, device=points.device)
+    some = points[:: max(1, len(points) // 100_000)]
+    low, high = torch.quantile(some, torch.tensor([0.01, 0.99], device=points.device), dim=0)
+    cells = (points - low) * (0.5 / (high - low).max().clamp_min(1e-30)) + 0.25
+    grid = (cells.clamp(0, 1) * (2**20 - 1)).to(torch.int64)
+    codes = torch.zeros_like(grid[:, 0])
+    for axis in range(3):
+        codes |= _spread(grid[:, axis]) << axis
+    return codes
+
+
+def _spread(values: torch.Tensor) -> torch.Tensor:
+    """Put two zero bits between the lowest 20 bits of each value."""
+    for shift, mask in (
+        (32, 0x1F00000000FFFF),
+        (16, 0x1F0000FF0000FF),
+        (8, 0x100F00F00F00F00F),
+        (4, 0x10C30C30C30C30C3),
+        (2, 0x1249249249249249),
+    ):
+        values = (values | (values << shift)) & mask
+    return values
+
+
+def _padded(rows: torch.Tensor, padding: int) -> torch.Tensor:
+    """`padding` rows of zeros more."""
+    return torch.cat([rows, rows.new_zeros(padding, *rows.shape[1:])])
+
+
+def _pack_sh(sh: torch.Tensor, keep: torch.Tensor, padding: int) -> torch.Tensor:
+    """float16 [groups, N, 4]; what half precision cannot hold is clamped."""
+    numbers = sh.shape[1] * 3
+    constants = torch.tensor(BASIS_CONSTANTS[: sh.shape[1]], device=keep.device)
+    packed = torch.zeros(-(-numbers // 4) * 4, len(keep) + padding, dtype=torch.float16, device=keep.device)
+    for coefficient in range(sh.shape[1]):  # one at a time: the whole in float32 may not fit beside the rest
+        values = sh[:, coefficient].detach().to(keep.device)[keep] * constants[coefficient]
+        packed[3 * coefficient : 3 * coefficient + 3, : len(keep)] = values.nan_to_num().clamp(-6e4, 6e4).T
+    return packed.reshape(-1, 4, packed.shape[1]).transpose(1, 2).contiguous()
+
+
+def _bounds(means: torch.Tensor, scales: torch.Tensor, padding: int) -> torch.Tensor:
+    """float32 [chunks, 8], a little wide for rounding. The last chunk repeats its last Gaussian instead of padding."""
+    if len(means) == 0:
+        return torch.zeros(1, 8, device=means.device)
+    last = torch.arange(len(means) + padding, device=means.device).clamp_max(len(means) - 1)
+    points = means[last].reshape(-1, CHUNK, 3)
+    centres = 0.5 * (points.amin(1) + points.amax(1))
+    bounds = torch.zeros(len(points), 8, device=means.device)
+    bounds[:, :3] = centres
+    bounds[:, 3] = (points - centres[:, None]).norm(dim=2).amax(1) * 1.0001
+    bounds[:, 4] = scales.amax(1)[last].reshape(-1, CHUNK).amax(1) * 1.001
+    return bounds

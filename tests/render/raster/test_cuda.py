@@ -1,0 +1,180 @@
+"""The CUDA rasteriser draws what the reference draws, in every format and size, and survives what it must."""
+
+from __future__ import annotations
+
+import io
+import threading
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+import torch
+from numpy.typing import NDArray
+from PIL import Image as PillowImage
+
+from tests.render.raster.views import balls, camera, cloud, psnr
+from tests.shared_data import reference_scene_ply, shared_file
+from tigas_common.pose import Intrinsics, Pose
+from tigas_render.encode.yuv420p import encode_yuv420p
+from tigas_render.raster.base import Camera
+from tigas_render.raster.devices import why_no_cuda
+from tigas_render.raster.reference import ReferenceRasterizer, render_float
+from tigas_render.scenes.gaussians import Gaussians
+from tigas_render.scenes.ply import load_ply
+
+if TYPE_CHECKING:
+    from tigas_render.raster.cuda.rasterizer import CudaRasterizer
+
+NO_CUDA = why_no_cuda()
+pytestmark = pytest.mark.skipif(NO_CUDA is not None, reason=f"no GPU: {NO_CUDA}")
+Pixels = NDArray[np.uint8]
+
+
+@pytest.fixture(scope="module")
+def rasterizer(tmp_path_factory: pytest.TempPathFactory) -> CudaRasterizer:
+    from tigas_render.raster.cuda.rasterizer import CudaRasterizer
+
+    return CudaRasterizer(0, tmp_path_factory.mktemp("cache"))
+
+
+def draw(rasterizer: CudaRasterizer, gaussians: Gaussians, view: Camera) -> Pixels:
+    with rasterizer.render(rasterizer.prepare(gaussians), view, "png") as image:
+        return decoded(image.encode("png", 0))
+
+
+def decoded(image: bytes) -> Pixels:
+    return np.asarray(PillowImage.open(io.BytesIO(image)).convert("RGB"))
+
+
+def reference(gaussians: Gaussians, view: Camera) -> Pixels:
+    on_gpu = Gaussians(
+        gaussians.means.cuda(),
+        gaussians.scales.cuda(),
+        gaussians.quaternions.cuda(),
+        gaussians.opacities.cuda(),
+        gaussians.sh.cuda(),
+    )
+    return (render_float(on_gpu, view).clamp(0, 1) * 255 + 0.5).to(torch.uint8).cpu().numpy()
+
+
+@pytest.mark.parametrize("degree", [0, 1, 2, 3])
+def test_every_degree_of_colour_is_drawn_as_the_reference_draws_it(rasterizer: CudaRasterizer, degree: int) -> None:
+    gaussians, view = cloud(20_000, degree), camera(320, 200, background=(0.2, 0.4, 0.6))
+    assert psnr(draw(rasterizer, gaussians, view), reference(gaussians, view)) >= 55
+
+
+@pytest.mark.parametrize(
+    ("width", "height"), [(1, 1), (7, 5), (33, 17), (320, 180), (641, 359), (1283, 721), (8192, 16), (16, 8192)]
+)
+def test_every_size_is_drawn_to_its_last_pixel(rasterizer: CudaRasterizer, width: int, height: int) -> None:
+    gaussians, view = cloud(3_000, 1), camera(width, height, background=(1.0, 0.5, 0.0))
+    assert psnr(draw(rasterizer, gaussians, view), reference(gaussians, view)) >= 50
+
+
+def test_from_inside_the_cloud_and_beyond_it(rasterizer: CudaRasterizer) -> None:
+    gaussians = cloud(5_000, 2)
+    for position in ((0.0, 0.0, 0.0), (0.0, 0.0, 1.5), (0.5, -0.3, -1.0)):
+        view = camera(200, 150, Pose.from_euler(30, 20, 10, position))
+        assert psnr(draw(rasterizer, gaussians, view), reference(gaussians, view)) >= 50
+    away = camera(200, 150, Pose.from_euler(180, 0, 0, (0.0, 0.0, -400.0)), background=(0.0, 0.0, 1.0))
+    assert (draw(rasterizer, gaussians, away) == (0, 0, 255)).all()
+
+
+def test_thousands_at_one_depth_in_one_tile_are_sorted_and_drawn(rasterizer: CudaRasterizer) -> None:
+    count = 9_000
+    random = torch.Generator().manual_seed(1)
+    colours = torch.rand(count, 3, generator=random).tolist()
+    gaussians = balls(*[(0.0, 0.0, 0.0)] * count, size=0.02, opacity=0.01, colours=colours)
+    view = camera(64, 64)
+    first = draw(rasterizer, gaussians, view)
+    assert psnr(first, reference(gaussians, view)) >= 50
+    assert (first == draw(rasterizer, gaussians, view)).all()
+
+
+def test_lists_that_outgrow_their_buffer_are_drawn_after_it_has_grown(
+    rasterizer: CudaRasterizer, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    from tigas_render.raster.cuda import workspace
+    from tigas_render.raster.cuda.rasterizer import CudaRasterizer
+
+    monkeypatch.setattr(workspace, "FIRST_CAPACITY", 2048)
+    small = CudaRasterizer(0, tmp_path)
+    gaussians, view = cloud(20_000, 0, size=0.2), camera(320, 200)
+    assert (draw(small, gaussians, view) == draw(rasterizer, gaussians, view)).all()
+
+
+def test_jpeg_and_yuv_show_what_png_shows(rasterizer: CudaRasterizer) -> None:
+    gaussians, view = cloud(3_000, 1), camera(161, 91, background=(0.1, 0.2, 0.3))
+    scene = rasterizer.prepare(gaussians)
+    exact = draw(rasterizer, gaussians, view)
+    with rasterizer.render(scene, view) as image:
+        jpeg = image.encode("jpeg", 95)
+        assert jpeg.startswith(b"\xff\xd8")
+        assert jpeg.endswith(b"\xff\xd9")
+        assert psnr(decoded(jpeg), exact) >= 28
+        assert len(image.encode("jpeg", 10)) < len(jpeg)
+        # an image that is asked for in another format than it was rendered for is drawn again
+        assert (decoded(image.encode("png", 0)) == exact).all()
+    with rasterizer.render(scene, view, "yuv420p") as image:
+        planes = np.frombuffer(image.encode("yuv420p", 0), np.uint8).astype(int)
+    expected = np.frombuffer(encode_yuv420p(exact), np.uint8).astype(int)
+    assert planes.shape == expected.shape
+    assert abs(planes - expected).max() <= 1
+
+
+def test_views_of_several_scenes_in_flight_do_not_mix(rasterizer: CudaRasterizer) -> None:
+    view = camera(640, 400)
+    scenes = [rasterizer.prepare(cloud(5_000, 0, seed)) for seed in range(rasterizer.frames_in_flight)]
+
+    def encode_all(scene_numbers: list[int]) -> list[bytes]:
+        images = [rasterizer.render(scenes[number], view) for number in scene_numbers]
+        encoded: list[bytes] = [b""] * len(images)
+
+        def encode(at: int) -> None:
+            with images[at] as image:
+                encoded[at] = image.encode("jpeg", 90)
+
+        threads = [threading.Thread(target=encode, args=(at,)) for at in range(len(images))]
+        for thread in threads:
+            thread.start()
+        for thread in threads:
+            thread.join()
+        return encoded
+
+    alone = [encode_all([number])[0] for number in range(len(scenes))]
+    assert len(set(alone)) == len(scenes)
+    for _ in range(20):
+        assert encode_all(list(range(len(scenes)))) == alone
+
+
+def test_nothing_to_draw_is_the_background(rasterizer: CudaRasterizer) -> None:
+    nothing = Gaussians(torch.zeros(0, 3), torch.zeros(0, 3), torch.zeros(0, 4), torch.zeros(0), torch.zeros(0, 1, 3))
+    assert (draw(rasterizer, nothing, camera(50, 40, background=(1.0, 0.0, 0.2))) == (255, 0, 51)).all()
+
+
+def test_a_closed_image_gives_its_workspace_back_and_encodes_no_more(rasterizer: CudaRasterizer) -> None:
+    scene, view = rasterizer.prepare(cloud(100, 0)), camera(64, 64)
+    image = rasterizer.render(scene, view)
+    image.close()
+    image.close()
+    with pytest.raises(ValueError, match="closed"):
+        image.encode("jpeg", 90)
+
+
+@pytest.mark.parametrize("name", ["guitar", "flowers", "narcissus"])
+def test_every_frame_of_gsplat_is_matched(rasterizer: CudaRasterizer, name: str) -> None:
+    with np.load(shared_file("reference", "gsplat_renders.npz")) as renders:
+        frames, world_to_camera, k = renders[name], renders[f"{name}_w2c"].astype(float), renders[f"{name}_K"]
+    gaussians = load_ply(reference_scene_ply(name))
+    intrinsics = Intrinsics(float(k[0, 0]), float(k[1, 1]), float(k[0, 2]), float(k[1, 2]), 640, 360)
+    for frame, matrix in zip(frames, world_to_camera, strict=True):
+        rotation = matrix[:3, :3].T
+        pose = Pose(tuple((-rotation @ matrix[:3, 3]).tolist()), tuple(map(tuple, rotation.tolist())))
+        assert psnr(draw(rasterizer, gaussians, Camera(pose, intrinsics)), frame) >= 60
+
+
+def test_the_reference_itself_agrees_with_its_host_image() -> None:
+    gaussians, view = cloud(500, 1), camera(64, 48)
+    with ReferenceRasterizer().render(ReferenceRasterizer().prepare(gaussians), view) as image:
+        assert psnr(image.pixels, reference(gaussians, view)) >= 60
