@@ -2,12 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from importlib.metadata import entry_points
 
 import typer
 
 COMMANDS = "tigas.commands"
 """The entry-point group: a `typer.Typer` becomes a group of commands, a function one command."""
+
+
+@contextmanager
+def in_a_sentence(*expected: type[Exception]) -> Iterator[None]:
+    """Turns expected errors into their sentence and exit status 1."""
+    try:
+        yield
+    except expected as error:
+        typer.secho(str(error), err=True, fg="red")
+        raise typer.Exit(1) from None
 
 
 def main() -> None:

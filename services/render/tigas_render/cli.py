@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import logging
 import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
+from tigas_common.cli import in_a_sentence
 from tigas_common.errors import StartError, TigasError
 from tigas_common.settings import load_settings
 
@@ -64,7 +63,7 @@ def info(ply: Annotated[Path, typer.Argument(help="An INRIA 3DGS PLY.")]) -> Non
     from tigas_render.scenes.ply import load_ply
     from tigas_render.scenes.start_camera import derive_camera
 
-    with _explained():
+    with in_a_sentence(TigasError, OSError):
         gaussians = load_ply(ply)
     camera = derive_camera(gaussians.means, gaussians.opacities, gaussians.scales, DEFAULT_UP)
     low, high = gaussians.means.amin(0).tolist(), gaussians.means.amax(0).tolist()
@@ -87,7 +86,7 @@ def synth(ply: Annotated[Path, typer.Argument(help="Where to write it.")]) -> No
     from tigas_render.scenes.ply import write_ply
 
     gaussians = demo_scene()
-    with _explained():
+    with in_a_sentence(TigasError, OSError):
         write_ply(ply, gaussians)
     print(f"{ply}: {len(gaussians):,} Gaussians, SH degree {gaussians.sh_degree}")
 
@@ -106,7 +105,7 @@ def preview(
     from tigas_render.scenes.preview import preview_camera
     from tigas_render.scenes.start_camera import derive_camera
 
-    with _explained():
+    with in_a_sentence(TigasError, OSError):
         gaussians = load_ply(ply)
         start = derive_camera(gaussians.means, gaussians.opacities, gaussians.scales, DEFAULT_UP)
         rasterizer = create_rasterizer("auto")
@@ -114,16 +113,6 @@ def preview(
         with rasterizer.render(rasterizer.prepare(gaussians), camera) as picture:
             image.write_bytes(picture.encode("png" if image.suffix.lower() == ".png" else "jpeg", 90))
     print(image)
-
-
-@contextmanager
-def _explained() -> Iterator[None]:
-    """Turns errors about files into one sentence and exit status 1."""
-    try:
-        yield
-    except (TigasError, OSError) as error:
-        typer.secho(str(error), err=True, fg="red")
-        raise typer.Exit(1) from None
 
 
 def _point(point: tuple[float, float, float]) -> str:

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from tigas_common.cli import in_a_sentence
 from tigas_common.errors import TigasError
 from tigas_shaper.importers import DEFAULT_UP_KBPS, FORMATS, combine, load_trace
 from tigas_shaper.trace import NetworkTrace
@@ -39,7 +39,7 @@ def import_(
     """Convert a recording to TIGAS's own CSV."""
     from tigas_shaper.csv_format import format_csv
 
-    with _explained():
+    with in_a_sentence(TigasError, OSError):
         loaded = _load(recording, up_kbps, format)
         if up:
             loaded = combine(loaded, _load(up, up_kbps, format))
@@ -60,7 +60,7 @@ def info(recording: Recording, up_kbps: UpKbps = DEFAULT_UP_KBPS, format: Format
 
     from tigas_shaper.summary import PERCENTILES, outages, rate_summary
 
-    with _explained():
+    with in_a_sentence(TigasError, OSError):
         loaded = _load(recording, up_kbps, format)
     gaps = outages(loaded)
     facts = Table(show_header=False, box=None)
@@ -106,7 +106,7 @@ def plot(
     """Draw a trace."""
     from tigas_shaper.plot import plot_trace
 
-    with _explained():
+    with in_a_sentence(TigasError, OSError):
         if picture.suffix.lower() not in (".png", ".svg", ".pdf"):
             raise TigasError(f"{picture}: a picture ends in .png, .svg or .pdf.")
         loaded = _load(recording, up_kbps, format)
@@ -124,7 +124,7 @@ def generate(
     """Write TIGAS's own traces, as kept in traces/network."""
     from tigas_shaper.own_traces import write_own_traces
 
-    with _explained():
+    with in_a_sentence(TigasError, OSError):
         for path in write_own_traces(directory):
             print(path)
 
@@ -140,7 +140,7 @@ def fetch(
     """Download a published set of traces; an interrupted download goes on where it stopped."""
     from tigas_shaper.sources import load_sources
 
-    with _explained():
+    with in_a_sentence(TigasError, OSError):
         known = load_sources(sources)
         if name is None:
             for key, source in known.items():
@@ -182,16 +182,6 @@ def _load(path: Path, up_kbps: float, format: str | None) -> NetworkTrace:
         return load_trace(path, up_kbps=up_kbps, format=format)
     except TigasError as error:
         raise TigasError(f"{path}: {error.detail}") from None
-
-
-@contextmanager
-def _explained() -> Iterator[None]:
-    """Turns expected errors into one sentence and exit status 1."""
-    try:
-        yield
-    except (TigasError, OSError) as error:
-        typer.secho(str(error), err=True, fg="red")
-        raise typer.Exit(1) from None
 
 
 def _rate(kbps: float) -> str:

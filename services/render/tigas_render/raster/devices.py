@@ -47,7 +47,7 @@ def why_no_cuda() -> str | None:
         complete = all(find_spec(package) for package in GPU_PACKAGES)
     except ModuleNotFoundError:
         complete = False
-    return None if complete else "The packages for GPUs are missing: pip install 'tigas[gpu]'."
+    return None if complete else "The packages for GPUs are missing: make gpu."
 
 
 def _index(device: str) -> int:

@@ -7,13 +7,12 @@ import signal
 import subprocess
 import sys
 import threading
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
+from tigas_common.cli import in_a_sentence
 from tigas_common.errors import StartError
 
 lab = typer.Typer(help="The lab on this machine, in network namespaces: no Docker needed.", no_args_is_help=True)
@@ -31,7 +30,7 @@ def up(
     stop = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: stop.set())
-    with _explained():
+    with in_a_sentence(StartError, subprocess.CalledProcessError):
         run_lab(scenes=scenes, traces=traces, trace=trace, stop=stop)
 
 
@@ -40,7 +39,7 @@ def check() -> None:
     """Say whether this machine can run the lab: nothing if it can, one sentence and status 1 if not."""
     from tigas_shaper.lab.namespaces import check_rights
 
-    with _explained():
+    with in_a_sentence(StartError, subprocess.CalledProcessError):
         check_rights()
 
 
@@ -50,7 +49,7 @@ def down() -> None:
     from tigas_shaper.lab.namespaces import Lab, check_rights
     from tigas_shaper.lab.services import NAME
 
-    with _explained():
+    with in_a_sentence(StartError, subprocess.CalledProcessError):
         check_rights()
         Lab(NAME).remove()
 
@@ -64,7 +63,7 @@ def exec_(
     from tigas_shaper.lab.namespaces import ROLES, Lab, check_rights
     from tigas_shaper.lab.services import NAME
 
-    with _explained():
+    with in_a_sentence(StartError, subprocess.CalledProcessError):
         check_rights()
         found = next((known for known in ROLES if known == role), None)
         if found is None:
@@ -74,13 +73,3 @@ def exec_(
         argv = Lab(NAME).command(found, command)
         sys.stdout.flush()
         os.execvp(argv[0], argv)
-
-
-@contextmanager
-def _explained() -> Iterator[None]:
-    """Turns what went wrong into one sentence and exit status 1."""
-    try:
-        yield
-    except (StartError, subprocess.CalledProcessError) as error:
-        typer.secho(str(error), err=True, fg="red")
-        raise typer.Exit(1) from None
