@@ -12,6 +12,12 @@ const GENERATED = [
     schema: "tigas_shaper.schema",
     source: "services/shaper/tigas_shaper/wire.py",
   },
+  {
+    file: "src/dash-wire.ts",
+    title: "DashWire",
+    schema: "tigas_dash.schema",
+    source: "services/dash-packager/tigas_dash/wire.py",
+  },
 ];
 
 const venv = fileURLToPath(new URL("../../.venv/bin/python", import.meta.url));

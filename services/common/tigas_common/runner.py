@@ -33,7 +33,9 @@ class _Server(uvicorn.Server):
 
 
 @asynccontextmanager
-async def serve_http(app: Any, address: Address, tls: ssl.SSLContext | None = None) -> AsyncIterator[int]:
+async def serve_http(
+    app: Any, address: Address, tls: ssl.SSLContext | None = None, *, websockets: bool = False
+) -> AsyncIterator[int]:
     """Serve an ASGI application for as long as the context lasts; gives the port.
 
     Raises OSError if the address cannot be listened on. With `tls`, it is HTTPS; a certificate that is loaded into the
@@ -47,7 +49,7 @@ async def serve_http(app: Any, address: Address, tls: ssl.SSLContext | None = No
         access_log=False,
         server_header=False,
         timeout_graceful_shutdown=1,
-        ws="none",
+        ws="websockets-sansio" if websockets else "none",
         ssl_context_factory=(lambda *_: tls) if tls else None,
     )
     server = _Server(config)

@@ -1,0 +1,174 @@
+"""The packager's HTTP interface: Starlette routes, nothing else.
+
+Every origin may use it: the page has another port, and there is nothing to steal but a view of public scenes.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import AsyncIterator
+
+from starlette.applications import Starlette
+from starlette.middleware import Middleware
+from starlette.middleware.cors import CORSMiddleware
+from starlette.requests import Request
+from starlette.responses import JSONResponse, PlainTextResponse, Response, StreamingResponse
+from starlette.routing import Route, WebSocketRoute
+from starlette.websockets import WebSocket, WebSocketDisconnect
+
+from tigas_common.errors import TigasError, problem
+from tigas_common.parsing import MAX_BODY, parse
+from tigas_common.problems import EXCEPTION_HANDLERS, json_response, read_body
+from tigas_dash.clock import iso
+from tigas_dash.errors import UnknownSegment
+from tigas_dash.session import Session
+from tigas_dash.sessions import Sessions
+from tigas_dash.wire import FrameShown, PoseUpdate, SessionRequest
+
+NO_STORE = {"Cache-Control": "no-store"}
+STREAM_ENDED = 4001
+"""The pose socket's close code when the stream has ended."""
+UNKNOWN_SESSION = 4004
+"""The pose socket's close code when there is no such session."""
+
+
+def create_app(sessions: Sessions) -> Starlette:
+    """The application over running sessions, which are its caller's to open and close."""
+    app = Starlette(
+        routes=[
+            Route("/sessions", open_session, methods=["POST"]),
+            Route("/sessions", list_sessions),
+            Route("/sessions/{session}", end_session, methods=["DELETE"]),
+            Route("/sessions/{session}", session_status),
+            WebSocketRoute("/sessions/{session}/poses", poses),
+            Route("/sessions/{session}/manifest.mpd", manifest),
+            Route("/sessions/{session}/{representation}/init.mp4", init_segment),
+            Route("/sessions/{session}/{representation}/{segment:str}.m4s", media_segment),
+            Route("/time", time),
+            Route("/healthz", healthz),
+        ],
+        middleware=[Middleware(CORSMiddleware, allow_origins=["*"], allow_methods=["GET", "POST", "DELETE"])],
+        exception_handlers=EXCEPTION_HANDLERS,
+    )
+    app.state.sessions = sessions
+    return app
+
+
+async def open_session(request: Request) -> Response:
+    """A stream of one's own."""
+    session = await _sessions(request).open(parse(SessionRequest, await read_body(request, MAX_BODY)))
+    answer = json_response(session.info)
+    answer.status_code = 201
+    answer.headers["Location"] = f"/sessions/{session.name}"
+    return answer
+
+
+async def list_sessions(request: Request) -> Response:
+    """How every stream does."""
+    return JSONResponse([session.status.model_dump() for session in _sessions(request).all()], headers=NO_STORE)
+
+
+async def session_status(request: Request) -> Response:
+    """How a stream does."""
+    return json_response(_session(request).status)
+
+
+async def end_session(request: Request) -> Response:
+    """End a stream."""
+    await _sessions(request).end(request.path_params["session"])
+    return Response(status_code=204)
+
+
+async def manifest(request: Request) -> Response:
+    """The MPD."""
+    body = _session(request).manifest(str(request.url_for("time")))
+    return Response(body, media_type="application/dash+xml", headers=NO_STORE)
+
+
+async def init_segment(request: Request) -> Response:
+    """A representation's CMAF header."""
+    header = _session(request).header(request.path_params["representation"])
+    if header is None:
+        raise _no_representation(request)
+    return Response(header, media_type="video/mp4", headers=NO_STORE)
+
+
+async def media_segment(request: Request) -> Response:
+    """A segment, as far as it is there and then as it grows; one that is about to begin is waited for."""
+    session = _session(request)
+    window = session.window(request.path_params["representation"])
+    if window is None:
+        raise _no_representation(request)
+    text = request.path_params["segment"]
+    if not (text.isascii() and text.isdecimal() and len(text) <= 12):
+        raise UnknownSegment("Segments are numbered from 1.")
+    return StreamingResponse(
+        _in_time(window.read(int(text)), session.readable_s), media_type="video/iso.segment", headers=NO_STORE
+    )
+
+
+async def _in_time(chunks: AsyncIterator[bytes], seconds: float) -> AsyncIterator[bytes]:
+    """The chunks, for readers that keep up: one that has stopped reading does not hold its segment for ever."""
+    async with asyncio.timeout(seconds):
+        async for chunk in chunks:
+            yield chunk
+
+
+async def time(request: Request) -> Response:
+    """The stream's wall-clock time, as xs:dateTime."""
+    clock = _sessions(request).clock
+    return PlainTextResponse(iso(clock.wall(clock.now())), headers=NO_STORE)
+
+
+async def healthz(request: Request) -> Response:
+    """Whether the service runs."""
+    return JSONResponse({"status": "ok"})
+
+
+async def poses(socket: WebSocket) -> None:
+    """Takes the viewer's poses, and says of each frame which pose it shows; answers what cannot be read."""
+    await socket.accept()
+    sessions: Sessions = socket.app.state.sessions
+    try:
+        session = sessions.get(socket.path_params["session"])
+    except TigasError as error:
+        await socket.close(UNKNOWN_SESSION, error.detail)
+        return
+    async with session.watch() as frames:
+        announcing = asyncio.create_task(_announce(socket, frames))
+        listening = asyncio.create_task(_listen(socket, session))
+        await asyncio.wait((announcing, listening), return_when=asyncio.FIRST_COMPLETED)
+        for task in (announcing, listening):
+            task.cancel()
+        await asyncio.gather(announcing, listening, return_exceptions=True)
+
+
+async def _announce(socket: WebSocket, frames: asyncio.Queue[FrameShown | None]) -> None:
+    while (shown := await frames.get()) is not None:
+        await socket.send_text(shown.model_dump_json())
+    await socket.close(STREAM_ENDED, "The stream has ended.")
+
+
+async def _listen(socket: WebSocket, session: Session) -> None:
+    try:
+        while True:
+            text = await socket.receive_text()
+            try:
+                session.move(parse(PoseUpdate, text.encode()))
+            except TigasError as error:
+                await socket.send_text(problem(error).model_dump_json())
+    except (WebSocketDisconnect, KeyError):  # KeyError: a binary message
+        return
+
+
+def _sessions(request: Request) -> Sessions:
+    sessions: Sessions = request.app.state.sessions
+    return sessions
+
+
+def _session(request: Request) -> Session:
+    return _sessions(request).get(request.path_params["session"])
+
+
+def _no_representation(request: Request) -> UnknownSegment:
+    return UnknownSegment(f"The session has no representation {request.path_params['representation'][:64]!r}.")

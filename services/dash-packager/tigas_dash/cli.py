@@ -1,0 +1,40 @@
+"""The command `tigas dash`. Heavy imports wait until it runs."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import sys
+from typing import Annotated
+
+import typer
+
+from tigas_common.cli import in_a_sentence
+from tigas_common.settings import load_settings
+
+
+def dash(
+    render: Annotated[str | None, typer.Option(metavar="URL", help="Render service. [http://127.0.0.1:8080]")] = None,
+    http: Annotated[str | None, typer.Option(metavar="HOST:PORT", help="Streams and API. [127.0.0.1:8081]")] = None,
+    max_sessions: Annotated[int | None, typer.Option(help="Streams that are encoded at a time. [4]")] = None,
+    idle_s: Annotated[
+        float | None, typer.Option(help="Ends a stream that nobody has watched for so long. [15]")
+    ] = None,
+    encoder: Annotated[
+        str | None, typer.Option(metavar="auto|libx264|h264_nvenc", help="H.264 encoder. [auto]")
+    ] = None,
+) -> None:
+    """Serve low-latency DASH (CMAF) streams of the render service's views, one for each viewer.
+
+    Settings are also read from [dash] in tigas.toml (or the file that TIGAS_CONFIG names) and from TIGAS_DASH_*.
+    """
+    flags = dict(locals())
+    from tigas_common.errors import StartError
+    from tigas_dash.main import serve
+    from tigas_dash.settings import DashSettings
+
+    settings = load_settings(DashSettings, flags)
+    logging.basicConfig(format="%(asctime)s %(levelname)s %(message)s", level=logging.WARNING, stream=sys.stdout)
+    logging.getLogger("tigas_dash").setLevel(logging.INFO)
+    with in_a_sentence(StartError):
+        asyncio.run(serve(settings))

@@ -1,0 +1,32 @@
+"""The packager's clock: wall-clock time that never jumps."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass, field
+from datetime import UTC, datetime, timedelta
+
+
+@dataclass(frozen=True, slots=True)
+class Clock:
+    """Wall-clock time, read once at the start and carried on by the monotonic clock.
+
+    Manifest, producer reference times and the time that players ask for (UTCTiming) all come from here, so that media
+    time and wall-clock time stay locked even if the machine's own clock is set.
+    """
+
+    _wall: datetime = field(default_factory=lambda: datetime.now(UTC))
+    _monotonic: float = field(default_factory=time.monotonic)
+
+    def now(self) -> float:
+        """Seconds of a steady clock."""
+        return time.monotonic()
+
+    def wall(self, at: float) -> datetime:
+        """The wall-clock time at a moment of the steady clock."""
+        return self._wall + timedelta(seconds=at - self._monotonic)
+
+
+def iso(moment: datetime) -> str:
+    """xs:dateTime with milliseconds, such as 2026-01-31T12:00:00.000Z."""
+    return moment.astimezone(UTC).isoformat(timespec="milliseconds").replace("+00:00", "Z")

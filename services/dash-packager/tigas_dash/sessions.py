@@ -1,0 +1,107 @@
+"""All streams of a packager: made, found, and ended when nobody watches any more."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import secrets
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+
+from tigas_dash.clock import Clock
+from tigas_dash.encoder import EncoderName
+from tigas_dash.encoding import LadderEncoder
+from tigas_dash.errors import TooManySessions, UnknownSession
+from tigas_dash.representation import representations
+from tigas_dash.session import Session, first_pose
+from tigas_dash.source import FIRST_FRAME_S, RenderClient, ViewSource
+from tigas_dash.wire import SessionRequest
+
+logger = logging.getLogger(__name__)
+
+HOUSEKEEPING_S = 1.0
+
+
+class Sessions:
+    """The running streams."""
+
+    def __init__(self, client: RenderClient, encoder: EncoderName, clock: Clock, *, limit: int, idle_s: float) -> None:
+        self.clock = clock
+        self.encoder = encoder
+        self._client = client
+        self._limit = limit
+        self._idle_s = idle_s
+        self._running: dict[str, tuple[Session, asyncio.Task[None]]] = {}
+        self._opening = 0
+
+    @asynccontextmanager
+    async def running(self) -> AsyncIterator[Sessions]:
+        """Looks after the sessions for as long as the context lasts, and ends them with it."""
+        housekeeping = asyncio.create_task(self._keep_house())
+        try:
+            yield self
+        finally:
+            housekeeping.cancel()
+            for name in list(self._running):
+                await self.end(name)
+
+    async def open(self, request: SessionRequest) -> Session:
+        """A new stream, once its first frame is rendered.
+
+        Raises TooManySessions, InvalidRequest, RenderUnavailable, RenderProblem and EncoderUnavailable.
+        """
+        if len(self._running) + self._opening >= self._limit:
+            raise TooManySessions(
+                f"{self._limit} sessions run already; end one, or start the packager with a higher limit."
+            )
+        self._opening += 1
+        try:
+            session = await self._make(request)
+        finally:
+            self._opening -= 1
+        task = asyncio.create_task(session.run(), name=session.name)
+        task.add_done_callback(self._ended)
+        self._running[session.name] = session, task
+        return session
+
+    def get(self, name: str) -> Session:
+        """A running stream, which counts as used by that. Raises UnknownSession."""
+        found = self._running.get(name)
+        if found is None:
+            raise UnknownSession("There is no session of this name; it has ended, or never was.")
+        found[0].used_at = self.clock.now()
+        return found[0]
+
+    def all(self) -> list[Session]:
+        """Every running stream."""
+        return [session for session, _ in self._running.values()]
+
+    async def end(self, name: str) -> None:
+        """End a stream. Raises UnknownSession."""
+        self.get(name)
+        _, task = self._running[name]
+        task.cancel()
+        await asyncio.wait([task])
+
+    async def _make(self, request: SessionRequest) -> Session:
+        config = await self._client.config()
+        ladder = representations(request, config.ladder)
+        source = ViewSource(self._client, request, ladder[0])
+        encoder = await asyncio.to_thread(
+            LadderEncoder, self.encoder, ladder, request.frame_rate, request.frames_per_segment
+        )
+        first = await source.frame(first_pose(request), FIRST_FRAME_S)
+        return Session(secrets.token_hex(8), request, ladder, source, encoder, first, self.clock)
+
+    def _ended(self, task: asyncio.Task[None]) -> None:
+        self._running.pop(task.get_name(), None)
+        if not task.cancelled() and (error := task.exception()):
+            logger.error("Session %s failed", task.get_name(), exc_info=error)
+
+    async def _keep_house(self) -> None:
+        while True:
+            await asyncio.sleep(HOUSEKEEPING_S)
+            for session in self.all():
+                if not session.watched and self.clock.now() - session.used_at > self._idle_s:
+                    logger.info("Session %s ends: nobody has watched it for %g s", session.name, self._idle_s)
+                    await self.end(session.name)

@@ -1,0 +1,90 @@
+"""Where frames come from: the render service, over HTTP."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import httpx
+from pydantic import ValidationError
+
+from tigas_common.pose import Intrinsics
+from tigas_common.wire import Problem, ServerConfig
+from tigas_dash.encoding import RawFrame
+from tigas_dash.errors import RenderProblem, RenderUnavailable
+from tigas_dash.representation import Representation
+from tigas_dash.wire import PoseUpdate, SessionRequest
+
+FIRST_FRAME_S = 60
+"""The first frame may have to wait for its scene to load, in seconds."""
+FRAME_S = 5
+"""After this the render service counts as dead, in seconds."""
+
+
+class RenderClient:
+    """The render service. One for all sessions; its connections are kept."""
+
+    def __init__(self, http: httpx.AsyncClient) -> None:
+        self._http = http
+
+    async def config(self) -> ServerConfig:
+        """What the render service says of itself. Raises RenderUnavailable."""
+        answer = await self._ask("GET", "/config.json", FRAME_S)
+        try:
+            return ServerConfig.model_validate_json(answer.content)
+        except ValidationError:
+            raise RenderUnavailable("What answers as the render service is none.") from None
+
+    async def frame(self, view: dict[str, Any], within_s: float = FRAME_S) -> bytes:
+        """The frame of a RenderRequest. Raises RenderUnavailable and RenderProblem."""
+        return (await self._ask("POST", "/render", within_s, view)).content
+
+    async def _ask(self, method: str, path: str, within_s: float, body: dict[str, Any] | None = None) -> httpx.Response:
+        try:
+            answer = await self._http.request(method, path, json=body, timeout=within_s)
+        except httpx.HTTPError as error:
+            reason = str(error) or type(error).__name__
+            raise RenderUnavailable(f"The render service does not answer ({reason}).") from None
+        if answer.is_success:
+            return answer
+        try:
+            problem = Problem.model_validate_json(answer.content)
+        except ValidationError:
+            raise RenderUnavailable(f"The render service answers with status {answer.status_code}.") from None
+        raise RenderProblem(problem)
+
+
+class ViewSource:
+    """One session's views at the size that it is encoded from."""
+
+    def __init__(self, client: RenderClient, request: SessionRequest, size: Representation) -> None:
+        self._client = client
+        self._scene = request.scene
+        self._stamp = request.stamp
+        self._lens = Intrinsics(request.fx, request.fy, request.cx, request.cy, request.width, request.height)
+        self._width, self._height = size.width, size.height
+
+    async def frame(self, pose: PoseUpdate, within_s: float = FRAME_S) -> RawFrame:
+        """The view from a pose. Raises RenderUnavailable and RenderProblem."""
+        changed = {name: value for name in ("fx", "fy", "cx", "cy") if (value := getattr(pose, name)) is not None}
+        lens = replace(self._lens, **changed).resized(self._width, self._height)
+        data = await self._client.frame(
+            {
+                "scene": self._scene,
+                "position": pose.position,
+                "quaternion": pose.quaternion,
+                "fx": lens.fx,
+                "fy": lens.fy,
+                "cx": lens.cx,
+                "cy": lens.cy,
+                "width": self._width,
+                "height": self._height,
+                "format": "yuv420p",
+                **({"stamp": pose.seq % 2**24} if self._stamp else {}),
+            },
+            within_s,
+        )
+        expected = self._width * self._height * 3 // 2
+        if len(data) != expected:
+            raise RenderUnavailable(f"The render service sent {len(data)} bytes for a frame of {expected}.")
+        return RawFrame(data, self._width, self._height, pose.seq)

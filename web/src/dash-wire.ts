@@ -1,0 +1,154 @@
+// Generated from services/dash-packager/tigas_dash/wire.py by `npm run wire`. Do not edit.
+
+/**
+ * All messages between the packager and the page.
+ */
+export interface DashWire {
+  SessionRequest: SessionRequest;
+  PoseUpdate: PoseUpdate;
+  SessionInfo: SessionInfo;
+  SessionStatus: SessionStatus;
+  FrameShown: FrameShown;
+}
+/**
+ * A stream for one viewer.
+ */
+export interface SessionRequest {
+  scene: string;
+  /**
+   * @minItems 3
+   * @maxItems 3
+   */
+  position: [number, number, number];
+  /**
+   * @minItems 4
+   * @maxItems 4
+   */
+  quaternion: [number, number, number, number];
+  fx: number;
+  fy: number;
+  cx: number;
+  cy: number;
+  width: number;
+  height: number;
+  representations?:
+    | [RepresentationRequest]
+    | [RepresentationRequest, RepresentationRequest]
+    | [RepresentationRequest, RepresentationRequest, RepresentationRequest]
+    | [RepresentationRequest, RepresentationRequest, RepresentationRequest, RepresentationRequest]
+    | [
+        RepresentationRequest,
+        RepresentationRequest,
+        RepresentationRequest,
+        RepresentationRequest,
+        RepresentationRequest
+      ]
+    | [
+        RepresentationRequest,
+        RepresentationRequest,
+        RepresentationRequest,
+        RepresentationRequest,
+        RepresentationRequest,
+        RepresentationRequest
+      ]
+    | [
+        RepresentationRequest,
+        RepresentationRequest,
+        RepresentationRequest,
+        RepresentationRequest,
+        RepresentationRequest,
+        RepresentationRequest,
+        RepresentationRequest
+      ]
+    | [
+        RepresentationRequest,
+        RepresentationRequest,
+        RepresentationRequest,
+        RepresentationRequest,
+        RepresentationRequest,
+        RepresentationRequest,
+        RepresentationRequest,
+        RepresentationRequest
+      ]
+    | null;
+  frame_rate?: number;
+  segment_s?: number;
+  frames_per_chunk?: number;
+  target_latency_ms?: number;
+  stamp?: boolean;
+}
+/**
+ * One representation that a session wants.
+ */
+export interface RepresentationRequest {
+  rung: number;
+  bitrate_kbps?: number | null;
+}
+/**
+ * The viewer's newest pose. The lens may change with it; for the viewport of the session.
+ */
+export interface PoseUpdate {
+  seq: number;
+  /**
+   * @minItems 3
+   * @maxItems 3
+   */
+  position: [number, number, number];
+  /**
+   * @minItems 4
+   * @maxItems 4
+   */
+  quaternion: [number, number, number, number];
+  fx?: number | null;
+  fy?: number | null;
+  cx?: number | null;
+  cy?: number | null;
+}
+/**
+ * A session that was opened; its paths are relative to the packager's root.
+ */
+export interface SessionInfo {
+  id: string;
+  manifest: string;
+  poses: string;
+  representations: RepresentationInfo[];
+  frame_rate: number;
+  segment_s: number;
+  frames_per_chunk: number;
+  target_latency_ms: number;
+}
+/**
+ * One representation of a session.
+ */
+export interface RepresentationInfo {
+  id: string;
+  rung: number;
+  width: number;
+  height: number;
+  bitrate_kbps: number;
+  codecs: string;
+}
+/**
+ * How a session does.
+ */
+export interface SessionStatus {
+  id: string;
+  scene: string;
+  age_s: number;
+  frames: number;
+  repeated: number;
+  skipped: number;
+  poses: number;
+  render_failures: number;
+  render_problem: string | null;
+  encoder_failures: number;
+  watchers: number;
+}
+/**
+ * Which pose a frame of the stream shows: maps media time to poses.
+ */
+export interface FrameShown {
+  frame: number;
+  media_time_s: number;
+  pose: number;
+}
