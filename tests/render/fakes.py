@@ -8,6 +8,9 @@ from contextlib import asynccontextmanager
 from dataclasses import dataclass, field
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from tigas_common.errors import UnknownScene
 from tigas_common.wire import FrameFormat, RenderRequest
 from tigas_render.raster.base import Camera, Image, PreparedScene, Rasterizer
@@ -51,6 +54,9 @@ class FakeImage(Image):
 
     def encode(self, format: FrameFormat, quality: int) -> bytes:
         return f"{self.text} {format} {quality}".encode()
+
+    def to_host(self) -> NDArray[np.uint8]:
+        return np.zeros((self.height, self.width, 3), np.uint8)
 
     def close(self) -> None:
         self.closed = True

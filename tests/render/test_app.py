@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import httpx
+import numpy as np
 import pytest
 import torch
 from PIL import Image
@@ -17,6 +18,7 @@ from PIL import Image
 from tests.render.fakes import render_request
 from tigas_render.app import create_app
 from tigas_render.raster.devices import create_rasterizer
+from tigas_render.raster.stamp import read_stamp
 from tigas_render.scenes.gaussians import Gaussians
 from tigas_render.scenes.ply import write_ply
 from tigas_render.service import RenderService
@@ -96,6 +98,20 @@ async def test_the_other_formats_and_pose(client: httpx.AsyncClient) -> None:
     assert len(raw.content) == 33 * 17 + 2 * 17 * 9
 
 
+@pytest.mark.parametrize("format", ["jpeg", "png", "yuv420p"])
+async def test_a_stamp_is_drawn_when_it_is_asked_for(client: httpx.AsyncClient, format: str) -> None:
+    async def shown(**changes: Any) -> int | None:
+        response = await client.post("/render", json=frame(format=format, **changes))
+        if format == "yuv420p":
+            return read_stamp(
+                np.repeat(np.frombuffer(response.content, np.uint8)[: 320 * 180].reshape(180, 320, 1), 3, 2)
+            )
+        return read_stamp(np.asarray(Image.open(io.BytesIO(response.content)).convert("RGB")))
+
+    assert await shown(stamp=0xBEEF) == 0xBEEF
+    assert await shown() is None
+
+
 @pytest.mark.parametrize(
     ("changes", "status", "kind"),
     [
@@ -107,6 +123,8 @@ async def test_the_other_formats_and_pose(client: httpx.AsyncClient) -> None:
         ({"profile": 9}, 400, "invalid-request"),
         ({"fx": 0}, 400, "invalid-request"),
         ({"width": 100_000, "height": 100_000}, 400, "invalid-request"),
+        ({"stamp": -1}, 400, "invalid-request"),
+        ({"stamp": 2**24}, 400, "invalid-request"),
         ({"extra": 1}, 400, "invalid-request"),
     ],
 )

@@ -31,6 +31,7 @@ export interface RenderRequest {
   profile?: number | null;
   format?: "jpeg" | "png" | "yuv420p";
   deadline_ms?: number | null;
+  stamp?: number | null;
 }
 /**
  * Goes before the body on WebTransport. From status 400 on, the body is a Problem and the rest is null.

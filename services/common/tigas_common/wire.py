@@ -91,6 +91,8 @@ class RenderRequest(WireModel):
     format: FrameFormat = "jpeg"
     deadline_ms: float | None = Field(default=None, gt=0, le=60_000)
     """How long after its arrival the frame is still of use, in milliseconds."""
+    stamp: int | None = Field(default=None, ge=0, lt=2**24)
+    """A number to draw into the frame, for tests that read from a screen which request it shows."""
 
     @model_validator(mode="after")
     def _check(self) -> Self:

@@ -28,6 +28,8 @@ from tigas_common.wire import RenderRequest, Rung, ServerTiming
 from tigas_render.frame import Frame
 from tigas_render.metrics import EngineMetrics
 from tigas_render.raster.base import Camera, Image, PreparedScene, Rasterizer
+from tigas_render.raster.host_image import HostImage
+from tigas_render.raster.stamp import draw_stamp
 from tigas_render.schedule import FairSchedule
 
 logger = logging.getLogger(__name__)
@@ -196,7 +198,8 @@ class Engine:
                 return
             try:
                 started = self._clock()
-                image = self._rasterizer.render(work.scene.prepared, self._camera(work), work.request.format)
+                format = work.request.format if work.request.stamp is None else "png"  # stamped on the host
+                image = self._rasterizer.render(work.scene.prepared, self._camera(work), format)
                 rendered = self._clock()
             except Exception as error:
                 self._images.release()
@@ -251,7 +254,7 @@ class Engine:
             with image:
                 quality = self._ladder[request.profile or 0].quality
                 encoding = self._clock()
-                body = image.encode(request.format, quality)
+                body = _stamped(image, request.stamp).encode(request.format, quality)
                 encoded = self._clock()
                 width, height = image.width, image.height
         except Exception as error:
@@ -267,3 +270,12 @@ class Engine:
             encode=round(1000 * (encoded - encoding), 3),
         )
         work.resolve(Frame(body, request.format, width, height, request.seq, request.profile, timing))
+
+
+def _stamped(image: Image, stamp: int | None) -> Image:
+    """The image, or a copy in the host's memory with a number drawn into it."""
+    if stamp is None:
+        return image
+    pixels = image.to_host()
+    draw_stamp(pixels, stamp)
+    return HostImage(pixels)

@@ -6,6 +6,9 @@ from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from typing import Self
 
+import numpy as np
+from numpy.typing import NDArray
+
 from tigas_common.pose import Intrinsics, Pose
 from tigas_common.wire import FrameFormat
 from tigas_render.scenes.gaussians import Gaussians
@@ -50,6 +53,10 @@ class Image(ABC):
     @abstractmethod
     def encode(self, format: FrameFormat, quality: int) -> bytes:
         """The image in a file format, on the host: `jpeg` (at `quality` 1 to 100), `png`, or planar `yuv420p`."""
+
+    @abstractmethod
+    def to_host(self) -> NDArray[np.uint8]:
+        """The pixels in the host's memory, RGB [H, W, 3]; the caller may change them until the image is closed."""
 
     @abstractmethod
     def close(self) -> None:

@@ -33,6 +33,10 @@ class HostImage(Image):
             raise ValueError("the image is closed")
         return self._pixels
 
+    def to_host(self) -> Pixels:
+        """The pixels themselves."""
+        return self.pixels
+
     def encode(self, format: FrameFormat, quality: int) -> bytes:
         """The image in a file format. Raises ValueError once the image is closed."""
         match format:

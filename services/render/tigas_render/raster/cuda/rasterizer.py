@@ -12,6 +12,7 @@ import numpy as np
 import torch
 from cuda.core import Device
 from cuda.core._utils.cuda_utils import CUDAError  # no public name yet
+from numpy.typing import NDArray
 
 from tigas_common.errors import DeviceLost, OutOfDeviceMemory
 from tigas_common.pose import Intrinsics, Pose
@@ -136,6 +137,11 @@ class CudaImage(Image):
 
         Raises OutOfDeviceMemory, DeviceLost, and ValueError once the image is closed.
         """
+        encoded = self._encoded(format, quality)
+        return encode_png(self._rgb(encoded)) if format == "png" else encoded
+
+    def _encoded(self, format: FrameFormat, quality: int) -> bytes:
+        """The image on the host; for `png`, its RGB pixels."""
         workspace = self._workspace
         if workspace is None:
             raise ValueError("the image is closed")
@@ -150,10 +156,14 @@ class CudaImage(Image):
                 if not again:
                     break
             self._finished = True
-            encoded = workspace.output(length)
-        if format == "png":
-            return encode_png(np.frombuffer(encoded, np.uint8).reshape(self.height, self.width, 3))
-        return encoded
+            return workspace.output(length)
+
+    def _rgb(self, encoded: bytes) -> NDArray[np.uint8]:
+        return np.frombuffer(encoded, np.uint8).reshape(self.height, self.width, 3)
+
+    def to_host(self) -> NDArray[np.uint8]:
+        """A copy of the pixels. Raises what `encode` raises."""
+        return self._rgb(self._encoded("png", 0)).copy()
 
     def close(self) -> None:
         """Give the workspace back, once the device is done with it."""
