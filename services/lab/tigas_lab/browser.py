@@ -1,0 +1,125 @@
+"""Headless Chromium with the viewer in it, and the viewer's bridge for scripts (`window.tigas`, web/README.md)."""
+
+from __future__ import annotations
+
+import base64
+import contextlib
+import json
+import os
+import shutil
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from typing import Any
+from urllib.parse import quote
+
+from playwright.async_api import Browser, Error, Page, async_playwright
+
+from tigas_common.errors import StartError
+from tigas_lab.errors import RunFailed
+from tigas_lab.recording import Recording
+
+NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome")
+ARGUMENTS = (
+    "--headless=new",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-default-apps",
+    "--disable-sync",
+    "--no-first-run",
+    "--mute-audio",
+    "--autoplay-policy=no-user-gesture-required",
+    "--disable-renderer-backgrounding",
+    "--disable-background-timer-throttling",
+    "--disable-backgrounding-occluded-windows",
+)
+READY_MS = 60_000
+"""How long the viewer may take from being opened to its first frame."""
+
+
+def find_chromium() -> str:
+    """The browser's path. Raises StartError."""
+    for name in NAMES:
+        if path := shutil.which(name):
+            return path
+    raise StartError("No Chromium or Chrome is installed: sudo apt-get install chromium")
+
+
+@asynccontextmanager
+async def chromium() -> AsyncIterator[Browser]:
+    """A headless browser for as long as the context lasts. Raises StartError."""
+    path = find_chromium()
+    # As root it has no sandbox to go into.
+    arguments = [*ARGUMENTS, *(["--no-sandbox"] if os.geteuid() == 0 else [])]
+    async with async_playwright() as playwright:
+        try:
+            browser = await playwright.chromium.launch(
+                executable_path=path, args=arguments, handle_sigint=False, handle_sigterm=False
+            )
+        except Error as error:
+            raise StartError(f"{path} does not start: {_first_line(error)}") from None
+        try:
+            yield browser
+        finally:
+            with contextlib.suppress(Error):
+                await browser.close()
+
+
+class Viewer:
+    """A viewer's page. Every failure is a RunFailed with one sentence."""
+
+    def __init__(self, page: Page) -> None:
+        self._page = page
+
+    async def prepare(self, settings: dict[str, Any], pose: dict[str, Any]) -> None:
+        """Change settings, stand at a pose, and wait until a frame of it is on the screen."""
+        await self._call("settings", settings)
+        await self._call("stand", pose)
+        try:
+            await self._page.wait_for_function("() => window.tigas?.state().ready === true", timeout=READY_MS)
+        except Error:
+            said = await self._state()
+            raise RunFailed(f"The viewer showed no frame within {READY_MS // 1000} s: {said}") from None
+
+    async def record(self, plan: dict[str, Any]) -> Recording:
+        """Play a movement and record it. Raises BrokenRecording, too."""
+        return Recording.parse(await self._call("run", plan))
+
+    async def capture(self, index: int) -> bytes:
+        """One kept picture, as PNG; it is given up by the page then."""
+        return base64.b64decode(await self._call("capture", index))
+
+    async def _call(self, name: str, argument: object) -> Any:
+        # As text, both ways: a structured clone of thousands of small objects takes seconds.
+        script = "async ([name, argument]) => JSON.stringify((await window.tigas[name](JSON.parse(argument))) ?? null)"
+        try:
+            answer = await self._page.evaluate(script, [name, json.dumps(argument)])
+        except Error as error:
+            raise RunFailed(f"The viewer failed: {_first_line(error)}") from None
+        return answer if name == "run" else json.loads(answer)
+
+    async def _state(self) -> str:
+        try:
+            return str(await self._page.evaluate("() => JSON.stringify(window.tigas?.state() ?? null)"))
+        except Error as error:
+            return _first_line(error)
+
+
+@asynccontextmanager
+async def viewer(browser: Browser, url: str, scene: str, width: int, height: int) -> AsyncIterator[Viewer]:
+    """The viewer of a scene in a fresh context: no settings, cache or storage of earlier runs. Raises RunFailed."""
+    context = await browser.new_context(viewport={"width": width, "height": height}, ignore_https_errors=True)
+    try:
+        page = await context.new_page()
+        try:
+            await page.goto(f"{url}/#/scene/{quote(scene, safe='')}", timeout=READY_MS)
+            await page.wait_for_function("() => window.tigas !== undefined", timeout=READY_MS)
+        except Error as error:
+            raise RunFailed(f"The viewer at {url} could not be opened: {_first_line(error)}") from None
+        yield Viewer(page)
+    finally:
+        with contextlib.suppress(Error):
+            await context.close()
+
+
+def _first_line(error: Error) -> str:
+    return error.message.strip().splitlines()[0] if error.message.strip() else "no reason given"

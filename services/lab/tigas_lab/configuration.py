@@ -1,0 +1,129 @@
+"""What one run is: everything that must be known to make it again."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Literal, Self
+
+from pydantic import Field, model_validator
+
+from tigas_common.wire import MAX_SIDE, WireModel
+
+Mode = Literal["stateless", "dash-typical", "dash-tuned"]
+"""One JPEG per pose; DASH as live services ship it; DASH as low as it holds."""
+MODES: tuple[Mode, ...] = ("stateless", "dash-typical", "dash-tuned")
+MODE_NAMES: dict[Mode, str] = {
+    "stateless": "Stateless",
+    "dash-typical": "DASH, typical",
+    "dash-tuned": "DASH, tuned",
+}
+UP_KBPS = 10_000.0
+"""The uplink of a constant link that says nothing of it."""
+UNSHAPED = "unshaped"
+_PART = re.compile(r"(?P<value>\d+(?:\.\d+)?)(?P<unit>mbit-up|kbit-up|mbit|kbit|ms-rtt|ms-jitter|%-loss)")
+
+
+class ConstantLink(WireModel):
+    """A link that does not change; the same as the shaper's LinkSetting."""
+
+    down_kbps: float = Field(ge=0)
+    up_kbps: float = Field(default=UP_KBPS, ge=0)
+    delay_ms: float = Field(default=0.0, ge=0)
+    """One way, in each direction."""
+    jitter_ms: float = Field(default=0.0, ge=0)
+    loss_pct: float = Field(default=0.0, ge=0, le=100)
+
+
+class Network(WireModel):
+    """The network of a run: a constant link, a trace (of the shaper's, or from a file), or none of these."""
+
+    name: str = Field(min_length=1, max_length=100)
+    link: ConstantLink | None = None
+    trace_file: Path | None = None
+    """The file that the trace is read from; without it, the shaper knows the trace by its name."""
+
+    @property
+    def shaped(self) -> bool:
+        """Whether it needs a shaper."""
+        return self.name != UNSHAPED
+
+    @classmethod
+    def parse(cls, text: str) -> Network:
+        """Read what a person wrote: `20mbit,20ms-rtt`, a trace's file, a trace's name, or `unshaped`.
+
+        Raises ValueError with one sentence.
+        """
+        if text == UNSHAPED:
+            return cls(name=UNSHAPED)
+        if _PART.match(text):
+            return cls(name=text, link=_constant(text))
+        path = Path(text)
+        if path.is_file():
+            return cls(name=path.name[:100], trace_file=path)
+        if path.name != text or path.suffix:
+            raise ValueError(f"there is no trace file {text!r}")
+        return cls(name=text)
+
+
+class Configuration(WireModel):
+    """One run. Two runs with equal configurations get the same inputs."""
+
+    scene: str
+    movement: str
+    """The movement trace's file, or a generated movement's name."""
+    network: Network
+    mode: Mode
+    duration_s: float = Field(ge=1, le=7200)
+    width: int = Field(ge=64, le=MAX_SIDE)
+    height: int = Field(ge=64, le=MAX_SIDE)
+    """The viewport, in CSS pixels."""
+    profile: int | str = 2
+    """Of the mode `stateless`: the ladder's rung, or the name of a controller."""
+    seed: int = 1
+    """Of generated movements."""
+    repeat: int = Field(default=0, ge=0)
+    capture_every_ms: float = Field(default=1000.0, ge=0)
+    """A shown frame is kept so often; 0 keeps none."""
+    warm_up_s: float = Field(default=5.0, ge=0, le=600)
+    """How long the viewer stands at the first pose, with frames on the screen, before the movement begins."""
+
+    @model_validator(mode="after")
+    def _check(self) -> Self:
+        if isinstance(self.profile, int) and not 0 <= self.profile <= 255:
+            raise ValueError("the profile is a rung of the ladder, counted from 0, or a controller's name")
+        return self
+
+    @property
+    def slug(self) -> str:
+        """A name for its folder."""
+        parts = (self.scene, Path(self.movement).stem, self.network.name, self.mode, f"{self.repeat}")
+        return "_".join(re.sub(r"[^A-Za-z0-9.-]+", "-", part).strip(".-")[:40] or "x" for part in parts)
+
+
+def _constant(text: str) -> ConstantLink:
+    fields: dict[str, float] = {}
+    for part in text.split(","):
+        found = _PART.fullmatch(part.strip())
+        if found is None:
+            raise ValueError(
+                f"{part.strip()!r} is no part of a link, such as 20mbit, 5mbit-up, 20ms-rtt, 2ms-jitter or 0.1%-loss"
+            )
+        name, factor = _UNITS[found["unit"]]
+        if name in fields:
+            raise ValueError(f"{text!r} says {found['unit']} twice")
+        fields[name] = float(found["value"]) * factor
+    if "down_kbps" not in fields:
+        raise ValueError(f"{text!r} says no rate, such as 20mbit")
+    return ConstantLink(**fields)
+
+
+_UNITS = {
+    "mbit": ("down_kbps", 1000.0),
+    "kbit": ("down_kbps", 1.0),
+    "mbit-up": ("up_kbps", 1000.0),
+    "kbit-up": ("up_kbps", 1.0),
+    "ms-rtt": ("delay_ms", 0.5),
+    "ms-jitter": ("jitter_ms", 1.0),
+    "%-loss": ("loss_pct", 1.0),
+}

@@ -1,0 +1,124 @@
+"""Writes a report's files into a folder."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from jinja2 import Environment, PackageLoader, StrictUndefined
+from markupsafe import Markup
+
+from tigas_common.wire import WireModel
+from tigas_lab.recording import BrokenRecording
+from tigas_lab.report import plots, table
+from tigas_lab.store import StoredRun
+from tigas_lab.summary import Summary, summarise
+
+
+class ReportData(WireModel):
+    """report.json."""
+
+    title: str
+    command: str
+    """What was run, to run it again."""
+    runs: tuple[Summary, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Plot:
+    """A drawing and what it shows."""
+
+    caption: str
+    svg: Markup
+
+
+@dataclass(frozen=True, slots=True)
+class Section:
+    """The runs over one network."""
+
+    network: str
+    runs: list[Summary]
+    plots: list[Plot]
+
+
+PLOTS = (
+    ("Distribution of motion-to-photon latency; dashed: 100 ms", plots.latency_distribution),
+    ("Motion-to-photon latency of each input; grey: the link's rate", plots.latency_over_time),
+    ("What crossed the link towards the viewer", plots.bandwidth_over_time),
+    ("Resolution on the screen", plots.height_over_time),
+)
+
+
+def write_report(runs: Sequence[Path], out: Path, title: str, command: str) -> ReportData:
+    """report.html, report.json, table.md, headline.svg and headline.png from run folders.
+
+    A folder that cannot be read is left out. Raises OSError.
+    """
+    summaries: list[Summary] = []
+    curves: dict[str, list[plots.Curve]] = {}
+    for folder in runs:
+        try:
+            summary = summarise(folder)
+            summaries.append(summary)
+            if summary.figures is not None:
+                network = summary.record.configuration.network.name
+                curves.setdefault(network, []).append(plots.Curve.of(StoredRun(folder)))
+        except BrokenRecording:
+            continue
+    data = ReportData(title=title, command=command, runs=tuple(summaries))
+    (out / "report.json").write_text(data.model_dump_json(indent=2) + "\n", encoding="utf-8")
+    (out / "table.md").write_text(table.markdown(summaries), encoding="utf-8")
+    if curves:
+        plots.headline(curves, out)
+    (out / "report.html").write_text(_html(data, curves), encoding="utf-8")
+    return data
+
+
+def warnings(summaries: Sequence[Summary]) -> list[str]:
+    """What a reader must know before believing the figures."""
+    found: list[str] = []
+    for summary in summaries:
+        record = summary.record
+        name = f"{record.configuration.network.name}, {table.label(summary)}"
+        if summary.problem is not None:
+            found.append(f"{name}: there is no result. {summary.problem}")
+        elif record.load is None:
+            found.append(f"{name}: the machine's load is unknown.")
+        elif record.load.saturated:
+            found.append(
+                f"{name}: the machine's processors were saturated during {record.load.saturated_share:.0%} of the run "
+                f"({record.load.cpu_mean:.0%} busy on average), so its latencies tell of the machine, too."
+            )
+        if record.recording is not None and record.recording.hidden:
+            found.append(f"{name}: the page was hidden at some time, so that the browser may have held frames back.")
+    return found
+
+
+def _html(data: ReportData, curves: dict[str, list[plots.Curve]]) -> str:
+    environment = Environment(
+        loader=PackageLoader("tigas_lab.report"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    sections = [
+        Section(
+            network,
+            runs,
+            # matplotlib escapes text itself
+            [Plot(caption, Markup(draw(curves[network]))) for caption, draw in PLOTS if curves.get(network)],
+        )
+        for network, runs in table.by_network(data.runs).items()
+    ]
+    complete = [run for run in data.runs if run.figures is not None]
+    return environment.get_template("report.html.j2").render(
+        data=data,
+        sections=sections,
+        warnings=warnings(data.runs),
+        columns=table.COLUMNS,
+        label=table.label,
+        cells=table.cells,
+        first=complete[0].record if complete else None,
+    )

@@ -1,0 +1,214 @@
+"""The report's plots, as SVG: without dates or random ids, so that equal data give equal files."""
+
+from __future__ import annotations
+
+import io
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import matplotlib as mpl
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from tigas_lab.configuration import MODE_NAMES, Mode
+from tigas_lab.recording import ShownFrame
+from tigas_lab.statistics import INTERACTIVE_MS, answers
+from tigas_lab.store import LinkSample, StoredRun
+
+COLOURS: dict[Mode, str] = {"stateless": "#0072b2", "dash-typical": "#d55e00", "dash-tuned": "#009e73"}
+"""Okabe and Ito's, which people with colour blindness tell apart."""
+LINK_COLOUR = "#8a929c"
+NO_METADATA = dict.fromkeys(("Creator", "Date", "Format", "Type"))
+STYLE: Any = {
+    "font.size": 9,
+    "font.family": "sans-serif",
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.grid": True,
+    "axes.axisbelow": True,
+    "grid.color": "#e4e7eb",
+    "grid.linewidth": 0.6,
+    "axes.edgecolor": "#8a929c",
+    "legend.frameon": False,
+    "svg.hashsalt": "tigas",
+}
+SIZE = (7.2, 2.7)
+TICKS = (5, 10, 20, 50, 100, 200, 500, 1000, 2000, 5000, 10_000, 20_000, 50_000)
+
+
+@dataclass(frozen=True)
+class Curve:
+    """One run's data, ready to be drawn."""
+
+    mode: Mode
+    label: str
+    duration_s: float
+    answered: list[tuple[float, float]]
+    """(s, ms): motion-to-photon latency over the time of the input; inf where no frame came."""
+    link: list[LinkSample]
+    frames: list[ShownFrame]
+
+    @classmethod
+    def of(cls, run: StoredRun) -> Curve:
+        """Raises BrokenRecording."""
+        inputs, frames = run.inputs(), run.frames()
+        configuration = run.record.configuration
+        return cls(
+            mode=configuration.mode,
+            label=MODE_NAMES[configuration.mode] + (f" ({configuration.repeat + 1})" if configuration.repeat else ""),
+            duration_s=configuration.duration_s,
+            answered=[(entry.at / 1000, ms) for entry, ms in zip(inputs, answers(inputs, frames), strict=True)],
+            link=[sample for sample in run.link() if -1000 <= sample.at <= configuration.duration_s * 1000 + 1000],
+            frames=frames,
+        )
+
+    @property
+    def colour(self) -> str:
+        """The mode's."""
+        return COLOURS[self.mode]
+
+
+def latency_distribution(curves: Sequence[Curve]) -> str:
+    """Cumulative distribution of motion-to-photon latency."""
+    with mpl.rc_context(STYLE):
+        figure, axes = _figure()
+        draw_distribution(axes, curves)
+        return _svg(figure)
+
+
+def latency_over_time(curves: Sequence[Curve]) -> str:
+    """Motion-to-photon latency over the run, the link's rate behind it."""
+    with mpl.rc_context(STYLE):
+        figure, axes = _figure()
+        for curve in curves:
+            times, values = zip(*curve.answered, strict=True) if curve.answered else ((), ())
+            shown = [value if math.isfinite(value) else math.nan for value in values]
+            axes.plot(times, shown, color=curve.colour, label=curve.label, linewidth=0.9)
+        axes.axhline(INTERACTIVE_MS, color="#444", linewidth=0.8, linestyle="--")
+        axes.set(xlabel="Time, s", ylabel="Motion-to-photon, ms", yscale="log", xlim=(0, _duration(curves)))
+        _plain_log(axes, [value for curve in curves for _, value in curve.answered])
+        _rate_behind(axes, curves)
+        _legend(axes)
+        return _svg(figure)
+
+
+def bandwidth_over_time(curves: Sequence[Curve]) -> str:
+    """What crossed the link towards the client, against what it could carry."""
+    with mpl.rc_context(STYLE):
+        figure, axes = _figure()
+        link = next((curve.link for curve in curves if curve.link), [])
+        if link:
+            times, rates = [sample.at / 1000 for sample in link], [sample.target_kbps / 1000 for sample in link]
+            axes.fill_between(times, rates, color="#eef0f3", step="post", label="Link's rate", linewidth=0)
+        for curve in curves:
+            times = [sample.at / 1000 for sample in curve.link]
+            values = [sample.delivered_kbps / 1000 for sample in curve.link]
+            axes.plot(times, values, color=curve.colour, label=curve.label, linewidth=1)
+        axes.set(xlabel="Time, s", ylabel="Mbit/s", xlim=(0, _duration(curves)))
+        axes.set_ylim(bottom=0)
+        _legend(axes)
+        return _svg(figure)
+
+
+def height_over_time(curves: Sequence[Curve]) -> str:
+    """The resolution on the screen."""
+    with mpl.rc_context(STYLE):
+        figure, axes = _figure()
+        for curve in curves:
+            frames = [frame for frame in curve.frames if frame.at <= curve.duration_s * 1000]
+            times = [frame.at / 1000 for frame in frames]
+            axes.step(times, [frame.height for frame in frames], color=curve.colour, label=curve.label, where="post")
+        axes.set(xlabel="Time, s", ylabel="Height of the frame, pixels", xlim=(0, _duration(curves)))
+        axes.set_ylim(bottom=0)
+        _legend(axes)
+        return _svg(figure)
+
+
+def headline(by_network: dict[str, list[Curve]], folder: Path) -> list[Path]:
+    """The distributions side by side, one network each, as headline.svg and headline.png. Raises OSError."""
+    with mpl.rc_context(STYLE):
+        figure = Figure(figsize=(4.4 * len(by_network), 3.1), layout="constrained")
+        panels = figure.subplots(1, len(by_network), squeeze=False, sharey=True)[0]
+        for axes, (network, curves) in zip(panels, by_network.items(), strict=True):
+            draw_distribution(axes, curves)
+            axes.set_title(network, fontsize=9)
+        for axes in panels[1:]:
+            axes.set_ylabel("")
+        paths = [folder / "headline.svg", folder / "headline.png"]
+        figure.savefig(paths[0], metadata=NO_METADATA)
+        figure.savefig(paths[1], dpi=160)
+        return paths
+
+
+def draw_distribution(axes: Axes, curves: Sequence[Curve]) -> None:
+    """Share of the inputs that were on the screen within a time."""
+    for curve in curves:
+        values = sorted(value for _, value in curve.answered if math.isfinite(value))
+        if values:
+            shares = [(index + 1) / len(curve.answered) for index in range(len(values))]
+            axes.step(values, shares, where="post", color=curve.colour, label=curve.label, linewidth=1.6)
+    axes.axvline(INTERACTIVE_MS, color="#444", linewidth=0.8, linestyle="--")
+    axes.set(xscale="log", xlabel="Motion-to-photon latency, ms", ylabel="Share of inputs", ylim=(0, 1.01))
+    _plain_log(axes, [value for curve in curves for _, value in curve.answered], horizontal=True)
+    _legend(axes)
+
+
+def _figure() -> tuple[Figure, Axes]:
+    figure = Figure(figsize=SIZE, layout="constrained")
+    return figure, figure.subplots()
+
+
+def _plain_log(axes: Axes, values: list[float], *, horizontal: bool = False) -> None:
+    """A logarithmic axis with plain numbers, over the values and the interactive limit."""
+    finite = [value for value in values if math.isfinite(value) and value > 0] or [INTERACTIVE_MS]
+    low, high = min(10.0, *finite), max(200.0, *finite)
+    ticks = [tick for tick in TICKS if low / 1.5 <= tick <= high * 1.5]
+    axis = axes.xaxis if horizontal else axes.yaxis
+    axis.set_ticks(ticks, [f"{tick:,}" for tick in ticks])
+    axis.set_ticks([], minor=True)
+    limits = (low / 1.1, high * 1.1)
+    if horizontal:
+        axes.set_xlim(*limits)
+    else:
+        axes.set_ylim(*limits)
+
+
+def _rate_behind(axes: Axes, curves: Sequence[Curve]) -> None:
+    link = next((curve.link for curve in curves if curve.link), None)
+    if link is None:
+        return
+    behind = axes.twinx()
+    behind.fill_between(
+        [sample.at / 1000 for sample in link],
+        [sample.target_kbps / 1000 for sample in link],
+        color="#eef0f3",
+        step="post",
+        linewidth=0,
+    )
+    behind.set_ylabel("Link, Mbit/s", color=LINK_COLOUR)
+    behind.tick_params(axis="y", colors=LINK_COLOUR)
+    behind.set_ylim(bottom=0)
+    behind.grid(visible=False)
+    behind.spines["right"].set_visible(True)
+    axes.set_zorder(behind.get_zorder() + 1)
+    axes.patch.set_visible(False)
+
+
+def _legend(axes: Axes) -> None:
+    if axes.get_legend_handles_labels()[0]:
+        axes.legend(loc="lower left", bbox_to_anchor=(0, 1.0), ncols=5, borderaxespad=0.2, handlelength=1.4, fontsize=8)
+
+
+def _duration(curves: Sequence[Curve]) -> float:
+    return max((curve.duration_s for curve in curves), default=1.0)
+
+
+def _svg(figure: Figure) -> str:
+    """Without the XML declaration, to be put into HTML."""
+    buffer = io.StringIO()
+    figure.savefig(buffer, format="svg", metadata=NO_METADATA)
+    text = buffer.getvalue()
+    return text[text.index("<svg") :]

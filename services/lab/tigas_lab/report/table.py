@@ -1,0 +1,99 @@
+"""The table of figures, the same for the terminal, Markdown and HTML."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+
+from tigas_lab.configuration import MODE_NAMES
+from tigas_lab.summary import Figures, Summary
+
+NONE = "–"
+
+
+@dataclass(frozen=True, slots=True)
+class Column:
+    """One figure of a run."""
+
+    title: str
+    unit: str
+    cell: Callable[[Figures], str]
+
+    @property
+    def heading(self) -> str:
+        """With its unit."""
+        return f"{self.title}, {self.unit}" if self.unit else self.title
+
+
+def _number(value: float | None, digits: int = 0) -> str:
+    return NONE if value is None else f"{value:,.{digits}f}"
+
+
+def _mbit(value: float | None) -> str:
+    return NONE if value is None else f"{value / 1000:.1f}"
+
+
+def _quality(figures: Figures, name: str, digits: int) -> str:
+    return _number(getattr(figures.quality, name, None), digits)
+
+
+def _latency(value: float | None, unanswered: int) -> str:
+    return "never" if value is None and unanswered else _number(value)
+
+
+COLUMNS = (
+    Column("p50", "ms", lambda f: _latency(f.latencies.p50, f.latencies.unanswered)),
+    Column("p95", "ms", lambda f: _latency(f.latencies.p95, f.latencies.unanswered)),
+    Column("p99", "ms", lambda f: _latency(f.latencies.p99, f.latencies.unanswered)),
+    Column(
+        "within 100 ms",
+        "%",
+        lambda f: _number(None if f.latencies.share_interactive is None else 100 * f.latencies.share_interactive, 1),
+    ),
+    Column("new views", "/s", lambda f: _number(f.frames.new_views_per_s, 1)),
+    Column("freezes", "", lambda f: f"{f.freezes.count} ({f.freezes.total_ms / 1000:.1f} s)"),
+    Column("received", "Mbit/s", lambda f: _mbit(f.received_kbps)),
+    Column("over the link", "Mbit/s", lambda f: _mbit(f.delivered_kbps)),
+    Column("height", "px", lambda f: _number(f.mean_height)),
+    Column("SSIM of the picture", "", lambda f: _quality(f, "picture_ssim", 3)),
+    Column("PSNR of the picture", "dB", lambda f: _quality(f, "picture_psnr_db", 1)),
+    Column("SSIM of the view", "", lambda f: _quality(f, "view_ssim", 3)),
+    Column("PSNR of the view", "dB", lambda f: _quality(f, "view_psnr_db", 1)),
+)
+
+
+def label(summary: Summary) -> str:
+    """The run within its network."""
+    configuration = summary.record.configuration
+    name = MODE_NAMES[configuration.mode]
+    if configuration.mode == "stateless":
+        profile = configuration.profile
+        name += f", rung {profile}" if isinstance(profile, int) else f", {profile}"
+    return f"{name} ({configuration.repeat + 1})" if configuration.repeat else name
+
+
+def cells(summary: Summary) -> list[str]:
+    """One per column; all empty without figures."""
+    figures = summary.figures
+    return [column.cell(figures) if figures else NONE for column in COLUMNS]
+
+
+def by_network(summaries: Iterable[Summary]) -> dict[str, list[Summary]]:
+    """In the order in which they were made."""
+    found: dict[str, list[Summary]] = {}
+    for summary in summaries:
+        found.setdefault(summary.record.configuration.network.name, []).append(summary)
+    return found
+
+
+def markdown(summaries: Iterable[Summary]) -> str:
+    """One table for all networks."""
+    lines = [
+        "| network | mode | " + " | ".join(column.heading for column in COLUMNS) + " |",
+        "|---|---|" + "---:|" * len(COLUMNS),
+    ]
+    for network, runs in by_network(summaries).items():
+        for run in runs:
+            row = cells(run) if run.figures else [f"no result: {run.problem}", *[""] * (len(COLUMNS) - 1)]
+            lines.append(f"| {network} | {label(run)} | " + " | ".join(cell.replace("|", "\\|") for cell in row) + " |")
+    return "\n".join(lines) + "\n"

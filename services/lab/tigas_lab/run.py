@@ -1,0 +1,216 @@
+"""One run: a configuration in, a folder of records out. Comparisons and experiments are lists of these."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+from collections.abc import AsyncIterator, Callable, Sequence
+from contextlib import asynccontextmanager
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+from time import time
+from typing import Any, TypedDict
+
+import httpx
+
+from tigas_common.wire import SceneInfo
+from tigas_lab import truth
+from tigas_lab.browser import Viewer, chromium, viewer
+from tigas_lab.configuration import Configuration, Mode
+from tigas_lab.errors import RunFailed
+from tigas_lab.load import Load, watching_load
+from tigas_lab.machine import Machine
+from tigas_lab.quality import BrokenPicture
+from tigas_lab.recording import BrokenRecording, Recording
+from tigas_lab.shaper_client import LinkStatus, ShaperClient
+from tigas_lab.store import CaptureQuality, LinkSample, RunRecord, RunWriter
+from tigas_lab.targets import Target
+
+DRAIN_S = 30
+"""How much longer than its movement a recording may take."""
+
+
+class Point(TypedDict):
+    """A pose at a time, in the scene's own frame."""
+
+    t_ms: float
+    position: list[float]
+    quaternion: list[float]
+
+
+@dataclass(frozen=True, slots=True)
+class Bench:
+    """What all runs share."""
+
+    target: Target
+    scene: SceneInfo
+    machine: Machine
+
+
+async def run(
+    bench: Bench, configuration: Configuration, points: Sequence[Point], folder: Path, stage: Callable[[str], None]
+) -> RunRecord:
+    """Make one run, write its folder, and return its record. A run that fails is marked, and raises nothing.
+
+    `stage` hears what is going on. If it is cancelled, the run is marked, too.
+    """
+    record = RunRecord(
+        status="running",
+        problem=None,
+        configuration=configuration,
+        machine=bench.machine,
+        started=datetime.now(UTC).isoformat(timespec="seconds"),
+    )
+    writer = RunWriter(folder, record)
+    try:
+        async with _link(bench.target, configuration) as shaper:
+            return await _measure(bench, configuration, points, writer, shaper, stage)
+    except (RunFailed, BrokenRecording) as error:
+        return writer.close(status="failed", problem=str(error))
+    except OSError as error:
+        return writer.close(status="failed", problem=f"The run could not be written: {error}")
+    except BaseException:
+        writer.close(status="failed", problem="The run was stopped before its end.")
+        raise
+
+
+async def _measure(
+    bench: Bench,
+    configuration: Configuration,
+    points: Sequence[Point],
+    writer: RunWriter,
+    shaper: ShaperClient | None,
+    stage: Callable[[str], None],
+) -> RunRecord:
+    async with chromium() as browser:
+        stage("opens the viewer")
+        url, scene = bench.target.url, bench.scene
+        async with viewer(browser, url, scene.id, configuration.width, configuration.height) as page:
+            first = {key: points[0][key] for key in ("position", "quaternion")}
+            await page.prepare(page_settings(configuration), first)
+            stage("warms up")
+            await asyncio.sleep(configuration.warm_up_s)
+            stage("measures")
+            async with watching_load() as load, _watching(shaper) as seen:
+                backend = await _play(shaper, configuration)
+                recording = await _record(page, configuration, points)
+            writer.recording(recording)
+            start = recording.started_unix_ms
+            writer.surroundings(
+                [_sample(status, at - start) for at, status in seen],
+                [sample for sample in load if 0 <= sample.unix_ms - start <= recording.ended_ms],
+            )
+            stage("compares with ground truth")
+            if shaper is not None:
+                await shaper.release()
+            writer.quality(await _judge(page, url, recording, writer))
+        return writer.close(
+            status="complete" if recording.complete else "failed",
+            problem=None if recording.complete else "The movement was not played to its end.",
+            browser=browser.version,
+            backend=backend,
+            load=Load.of(load),
+            recording=recording.head,
+        )
+
+
+def page_settings(configuration: Configuration) -> dict[str, Any]:
+    """The viewer's settings: everything that is not said here has its default."""
+    modes: dict[Mode, dict[str, Any]] = {
+        "stateless": {"mode": "stateless", "profile": configuration.profile},
+        "dash-typical": {"mode": "dash", "dashPreset": "typical"},
+        "dash-tuned": {"mode": "dash", "dashPreset": "tuned"},
+    }
+    # Nothing beside the picture, so that the stage is the viewport; no second request for a view that stands still.
+    return {**modes[configuration.mode], "sidebar": False, "hud": False, "refine": False}
+
+
+@asynccontextmanager
+async def _link(target: Target, configuration: Configuration) -> AsyncIterator[ShaperClient | None]:
+    """The run's network, held at its first state; afterwards the shaper's own fast link."""
+    network = configuration.network
+    if target.shaper is None:
+        if network.shaped:
+            raise RunFailed(f"There is no shaper behind {target.url}, so the network must be `unshaped`.")
+        yield None
+        return
+    shaper = ShaperClient(target.shaper, target.url)
+    try:
+        await (shaper.hold(network) if network.shaped else shaper.release())
+        yield shaper
+    finally:
+        with contextlib.suppress(RunFailed):
+            await shaper.release()
+        await shaper.close()
+
+
+@asynccontextmanager
+async def _watching(shaper: ShaperClient | None) -> AsyncIterator[list[tuple[float, LinkStatus]]]:
+    """(unix ms, status) of the link, for as long as the context lasts."""
+    seen: list[tuple[float, LinkStatus]] = []
+    if shaper is None:
+        yield seen
+        return
+
+    async def watch() -> None:
+        async for status in shaper.watch():
+            seen.append((time() * 1000, status))
+
+    task = asyncio.create_task(watch())
+    try:
+        yield seen
+    finally:
+        task.cancel()
+        await asyncio.wait([task])
+    if not task.cancelled() and (error := task.exception()):
+        raise error
+    if closed := next((status.closed for _, status in seen if status.closed), None):
+        raise RunFailed(f"The link was closed during the run: {closed}")
+
+
+async def _play(shaper: ShaperClient | None, configuration: Configuration) -> str | None:
+    if shaper is None:
+        return None
+    if configuration.network.shaped:
+        await shaper.play(configuration.network)
+    return (await shaper.status()).backend
+
+
+async def _record(page: Viewer, configuration: Configuration, points: Sequence[Point]) -> Recording:
+    duration_ms = configuration.duration_s * 1000
+    plan = {"points": points, "duration_ms": duration_ms, "capture_every_ms": configuration.capture_every_ms}
+    try:
+        async with asyncio.timeout(configuration.duration_s + DRAIN_S):
+            return await page.record(plan)
+    except TimeoutError:
+        raise RunFailed("The viewer did not end its recording in time.") from None
+
+
+async def _judge(page: Viewer, url: str, recording: Recording, writer: RunWriter) -> list[CaptureQuality]:
+    """Fetch the kept pictures one by one and compare them."""
+    judged: list[CaptureQuality] = []
+    async with httpx.AsyncClient(base_url=url, timeout=truth.TIMEOUT_S, trust_env=False, verify=False) as http:
+        ground = truth.Truth(http, recording.scene, recording.lens)
+        for index, capture in enumerate(recording.captures):
+            png = await page.capture(index)
+            writer.capture(index, png)
+            try:
+                quality = await ground.judge(png, capture, recording.inputs)
+            except BrokenPicture as error:
+                raise RunFailed(f"Picture {index} of the run cannot be compared: {error}") from None
+            if quality is not None:
+                judged.append(quality)
+    return judged
+
+
+def _sample(status: LinkStatus, at: float) -> LinkSample:
+    return LinkSample(
+        at=at,
+        position_ms=status.position_ms,
+        target_kbps=status.down.target_kbps,
+        delivered_kbps=status.down.delivered_kbps,
+        queue_ms=status.down.queue_ms,
+        drops=status.down.drops,
+        up_delivered_kbps=status.up.delivered_kbps,
+    )

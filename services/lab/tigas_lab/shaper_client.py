@@ -1,0 +1,127 @@
+"""The shaper's API (docs/network.md), as far as runs need it. The lab never imports the shaper."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+from collections.abc import AsyncIterator
+from pathlib import Path
+from typing import Any
+
+import httpx
+from pydantic import BaseModel, ConfigDict, ValidationError
+
+from tigas_common.parsing import sentence
+from tigas_lab.configuration import Network
+from tigas_lab.errors import RunFailed
+
+TIMEOUT_S = 10
+UPLOAD_TIMEOUT_S = 60
+
+
+class Direction(BaseModel):
+    """One direction of the link; fields of a newer shaper are ignored."""
+
+    model_config = ConfigDict(frozen=True, allow_inf_nan=False)
+
+    target_kbps: float
+    delivered_kbps: float
+    """Since the sample before."""
+    queue_ms: float
+    drops: int
+
+
+class LinkStatus(BaseModel):
+    """What the shaper tells of its link."""
+
+    model_config = ConfigDict(frozen=True, allow_inf_nan=False)
+
+    mode: str
+    trace: str | None
+    position_ms: float | None
+    down: Direction
+    up: Direction
+    link: dict[str, float]
+    backend: str
+    closed: str | None
+
+
+class ShaperClient:
+    """A shaper at a URL. Every failure is a RunFailed with one sentence."""
+
+    def __init__(self, url: str, origin: str) -> None:
+        self.url = url.rstrip("/")
+        self._http = httpx.AsyncClient(
+            base_url=self.url, headers={"Origin": origin}, timeout=TIMEOUT_S, trust_env=False
+        )
+
+    async def close(self) -> None:
+        """Give up the connections."""
+        await self._http.aclose()
+
+    async def hold(self, network: Network) -> None:
+        """Put the network's first state in force, and keep it."""
+        if network.link is not None:
+            await self._post("/link", network.link.model_dump())
+            return
+        name = network.name
+        if network.trace_file is not None:
+            name = await self._upload(network.trace_file)
+        await self._post("/start", {"trace": name, "loop": True})
+        await self._post("/pause", {})
+        await self._post("/seek", {"position_ms": 0})
+
+    async def play(self, network: Network) -> None:
+        """Play the held trace from its start."""
+        if network.link is None:
+            await self._post("/seek", {"position_ms": 0})
+            await self._post("/resume", {})
+
+    async def release(self) -> None:
+        """Back to the shaper's own constant rate, which is fast."""
+        await self._post("/stop", {})
+
+    async def status(self) -> LinkStatus:
+        """The link now."""
+        return self._status(await self._send("GET", "/status"))
+
+    async def watch(self) -> AsyncIterator[LinkStatus]:
+        """The link about five times a second."""
+        try:
+            async with self._http.stream("GET", "/events", timeout=httpx.Timeout(TIMEOUT_S, read=None)) as answer:
+                async for line in answer.aiter_lines():
+                    if line.startswith("data:"):
+                        yield self._status(json.loads(line.removeprefix("data:")))
+        except (httpx.HTTPError, json.JSONDecodeError) as error:
+            raise RunFailed(f"The shaper at {self.url} stopped telling of its link ({_reason(error)}).") from None
+
+    def _status(self, data: Any) -> LinkStatus:
+        try:
+            return LinkStatus.model_validate(data)
+        except ValidationError as error:
+            raise RunFailed(f"The shaper at {self.url} tells of its link in other words: {sentence(error)}") from None
+
+    async def _upload(self, path: Path) -> str:
+        try:
+            data = await asyncio.to_thread(path.read_bytes)
+        except OSError as error:
+            raise RunFailed(f"{path} cannot be read: {error.strerror or error}.") from None
+        answer = await self._send("POST", "/traces", params={"name": path.name}, content=data, timeout=UPLOAD_TIMEOUT_S)
+        return str(answer["name"])
+
+    async def _post(self, path: str, body: dict[str, Any]) -> None:
+        await self._send("POST", path, json=body)
+
+    async def _send(self, method: str, path: str, **arguments: Any) -> Any:
+        try:
+            answer = await self._http.request(method, path, **arguments)
+            if answer.is_success:
+                return answer.json()
+            detail = answer.json().get("detail") if "json" in answer.headers.get("content-type", "") else None
+        except (httpx.HTTPError, ValueError) as error:
+            raise RunFailed(f"The shaper at {self.url} does not answer ({_reason(error)}).") from None
+        raise RunFailed(f"The shaper refused {path}: {detail or answer.status_code}")
+
+
+def _reason(error: Exception) -> str:
+    return str(error) or type(error).__name__

@@ -1,0 +1,177 @@
+"""One folder a run.
+
+    run.json         the configuration, versions, machine, load, and whether the run is complete
+    inputs.ndjson    poses that the viewer sampled        frames.ndjson   frames that were on the screen
+    traffic.ndjson   what the page received               link.ndjson     what the shaper told of its link
+    load.ndjson      the machine's load                   captures/       pictures that were shown, as PNG
+    captures.ndjson  which frames these are               quality.ndjson  how they compare with ground truth
+
+A run is complete when its run.json says so, which is written last: whatever happens before leaves an incomplete run.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import Literal, TypeVar
+
+from pydantic import BaseModel, ValidationError
+
+from tigas_common.parsing import sentence
+from tigas_common.wire import WireModel
+from tigas_lab.configuration import Configuration
+from tigas_lab.load import Load, LoadSample
+from tigas_lab.machine import Machine
+from tigas_lab.quality import Quality
+from tigas_lab.recording import BrokenRecording, Input, Recording, RecordingHead, ShownFrame, Traffic
+
+MAX_FILE_BYTES = 256_000_000
+Entry = TypeVar("Entry", bound=BaseModel)
+
+
+class LinkSample(WireModel):
+    """The link at one moment of a run."""
+
+    at: float
+    """ms since the run's start."""
+    position_ms: float | None
+    """Of the trace."""
+    target_kbps: float
+    delivered_kbps: float
+    queue_ms: float
+    drops: int
+    up_delivered_kbps: float
+
+
+class CaptureQuality(WireModel):
+    """What a person saw at one moment, judged twice."""
+
+    at: float
+    pose: int
+    rung: int | None
+    picture: Quality
+    """Against the very pose that the frame was rendered from: what resolution and compression cost."""
+    view: Quality
+    """Against the pose that the viewer had at that moment: what lateness costs, too."""
+
+
+class RunRecord(WireModel):
+    """run.json."""
+
+    status: Literal["running", "complete", "failed"]
+    problem: str | None
+    """Why it failed."""
+    configuration: Configuration
+    machine: Machine
+    started: str
+    """ISO 8601, UTC."""
+    browser: str | None = None
+    backend: str | None = None
+    """What made the link's delay: netem or relay."""
+    load: Load | None = None
+    recording: RecordingHead | None = None
+
+
+class StoredRun:
+    """A run that was written, read back. Each property reads its file; they raise BrokenRecording."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self.record = _read_one(folder / "run.json", RunRecord)
+
+    def inputs(self) -> list[Input]:
+        """Poses that were sampled."""
+        return _read_lines(self.folder / "inputs.ndjson", Input)
+
+    def frames(self) -> list[ShownFrame]:
+        """Frames that were shown."""
+        return _read_lines(self.folder / "frames.ndjson", ShownFrame)
+
+    def traffic(self) -> list[Traffic]:
+        """What was received."""
+        return _read_lines(self.folder / "traffic.ndjson", Traffic)
+
+    def link(self) -> list[LinkSample]:
+        """What the link did; empty for an unshaped run."""
+        return _read_lines(self.folder / "link.ndjson", LinkSample)
+
+    def load(self) -> list[LoadSample]:
+        """How busy the machine was."""
+        return _read_lines(self.folder / "load.ndjson", LoadSample)
+
+    def quality(self) -> list[CaptureQuality]:
+        """How the kept pictures compare with ground truth."""
+        return _read_lines(self.folder / "quality.ndjson", CaptureQuality)
+
+
+class RunWriter:
+    """Writes a run's folder. Raises OSError, such as when the disk is full."""
+
+    def __init__(self, folder: Path, record: RunRecord) -> None:
+        self.folder = folder
+        self._record = record
+        (folder / "captures").mkdir(parents=True)
+        self._write(record)
+
+    def recording(self, recording: Recording) -> None:
+        """What the page recorded."""
+        self._lines("inputs", recording.inputs)
+        self._lines("frames", recording.frames)
+        self._lines("traffic", recording.traffic)
+        self._lines("captures", recording.captures)
+
+    def surroundings(self, link: Iterable[LinkSample], load: Sequence[LoadSample]) -> None:
+        """What happened around it."""
+        self._lines("link", link)
+        self._lines("load", load)
+
+    def capture(self, index: int, png: bytes) -> None:
+        """One picture."""
+        (self.folder / "captures" / f"{index:04}.png").write_bytes(png)
+
+    def quality(self, entries: Iterable[CaptureQuality]) -> None:
+        """How the pictures compare with ground truth."""
+        self._lines("quality", entries)
+
+    def close(self, **changes: object) -> RunRecord:
+        """The last word: the record with changes."""
+        self._record = self._record.model_copy(update=changes)
+        self._write(self._record)
+        return self._record
+
+    def _write(self, record: RunRecord) -> None:
+        new = self.folder / "run.json.new"
+        new.write_text(record.model_dump_json(indent=2) + "\n", encoding="utf-8")
+        new.replace(self.folder / "run.json")
+
+    def _lines(self, name: str, entries: Iterable[BaseModel]) -> None:
+        with (self.folder / f"{name}.ndjson").open("w", encoding="utf-8") as file:
+            file.writelines(f"{entry.model_dump_json()}\n" for entry in entries)
+
+
+def _read(path: Path) -> str:
+    try:
+        if path.stat().st_size > MAX_FILE_BYTES:
+            raise BrokenRecording(f"{path} has more than {MAX_FILE_BYTES} bytes.")
+        return path.read_text(encoding="utf-8")
+    except OSError as error:
+        raise BrokenRecording(f"{path} cannot be read: {error.strerror or error}.") from None
+    except UnicodeDecodeError:
+        raise BrokenRecording(f"{path} is no text.") from None
+
+
+def _read_one(path: Path, model: type[Entry]) -> Entry:
+    try:
+        return model.model_validate_json(_read(path))
+    except ValidationError as error:
+        raise BrokenRecording(f"{path} is broken: {sentence(error)}") from None
+
+
+def _read_lines(path: Path, model: type[Entry]) -> list[Entry]:
+    entries = []
+    for number, line in enumerate(_read(path).splitlines(), 1):
+        try:
+            entries.append(model.model_validate_json(line))
+        except ValidationError as error:
+            raise BrokenRecording(f"{path}, line {number}: {sentence(error)}") from None
+    return entries

@@ -1,0 +1,127 @@
+"""Runs that nobody made: records written by hand, to test what is computed from them."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from PIL import Image
+
+from tigas_lab.configuration import Configuration, ConstantLink, Mode, Network
+from tigas_lab.load import Load, LoadSample
+from tigas_lab.machine import Machine
+from tigas_lab.quality import Quality
+from tigas_lab.recording import Input, Lens, Recording, ShownFrame, Traffic
+from tigas_lab.store import CaptureQuality, LinkSample, RunRecord, RunWriter
+
+MACHINE = Machine(
+    system="Linux 6",
+    processor="Slow & Steady <1>",
+    processors=2,
+    memory_gb=4.0,
+    python="3.11",
+    tigas="0",
+    commit=None,
+    packages={"aioquic": "1"},
+)
+LINK = Network(name="20mbit,20ms-rtt", link=ConstantLink(down_kbps=20_000, delay_ms=10))
+LENS = Lens(width=64, height=36, fx=30, fy=30, cx=32, cy=18)
+
+
+def inputs(count: int, every_ms: float = 20.0, start: float = 0.0, first: int = 1) -> list[Input]:
+    """Poses that walk along x."""
+    return [
+        Input(
+            at=start + index * every_ms, pose=first + index, position=(float(index), 0.0, 0.0), quaternion=(0, 0, 0, 1)
+        )
+        for index in range(count)
+    ]
+
+
+def frame(at: float, pose: int, rung: int | None = 2, height: int = 360) -> ShownFrame:
+    """One on the screen."""
+    return ShownFrame(
+        side="stateless", at=at, pose=pose, latencies=(), rung=rung, width=height * 16 // 9, height=height
+    )
+
+
+def late(entries: Sequence[Input], by_ms: float) -> list[ShownFrame]:
+    """A frame for each input, so much later."""
+    return [frame(entry.at + by_ms, entry.pose) for entry in entries]
+
+
+def recording(**changes: Any) -> dict[str, Any]:
+    """What the page would hand over, as JSON."""
+    sampled = inputs(50)
+    made = Recording(
+        scene="courtyard",
+        mode="stateless",
+        transport="webtransport-streams",
+        user_agent="Chromium",
+        lens=LENS,
+        started_unix_ms=1e12,
+        duration_ms=1000.0,
+        ended_ms=1040.0,
+        complete=True,
+        hidden=False,
+        inputs=tuple(sampled),
+        frames=tuple(late(sampled, 40)),
+        captures=(),
+        traffic=(Traffic(at=0.0, bytes=0), Traffic(at=1000.0, bytes=125_000)),
+    )
+    return {**made.model_dump(mode="json"), **changes}
+
+
+def configuration(mode: Mode = "stateless", **changes: Any) -> Configuration:
+    """A second of it."""
+    fields = {"scene": "courtyard", "movement": "stroll", "network": LINK, "mode": mode, "duration_s": 1.0}
+    return Configuration.model_validate({**fields, "width": 640, "height": 360, **changes})
+
+
+def write_run(
+    folder: Path, mode: Mode = "stateless", delay_ms: float = 40.0, busy: float = 0.5, **changes: Any
+) -> Path:
+    """A complete run."""
+    sampled = inputs(50)
+    made = Recording.model_validate(recording(frames=[f.model_dump() for f in late(sampled, delay_ms)]), strict=False)
+    record = RunRecord(
+        status="running",
+        problem=None,
+        configuration=configuration(mode, **changes),
+        machine=MACHINE,
+        started="2026-01-01T00:00:00+00:00",
+    )
+    writer = RunWriter(folder, record)
+    writer.recording(made)
+    load = [LoadSample(unix_ms=1e12, cpu=busy, load_average=1.0)]
+    writer.surroundings([sample(at) for at in (0.0, 500.0, 1000.0)], load)
+    quality = Quality(psnr_db=30.0, ssim=0.9)
+    writer.quality([CaptureQuality(at=500.0, pose=20, rung=2, picture=quality, view=Quality(psnr_db=20.0, ssim=0.6))])
+    writer.close(status="complete", browser="156", backend="netem", load=Load.of(load), recording=made.head)
+    return folder
+
+
+def sample(at: float, delivered_kbps: float = 5000.0) -> LinkSample:
+    """The link at a moment."""
+    return LinkSample(
+        at=at,
+        position_ms=at + 12,
+        target_kbps=20_000,
+        delivered_kbps=delivered_kbps,
+        queue_ms=1,
+        drops=3,
+        up_delivered_kbps=100,
+    )
+
+
+def png(shade: int = 128, width: int = 64, height: int = 36) -> bytes:
+    """A picture with a gradient, so that it has a structure."""
+    pixels = np.zeros((height, width, 3), np.uint8)
+    pixels[:, :, 0] = np.linspace(0, 255, width, dtype=np.uint8)
+    pixels[:, :, 1] = shade
+    buffer = io.BytesIO()
+    Image.fromarray(pixels).save(buffer, "PNG")
+    return buffer.getvalue()

@@ -1,0 +1,63 @@
+"""What a person writes, and what becomes of it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from pydantic import ValidationError
+
+from tests.experiments.made_up import configuration
+from tigas_lab.configuration import ConstantLink, Network
+
+
+@pytest.mark.parametrize(
+    ("text", "link"),
+    [
+        ("20mbit,20ms-rtt", ConstantLink(down_kbps=20_000, up_kbps=10_000, delay_ms=10)),
+        ("1.5mbit,500kbit-up", ConstantLink(down_kbps=1500, up_kbps=500)),
+        (
+            "800kbit, 5mbit-up, 2ms-jitter, 0.5%-loss",
+            ConstantLink(down_kbps=800, up_kbps=5000, jitter_ms=2, loss_pct=0.5),
+        ),
+    ],
+)
+def test_constant_links(text: str, link: ConstantLink) -> None:
+    assert Network.parse(text) == Network(name=text, link=link)
+
+
+def test_traces_by_name_and_by_file(tmp_path: Path) -> None:
+    path = tmp_path / "bus.json"
+    path.touch()
+    assert Network.parse(str(path)) == Network(name="bus.json", trace_file=path)
+    assert Network.parse("4g-bus") == Network(name="4g-bus")
+    assert not Network.parse("unshaped").shaped
+
+
+@pytest.mark.parametrize(
+    ("text", "sentence"),
+    [
+        ("20mbit,fast", "'fast' is no part of a link"),
+        ("20ms-rtt,5ms-jitter", "says no rate"),
+        ("20mbit,10mbit", "says mbit twice"),
+        ("gone.csv", "there is no trace file 'gone.csv'"),
+        ("../up/x", "there is no trace file"),
+        ("20mbit,200%-loss", "less than or equal to 100"),
+        ("", "at least 1 character"),
+    ],
+)
+def test_nonsense_gets_a_sentence(text: str, sentence: str) -> None:
+    with pytest.raises(ValueError, match=sentence):
+        Network.parse(text)
+
+
+def test_a_folder_name_is_safe_whatever_the_names() -> None:
+    slug = configuration(scene="../../etc/passwd", movement="/a/b c.csv", network=Network(name="x/../y")).slug
+    assert slug == "etc-passwd_b-c_x-..-y_stateless_0"
+    assert "/" not in slug
+
+
+@pytest.mark.parametrize("change", [{"duration_s": 0}, {"width": 1}, {"profile": -1}, {"duration_s": float("nan")}])
+def test_absurd_configurations_are_refused(change: dict[str, float]) -> None:
+    with pytest.raises(ValidationError):
+        configuration(**change)
