@@ -53,6 +53,7 @@ def test_the_report_says_what_was_measured(runs: list[Path], tmp_path: Path) -> 
         assert expected in text
     assert "processors were saturated during 100% of the run" in text
     assert page.count("<svg") == 8
+    assert page.count('scope="colgroup"') == 10
     assert "4g-<bus>" not in page, "names are escaped"
     for outside in ("http://", "https://", "src=", "@import", "url("):
         assert outside not in page.replace("http://www.w3.org/", "").replace("http://purl.org/", "").replace(

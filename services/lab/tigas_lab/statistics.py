@@ -115,16 +115,18 @@ def freezes(inputs: Sequence[Input], frames: Sequence[ShownFrame], ended_ms: flo
 
 
 def _gaps(inputs: Sequence[Input], views: Sequence[ShownFrame], ended_ms: float) -> Iterator[float]:
-    """From each view to the next, in ms, less the time for which the viewer stood still after the first one's pose."""
+    """From each view of the run to the next, in ms, less the time for which the viewer stood still after its pose."""
+    if not inputs:
+        return
     poses = [entry.pose for entry in inputs]
-    ends = [*(view.at for view in views), ended_ms][1:]
-    for view, until in zip(views, ends, strict=True):
+    own = [view for view in views if view.pose >= poses[0]]
+    ends = [*(view.at for view in own), ended_ms][1:]
+    for view, until in zip(own, ends, strict=True):
         following = bisect_right(poses, view.pose)
         if following == len(inputs):
             return  # nothing newer was asked for
-        still = inputs[following].at - inputs[following - 1].at if following else 0.0
-        yield max(0.0, until - view.at - still)
-    if inputs and not views:
+        yield max(0.0, until - view.at - (inputs[following].at - inputs[following - 1].at))
+    if not own:
         yield ended_ms - inputs[0].at
 
 

@@ -118,6 +118,7 @@ def _html(data: ReportData, curves: dict[str, list[plots.Curve]]) -> str:
         sections=sections,
         warnings=warnings(data.runs),
         columns=table.COLUMNS,
+        groups=table.groups(),
         label=table.label,
         cells=table.cells,
         first=complete[0].record if complete else None,

@@ -6,6 +6,7 @@ import io
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +15,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from tigas_lab.configuration import MODE_NAMES, Mode
-from tigas_lab.recording import ShownFrame
+from tigas_lab.recording import ShownFrame, Traffic
 from tigas_lab.statistics import INTERACTIVE_MS, answers
 from tigas_lab.store import LinkSample, StoredRun
 
@@ -50,6 +51,7 @@ class Curve:
     """(s, ms): motion-to-photon latency over the time of the input; inf where no frame came."""
     link: list[LinkSample]
     frames: list[ShownFrame]
+    traffic: list[Traffic]
 
     @classmethod
     def of(cls, run: StoredRun) -> Curve:
@@ -63,7 +65,16 @@ class Curve:
             answered=[(entry.at / 1000, ms) for entry, ms in zip(inputs, answers(inputs, frames), strict=True)],
             link=[sample for sample in run.link() if -1000 <= sample.at <= configuration.duration_s * 1000 + 1000],
             frames=frames,
+            traffic=run.traffic(),
         )
+
+    @property
+    def rates(self) -> tuple[list[float], list[float]]:
+        """(s, Mbit/s) over the link; without a shaped link, what the page received."""
+        if self.link:
+            return [sample.at / 1000 for sample in self.link], [sample.delivered_kbps / 1000 for sample in self.link]
+        pairs = [(a, b) for a, b in pairwise(self.traffic) if b.at > a.at]
+        return [b.at / 1000 for _, b in pairs], [(b.bytes - a.bytes) * 8e-3 / (b.at - a.at) for a, b in pairs]
 
     @property
     def colour(self) -> str:
@@ -104,8 +115,7 @@ def bandwidth_over_time(curves: Sequence[Curve]) -> str:
             times, rates = [sample.at / 1000 for sample in link], [sample.target_kbps / 1000 for sample in link]
             axes.fill_between(times, rates, color="#eef0f3", step="post", label="Link's rate", linewidth=0)
         for curve in curves:
-            times = [sample.at / 1000 for sample in curve.link]
-            values = [sample.delivered_kbps / 1000 for sample in curve.link]
+            times, values = curve.rates
             axes.plot(times, values, color=curve.colour, label=curve.label, linewidth=1)
         axes.set(xlabel="Time, s", ylabel="Mbit/s", xlim=(0, _duration(curves)))
         axes.set_ylim(bottom=0)

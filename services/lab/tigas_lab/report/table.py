@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from itertools import groupby
 
 from tigas_lab.configuration import MODE_NAMES
 from tigas_lab.summary import Figures, Summary
@@ -15,18 +16,24 @@ NONE = "–"
 class Column:
     """One figure of a run."""
 
+    group: str
     title: str
     unit: str
     cell: Callable[[Figures], str]
 
     @property
     def heading(self) -> str:
-        """With its unit."""
-        return f"{self.title}, {self.unit}" if self.unit else self.title
+        """By itself."""
+        heading = f"{self.group}: {self.title}"
+        return f"{heading}, {self.unit}" if self.unit else heading
 
 
 def _number(value: float | None, digits: int = 0) -> str:
     return NONE if value is None else f"{value:,.{digits}f}"
+
+
+def _percent(share: float | None) -> str:
+    return NONE if share is None else f"{100 * share:.1f}"
 
 
 def _mbit(value: float | None) -> str:
@@ -41,25 +48,28 @@ def _latency(value: float | None, unanswered: int) -> str:
     return "never" if value is None and unanswered else _number(value)
 
 
+LATENCY, FRAMES, BANDWIDTH = "Motion-to-photon", "Frames", "Bandwidth"
+PICTURE, VIEW = "Picture", "View"
 COLUMNS = (
-    Column("p50", "ms", lambda f: _latency(f.latencies.p50, f.latencies.unanswered)),
-    Column("p95", "ms", lambda f: _latency(f.latencies.p95, f.latencies.unanswered)),
-    Column("p99", "ms", lambda f: _latency(f.latencies.p99, f.latencies.unanswered)),
-    Column(
-        "within 100 ms",
-        "%",
-        lambda f: _number(None if f.latencies.share_interactive is None else 100 * f.latencies.share_interactive, 1),
-    ),
-    Column("new views", "/s", lambda f: _number(f.frames.new_views_per_s, 1)),
-    Column("freezes", "", lambda f: f"{f.freezes.count} ({f.freezes.total_ms / 1000:.1f} s)"),
-    Column("received", "Mbit/s", lambda f: _mbit(f.received_kbps)),
-    Column("over the link", "Mbit/s", lambda f: _mbit(f.delivered_kbps)),
-    Column("height", "px", lambda f: _number(f.mean_height)),
-    Column("SSIM of the picture", "", lambda f: _quality(f, "picture_ssim", 3)),
-    Column("PSNR of the picture", "dB", lambda f: _quality(f, "picture_psnr_db", 1)),
-    Column("SSIM of the view", "", lambda f: _quality(f, "view_ssim", 3)),
-    Column("PSNR of the view", "dB", lambda f: _quality(f, "view_psnr_db", 1)),
+    Column(LATENCY, "p50", "ms", lambda f: _latency(f.latencies.p50, f.latencies.unanswered)),
+    Column(LATENCY, "p95", "ms", lambda f: _latency(f.latencies.p95, f.latencies.unanswered)),
+    Column(LATENCY, "p99", "ms", lambda f: _latency(f.latencies.p99, f.latencies.unanswered)),
+    Column(LATENCY, "within 100 ms", "%", lambda f: _percent(f.latencies.share_interactive)),
+    Column(FRAMES, "new views", "/s", lambda f: _number(f.frames.new_views_per_s, 1)),
+    Column(FRAMES, "freezes", "", lambda f: f"{f.freezes.count} ({f.freezes.total_ms / 1000:.1f} s)"),
+    Column(FRAMES, "height", "px", lambda f: _number(f.mean_height)),
+    Column(BANDWIDTH, "received", "Mbit/s", lambda f: _mbit(f.received_kbps)),
+    Column(BANDWIDTH, "over the link", "Mbit/s", lambda f: _mbit(f.delivered_kbps)),
+    Column(PICTURE, "SSIM", "", lambda f: _quality(f, "picture_ssim", 3)),
+    Column(PICTURE, "PSNR", "dB", lambda f: _quality(f, "picture_psnr_db", 1)),
+    Column(VIEW, "SSIM", "", lambda f: _quality(f, "view_ssim", 3)),
+    Column(VIEW, "PSNR", "dB", lambda f: _quality(f, "view_psnr_db", 1)),
 )
+
+
+def groups() -> list[tuple[str, int]]:
+    """The columns' groups, and how many columns each has."""
+    return [(name, len(list(members))) for name, members in groupby(COLUMNS, lambda column: column.group)]
 
 
 def label(summary: Summary) -> str:
