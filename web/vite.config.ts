@@ -8,6 +8,7 @@ export default defineConfig({
     outDir: "../services/render/tigas_render/static",
     emptyOutDir: true,
     modulePreload: { polyfill: false },
+    chunkSizeWarningLimit: 900, // dash.js, which is loaded on demand
   },
   worker: { format: "es" },
   server: {

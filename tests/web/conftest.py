@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import shutil
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -11,7 +12,7 @@ import pytest
 from playwright.sync_api import Browser, BrowserContext, ConsoleMessage, Page, expect, sync_playwright
 
 from tests.web.scenes import write_scenes
-from tests.web.server import RenderServer
+from tests.web.server import Packager, RenderServer
 
 STATIC = Path(__file__).parents[2] / "services/render/tigas_render/static/index.html"
 CHROMIUM = shutil.which("chromium")
@@ -38,6 +39,24 @@ def server(models: Path) -> Iterator[RenderServer]:
         pytest.skip("the web client is not built: cd web && npm ci && npm run build")
     with RenderServer("--scenes", str(models)) as running:
         yield running
+
+
+@pytest.fixture(scope="module")
+def packager() -> Packager:
+    """Not started yet. Streams end only when they are told to: nobody waits for them to become idle."""
+    return Packager("--idle-s", "600")
+
+
+@pytest.fixture(scope="module")
+def viewer_url(models: Path, packager: Packager) -> Iterator[str]:
+    """The viewer of a render service that knows the packager; both run."""
+    if not STATIC.exists():
+        pytest.skip("the web client is not built: cd web && npm ci && npm run build")
+    services = {"TIGAS_RENDER_SERVICES": json.dumps({"dash": packager.url})}
+    with RenderServer("--scenes", str(models), environment=services) as render:
+        packager.render = render.url.rstrip("/")
+        with packager:
+            yield render.url
 
 
 @pytest.fixture(scope="session")

@@ -1,16 +1,17 @@
-"""Starts and stops `tigas render` as a user would."""
+"""Starts and stops the services as a user would."""
 
 from __future__ import annotations
 
 import json
 import os
 import re
+import socket
 import subprocess
 import sys
 import threading
 from pathlib import Path
 from queue import Empty, Queue
-from typing import Self
+from typing import Any, Self
 from urllib.parse import urlsplit
 from urllib.request import urlopen
 
@@ -18,12 +19,15 @@ START_TIMEOUT = 90
 """Seconds; the first start on a machine compiles the rasteriser."""
 
 
-class RenderServer:
-    """The service in a process of its own; a context manager that ends it."""
+class _Service:
+    """A `tigas` command in a process of its own; a context manager that ends it."""
 
-    def __init__(self, *arguments: str) -> None:
+    announces: str
+    """What it prints when it serves; the group is its URL."""
+
+    def __init__(self, *arguments: str, environment: dict[str, str] | None = None) -> None:
         self._arguments = arguments
-        self._http, self._quic = "127.0.0.1:0", "[::]:0"
+        self._environment = environment or {}
         self.url = ""
 
     def __enter__(self) -> Self:
@@ -34,24 +38,16 @@ class RenderServer:
         self.stop()
 
     def start(self) -> None:
-        """Start on free ports, or again on those of the first time, and wait for the URL that it prints.
+        """Start and wait for the URL that it prints.
 
-        Raises AssertionError with the server's output if it does not start.
+        Raises AssertionError with the service's output if it does not start.
         """
         self._process = subprocess.Popen(
-            [
-                str(Path(sys.executable).with_name("tigas")),
-                "render",
-                *self._arguments,
-                "--http",
-                self._http,
-                "--quic",
-                self._quic,
-            ],
+            [str(Path(sys.executable).with_name("tigas")), *self._arguments, *self._addresses()],
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
             text=True,
-            env=os.environ | {"PYTHONUNBUFFERED": "1"},
+            env=os.environ | {"PYTHONUNBUFFERED": "1"} | self._environment,
         )
         output: Queue[str | None] = Queue()
         stream = self._process.stdout
@@ -65,19 +61,16 @@ class RenderServer:
 
         threading.Thread(target=pump, daemon=True).start()
         seen = ""
-        while not (found := re.search(r"Open (http://\S+)", seen)):
+        while not (found := re.search(self.announces, seen)):
             try:
                 line = output.get(timeout=START_TIMEOUT)
             except Empty:
                 line = None
             if line is None:
                 self.stop()
-                raise AssertionError(f"tigas render did not start:\n{seen}")
+                raise AssertionError(f"tigas {self._arguments[0]} did not start:\n{seen}")
             seen += line
         self.url = found[1]
-        with urlopen(f"{self.url}config.json") as answer:
-            quic = urlsplit(json.load(answer)["webtransport_url"])
-        self._http, self._quic = f"127.0.0.1:{urlsplit(self.url).port}", f"[::]:{quic.port}"
 
     def kill(self) -> None:
         """As a machine that loses its power: no connection is closed."""
@@ -88,3 +81,48 @@ class RenderServer:
         """End it as Ctrl-C would."""
         self._process.terminate()
         self._process.wait(timeout=20)
+
+    def _addresses(self) -> list[str]:
+        raise NotImplementedError
+
+
+class RenderServer(_Service):
+    """`tigas render`, on free ports at first and on the same ones when it is started again."""
+
+    announces = r"Open (http://\S+)"
+
+    def __init__(self, *arguments: str, environment: dict[str, str] | None = None) -> None:
+        super().__init__("render", *arguments, environment=environment)
+        self._http, self._quic = "127.0.0.1:0", "[::]:0"
+
+    def start(self) -> None:
+        """As any service; learns its ports."""
+        super().start()
+        with urlopen(f"{self.url}config.json") as answer:
+            quic = urlsplit(json.load(answer)["webtransport_url"])
+        self._http, self._quic = f"127.0.0.1:{urlsplit(self.url).port}", f"[::]:{quic.port}"
+
+    def _addresses(self) -> list[str]:
+        return ["--http", self._http, "--quic", self._quic]
+
+
+class Packager(_Service):
+    """`tigas dash`, for the render service that is at a URL when it starts; its own port is known before."""
+
+    announces = r"DASH streams .* on (http://\S+)/"
+
+    def __init__(self, *arguments: str) -> None:
+        super().__init__("dash", *arguments)
+        with socket.create_server(("127.0.0.1", 0)) as free:
+            self._http = f"127.0.0.1:{free.getsockname()[1]}"
+        self.url = f"http://{self._http}"
+        self.render = ""
+
+    def sessions(self) -> list[dict[str, Any]]:
+        """How every stream does."""
+        with urlopen(f"{self.url}/sessions") as answer:
+            streams: list[dict[str, Any]] = json.load(answer)
+            return streams
+
+    def _addresses(self) -> list[str]:
+        return ["--render", self.render, "--http", self._http]

@@ -41,15 +41,7 @@ export interface SessionRequest {
         RepresentationRequest,
         RepresentationRequest,
         RepresentationRequest,
-        RepresentationRequest
-      ]
-    | [
         RepresentationRequest,
-        RepresentationRequest,
-        RepresentationRequest,
-        RepresentationRequest,
-        RepresentationRequest,
-        RepresentationRequest
       ]
     | [
         RepresentationRequest,
@@ -58,7 +50,6 @@ export interface SessionRequest {
         RepresentationRequest,
         RepresentationRequest,
         RepresentationRequest,
-        RepresentationRequest
       ]
     | [
         RepresentationRequest,
@@ -68,7 +59,16 @@ export interface SessionRequest {
         RepresentationRequest,
         RepresentationRequest,
         RepresentationRequest,
-        RepresentationRequest
+      ]
+    | [
+        RepresentationRequest,
+        RepresentationRequest,
+        RepresentationRequest,
+        RepresentationRequest,
+        RepresentationRequest,
+        RepresentationRequest,
+        RepresentationRequest,
+        RepresentationRequest,
       ]
     | null;
   frame_rate?: number;

@@ -6,6 +6,8 @@ import "./styles/viewer.css";
 import "./styles/sidebar.css";
 import "./styles/hud.css";
 import "./styles/network.css";
+import "./styles/comparison.css";
+import "./styles/sides.css";
 import { render } from "preact";
 import { start } from "./state/app";
 import { App } from "./ui/app";

@@ -49,7 +49,7 @@ const sent = () => transport.requests.map(({ request }) => request.position?.[0]
 async function frame(subject: FramePipeline, wanted: View): Promise<number | undefined> {
   await settle();
   now += 16;
-  subject.want(wanted);
+  subject.want(wanted, 0);
   const taken = subject.take();
   await settle();
   return taken?.seq;
@@ -65,7 +65,7 @@ beforeEach(() => {
 describe("asking for frames", () => {
   test("a view is asked for once, and nothing is asked while it stays the same", async () => {
     const subject = pipeline();
-    subject.want(view(1));
+    subject.want(view(1), 0);
     transport.requests[0]?.reply();
     expect(await frame(subject, view(1))).toBe(0);
     for (let i = 0; i < 5; i++) await frame(subject, view(1));
@@ -85,7 +85,7 @@ describe("asking for frames", () => {
 
   test("a change of profile alone asks for the view again", async () => {
     const subject = pipeline();
-    subject.want(view(1, 3));
+    subject.want(view(1, 3), 0);
     transport.requests[0]?.reply();
     await frame(subject, view(1, 3));
     await frame(subject, view(1, 0));
@@ -96,7 +96,7 @@ describe("asking for frames", () => {
 describe("showing frames", () => {
   test("a shown frame cancels the older requests and no newer one", async () => {
     const subject = pipeline();
-    subject.want(view(0));
+    subject.want(view(0), 0);
     transport.requests[0]?.reply({ timing: { queue: 0, render: 60, encode: 0 } });
     for (const x of [1, 2, 3]) await frame(subject, view(x));
     expect(sent()).toEqual([0, 1, 2, 3]);
@@ -108,7 +108,7 @@ describe("showing frames", () => {
 
   test("of two frames that come between two animation frames the newer is shown and the other closed", async () => {
     const subject = pipeline();
-    subject.want(view(0));
+    subject.want(view(0), 0);
     transport.requests[0]?.reply({ timing: { queue: 0, render: 60, encode: 0 } });
     await frame(subject, view(1));
     await frame(subject, view(2));
@@ -121,7 +121,7 @@ describe("showing frames", () => {
 
   test("what is still decoded when the viewer closes is closed", async () => {
     const subject = pipeline();
-    subject.want(view(1));
+    subject.want(view(1), 0);
     transport.requests[0]?.reply();
     await settle();
     subject.dispose();
@@ -139,7 +139,7 @@ describe("failures", () => {
     "a frame that is %s is counted, not shown as an error, and asked for again if it is the newest",
     async (_, error) => {
       const subject = pipeline();
-      subject.want(view(1));
+      subject.want(view(1), 0);
       transport.requests[0]?.fail(error());
       await frame(subject, view(1));
       expect(sent()).toEqual([1, 1]);
@@ -150,7 +150,7 @@ describe("failures", () => {
 
   test("the last view is rendered even if its request fails when nothing moves any more", async () => {
     const subject = pipeline();
-    subject.want(view(1));
+    subject.want(view(1), 0);
     transport.requests[0]?.fail(new Error("stream was reset"));
     for (let i = 0; i < 20 && transport.requests.length < 2; i++) await frame(subject, view(1));
     transport.requests[1]?.reply();
@@ -160,7 +160,7 @@ describe("failures", () => {
 
   test("a refusal is reported, and the server is not asked again with every animation frame", async () => {
     const subject = pipeline();
-    subject.want(view(1));
+    subject.want(view(1), 0);
     transport.requests[0]?.fail(problem("tigas:broken-scene"));
     for (let i = 0; i < 5; i++) await frame(subject, view(1));
     expect(refusals).toEqual(["because of tigas:broken-scene"]);
@@ -169,7 +169,7 @@ describe("failures", () => {
 
   test("an image that cannot be decoded is a dropped frame", async () => {
     const subject = pipeline(() => Promise.reject(new Error("no image")));
-    subject.want(view(1));
+    subject.want(view(1), 0);
     transport.requests[0]?.reply();
     await frame(subject, view(1));
     expect(subject.counts.dropped).toBe(1);
@@ -190,7 +190,7 @@ async function walk(roundTrip: number, service: number): Promise<{ rate: number;
   let handled = 0;
   for (now = 0; now < until; now += 1) {
     if (now % 16 === 0) {
-      subject.want(view(now));
+      subject.want(view(now), 0);
       const taken = subject.take();
       if (taken && now > 6000) shown++;
       if (now > 6000) most = Math.max(most, subject.inFlight);

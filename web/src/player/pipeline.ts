@@ -7,7 +7,7 @@
  * it is the newest: the last view is always rendered. A frame that is shown cancels all older requests.
  */
 import { FrameDropped, type FrameReply, type FrameTransport, RequestProblem } from "../transport/transport";
-import type { RenderRequest } from "../wire";
+import type { FrameHeader, RenderRequest } from "../wire";
 import { InFlightLimit } from "./in-flight-limit";
 
 /** What to show: a request without its number. */
@@ -17,6 +17,9 @@ export interface DecodedFrame {
   readonly seq: number;
   /** The version of the view that it shows. */
   readonly version: number;
+  /** The number of the pose that it shows. */
+  readonly pose: number;
+  readonly header: FrameHeader;
   readonly bitmap: ImageBitmap;
 }
 
@@ -57,7 +60,7 @@ export class FramePipeline {
   #seq = 0;
   #version = 0;
   #key = "";
-  #shown = { seq: -1, version: 0 };
+  #shown: Pick<DecodedFrame, "seq" | "version"> = { seq: -1, version: 0 };
   #ready: DecodedFrame | undefined;
   #retryAt = Number.NEGATIVE_INFINITY;
   #counts = { sent: 0, cancelled: 0, dropped: 0 };
@@ -75,8 +78,8 @@ export class FramePipeline {
     this.#events = events;
   }
 
-  /** Take the newest view, and ask for it if there is room. Returns the view's version. */
-  want(view: View): number {
+  /** Take the newest view, of pose number `pose`, and ask for it if there is room. */
+  want(view: View, pose: number): void {
     const key = JSON.stringify(view);
     if (key !== this.#key) {
       this.#key = key;
@@ -84,8 +87,7 @@ export class FramePipeline {
     }
     const covered = Math.max(this.#shown.version, this.#ready?.version ?? 0, ...this.#versionsInFlight());
     const room = Math.min(this.#limit.limit, this.#transport.maxInFlight) - this.#inFlight.size;
-    if (covered < this.#version && room > 0 && this.#now() >= this.#retryAt) void this.#send(view);
-    return this.#version;
+    if (covered < this.#version && room > 0 && this.#now() >= this.#retryAt) void this.#send(view, pose);
   }
 
   /** The newest decoded frame that was not taken yet, for the screen; whatever is older gets cancelled. */
@@ -124,7 +126,7 @@ export class FramePipeline {
     this.#ready = undefined;
   }
 
-  async #send(view: View): Promise<void> {
+  async #send(view: View, pose: number): Promise<void> {
     const seq = this.#seq++;
     const alone = this.#inFlight.size === 0;
     const abort = new AbortController();
@@ -136,7 +138,7 @@ export class FramePipeline {
       this.#events.replied(reply, view);
       const bitmap = await this.#decode(reply.image, abort.signal);
       this.#observe(reply, alone);
-      this.#decoded({ seq, version, bitmap });
+      this.#decoded({ seq, version, pose, header: reply.header, bitmap });
     } catch (error) {
       if (!abort.signal.aborted) this.#failed(error);
     } finally {

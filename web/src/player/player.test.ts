@@ -1,9 +1,10 @@
-import { afterEach, beforeEach, describe, expect, test, vi } from "vitest";
+import { beforeEach, describe, expect, test } from "vitest";
 import { FixedController } from "../abr/controller";
 import { NO_NUDGE } from "../input/motion";
 import { FakeTransport, settle } from "../transport/fake";
 import type { SceneInfo } from "../wire";
 import { Player } from "./player";
+import { Rig } from "./rig";
 
 const SCENE: SceneInfo = {
   id: "courtyard",
@@ -22,12 +23,12 @@ const SCENE: SceneInfo = {
 const STILL = { forward: 0, right: 0, up: 0, turnRight: 0, turnUp: 0 };
 
 let now: number;
-let tick: FrameRequestCallback;
 let axes: typeof STILL;
 let profile: number;
 let refine: boolean;
 let drawn: unknown[];
 let transport: FakeTransport;
+let rig: Rig;
 let player: Player;
 
 beforeEach(() => {
@@ -36,35 +37,30 @@ beforeEach(() => {
   profile = 0;
   refine = false;
   drawn = [];
-  vi.stubGlobal("requestAnimationFrame", (callback: FrameRequestCallback) => {
-    tick = callback;
-    return 1;
-  });
-  vi.stubGlobal("cancelAnimationFrame", () => undefined);
   transport = new FakeTransport(() => now);
   const canvas = { getContext: () => ({ transferFromImageBitmap: (bitmap: unknown) => drawn.push(bitmap) }) };
+  rig = new Rig({ sampleInput: () => ({ axes, nudge: NO_NUDGE }), turnSpeed: () => 60 });
   player = new Player({
     canvas: canvas as unknown as HTMLCanvasElement,
+    rig,
     decoder: { decode: async () => ({ close: () => undefined }) as ImageBitmap },
-    sampleInput: () => ({ axes, nudge: NO_NUDGE }),
     controller: () => new FixedController(profile),
     refine: () => refine,
-    turnSpeed: () => 60,
+    stamp: false,
+    onPresented: () => undefined,
+    onReceived: () => undefined,
     now: () => now,
   });
-  player.resize(1280, 720);
-  player.enter(SCENE);
+  rig.resize(1280, 720);
+  rig.enter(SCENE);
   player.attach({ transport, fallback: null });
-});
-afterEach(() => {
-  vi.unstubAllGlobals();
 });
 
 /** Animation frames at 60 Hz; the server answers whatever was asked when `answer` says so. */
 async function frames(count: number, { answer = true } = {}): Promise<void> {
   for (let i = 0; i < count; i++) {
     now += 1000 / 60;
-    tick(now);
+    player.tick(now, rig.sample(now));
     if (answer) for (const { reply } of transport.requests) reply();
     await settle();
   }
@@ -76,7 +72,7 @@ test("enters at the scene's start camera, with the stage's own lens", async () =
   await frames(1);
   expect(last()).toMatchObject({ scene: "courtyard", position: [0, -2, -8], quaternion: [0, 0, 0, 1] });
   expect(last()).toMatchObject({ width: 1280, height: 720, cx: 640, cy: 360, profile: 0 });
-  expect(player.moveSpeed.value).toBe(2);
+  expect(rig.moveSpeed.value).toBe(2);
 });
 
 test("a still camera asks for one frame and no more", async () => {
@@ -138,8 +134,8 @@ test("an input made while the server is away does not count as latency afterward
 });
 
 test("a lens that a person set stays when the stage changes; the rest follows", async () => {
-  player.lens.value = { fx: 900 };
-  player.resize(600, 600);
+  rig.lens.value = { fx: 900 };
+  rig.resize(600, 600);
   await frames(1);
   expect(last()).toMatchObject({ fx: 900, cx: 300, cy: 300, width: 600, height: 600 });
   expect(last()?.fy).toBeCloseTo(519.62, 2);

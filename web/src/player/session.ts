@@ -1,6 +1,9 @@
-/** One visit to one scene: connects, loads the scene, and feeds input to the player, until it is disposed of. */
-import { computed, effect, signal, untracked } from "@preact/signals";
+/** One visit to one scene: connects, loads the scene, and shows what the rig sees in the chosen mode, until it is disposed of. */
+import { computed, effect, type ReadonlySignal, signal, untracked } from "@preact/signals";
 import { FixedController } from "../abr/controller";
+import { DashPlayer } from "../dash/dash-player";
+import { setupFor } from "../dash/presets";
+import { rungsFor } from "../dash/rungs";
 import { StageInput } from "../input/stage-input";
 import { ApiError, fetchConfig, loadScene } from "../state/api";
 import { config, settings } from "../state/app";
@@ -9,6 +12,8 @@ import { type ConnectionState, maintainConnection } from "../transport/connectio
 import type { SceneInfo } from "../wire";
 import { Decoder } from "./decoder";
 import { Player } from "./player";
+import type { PresentedFrame } from "./presented";
+import { Rig } from "./rig";
 
 /** How the visit stands; `failed` waits for the person. */
 export type Phase =
@@ -18,13 +23,28 @@ export type Phase =
   | { readonly kind: "lost"; readonly message: string }
   | { readonly kind: "failed"; readonly message: string };
 
+/** Where a visit is shown: both pictures are always there, and the mode says which are seen. */
+export interface Stage {
+  readonly element: HTMLElement;
+  readonly canvas: HTMLCanvasElement;
+  readonly video: HTMLVideoElement;
+}
+
+/** A stream is opened anew when the viewport has kept its size for this long, in milliseconds. */
+const RESIZED_AFTER = 400;
+
 export class ViewerSession {
   readonly phase = signal<Phase>({ kind: "connecting" });
   readonly scene = signal<SceneInfo | null>(null);
   readonly connected = signal<Connected | null>(null);
+  readonly rig: Rig;
   readonly player: Player;
+  /** The DASH side; null in stateless mode, and where there is no packager. */
+  readonly dash = signal<DashPlayer | null>(null);
   readonly input: StageInput;
+  readonly stage: Stage;
   readonly #sceneId: string;
+  readonly #stamp: boolean;
   readonly #decoder = new Decoder(
     new Worker(new URL("./decode.worker.ts", import.meta.url), { type: "module", name: "decoder" }),
   );
@@ -32,32 +52,90 @@ export class ViewerSession {
   readonly #controller = computed(
     () => new FixedController(Math.min(settings.value.profile, Math.max(0, (config.value?.ladder.length ?? 1) - 1))),
   );
+  readonly #listeners = new Set<(frame: PresentedFrame) => void>();
   #loading: Promise<SceneInfo> | undefined;
+  #animation = 0;
+  #received = 0;
   /** Counts connections that a person asked for. */
   readonly #attempt = signal(0);
   readonly #cleanups: (() => void)[] = [];
 
-  constructor(sceneId: string, stage: HTMLElement, canvas: HTMLCanvasElement) {
+  /** `stamp`: frames carry their pose's number, for tests that read it from the screen. */
+  constructor(sceneId: string, stage: Stage, stamp: boolean) {
     this.#sceneId = sceneId;
-    this.input = new StageInput(stage, () => this.player.intrinsics.value);
-    this.player = new Player({
-      canvas,
-      decoder: this.#decoder,
+    this.#stamp = stamp;
+    this.stage = stage;
+    this.input = new StageInput(stage.element, () => this.rig.intrinsics.value);
+    this.rig = new Rig({
       sampleInput: (elapsed) => this.input.sample(elapsed),
+      turnSpeed: () => settings.value.turnSpeed,
+    });
+    this.player = new Player({
+      canvas: stage.canvas,
+      rig: this.rig,
+      decoder: this.#decoder,
       controller: () => this.#controller.value,
       refine: () => settings.value.refine,
-      turnSpeed: () => settings.value.turnSpeed,
+      stamp,
+      onPresented: this.#tell,
+      onReceived: this.#count,
       now,
     });
-    const observer = new ResizeObserver(() => this.player.resize(stage.clientWidth, stage.clientHeight));
-    observer.observe(stage);
-    this.#cleanups.push(() => observer.disconnect());
+    this.#follow(stage);
     this.#connect();
+    this.#stream();
+    this.#animation = requestAnimationFrame(this.#tick);
+  }
+
+  /** Bytes of pictures that have come in, by all modes together. */
+  get receivedBytes(): number {
+    return this.#received;
+  }
+
+  /** Hear of every frame that is on the screen, until the function that this returns is called. */
+  onPresented(listener: (frame: PresentedFrame) => void): () => void {
+    this.#listeners.add(listener);
+    return () => this.#listeners.delete(listener);
   }
 
   /** After a failure: connect and load again. */
   retry(): void {
     this.#attempt.value++;
+  }
+
+  dispose(): void {
+    cancelAnimationFrame(this.#animation);
+    for (const cleanup of this.#cleanups) cleanup();
+    this.input.dispose();
+    this.player.dispose();
+    this.#decoder.dispose();
+  }
+
+  readonly #count = (bytes: number): void => {
+    this.#received += bytes;
+  };
+
+  readonly #tell = (frame: PresentedFrame): void => {
+    for (const listener of this.#listeners) listener(frame);
+  };
+
+  /** The loop: one sample of the input per animation frame, for every mode the same. */
+  readonly #tick = (): void => {
+    this.#animation = requestAnimationFrame(this.#tick);
+    const time = now();
+    const moved = this.rig.sample(time);
+    if (settings.peek().mode !== "dash") this.player.tick(time, moved);
+    this.dash.peek()?.tick(time, moved);
+  };
+
+  /** The viewport is that of the picture that is seen; both have the same size. */
+  #follow({ element, canvas, video }: Stage): void {
+    const observer = new ResizeObserver(() => {
+      const seen = [canvas, video].find(({ clientWidth }) => clientWidth > 0);
+      if (seen) this.rig.resize(seen.clientWidth, seen.clientHeight);
+    });
+    for (const one of [element, canvas, video]) observer.observe(one);
+    this.#cleanups.push(() => observer.disconnect());
   }
 
   /** Connects, and connects anew whenever another transport is chosen. */
@@ -77,7 +155,7 @@ export class ViewerSession {
             void this.#load(connection.signal).catch(() => undefined); // side by side; #play hears of a failure
             return connect(server, chosen, signal, now);
           },
-          onState: (state) => untracked(() => this.#follow(state, connection.signal)),
+          onState: (state) => untracked(() => this.#heard(state, connection.signal)),
           sleep,
         },
         connection.signal,
@@ -87,14 +165,53 @@ export class ViewerSession {
     this.#cleanups.push(stop);
   }
 
-  dispose(): void {
-    for (const cleanup of this.#cleanups) cleanup();
-    this.input.dispose();
-    this.player.dispose();
-    this.#decoder.dispose();
+  /** Opens a DASH stream where the mode has one, and anew whenever what decides it changes. */
+  #stream(): void {
+    const viewport = settled(this.rig.viewport, RESIZED_AFTER, this.#cleanups);
+    const wanted = computed(() => {
+      const { mode, dashPreset, dashCustom } = settings.value;
+      const base = config.value?.services.dash;
+      const scene = this.scene.value;
+      if (mode === "stateless" || base === undefined || scene === null) return null;
+      const rungs = rungsFor(config.value?.ladder ?? [], viewport.value);
+      // As text, so that only a change of its content is one; the configuration is read again and again.
+      return JSON.stringify({
+        base,
+        scene: scene.id,
+        setup: setupFor(dashPreset, dashCustom),
+        rungs,
+        viewport: viewport.value,
+      });
+    });
+    const stop = effect(() => {
+      if (wanted.value === null) return undefined;
+      const { viewport: _, ...options } = JSON.parse(wanted.value);
+      const { rig, stage } = this;
+      const dash = untracked(
+        () =>
+          new DashPlayer({
+            ...options,
+            video: stage.video,
+            rig,
+            stamp: this.#stamp,
+            onPresented: this.#tell,
+            onReceived: this.#count,
+            now,
+          }),
+      );
+      this.dash.value = dash;
+      const leave = () => dash.dispose();
+      addEventListener("pagehide", leave);
+      return () => {
+        removeEventListener("pagehide", leave);
+        this.dash.value = null;
+        dash.dispose();
+      };
+    });
+    this.#cleanups.push(stop);
   }
 
-  #follow(state: ConnectionState, signal: AbortSignal): void {
+  #heard(state: ConnectionState, signal: AbortSignal): void {
     this.connected.value = state.status === "connected" ? state : null;
     if (state.status !== "connected") this.player.attach(null);
     if (state.status === "connecting") this.phase.value = { kind: "connecting" };
@@ -114,14 +231,16 @@ export class ViewerSession {
   async #play(connected: Connected, signal: AbortSignal): Promise<void> {
     if (this.scene.value === null) {
       this.phase.value = { kind: "loading" };
+      let scene: SceneInfo;
       try {
-        this.scene.value = await this.#load(signal);
+        scene = await this.#load(signal);
       } catch (error) {
         if (signal.aborted || !(error instanceof ApiError) || error.unreachable) return; // the connection will say
         this.phase.value = { kind: "failed", message: error.message };
         return;
       }
-      this.player.enter(this.scene.value);
+      this.rig.enter(scene);
+      this.scene.value = scene;
     }
     if (this.connected.value?.transport !== connected.transport) return; // it was lost meanwhile
     this.player.attach(connected);
@@ -130,6 +249,24 @@ export class ViewerSession {
 }
 
 const now = () => performance.now();
+
+/** A signal that follows another once that has kept its value for a while. */
+function settled<T>(source: ReadonlySignal<T>, after: number, cleanups: (() => void)[]): ReadonlySignal<T> {
+  const result = signal(source.peek());
+  let timer: ReturnType<typeof setTimeout>;
+  const stop = effect(() => {
+    const { value } = source;
+    clearTimeout(timer);
+    timer = setTimeout(() => {
+      result.value = value;
+    }, after);
+  });
+  cleanups.push(() => {
+    stop();
+    clearTimeout(timer);
+  });
+  return result;
+}
 
 function sleep(milliseconds: number, signal: AbortSignal): Promise<void> {
   return new Promise((resolve, reject) => {

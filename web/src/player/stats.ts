@@ -1,15 +1,13 @@
-/** What the HUD shows, gathered from frames as they come and are presented. */
+/** What the HUD shows of the stateless mode: its figures, and what its requests and answers tell besides. */
 import { ThroughputEstimator } from "../abr/throughput";
 import type { FrameReply, TransportKind } from "../transport/transport";
 import type { ServerTiming } from "../wire";
+import { type Figures, NO_FIGURES } from "./meter";
 import type { PipelineCounts } from "./pipeline";
 import { TimeWindow } from "./window";
 
-export interface Stats {
-  /** Frames shown a second. */
-  readonly framesPerSecond: number;
-  /** Median and 95th percentile of the last seconds, in milliseconds; null while nothing moved. */
-  readonly motionToPhoton: { readonly p50: number; readonly p95: number } | null;
+/** What is known from the answers alone. */
+export interface ReplyStats {
   /** From sending a request to its frame's last byte, median of the last seconds, in milliseconds. */
   readonly roundTrip: number | null;
   /** Where the server's time went for the last frame, in milliseconds. */
@@ -22,42 +20,35 @@ export interface Stats {
     readonly height: number | null;
     readonly profile: number | null;
   } | null;
+}
+
+export interface Stats extends Figures, ReplyStats {
   readonly transport: TransportKind | null;
   readonly inFlight: number;
   readonly counts: PipelineCounts;
-  /** All frames shown so far. */
-  readonly shown: number;
   /** The newest view is on the screen. */
   readonly settled: boolean;
 }
 
-const NO_COUNTS: PipelineCounts = { sent: 0, cancelled: 0, dropped: 0 };
-
 export const NO_STATS: Stats = {
-  framesPerSecond: 0,
-  motionToPhoton: null,
+  ...NO_FIGURES,
   roundTrip: null,
   server: null,
   throughput: null,
   frame: null,
   transport: null,
   inFlight: 0,
-  counts: NO_COUNTS,
-  shown: 0,
+  counts: { sent: 0, cancelled: 0, dropped: 0 },
   settled: true,
 };
 
 /** How far back the HUD looks, in milliseconds. */
-const RATE_SPAN = 1000;
-const LATENCY_SPAN = 5000;
+const SPAN = 5000;
 
 export class StatsRecorder {
   readonly throughput = new ThroughputEstimator();
-  readonly #frames = new TimeWindow(RATE_SPAN);
-  readonly #motionToPhoton = new TimeWindow(LATENCY_SPAN);
-  readonly #roundTrip = new TimeWindow(LATENCY_SPAN);
+  readonly #roundTrip = new TimeWindow(SPAN);
   #last: FrameReply | undefined;
-  #shown = 0;
 
   replied(reply: FrameReply, now: number): void {
     this.throughput.observe(reply.arrival);
@@ -65,25 +56,9 @@ export class StatsRecorder {
     this.#last = reply;
   }
 
-  /** A frame is on the screen, with the motion-to-photon latency of each input that it shows first. */
-  presented(latencies: readonly number[], now: number): void {
-    this.#shown++;
-    this.#frames.add(1, now);
-    for (const latency of latencies) this.#motionToPhoton.add(latency, now);
-  }
-
-  snapshot(
-    now: number,
-    current: Pick<Stats, "transport" | "inFlight" | "settled"> & { readonly counts?: PipelineCounts },
-  ): Stats {
-    const p50 = this.#motionToPhoton.percentile(0.5, now);
-    const p95 = this.#motionToPhoton.percentile(0.95, now);
+  snapshot(now: number): ReplyStats {
     const header = this.#last?.header;
     return {
-      ...current,
-      counts: current.counts ?? NO_COUNTS,
-      framesPerSecond: this.#frames.rate(now),
-      motionToPhoton: p50 === null || p95 === null ? null : { p50, p95 },
       roundTrip: this.#roundTrip.percentile(0.5, now),
       server: header?.timing ?? null,
       throughput: this.throughput.bitsPerSecond,
@@ -95,7 +70,6 @@ export class StatsRecorder {
           profile: header?.profile ?? null,
         }) ||
         null,
-      shown: this.#shown,
     };
   }
 }

@@ -2,7 +2,11 @@ import { expect, test } from "vitest";
 import { parseRoute, sceneHash } from "./route";
 
 test.each(["courtyard", "my scene", "a/b", "ünï", "100%", "#?&"])("a link to the scene %s leads to it", (scene) => {
-  expect(parseRoute(sceneHash(scene))).toEqual({ page: "viewer", scene });
+  expect(parseRoute(sceneHash(scene))).toEqual({ page: "viewer", scene, stamp: false });
+});
+
+test("a link may ask for stamped frames", () => {
+  expect(parseRoute("#/scene/courtyard?stamp")).toEqual({ page: "viewer", scene: "courtyard", stamp: true });
 });
 
 test.each(["", "#", "#/", "#/scene/", "#/scene/a/b", "#/other", "#/scene/%E0%A4%A"])(

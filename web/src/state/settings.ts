@@ -1,9 +1,26 @@
 /** What a person chose, kept in the browser. Anything there that does not make sense is replaced by its default. */
 import * as v from "valibot";
+import { PRESETS, TUNED } from "../dash/presets";
+
+export const MODES = ["stateless", "dash", "side-by-side"] as const;
+export type Mode = (typeof MODES)[number];
 
 const Settings = v.object({
   theme: v.fallback(v.picklist(["system", "light", "dark"]), "system"),
   transport: v.fallback(v.picklist(["auto", "webtransport-streams", "webtransport-datagrams", "fetch"]), "auto"),
+  /** What shows the scene: one JPEG per pose, a DASH stream, or both. */
+  mode: v.fallback(v.picklist(MODES), "stateless"),
+  dashPreset: v.fallback(v.picklist(PRESETS), "tuned"),
+  /** What the preset "custom" means. */
+  dashCustom: v.fallback(
+    v.object({
+      segment_s: v.pipe(v.number(), v.minValue(0.2), v.maxValue(10)),
+      frames_per_chunk: v.pipe(v.number(), v.integer(), v.minValue(1), v.maxValue(600)),
+      target_latency_ms: v.pipe(v.number(), v.integer(), v.minValue(50), v.maxValue(10_000)),
+      frame_rate: v.pipe(v.number(), v.integer(), v.minValue(1), v.maxValue(60)),
+    }),
+    TUNED,
+  ),
   /** The ladder's rung. */
   profile: v.fallback(v.pipe(v.number(), v.integer(), v.minValue(0), v.maxValue(255)), 0),
   /** When the camera stands still, ask for the view once more at the best rung. */
@@ -22,6 +39,16 @@ export type Settings = v.InferOutput<typeof Settings>;
 export const DEFAULT_SETTINGS: Settings = v.parse(Settings, {});
 
 const KEY = "tigas.settings";
+
+/** The same settings, if each has a value that it may have. Throws otherwise. */
+export function validSettings(settings: Settings): Settings {
+  const valid = v.parse(Settings, settings);
+  for (const name of Object.keys(valid) as (keyof Settings)[]) {
+    // A value that makes no sense would be replaced by its default.
+    if (JSON.stringify(valid[name]) !== JSON.stringify(settings[name])) throw new Error(`${name} cannot be that`);
+  }
+  return valid;
+}
 
 /** The part of localStorage that is used; some browsers throw on any access. */
 export type Store = Pick<Storage, "getItem" | "setItem">;

@@ -5,5 +5,9 @@ import { Viewer } from "./viewer";
 
 export function App() {
   const current = route.value;
-  return current.page === "viewer" ? <Viewer key={current.scene} sceneId={current.scene} /> : <Dashboard />;
+  return current.page === "viewer" ? (
+    <Viewer key={current.scene} sceneId={current.scene} stamp={current.stamp} />
+  ) : (
+    <Dashboard />
+  );
 }

@@ -9,6 +9,7 @@ const MOVES: readonly (readonly [string, readonly string[]])[] = [
   ["Walk", ["W", "A", "S", "D"]],
   ["Rise, sink", ["Space", "Shift"]],
   ["Start view", ["R"]],
+  ["Stateless, DASH, both", ["M"]],
   ["Measurements", ["I"]],
   ["Settings", ["P"]],
   ["Fullscreen", ["F"]],

@@ -8,7 +8,9 @@ export interface Quantity {
   readonly unit: string;
   /** Whose axis it has: quantities of one unit share one. */
   readonly axis: "left" | "right";
-  readonly tone: "target" | "measured" | "second";
+  readonly tone: "target" | "measured" | "second" | "stateless" | "dash";
+  /** Each value holds until the next one. */
+  readonly stepped?: boolean;
 }
 
 interface Props {

@@ -13,7 +13,7 @@ import { LiveChart, type Quantity } from "./live-chart";
 import { TraceList } from "./trace-list";
 
 const RATES: readonly Quantity[] = [
-  { label: "Target", unit: "Mbit/s", axis: "left", tone: "target" },
+  { label: "Target", unit: "Mbit/s", axis: "left", tone: "target", stepped: true },
   { label: "Delivered", unit: "Mbit/s", axis: "left", tone: "measured" },
 ];
 const FRAMES: readonly Quantity[] = [

@@ -5,9 +5,9 @@ import "uplot/dist/uPlot.min.css";
 import { type Columns, SPAN } from "../network/series";
 import type { Quantity } from "./live-chart";
 
-const HEIGHT = 128;
-const FONT = "11px system-ui, sans-serif";
-const stepped = uPlot.paths.stepped?.({ align: 1 });
+export const HEIGHT = 128;
+export const FONT = "11px system-ui, sans-serif";
+const steps = uPlot.paths.stepped?.({ align: 1 });
 
 /** Draws into `place` until the function that it returns is called. Colours are those of the legend's swatches. */
 export function plot(
@@ -16,11 +16,7 @@ export function plot(
   quantities: readonly Quantity[],
   columns: ReadonlySignal<Columns>,
 ): () => void {
-  const swatches = [...legend.querySelectorAll(".swatch")];
-  // Asked anew at each drawing, so that a chart follows the theme.
-  const swatch = (i: number) => getComputedStyle(swatches[i] ?? place);
-  const text = () => getComputedStyle(place).color;
-  const grid = { stroke: () => getComputedStyle(place).borderTopColor, width: 1 };
+  const { swatch, text, grid } = inks(place, legend);
   const sides = [...new Set(quantities.map(({ axis }) => axis))];
   const chart = new uPlot(
     {
@@ -61,13 +57,13 @@ export function plot(
       series: [
         {},
         ...quantities.map(
-          ({ axis, tone }, i): uPlot.Series => ({
+          ({ axis, stepped }, i): uPlot.Series => ({
             scale: axis,
             width: 1.5,
             stroke: () => swatch(i).color,
             fill: () => swatch(i).backgroundColor,
             points: { show: false },
-            ...(tone === "target" && stepped && { paths: stepped }),
+            ...(stepped && steps && { paths: steps }),
           }),
         ),
       ],
@@ -82,6 +78,16 @@ export function plot(
     observer.disconnect();
     stopDrawing();
     chart.destroy();
+  };
+}
+
+/** Where a chart's colours come from. They are asked for anew at each drawing, so that it follows the theme. */
+export function inks(place: HTMLElement, legend: HTMLElement) {
+  const swatches = [...legend.querySelectorAll(".swatch")];
+  return {
+    swatch: (i: number) => getComputedStyle(swatches[i] ?? place),
+    text: () => getComputedStyle(place).color,
+    grid: { stroke: () => getComputedStyle(place).borderTopColor, width: 1 },
   };
 }
 

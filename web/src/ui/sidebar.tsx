@@ -8,6 +8,7 @@ import type { TransportChoice } from "../transport/connect";
 import { Icon } from "./icon";
 import { IconButton } from "./icon-button";
 import { InsecureHint } from "./insecure-hint";
+import { ModePanel } from "./mode-panel";
 import { TRANSPORT_NAMES } from "./names";
 import { NetworkPanel } from "./network-panel";
 import { NumberField } from "./number-field";
@@ -28,6 +29,9 @@ export function Sidebar({ session, onClose, onReset }: Props) {
         <ThemeButton />
         <IconButton icon={X} label="Close settings" onClick={onClose} />
       </header>
+      <Section title="Mode">
+        <ModePanel session={session} />
+      </Section>
       <Quality session={session} />
       <Transport />
       {shaper && (
@@ -93,7 +97,7 @@ function Quality({ session }: { session: ViewerSession }) {
 }
 
 function Movement({ session, onReset }: Pick<Props, "session" | "onReset">) {
-  const { moveSpeed } = session.player;
+  const { moveSpeed } = session.rig;
   return (
     <Section
       title="Movement"
@@ -128,7 +132,7 @@ function Movement({ session, onReset }: Pick<Props, "session" | "onReset">) {
 }
 
 function Lens({ session }: { session: ViewerSession }) {
-  const { intrinsics, lens, viewport } = session.player;
+  const { intrinsics, lens, viewport } = session.rig;
   const locked = Object.keys(lens.value).length > 0;
   const set = (name: keyof Intrinsics, value: number) => {
     lens.value = { ...lens.value, [name]: value };

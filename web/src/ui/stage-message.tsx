@@ -1,31 +1,26 @@
-/** What the stage has to say: what is awaited, that the server is away, or why there is no picture. */
+/** What the stage has to say: what is awaited, that a server is away, or why there is no picture. */
 import { CircleAlert, LoaderCircle, Unplug } from "lucide";
+import type { ComponentChildren } from "preact";
+import type { DashPhase } from "../dash/dash-player";
 import type { ViewerSession } from "../player/session";
+import { config, settings } from "../state/app";
 import { Icon } from "./icon";
 
 export function StageMessage({ session }: { session: ViewerSession }) {
   const phase = session.phase.value;
-  const problem = session.player.problem.value;
+  const { mode } = settings.value;
+  const problem = mode === "dash" ? null : session.player.problem.value;
+  const { message, kind } = { message: null, ...phase };
   return (
     <div class="stage-message" role="status">
-      {(phase.kind === "connecting" || phase.kind === "loading") && (
-        <p class="floating message">
-          <span class="spinner">
-            <Icon of={LoaderCircle} />
-          </span>
-          {phase.kind === "loading" ? "Loading the scene…" : "Connecting…"}
-        </p>
+      {(kind === "connecting" || kind === "loading") && (
+        <Waiting>{kind === "loading" ? "Loading the scene…" : "Connecting…"}</Waiting>
       )}
-      {phase.kind === "lost" && (
-        <p class="floating message" data-tone="warning">
-          <Icon of={Unplug} />
-          <span>{phase.message} Trying again…</span>
-        </p>
-      )}
-      {phase.kind === "failed" && (
+      {kind === "lost" && <Lost>{message}</Lost>}
+      {kind === "failed" && (
         <div class="floating message tall" data-tone="danger">
           <Icon of={CircleAlert} />
-          <p>{phase.message}</p>
+          <p>{message}</p>
           <div class="message-actions">
             <button type="button" class="button" onClick={() => session.retry()}>
               Try again
@@ -36,12 +31,51 @@ export function StageMessage({ session }: { session: ViewerSession }) {
           </div>
         </div>
       )}
-      {phase.kind === "playing" && problem && (
-        <p class="floating message" data-tone="danger">
-          <Icon of={CircleAlert} />
-          <span>{problem}</span>
-        </p>
+      {kind === "playing" && problem && <Failed>{problem}</Failed>}
+      {kind === "playing" && mode !== "stateless" && (
+        <div class="dash-message">
+          <Dash phase={session.dash.value?.phase.value} />
+        </div>
       )}
     </div>
+  );
+}
+
+function Dash({ phase }: { phase: DashPhase | undefined }) {
+  if (phase === undefined) {
+    if (config.value?.services.dash) return null;
+    return <Failed>This server has no DASH packager; see Settings, Mode.</Failed>;
+  }
+  if (phase.kind === "connecting") return <Waiting>Starting the stream…</Waiting>;
+  if (phase.kind === "lost") return <Lost>{phase.message}</Lost>;
+  return phase.kind === "failed" ? <Failed>{phase.message}</Failed> : null;
+}
+
+function Waiting({ children }: { children: string }) {
+  return (
+    <p class="floating message">
+      <span class="spinner">
+        <Icon of={LoaderCircle} />
+      </span>
+      {children}
+    </p>
+  );
+}
+
+function Lost({ children }: { children: ComponentChildren }) {
+  return (
+    <p class="floating message" data-tone="warning">
+      <Icon of={Unplug} />
+      <span>{children} Trying again…</span>
+    </p>
+  );
+}
+
+function Failed({ children }: { children: ComponentChildren }) {
+  return (
+    <p class="floating message" data-tone="danger">
+      <Icon of={CircleAlert} />
+      <span>{children}</span>
+    </p>
   );
 }

@@ -7,6 +7,7 @@ export interface ViewerActions {
   readonly sidebar: () => void;
   readonly reset: () => void;
   readonly fullscreen: () => void;
+  readonly mode: () => void;
 }
 
 const KEYS: Readonly<Record<string, keyof ViewerActions>> = {
@@ -16,6 +17,7 @@ const KEYS: Readonly<Record<string, keyof ViewerActions>> = {
   p: "sidebar",
   r: "reset",
   f: "fullscreen",
+  m: "mode",
 };
 
 const TYPING = "input:not([type=radio], [type=checkbox]), select, textarea, dialog";

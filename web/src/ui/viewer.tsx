@@ -1,11 +1,14 @@
 /** The viewer: the stage with its frame, what floats over it, and the sidebar. */
 import { useSignal } from "@preact/signals";
 import { useEffect, useRef } from "preact/hooks";
+import { offerBridge } from "../experiment/bridge";
 import { ViewerSession } from "../player/session";
 import { change, settings } from "../state/app";
+import { MODES } from "../state/settings";
 import { HelpDialog } from "./help";
 import { Hud } from "./hud";
 import { MovePad } from "./move-pad";
+import { SideFigures } from "./side-figures";
 import { Sidebar } from "./sidebar";
 import { StageMessage } from "./stage-message";
 import { Toolbar } from "./toolbar";
@@ -13,26 +16,36 @@ import { useFocusReturn } from "./use-focus-return";
 import { useShortcuts } from "./use-shortcuts";
 import { useWide } from "./use-wide";
 
-export function Viewer({ sceneId }: { sceneId: string }) {
+interface Props {
+  readonly sceneId: string;
+  /** Frames carry their pose's number. */
+  readonly stamp: boolean;
+}
+
+export function Viewer({ sceneId, stamp }: Props) {
   const root = useRef<HTMLDivElement>(null);
   const stage = useRef<HTMLDivElement>(null);
   const canvas = useRef<HTMLCanvasElement>(null);
+  const video = useRef<HTMLVideoElement>(null);
   const session = useSignal<ViewerSession | null>(null);
   const help = useSignal(false);
   const wide = useWide();
 
   useEffect(() => {
-    if (!stage.current || !canvas.current) return undefined;
-    const current = new ViewerSession(sceneId, stage.current, canvas.current);
+    if (!stage.current || !canvas.current || !video.current) return undefined;
+    const place = { element: stage.current, canvas: canvas.current, video: video.current };
+    const current = new ViewerSession(sceneId, place, stamp);
     session.value = current;
+    const withdraw = offerBridge(current);
     stage.current.focus({ preventScroll: true });
     return () => {
       session.value = null;
+      withdraw();
       current.dispose();
     };
-  }, [sceneId, session]);
+  }, [sceneId, stamp, session]);
 
-  const { hud, sidebar } = settings.value;
+  const { hud, sidebar, mode } = settings.value;
   const sidebarOpen = sidebar ?? wide;
   const actions = {
     help: () => {
@@ -40,7 +53,8 @@ export function Viewer({ sceneId }: { sceneId: string }) {
     },
     hud: () => change({ hud: !hud }),
     sidebar: () => change({ sidebar: !sidebarOpen }),
-    reset: () => session.value?.player.resetCamera(),
+    reset: () => session.value?.rig.resetCamera(),
+    mode: () => change({ mode: MODES[(MODES.indexOf(mode) + 1) % MODES.length] ?? "stateless" }),
     fullscreen: () => void toggleFullscreen(root.current),
   };
   useShortcuts(actions);
@@ -67,11 +81,20 @@ export function Viewer({ sceneId }: { sceneId: string }) {
           data-transport={live?.player.stats.value.transport}
           data-frames={live?.player.stats.value.shown}
           data-settled={live?.player.stats.value.settled}
+          data-mode={mode}
+          data-dash={live?.dash.value?.phase.value.kind ?? "off"}
+          data-dash-frames={live?.dash.value?.stats.value.shown}
         >
-          <canvas ref={canvas} />
+          <div class="pane">
+            <canvas ref={canvas} />
+          </div>
+          <div class="pane">
+            <video ref={video} muted playsInline disablePictureInPicture disableRemotePlayback />
+          </div>
         </div>
         <Toolbar name={name} actions={actions} hud={hud} sidebar={sidebarOpen} />
-        {live && hud && phase !== "failed" && <Hud session={live} wide={wide} />}
+        {live && hud && phase !== "failed" && mode === "stateless" && <Hud session={live} wide={wide} />}
+        {live && hud && phase !== "failed" && mode !== "stateless" && <SideFigures session={live} mode={mode} />}
         {live && <MovePad input={live.input} />}
         {live && <StageMessage session={live} />}
       </main>

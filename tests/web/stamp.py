@@ -1,0 +1,54 @@
+"""Reads from the screen which pose it shows: what really is there, whatever the viewer reports."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from playwright.sync_api import Page
+
+# Runs before the viewer's own code, and so at the start of each animation frame: what a canvas or a video holds then is
+# what the screen has shown since the frame before.
+_WATCH = """
+(() => {
+  const CELLS = 32, SIDE = 4, WIDTH = CELLS * SIDE;
+  const small = new OffscreenCanvas(WIDTH, SIDE).getContext("2d", { willReadFrequently: true });
+  const read = (source) => {
+    if (!source?.clientWidth) return null;
+    small.drawImage(source, 0, 0, WIDTH, (WIDTH * source.clientHeight) / source.clientWidth);
+    const { data } = small.getImageData(0, SIDE / 2, WIDTH, 1);
+    const cells = Array.from({ length: CELLS }, (_, i) => Number(data[4 * (i * SIDE + SIDE / 2) + 1] > 127));
+    const bits = (from, to) => cells.slice(from, to).reduce((sum, cell) => sum * 2 + cell, 0);
+    const number = bits(4, 28);
+    let check = 0;
+    for (let rest = number; rest > 0; rest = Math.floor(rest / 16)) check ^= rest % 16;
+    return bits(0, 4) === 0b1010 && check === bits(28, 32) ? number : null;
+  };
+  window.seen = { stateless: [], dash: [] };
+  const look = () => {
+    requestAnimationFrame(look);
+    const at = performance.now();
+    window.seen.stateless.push([at, read(document.querySelector(".stage canvas"))]);
+    window.seen.dash.push([at, read(document.querySelector(".stage video"))]);
+  };
+  requestAnimationFrame(look);
+})();
+"""
+
+Seen = list[tuple[float, int | None]]
+"""At each animation frame: its time on the page's clock in milliseconds, and the pose that the screen shows."""
+
+
+def watch_screen(page: Page) -> None:
+    """Read both sides at each animation frame from now on, in this page's next document."""
+    page.add_init_script(_WATCH)
+
+
+def seen(page: Page, side: str) -> Seen:
+    """What was seen so far of `stateless` or `dash`."""
+    rows: list[list[Any]] = page.evaluate("side => window.seen[side]", side)
+    return [(at, pose) for at, pose in rows]
+
+
+def first_shown(rows: Seen, pose: int) -> float | None:
+    """When the screen first showed this pose or a later one; None if it never did."""
+    return next((at for at, number in rows if number is not None and number >= pose), None)

@@ -1,0 +1,70 @@
+"""Whether the reported motion-to-photon latency is true: poses are read from the pixels that the screen shows."""
+
+from __future__ import annotations
+
+import math
+from itertools import pairwise
+from statistics import median
+from typing import Any
+
+import pytest
+
+from tests.web.conftest import OpenPage
+from tests.web.modes import wait_for_dash, with_settings
+from tests.web.stage import SCENE, wait_for_frames
+from tests.web.stamp import Seen, first_shown, seen, watch_screen
+
+pytest.importorskip("tigas_dash")
+pytest.importorskip("av")
+WALK_MS = 4000
+VIDEO_FRAME_MS = 1000 / 30
+
+
+@pytest.mark.parametrize("mode", ["stateless", "dash"])
+def test_the_reported_latency_is_what_the_screen_shows(open_page: OpenPage, viewer_url: str, mode: str) -> None:
+    page = open_page(url=viewer_url, **with_settings(viewer_url, mode=mode, profile=2, refine=False))
+    watch_screen(page)
+    page.goto("about:blank")
+    page.goto(f"{viewer_url}{SCENE}?stamp")
+    if mode == "dash":
+        wait_for_dash(page, at_least=60)
+    else:
+        wait_for_frames(page)
+    run = page.evaluate("plan => tigas.run(plan)", {"points": turning(), "duration_ms": WALK_MS, "capture_every_ms": 0})
+    rows = seen(page, mode)
+
+    sampled = {one["pose"]: one["at"] for one in run["inputs"]}
+    assert len(sampled) > 10, "the camera did not move"
+    origin = page.evaluate("performance.timeOrigin")
+    started = run["started_unix_ms"] - origin
+    reported = reported_latencies(run["frames"])
+    on_screen = {pose: at - started - sampled[pose] for pose in reported if (at := first_shown(rows, pose)) is not None}
+    assert len(on_screen) > 0.9 * len(reported) > 0, "the stamps cannot be read"
+
+    # One frame: of the screen or of the video, whichever takes longer here.
+    frame = max(screen_frame(rows), VIDEO_FRAME_MS if mode == "dash" else 0)
+    errors = sorted(abs(reported[pose] - latency) for pose, latency in on_screen.items())
+    assert median(errors) <= frame
+    assert errors[math.floor(0.95 * len(errors))] <= 2 * frame
+    both = (median(reported[pose] for pose in on_screen), median(on_screen.values()))
+    assert both[0] == pytest.approx(both[1], abs=frame)
+
+
+def turning() -> list[dict[str, Any]]:
+    """Half a turn about the vertical axis, where the scene's camera starts."""
+    steps = 60
+    return [
+        {"t_ms": WALK_MS * i / steps, "position": [0, 0, 0], "quaternion": [0, math.sin(a), 0, math.cos(a)]}
+        for i in range(steps + 1)
+        for a in (math.pi / 2 * i / steps,)
+    ]
+
+
+def reported_latencies(frames: list[dict[str, Any]]) -> dict[int, float]:
+    """What the viewer says of each pose that a frame showed exactly, in milliseconds."""
+    return {one["pose"]: min(one["latencies"]) for one in frames if one["latencies"]}
+
+
+def screen_frame(rows: Seen) -> float:
+    """How long a frame of this browser's screen takes, in milliseconds: 16.7, or more on a busy machine."""
+    return max(1000 / 60, median(after - before for (before, _), (after, _) in pairwise(rows)))

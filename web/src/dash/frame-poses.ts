@@ -1,0 +1,33 @@
+/**
+ * Brings together what is told in two ways: the packager says which pose each frame of the stream shows, the browser says
+ * when a frame was presented. Either may come first.
+ */
+export class FramePoses<Presented> {
+  /** Frames that nobody asks for any more are forgotten: as many are kept. */
+  static readonly KEPT = 1200;
+  readonly #poses = new Map<number, number>();
+  readonly #waiting = new Map<number, Presented>();
+  readonly #matched: (pose: number, presented: Presented) => void;
+
+  constructor(matched: (pose: number, presented: Presented) => void) {
+    this.#matched = matched;
+  }
+
+  /** Frame number `frame` shows pose `pose`. */
+  told(frame: number, pose: number): void {
+    this.#poses.set(frame, pose);
+    this.#poses.delete(frame - FramePoses.KEPT);
+    const presented = this.#waiting.get(frame);
+    if (presented === undefined) return;
+    for (const earlier of this.#waiting.keys()) if (earlier <= frame) this.#waiting.delete(earlier);
+    this.#matched(pose, presented);
+  }
+
+  /** Frame number `frame` was presented. */
+  presented(frame: number, presented: Presented): void {
+    const pose = this.#poses.get(frame);
+    if (pose !== undefined) this.#matched(pose, presented);
+    else this.#waiting.set(frame, presented);
+    this.#waiting.delete(frame - FramePoses.KEPT);
+  }
+}

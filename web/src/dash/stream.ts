@@ -1,0 +1,54 @@
+/** dash.js on a video element: the one place that knows the library. Loaded on demand, since it is larger than the page. */
+import { type FragmentLoadingCompletedEvent, MediaPlayer, type MediaPlayerErrorEvent } from "dashjs";
+
+export interface StreamEvents {
+  /** Bytes of segments came in. */
+  received(bytes: number): void;
+  /** The stream cannot be played. */
+  failed(reason: string): void;
+}
+
+export interface Stream {
+  /** The representation whose frames are being loaded, by its id. */
+  representation(): string | undefined;
+  /** Behind the live edge, in seconds, as dash.js counts. */
+  latency(): number | null;
+  dispose(): void;
+}
+
+/** dash.js in its defaults: target latency and playback rates come from the manifest's ServiceDescription. */
+export function playStream(video: HTMLVideoElement, manifest: string, events: StreamEvents): Stream {
+  const player = MediaPlayer().create();
+  player.updateSettings({
+    debug: { logLevel: 0 },
+    streaming: {
+      lastBitrateCachingInfo: { enabled: false }, // what an earlier stream had says nothing of this one
+      lastMediaSettingsCachingInfo: { enabled: false },
+    },
+  });
+  const { events: names } = MediaPlayer;
+  const counted = new WeakMap<object, number>();
+  const count = ({ request, response }: FragmentLoadingCompletedEvent, complete: boolean) => {
+    const before = counted.get(request) ?? 0;
+    const bytes = response?.byteLength ?? 0;
+    const more = complete ? Math.max(0, bytes - before) : bytes;
+    counted.set(request, before + more);
+    if (more > 0) events.received(more);
+  };
+  player.on("fragmentLoadingProgress" as "fragmentLoadingCompleted", (event) => count(event, false));
+  player.on(names.FRAGMENT_LOADING_COMPLETED, (event) => count(event, true));
+  player.on(names.ERROR, (event) => events.failed(reasonOf(event as MediaPlayerErrorEvent)));
+  player.initialize(video, manifest, true);
+  return {
+    representation: () => player.getCurrentRepresentationForType("video")?.id,
+    latency: () => {
+      const seconds = player.getCurrentLiveLatency();
+      return Number.isFinite(seconds) && seconds > 0 ? seconds : null;
+    },
+    dispose: () => player.destroy(),
+  };
+}
+
+function reasonOf({ error }: MediaPlayerErrorEvent): string {
+  return typeof error === "object" && error.message ? `The player stopped: ${error.message}` : "The player stopped.";
+}

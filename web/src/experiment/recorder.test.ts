@@ -1,0 +1,70 @@
+import { expect, test } from "vitest";
+import type { PresentedFrame } from "../player/presented";
+import { Recorder } from "./recorder";
+
+const posed = (seq: number) => ({ seq, position: [seq, 0, 0], quaternion: [0, 0, 0, 1] }) as never;
+
+function frame(at: number, seq: number, more: Partial<PresentedFrame> = {}): PresentedFrame {
+  return { side: "stateless", at, pose: seq, latencies: [], rung: 2, width: 640, height: 360, ...more };
+}
+
+test("keeps each pose once, since the run's start", () => {
+  const recorder = new Recorder(1000, 5, 0, 0);
+  for (const [seq, at] of [
+    [5, 1000],
+    [6, 1016],
+    [6, 1033],
+    [7, 1050],
+  ] as const)
+    recorder.sampled(posed(seq), at);
+  expect(recorder.records.inputs.map(({ at, pose }) => [at, pose])).toEqual([
+    [16, 6],
+    [50, 7],
+  ]);
+});
+
+test("puts frames in the order of time, and leaves out what was on the screen before", () => {
+  const recorder = new Recorder(1000, 0, 0, 0);
+  recorder.presented(frame(990, 0));
+  recorder.presented(frame(1060, 2));
+  recorder.presented(frame(1040, 1));
+  expect(recorder.records.frames.map(({ at }) => at)).toEqual([40, 60]);
+});
+
+test("asks for a picture at most once in an interval, whatever the frame rate", () => {
+  const recorder = new Recorder(0, 0, 0, 1000);
+  const kept = [10, 990, 1005, 1500, 1990, 2600, 2700, 3001].filter((at) => recorder.presented(frame(at, 1)));
+  expect(kept).toEqual([1005, 2600, 3001]);
+});
+
+test("asks for no picture if none is wanted", () => {
+  const recorder = new Recorder(0, 0, 0, 0);
+  expect(recorder.presented(frame(5000, 1))).toBe(false);
+});
+
+test("is settled when the newest pose is on the screen", () => {
+  const recorder = new Recorder(0, 3, 0, 0);
+  expect(recorder.settled).toBe(true);
+  recorder.sampled(posed(5), 10);
+  recorder.presented(frame(20, 4));
+  expect(recorder.settled).toBe(false);
+  recorder.presented(frame(30, 5));
+  recorder.presented(frame(40, 4));
+  expect(recorder.settled).toBe(true);
+});
+
+test("counts what came in since the start", () => {
+  const recorder = new Recorder(100, 0, 7000, 0);
+  recorder.received(7000, 100);
+  recorder.received(9500, 350);
+  expect(recorder.records.traffic).toEqual([
+    { at: 0, bytes: 0 },
+    { at: 250, bytes: 2500 },
+  ]);
+});
+
+test("a captured frame keeps its own size", () => {
+  const recorder = new Recorder(100, 0, 0, 1000);
+  recorder.captured(frame(1200, 9), { width: 320, height: 180 });
+  expect(recorder.records.captures).toEqual([{ at: 1100, pose: 9, rung: 2, width: 320, height: 180 }]);
+});

@@ -1,0 +1,18 @@
+/** What is known of a frame that is on the screen, in every mode alike. */
+
+export type Side = "stateless" | "dash";
+
+export interface PresentedFrame {
+  readonly side: Side;
+  /** When it was on the screen, on the page's own clock (performance.now), in milliseconds. */
+  readonly at: number;
+  /** The number of the pose that it was rendered from. */
+  readonly pose: number;
+  /** Motion-to-photon latency of each pose change that it shows first, in milliseconds. */
+  readonly latencies: readonly number[];
+  /** The ladder's rung. */
+  readonly rung: number | null;
+  /** Pixels, as it was encoded. */
+  readonly width: number;
+  readonly height: number;
+}

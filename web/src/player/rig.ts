@@ -1,0 +1,124 @@
+/**
+ * The camera, its lens and where it stands: sampled once per animation frame, shown by every mode. Poses are numbered as they
+ * change, so that any later frame can say which pose it shows.
+ */
+import { computed, type ReadonlySignal, signal } from "@preact/signals";
+import { type Camera, levelFor, type ScenePose, startCamera, toScene } from "../camera/camera";
+import { defaultIntrinsics, type Intrinsics, type Viewport, viewportFor } from "../camera/intrinsics";
+import { type Speeds, step, suggestedSpeed } from "../input/motion";
+import type { Sample } from "../input/stage-input";
+import type { SceneInfo } from "../wire";
+
+export interface NumberedPose extends ScenePose {
+  /** Grows by one with each change. */
+  readonly seq: number;
+}
+
+/** Where the camera is at a time (performance.now), in the scene's own frame; null when the source has ended. */
+export type PoseSource = (now: number) => ScenePose | null;
+
+export interface RigOptions {
+  /** What was asked since the last sample, so many milliseconds ago. */
+  readonly sampleInput: (elapsed: number) => Sample;
+  /** Degrees a second. */
+  readonly turnSpeed: () => number;
+}
+
+const ORIGIN: NumberedPose = { seq: 0, position: [0, 0, 0], quaternion: [0, 0, 0, 1] };
+
+export class Rig {
+  readonly viewport = signal<Viewport>({ width: 1, height: 1 });
+  /** Intrinsics that a person set; the others follow the viewport. */
+  readonly lens = signal<Partial<Intrinsics>>({});
+  readonly intrinsics: ReadonlySignal<Intrinsics> = computed(() => ({
+    ...defaultIntrinsics(this.viewport.value),
+    ...this.lens.value,
+  }));
+  /** Scene units a second. */
+  readonly moveSpeed = signal(1);
+  readonly #options: RigOptions;
+  #scene: SceneInfo | undefined;
+  #camera: Camera = { position: [0, 0, 0], azimuth: 0, elevation: 0 };
+  #source: PoseSource | null = null;
+  #pose = ORIGIN;
+  #sampledAt = 0;
+  #changedAt = 0;
+
+  constructor(options: RigOptions) {
+    this.#options = options;
+  }
+
+  /** The scene that it is in. */
+  get scene(): SceneInfo | undefined {
+    return this.#scene;
+  }
+
+  /** The pose of the last sample. */
+  get pose(): NumberedPose {
+    return this.#pose;
+  }
+
+  /** When the pose changed last. */
+  get changedAt(): number {
+    return this.#changedAt;
+  }
+
+  /** Put the camera at a scene's start. */
+  enter(scene: SceneInfo): void {
+    this.#scene = scene;
+    this.resetCamera();
+    const { camera } = scene;
+    this.moveSpeed.value = suggestedSpeed(
+      camera === null ? 4 : Math.hypot(...camera.position.map((value, i) => value - (camera.look_at[i] ?? 0))),
+    );
+  }
+
+  /** Back to the scene's start: a new pose, but no movement. */
+  resetCamera(): void {
+    if (!this.#scene) return;
+    this.#camera = startCamera(this.#scene);
+    this.#pose = { seq: this.#pose.seq + 1, ...toScene(this.#camera, levelFor(this.#scene.up)) };
+  }
+
+  /** The stage has this many CSS pixels. */
+  resize(width: number, height: number): void {
+    if (width >= 1 && height >= 1) this.viewport.value = viewportFor(width, height);
+  }
+
+  /** Follow a source instead of a person, until it ends; null gives the camera back to the person. */
+  drive(source: PoseSource | null): void {
+    this.#source = source;
+  }
+
+  /** Once per animation frame; tells whether the camera moved. */
+  sample(now: number): boolean {
+    const elapsed = now - this.#sampledAt;
+    const { axes, nudge } = this.#options.sampleInput(elapsed);
+    this.#sampledAt = now;
+    const pose = this.#driven(now) ?? this.#walked({ axes, nudge }, elapsed);
+    if (pose === null || same(pose, this.#pose)) return false;
+    this.#pose = { seq: this.#pose.seq + 1, ...pose };
+    this.#changedAt = now;
+    return true;
+  }
+
+  #driven(now: number): ScenePose | null {
+    const pose = this.#source?.(now) ?? null;
+    if (pose === null) this.#source = null;
+    return pose;
+  }
+
+  #walked({ axes, nudge }: Sample, elapsed: number): ScenePose | null {
+    if (!this.#scene) return null;
+    const speeds: Speeds = { turn: this.#options.turnSpeed(), move: this.moveSpeed.value };
+    this.#camera = step(this.#camera, axes, nudge, speeds, elapsed);
+    return toScene(this.#camera, levelFor(this.#scene.up));
+  }
+}
+
+function same(a: ScenePose, b: ScenePose): boolean {
+  return (
+    a.position.every((value, i) => value === b.position[i]) &&
+    a.quaternion.every((value, i) => value === b.quaternion[i])
+  );
+}

@@ -1,0 +1,35 @@
+import { expect, test } from "vitest";
+import { StallDetector } from "./stalls";
+
+/** Moves at 60 Hz over a span. */
+function move(detector: StallDetector, from: number, to: number): void {
+  for (let at = from; at <= to; at += 16) detector.moved(at);
+}
+
+test("a gap in the picture while the camera moves is a stall, with its whole length", () => {
+  const detector = new StallDetector();
+  move(detector, 0, 1000);
+  detector.presented(100);
+  detector.presented(133);
+  detector.presented(633);
+  expect(detector.stalls).toEqual({ count: 1, time: 500 });
+});
+
+test("frames that come steadily are none, however late they show a movement", () => {
+  const detector = new StallDetector();
+  for (let at = 0; at < 2000; at += 33) {
+    if (at > 1000) detector.moved(at);
+    detector.presented(at);
+  }
+  expect(detector.stalls.count).toBe(0);
+});
+
+test("a still camera needs no frames, and the wait for the first one after it is latency, not a stall", () => {
+  const detector = new StallDetector();
+  move(detector, 0, 200);
+  detector.presented(200);
+  move(detector, 5000, 5400);
+  detector.presented(5300);
+  detector.presented(5330);
+  expect(detector.stalls.count).toBe(0);
+});
