@@ -172,7 +172,8 @@ export class ViewerSession {
       const { mode, dashPreset, dashCustom } = settings.value;
       const base = config.value?.services.dash;
       const scene = this.scene.value;
-      if (mode === "stateless" || base === undefined || scene === null) return null;
+      const { width, height } = viewport.value;
+      if (mode === "stateless" || base === undefined || scene === null || width * height <= 1) return null;
       const rungs = rungsFor(config.value?.ladder ?? [], viewport.value);
       // As text, so that only a change of its content is one; the configuration is read again and again.
       return JSON.stringify({

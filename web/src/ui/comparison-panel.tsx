@@ -21,6 +21,7 @@ export function ComparisonPanel({ session }: { session: ViewerSession }) {
   return (
     history && (
       <div class="comparison">
+        <h4>Motion to photon</h4>
         <DistributionChart name="Motion to photon" columns={history.latency} />
         <h4>Bandwidth</h4>
         <LiveChart name="Bandwidth" quantities={BANDWIDTH} columns={history.bandwidth} />
