@@ -20,8 +20,6 @@ export interface PlayerOptions {
   /** Whether frames carry their pose's number, for tests that read it from the screen. */
   readonly stamp: boolean;
   readonly onPresented: (frame: PresentedFrame) => void;
-  /** Bytes of pictures came in. */
-  readonly onReceived: (bytes: number) => void;
   /** Bytes of frames came in. */
   readonly onReceived: (bytes: number) => void;
   readonly now: () => number;
