@@ -70,7 +70,7 @@ class Viewer:
     def __init__(self, page: Page) -> None:
         self._page = page
 
-    async def prepare(self, settings: dict[str, Any], pose: dict[str, Any]) -> None:
+    async def prepare(self, settings: dict[str, Any], pose: object) -> None:
         """Change settings, stand at a pose, and wait until a frame of it is on the screen."""
         await self._call("settings", settings)
         await self._call("stand", pose)

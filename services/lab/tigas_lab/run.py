@@ -64,8 +64,7 @@ async def run(
     )
     writer = RunWriter(folder, record)
     try:
-        async with _link(bench.target, configuration) as shaper:
-            return await _measure(bench, configuration, points, writer, shaper, stage)
+        return await _measure(bench, configuration, points, writer, stage)
     except (RunFailed, BrokenRecording) as error:
         return writer.close(status="failed", problem=str(error))
     except OSError as error:
@@ -80,37 +79,35 @@ async def _measure(
     configuration: Configuration,
     points: Sequence[Point],
     writer: RunWriter,
-    shaper: ShaperClient | None,
     stage: Callable[[str], None],
 ) -> RunRecord:
-    async with chromium() as browser:
-        stage("opens the viewer")
-        url, scene = bench.target.url, bench.scene
-        async with viewer(browser, url, scene.id, configuration.width, configuration.height) as page:
-            first = {key: points[0][key] for key in ("position", "quaternion")}
-            await page.prepare(page_settings(configuration), first)
+    stage("opens the viewer")
+    url = bench.target.url
+    async with (
+        chromium() as browser,
+        viewer(browser, url, bench.scene.id, configuration.width, configuration.height) as page,
+    ):
+        async with _link(bench.target, configuration) as shaper:
+            await page.prepare(page_settings(configuration), points[0])
             stage("warms up")
             await asyncio.sleep(configuration.warm_up_s)
             stage("measures")
             async with watching_load() as load, _watching(shaper) as seen:
-                backend = await _play(shaper, configuration)
+                if shaper is not None and configuration.network.shaped:
+                    await shaper.play(configuration.network)
                 recording = await _record(page, configuration, points)
-            writer.recording(recording)
-            start = recording.started_unix_ms
-            writer.surroundings(
-                [_sample(status, at - start) for at, status in seen],
-                [sample for sample in load if 0 <= sample.unix_ms - start <= recording.ended_ms],
-            )
-            stage("compares with ground truth")
-            if shaper is not None:
-                await shaper.release()
-            writer.quality(await _judge(page, url, recording, writer))
+        writer.recording(recording)
+        start = recording.started_unix_ms
+        during = [sample for sample in load if 0 <= sample.unix_ms - start <= recording.ended_ms]
+        writer.surroundings([_sample(status, at - start) for at, status in seen], during)
+        stage("compares with ground truth")
+        writer.quality(await _judge(page, url, recording, writer))
         return writer.close(
             status="complete" if recording.complete else "failed",
             problem=None if recording.complete else "The movement was not played to its end.",
             browser=browser.version,
-            backend=backend,
-            load=Load.of(load),
+            backend=seen[-1][1].backend if seen else None,
+            load=Load.of(during),
             recording=recording.head,
         )
 
@@ -167,14 +164,6 @@ async def _watching(shaper: ShaperClient | None) -> AsyncIterator[list[tuple[flo
         raise error
     if closed := next((status.closed for _, status in seen if status.closed), None):
         raise RunFailed(f"The link was closed during the run: {closed}")
-
-
-async def _play(shaper: ShaperClient | None, configuration: Configuration) -> str | None:
-    if shaper is None:
-        return None
-    if configuration.network.shaped:
-        await shaper.play(configuration.network)
-    return (await shaper.status()).backend
 
 
 async def _record(page: Viewer, configuration: Configuration, points: Sequence[Point]) -> Recording:

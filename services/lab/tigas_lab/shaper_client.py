@@ -81,10 +81,6 @@ class ShaperClient:
         """Back to the shaper's own constant rate, which is fast."""
         await self._post("/stop", {})
 
-    async def status(self) -> LinkStatus:
-        """The link now."""
-        return self._status(await self._send("GET", "/status"))
-
     async def watch(self) -> AsyncIterator[LinkStatus]:
         """The link about five times a second."""
         try:

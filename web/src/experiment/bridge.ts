@@ -94,7 +94,13 @@ export class Bridge {
     for (const picture of this.#pictures) picture?.close();
     this.#pictures = [];
     const startedAt = await animationFrame();
-    const recorder = new Recorder(startedAt, rig.pose.seq, this.#session.receivedBytes, plan.capture_every_ms);
+    const recorder = new Recorder({
+      startedAt,
+      duration: plan.duration_ms,
+      pose: rig.pose.seq,
+      received: this.#session.receivedBytes,
+      captureEvery: plan.capture_every_ms,
+    });
     this.#recorder = recorder;
     let hidden = document.visibilityState === "hidden";
     const onVisibility = () => {
@@ -109,7 +115,7 @@ export class Bridge {
         sampledAt = now;
         return poseAt(points, Math.min(now - startedAt, plan.duration_ms));
       });
-      const endedAt = await this.#ended(recorder, plan.duration_ms);
+      const endedAt = await this.#ended(recorder, startedAt + plan.duration_ms);
       return {
         scene: rig.scene?.id ?? "",
         mode: settings.peek().mode,
@@ -167,7 +173,7 @@ export class Bridge {
   }
 
   /** Resolves when the last pose is on the screen, or nobody waits for it any longer. */
-  async #ended(recorder: Recorder, duration: number): Promise<number> {
+  async #ended(recorder: Recorder, movedUntil: number): Promise<number> {
     let reportedAt = Number.NEGATIVE_INFINITY;
     for (;;) {
       const now = await animationFrame();
@@ -175,7 +181,7 @@ export class Bridge {
         recorder.received(this.#session.receivedBytes, now);
         reportedAt = now;
       }
-      const over = now - recorder.startedAt - duration;
+      const over = now - movedUntil;
       if (over > DRAIN || (over > 100 && recorder.settled)) return now;
     }
   }

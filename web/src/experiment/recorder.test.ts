@@ -1,6 +1,6 @@
 import { expect, test } from "vitest";
 import type { PresentedFrame } from "../player/presented";
-import { Recorder } from "./recorder";
+import { Recorder, type RecorderStart } from "./recorder";
 
 const posed = (seq: number) => ({ seq, position: [seq, 0, 0], quaternion: [0, 0, 0, 1] }) as never;
 
@@ -8,8 +8,10 @@ function frame(at: number, seq: number, more: Partial<PresentedFrame> = {}): Pre
   return { side: "stateless", at, pose: seq, latencies: [], rung: 2, width: 640, height: 360, ...more };
 }
 
+const recorderFrom = (start: Omit<RecorderStart, "duration">) => new Recorder({ duration: 3500, ...start });
+
 test("keeps each pose once, since the run's start", () => {
-  const recorder = new Recorder(1000, 5, 0, 0);
+  const recorder = recorderFrom({ startedAt: 1000, pose: 5, received: 0, captureEvery: 0 });
   for (const [seq, at] of [
     [5, 1000],
     [6, 1016],
@@ -24,26 +26,26 @@ test("keeps each pose once, since the run's start", () => {
 });
 
 test("puts frames in the order of time, and leaves out what was on the screen before", () => {
-  const recorder = new Recorder(1000, 0, 0, 0);
+  const recorder = recorderFrom({ startedAt: 1000, pose: 0, received: 0, captureEvery: 0 });
   recorder.presented(frame(990, 0));
   recorder.presented(frame(1060, 2));
   recorder.presented(frame(1040, 1));
   expect(recorder.records.frames.map(({ at }) => at)).toEqual([40, 60]);
 });
 
-test("asks for a picture at most once in an interval, whatever the frame rate", () => {
-  const recorder = new Recorder(0, 0, 0, 1000);
-  const kept = [10, 990, 1005, 1500, 1990, 2600, 2700, 3001].filter((at) => recorder.presented(frame(at, 1)));
+test("asks for a picture at most once in an interval, whatever the frame rate, while the movement lasts", () => {
+  const recorder = recorderFrom({ startedAt: 0, pose: 0, received: 0, captureEvery: 1000 });
+  const kept = [10, 990, 1005, 1500, 1990, 2600, 2700, 3001, 4100].filter((at) => recorder.presented(frame(at, 1)));
   expect(kept).toEqual([1005, 2600, 3001]);
 });
 
 test("asks for no picture if none is wanted", () => {
-  const recorder = new Recorder(0, 0, 0, 0);
+  const recorder = recorderFrom({ startedAt: 0, pose: 0, received: 0, captureEvery: 0 });
   expect(recorder.presented(frame(5000, 1))).toBe(false);
 });
 
 test("is settled when the newest pose is on the screen", () => {
-  const recorder = new Recorder(0, 3, 0, 0);
+  const recorder = recorderFrom({ startedAt: 0, pose: 3, received: 0, captureEvery: 0 });
   expect(recorder.settled).toBe(true);
   recorder.sampled(posed(5), 10);
   recorder.presented(frame(20, 4));
@@ -54,7 +56,7 @@ test("is settled when the newest pose is on the screen", () => {
 });
 
 test("counts what came in since the start", () => {
-  const recorder = new Recorder(100, 0, 7000, 0);
+  const recorder = recorderFrom({ startedAt: 100, pose: 0, received: 7000, captureEvery: 0 });
   recorder.received(7000, 100);
   recorder.received(9500, 350);
   expect(recorder.records.traffic).toEqual([
@@ -64,7 +66,7 @@ test("counts what came in since the start", () => {
 });
 
 test("a captured frame keeps its own size", () => {
-  const recorder = new Recorder(100, 0, 0, 1000);
+  const recorder = recorderFrom({ startedAt: 100, pose: 0, received: 0, captureEvery: 1000 });
   recorder.captured(frame(1200, 9), { width: 320, height: 180 });
   expect(recorder.records.captures).toEqual([{ at: 1100, pose: 9, rung: 2, width: 320, height: 180 }]);
 });

@@ -35,56 +35,64 @@ export interface Records {
   readonly traffic: readonly RecordedTraffic[];
 }
 
-export class Recorder {
+export interface RecorderStart {
   /** On the page's clock. */
   readonly startedAt: number;
-  readonly #captureEvery: number;
+  /** How long the movement lasts. */
+  readonly duration: number;
+  /** The number of the pose that is on the screen. */
+  readonly pose: number;
+  /** Bytes that have come in. */
+  readonly received: number;
+  /** How often a picture is kept while the movement lasts; 0 keeps none. */
+  readonly captureEvery: number;
+}
+
+export class Recorder {
+  readonly #start: RecorderStart;
   readonly #inputs: RecordedInput[] = [];
   readonly #frames: PresentedFrame[] = [];
   readonly #captures: RecordedCapture[] = [];
   readonly #traffic: RecordedTraffic[] = [];
   #pose: number;
   #shown: number;
-  #received: number;
   #captureAt: number;
 
-  /** `pose` is on the screen when the run starts, and `received` bytes have come in; `captureEvery` 0 keeps no picture. */
-  constructor(startedAt: number, pose: number, received: number, captureEvery: number) {
-    this.startedAt = startedAt;
-    this.#pose = pose;
-    this.#shown = pose;
-    this.#received = received;
-    this.#captureEvery = captureEvery;
-    this.#captureAt = captureEvery; // the first picture is that of a camera that moves
+  constructor(start: RecorderStart) {
+    this.#start = start;
+    this.#pose = start.pose;
+    this.#shown = start.pose;
+    this.#captureAt = start.captureEvery; // the first picture is that of a camera that moves
   }
 
   /** The rig stands at `pose` since a time. */
   sampled({ seq, position, quaternion }: NumberedPose, at: number): void {
     if (seq === this.#pose) return;
     this.#pose = seq;
-    this.#inputs.push({ at: at - this.startedAt, pose: seq, position, quaternion });
+    this.#inputs.push({ at: at - this.#start.startedAt, pose: seq, position, quaternion });
   }
 
   /** A frame is on the screen. Returns whether its picture is to be kept. */
   presented(frame: PresentedFrame): boolean {
-    const at = frame.at - this.startedAt;
+    const at = frame.at - this.#start.startedAt;
     if (at < 0) return false;
     this.#frames.push({ ...frame, at });
     this.#shown = Math.max(this.#shown, frame.pose);
-    if (this.#captureEvery === 0 || at < this.#captureAt) return false;
-    this.#captureAt = (Math.floor(at / this.#captureEvery) + 1) * this.#captureEvery;
+    const { captureEvery, duration } = this.#start;
+    if (captureEvery === 0 || at < this.#captureAt || at >= duration) return false;
+    this.#captureAt = (Math.floor(at / captureEvery) + 1) * captureEvery;
     return true;
   }
 
   /** The picture of a frame was kept. */
   captured({ at, pose, rung }: PresentedFrame, picture: { readonly width: number; readonly height: number }): void {
     const { width, height } = picture;
-    this.#captures.push({ at: at - this.startedAt, pose, rung, width, height });
+    this.#captures.push({ at: at - this.#start.startedAt, pose, rung, width, height });
   }
 
   /** So many bytes have come in since the page was opened. */
   received(bytes: number, at: number): void {
-    this.#traffic.push({ at: at - this.startedAt, bytes: bytes - this.#received });
+    this.#traffic.push({ at: at - this.#start.startedAt, bytes: bytes - this.#start.received });
   }
 
   /** The newest pose is on the screen. */
