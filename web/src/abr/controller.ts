@@ -1,34 +1,48 @@
-/** Chooses the profile of each frame. Pure: time comes in with what is observed. */
+/** Chooses the profile of each frame. Pure: time comes in with what is observed, chance with the context. */
+import type { Arrival } from "../transport/transport";
+import type { Rung, ServerTiming } from "../wire";
 
 /** What became of one frame. */
 export interface Observation {
+  /** The rung that it was rendered at; null where the server does not say. */
   readonly profile: number | null;
-  readonly bytes: number;
-  /** From sending the request to the last byte, in milliseconds. */
-  readonly roundTrip: number;
-  /** The link's throughput in bits per second, or null while unknown. */
+  /** When it was asked for and when its bytes came, and how many. */
+  readonly arrival: Arrival;
+  /** Where the server's time went, in milliseconds; null where the server does not say. */
+  readonly server: ServerTiming | null;
+  /** The link's throughput in bits per second (ThroughputEstimator), or null while unknown. */
   readonly throughput: number | null;
-  /** On the page's clock, in milliseconds. */
+  /** Requests that are under way besides this one. */
+  readonly inFlight: number;
+  /** How fast the camera turns, in degrees a second. */
+  readonly turning: number;
+  /** When it was heard of, on the page's clock, in milliseconds. */
   readonly at: number;
 }
 
 export interface Controller {
-  /** The ladder's rung for the next frame, 0 the best. */
+  /** The ladder's rung for the next frame, 0 the best. Asked once per animation frame; an answer commits to nothing. */
   decide(): number;
+  /** Once per frame that came, in the order in which they came. */
   observe(observation: Observation): void;
 }
 
-/** Always the rung that a person chose. */
-export class FixedController implements Controller {
-  readonly #rung: number;
+/** What a controller is made of. */
+export interface ControllerContext {
+  /** The server's rungs, the best first; at least one. */
+  readonly ladder: readonly Rung[];
+  /** Uniform in [0, 1). */
+  readonly random: () => number;
+}
 
-  constructor(rung: number) {
-    this.#rung = rung;
-  }
+export type ControllerFactory = (context: ControllerContext) => Controller;
 
-  decide(): number {
-    return this.#rung;
-  }
+/** From sending a request to its frame's last byte, in milliseconds. */
+export function responseTime({ arrival }: Pick<Observation, "arrival">): number {
+  return arrival.lastByteAt - arrival.sentAt;
+}
 
-  observe(): void {}
+/** All of a frame's time in the server, in milliseconds; 0 where it does not say. */
+export function serverTime({ server }: Pick<Observation, "server">): number {
+  return server === null ? 0 : server.queue + server.render + server.encode;
 }

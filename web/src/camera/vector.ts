@@ -44,3 +44,9 @@ export function rotationBetween(from: Vector3, to: Vector3): Quaternion {
   const length = Math.hypot(x, y, z, 1 + dot);
   return [x / length, y / length, z / length, (1 + dot) / length];
 }
+
+/** How far apart two orientations are, in degrees. */
+export function angleBetween(a: Quaternion, b: Quaternion): number {
+  const [x, y, z, w] = multiply(conjugate(a), b);
+  return (2 * Math.atan2(Math.hypot(x, y, z), Math.abs(w)) * 180) / Math.PI;
+}

@@ -1,5 +1,5 @@
 import { beforeEach, describe, expect, test } from "vitest";
-import { FixedController } from "../abr/controller";
+import { FixedController } from "../abr/fixed";
 import { NO_NUDGE } from "../input/motion";
 import { FakeTransport, settle } from "../transport/fake";
 import type { SceneInfo } from "../wire";

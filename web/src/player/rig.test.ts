@@ -42,3 +42,12 @@ test("a source drives it until the source ends, and then the person's camera is 
   rig.sample(48);
   expect(rig.pose).toEqual({ ...before, seq: before.seq + 3 });
 });
+
+test("it says how fast the camera turns", () => {
+  axes = { ...STILL, turnRight: 1 };
+  rig.sample(20);
+  expect(rig.turning).toBeCloseTo(60, 0);
+  axes = STILL;
+  rig.sample(40);
+  expect(rig.turning).toBe(0);
+});

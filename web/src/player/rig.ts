@@ -5,6 +5,7 @@
 import { computed, type ReadonlySignal, signal } from "@preact/signals";
 import { type Camera, levelFor, type ScenePose, startCamera, toScene } from "../camera/camera";
 import { defaultIntrinsics, type Intrinsics, type Viewport, viewportFor } from "../camera/intrinsics";
+import { angleBetween } from "../camera/vector";
 import { type Speeds, step, suggestedSpeed } from "../input/motion";
 import type { Sample } from "../input/stage-input";
 import type { SceneInfo } from "../wire";
@@ -43,6 +44,7 @@ export class Rig {
   #pose = ORIGIN;
   #sampledAt = 0;
   #changedAt = 0;
+  #turning = 0;
 
   constructor(options: RigOptions) {
     this.#options = options;
@@ -61,6 +63,11 @@ export class Rig {
   /** When the pose changed last. */
   get changedAt(): number {
     return this.#changedAt;
+  }
+
+  /** How fast the camera turned at the last sample, in degrees a second. */
+  get turning(): number {
+    return this.#turning;
   }
 
   /** Put the camera at a scene's start. */
@@ -96,7 +103,9 @@ export class Rig {
     const { axes, nudge } = this.#options.sampleInput(elapsed);
     this.#sampledAt = now;
     const pose = this.#driven(now) ?? this.#walked({ axes, nudge }, elapsed);
+    this.#turning = 0;
     if (pose === null || same(pose, this.#pose)) return false;
+    this.#turning = (angleBetween(pose.quaternion, this.#pose.quaternion) * 1000) / Math.max(1, elapsed);
     this.#pose = { seq: this.#pose.seq + 1, ...pose };
     this.#changedAt = now;
     return true;

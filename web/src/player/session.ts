@@ -1,6 +1,8 @@
 /** One visit to one scene: connects, loads the scene, and shows what the rig sees in the chosen mode, until it is disposed of. */
 import { computed, effect, type ReadonlySignal, signal, untracked } from "@preact/signals";
-import { FixedController } from "../abr/controller";
+import type { Controller } from "../abr/controller";
+import { FixedController } from "../abr/fixed";
+import { CONTROLLERS } from "../abr/registry";
 import { DashPlayer } from "../dash/dash-player";
 import { setupFor } from "../dash/presets";
 import { rungsFor } from "../dash/rungs";
@@ -9,7 +11,7 @@ import { ApiError, fetchConfig, loadScene } from "../state/api";
 import { config, settings } from "../state/app";
 import { type Connected, connect } from "../transport/connect";
 import { type ConnectionState, maintainConnection } from "../transport/connection";
-import type { SceneInfo } from "../wire";
+import type { Rung, SceneInfo } from "../wire";
 import { Decoder } from "./decoder";
 import { Player } from "./player";
 import type { PresentedFrame } from "./presented";
@@ -48,10 +50,7 @@ export class ViewerSession {
   readonly #decoder = new Decoder(
     new Worker(new URL("./decode.worker.ts", import.meta.url), { type: "module", name: "decoder" }),
   );
-  /** The chosen rung, or the last if the server's ladder is shorter. */
-  readonly #controller = computed(
-    () => new FixedController(Math.min(settings.value.profile, Math.max(0, (config.value?.ladder.length ?? 1) - 1))),
-  );
+  readonly #controller = adapting();
   readonly #listeners = new Set<(frame: PresentedFrame) => void>();
   #loading: Promise<SceneInfo> | undefined;
   #animation = 0;
@@ -250,6 +249,21 @@ export class ViewerSession {
 }
 
 const now = () => performance.now();
+
+/** The controller that the settings name, made anew only when the choice or the ladder changes: it learns as it goes. */
+function adapting(): ReadonlySignal<Controller> {
+  const ladder = computed(() => JSON.stringify(config.value?.ladder ?? [])); // the configuration is read again and again
+  const name = computed(() => settings.value.controller);
+  const chosen = computed(() => settings.value.profile);
+  return computed(() => {
+    const rungs: Rung[] = JSON.parse(ladder.value);
+    if (name.value !== "fixed" && rungs.length > 0) {
+      return CONTROLLERS[name.value].create({ ladder: rungs, random: Math.random });
+    }
+    // The chosen rung, or the last if the server's ladder is shorter.
+    return new FixedController(Math.min(chosen.value, Math.max(0, rungs.length - 1)));
+  });
+}
 
 /** A signal that follows another once that has kept its value for a while. */
 function settled<T>(source: ReadonlySignal<T>, after: number, cleanups: (() => void)[]): ReadonlySignal<T> {

@@ -1,5 +1,6 @@
 /** What a person chose, kept in the browser. Anything there that does not make sense is replaced by its default. */
 import * as v from "valibot";
+import { CONTROLLER_NAMES } from "../abr/registry";
 import { PRESETS, TUNED } from "../dash/presets";
 
 export const MODES = ["stateless", "dash", "side-by-side"] as const;
@@ -21,7 +22,9 @@ const Settings = v.object({
     }),
     TUNED,
   ),
-  /** The ladder's rung. */
+  /** What chooses the ladder's rung; "fixed": the person does. */
+  controller: v.fallback(v.picklist(["fixed", ...CONTROLLER_NAMES]), "budget"),
+  /** The rung that a person chose. */
   profile: v.fallback(v.pipe(v.number(), v.integer(), v.minValue(0), v.maxValue(255)), 0),
   /** When the camera stands still, ask for the view once more at the best rung. */
   refine: v.fallback(v.boolean(), true),

@@ -1,6 +1,7 @@
 /** The viewer's settings: quality, transport, the shaped link if there is one, movement and lens. */
 import { ChevronDown, X } from "lucide";
 import type { ComponentChildren } from "preact";
+import { CONTROLLER_NAMES, CONTROLLERS, type ControllerName } from "../abr/registry";
 import type { Intrinsics } from "../camera/intrinsics";
 import type { ViewerSession } from "../player/session";
 import { change, config, settings } from "../state/app";
@@ -67,12 +68,28 @@ function Section({
 
 function Quality({ session }: { session: ViewerSession }) {
   const ladder = config.value?.ladder ?? [];
-  const { profile, refine } = settings.value;
-  const chosen = Math.min(profile, Math.max(0, ladder.length - 1));
+  const { controller, profile, refine } = settings.value;
   const { frame } = session.player.stats.value;
+  const adapts = controller !== "fixed";
+  const chosen = adapts ? frame?.profile : Math.min(profile, Math.max(0, ladder.length - 1));
   return (
     <Section title="Quality">
-      <fieldset class="rungs">
+      <div class="select">
+        <select
+          aria-label="Adaptation"
+          value={controller}
+          onChange={(event) => change({ controller: event.currentTarget.value as ControllerName | "fixed" })}
+        >
+          {CONTROLLER_NAMES.map((name) => (
+            <option key={name} value={name}>
+              Adaptive: {CONTROLLERS[name].title}
+            </option>
+          ))}
+          <option value="fixed">Fixed profile</option>
+        </select>
+        <Icon of={ChevronDown} size={16} />
+      </div>
+      <fieldset class="rungs" disabled={adapts}>
         <legend class="visually-hidden">Profile</legend>
         {ladder.map((rung, index) => (
           <label key={rung.name}>

@@ -1,5 +1,5 @@
 import { expect, test } from "vitest";
-import { FixedController } from "./controller";
+import { FixedController } from "./fixed";
 
 test("stays where it was put, whatever it hears", () => {
   const subject = new FixedController(2);

@@ -1,0 +1,103 @@
+/**
+ * L2A-LL, "Learn to adapt" (Karagkioules, Mekuria, Griffioen, Wagenaar: "Online learning for low-latency adaptive streaming",
+ * MMSys 2020): online convex optimisation over a probability distribution w of the bitrates. Each segment takes one step of
+ * gradient descent on the Lagrangian, whose multiplier Q keeps account of how far the buffer is from where it should be, and
+ * projects w back on the simplex; the bitrate nearest to the expectation under w is chosen. Constants and the four
+ * refinements (start-up by throughput, a sign for bitrates that the link does not carry, one step up at a time, a new Q after
+ * an overestimate) are those of the authors' contribution to dash.js. segments.ts says how frames stand for segments.
+ */
+import type { Controller, ControllerContext, Observation } from "./controller";
+import { bitrates, bufferOf, SAFETY, SEGMENT } from "./segments";
+import { projectToSimplex } from "./simplex";
+import { FrameSizes } from "./sizes";
+
+/** Segments that it takes to converge. */
+const HORIZON = 4;
+/** Cautiousness. */
+const VL = HORIZON ** 0.99;
+/** Step size. */
+const ALPHA = Math.max(HORIZON, VL * Math.sqrt(HORIZON));
+/** How strongly Q reacts to an overestimate. */
+const REACT = 2;
+/** A shorter reception says more about the clock than about the link, in milliseconds. */
+const MIN_DURATION = 2;
+
+/** The state after a step; bitrates ascend. */
+export interface Learned {
+  readonly w: readonly number[];
+  readonly q: number;
+  /** The index of the chosen bitrate. */
+  readonly choice: number;
+}
+
+/** The state at the end of start-up. */
+export function primed(count: number, choice: number): Learned {
+  return { w: Array.from({ length: count }, (_, i) => (i === choice ? 1 : 0)), q: VL, choice };
+}
+
+/** One segment: what was learned, all bitrates (ascending) and the last segment's throughput, in the same unit. */
+export function step(before: Learned, rates: readonly number[], throughput: number): Learned {
+  const load = rates.map((rate) => rate / throughput);
+  const gain = (SEGMENT / (2 * ALPHA)) * (before.q + VL);
+  const w = projectToSimplex(before.w.map((p, i) => p + (at(load, i) > 1 ? -1 : 1) * gain * at(load, i)));
+  const change = w.map((p, i) => p - at(before.w, i));
+  const q = Math.max(0, before.q - SEGMENT + SEGMENT * (dot(load, w) + dot(load, change)));
+  const wished = dot(rates, w);
+  let choice = nearest(rates, wished);
+  if (choice > before.choice && at(load, before.choice + 1) <= 1) choice = before.choice + 1;
+  return { w, q: at(load, choice) >= 1 ? REACT * Math.max(VL, q) : q, choice };
+}
+
+export class L2aController implements Controller {
+  readonly #sizes: FrameSizes;
+  readonly #count: number;
+  #learned: Learned | undefined;
+  #choice = 0;
+
+  constructor({ ladder }: Pick<ControllerContext, "ladder">) {
+    this.#sizes = new FrameSizes(ladder);
+    this.#count = ladder.length;
+  }
+
+  decide(): number {
+    return this.#count - 1 - this.#choice;
+  }
+
+  observe(observation: Observation): void {
+    const { profile, arrival, throughput } = observation;
+    this.#sizes.observe(profile, arrival.bytes);
+    if (throughput === null) return;
+    const rates = bitrates(this.#sizes, this.#count);
+    if (this.#learned === undefined) {
+      this.#choice = Math.max(
+        0,
+        rates.findLastIndex((rate) => rate <= SAFETY * throughput),
+      );
+      if (bufferOf(observation) > 0) this.#learned = primed(this.#count, this.#choice);
+      return;
+    }
+    this.#learned = step(this.#learned, rates, lastThroughput(observation) ?? throughput);
+    this.#choice = this.#learned.choice;
+  }
+}
+
+/** Of this frame alone, in bits per second; null if it came too fast to tell. */
+function lastThroughput({ arrival }: Observation): number | null {
+  const duration = arrival.lastByteAt - arrival.firstByteAt;
+  return duration < MIN_DURATION || arrival.sharedBytes === 0 ? null : (arrival.sharedBytes * 8000) / duration;
+}
+
+function at(values: readonly number[], i: number): number {
+  return values[i] ?? 0;
+}
+
+function dot(a: readonly number[], b: readonly number[]): number {
+  return a.reduce((sum, value, i) => sum + value * at(b, i), 0);
+}
+
+function nearest(values: readonly number[], wished: number): number {
+  return values.reduce(
+    (best, value, i) => (Math.abs(value - wished) < Math.abs(at(values, best) - wished) ? i : best),
+    0,
+  );
+}

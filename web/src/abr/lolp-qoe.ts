@@ -1,0 +1,71 @@
+/**
+ * LoL+'s quality of experience of a segment, and its choice of the weights of the map's features by it. Constants are those
+ * of the authors' contribution to dash.js. Bitrates in bits per second, times in seconds.
+ */
+import { SEGMENT, TARGET_LATENCY } from "./segments";
+
+/** A buffer below this is low. */
+export const MIN_BUFFER = 0.3;
+/** Latencies up to this are penalised mildly. */
+const COMFORTABLE_LATENCY = 1.1;
+/** What a weight may be. */
+const OPTIONS = [0.2, 0.4, 0.6, 0.8, 1];
+const LEAST_REBUFFERING = 1e-5;
+
+/** Weights of throughput, latency, rebuffering and switches. */
+export type Weights = readonly [number, number, number, number];
+
+/** The QoE of one segment, in kbit/s: reward for its bitrate, less penalties for rebuffering and latency. */
+export function qoe(bitrate: number, rebuffering: number, latency: number, rates: readonly number[]): number {
+  const [lowest, highest] = [Math.min(...rates) / 1000, Math.max(...rates) / 1000];
+  const latencyPenalty = latency <= COMFORTABLE_LATENCY ? 0.05 * lowest : 0.1 * highest;
+  return (SEGMENT * bitrate) / 1000 - highest * rebuffering - latencyPenalty * latency;
+}
+
+/** How long a segment of a bitrate takes. */
+export function downloadTime(bitrate: number, throughput: number): number {
+  return (bitrate * SEGMENT) / throughput;
+}
+
+/** The buffer after one more segment. */
+export function nextBuffer(buffer: number, download: number): number {
+  return download > SEGMENT ? buffer - SEGMENT : buffer + SEGMENT - download;
+}
+
+export interface WeightQuestion {
+  readonly rates: readonly number[];
+  /** What the map has learned of each rate's latency. */
+  readonly latencies: readonly number[];
+  readonly throughput: number;
+  readonly buffer: number;
+  readonly latency: number;
+  readonly previousLatency: number;
+}
+
+/**
+ * The weights with which some neuron promises the highest QoE; null if none keeps latency and buffer within bounds. The
+ * published search goes through all 5⁴ vectors; its QoE depends on two of the four weights, and the first best wins, so the
+ * other two are always the first option.
+ */
+export function bestWeights(question: WeightQuestion): Weights | null {
+  const { rates, latencies, throughput, buffer, latency, previousLatency } = question;
+  if (latency > TARGET_LATENCY + Math.abs(latency - previousLatency)) return null;
+  let best: Weights | null = null;
+  let highest = Number.NEGATIVE_INFINITY;
+  for (const [i, rate] of rates.entries()) {
+    const download = downloadTime(rate, throughput);
+    const next = nextBuffer(buffer, download);
+    if (next < MIN_BUFFER) continue;
+    const rebuffering = Math.max(LEAST_REBUFFERING, download - next);
+    for (const forLatency of OPTIONS) {
+      for (const forBuffer of OPTIONS) {
+        const value = qoe(rate, rebuffering / forBuffer, (latencies[i] ?? 0) / forLatency, rates);
+        if (value > highest) {
+          highest = value;
+          best = [0.2, forLatency, forBuffer, 0.2];
+        }
+      }
+    }
+  }
+  return best;
+}

@@ -1,0 +1,97 @@
+/**
+ * LoL+ (Bentaleb, Akcay, Lim, Begen, Zimmermann: "Catching the moment with LoL+ in Twitch-like low-latency live streaming
+ * platforms", IEEE Transactions on Multimedia 2021): a self-organising map with a neuron a bitrate, of which the one nearest
+ * to what is wanted (all of the throughput, no latency, no rebuffering, no switch) is chosen, with weights that promise the
+ * highest QoE. What happened is learned by the neuron in use, what is wanted by the chosen one. Constants are those of the
+ * authors' contribution to dash.js. segments.ts says how frames stand for segments. There is no playback speed to control.
+ */
+import type { Controller, ControllerContext, Observation } from "./controller";
+import { bestWeights, downloadTime, MIN_BUFFER, nextBuffer } from "./lolp-qoe";
+import { distance, type Features, firstWeights, SelfOrganisingMap } from "./lolp-som";
+import { bitrates, bufferOf, latencyOf, SAFETY } from "./segments";
+import { FrameSizes } from "./sizes";
+
+/** Latency is divided by this to be a feature. */
+const LATENCY_NORM = 100;
+/** A bitrate must be this much below the throughput, in bits per second. */
+const THROUGHPUT_DELTA = 10_000;
+/** Weight of the throughput for bitrates that the link or the buffer does not carry. */
+const DISCOURAGED = 100;
+
+export class LolpController implements Controller {
+  readonly #sizes: FrameSizes;
+  readonly #count: number;
+  readonly #map: SelfOrganisingMap;
+  /** Divides bitrates to make features of them: the length of the vector of all, as the ladder expects them. */
+  readonly #norm: number;
+  #weights: Features;
+  #previousLatency = 0;
+  /** Index of the bitrate in use, 0 the lowest. */
+  #current = 0;
+
+  constructor({ ladder, random }: ControllerContext) {
+    this.#sizes = new FrameSizes(ladder);
+    this.#count = ladder.length;
+    const rates = bitrates(this.#sizes, this.#count);
+    this.#norm = Math.hypot(...rates);
+    this.#map = new SelfOrganisingMap(rates.map((rate) => rate / this.#norm));
+    this.#weights = firstWeights(this.#count, Math.max(...rates) / this.#norm, random);
+  }
+
+  decide(): number {
+    return this.#count - 1 - this.#current;
+  }
+
+  observe(observation: Observation): void {
+    this.#sizes.observe(observation.profile, observation.arrival.bytes);
+    if (observation.throughput === null) return;
+    const throughput = SAFETY * observation.throughput;
+    const latency = latencyOf(observation);
+    const buffer = bufferOf(observation);
+    const rates = bitrates(this.#sizes, this.#count);
+    const download = downloadTime(rates[this.#current] ?? 0, throughput);
+    if (buffer - download < MIN_BUFFER) {
+      this.#shiftDown(rates, throughput);
+      return;
+    }
+    this.#weights = this.#chooseWeights(rates, throughput, buffer, latency) ?? this.#weights;
+    const target = this.#target(throughput);
+    const winner = this.#winner(rates, throughput, buffer, target);
+    const change = Math.abs((rates[this.#current] ?? 0) - (rates[winner] ?? 0)) / this.#norm;
+    const rebuffering = Math.max(0, download - buffer);
+    this.#map.learn(this.#current, [target, latency / LATENCY_NORM, rebuffering, change]);
+    this.#map.learn(winner, [target, 0, 0, change]);
+    this.#current = winner;
+  }
+
+  /** The buffer is low: the highest bitrate below the current one that the link carries, if there is one. */
+  #shiftDown(rates: readonly number[], throughput: number): void {
+    const lower = rates.slice(0, this.#current).findLastIndex((rate) => rate < throughput);
+    if (lower >= 0) this.#current = lower;
+  }
+
+  #chooseWeights(rates: readonly number[], throughput: number, buffer: number, latency: number): Features | null {
+    const latencies = this.#map.neurons.map(([, learned]) => learned);
+    const previousLatency = this.#previousLatency;
+    this.#previousLatency = latency;
+    return bestWeights({ rates, latencies, throughput, buffer, latency, previousLatency });
+  }
+
+  /** The throughput as a feature: more than all bitrates together is as much as the highest neuron has. */
+  #target(throughput: number): number {
+    const normalised = throughput / this.#norm;
+    return normalised > 1 ? Math.max(...this.#map.neurons.map(([learned]) => learned)) : normalised;
+  }
+
+  #winner(rates: readonly number[], throughput: number, buffer: number, target: number): number {
+    const distances = this.#map.neurons.map((neuron, i) => {
+      const rate = rates[i] ?? 0;
+      const low = nextBuffer(buffer, downloadTime(rate, throughput)) < MIN_BUFFER;
+      const tooMuch = i > 0 && (low || rate > throughput - THROUGHPUT_DELTA);
+      const [, ...others] = this.#weights;
+      const weights: Features = tooMuch ? [DISCOURAGED, ...others] : this.#weights;
+      return distance(neuron, [target, 0, 0, 0], weights);
+    });
+    return distances.indexOf(Math.min(...distances));
+  }
+}

@@ -1,0 +1,28 @@
+/**
+ * All controllers that adapt, by the name that settings and experiments know them by.
+ *
+ * To add your own: write a class with `decide()` and `observe()` in a file of its own beside this one, and add a line here.
+ * The viewer, `npm run abr-sim` and experiments then offer it.
+ */
+import { BudgetController } from "./budget";
+import type { ControllerFactory } from "./controller";
+import { L2aController } from "./l2a";
+import { LatencyController } from "./latency";
+import { LolpController } from "./lolp";
+
+interface Entry {
+  /** As a person reads it. */
+  readonly title: string;
+  readonly create: ControllerFactory;
+}
+
+export const CONTROLLERS = {
+  latency: { title: "Latency", create: (context) => new LatencyController(context) },
+  budget: { title: "Budget", create: (context) => new BudgetController(context) },
+  "lol+": { title: "LoL+", create: (context) => new LolpController(context) },
+  l2a: { title: "L2A", create: (context) => new L2aController(context) },
+} as const satisfies Record<string, Entry>;
+
+export type ControllerName = keyof typeof CONTROLLERS;
+
+export const CONTROLLER_NAMES = Object.keys(CONTROLLERS) as readonly ControllerName[];

@@ -1,0 +1,25 @@
+/** How fast a simulated camera turns: it looks around, stands a little, and now and then turns quickly. */
+
+const LOOKING = 30;
+const QUICK = 150;
+/** A quick turn lasts half a second, and comes every six on average (milliseconds). */
+const TURN = 500;
+const EVERY = 6000;
+
+export class Motion {
+  readonly #random: () => number;
+  #quickUntil = Number.NEGATIVE_INFINITY;
+  #at = 0;
+
+  constructor(random: () => number) {
+    this.#random = random;
+  }
+
+  /** Degrees a second at a time; times never go back. */
+  speed(now: number): number {
+    const elapsed = now - this.#at;
+    this.#at = now;
+    if (this.#random() < elapsed / EVERY) this.#quickUntil = now + TURN;
+    return now < this.#quickUntil ? QUICK : LOOKING * Math.abs(Math.sin(now / 1700));
+  }
+}
