@@ -31,7 +31,10 @@ demo: .venv/.ready $(STATIC)
 		exec $(VENV)/tigas lab up --traces traces/network $(if $(SCENES),--scenes $(SCENES)); \
 	else \
 		echo "== without the shaped link; everything else is there"; \
-		exec $(VENV)/tigas render $(if $(SCENES),--scenes $(SCENES)); \
+		trap 'kill $$(jobs -p) 2>/dev/null; wait' EXIT; trap 'exit 130' INT TERM; \
+		$(VENV)/tigas dash & \
+		TIGAS_RENDER_SERVICES='{"dash": ":8081"}' $(VENV)/tigas render $(if $(SCENES),--scenes $(SCENES)) & \
+		wait -n; \
 	fi
 
 test: .venv/.ready $(STATIC)

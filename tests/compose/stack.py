@@ -15,8 +15,8 @@ from typing import Any, Literal
 ROOT = Path(__file__).parents[2]
 PROJECT = "tigas-test"
 ORIGIN = "http://localhost:8080"
-SERVICES = ("render", "shaper")
-Service = Literal["render", "shaper"]
+SERVICES = ("render", "dash-packager", "shaper")
+Service = Literal["render", "dash-packager", "shaper"]
 
 
 class Stack:

@@ -14,6 +14,7 @@ from playwright.sync_api import Page, expect
 from tests.compose.stack import SERVICES, Service, Stack, answers, docker, download_kbps, round_trips_ms
 from tests.lab.inside import wait_until
 from tests.web.conftest import PATIENCE
+from tests.web.modes import wait_for_dash
 from tests.web.scenes import SMALL
 from tests.web.stage import SCENE, frames, picture, stat, wait_for_frames, wait_until_settled
 
@@ -48,6 +49,16 @@ def test_the_page_shows_frames_over_webtransport(stack: Stack, page: Page) -> No
     assert page.evaluate("isSecureContext")
     assert stat(page, "transport") == "WebTransport streams"
     assert picture(page).std() > 10, "the picture is blank"
+
+
+def test_the_same_walk_as_a_dash_stream(stack: Stack, page: Page) -> None:
+    walk(page)
+    page.evaluate("tigas.settings({ mode: 'dash' })")
+    wait_for_dash(page, at_least=30)
+    docker("kill", stack.container("dash-packager"))
+    expect(page.locator(".stage-message")).to_contain_text("Trying again", timeout=PATIENCE)
+    stack.up()
+    wait_for_dash(page, at_least=30)
 
 
 @pytest.mark.parametrize("down_kbps", [8_000, 3_000])
@@ -115,7 +126,7 @@ def test_a_container_may_do_only_what_it_must(stack: Stack, service: Service) ->
     assert "Read-only file system" in stack.inside(service, "touch /opt/tigas/x")
     ports = stack.inspect(service)["NetworkSettings"]["Ports"]
     published = {port: {entry["HostIp"] for entry in entries} for port, entries in ports.items() if entries}
-    if service == "render":
+    if service != "shaper":
         assert published == {}
         assert "unreachable" in stack.inside(service, LEAVE)
     else:

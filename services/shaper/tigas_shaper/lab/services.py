@@ -1,4 +1,4 @@
-"""What runs inside the lab: the render service behind the gateway, and the shaper on it."""
+"""What runs inside the lab: the render service and the DASH packager behind the gateway, and the shaper on it."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from tigas_common.errors import StartError
 from tigas_shaper.lab.namespaces import SERVICE_ADDRESS, Lab, LocalPort, Role, check_rights
 
 NAME = "lab"
-PORTS = (LocalPort("tcp", 8080), LocalPort("udp", 4433), LocalPort("tcp", 8090))
-"""The page, WebTransport, and the shaper's API."""
-SERVICES = {"TIGAS_RENDER_SERVICES": '{"shaper": ":8090"}'}
-"""Tells the page where the shaper's API is."""
+PORTS = (LocalPort("tcp", 8080), LocalPort("udp", 4433), LocalPort("tcp", 8081), LocalPort("tcp", 8090))
+"""The page, WebTransport, DASH, and the shaper's API."""
+SERVICES = {"TIGAS_RENDER_SERVICES": '{"dash": ":8081", "shaper": ":8090"}'}
+"""Tells the page where the packager and the shaper's API are."""
 STOP_S = 3
 """A service that has not stopped by then is killed, in seconds."""
 
@@ -34,9 +34,14 @@ def render_command(scenes: Path | None) -> list[str]:
     return tigas("render", "--http", "0.0.0.0:8080", "--quic", "0.0.0.0:4433", *chosen)
 
 
+def dash_command() -> list[str]:
+    """The DASH packager beside the render service, whose views it does not get over the link."""
+    return tigas("dash", "--render", "http://127.0.0.1:8080", "--http", "0.0.0.0:8081")
+
+
 def shaper_command(*more: str) -> list[str]:
-    """The shaper on the gateway, in front of the render service."""
-    forwards = (f"tcp:8080={SERVICE_ADDRESS}:8080", f"udp:4433={SERVICE_ADDRESS}:4433")
+    """The shaper on the gateway, in front of the services."""
+    forwards = tuple(f"{at.protocol}:{at.port}={SERVICE_ADDRESS}:{at.port}" for at in PORTS if at.port != 8090)
     flags = [argument for forward in forwards for argument in ("--forward", forward)]
     return tigas("shaper", "--access", "access", "--service", "service", "--http", "0.0.0.0:8090", *flags, *more)
 
@@ -67,6 +72,7 @@ def run_lab(*, scenes: Path | None, traces: Path | None, trace: str | None, stop
         services = {
             "shaper": stack.enter_context(running(lab, "gateway", shaper_command(*options))),
             "render service": stack.enter_context(running(lab, "service", render_command(scenes), SERVICES)),
+            "DASH packager": stack.enter_context(running(lab, "service", dash_command())),
         }
         while not stop.wait(0.2):
             for name, process in services.items():

@@ -1,0 +1,90 @@
+"""A packager on a free port, before a render service under the test's control."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from dataclasses import dataclass
+from typing import Any
+
+import httpx
+import pytest
+from websockets.asyncio.client import ClientConnection, connect
+
+from tests.dash.fakes import FakeRender
+from tigas_common.address import Address
+from tigas_common.runner import serve_http
+from tigas_dash.app import create_app
+from tigas_dash.clock import Clock
+from tigas_dash.sessions import Sessions
+from tigas_dash.source import RenderClient
+
+IDLE_S = 600.0
+
+
+@dataclass
+class Packager:
+    """A packager, its render service, and a client of it."""
+
+    render: FakeRender
+    sessions: Sessions
+    http: httpx.AsyncClient
+    port: int
+
+    async def open(self, **changes: Any) -> dict[str, Any]:
+        """A new session's SessionInfo."""
+        answer = await self.http.post("/sessions", json=session_request(**changes))
+        assert answer.status_code == 201, answer.text
+        info: dict[str, Any] = answer.json()
+        return info
+
+    @asynccontextmanager
+    async def poses(self, session: dict[str, Any]) -> AsyncIterator[ClientConnection]:
+        """A session's pose socket."""
+        async with connect(f"ws://127.0.0.1:{self.port}{session['poses']}") as socket:
+            yield socket
+
+    async def status(self, session: dict[str, Any]) -> dict[str, Any]:
+        """How a session does."""
+        status: dict[str, Any] = (await self.http.get(f"/sessions/{session['id']}")).json()
+        return status
+
+
+def session_request(**changes: Any) -> dict[str, Any]:
+    """A valid request for a small stream, with changes."""
+    return {
+        "scene": "scene",
+        "position": [100, 0, 0],
+        "quaternion": [0, 0, 0, 1],
+        "fx": 160, "fy": 160, "cx": 160, "cy": 90, "width": 320, "height": 180,
+        "representations": [{"rung": 3}],
+        "segment_s": 0.5,
+        **changes,
+    }  # fmt: skip
+
+
+def pose(seq: int, x: float) -> str:
+    """A pose update; `x` is the brightness of the frame that it makes."""
+    return json.dumps({"seq": seq, "position": [x, 0, 0], "quaternion": [0, 0, 0, 1]})
+
+
+@asynccontextmanager
+async def running_packager(idle_s: float = IDLE_S, limit: int = 3) -> AsyncIterator[Packager]:
+    """A packager for as long as the context lasts."""
+    render = FakeRender()
+    transport = httpx.ASGITransport(render.app, raise_app_exceptions=False)
+    async with (
+        httpx.AsyncClient(transport=transport, base_url="http://render") as upstream,
+        Sessions(RenderClient(upstream), "libx264", Clock(), limit=limit, idle_s=idle_s).running() as sessions,
+        serve_http(create_app(sessions), Address("127.0.0.1", 0), websockets=True) as port,
+        httpx.AsyncClient(base_url=f"http://127.0.0.1:{port}", timeout=10) as client,
+    ):
+        yield Packager(render, sessions, client, port)
+        render.gate.set()
+
+
+@pytest.fixture
+async def packager() -> AsyncIterator[Packager]:
+    async with running_packager() as running:
+        yield running

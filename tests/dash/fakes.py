@@ -1,0 +1,63 @@
+"""A render service under the test's control: its frames are one grey whose brightness is the camera's x."""
+
+from __future__ import annotations
+
+import asyncio
+
+import numpy as np
+from starlette.applications import Starlette
+from starlette.requests import Request
+from starlette.responses import Response
+from starlette.routing import Route
+
+from tigas_common.errors import Overloaded, TigasError, UnknownScene
+from tigas_common.parsing import MAX_BODY, parse
+from tigas_common.problems import EXCEPTION_HANDLERS, json_response, read_body
+from tigas_common.wire import DEFAULT_LADDER, RenderRequest, ServerConfig
+
+
+class FakeRender:
+    """Answers at once, unless `gate` is closed; refuses with `error`, if there is one."""
+
+    def __init__(self) -> None:
+        self.gate = asyncio.Event()
+        self.gate.set()
+        self.error: TigasError | None = None
+        self.requests: list[RenderRequest] = []
+        self.cut = 0
+        """Bytes that are missing at the end of a frame."""
+        self.app = Starlette(
+            routes=[Route("/config.json", self._config), Route("/render", self._render, methods=["POST"])],
+            exception_handlers=EXCEPTION_HANDLERS,
+        )
+
+    async def _config(self, request: Request) -> Response:
+        return json_response(
+            ServerConfig(
+                version="0",
+                ladder=DEFAULT_LADDER,
+                certificate_sha256=None,
+                webtransport_url=None,
+                https_url=None,
+                services={},
+            )
+        )
+
+    async def _render(self, request: Request) -> Response:
+        wanted = parse(RenderRequest, await read_body(request, MAX_BODY))
+        if wanted.scene != "scene":
+            raise UnknownScene(f"There is no scene {wanted.scene!r}.")
+        self.requests.append(wanted)
+        if self.error is not None:
+            raise self.error
+        await self.gate.wait()
+        body = grey(wanted.width, wanted.height, round(wanted.pose.position[0]))
+        return Response(body[: len(body) - self.cut], media_type="video/x-raw; format=I420")
+
+
+def grey(width: int, height: int, luma: int) -> bytes:
+    """A uniform I420 frame."""
+    return np.full(width * height, luma, np.uint8).tobytes() + b"\x80" * (width * height // 2)
+
+
+BUSY = Overloaded("Too many requests wait; ask less often.")
