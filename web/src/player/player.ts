@@ -71,11 +71,9 @@ export class Player {
               this.problem.value = null;
               this.#options.controller().observe({
                 profile: reply.header.profile ?? null,
-                arrival: reply.arrival,
-                server: reply.header.timing ?? null,
+                bytes: reply.arrival.bytes,
+                roundTrip: reply.arrival.lastByteAt - reply.arrival.sentAt,
                 throughput: this.#recorder.throughput.bitsPerSecond,
-                inFlight: (this.#pipeline?.inFlight ?? 1) - 1,
-                turning: this.#options.rig.turning,
                 at: now(),
               });
             },
@@ -107,11 +105,21 @@ export class Player {
       this.#pipeline.want(this.#view(rig.scene, now), rig.pose.seq);
       const frame = this.#pipeline.take();
       if (frame) {
-        this.#context.transferFromImageBitmap(frame.bitmap);
+        this.#show(frame.bitmap);
         this.#presenting = frame;
       }
     }
     this.#publish(now);
+  }
+
+  /** A canvas does not take its proportions from the bitmap that it is given, and would show it stretched. */
+  #show(bitmap: ImageBitmap): void {
+    const { canvas } = this.#options;
+    if (canvas.width !== bitmap.width || canvas.height !== bitmap.height) {
+      canvas.width = bitmap.width;
+      canvas.height = bitmap.height;
+    }
+    this.#context.transferFromImageBitmap(bitmap);
   }
 
   /** The frame that was handed to the compositor in the last animation frame is on the screen by now. */

@@ -1,17 +1,20 @@
 /** What floats at the top of the stage: the way back, the scene's name, and the switches. */
-import { Activity, ArrowLeft, CircleHelp, Maximize, SlidersHorizontal } from "lucide";
+import { Activity, ArrowLeft, CircleHelp, Columns2, Maximize, SlidersHorizontal } from "lucide";
+import type { Mode } from "../state/settings";
 import { Icon } from "./icon";
 import { IconButton } from "./icon-button";
+import { MODE_NAMES } from "./names";
 import type { ViewerActions } from "./use-shortcuts";
 
 interface Props {
   readonly name: string;
   readonly actions: ViewerActions;
+  readonly mode: Mode;
   readonly hud: boolean;
   readonly sidebar: boolean;
 }
 
-export function Toolbar({ name, actions, hud, sidebar }: Props) {
+export function Toolbar({ name, actions, mode, hud, sidebar }: Props) {
   return (
     <header class="toolbar">
       <div class="floating title">
@@ -22,6 +25,13 @@ export function Toolbar({ name, actions, hud, sidebar }: Props) {
       </div>
       <div class="floating" role="toolbar" aria-label="View">
         <IconButton icon={CircleHelp} label="Help" shortcut="H" onClick={actions.help} />
+        <IconButton
+          icon={Columns2}
+          label={`Mode: ${MODE_NAMES[mode]}`}
+          shortcut="M"
+          pressed={mode !== "stateless"}
+          onClick={actions.mode}
+        />
         <IconButton icon={Activity} label="Measurements" shortcut="I" pressed={hud} onClick={actions.hud} />
         <IconButton icon={Maximize} label="Fullscreen" shortcut="F" onClick={actions.fullscreen} />
         <IconButton

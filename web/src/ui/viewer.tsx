@@ -92,7 +92,7 @@ export function Viewer({ sceneId, stamp }: Props) {
             <video ref={video} muted playsInline disablePictureInPicture disableRemotePlayback />
           </div>
         </div>
-        <Toolbar name={name} actions={actions} hud={hud} sidebar={sidebarOpen} />
+        <Toolbar name={name} actions={actions} mode={mode} hud={hud} sidebar={sidebarOpen} />
         {live && hud && phase !== "failed" && mode === "stateless" && <Hud session={live} wide={wide} />}
         {live && hud && phase !== "failed" && mode !== "stateless" && <SideFigures session={live} mode={mode} />}
         {live && <MovePad input={live.input} />}
