@@ -71,9 +71,11 @@ export class Player {
               this.problem.value = null;
               this.#options.controller().observe({
                 profile: reply.header.profile ?? null,
-                bytes: reply.arrival.bytes,
-                roundTrip: reply.arrival.lastByteAt - reply.arrival.sentAt,
+                arrival: reply.arrival,
+                server: reply.header.timing ?? null,
                 throughput: this.#recorder.throughput.bitsPerSecond,
+                inFlight: (this.#pipeline?.inFlight ?? 1) - 1,
+                turning: this.#options.rig.turning,
                 at: now(),
               });
             },
