@@ -50,7 +50,7 @@ def stamped(png: bytes) -> int | None:
 
 @pytest.mark.parametrize(
     "settings",
-    [{"mode": "stateless", "profile": 2}, {"mode": "dash", "dashPreset": "tuned"}],
+    [{"mode": "stateless", "controller": "fixed", "profile": 2}, {"mode": "dash", "dashPreset": "tuned"}],
     ids=["stateless", "dash"],
 )
 def test_pictures_show_the_poses_that_they_are_said_to_show(services: Services, settings: dict[str, Any]) -> None:

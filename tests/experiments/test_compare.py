@@ -110,16 +110,21 @@ def test_ctrl_c_ends_everything_and_keeps_what_was_finished(services: Services, 
     assert second["problem"] == "The run was stopped before its end."
 
 
-def test_a_run_that_cannot_be_made_does_not_cost_the_others(services: Services, out: Path) -> None:
-    status, _, errors = finished(
-        compare("--url", services.url, "--network", "no-such-trace", "--network", "unshaped", "--modes", "stateless",
-                "--out", str(out), *SHORT)
-    )  # fmt: skip
+@pytest.mark.parametrize(
+    ("wrong", "sentence"),
+    [(("--network", "no-such-trace"), "The shaper"), (("--profile", "magic"), "controller cannot be that")],
+)
+def test_a_run_that_cannot_be_made_is_named(
+    services: Services, out: Path, wrong: tuple[str, str], sentence: str
+) -> None:
+    networks = ("--network", "unshaped") if wrong[0] == "--profile" else ()
+    arguments = ("--url", services.url, "--modes", "stateless", "--out", str(out), *SHORT, *networks, *wrong)
+    status, _, errors = finished(compare(*arguments))
     assert status == 1
-    assert "The shaper" in errors
-    refused, made = report(out)
-    assert refused["figures"] is None
-    assert made["figures"] is not None
+    assert sentence in " ".join(errors.split())
+    (run,) = report(out)
+    assert run["figures"] is None
+    assert sentence in run["problem"]
 
 
 @pytest.mark.parametrize(

@@ -44,7 +44,7 @@ def test_the_report_says_what_was_measured(runs: list[Path], tmp_path: Path) -> 
     page = (tmp_path / "report.html").read_text()
     text = text_of(page)
     for expected in (
-        "Stateless, rung 2",
+        "Stateless, budget",
         "DASH, tuned",
         "4g-<bus>",
         "tigas compare --network '4g-<bus>'",
@@ -93,5 +93,5 @@ def test_a_report_of_nothing_but_failures(runs: list[Path], tmp_path: Path) -> N
 def test_a_markdown_table_has_a_row_for_each_run(runs: list[Path]) -> None:
     lines = markdown(map(summarise, runs)).splitlines()
     assert len(lines) == 2 + len(runs)
-    assert lines[2].startswith("| 20mbit,20ms-rtt | Stateless, rung 2 | 40 | 40 | 40 | 100.0 | ")
+    assert lines[2].startswith("| 20mbit,20ms-rtt | Stateless, budget | 40 | 40 | 40 | 100.0 | ")
     assert len({line.count("|") for line in lines}) == 1

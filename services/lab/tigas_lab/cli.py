@@ -35,7 +35,9 @@ def compare(
     modes: Annotated[str, typer.Option(help="What to compare, separated by commas.")] = ",".join(MODES),
     duration: Annotated[float, typer.Option(help="Seconds of movement a run.")] = 60,
     viewport: Annotated[str, typer.Option(help="WIDTHxHEIGHT in pixels.")] = "640x360",
-    profile: Annotated[str, typer.Option(help="Stateless: the ladder's rung, or a controller's name.")] = "2",
+    profile: Annotated[
+        str, typer.Option(help="Stateless: a controller's name, or a fixed rung of the ladder.")
+    ] = "budget",
     seed: Annotated[int, typer.Option(help="Of generated movements.")] = 1,
     capture_every: Annotated[float, typer.Option(help="Seconds between pictures kept for quality; 0 keeps none.")] = 1,
     warm_up: Annotated[float, typer.Option(help="Seconds before the movement begins.")] = 5,

@@ -78,7 +78,7 @@ class Configuration(WireModel):
     width: int = Field(ge=64, le=MAX_SIDE)
     height: int = Field(ge=64, le=MAX_SIDE)
     """The viewport, in CSS pixels."""
-    profile: int | str = 2
+    profile: int | str = "budget"
     """Of the mode `stateless`: the ladder's rung, or the name of a controller."""
     seed: int = 1
     """Of generated movements."""

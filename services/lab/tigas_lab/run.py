@@ -114,8 +114,10 @@ async def _measure(
 
 def page_settings(configuration: Configuration) -> dict[str, Any]:
     """The viewer's settings: everything that is not said here has its default."""
+    profile = configuration.profile
+    chosen = {"controller": "fixed", "profile": profile} if isinstance(profile, int) else {"controller": profile}
     modes: dict[Mode, dict[str, Any]] = {
-        "stateless": {"mode": "stateless", "profile": configuration.profile},
+        "stateless": {"mode": "stateless", **chosen},
         "dash-typical": {"mode": "dash", "dashPreset": "typical"},
         "dash-tuned": {"mode": "dash", "dashPreset": "tuned"},
     }

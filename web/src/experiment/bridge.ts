@@ -61,7 +61,7 @@ export class Bridge {
     this.#stop = session.onPresented((frame) => this.#presented(frame));
   }
 
-  /** Changes settings; the rest stays. Throws if one is not valid. */
+  /** Changes settings; the rest stays. Throws if one does not exist or make sense: nothing is measured by mistake. */
   settings(part: Partial<Settings>): void {
     const before = settings.peek();
     change(validSettings({ ...before, ...part }));
