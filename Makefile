@@ -1,7 +1,7 @@
 # Two commands are enough for a newcomer: `make demo` and `make test`.
 SHELL := /bin/bash
 .DEFAULT_GOAL := help
-.PHONY: help demo gpu test test-compose lint format bench bench-gpu clean
+.PHONY: help demo gpu test test-compose lint format bench compare bench-gpu clean
 
 PYTHON ?= python3
 # Where PyTorch comes from; a machine without an NVIDIA GPU saves gigabytes with
@@ -10,6 +10,9 @@ TORCH_INDEX ?=
 # The models directory; the built-in demo scene is always there.
 SCENES ?= $(wildcard models)
 
+# What `make compare` measures: make compare NETWORKS="5mbit,80ms-rtt my-trace.csv" ARGS="--duration 20"
+NETWORKS ?= 20mbit,20ms-rtt traces/network/4g-bus.csv
+
 VENV := .venv/bin
 STATIC := services/render/tigas_render/static/index.html
 
@@ -17,6 +20,7 @@ help:
 	@echo "make demo   install what is missing, start the demo and print its URL"
 	@echo "make test   install what is missing and run every test, in browsers too"
 	@echo "make test-compose  start the containers, test them through the shaped link and remove them"
+	@echo "make compare  measure one JPEG per pose against low-latency DASH over a shaped link, into results/ (about 10 minutes, as root)"
 	@echo "make lint   check types, style and generated files"
 	@echo "make bench  measure speed and memory against baselines (about 10 minutes)"
 	@echo "make gpu    install what rendering on an NVIDIA GPU needs: make gpu demo"
@@ -58,6 +62,9 @@ lint: .venv/.ready web/node_modules/.ready
 format: .venv/.ready web/node_modules/.ready
 	@$(VENV)/ruff check --fix . ; $(VENV)/ruff format .
 	@cd web && npm run --silent fix
+
+compare: .venv/.ready $(STATIC)
+	@$(VENV)/tigas compare $(foreach network,$(NETWORKS),--network $(network)) $(if $(SCENES),--scenes $(SCENES)) $(ARGS)
 
 bench: .venv/.ready $(STATIC)
 	@$(VENV)/python benchmarks/raster.py
