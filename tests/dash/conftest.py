@@ -42,7 +42,7 @@ class Packager:
     @asynccontextmanager
     async def poses(self, session: dict[str, Any]) -> AsyncIterator[ClientConnection]:
         """A session's pose socket."""
-        async with connect(f"ws://127.0.0.1:{self.port}{session['poses']}") as socket:
+        async with connect(f"ws://127.0.0.1:{self.port}{session['poses']}", max_queue=None) as socket:
             yield socket
 
     async def status(self, session: dict[str, Any]) -> dict[str, Any]:

@@ -257,9 +257,10 @@ async def test_segments_that_do_not_exist(packager: Packager, path: str, status:
     assert answer.headers["content-type"] == "application/problem+json"
 
 
-async def test_an_expired_segment_is_gone(packager: Packager) -> None:
-    session = await packager.open(segment_s=0.2, frame_rate=60, representations=[{"rung": 3}])
-    await until(lambda status: status["frames"] > 12 * 53, packager, session)
+async def test_an_expired_segment_is_gone(packager: Packager, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("tigas_dash.session.WINDOW_S", 0.5)
+    session = await packager.open(segment_s=0.2, frame_rate=60)
+    await until(lambda status: status["frames"] > 12 * 5, packager, session)
     assert (await packager.http.get(f"/sessions/{session['id']}/r3/1.m4s")).status_code == 410
 
 

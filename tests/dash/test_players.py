@@ -1,0 +1,115 @@
+"""Independent players on a real stream: Shaka Player in Chromium, ffmpeg and PyAV. The viewer's tests use dash.js."""
+
+from __future__ import annotations
+
+import io
+import json
+import shutil
+import subprocess
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+from urllib.request import Request, urlopen
+
+import av
+import pytest
+from playwright.sync_api import sync_playwright
+
+from tests.dash.conftest import session_request
+from tests.web.conftest import CHROMIUM, CHROMIUM_ARGS, models
+from tests.web.server import Packager, RenderServer
+
+__all__ = ["models"]
+SHAKA = Path(__file__).parents[2] / "web/node_modules/shaka-player/dist/shaka-player.compiled.js"
+PAGE = """<!doctype html><video muted style="width: 640px"></video><script src="/shaka.js"></script><script>
+const video = document.querySelector("video"), seen = new Set();
+window.result = () => ({time: video.currentTime, frames: video.getVideoPlaybackQuality().totalVideoFrames,
+                        widths: [...seen], failed: window.failed});
+const watch = () => { if (video.videoWidth) seen.add(video.videoWidth); requestAnimationFrame(watch); };
+watch();
+(async () => {
+  const player = new shaka.Player();
+  await player.attach(video);
+  player.configure({streaming: {lowLatencyMode: true}, abr: {enabled: true}});
+  await player.load(MANIFEST);
+  await video.play();
+})().catch((error) => { window.failed = String(error.message ?? error); });
+</script>"""
+
+
+@pytest.fixture(scope="module")
+def packager(models: Path) -> Iterator[Packager]:
+    """A packager before a real render service."""
+    with RenderServer("--scenes", str(models)) as render:
+        running = Packager("--idle-s", "600")
+        running.render = render.url.rstrip("/")
+        with running:
+            yield running
+
+
+@pytest.fixture
+def stream(packager: Packager) -> str:
+    """The URL of a new stream, without the manifest's name; it has two representations."""
+    wanted = session_request(
+        scene="pebbles", position=[0, 0, 0], segment_s=1, representations=[{"rung": 2}, {"rung": 3}]
+    )
+    with urlopen(Request(f"{packager.url}/sessions", json.dumps(wanted).encode())) as answer:
+        session: dict[str, Any] = json.load(answer)
+    return f"{packager.url}{session['manifest']}".removesuffix("manifest.mpd")
+
+
+def test_plays_in_shaka_player(stream: str) -> None:
+    if CHROMIUM is None:
+        pytest.skip("Chromium is not installed: sudo apt-get install chromium")
+    if not SHAKA.exists():
+        pytest.skip("Shaka Player is not installed: cd web && npm ci")
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=CHROMIUM_ARGS)
+        page = browser.new_page()
+        # From the packager's own origin, as far as the browser knows.
+        origin = stream.partition("/sessions")[0]
+        html = PAGE.replace("MANIFEST", f"'{stream}manifest.mpd'")
+        page.route(f"{origin}/player", lambda route: route.fulfill(body=html, content_type="text/html"))
+        page.route(f"{origin}/shaka.js", lambda route: route.fulfill(path=SHAKA, content_type="text/javascript"))
+        page.goto(f"{origin}/player")
+        page.wait_for_function("() => window.failed || window.result().frames >= 90", timeout=60_000)
+        result = page.evaluate("window.result()")
+        browser.close()
+    assert result["failed"] is None
+    assert set(result["widths"]) <= {640, 320}
+
+
+def test_plays_in_ffmpeg(stream: str) -> None:
+    ffmpeg = shutil.which("ffmpeg")
+    if ffmpeg is None:
+        pytest.skip("ffmpeg is not installed: sudo apt-get install ffmpeg (PyAV's wheel reads no manifests)")
+    argv = [
+        ffmpeg,
+        "-v",
+        "error",
+        "-i",
+        f"{stream}manifest.mpd",
+        "-map",
+        "0:v:0",
+        "-frames:v",
+        "45",
+        "-f",
+        "framemd5",
+        "-",
+    ]
+    done = subprocess.run(argv, capture_output=True, text=True, timeout=60)
+    assert done.returncode == 0, done.stderr
+    rows = [line.split(",") for line in done.stdout.splitlines() if not line.startswith("#")]
+    assert len(rows) == 45
+
+
+def test_decodes_in_pyav_across_segments(stream: str) -> None:
+    def get(name: str) -> bytes:
+        with urlopen(f"{stream}{name}", timeout=30) as answer:
+            data: bytes = answer.read()
+        return data
+
+    data = get("r3/init.mp4") + get("r3/1.m4s") + get("r3/2.m4s")
+    with av.open(io.BytesIO(data)) as container:
+        times = [round(float(frame.time or 0) * 30) for frame in container.decode(video=0)]
+    assert times == list(range(60))
