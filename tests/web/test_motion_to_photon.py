@@ -22,7 +22,9 @@ VIDEO_FRAME_MS = 1000 / 30
 
 @pytest.mark.parametrize("mode", ["stateless", "dash"])
 def test_the_reported_latency_is_what_the_screen_shows(open_page: OpenPage, viewer_url: str, mode: str) -> None:
-    page = open_page(url=viewer_url, **with_settings(viewer_url, mode=mode, controller="fixed", profile=2, refine=False))
+    page = open_page(
+        url=viewer_url, **with_settings(viewer_url, mode=mode, controller="fixed", profile=2, refine=False)
+    )
     watch_screen(page)
     page.goto("about:blank")
     page.goto(f"{viewer_url}{SCENE}?stamp")

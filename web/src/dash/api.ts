@@ -17,7 +17,8 @@ export async function openSession(base: string, request: SessionRequest, signal:
     if (signal.aborted) throw error;
     throw new ApiError("The DASH packager does not answer.", true);
   }
-  throw new ApiError((await readProblem(response)).detail, false);
+  // Too many streams, or a render service that is away: another try may help, as when nobody answers.
+  throw new ApiError((await readProblem(response)).detail, response.status >= 500);
 }
 
 /** Ends a stream at once; it would end by itself a little later. Works while the page is being left, too. */

@@ -1,7 +1,9 @@
 /** The DASH mode: a stream of one's own from the packager, whose camera follows the rig, measured frame by frame. */
 import { signal } from "@preact/signals";
 import pRetry from "p-retry";
+import type { Intrinsics, Viewport } from "../camera/intrinsics";
 import type { FrameShown, SessionInfo, SessionRequest } from "../dash-wire";
+import { deferred } from "../deferred";
 import { type Figures, Meter, NO_FIGURES } from "../player/meter";
 import { STATS_EVERY } from "../player/player";
 import type { PresentedFrame } from "../player/presented";
@@ -10,7 +12,7 @@ import { ApiError } from "../state/api";
 import { endSession, openPoses, openSession, type PoseSocket } from "./api";
 import { FramePoses } from "./frame-poses";
 import type { DashSetup } from "./presets";
-import type { Stream } from "./stream";
+import { type PlayStream, type Stream, StreamEnded, Unplayable } from "./streaming";
 
 export interface DashStats extends Figures {
   /** Behind the live edge, in milliseconds, as dash.js counts. */
@@ -49,6 +51,11 @@ interface Shown {
   readonly height: number;
 }
 
+/** A stream that plays; `ended` resolves with the reason. */
+interface Playing {
+  readonly ended: Promise<string>;
+}
+
 export class DashPlayer {
   readonly stats = signal<DashStats>(NO_DASH_STATS);
   readonly phase = signal<DashPhase>({ kind: "connecting" });
@@ -58,12 +65,15 @@ export class DashPlayer {
   #session: SessionInfo | undefined;
   #poses: PoseSocket | undefined;
   #stream: Stream | undefined;
-  #sent = -1;
+  /** The pose and the lens that the packager was told last. */
+  #sent: { readonly seq: number; readonly lens: Intrinsics | undefined } | undefined;
+  readonly #viewport: Viewport;
   #publishedAt = 0;
 
   constructor(options: DashOptions) {
     this.#options = options;
     this.#meter = new Meter("dash", options.onPresented);
+    this.#viewport = options.rig.viewport.peek();
     void this.#run();
   }
 
@@ -80,43 +90,66 @@ export class DashPlayer {
   /** Once per animation frame, after the rig was sampled; `moved` is what the rig said. */
   tick(now: number, moved: boolean): void {
     const { rig } = this.#options;
-    if (this.#stream && moved) this.#meter.moved(rig.pose.seq, now);
-    if (rig.pose.seq !== this.#sent && this.#poses?.send({ ...rig.pose, ...rig.intrinsics.value })) {
-      this.#sent = rig.pose.seq;
-    }
+    // Until the stream plays, poses wait for its start: that is no latency.
+    if (moved && this.phase.peek().kind === "playing") this.#meter.moved(rig.pose.seq, now);
+    this.#follow();
     if (now - this.#publishedAt < STATS_EVERY) return;
     this.#publishedAt = now;
     const seconds = this.#stream?.latency() ?? null;
     this.stats.value = { ...this.#meter.figures(now), liveLatency: seconds === null ? null : seconds * 1000 };
   }
 
-  /** Opens stream after stream, until it is disposed of. */
+  /** Tells the packager of a new pose or lens. A lens for another viewport is not one for this stream. */
+  #follow(): void {
+    const { rig } = this.#options;
+    const { pose } = rig;
+    const lens = rig.viewport.peek() === this.#viewport ? rig.intrinsics.peek() : undefined;
+    if (pose.seq === this.#sent?.seq && lens === this.#sent.lens) return;
+    if (this.#poses?.send({ ...pose, ...lens })) this.#sent = { seq: pose.seq, lens };
+  }
+
+  /** Plays stream after stream, until it is disposed of. */
   async #run(): Promise<void> {
     const { signal } = this.#closing;
-    while (!signal.aborted) {
-      try {
-        this.#session = await pRetry(() => this.#open(), {
+    try {
+      while (!signal.aborted) {
+        const { ended } = await pRetry(() => this.#start(), {
           retries: Number.POSITIVE_INFINITY,
           minTimeout: 300,
           maxTimeout: 4000,
           factor: 1.6,
           randomize: true,
           signal,
-          shouldRetry: ({ error }) => !signal.aborted && error instanceof ApiError && error.unreachable,
-          onFailedAttempt: ({ error }) => {
-            if (!signal.aborted) this.phase.value = { kind: "lost", message: error.message };
-          },
+          shouldRetry: ({ error }) =>
+            !signal.aborted && (error instanceof StreamEnded || (error instanceof ApiError && error.unreachable)),
+          onFailedAttempt: ({ error }) => this.#lost(error.message),
         });
-        const reason = await this.#play(this.#session);
-        this.#leave();
-        if (!signal.aborted) this.phase.value = { kind: "lost", message: reason };
-      } catch (error) {
-        if (signal.aborted) return;
-        const message = error instanceof ApiError ? error.message : "The DASH stream cannot be played here.";
-        this.phase.value = { kind: "failed", message };
-        return;
+        this.#lost(await ended);
       }
+    } catch (error) {
+      if (signal.aborted) return;
+      this.#leave();
+      const known = error instanceof ApiError || error instanceof Unplayable;
+      this.phase.value = { kind: "failed", message: known ? error.message : "The DASH stream cannot be played here." };
     }
+  }
+
+  #lost(message: string): void {
+    this.#leave();
+    if (!this.#closing.signal.aborted) this.phase.value = { kind: "lost", message };
+  }
+
+  /** Opens a session; resolves when its first frame is on the screen. */
+  async #start(): Promise<Playing> {
+    const { playStream } = await import("./stream");
+    const session = await this.#open();
+    this.#session = session;
+    this.#closing.signal.throwIfAborted();
+    const playing = deferred<undefined>();
+    const ended = this.#play(playStream, session, () => playing.resolve(undefined));
+    const early = await Promise.race([playing.promise, ended]);
+    if (early !== undefined) throw new StreamEnded(early);
+    return { ended };
   }
 
   #open(): Promise<SessionInfo> {
@@ -136,14 +169,12 @@ export class DashPlayer {
   }
 
   /** Plays a session until it ends; tells why. */
-  async #play(session: SessionInfo): Promise<string> {
+  #play(playStream: PlayStream, session: SessionInfo, onPlaying: () => void): Promise<string> {
     const { video, base, now, onReceived } = this.#options;
-    const { playStream } = await import("./stream");
-    this.#closing.signal.throwIfAborted();
     return new Promise((resolve) => {
       this.#closing.signal.addEventListener("abort", () => resolve(""), { once: true });
       const frames = new FramePoses<Shown>((pose, shown) => this.#present(session, pose, shown));
-      this.#sent = -1;
+      this.#sent = undefined;
       this.#meter.reset();
       this.#poses = openPoses(
         base,
@@ -162,7 +193,8 @@ export class DashPlayer {
       const presented: VideoFrameRequestCallback = (_, { mediaTime, expectedDisplayTime, width, height }) => {
         if (this.#stream !== stream) return;
         video.requestVideoFrameCallback(presented);
-        this.phase.value = { kind: "playing" };
+        if (this.phase.peek().kind !== "playing") this.phase.value = { kind: "playing" };
+        onPlaying();
         frames.presented(Math.round(mediaTime * session.frame_rate), { at: expectedDisplayTime, width, height });
       };
       video.requestVideoFrameCallback(presented);

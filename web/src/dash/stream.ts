@@ -1,23 +1,16 @@
 /** dash.js on a video element: the one place that knows the library. Loaded on demand, since it is larger than the page. */
-import { type FragmentLoadingCompletedEvent, MediaPlayer, type MediaPlayerErrorEvent } from "dashjs";
-
-export interface StreamEvents {
-  /** Bytes of segments came in. */
-  received(bytes: number): void;
-  /** The stream cannot be played. */
-  failed(reason: string): void;
-}
-
-export interface Stream {
-  /** The representation whose frames are being loaded, by its id. */
-  representation(): string | undefined;
-  /** Behind the live edge, in seconds, as dash.js counts. */
-  latency(): number | null;
-  dispose(): void;
-}
+import {
+  type FragmentLoadingCompletedEvent,
+  MediaPlayer,
+  type MediaPlayerErrorEvent,
+  supportsMediaSource,
+} from "dashjs";
+import { type PlayStream, Unplayable } from "./streaming";
 
 /** dash.js in its defaults: target latency and playback rates come from the manifest's ServiceDescription. */
-export function playStream(video: HTMLVideoElement, manifest: string, events: StreamEvents): Stream {
+export const playStream: PlayStream = (video, manifest, events) => {
+  if (!supportsMediaSource())
+    throw new Unplayable("This browser cannot play DASH streams: it has no Media Source Extensions.");
   const player = MediaPlayer().create();
   player.updateSettings({
     debug: { logLevel: 0 },
@@ -47,7 +40,7 @@ export function playStream(video: HTMLVideoElement, manifest: string, events: St
     },
     dispose: () => player.destroy(),
   };
-}
+};
 
 function reasonOf({ error }: MediaPlayerErrorEvent): string {
   return typeof error === "object" && error.message ? `The player stopped: ${error.message}` : "The player stopped.";

@@ -98,6 +98,12 @@ export class Player {
     return this.#meter.latencies(now);
   }
 
+  /** Instead of `tick`, while another mode shows the scene: what was asked for is awaited no longer. */
+  rest(): void {
+    this.#meter.reset();
+    this.#presenting = undefined;
+  }
+
   /** Once per animation frame, after the rig was sampled; `moved` is what the rig said. */
   tick(now: number, moved: boolean): void {
     this.#presented(now);

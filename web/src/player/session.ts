@@ -123,7 +123,8 @@ export class ViewerSession {
     this.#animation = requestAnimationFrame(this.#tick);
     const time = now();
     const moved = this.rig.sample(time);
-    if (settings.peek().mode !== "dash") this.player.tick(time, moved);
+    if (settings.peek().mode === "dash") this.player.rest();
+    else this.player.tick(time, moved);
     this.dash.peek()?.tick(time, moved);
   };
 
@@ -183,7 +184,10 @@ export class ViewerSession {
         viewport: viewport.value,
       });
     });
+    /** How often the page was left and shown again as it was. */
+    const returned = signal(0);
     const stop = effect(() => {
+      returned.value;
       if (wanted.value === null) return undefined;
       const { viewport: _, ...options } = JSON.parse(wanted.value);
       const { rig, stage } = this;
@@ -201,9 +205,12 @@ export class ViewerSession {
       );
       this.dash.value = dash;
       const leave = () => dash.dispose();
+      const comeBack = ({ persisted }: PageTransitionEvent) => persisted && returned.value++;
       addEventListener("pagehide", leave);
+      addEventListener("pageshow", comeBack);
       return () => {
         removeEventListener("pagehide", leave);
+        removeEventListener("pageshow", comeBack);
         this.dash.value = null;
         dash.dispose();
       };

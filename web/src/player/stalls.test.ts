@@ -15,6 +15,14 @@ test("a gap in the picture while the camera moves is a stall, with its whole len
   expect(detector.stalls).toEqual({ count: 1, time: 500 });
 });
 
+test("a stall lasts no longer than the movement", () => {
+  const detector = new StallDetector();
+  move(detector, 0, 480);
+  detector.presented(80);
+  detector.presented(3000);
+  expect(detector.stalls).toEqual({ count: 1, time: 400 });
+});
+
 test("frames that come steadily are none, however late they show a movement", () => {
   const detector = new StallDetector();
   for (let at = 0; at < 2000; at += 33) {

@@ -1,6 +1,7 @@
 /**
  * Stalls: while the camera moves, the picture stands still for longer than a person overlooks. The same for every mode: the
- * gap between two presented frames counts if the camera moved all through it.
+ * gap between two presented frames counts for as long as the camera moved in it, if it moved when the gap began. (If it began to
+ * move later, the wait for the first frame is latency.)
  */
 
 /** A longer gap than this is a stall, in milliseconds: six frames at 30 frames/s. */
@@ -30,10 +31,10 @@ export class StallDetector {
   }
 
   presented(at: number): void {
-    const gap = at - this.#presentedAt;
+    const stood = Math.min(at, this.#movedAt) - this.#presentedAt;
     const moving = this.#movingSince !== undefined && this.#movingSince <= this.#presentedAt;
-    if (gap > STALL_AFTER && moving && this.#movedAt >= at - STILL_AFTER) {
-      this.#stalls = { count: this.#stalls.count + 1, time: this.#stalls.time + gap };
+    if (moving && stood > STALL_AFTER) {
+      this.#stalls = { count: this.#stalls.count + 1, time: this.#stalls.time + stood };
     }
     this.#presentedAt = at;
   }
