@@ -1,0 +1,132 @@
+// Runs controllers over network traces in the simulator (docs/abr.md) and prints a table; --json and --plot write files.
+import { readFileSync, writeFileSync } from "node:fs";
+import { basename, resolve } from "node:path";
+import { fileURLToPath } from "node:url";
+import { parseArgs } from "node:util";
+import { runnerImport } from "vite";
+
+const USAGE = `npm run abr-sim -- [options] TRACE.csv...
+  --controller NAME   latency, budget, lol+, l2a, fixed:RUNG, latency@MS (another target), or a file of your own
+                      whose default export makes a controller; may be repeated [latency, budget, lol+, l2a]
+  --rtt MS            round trip in place of the traces' own delay; may be repeated
+  --seconds N         how long each visit lasts [each trace once]
+  --render MS         the server's time for a frame [11, the paper's RTX 2060 Super]
+  --seed N            [1]
+  --each              a row for each trace, besides the mean over all
+  --json FILE, --plot FILE.svg
+`;
+
+/** The paper's ladder, which is the server's default. */
+const LADDER = [
+  { name: "High", width: 1280, height: 720, quality: 90, expected_kb: 240 },
+  { name: "Medium-High", width: 960, height: 540, quality: 65, expected_kb: 55 },
+  { name: "Medium-Low", width: 640, height: 360, quality: 35, expected_kb: 20 },
+  { name: "Low", width: 320, height: 180, quality: 10, expected_kb: 7 },
+];
+
+async function load(path) {
+  return (await runnerImport(path, { configFile: false, logLevel: "error" })).module;
+}
+
+function source(name) {
+  return fileURLToPath(new URL(`../src/abr/sim/${name}.ts`, import.meta.url));
+}
+
+async function main() {
+  const { values, positionals } = parseArgs({
+    allowPositionals: true,
+    options: {
+      controller: { type: "string", multiple: true, default: ["latency", "budget", "lol+", "l2a"] },
+      rtt: { type: "string", multiple: true },
+      seconds: { type: "string" },
+      render: { type: "string" },
+      seed: { type: "string", default: "1" },
+      each: { type: "boolean", default: false },
+      json: { type: "string" },
+      plot: { type: "string" },
+      help: { type: "boolean", default: false },
+    },
+  });
+  if (values.help || positionals.length === 0) return process.stdout.write(USAGE);
+  const [{ simulate, PAPER_SERVER }, { parseTrace }, { contender }, { table, overTraces }] = await Promise.all(
+    ["simulate", "trace", "contenders", "report"].map((name) => load(source(name))),
+  );
+  const factories = await Promise.all(
+    values.controller.map(async (name) =>
+      name.endsWith(".ts") ? [basename(name, ".ts"), (await load(resolve(name))).default] : [name, contender(name)],
+    ),
+  );
+  const roundTrips = values.rtt?.map((text) => number("--rtt", text)) ?? [null];
+  const runs = [];
+  for (const path of positionals) {
+    const trace = parseTrace(readFileSync(path, "utf8"));
+    for (const roundTrip of roundTrips) {
+      for (const [controller, create] of factories) {
+        const figures = await simulate({
+          controller: create,
+          trace,
+          ladder: LADDER,
+          duration: values.seconds === undefined ? trace.duration : number("--seconds", values.seconds) * 1000,
+          roundTrip,
+          ...PAPER_SERVER,
+          ...(values.render !== undefined && { render: number("--render", values.render) }),
+          seed: number("--seed", values.seed),
+        });
+        runs.push({ trace: basename(path, ".csv"), controller, roundTrip, figures });
+      }
+    }
+  }
+  const means = overTraces(runs);
+  process.stdout.write(`${table(values.each || positionals.length === 1 ? runs : means)}\n`);
+  if (values.each && positionals.length > 1) process.stdout.write(`\n${table(means)}\n`);
+  if (values.json !== undefined) writeFileSync(values.json, `${JSON.stringify({ options: values, runs }, null, 1)}\n`);
+  if (values.plot !== undefined) writeFileSync(values.plot, await plot(runs));
+}
+
+/** Figures against the round trip, or for each trace where there is only one. */
+async function plot(runs) {
+  const [{ parse, View }, { compile }] = await Promise.all([import("vega"), import("vega-lite")]);
+  const byTrip = new Set(runs.map(({ roundTrip }) => roundTrip)).size > 1;
+  const values = runs.flatMap(({ figures, roundTrip, ...rest }) =>
+    [
+      ["poses within 100 ms, %", figures.inTime * 100],
+      ["response time p95, ms", figures.responseP95],
+      ["mean rung (0 is the best)", figures.rungOverTime],
+      ["switches a minute", figures.switches],
+      ["frames a second", figures.framesPerSecond],
+    ].map(([figure, value]) => ({ ...rest, roundTrip: roundTrip ?? "", figure, value })),
+  );
+  const specification = {
+    data: { values },
+    facet: { field: "figure", title: null, sort: null },
+    columns: 1,
+    spec: {
+      width: 640,
+      height: 120,
+      mark: byTrip ? { type: "line", point: true } : "bar",
+      encoding: {
+        x: byTrip
+          ? { field: "roundTrip", type: "quantitative", title: "round trip, ms" }
+          : { field: "trace", type: "nominal", title: null },
+        ...(!byTrip && { xOffset: { field: "controller" } }),
+        y: { field: "value", aggregate: "mean", title: null },
+        color: { field: "controller", title: "controller", sort: null },
+      },
+    },
+    resolve: { scale: { y: "independent" } },
+  };
+  return await new View(parse(compile(specification).spec), { renderer: "none" }).toSVG();
+}
+
+function number(option, text) {
+  const value = Number(text);
+  if (!Number.isFinite(value) || value < 0) throw new Error(`${option} needs a number, not "${text}".`);
+  return value;
+}
+
+try {
+  await main();
+} catch (error) {
+  process.stderr.write(`${error.message}\n`);
+  process.exitCode = 1;
+}
