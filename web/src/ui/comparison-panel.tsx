@@ -1,34 +1,38 @@
 /** Both sides over the last minute: how late, how much, how steady and how sharp. Drawn by uPlot, loaded on demand. */
 import { useSignal } from "@preact/signals";
+import { Fragment } from "preact";
 import { useEffect } from "preact/hooks";
-import { ComparisonHistory } from "../comparison/history";
+import { ComparisonHistory, SIDES } from "../comparison/history";
 import { STATS_EVERY } from "../player/player";
+import type { Side } from "../player/presented";
 import type { ViewerSession } from "../player/session";
 import { settings } from "../state/app";
 import { DistributionChart } from "./distribution-chart";
 import { LiveChart, type Quantity } from "./live-chart";
 
-const both = (unit: string, stepped: boolean): readonly Quantity[] => [
-  { label: "Stateless", unit, axis: "left", tone: "stateless", stepped },
-  { label: "DASH", unit, axis: "left", tone: "dash", stepped },
-];
-const BANDWIDTH = both("Mbit/s", false);
-const STALLED = both("s", true);
-const LINES = both("px", true);
+const NAMES: Readonly<Record<Side, string>> = { stateless: "Stateless", dash: "DASH" };
+
+const of = (unit: string, stepped: boolean): readonly Quantity[] =>
+  SIDES.map((side) => ({ label: NAMES[side], unit, axis: "left", tone: side, stepped }));
+const CHARTS = [
+  { name: "Bandwidth", quantities: of("Mbit/s", false), columns: "bandwidth" },
+  { name: "Time stalled", quantities: of("s", true), columns: "stalled" },
+  { name: "Picture height", quantities: of("px", true), columns: "lines" },
+] as const;
 
 export function ComparisonPanel({ session }: { session: ViewerSession }) {
   const history = useHistory(session);
   return (
     history && (
-      <div class="comparison">
+      <div class="comparison" data-mode={settings.value.mode}>
         <h4>Motion to photon</h4>
         <DistributionChart name="Motion to photon" columns={history.latency} />
-        <h4>Bandwidth</h4>
-        <LiveChart name="Bandwidth" quantities={BANDWIDTH} columns={history.bandwidth} />
-        <h4>Time stalled</h4>
-        <LiveChart name="Time stalled" quantities={STALLED} columns={history.stalled} />
-        <h4>Picture height</h4>
-        <LiveChart name="Picture height" quantities={LINES} columns={history.lines} />
+        {CHARTS.map(({ name, quantities, columns }) => (
+          <Fragment key={name}>
+            <h4>{name}</h4>
+            <LiveChart name={name} quantities={quantities} columns={history[columns]} />
+          </Fragment>
+        ))}
       </div>
     )
   );

@@ -30,6 +30,7 @@ export function ModePanel({ session }: { session: ViewerSession }) {
       )}
       {mode !== "stateless" && !missing && (
         <>
+          <h4 class="segments-name">DASH stream</h4>
           <Segments name="preset" label="DASH stream">
             {PRESETS.map((preset) => (
               <Segment
