@@ -15,7 +15,7 @@ from tigas_lab.load import Load, LoadSample
 from tigas_lab.machine import Machine
 from tigas_lab.quality import Quality
 from tigas_lab.recording import Input, Lens, Recording, ShownFrame, Traffic
-from tigas_lab.store import CaptureQuality, LinkSample, RunRecord, RunWriter
+from tigas_lab.store import CaptureQuality, LinkSample, Moment, RunRecord, RunWriter
 
 MACHINE = Machine(
     system="Linux 6",
@@ -98,6 +98,8 @@ def write_run(
     writer.recording(made)
     load = [LoadSample(unix_ms=1e12, cpu=busy, load_average=1.0)]
     writer.surroundings([sample(at) for at in (0.0, 500.0, 1000.0)], load)
+    writer.capture(0, png(100))
+    writer.moment(Moment(at=500.0, capture=0), png(200))
     quality = Quality(psnr_db=30.0, ssim=0.9)
     writer.quality([CaptureQuality(at=500.0, pose=20, rung=2, picture=quality, view=Quality(psnr_db=20.0, ssim=0.6))])
     writer.close(status="complete", browser="156", backend="netem", load=Load.of(load), recording=made.head)

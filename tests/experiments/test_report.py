@@ -53,9 +53,10 @@ def test_the_report_says_what_was_measured(runs: list[Path], tmp_path: Path) -> 
         assert expected in text
     assert "processors were saturated during 100% of the run" in text
     assert page.count("<svg") == 8
+    assert page.count('src="data:image/jpeg;base64,') == 8
     assert page.count('scope="colgroup"') == 10
     assert "4g-<bus>" not in page, "names are escaped"
-    for outside in ("http://", "https://", "src=", "@import", "url("):
+    for outside in ("http://", "https://", 'src="h', "@import", "url("):
         assert outside not in page.replace("http://www.w3.org/", "").replace("http://purl.org/", "").replace(
             "http://creativecommons.org/", ""
         ).replace("url(#", ""), f"{outside} is fetched"
@@ -95,3 +96,11 @@ def test_a_markdown_table_has_a_row_for_each_run(runs: list[Path]) -> None:
     assert len(lines) == 2 + len(runs)
     assert lines[2].startswith("| 20mbit,20ms-rtt | Stateless, budget | 40 | 40 | 40 | 100.0 | ")
     assert len({line.count("|") for line in lines}) == 1
+
+
+@pytest.mark.parametrize("broken", ["moment.json", "captures/view.png", "captures/0000.png"])
+def test_a_moment_that_is_broken_costs_its_drawings_alone(runs: list[Path], tmp_path: Path, broken: str) -> None:
+    (runs[0] / broken).write_bytes(b"rubbish")
+    data = write_report(runs, tmp_path, "A walk", "tigas compare")
+    assert all(run.figures for run in data.runs)
+    assert (tmp_path / "report.html").read_text().count("data:image/jpeg") == 6

@@ -40,6 +40,13 @@ def decode(data: bytes) -> Picture:
         raise BrokenPicture(f"A picture cannot be read: {error}.") from None
 
 
+def encode(picture: Picture) -> bytes:
+    """A picture as PNG."""
+    buffer = io.BytesIO()
+    Image.fromarray(picture).save(buffer, "PNG")
+    return buffer.getvalue()
+
+
 def enlarged(picture: Picture, width: int, height: int) -> Picture:
     """As a browser shows it on a stage of this size: bilinear."""
     if picture.shape[:2] == (height, width):

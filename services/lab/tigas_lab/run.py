@@ -21,10 +21,10 @@ from tigas_lab.configuration import Configuration, Mode
 from tigas_lab.errors import RunFailed
 from tigas_lab.load import Load, watching_load
 from tigas_lab.machine import Machine
-from tigas_lab.quality import BrokenPicture
+from tigas_lab.quality import BrokenPicture, encode
 from tigas_lab.recording import BrokenRecording, Recording
 from tigas_lab.shaper_client import LinkStatus, ShaperClient
-from tigas_lab.store import CaptureQuality, LinkSample, RunRecord, RunWriter
+from tigas_lab.store import CaptureQuality, LinkSample, Moment, RunRecord, RunWriter
 from tigas_lab.targets import Target
 
 DRAIN_S = 30
@@ -192,6 +192,8 @@ async def _judge(page: Viewer, url: str, recording: Recording, writer: RunWriter
                 raise RunFailed(f"Picture {index} of the run cannot be compared: {error}") from None
             if quality is not None:
                 judged.append(quality)
+            if index == len(recording.captures) // 2 and (current := truth.pose_at(recording.inputs, capture.at)):
+                writer.moment(Moment(at=capture.at, capture=index), encode(await ground.picture(current)))
     return judged
 
 

@@ -5,6 +5,7 @@
     traffic.ndjson   what the page received               link.ndjson     what the shaper told of its link
     load.ndjson      the machine's load                   captures/       pictures that were shown, as PNG
     captures.ndjson  which frames these are               quality.ndjson  how they compare with ground truth
+    moment.json      one of them, beside which captures/view.png shows what the viewer should have seen then
 
 A run is complete when its run.json says so, which is written last: whatever happens before leaves an incomplete run.
 """
@@ -55,6 +56,13 @@ class CaptureQuality(WireModel):
     """Against the pose that the viewer had at that moment: what lateness costs, too."""
 
 
+class Moment(WireModel):
+    """One capture beside which ground truth was kept."""
+
+    at: float
+    capture: int
+
+
 class RunRecord(WireModel):
     """run.json."""
 
@@ -103,6 +111,17 @@ class StoredRun:
         """How the kept pictures compare with ground truth."""
         return _read_lines(self.folder / "quality.ndjson", CaptureQuality)
 
+    def moment(self) -> tuple[float, bytes, bytes] | None:
+        """When (ms), what was on the screen, and the view that the viewer had then, both as PNG; None without."""
+        if not (self.folder / "moment.json").exists():
+            return None
+        moment = _read_one(self.folder / "moment.json", Moment)
+        shown, view = _capture(self.folder, moment.capture), self.folder / "captures" / "view.png"
+        try:
+            return moment.at, shown.read_bytes(), view.read_bytes()
+        except OSError as error:
+            raise BrokenRecording(f"{error.filename} cannot be read: {error.strerror}.") from None
+
 
 class RunWriter:
     """Writes a run's folder. Raises OSError, such as when the disk is full."""
@@ -127,7 +146,12 @@ class RunWriter:
 
     def capture(self, index: int, png: bytes) -> None:
         """One picture."""
-        (self.folder / "captures" / f"{index:04}.png").write_bytes(png)
+        _capture(self.folder, index).write_bytes(png)
+
+    def moment(self, moment: Moment, view: bytes) -> None:
+        """Ground truth of what the viewer should have seen at a capture's time."""
+        (self.folder / "captures" / "view.png").write_bytes(view)
+        (self.folder / "moment.json").write_text(moment.model_dump_json() + "\n", encoding="utf-8")
 
     def quality(self, entries: Iterable[CaptureQuality]) -> None:
         """How the pictures compare with ground truth."""
@@ -147,6 +171,10 @@ class RunWriter:
     def _lines(self, name: str, entries: Iterable[BaseModel]) -> None:
         with (self.folder / f"{name}.ndjson").open("w", encoding="utf-8") as file:
             file.writelines(f"{entry.model_dump_json()}\n" for entry in entries)
+
+
+def _capture(folder: Path, index: int) -> Path:
+    return folder / "captures" / f"{index:04}.png"
 
 
 def _read(path: Path) -> str:

@@ -12,6 +12,7 @@ from markupsafe import Markup
 from tigas_common.wire import WireModel
 from tigas_lab.recording import BrokenRecording
 from tigas_lab.report import plots, table
+from tigas_lab.report.moments import MomentView, moment_view
 from tigas_lab.store import StoredRun
 from tigas_lab.summary import Summary, summarise
 
@@ -40,6 +41,21 @@ class Section:
     network: str
     runs: list[Summary]
     plots: list[Plot]
+    moments: list[MomentView]
+
+
+@dataclass(frozen=True, slots=True)
+class Drawn:
+    """What a complete run adds to a report beside its figures."""
+
+    curve: plots.Curve
+    moment: MomentView | None
+
+    @classmethod
+    def of(cls, folder: Path, summary: Summary) -> Drawn:
+        """Raises BrokenRecording."""
+        stored = StoredRun(folder)
+        return cls(plots.Curve.of(stored), moment_view(stored, table.label(summary)))
 
 
 PLOTS = (
@@ -56,22 +72,22 @@ def write_report(runs: Sequence[Path], out: Path, title: str, command: str) -> R
     A folder that cannot be read is left out. Raises OSError.
     """
     summaries: list[Summary] = []
-    curves: dict[str, list[plots.Curve]] = {}
+    drawn: dict[str, list[Drawn]] = {}
     for folder in runs:
         try:
             summary = summarise(folder)
             summaries.append(summary)
             if summary.figures is not None:
                 network = summary.record.configuration.network.name
-                curves.setdefault(network, []).append(plots.Curve.of(StoredRun(folder)))
+                drawn.setdefault(network, []).append(Drawn.of(folder, summary))
         except BrokenRecording:
             continue
     data = ReportData(title=title, command=command, runs=tuple(summaries))
     (out / "report.json").write_text(data.model_dump_json(indent=2) + "\n", encoding="utf-8")
     (out / "table.md").write_text(table.markdown(summaries), encoding="utf-8")
-    if curves:
-        plots.headline(curves, out)
-    (out / "report.html").write_text(_html(data, curves), encoding="utf-8")
+    if drawn:
+        plots.headline({network: [run.curve for run in runs] for network, runs in drawn.items()}, out)
+    (out / "report.html").write_text(_html(data, drawn), encoding="utf-8")
     return data
 
 
@@ -95,7 +111,7 @@ def warnings(summaries: Sequence[Summary]) -> list[str]:
     return found
 
 
-def _html(data: ReportData, curves: dict[str, list[plots.Curve]]) -> str:
+def _html(data: ReportData, drawn: dict[str, list[Drawn]]) -> str:
     environment = Environment(
         loader=PackageLoader("tigas_lab.report"),
         autoescape=True,
@@ -108,7 +124,12 @@ def _html(data: ReportData, curves: dict[str, list[plots.Curve]]) -> str:
             network,
             runs,
             # matplotlib escapes text itself
-            [Plot(caption, Markup(draw(curves[network]))) for caption, draw in PLOTS if curves.get(network)],
+            [
+                Plot(caption, Markup(draw([run.curve for run in drawn[network]])))
+                for caption, draw in PLOTS
+                if network in drawn
+            ],
+            [run.moment for run in drawn.get(network, ()) if run.moment],
         )
         for network, runs in table.by_network(data.runs).items()
     ]
