@@ -16,14 +16,6 @@ const USAGE = `npm run abr-sim -- [options] TRACE.csv...
   --json FILE, --plot FILE.svg
 `;
 
-/** The paper's ladder, which is the server's default. */
-const LADDER = [
-  { name: "High", width: 1280, height: 720, quality: 90, expected_kb: 240 },
-  { name: "Medium-High", width: 960, height: 540, quality: 65, expected_kb: 55 },
-  { name: "Medium-Low", width: 640, height: 360, quality: 35, expected_kb: 20 },
-  { name: "Low", width: 320, height: 180, quality: 10, expected_kb: 7 },
-];
-
 async function load(path) {
   return (await runnerImport(path, { configFile: false, logLevel: "error" })).module;
 }
@@ -48,9 +40,8 @@ async function main() {
     },
   });
   if (values.help || positionals.length === 0) return process.stdout.write(USAGE);
-  const [{ simulate, PAPER_SERVER }, { parseTrace }, { contender }, { table, overTraces }] = await Promise.all(
-    ["simulate", "trace", "contenders", "report"].map((name) => load(source(name))),
-  );
+  const [{ simulate, PAPER_SERVER }, { parseTrace }, { contender }, { table, overTraces }, { PAPER_LADDER }] =
+    await Promise.all(["simulate", "trace", "contenders", "report", "ladder"].map((name) => load(source(name))));
   const factories = await Promise.all(
     values.controller.map(async (name) =>
       name.endsWith(".ts") ? [basename(name, ".ts"), (await load(resolve(name))).default] : [name, contender(name)],
@@ -65,7 +56,7 @@ async function main() {
         const figures = await simulate({
           controller: create,
           trace,
-          ladder: LADDER,
+          ladder: PAPER_LADDER,
           duration: values.seconds === undefined ? trace.duration : number("--seconds", values.seconds) * 1000,
           roundTrip,
           ...PAPER_SERVER,

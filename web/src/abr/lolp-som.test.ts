@@ -1,0 +1,26 @@
+import { expect, test } from "vitest";
+import { distance, firstWeights, SelfOrganisingMap } from "./lolp-som";
+import { seeded } from "./sim/random";
+
+test("a weighted distance", () => {
+  expect(distance([1, 2, 3, 4], [1, 0, 3, 1])).toBeCloseTo(Math.sqrt(13), 12);
+  expect(distance([1, 0, 0, 0], [0, 0, 0, 0], [100, 1, 1, 1])).toBeCloseTo(10, 12);
+});
+
+// Worked by hand: learning rate 0.01; the other neuron is 0.2 away, so it learns exp(-0.2² / (2 · 0.1²)) = exp(-2) as much.
+test("a neuron is drawn to what happened, its neighbours less", () => {
+  const map = new SelfOrganisingMap([0.6, 0.8]);
+  map.learn(0, [1, 1, 0, 0]);
+  const [first, second] = map.neurons;
+  expect(first).toEqual([0.6 + 0.01 * 0.4, 0.01, 0, 0]);
+  expect(second?.[0]).toBeCloseTo(0.8 + 0.01 * Math.exp(-2) * 0.2, 12);
+  expect(second?.[1]).toBeCloseTo(0.01 * Math.exp(-2), 12);
+});
+
+test("the first weights come from chance alone, and are positive", () => {
+  const weights = firstWeights(4, 0.97, seeded(7));
+  expect(firstWeights(4, 0.97, seeded(7))).toEqual(weights);
+  expect(firstWeights(4, 0.97, seeded(8))).not.toEqual(weights);
+  expect(Math.min(...weights)).toBeGreaterThan(0);
+  expect(Math.max(...weights)).toBeLessThan(1);
+});

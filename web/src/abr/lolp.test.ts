@@ -1,0 +1,42 @@
+import { beforeEach, expect, test } from "vitest";
+import { LolpController } from "./lolp";
+import { observation, type Told } from "./observations";
+import { PAPER_LADDER } from "./sim/ladder";
+import { seeded } from "./sim/random";
+
+const BYTES = [240_000, 55_000, 20_000, 7000];
+let subject: LolpController;
+
+beforeEach(() => {
+  subject = new LolpController({ ladder: PAPER_LADDER, random: seeded(1) });
+});
+
+function hear(count: number, told: Told): number {
+  for (let i = 0; i < count; i++) {
+    const profile = subject.decide();
+    subject.observe(observation({ profile, bytes: BYTES[profile] ?? 0, ...told }));
+  }
+  return subject.decide();
+}
+
+// At 30 frames/s the rungs take 1.68, 4.8, 13.2 and 57.6 Mbit/s, of which 0.9 of the throughput is trusted.
+test("it uses what the link carries", () => {
+  expect(hear(5, { throughput: 80e6, response: 40 })).toBe(0);
+  expect(hear(5, { throughput: 16e6, response: 40 })).toBe(1);
+  expect(hear(5, { throughput: 3e6, response: 40 })).toBe(3);
+});
+
+test("where the link carries no bitrate at all it stays where it is, as published", () => {
+  hear(5, { throughput: 16e6, response: 40 });
+  expect(hear(5, { throughput: 1e6, response: 40 })).toBe(1);
+});
+
+test("it goes down when little is left of the target latency, to what the link carries", () => {
+  hear(5, { throughput: 80e6, response: 40 });
+  expect(hear(1, { throughput: 80e6, response: 95 })).toBe(1);
+  expect(hear(5, { throughput: 80e6, response: 95 })).toBe(3);
+});
+
+test("nothing changes while the throughput is unknown", () => {
+  expect(hear(5, { throughput: null })).toBe(3);
+});

@@ -1,0 +1,36 @@
+/** Observations for tests: a frame of so many bytes, on a link and a server as told. */
+import type { Observation } from "./controller";
+
+export interface Told {
+  readonly profile?: number;
+  readonly bytes?: number;
+  /** Request to last byte, in milliseconds. */
+  readonly response?: number;
+  /** Bits per second; null: not known yet. */
+  readonly throughput?: number | null;
+  /** All in rendering, in milliseconds. */
+  readonly server?: number;
+  readonly turning?: number;
+  readonly at?: number;
+}
+
+export function observation(told: Told = {}): Observation {
+  const { profile = 3, bytes = 7000, response = 50, throughput = 20e6, server = 10, turning = 0, at = 0 } = told;
+  const duration = throughput === null ? 0 : (bytes * 8000) / throughput;
+  const arrival = {
+    sentAt: at - response,
+    firstByteAt: at - duration,
+    lastByteAt: at,
+    bytes,
+    sharedBytes: bytes,
+  };
+  return {
+    profile,
+    arrival,
+    server: { queue: 0, render: server, encode: 0 },
+    throughput,
+    inFlight: 0,
+    turning,
+    at,
+  };
+}
