@@ -70,6 +70,7 @@ bench: .venv/.ready $(STATIC)
 	@$(VENV)/python benchmarks/raster.py
 	@$(VENV)/python benchmarks/transport.py
 	@$(VENV)/python benchmarks/memory.py
+	@$(VENV)/python benchmarks/dash.py
 
 bench-gpu: .venv/.gpu
 	@$(VENV)/python benchmarks/gpu.py

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 from contextlib import AsyncExitStack
 
 import av.logging
@@ -32,5 +33,8 @@ async def serve(settings: DashSettings) -> None:
         )
         with explained(settings.http, "--http"):
             port = await stack.enter_async_context(serve_http(create_app(sessions), settings.http, websockets=True))
+        # What start-up made stays: to look through it whenever a session ends would hold up frames.
+        gc.collect()
+        gc.freeze()
         print(f"DASH streams by {encoder} on http://{settings.http.reachable_host}:{port}/", flush=True)
         await until_stopped()

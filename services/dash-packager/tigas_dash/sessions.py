@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import gc
 import logging
 import secrets
 from collections.abc import AsyncIterator
@@ -95,6 +96,7 @@ class Sessions:
 
     def _ended(self, task: asyncio.Task[None]) -> None:
         self._running.pop(task.get_name(), None)
+        gc.collect()  # what held encoders and frames refers to itself, and would wait for long
         if not task.cancelled() and (error := task.exception()):
             logger.error("Session %s failed", task.get_name(), exc_info=error)
 

@@ -1,0 +1,203 @@
+"""The packager before the real render service: does it keep its frame rate, how late are its chunks, does it grow?
+
+    python benchmarks/dash.py [--seconds 60] [--width 640] [--height 360]
+
+A viewer walks through the demo scene; its stream is read as a player reads it. A chunk's delay is counted from the tick
+that it belongs to (its media time on the wall clock) until its last byte was read here. The baseline, in the same run,
+is FFmpeg's own muxer for fragmented MP4 (`frag_every_frame`), which gives a frame out when it gets the next one.
+Memory is that of the packager's process: over the session, and after ten more were opened and dropped.
+"""
+
+from __future__ import annotations
+
+import argparse
+import asyncio
+import json
+import math
+import statistics
+import struct
+import subprocess
+import sys
+import time
+from collections.abc import AsyncIterator, Iterator
+from contextlib import asynccontextmanager, contextmanager
+from datetime import UTC, datetime
+from typing import Any
+from xml.etree import ElementTree as ET
+
+import av
+import httpx
+import psutil
+from websockets.asyncio.client import connect
+
+RATE = 30
+WARM_UP_S = 10
+LIMIT_MB = 20
+
+
+@contextmanager
+def service(*arguments: str) -> Iterator[subprocess.Popen[bytes]]:
+    """A `tigas` command for as long as the context lasts."""
+    process = subprocess.Popen([sys.executable, "-m", "tigas_common", *arguments], stdout=subprocess.DEVNULL)
+    try:
+        yield process
+    finally:
+        process.terminate()
+        process.wait(10)
+
+
+async def answers(http: httpx.AsyncClient) -> None:
+    """Until a service is healthy."""
+    async with asyncio.timeout(120):
+        while True:
+            try:
+                if (await http.get("/healthz")).is_success:
+                    return
+            except httpx.HTTPError:
+                await asyncio.sleep(0.2)
+
+
+def session_request(width: int, height: int) -> dict[str, Any]:
+    """The demo scene from its door, in one representation of the viewport's size."""
+    rung = {1280: 0, 960: 1, 640: 2, 320: 3}[width]
+    view = {"fx": width / 2, "fy": width / 2, "cx": width / 2, "cy": height / 2, "width": width, "height": height}
+    pose = {"position": [0, -1.75, -6], "quaternion": [0, 0, 0, 1]}
+    return {"scene": "courtyard", **pose, **view, "representations": [{"rung": rung}], "frame_rate": RATE}
+
+
+@asynccontextmanager
+async def walking(port: int, session: dict[str, Any]) -> AsyncIterator[None]:
+    """A viewer that looks around for as long as the context lasts, at 60 poses a second."""
+
+    async def walk() -> None:
+        async with connect(f"ws://127.0.0.1:{port}{session['poses']}") as socket:
+            for seq in range(1, 2**31):
+                half = seq / 60 * math.radians(20) / 2
+                turned = {"position": [0, -1.75, -6], "quaternion": [0, math.sin(half), 0, math.cos(half)]}
+                await socket.send(json.dumps({"seq": seq, **turned}))
+                while True:
+                    try:
+                        await asyncio.wait_for(socket.recv(), 1 / 60)
+                    except TimeoutError:
+                        break
+
+    task = asyncio.create_task(walk())
+    try:
+        yield
+    finally:
+        task.cancel()
+
+
+async def chunk_delays(http: httpx.AsyncClient, session: dict[str, Any], seconds: float) -> list[float]:
+    """Milliseconds from each chunk's tick until it was read."""
+    mpd = ET.fromstring((await http.get(session["manifest"])).content)
+    started = datetime.fromisoformat(mpd.attrib["availabilityStartTime"])
+    (one,) = session["representations"]
+    now = datetime.fromisoformat((await http.get("/time")).text)
+    ahead = now - datetime.now(UTC)
+    number = int((now - started).total_seconds() / session["segment_s"]) + 1
+    delays, until = [], time.monotonic() + seconds
+    while time.monotonic() < until:
+        rest = b""
+        async with http.stream("GET", f"/sessions/{session['id']}/{one['id']}/{number}.m4s") as answer:
+            async for part in answer.aiter_raw():
+                read = datetime.now(UTC) + ahead
+                rest += part
+                while len(rest) >= 8 and len(rest) >= (size := struct.unpack_from(">I", rest)[0]):
+                    if rest[4:8] == b"prft":
+                        (units,) = struct.unpack_from(">Q", rest, 24)
+                    if rest[4:8] == b"mdat":
+                        tick = (started - datetime(1970, 1, 1, tzinfo=UTC)).total_seconds() + units / (RATE * 1000)
+                        delays.append(1000 * (read.timestamp() - tick))
+                    rest = rest[size:]
+        number += 1
+    return delays
+
+
+def muxer_delays(width: int, height: int, frames: int) -> list[float]:
+    """Milliseconds from each frame until FFmpeg's muxer has given out the last byte of it, at the same pace."""
+    given: list[float] = []
+
+    class Sink:
+        def write(self, data: bytes) -> int:
+            given.append(time.monotonic())
+            return len(data)
+
+    options = {"movflags": "frag_every_frame+empty_moov+default_base_moof", "flush_packets": "1"}
+    container = av.open(Sink(), "w", format="mp4", options=options)
+    stream = container.add_stream("libx264", rate=RATE, options={"preset": "ultrafast", "tune": "zerolatency"})
+    stream.width, stream.height, stream.pix_fmt = width, height, "yuv420p"
+    asked, delays, began = [], [], time.monotonic()
+    for number in range(frames):
+        time.sleep(max(0, began + number / RATE - time.monotonic()))
+        frame = av.VideoFrame(width, height, "yuv420p")
+        frame.pts = number
+        asked.append(time.monotonic())
+        before = len(given)
+        for packet in stream.encode(frame):
+            container.mux(packet)
+        if number > 1 and len(given) > before:
+            delays.append(1000 * (given[-1] - asked[number - 1]))  # what came out is the frame before
+    container.close()
+    return delays
+
+
+def show(name: str, delays: list[float]) -> None:
+    """One row of the table."""
+    cuts = statistics.quantiles(delays, n=20)
+    print(f"{name:44} {statistics.median(delays):8.1f} {cuts[-1]:8.1f}   ms")
+
+
+async def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--seconds", type=float, default=60)
+    parser.add_argument("--width", type=int, default=640, choices=(1280, 960, 640, 320))
+    parser.add_argument("--height", type=int, default=360)
+    arguments = parser.parse_args()
+    render_port, port = 18080, 18081
+    with (
+        service("render", "--http", f"127.0.0.1:{render_port}", "--quic", "off"),
+        service("dash", "--render", f"http://127.0.0.1:{render_port}", "--http", f"127.0.0.1:{port}",
+                "--idle-s", "2", "--max-sessions", "20", "--encoder", "libx264") as packager,
+    ):  # fmt: skip
+        async with (
+            httpx.AsyncClient(base_url=f"http://127.0.0.1:{render_port}") as render,
+            httpx.AsyncClient(base_url=f"http://127.0.0.1:{port}", timeout=60) as http,
+        ):
+            await answers(render)
+            await answers(http)
+            memory = psutil.Process(packager.pid)
+            wanted = session_request(arguments.width, arguments.height)
+            session = (await http.post("/sessions", json=wanted)).json()
+            async with walking(port, session):
+                await chunk_delays(http, session, WARM_UP_S)
+                before = (await http.get(f"/sessions/{session['id']}")).json()
+                started_with = memory.memory_info().rss / 1e6
+                delays = await chunk_delays(http, session, arguments.seconds)
+                after = (await http.get(f"/sessions/{session['id']}")).json()
+                ended_with = memory.memory_info().rss / 1e6
+            await http.delete(f"/sessions/{session['id']}")
+
+            alone, threads = memory.memory_info().rss / 1e6, memory.num_threads()
+            for _ in range(10):
+                (await http.post("/sessions", json=wanted)).raise_for_status()
+            async with asyncio.timeout(60):
+                while (await http.get("/sessions")).json():  # noqa: ASYNC110 - the service tells only who asks
+                    await asyncio.sleep(0.2)
+            dropped, threads_left = memory.memory_info().rss / 1e6, memory.num_threads()
+    frames = after["frames"] - before["frames"]
+    print(f"{arguments.width}×{arguments.height}, {frames / arguments.seconds:.1f} frames/s in the stream, of which")
+    for name in ("repeated", "skipped"):
+        print(f"  {name:9} {100 * (after[name] - before[name]) / frames:5.1f} %")
+    print(f"\n{'delay':44} {'p50':>8} {'p95':>8}")
+    show("tick → rendered, encoded, read by the player", delays)
+    baseline = muxer_delays(arguments.width, arguments.height, 90)
+    show("FFmpeg's muxer alone, frag_every_frame", baseline)
+    print(f"the whole way takes {statistics.median(delays) / statistics.median(baseline):.2f}× as long as that muxer\n")
+    print(f"resident memory over {arguments.seconds:.0f} s: {started_with:.1f} → {ended_with:.1f} MB")
+    print(f"ten more sessions, opened and dropped: {alone:.1f} → {dropped:.1f} MB, {threads} → {threads_left} threads")
+    return int(max(ended_with - started_with, dropped - ended_with) > LIMIT_MB)
+
+
+if __name__ == "__main__":
+    sys.exit(asyncio.run(main()))
