@@ -2,7 +2,9 @@ import { expect, test } from "vitest";
 import { Receiver } from "../transport/reception";
 import { ThroughputEstimator } from "./throughput";
 
-const sample = (bytes: number, ms: number) => ({ firstByteAt: 0, lastByteAt: ms, sharedBytes: bytes });
+const sample = (bytes: number, ms: number) => ({ firstByteAt: 0, lastByteAt: ms, sharedBytes: bytes, bytes });
+/** A frame whose bytes came all at once. */
+const piece = (bytes: number) => ({ firstByteAt: 0, lastByteAt: 0, sharedBytes: 0, bytes });
 
 test("unknown before the first frame", () => {
   expect(new ThroughputEstimator().bitsPerSecond).toBeNull();
@@ -28,10 +30,23 @@ test("several frames in flight do not make the link look slower", () => {
   expect(subject.bitsPerSecond).toBeCloseTo(8_000_000, 0);
 });
 
-test("frames that come in one piece measure nothing, and bits of a millisecond are added up", () => {
+test("bits of a millisecond are added up", () => {
   const subject = new ThroughputEstimator();
-  for (let i = 0; i < 10; i++) subject.observe(sample(0, 0));
-  expect(subject.bitsPerSecond).toBeNull();
   for (let i = 0; i < 4; i++) subject.observe(sample(500, 0.5));
   expect(subject.bitsPerSecond).toBeCloseTo(8_000_000, 0);
+});
+
+test("frames that come in one piece, five times in a row, say how fast the link is at least", () => {
+  const subject = new ThroughputEstimator();
+  for (let i = 0; i < 4; i++) subject.observe(piece(7000));
+  expect(subject.bitsPerSecond).toBeNull();
+  subject.observe(piece(7000));
+  expect(subject.bitsPerSecond).toBeCloseTo(28_000_000, 0); // 7 kB in 2 ms
+});
+
+test("what is known to be faster is not forgotten for frames too small to tell", () => {
+  const subject = new ThroughputEstimator();
+  subject.observe(sample(50_000, 4));
+  for (let i = 0; i < 20; i++) subject.observe(piece(7000));
+  expect(subject.bitsPerSecond).toBeCloseTo(100_000_000, 0);
 });

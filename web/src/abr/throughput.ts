@@ -3,6 +3,10 @@
  *
  * One measurement is what came in between a frame's first and last byte. With several frames in flight their bytes share the
  * link, so the bytes of all of them count: a frame's own bytes alone would make the link look slower than it is.
+ *
+ * Small frames on a fast link come in one piece and leave nothing to measure. Their link delivers a frame in less than
+ * MIN_DURATION, then: a lower bound, which counts where nothing higher is known. Without it, whoever begins with small frames
+ * would never learn that larger ones would do.
  */
 import type { Arrival } from "../transport/transport";
 
@@ -15,14 +19,24 @@ export class ThroughputEstimator {
   #samples: number[] = [];
   #bytes = 0;
   #duration = 0;
+  /** Frames that came too fast to measure, since the last measurement or bound, and all of their bytes. */
+  #fast = 0;
+  #fastBytes = 0;
 
-  observe({ firstByteAt, lastByteAt, sharedBytes }: Pick<Arrival, "firstByteAt" | "lastByteAt" | "sharedBytes">): void {
+  observe({ firstByteAt, lastByteAt, sharedBytes, bytes }: Omit<Arrival, "sentAt">): void {
+    const duration = lastByteAt - firstByteAt;
     this.#bytes += sharedBytes;
-    this.#duration += lastByteAt - firstByteAt;
-    if (this.#duration < MIN_DURATION) return;
-    this.#samples = [...this.#samples, (this.#bytes * 8000) / this.#duration].slice(-SAMPLES);
-    this.#bytes = 0;
-    this.#duration = 0;
+    this.#duration += duration;
+    if (this.#duration >= MIN_DURATION) {
+      this.#add((this.#bytes * 8000) / this.#duration);
+      this.#bytes = 0;
+      this.#duration = 0;
+    } else {
+      this.#fast++;
+      this.#fastBytes += bytes;
+      const bound = (this.#fastBytes * 8000) / (this.#fast * MIN_DURATION);
+      if (this.#fast >= SAMPLES && bound > (this.bitsPerSecond ?? 0)) this.#add(bound);
+    }
   }
 
   /** Bits per second, or null before the first measurement. */
@@ -30,5 +44,11 @@ export class ThroughputEstimator {
     const [first, ...rest] = this.#samples;
     if (first === undefined) return null;
     return rest.reduce((average, sample) => ALPHA * sample + (1 - ALPHA) * average, first);
+  }
+
+  #add(sample: number): void {
+    this.#samples = [...this.#samples, sample].slice(-SAMPLES);
+    this.#fast = 0;
+    this.#fastBytes = 0;
   }
 }
