@@ -64,7 +64,7 @@ format: .venv/.ready web/node_modules/.ready
 	@cd web && npm run --silent fix
 
 compare: .venv/.ready $(STATIC)
-	@$(VENV)/tigas compare $(foreach network,$(NETWORKS),--network $(network)) $(if $(SCENES),--scenes $(SCENES)) $(ARGS)
+	@$(VENV)/tigas compare $(foreach network,$(NETWORKS),--network $(network)) --profile budget --profile 2 $(if $(SCENES),--scenes $(SCENES)) $(ARGS)
 
 bench: .venv/.ready $(STATIC)
 	@$(VENV)/python benchmarks/raster.py

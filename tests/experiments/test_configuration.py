@@ -53,7 +53,7 @@ def test_nonsense_gets_a_sentence(text: str, sentence: str) -> None:
 
 def test_a_folder_name_is_safe_whatever_the_names() -> None:
     slug = configuration(scene="../../etc/passwd", movement="/a/b c.csv", network=Network(name="x/../y")).slug
-    assert slug == "etc-passwd_b-c_x-..-y_stateless_0"
+    assert slug == "etc-passwd_b-c_x-..-y_stateless-budget_0"
     assert "/" not in slug
 
 

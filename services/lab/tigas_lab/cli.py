@@ -17,6 +17,7 @@ from tigas_common.parsing import sentence
 from tigas_lab.configuration import MODES, Configuration, Network
 
 DEFAULT_NETWORK = "20mbit,20ms-rtt"
+DEFAULT_PROFILE = "budget"
 MOST_PICTURES = 120
 """Of a run: they lie in the page's memory until it has ended."""
 
@@ -36,8 +37,12 @@ def compare(
     duration: Annotated[float, typer.Option(help="Seconds of movement a run.")] = 60,
     viewport: Annotated[str, typer.Option(help="WIDTHxHEIGHT in pixels.")] = "640x360",
     profile: Annotated[
-        str, typer.Option(help="Stateless: a controller's name, or a fixed rung of the ladder.")
-    ] = "budget",
+        list[str] | None,
+        typer.Option(
+            help="Stateless: a controller's name, or a fixed rung of the ladder. May be given several times.",
+            show_default=DEFAULT_PROFILE,
+        ),
+    ] = None,
     seed: Annotated[int, typer.Option(help="Of generated movements.")] = 1,
     capture_every: Annotated[float, typer.Option(help="Seconds between pictures kept for quality; 0 keeps none.")] = 1,
     warm_up: Annotated[float, typer.Option(help="Seconds before the movement begins.")] = 5,
@@ -63,13 +68,14 @@ def compare(
                 duration_s=duration,
                 width=width,
                 height=height,
-                profile=int(profile) if profile.isdecimal() else profile,
+                profile=int(chosen) if chosen.isdecimal() else chosen,
                 seed=seed,
                 capture_every_ms=max(capture_every, duration / MOST_PICTURES) * 1000 if capture_every else 0,
                 warm_up_s=warm_up,
             )
             for each in map(_network, network or [DEFAULT_NETWORK])
             for mode in modes.split(",")
+            for chosen in (profile or [DEFAULT_PROFILE] if mode.strip() == "stateless" else [DEFAULT_PROFILE])
         ]
         comparison = Comparison(
             runs=runs,

@@ -97,7 +97,8 @@ class Configuration(WireModel):
     @property
     def slug(self) -> str:
         """A name for its folder."""
-        parts = (self.scene, Path(self.movement).stem, self.network.name, self.mode, f"{self.repeat}")
+        mode = f"{self.mode}-{self.profile}" if self.mode == "stateless" else self.mode
+        parts = (self.scene, Path(self.movement).stem, self.network.name, mode, f"{self.repeat}")
         return "_".join(re.sub(r"[^A-Za-z0-9.-]+", "-", part).strip(".-")[:40] or "x" for part in parts)
 
 

@@ -52,10 +52,11 @@ class Drawn:
     moment: MomentView | None
 
     @classmethod
-    def of(cls, folder: Path, summary: Summary) -> Drawn:
-        """Raises BrokenRecording."""
-        stored = StoredRun(folder)
-        return cls(plots.Curve.of(stored), moment_view(stored, table.label(summary)))
+    def of(cls, folder: Path, summary: Summary, others: Sequence[Drawn]) -> Drawn:
+        """A run after others over the same network. Raises BrokenRecording."""
+        stored, label = StoredRun(folder), table.label(summary)
+        before = sum(other.curve.mode == stored.record.configuration.mode for other in others)
+        return cls(plots.Curve.of(stored, label, before), moment_view(stored, label))
 
 
 PLOTS = (
@@ -79,13 +80,14 @@ def write_report(runs: Sequence[Path], out: Path, title: str, command: str) -> R
             summaries.append(summary)
             if summary.figures is not None:
                 network = summary.record.configuration.network.name
-                drawn.setdefault(network, []).append(Drawn.of(folder, summary))
+                others = drawn.setdefault(network, [])
+                others.append(Drawn.of(folder, summary, others))
         except BrokenRecording:
             continue
     data = ReportData(title=title, command=command, runs=tuple(summaries))
     (out / "report.json").write_text(data.model_dump_json(indent=2) + "\n", encoding="utf-8")
     (out / "table.md").write_text(table.markdown(summaries), encoding="utf-8")
-    if drawn:
+    if any(drawn.values()):
         plots.headline({network: [run.curve for run in runs] for network, runs in drawn.items()}, out)
     (out / "report.html").write_text(_html(data, drawn), encoding="utf-8")
     return data
@@ -127,7 +129,7 @@ def _html(data: ReportData, drawn: dict[str, list[Drawn]]) -> str:
             [
                 Plot(caption, Markup(draw([run.curve for run in drawn[network]])))
                 for caption, draw in PLOTS
-                if network in drawn
+                if drawn.get(network)
             ],
             [run.moment for run in drawn.get(network, ()) if run.moment],
         )

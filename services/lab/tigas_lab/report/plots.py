@@ -8,13 +8,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import matplotlib as mpl
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from tigas_lab.configuration import MODE_NAMES, Mode
+from tigas_lab.configuration import Mode
 from tigas_lab.recording import ShownFrame, Traffic
 from tigas_lab.statistics import INTERACTIVE_MS, answers
 from tigas_lab.store import LinkSample, StoredRun
@@ -36,6 +36,8 @@ STYLE: Any = {
     "legend.frameon": False,
     "svg.hashsalt": "tigas",
 }
+LineStyle = Literal["-", "--", ":", "-."]
+DASHES: tuple[LineStyle, ...] = ("-", "--", ":", "-.")
 SIZE = (7.2, 2.7)
 TICKS = (5, 10, 20, 50, 100, 200, 500, 1000, 2000, 5000, 10_000, 20_000, 50_000)
 
@@ -53,19 +55,23 @@ class Curve:
     frames: list[ShownFrame]
     traffic: list[Traffic]
 
+    dashes: LineStyle
+    """Tells runs of the same mode apart."""
+
     @classmethod
-    def of(cls, run: StoredRun) -> Curve:
-        """Raises BrokenRecording."""
+    def of(cls, run: StoredRun, label: str, before: int) -> Curve:
+        """The run as it is called, after so many of the same mode. Raises BrokenRecording."""
         inputs, frames = run.inputs(), run.frames()
         configuration = run.record.configuration
         return cls(
             mode=configuration.mode,
-            label=MODE_NAMES[configuration.mode] + (f" ({configuration.repeat + 1})" if configuration.repeat else ""),
+            label=label,
             duration_s=configuration.duration_s,
             answered=[(entry.at / 1000, ms) for entry, ms in zip(inputs, answers(inputs, frames), strict=True)],
             link=[sample for sample in run.link() if -1000 <= sample.at <= configuration.duration_s * 1000 + 1000],
             frames=frames,
             traffic=run.traffic(),
+            dashes=DASHES[before % len(DASHES)],
         )
 
     @property
@@ -97,7 +103,7 @@ def latency_over_time(curves: Sequence[Curve]) -> str:
         for curve in curves:
             times, values = zip(*curve.answered, strict=True) if curve.answered else ((), ())
             shown = [value if math.isfinite(value) else math.nan for value in values]
-            axes.plot(times, shown, color=curve.colour, label=curve.label, linewidth=0.9)
+            axes.plot(times, shown, color=curve.colour, label=curve.label, linestyle=curve.dashes, linewidth=0.9)
         axes.axhline(INTERACTIVE_MS, color="#444", linewidth=0.8, linestyle="--")
         axes.set(xlabel="Time, s", ylabel="Motion-to-photon, ms", yscale="log", xlim=(0, _duration(curves)))
         _plain_log(axes, [value for curve in curves for _, value in curve.answered])
@@ -116,7 +122,7 @@ def bandwidth_over_time(curves: Sequence[Curve]) -> str:
             axes.fill_between(times, rates, color="#eef0f3", step="post", label="Link's rate", linewidth=0)
         for curve in curves:
             times, values = curve.rates
-            axes.plot(times, values, color=curve.colour, label=curve.label, linewidth=1)
+            axes.plot(times, values, color=curve.colour, label=curve.label, linestyle=curve.dashes, linewidth=1)
         axes.set(xlabel="Time, s", ylabel="Mbit/s", xlim=(0, _duration(curves)))
         axes.set_ylim(bottom=0)
         _legend(axes)
@@ -130,7 +136,14 @@ def height_over_time(curves: Sequence[Curve]) -> str:
         for curve in curves:
             frames = [frame for frame in curve.frames if frame.at <= curve.duration_s * 1000]
             times = [frame.at / 1000 for frame in frames]
-            axes.step(times, [frame.height for frame in frames], color=curve.colour, label=curve.label, where="post")
+            axes.step(
+                times,
+                [frame.height for frame in frames],
+                color=curve.colour,
+                label=curve.label,
+                linestyle=curve.dashes,
+                where="post",
+            )
         axes.set(xlabel="Time, s", ylabel="Height of the frame, pixels", xlim=(0, _duration(curves)))
         axes.set_ylim(bottom=0)
         _legend(axes)
@@ -159,7 +172,15 @@ def draw_distribution(axes: Axes, curves: Sequence[Curve]) -> None:
         values = sorted(value for _, value in curve.answered if math.isfinite(value))
         if values:
             shares = [(index + 1) / len(curve.answered) for index in range(len(values))]
-            axes.step(values, shares, where="post", color=curve.colour, label=curve.label, linewidth=1.6)
+            axes.step(
+                values,
+                shares,
+                where="post",
+                color=curve.colour,
+                label=curve.label,
+                linestyle=curve.dashes,
+                linewidth=1.6,
+            )
     axes.axvline(INTERACTIVE_MS, color="#444", linewidth=0.8, linestyle="--")
     axes.set(xscale="log", xlabel="Motion-to-photon latency, ms", ylabel="Share of inputs", ylim=(0, 1.01))
     _plain_log(axes, [value for curve in curves for _, value in curve.answered], horizontal=True)
