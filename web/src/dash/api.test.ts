@@ -1,0 +1,43 @@
+import { afterEach, expect, test, vi } from "vitest";
+import type { SessionInfo, SessionRequest } from "../dash-wire";
+import { endSession, openSession } from "./api";
+
+const REQUEST = { scene: "courtyard" } as SessionRequest;
+const SIGNAL = new AbortController().signal;
+
+afterEach(() => {
+  vi.unstubAllGlobals();
+});
+
+function answer(response: () => Response | Promise<Response>) {
+  const asked = vi.fn(async (_url: string, _init: RequestInit) => response());
+  vi.stubGlobal("fetch", asked);
+  return asked;
+}
+
+test.each([
+  [400, false],
+  [404, false],
+  [502, true],
+  [503, true],
+])("a refusal with status %i is told in its own words; another try may help: %s", async (status, unreachable) => {
+  answer(() => Response.json({ type: "tigas:x", title: "X", status, detail: "A sentence." }, { status }));
+  await expect(openSession("http://packager", REQUEST, SIGNAL)).rejects.toMatchObject({
+    message: "A sentence.",
+    unreachable,
+  });
+});
+
+test("a packager that is away is named", async () => {
+  answer(() => Promise.reject(new TypeError("Failed to fetch")));
+  await expect(openSession("http://packager", REQUEST, SIGNAL)).rejects.toMatchObject({
+    message: "The DASH packager does not answer.",
+    unreachable: true,
+  });
+});
+
+test("a session is ended even while the page goes away", () => {
+  const asked = answer(() => new Response(null, { status: 204 }));
+  endSession("http://packager", { id: "a1" } as SessionInfo);
+  expect(asked).toHaveBeenCalledWith("http://packager/sessions/a1", { method: "DELETE", keepalive: true });
+});

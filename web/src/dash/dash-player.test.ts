@@ -1,0 +1,173 @@
+import { afterEach, beforeEach, expect, test, vi } from "vitest";
+import type { FrameShown, PoseUpdate, SessionInfo } from "../dash-wire";
+import { NO_NUDGE } from "../input/motion";
+import type { PresentedFrame } from "../player/presented";
+import { Rig } from "../player/rig";
+import { ApiError } from "../state/api";
+import type { SceneInfo } from "../wire";
+import { endSession, openPoses, openSession } from "./api";
+import { DashPlayer } from "./dash-player";
+import { TUNED } from "./presets";
+import { playStream } from "./stream";
+import { type StreamEvents, Unplayable } from "./streaming";
+
+vi.mock("./api");
+vi.mock("./stream", () => ({ playStream: vi.fn() })); // the real one loads a player that needs a browser
+
+const SCENE = { up: [0, -1, 0], camera: { position: [0, -2, -8], look_at: [0, -2, 0] } } as SceneInfo;
+const SESSION = {
+  id: "a",
+  manifest: "/a.mpd",
+  poses: "/a/poses",
+  frame_rate: 30,
+  representations: [{ rung: 2, width: 640, height: 360 }],
+} as unknown as SessionInfo;
+const STILL = { forward: 0, right: 0, up: 0, turnRight: 0, turnUp: 0 };
+
+let now: number;
+let axes: typeof STILL;
+let rig: Rig;
+let player: DashPlayer;
+let shown: PresentedFrame[];
+/** Poses that the packager was told. */
+let told: PoseUpdate[];
+let announce: (frame: FrameShown) => void;
+let hangUp: () => void;
+let stream: StreamEvents;
+/** The browser presents a frame of the video. */
+let present: (mediaTime: number, expectedDisplayTime: number) => void;
+
+beforeEach(() => {
+  vi.useFakeTimers();
+  now = 0;
+  axes = STILL;
+  shown = [];
+  told = [];
+  rig = new Rig({ sampleInput: () => ({ axes, nudge: NO_NUDGE }), turnSpeed: () => 60 });
+  rig.resize(640, 360);
+  rig.enter(SCENE);
+  rig.sample(0);
+  vi.mocked(openSession).mockReset().mockResolvedValue(SESSION);
+  vi.mocked(endSession).mockReset();
+  vi.mocked(openPoses).mockImplementation((_, __, onFrame, onClose) => {
+    announce = onFrame;
+    hangUp = onClose;
+    return { send: (pose) => told.push(pose) > 0, close: () => undefined };
+  });
+  vi.mocked(playStream).mockImplementation((_, __, events) => {
+    stream = events;
+    return { latency: () => 0.1, dispose: () => undefined };
+  });
+});
+
+afterEach(() => {
+  player.dispose();
+  vi.useRealTimers();
+});
+
+function open(): void {
+  const video = {
+    requestVideoFrameCallback: (heard: VideoFrameRequestCallback) => {
+      present = (mediaTime, expectedDisplayTime) =>
+        heard(0, { mediaTime, expectedDisplayTime, width: 640, height: 360 } as VideoFrameCallbackMetadata);
+    },
+  };
+  player = new DashPlayer({
+    video: video as HTMLVideoElement,
+    rig,
+    base: "http://packager",
+    scene: "courtyard",
+    setup: TUNED,
+    rungs: [2],
+    stamp: false,
+    onPresented: (frame) => shown.push(frame),
+    onReceived: () => undefined,
+    now: () => now,
+  });
+}
+
+async function settle(): Promise<void> {
+  await vi.advanceTimersByTimeAsync(0);
+}
+
+/** An animation frame. */
+function frame(at: number): void {
+  now = at;
+  player.tick(at, rig.sample(at));
+}
+
+test("latency is counted from the sample of a pose to the video frame that shows it, once the stream plays", async () => {
+  open();
+  await settle();
+  axes = { ...STILL, forward: 1 };
+  frame(100); // the stream is not there yet: to wait for it is no latency
+  axes = STILL;
+  announce({ frame: 0, media_time_s: 0, pose: rig.pose.seq });
+  present(0, 1500);
+  expect(player.phase.value.kind).toBe("playing");
+  axes = { ...STILL, forward: 1 };
+  frame(1600);
+  axes = STILL;
+  announce({ frame: 4, media_time_s: 4 / 30, pose: rig.pose.seq });
+  present(4 / 30, 1735);
+  expect(shown.map(({ at, latencies, rung }) => ({ at, latencies, rung }))).toEqual([
+    { at: 1500, latencies: [], rung: 2 },
+    { at: 1735, latencies: [135], rung: 2 },
+  ]);
+});
+
+test("the packager hears of each new pose and of each new lens, and of neither twice", async () => {
+  open();
+  await settle();
+  frame(16);
+  frame(32);
+  expect(told).toHaveLength(1);
+  rig.lens.value = { fx: 900 };
+  frame(48);
+  expect(told.at(-1)?.fx).toBe(900);
+  axes = { ...STILL, turnRight: 1 };
+  frame(64);
+  expect(told.map(({ seq }) => seq)).toEqual([rig.pose.seq - 1, rig.pose.seq - 1, rig.pose.seq]);
+  axes = STILL;
+  frame(80);
+  rig.resize(320, 180); // the lens for the new viewport is not one for this stream
+  frame(96);
+  expect(told.at(-1)).not.toHaveProperty("fx");
+});
+
+test("what may pass is tried again, and a stream that ends is opened anew", async () => {
+  vi.mocked(openSession).mockRejectedValueOnce(new ApiError("4 sessions run already.", true));
+  open();
+  await settle();
+  expect(player.phase.value).toEqual({ kind: "lost", message: "4 sessions run already." });
+  await vi.advanceTimersByTimeAsync(1000);
+  stream.failed("The player stopped.");
+  await settle();
+  expect(player.phase.value).toEqual({ kind: "lost", message: "The player stopped." });
+  expect(openSession).toHaveBeenCalledTimes(2); // not at once: it had never played
+  await vi.advanceTimersByTimeAsync(3000);
+  present(0, 10);
+  await settle();
+  hangUp();
+  await settle();
+  expect(openSession).toHaveBeenCalledTimes(4);
+  expect(endSession).toHaveBeenCalledTimes(2);
+});
+
+test.each([
+  [new ApiError("There is no scene “attic”.", false), "There is no scene “attic”."],
+  [new Unplayable("No Media Source Extensions."), "No Media Source Extensions."],
+])("what will not pass is said, and not tried again", async (error, message) => {
+  vi.mocked(openSession).mockRejectedValue(error);
+  open();
+  await vi.advanceTimersByTimeAsync(10_000);
+  expect(player.phase.value).toEqual({ kind: "failed", message });
+  expect(openSession).toHaveBeenCalledTimes(1);
+});
+
+test("who leaves ends the stream", async () => {
+  open();
+  await settle();
+  player.dispose();
+  expect(endSession).toHaveBeenCalledWith("http://packager", SESSION);
+});
