@@ -1,0 +1,33 @@
+"""Letting a controller choose each frame's profile, or choosing it oneself."""
+
+from __future__ import annotations
+
+from playwright.sync_api import expect
+
+from tests.web.conftest import OpenPage
+from tests.web.modes import with_settings
+from tests.web.stage import SCENE, wait_for_frames, wait_until_settled
+
+
+def test_a_controller_starts_low_and_climbs_while_the_link_allows(open_page: OpenPage, viewer_url: str) -> None:
+    page = open_page(SCENE, url=viewer_url, **with_settings(viewer_url, controller="latency", refine=False))
+    wait_for_frames(page)
+    wait_until_settled(page)
+    expect(page.locator("[data-stat=profile]")).to_have_text("Low")
+    page.keyboard.down("ArrowRight")
+    expect(page.locator("[data-stat=profile]")).to_have_text("High", timeout=20_000)
+    page.keyboard.up("ArrowRight")
+
+
+def test_profiles_can_be_chosen_only_while_no_controller_chooses(open_page: OpenPage) -> None:
+    page = open_page(SCENE)
+    wait_for_frames(page)
+    low = page.get_by_label("Low", exact=False).last
+    expect(page.get_by_label("Adaptation")).to_have_value("budget")
+    expect(low).to_be_disabled()
+    page.get_by_label("Adaptation").select_option("fixed")
+    low.check()
+    page.get_by_label("Refine when still").uncheck()
+    expect(page.locator("[data-stat=profile]")).to_have_text("Low")
+    page.get_by_label("Adaptation").select_option("l2a")
+    expect(low).to_be_disabled()
