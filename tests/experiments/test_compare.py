@@ -19,7 +19,7 @@ from tests.experiments.conftest import Services
 from tigas_lab.store import StoredRun
 
 PATIENCE_S = 90
-SHORT = ("--scene", "pebbles", "--duration", "3", "--warm-up", "1", "--viewport", "320x180", "--profile", "3")
+SHORT = ("--scene", "pebbles", "--duration", "2", "--warm-up", "0.5", "--viewport", "320x180", "--profile", "3")
 
 
 def compare(*arguments: str) -> subprocess.Popen[str]:
@@ -68,13 +68,13 @@ def test_every_mode_is_measured_over_the_same_link_and_movement(services: Servic
     assert [run["record"]["configuration"]["mode"] for run in runs] == ["stateless", "dash-typical", "dash-tuned"]
     for run in runs:
         figures = run["figures"]
-        assert figures["latencies"]["inputs"] > 60, "the browser sampled the movement"
+        assert figures["latencies"]["inputs"] > 30, "the browser sampled the movement"
         assert figures["latencies"]["unanswered"] == 0
         assert 0 < figures["latencies"]["p50"] <= figures["latencies"]["p95"]
-        assert figures["frames"]["new_views"] > 10
+        assert figures["frames"]["new_views"] > 5
         assert figures["received_kbps"] > 10
         assert figures["target_kbps"] == 20_000
-        assert figures["quality"]["pictures"] == 2
+        assert figures["quality"]["pictures"] == 1
         assert figures["quality"]["picture_ssim"] > 0.5
         assert figures["quality"]["picture_psnr_db"] > figures["quality"]["view_psnr_db"], "lateness costs"
         assert run["record"]["load"]["processors"] == psutil.cpu_count()
@@ -105,7 +105,7 @@ def test_ctrl_c_ends_everything_and_keeps_what_was_finished(services: Services, 
     _, alive = psutil.wait_procs(children, timeout=10)
     assert alive == []
     first, second = report(out)
-    assert first["figures"]["latencies"]["inputs"] > 60
+    assert first["figures"]["latencies"]["inputs"] > 30
     assert second["figures"] is None
     assert second["problem"] == "The run was stopped before its end."
 
@@ -122,7 +122,8 @@ def test_a_run_that_cannot_be_made_is_named(
     status, _, errors = finished(compare(*arguments))
     assert status == 1
     assert sentence in " ".join(errors.split())
-    (run,) = report(out)
+    *others, run = report(out)
+    assert all(other["figures"] for other in others), "the others go on"
     assert run["figures"] is None
     assert sentence in run["problem"]
 

@@ -93,6 +93,7 @@ def latency_distribution(curves: Sequence[Curve]) -> str:
     with mpl.rc_context(STYLE):
         figure, axes = _figure()
         draw_distribution(axes, curves)
+        _legend(axes)
         return _svg(figure)
 
 
@@ -160,6 +161,8 @@ def headline(by_network: dict[str, list[Curve]], folder: Path) -> list[Path]:
             axes.set_title(network, fontsize=9)
         for axes in panels[1:]:
             axes.set_ylabel("")
+        by_label = {label: handle for axes in panels for handle, label in zip(*_legend_entries(axes), strict=True)}
+        figure.legend(by_label.values(), by_label.keys(), loc="outside upper center", ncols=5, fontsize=8)
         paths = [folder / "headline.svg", folder / "headline.png"]
         figure.savefig(paths[0], metadata=NO_METADATA)
         figure.savefig(paths[1], dpi=160)
@@ -184,7 +187,6 @@ def draw_distribution(axes: Axes, curves: Sequence[Curve]) -> None:
     axes.axvline(INTERACTIVE_MS, color="#444", linewidth=0.8, linestyle="--")
     axes.set(xscale="log", xlabel="Motion-to-photon latency, ms", ylabel="Share of inputs", ylim=(0, 1.01))
     _plain_log(axes, [value for curve in curves for _, value in curve.answered], horizontal=True)
-    _legend(axes)
 
 
 def _figure() -> tuple[Figure, Axes]:
@@ -195,7 +197,7 @@ def _figure() -> tuple[Figure, Axes]:
 def _plain_log(axes: Axes, values: list[float], *, horizontal: bool = False) -> None:
     """A logarithmic axis with plain numbers, over the values and the interactive limit."""
     finite = [value for value in values if math.isfinite(value) and value > 0] or [INTERACTIVE_MS]
-    low, high = min(10.0, *finite), max(200.0, *finite)
+    low, high = min(20.0, *finite), max(200.0, *finite)
     ticks = [tick for tick in TICKS if low / 1.5 <= tick <= high * 1.5]
     axis = axes.xaxis if horizontal else axes.yaxis
     axis.set_ticks(ticks, [f"{tick:,}" for tick in ticks])
@@ -228,8 +230,13 @@ def _rate_behind(axes: Axes, curves: Sequence[Curve]) -> None:
     axes.patch.set_visible(False)
 
 
+def _legend_entries(axes: Axes) -> tuple[list[Any], list[str]]:
+    handles, labels = axes.get_legend_handles_labels()
+    return list(handles), [str(label) for label in labels]
+
+
 def _legend(axes: Axes) -> None:
-    if axes.get_legend_handles_labels()[0]:
+    if _legend_entries(axes)[0]:
         axes.legend(loc="lower left", bbox_to_anchor=(0, 1.0), ncols=5, borderaxespad=0.2, handlelength=1.4, fontsize=8)
 
 
