@@ -32,6 +32,15 @@ test("a frame of a pose that is shown already tells no latency", () => {
   expect(meter.latencies(120)).toEqual([80]);
 });
 
+test("repeated frames do not hide a stall", () => {
+  const meter = new Meter("dash", () => undefined);
+  for (let at = 0; at <= 1000; at += 20) {
+    meter.moved(at, at);
+    meter.presented({ ...PICTURE, pose: at > 200 && at < 800 ? 200 : at, at });
+  }
+  expect(meter.figures(1000).stalls).toEqual({ count: 1, time: 600 });
+});
+
 test("before anything is shown there are no figures", () => {
   expect(new Meter("stateless", () => undefined).figures(1000)).toEqual(NO_FIGURES);
 });

@@ -63,7 +63,8 @@ export class Meter {
   presented(frame: Omit<PresentedFrame, "side" | "latencies">): void {
     const latencies = this.#latency.presented(frame.pose, frame.at);
     for (const latency of latencies) this.#motionToPhoton.add(latency, frame.at);
-    this.#stalls.presented(frame.at);
+    // A stream repeats its last frame when no new view came in time: the picture stands still then as it does without frames.
+    if (frame.pose !== this.#last?.pose) this.#stalls.presented(frame.at);
     this.#frames.add(1, frame.at);
     this.#shown++;
     this.#last = { ...frame, side: this.#side, latencies };

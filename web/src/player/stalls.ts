@@ -1,7 +1,7 @@
 /**
  * Stalls: while the camera moves, the picture stands still for longer than a person overlooks. The same for every mode: the
- * gap between two presented frames counts for as long as the camera moved in it, if it moved when the gap began. (If it began to
- * move later, the wait for the first frame is latency.)
+ * gap between two presented frames of different poses counts for as long as the camera moved in it, if it moved when the gap
+ * began. (If it began to move later, the wait for the first frame is latency.)
  */
 
 /** A longer gap than this is a stall, in milliseconds: six frames at 30 frames/s. */
