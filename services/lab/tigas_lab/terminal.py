@@ -52,7 +52,7 @@ def print_report(report: ReportData, out: Path) -> None:
     console = Console()
     for network, runs in by_network(report.runs).items():
         table = Table(title=network, title_justify="left")
-        table.add_column("")
+        table.add_column("", no_wrap=True)
         for run in runs:
             table.add_column(label(run), justify="right")
         rows = [cells(run) for run in runs]
