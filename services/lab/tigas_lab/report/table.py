@@ -20,6 +20,8 @@ class Column:
     title: str
     unit: str
     cell: Callable[[Figures], str]
+    short: str | None = None
+    """Its heading in the Markdown table, which has the most important ones alone."""
 
     @property
     def heading(self) -> str:
@@ -51,18 +53,18 @@ def _latency(value: float | None, unanswered: int) -> str:
 LATENCY, FRAMES, BANDWIDTH = "Motion-to-photon", "Frames", "Bandwidth"
 PICTURE, VIEW = "Picture", "View"
 COLUMNS = (
-    Column(LATENCY, "p50", "ms", lambda f: _latency(f.latencies.p50, f.latencies.unanswered)),
-    Column(LATENCY, "p95", "ms", lambda f: _latency(f.latencies.p95, f.latencies.unanswered)),
-    Column(LATENCY, "p99", "ms", lambda f: _latency(f.latencies.p99, f.latencies.unanswered)),
-    Column(LATENCY, "within 100 ms", "%", lambda f: _percent(f.latencies.share_interactive)),
-    Column(FRAMES, "new views", "/s", lambda f: _number(f.frames.new_views_per_s, 1)),
-    Column(FRAMES, "freezes", "", lambda f: f"{f.freezes.count} ({f.freezes.total_ms / 1000:.1f} s)"),
-    Column(FRAMES, "height", "px", lambda f: _number(f.mean_height)),
-    Column(BANDWIDTH, "received", "Mbit/s", lambda f: _mbit(f.received_kbps)),
+    Column(LATENCY, "p50", "ms", lambda f: _latency(f.latencies.p50, f.latencies.unanswered), "p50, ms"),
+    Column(LATENCY, "p95", "ms", lambda f: _latency(f.latencies.p95, f.latencies.unanswered), "p95, ms"),
+    Column(LATENCY, "p99", "ms", lambda f: _latency(f.latencies.p99, f.latencies.unanswered), "p99, ms"),
+    Column(LATENCY, "within 100 ms", "%", lambda f: _percent(f.latencies.share_interactive), "within 100 ms, %"),
+    Column(FRAMES, "new views", "/s", lambda f: _number(f.frames.new_views_per_s, 1), "new views/s"),
+    Column(FRAMES, "freezes", "", lambda f: f"{f.freezes.count} ({f.freezes.total_ms / 1000:.1f} s)", "freezes"),
+    Column(FRAMES, "height", "px", lambda f: _number(f.mean_height), "height, px"),
+    Column(BANDWIDTH, "received", "Mbit/s", lambda f: _mbit(f.received_kbps), "Mbit/s"),
     Column(BANDWIDTH, "over the link", "Mbit/s", lambda f: _mbit(f.delivered_kbps)),
-    Column(PICTURE, "SSIM", "", lambda f: _quality(f, "picture_ssim", 3)),
+    Column(PICTURE, "SSIM", "", lambda f: _quality(f, "picture_ssim", 3), "SSIM of the picture"),
     Column(PICTURE, "PSNR", "dB", lambda f: _quality(f, "picture_psnr_db", 1)),
-    Column(VIEW, "SSIM", "", lambda f: _quality(f, "view_ssim", 3)),
+    Column(VIEW, "SSIM", "", lambda f: _quality(f, "view_ssim", 3), "SSIM of the view"),
     Column(VIEW, "PSNR", "dB", lambda f: _quality(f, "view_psnr_db", 1)),
 )
 
@@ -97,13 +99,18 @@ def by_network(summaries: Iterable[Summary]) -> dict[str, list[Summary]]:
 
 
 def markdown(summaries: Iterable[Summary]) -> str:
-    """One table for all networks."""
+    """One table for all networks, with the most important figures; the first three are motion-to-photon latencies."""
+    chosen = [column for column in COLUMNS if column.short]
     lines = [
-        "| network | mode | " + " | ".join(column.heading for column in COLUMNS) + " |",
-        "|---|---|" + "---:|" * len(COLUMNS),
+        "| network | mode | " + " | ".join(column.short or "" for column in chosen) + " |",
+        "|---|---|" + "---:|" * len(chosen),
     ]
     for network, runs in by_network(summaries).items():
         for run in runs:
-            row = cells(run) if run.figures else [f"no result: {run.problem}", *[""] * (len(COLUMNS) - 1)]
+            figures = run.figures
+            if figures is None:
+                row = [f"no result: {run.problem}", *[""] * (len(chosen) - 1)]
+            else:
+                row = [column.cell(figures) for column in chosen]
             lines.append(f"| {network} | {label(run)} | " + " | ".join(cell.replace("|", "\\|") for cell in row) + " |")
     return "\n".join(lines) + "\n"
