@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+import weakref
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from dataclasses import dataclass, field
@@ -105,6 +106,8 @@ class FakeScenes:
     users: int = 0
     evictable: int = 0
     evicted: int = 0
+    last: weakref.ref[FakeLoaded] | None = None
+    """The scene that was given out last."""
 
     @asynccontextmanager
     async def use(self, scene_id: str) -> AsyncIterator[FakeLoaded]:
@@ -112,7 +115,9 @@ class FakeScenes:
             raise UnknownScene(f"There is no scene {scene_id!r}.")
         self.users += 1
         try:
-            yield FakeLoaded()
+            loaded = FakeLoaded()
+            self.last = weakref.ref(loaded)
+            yield loaded
         finally:
             self.users -= 1
 

@@ -241,6 +241,16 @@ async def test_when_the_device_is_full_a_scene_goes_and_the_frame_is_tried_once_
     assert bench.scenes.users == 0
 
 
+async def test_a_scene_is_let_go_when_its_frame_is_done(bench: Bench) -> None:
+    bench.rasterizer.gate.set()
+    await bench.submit("a")
+    last = bench.scenes.last
+    assert last is not None
+    async with asyncio.timeout(10):
+        while last() is not None:  # noqa: ASYNC110 - nothing announces it
+            await asyncio.sleep(0)
+
+
 async def test_the_rasteriser_hears_what_the_frame_will_be_encoded_as(bench: Bench) -> None:
     bench.rasterizer.gate.set()
     await bench.submit("a", format="yuv420p")

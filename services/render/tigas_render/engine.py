@@ -150,11 +150,13 @@ class Engine:
             if request.profile is not None and request.profile >= len(self._ladder):
                 raise InvalidRequest(f"profile: the ladder has rungs 0 to {len(self._ladder) - 1}.")
             async with self._scenes.use(request.scene) as scene:
+                frame = None
                 try:
                     frame = await self._frame(client, request, scene, arrived)
                 except OutOfDeviceMemory:
                     if not self._scenes.evict():
                         raise
+                if frame is None:  # not before the error is gone, which may hold on to memory
                     frame = await self._frame(client, request, scene, arrived)
         except asyncio.CancelledError:
             self._metrics.count("cancelled")
@@ -187,29 +189,44 @@ class Engine:
         if pushed_out is not None:
             pushed_out.resolve(Superseded("Newer requests of this client took this one's place."))
 
+    # The threads' loops hold nothing while they wait: a scene that was unloaded gives its memory back at once.
+
     def _render_forever(self) -> None:
-        while True:
-            # The image's place is taken first, so that the choice of what to render is made as late as possible.
-            self._images.acquire()
-            work = self._next()
-            if work is None:
-                for _ in range(self._rasterizer.frames_in_flight - 1):
-                    self._rendered.put(None)
-                return
-            try:
-                started = self._clock()
-                format = work.request.format if work.request.stamp is None else "png"  # stamped on the host
-                image = self._rasterizer.render(work.scene.prepared, self._camera(work), format)
-                rendered = self._clock()
-            except Exception as error:
-                self._images.release()
-                self._failed("Rendering", work, error)
-            else:
-                self._rendered.put(_Rendered(work, image, started, rendered))
+        while self._render_next():
+            pass
+        for _ in range(self._rasterizer.frames_in_flight - 1):
+            self._rendered.put(None)
+
+    def _render_next(self) -> bool:
+        """Wait for work and render it; False once the engine is closed."""
+        # The image's place is taken first, so that the choice of what to render is made as late as possible.
+        self._images.acquire()
+        work = self._next()
+        if work is None:
+            return False
+        try:
+            started = self._clock()
+            format = work.request.format if work.request.stamp is None else "png"  # stamped on the host
+            image = self._rasterizer.render(work.scene.prepared, self._camera(work), format)
+            rendered = self._clock()
+        except Exception as error:
+            self._images.release()
+            self._failed("Rendering", work, error)
+        else:
+            self._rendered.put(_Rendered(work, image, started, rendered))
+        return True
 
     def _encode_forever(self) -> None:
-        while (rendered := self._rendered.get()) is not None:
-            self._encode(rendered)
+        while self._encode_next():
+            pass
+
+    def _encode_next(self) -> bool:
+        """Wait for an image and encode it; False once the engine is closed."""
+        rendered = self._rendered.get()
+        if rendered is None:
+            return False
+        self._encode(rendered)
+        return True
 
     def _failed(self, doing: str, work: _Work, error: Exception) -> None:
         if isinstance(error, TigasError):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import threading
+import weakref
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -396,6 +397,26 @@ async def test_a_device_that_is_full_gets_room_once(bench: Bench) -> None:
     assert [registry.info(id).state for id in ("older", "old", "new")] == ["unloaded", "loaded", "unloaded"]
     del bench.errors["new"]
     await registry.load("new")  # the device is asked again: its memory comes and goes
+    assert registry.info("new").state == "loaded"
+
+
+async def test_what_did_not_fit_is_gone_before_it_is_tried_again(bench: Bench) -> None:
+    bench.add("old")
+    bench.add("new")
+    registry = bench.registry()
+    await registry.load("old")
+    half: list[weakref.ref[Packed]] = []
+
+    def prepare(gaussians: Gaussians) -> PreparedScene:
+        packed = Packed(len(gaussians))
+        if not half:
+            half.append(weakref.ref(packed))
+            raise OutOfDeviceMemory("full")
+        assert half[0]() is None, "the first attempt still holds its memory"
+        return packed
+
+    registry._prepare = prepare
+    await registry.load("new")
     assert registry.info("new").state == "loaded"
 
 

@@ -193,11 +193,13 @@ class SceneRegistry:
         source = entry.source
         try:
             self._make_room(entry, source.memory_bytes)
+            loaded = None
             try:
                 loaded = await asyncio.to_thread(self._read, source)
             except OutOfDeviceMemory:
                 if not self.evict():
                     raise
+            if loaded is None:  # not before the error is gone, which holds what had been loaded until then
                 loaded = await asyncio.to_thread(self._read, source)
             self._make_room(entry, loaded.prepared.nbytes)
         except TigasError as error:

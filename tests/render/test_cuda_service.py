@@ -1,0 +1,127 @@
+"""The service on a real GPU: its formats, and what it says when the GPU is full or broken."""
+
+from __future__ import annotations
+
+import io
+import json
+import os
+import subprocess
+import sys
+from collections.abc import AsyncIterator, Iterator
+from pathlib import Path
+from typing import Any
+
+import httpx
+import numpy as np
+import pytest
+import torch
+from PIL import Image
+
+from tests.render.fakes import render_request
+from tests.render.raster.views import cloud, psnr
+from tigas_render.app import create_app
+from tigas_render.raster.devices import create_rasterizer, why_no_cuda
+from tigas_render.raster.stamp import read_stamp
+from tigas_render.scenes.ply import write_ply
+from tigas_render.service import RenderService
+from tigas_render.settings import RenderSettings
+
+NO_CUDA = why_no_cuda()
+pytestmark = [
+    pytest.mark.anyio,
+    pytest.mark.skipif(NO_CUDA is not None, reason=f"no GPU: {NO_CUDA}"),
+    pytest.mark.timeout(400),
+]
+ROOT = Path(__file__).parents[2]
+
+
+@pytest.fixture(scope="module")
+def models(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A large scene and a small one."""
+    directory = tmp_path_factory.mktemp("models")
+    for name, count in (("large", 10_000_000), ("small", 1_000_000)):
+        (directory / name).mkdir()
+        write_ply(directory / name / f"{name}.ply", cloud(count, 0))
+    return directory
+
+
+@pytest.fixture
+async def client(models: Path, tmp_path: Path) -> AsyncIterator[httpx.AsyncClient]:
+    settings = RenderSettings(scenes=models, cache=tmp_path / "cache")
+    async with RenderService.open(settings, create_rasterizer("cuda", tmp_path)) as service:
+        transport = httpx.ASGITransport(create_app(service), raise_app_exceptions=False)
+        async with httpx.AsyncClient(transport=transport, base_url="http://localhost", timeout=120) as client:
+            yield client
+
+
+class Fill:
+    """Takes all of the GPU's memory but a little, again and again, until it is released."""
+
+    def __init__(self) -> None:
+        self._taken: list[torch.Tensor] = []
+
+    def __call__(self) -> None:
+        torch.cuda.empty_cache()
+        free, _ = torch.cuda.mem_get_info()
+        self._taken.append(torch.empty(max(0, free - 4 * 2**20), dtype=torch.uint8, device="cuda"))
+
+    def release(self) -> None:
+        """Give everything back."""
+        self._taken.clear()
+        torch.cuda.empty_cache()
+
+
+@pytest.fixture
+def fill() -> Iterator[Fill]:
+    """A way to fill the GPU, for one test."""
+    filling = Fill()
+    yield filling
+    filling.release()
+
+
+async def frame(client: httpx.AsyncClient, scene: str, **changes: Any) -> httpx.Response:
+    request = render_request(scene=scene, **changes)
+    return await client.post("/render", json=request.model_dump(mode="json", exclude_none=True))
+
+
+async def test_every_format_shows_the_same_view_and_can_be_stamped(client: httpx.AsyncClient) -> None:
+    png = np.asarray(Image.open(io.BytesIO((await frame(client, "courtyard", format="png")).content)).convert("RGB"))
+    jpeg = Image.open(io.BytesIO((await frame(client, "courtyard", profile=None)).content)).convert("RGB")
+    assert psnr(np.asarray(jpeg), png) > 25
+    raw = await frame(client, "courtyard", format="yuv420p")
+    assert len(raw.content) == png.shape[0] * png.shape[1] * 3 // 2
+    for format in ("png", "jpeg"):
+        stamped = await frame(client, "courtyard", format=format, stamp=0xC0FFEE)
+        assert read_stamp(np.asarray(Image.open(io.BytesIO(stamped.content)).convert("RGB"))) == 0xC0FFEE
+
+
+async def test_a_full_gpu_gives_up_what_nobody_uses_then_refuses_then_recovers(
+    client: httpx.AsyncClient, fill: Fill
+) -> None:
+    assert (await frame(client, "large")).status_code == 200
+    fill()
+    answer = await frame(client, "small")
+    assert answer.status_code == 200, answer.text
+    states = {scene["id"]: scene["state"] for scene in (await client.get("/scenes")).json()}
+    assert (states["large"], states["small"]) == ("unloaded", "loaded")
+    fill()
+    answer = await frame(client, "large")
+    assert (answer.status_code, answer.json()["type"]) == (503, "tigas:out-of-memory"), answer.text
+    assert "memory" in answer.json()["detail"]
+
+
+async def test_a_gpu_that_has_room_again_is_used_again(client: httpx.AsyncClient, fill: Fill) -> None:
+    fill()
+    assert (await frame(client, "large")).status_code == 503
+    fill.release()
+    assert (await frame(client, "large")).status_code == 200
+
+
+def test_a_broken_gpu_is_an_answer_and_not_a_hang(tmp_path: Path) -> None:
+    argv = [sys.executable, "-m", "tests.render.lost_device", str(tmp_path)]
+    done = subprocess.run(argv, cwd=ROOT, env=os.environ, capture_output=True, text=True, timeout=240)
+    assert done.stdout, done.stderr
+    answers = json.loads(done.stdout.splitlines()[-1])
+    assert answers["before"] == 200
+    assert [after["type"] for after in answers["after"]] == ["tigas:device-lost"] * 3
+    assert answers["scenes"] == 200
