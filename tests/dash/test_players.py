@@ -14,6 +14,7 @@ from urllib.request import Request, urlopen
 import av
 import pytest
 from playwright.sync_api import sync_playwright
+from websockets.sync.client import ClientConnection, connect
 
 from tests.dash.conftest import session_request
 from tests.web.conftest import CHROMIUM, CHROMIUM_ARGS, models
@@ -38,13 +39,19 @@ watch();
 
 
 @pytest.fixture(scope="module")
-def packager(models: Path) -> Iterator[Packager]:
-    """A packager before a real render service."""
-    with RenderServer("--scenes", str(models)) as render:
-        running = Packager("--idle-s", "600")
-        running.render = render.url.rstrip("/")
-        with running:
-            yield running
+def render(models: Path) -> Iterator[RenderServer]:
+    """A real render service."""
+    with RenderServer("--scenes", str(models)) as running:
+        yield running
+
+
+@pytest.fixture(scope="module")
+def packager(render: RenderServer) -> Iterator[Packager]:
+    """A packager before it."""
+    running = Packager("--idle-s", "600")
+    running.render = render.url.rstrip("/")
+    with running:
+        yield running
 
 
 @pytest.fixture
@@ -113,3 +120,31 @@ def test_decodes_in_pyav_across_segments(stream: str) -> None:
     with av.open(io.BytesIO(data)) as container:
         times = [round(float(frame.time or 0) * 30) for frame in container.decode(video=0)]
     assert times == list(range(60))
+
+
+def test_a_stream_goes_on_while_its_render_service_is_dead_and_recovers(
+    stream: str, render: RenderServer, packager: Packager
+) -> None:
+    name = stream.rstrip("/").rpartition("/")[2]
+
+    def status() -> dict[str, Any]:
+        with urlopen(f"{packager.url}/sessions/{name}") as answer:
+            found: dict[str, Any] = json.load(answer)
+        return found
+
+    def show(socket: ClientConnection, seq: int) -> None:
+        socket.send(json.dumps({"seq": seq, "position": [0, 0, 0.01 * seq], "quaternion": [0, 0, 0, 1]}))
+
+    address = f"{packager.url.replace('http', 'ws')}/sessions/{name}/poses"
+    with connect(address, max_queue=None) as socket:
+        show(socket, 1)
+        while json.loads(socket.recv(30))["pose"] != 1:
+            pass
+        render.kill()
+        show(socket, 2)
+        while not status()["render_problem"]:
+            assert json.loads(socket.recv(30))["pose"] == 1, "the stream goes on with its last frame"
+        render.start()
+        while json.loads(socket.recv(30))["pose"] != 2:
+            pass
+    assert status()["render_problem"] is None
