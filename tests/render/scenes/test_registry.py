@@ -5,71 +5,21 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import threading
-import weakref
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from tests.render.scenes import plys
-from tigas_common.errors import BrokenScene, OutOfDeviceMemory, Overloaded, TigasError, UnknownScene
+from tests.render.scenes.registry_bench import Bench
+from tigas_common.errors import BrokenScene, Overloaded, TigasError, UnknownScene
 from tigas_common.wire import StartCamera
 from tigas_render.raster.base import PreparedScene
-from tigas_render.scenes.gaussians import Gaussians
 from tigas_render.scenes.metadata import SceneMetadata
 from tigas_render.scenes.ply import write_ply
 from tigas_render.scenes.registry import SceneRegistry
-from tigas_render.scenes.source import SceneSource
 
 pytestmark = pytest.mark.anyio
-
-
-@dataclass
-class Packed(PreparedScene):
-    """Takes one byte for each Gaussian."""
-
-    count: int
-
-    @property
-    def nbytes(self) -> int:
-        return self.count
-
-
-@dataclass
-class Bench:
-    """A registry over sources that the test makes up: opening one waits at its gate, if it has one."""
-
-    budget: int = 1000
-    now: float = 0.0
-    opened: list[str] = field(default_factory=list)
-    started: threading.Semaphore = field(default_factory=lambda: threading.Semaphore(0))
-    gates: dict[str, threading.Event] = field(default_factory=dict)
-    errors: dict[str, Exception] = field(default_factory=dict)
-    builtin: dict[str, SceneSource] = field(default_factory=dict)
-
-    def add(self, id: str, count: int = 100, estimate: int | None = None) -> None:
-        def open() -> Gaussians:
-            self.opened.append(id)
-            self.started.release()
-            if id in self.gates:
-                assert self.gates[id].wait(10)
-            if id in self.errors:
-                raise self.errors[id]
-            return plys.gaussians(count)
-
-        size = count if estimate is None else estimate
-        self.builtin[id] = SceneSource(id, SceneMetadata(), "1", open, sh_degree=0, memory_bytes=size)
-
-    def registry(self, directory: Path | None = None) -> SceneRegistry:
-        return SceneRegistry(
-            directory,
-            lambda gaussians: Packed(len(gaussians)),
-            builtin=self.builtin,
-            memory_budget=self.budget,
-            idle_s=60,
-            clock=lambda: self.now,
-        )
 
 
 @pytest.fixture
@@ -380,53 +330,3 @@ async def test_every_refusal_is_a_sentence(bench: Bench) -> None:
         with pytest.raises(TigasError) as failure:
             await registry.load(id)
         assert failure.value.detail.endswith(".")
-
-
-async def test_a_device_that_is_full_gets_room_once(bench: Bench) -> None:
-    bench.add("old")
-    bench.add("older")
-    bench.add("new")
-    registry = bench.registry()
-    await registry.load("older")
-    bench.now += 1
-    await registry.load("old")
-    bench.errors["new"] = OutOfDeviceMemory("full")
-    with pytest.raises(OutOfDeviceMemory):
-        await registry.load("new")
-    assert bench.opened == ["older", "old", "new", "new"]
-    assert [registry.info(id).state for id in ("older", "old", "new")] == ["unloaded", "loaded", "unloaded"]
-    del bench.errors["new"]
-    await registry.load("new")  # the device is asked again: its memory comes and goes
-    assert registry.info("new").state == "loaded"
-
-
-async def test_what_did_not_fit_is_gone_before_it_is_tried_again(bench: Bench) -> None:
-    bench.add("old")
-    bench.add("new")
-    registry = bench.registry()
-    await registry.load("old")
-    half: list[weakref.ref[Packed]] = []
-
-    def prepare(gaussians: Gaussians) -> PreparedScene:
-        packed = Packed(len(gaussians))
-        if not half:
-            half.append(weakref.ref(packed))
-            raise OutOfDeviceMemory("full")
-        assert half[0]() is None, "the first attempt still holds its memory"
-        return packed
-
-    registry._prepare = prepare
-    await registry.load("new")
-    assert registry.info("new").state == "loaded"
-
-
-async def test_scenes_in_use_are_not_taken_for_a_full_device(bench: Bench) -> None:
-    bench.add("used")
-    bench.add("new")
-    registry = bench.registry()
-    bench.errors["new"] = OutOfDeviceMemory("full")
-    async with registry.use("used"):
-        with pytest.raises(OutOfDeviceMemory):
-            await registry.load("new")
-        assert bench.opened == ["used", "new"]
-    assert registry.info("used").state == "loaded"

@@ -90,7 +90,8 @@ function Details({ stats }: { stats: Stats }) {
   );
 }
 
-function Row({ name, label, children }: { name: string; label: string; children: ComponentChildren }) {
+/** One of a HUD's figures with its name. */
+export function Row({ name, label, children }: { name: string; label: string; children: ComponentChildren }) {
   return (
     <div>
       <dt>{label}</dt>

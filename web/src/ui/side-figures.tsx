@@ -7,6 +7,7 @@ import type { ViewerSession } from "../player/session";
 import { config } from "../state/app";
 import { bitrate } from "../state/format";
 import type { Mode } from "../state/settings";
+import { Row } from "./hud";
 
 const NONE = "–";
 
@@ -70,15 +71,6 @@ function SideHud({ side, title, figures, children }: HudProps) {
         {children}
       </dl>
     </section>
-  );
-}
-
-function Row({ name, label, children }: { name: string; label: string; children: ComponentChildren }) {
-  return (
-    <div>
-      <dt>{label}</dt>
-      <dd data-stat={name}>{children}</dd>
-    </div>
   );
 }
 
