@@ -41,7 +41,15 @@ export interface SessionRequest {
         RepresentationRequest,
         RepresentationRequest,
         RepresentationRequest,
+        RepresentationRequest
+      ]
+    | [
         RepresentationRequest,
+        RepresentationRequest,
+        RepresentationRequest,
+        RepresentationRequest,
+        RepresentationRequest,
+        RepresentationRequest
       ]
     | [
         RepresentationRequest,
@@ -50,6 +58,7 @@ export interface SessionRequest {
         RepresentationRequest,
         RepresentationRequest,
         RepresentationRequest,
+        RepresentationRequest
       ]
     | [
         RepresentationRequest,
@@ -59,16 +68,7 @@ export interface SessionRequest {
         RepresentationRequest,
         RepresentationRequest,
         RepresentationRequest,
-      ]
-    | [
-        RepresentationRequest,
-        RepresentationRequest,
-        RepresentationRequest,
-        RepresentationRequest,
-        RepresentationRequest,
-        RepresentationRequest,
-        RepresentationRequest,
-        RepresentationRequest,
+        RepresentationRequest
       ]
     | null;
   frame_rate?: number;
