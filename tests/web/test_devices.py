@@ -20,11 +20,11 @@ PHONE: dict[str, Any] = {
 CONTROLS = "a[href], button, input, select, textarea, [tabindex='0']"
 # What can be reached and has no name: visible, enabled, and neither a label, an aria-label nor a text.
 NAMELESS = """(controls) => controls
-    .filter((control) => control.checkVisibility() && !control.disabled)
+    .filter((control) => control.checkVisibility() && !control.matches(':disabled'))
     .filter((control) => !(control.getAttribute('aria-label') || control.labels?.[0]?.innerText || control.innerText))
     .map((control) => control.outerHTML)"""
 REACHABLE = """(controls) => controls
-    .filter((control) => control.checkVisibility() && !control.disabled)
+    .filter((control) => control.checkVisibility() && !control.matches(':disabled'))
     // of a group of radio buttons, Tab reaches the chosen one
     .filter((control) => control.type !== 'radio' || control.checked)
     .map((control) => control.outerHTML.slice(0, 80)).sort()"""
@@ -91,6 +91,8 @@ def test_follows_the_systems_colours_until_told_otherwise(open_page: OpenPage, s
 @pytest.mark.parametrize("path", ["", SCENE])
 def test_every_control_has_a_name_and_the_tab_key_reaches_it(open_page: OpenPage, path: str) -> None:
     page = open_page(path)
+    if path:
+        wait_for_frames(page)
     page.wait_for_selector(".sidebar" if path else ".card[data-scene]")
     controls = page.locator(CONTROLS)
     assert controls.evaluate_all(NAMELESS) == []
