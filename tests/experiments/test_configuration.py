@@ -31,6 +31,9 @@ def test_traces_by_name_and_by_file(tmp_path: Path) -> None:
     path.touch()
     assert Network.parse(str(path)) == Network(name="bus.json", trace_file=path)
     assert Network.parse("4g-bus") == Network(name="4g-bus")
+    assert Network.parse("4g-bus,100ms-rtt") == Network(name="4g-bus", rtt_ms=100)
+    assert Network.parse(f"{path},50ms-rtt") == Network(name="bus.json", trace_file=path, rtt_ms=50)
+    assert Network.parse("20mbit,50ms-rtt").round_trip_ms == Network.parse("4g-bus,50ms-rtt").round_trip_ms == 50
     assert not Network.parse("unshaped").shaped
 
 

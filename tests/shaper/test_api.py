@@ -79,6 +79,15 @@ async def test_an_uploaded_trace_can_be_played_and_drawn(client: httpx.AsyncClie
     assert link.queues[-1][0] == 2000
 
 
+async def test_a_trace_can_be_played_at_another_delay(client: httpx.AsyncClient) -> None:
+    text = "t_ms,down_kbps,up_kbps,delay_ms,jitter_ms,loss_pct\n0,1000,500,80,5,1\n100,2000,500,20,0,0\n200,,,,,\n"
+    name = (await client.post("/traces?name=far.csv", content=text)).json()["name"]
+    link = (await client.post("/start", json={"trace": name, "delay_ms": 25})).json()["link"]
+    assert (link["down_kbps"], link["delay_ms"], link["jitter_ms"], link["loss_pct"]) == (1000, 25, 0, 1)
+    link = (await client.post("/start", json={"trace": name})).json()["link"]
+    assert (link["delay_ms"], link["jitter_ms"]) == (80, 5)
+
+
 async def test_a_long_trace_is_drawn_by_means(client: httpx.AsyncClient) -> None:
     text = "\n".join(str(1000 + 500 * (second % 2)) for second in range(6000))
     name = (await client.post("/traces?name=long", content=text)).json()["name"]
@@ -106,6 +115,8 @@ async def test_the_player_is_controlled(client: httpx.AsyncClient) -> None:
         ("/start", {"trace": "nothing"}, 404, "unknown-trace"),
         ("/start", {"trace": "broken"}, 422, "broken-trace"),
         ("/start", {}, 400, "invalid-request"),
+        ("/start", {"trace": "steps", "delay_ms": -1}, 400, "invalid-request"),
+        ("/start", {"trace": "steps", "delay_ms": 1e9}, 400, "invalid-request"),
         ("/start", {"trace": "../../etc/passwd"}, 404, "unknown-trace"),
         ("/link", {"down_kbps": -1, "up_kbps": 1}, 400, "invalid-request"),
         ("/link", {"down_kbps": "1; reboot", "up_kbps": 1}, 400, "invalid-request"),

@@ -18,6 +18,7 @@ export interface ShaperWire {
 export interface StartRequest {
   trace: string;
   loop?: boolean;
+  delay_ms?: number | null;
 }
 /**
  * Go to a position in the trace.

@@ -21,7 +21,9 @@ MODE_NAMES: dict[Mode, str] = {
 UP_KBPS = 10_000.0
 """The uplink of a constant link that says nothing of it."""
 UNSHAPED = "unshaped"
+MAX_RTT_MS = 120_000.0
 _PART = re.compile(r"(?P<value>\d+(?:\.\d+)?)(?P<unit>mbit-up|kbit-up|mbit|kbit|ms-rtt|ms-jitter|%-loss)")
+_OVERRIDE = re.compile(r"(?P<trace>.+),(?P<rtt>\d+(?:\.\d+)?)ms-rtt")
 
 
 class ConstantLink(WireModel):
@@ -42,6 +44,19 @@ class Network(WireModel):
     link: ConstantLink | None = None
     trace_file: Path | None = None
     """The file that the trace is read from; without it, the shaper knows the trace by its name."""
+    rtt_ms: float | None = Field(default=None, ge=0, le=MAX_RTT_MS)
+    """Of a trace: in place of its own delay and jitter. A constant link says its delay itself."""
+
+    @model_validator(mode="after")
+    def _check(self) -> Self:
+        if self.rtt_ms is not None and (self.link is not None or not self.shaped):
+            raise ValueError("only a trace's round trip can be replaced")
+        return self
+
+    @property
+    def round_trip_ms(self) -> float | None:
+        """That it adds, where it is constant and known before the run."""
+        return self.rtt_ms if self.link is None else 2 * self.link.delay_ms
 
     @property
     def shaped(self) -> bool:
@@ -50,7 +65,7 @@ class Network(WireModel):
 
     @classmethod
     def parse(cls, text: str) -> Network:
-        """Read what a person wrote: `20mbit,20ms-rtt`, a trace's file, a trace's name, or `unshaped`.
+        """Read what a person wrote: `20mbit,20ms-rtt`, `unshaped`, or a trace (file or name), or `TRACE,100ms-rtt`.
 
         Raises ValueError with one sentence.
         """
@@ -58,12 +73,14 @@ class Network(WireModel):
             return cls(name=UNSHAPED)
         if _PART.match(text):
             return cls(name=text, link=_constant(text))
-        path = Path(text)
+        override = _OVERRIDE.fullmatch(text)
+        trace, rtt_ms = (override["trace"], float(override["rtt"])) if override else (text, None)
+        path = Path(trace)
         if path.is_file():
-            return cls(name=path.name[:100], trace_file=path)
-        if path.name != text or path.suffix:
-            raise ValueError(f"there is no trace file {text!r}")
-        return cls(name=text)
+            return cls(name=path.name[:100], trace_file=path, rtt_ms=rtt_ms)
+        if path.name != trace or path.suffix:
+            raise ValueError(f"there is no trace file {trace!r}")
+        return cls(name=trace, rtt_ms=rtt_ms)
 
 
 class Configuration(WireModel):
@@ -98,7 +115,8 @@ class Configuration(WireModel):
     def slug(self) -> str:
         """A name for its folder."""
         mode = f"{self.mode}-{self.profile}" if self.mode == "stateless" else self.mode
-        parts = (self.scene, Path(self.movement).stem, self.network.name, mode, f"{self.repeat}")
+        network = self.network.name if self.network.rtt_ms is None else f"{self.network.name}-{self.network.rtt_ms:g}ms"
+        parts = (self.scene, Path(self.movement).stem, network, mode, f"{self.repeat}")
         return "_".join(re.sub(r"[^A-Za-z0-9.-]+", "-", part).strip(".-")[:40] or "x" for part in parts)
 
 

@@ -67,7 +67,8 @@ class ShaperClient:
         name = network.name
         if network.trace_file is not None:
             name = await self._upload(network.trace_file)
-        await self._post("/start", {"trace": name, "loop": True})
+        delay_ms = None if network.rtt_ms is None else network.rtt_ms / 2
+        await self._post("/start", {"trace": name, "loop": True, "delay_ms": delay_ms})
         await self._post("/pause", {})
         await self._post("/seek", {"position_ms": 0})
 

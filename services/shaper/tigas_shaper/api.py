@@ -99,6 +99,8 @@ async def start(request: Request) -> Response:
     """Play a trace."""
     wanted = await _read(request, StartRequest)
     found = await asyncio.to_thread(_shaper(request).library.get, wanted.trace)
+    if wanted.delay_ms is not None:
+        found = await asyncio.to_thread(found.with_delay, wanted.delay_ms)
     _shaper(request).player.start(found, loop=wanted.loop)
     return _status(request)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 from bisect import bisect_right
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 
 from tigas_common.errors import TigasError
@@ -95,6 +95,10 @@ class NetworkTrace:
     def at(self, t_ms: float) -> LinkState:
         """The state in force `t_ms` after the start of playing; past the end the trace starts again."""
         return self.states[bisect_right(self.times_ms, t_ms % self.duration_ms) - 1]
+
+    def with_delay(self, delay_ms: float) -> NetworkTrace:
+        """The same rates and losses at one constant delay (one way, ms), without jitter. Raises TraceError."""
+        return replace(self, states=tuple(replace(state, delay_ms=delay_ms, jitter_ms=0.0) for state in self.states))
 
     @cached_property
     def steps_ms(self) -> tuple[int, ...]:

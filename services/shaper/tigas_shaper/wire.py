@@ -43,6 +43,8 @@ class StartRequest(WireModel):
 
     trace: str = Field(max_length=100)
     loop: bool = True
+    delay_ms: float | None = Field(default=None, ge=0, le=MAX_DELAY_MS)
+    """One way, in each direction, in place of the trace's own delay and jitter; null keeps these."""
 
 
 class SeekRequest(WireModel):
