@@ -61,6 +61,7 @@ async def run(
         configuration=configuration,
         machine=bench.machine,
         started=datetime.now(UTC).isoformat(timespec="seconds"),
+        scene_bytes=bench.scene.file_bytes,
     )
     writer = RunWriter(folder, record)
     try:

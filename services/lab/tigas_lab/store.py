@@ -76,6 +76,8 @@ class RunRecord(WireModel):
     browser: str | None = None
     backend: str | None = None
     """What made the link's delay: netem or relay."""
+    scene_bytes: int | None = None
+    """Of the scene's file: what a viewer that renders for itself would have to download."""
     load: Load | None = None
     recording: RecordingHead | None = None
 
