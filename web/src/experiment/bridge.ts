@@ -1,189 +1,51 @@
-/**
- * `window.tigas`: how scripts drive the viewer and measure it. Whatever a run records stays in the page until the run has
- * ended, so that nothing but the viewer's own traffic crosses the link; pictures are fetched one by one afterwards.
- */
+/** `window.tigas`: how scripts drive the viewer and measure it. Pictures are fetched one by one after a run. */
 import * as v from "valibot";
 import type { ScenePose } from "../camera/camera";
-import type { Intrinsics, Viewport } from "../camera/intrinsics";
-import type { PresentedFrame } from "../player/presented";
-import type { ViewerSession } from "../player/session";
-import { change, settings } from "../state/app";
-import { type Mode, type Settings, validSettings } from "../state/settings";
-import { type PosePoint, poseAt } from "./playback";
-import { Recorder, type Records } from "./recorder";
+import type { Settings } from "../state/settings";
+import type { Recording, Runner, RunnerState, RunPlan } from "./runner";
 
 const Numbers = <N extends number>(length: N) => v.pipe(v.array(v.pipe(v.number(), v.finite())), v.length(length));
 const Pose = v.object({ position: Numbers(3), quaternion: Numbers(4) });
 const Plan = v.object({
-  /** In the order of time, in the scene's own frame. */
   points: v.pipe(v.array(v.object({ t_ms: v.pipe(v.number(), v.finite()), ...Pose.entries })), v.minLength(1)),
   duration_ms: v.pipe(v.number(), v.minValue(1)),
-  /** 0 keeps no picture. */
   capture_every_ms: v.pipe(v.number(), v.minValue(0)),
 });
 
-export interface BridgeState {
-  /** Frames come, and the newest pose is on the screen. */
-  readonly ready: boolean;
-  readonly phase: string;
-  readonly mode: Mode;
-  /** Frames shown since the mode was changed. */
-  readonly shown: number;
-}
-
-export interface Recording extends Records {
-  readonly scene: string;
-  readonly mode: Mode;
-  readonly transport: string | null;
-  readonly user_agent: string;
-  readonly lens: Intrinsics & Viewport;
-  readonly started_unix_ms: number;
-  readonly duration_ms: number;
-  readonly ended_ms: number;
-  readonly complete: boolean;
-  readonly hidden: boolean;
-}
-
-/** When the movement has ended, its last pose is waited for this long, in milliseconds. */
-const DRAIN = 5000;
-const TRAFFIC_EVERY = 250;
-
 export class Bridge {
-  readonly #session: ViewerSession;
-  readonly #stop: () => void;
-  #pictures: (ImageBitmap | null)[] = [];
-  #recorder: Recorder | undefined;
-  #shown = 0;
-  #newest = -1;
+  readonly #runner: Runner;
 
-  constructor(session: ViewerSession) {
-    this.#session = session;
-    this.#stop = session.onPresented((frame) => this.#presented(frame));
+  constructor(runner: Runner) {
+    this.#runner = runner;
   }
 
-  /** Changes settings; the rest stays. Throws if one does not exist or make sense: nothing is measured by mistake. */
+  /** Changes settings; the rest stays. Throws if one does not exist or make sense. */
   settings(part: Partial<Settings>): void {
-    const before = settings.peek();
-    change(validSettings({ ...before, ...part }));
-    const { mode, dashPreset } = settings.peek();
-    if (mode !== before.mode || dashPreset !== before.dashPreset) this.#shown = 0; // other frames are waited for
+    this.#runner.settings(part);
   }
 
   /** Stand at a pose of the scene's own frame until a run begins. */
   stand(pose: unknown): void {
-    const { position, quaternion } = v.parse(Pose, pose) as unknown as ScenePose;
-    this.#session.rig.drive(() => ({ position, quaternion }));
+    this.#runner.stand(v.parse(Pose, pose) as unknown as ScenePose);
   }
 
-  state(): BridgeState {
-    const { phase, rig } = this.#session;
-    return {
-      ready: phase.peek().kind === "playing" && this.#shown > 0 && this.#newest >= rig.pose.seq,
-      phase: phase.peek().kind,
-      mode: settings.peek().mode,
-      shown: this.#shown,
-    };
+  state(): RunnerState {
+    return this.#runner.state();
   }
 
   /** Play a movement and record it; one at a time. */
-  async run(wanted: unknown): Promise<Recording> {
-    const plan = v.parse(Plan, wanted);
-    if (this.#recorder) throw new Error("a run is under way");
-    const { rig } = this.#session;
-    const points = plan.points as unknown as readonly PosePoint[];
-    for (const picture of this.#pictures) picture?.close();
-    this.#pictures = [];
-    const startedAt = await animationFrame();
-    const recorder = new Recorder({
-      startedAt,
-      duration: plan.duration_ms,
-      pose: rig.pose.seq,
-      received: this.#session.receivedBytes,
-      captureEvery: plan.capture_every_ms,
-    });
-    this.#recorder = recorder;
-    let hidden = document.visibilityState === "hidden";
-    const onVisibility = () => {
-      hidden ||= document.visibilityState === "hidden";
-    };
-    document.addEventListener("visibilitychange", onVisibility);
-    try {
-      const lens = { ...rig.viewport.peek(), ...rig.intrinsics.peek() };
-      let sampledAt = startedAt;
-      rig.drive((now) => {
-        recorder.sampled(rig.pose, sampledAt); // the pose of the sample before this one
-        sampledAt = now;
-        return poseAt(points, Math.min(now - startedAt, plan.duration_ms));
-      });
-      const endedAt = await this.#ended(recorder, startedAt + plan.duration_ms);
-      return {
-        scene: rig.scene?.id ?? "",
-        mode: settings.peek().mode,
-        transport: this.#session.connected.peek()?.transport.kind ?? null,
-        user_agent: navigator.userAgent,
-        lens,
-        started_unix_ms: performance.timeOrigin + startedAt,
-        duration_ms: plan.duration_ms,
-        ended_ms: endedAt - startedAt,
-        complete: true,
-        hidden,
-        ...recorder.records,
-      };
-    } finally {
-      document.removeEventListener("visibilitychange", onVisibility);
-      this.#recorder = undefined;
-      rig.drive(null);
-    }
+  async run(plan: unknown): Promise<Recording> {
+    return this.#runner.run(v.parse(Plan, plan) as unknown as RunPlan);
   }
 
   /** A kept picture as the base64 text of a PNG; the page gives it up then. */
   async capture(index: number): Promise<string> {
-    const picture = this.#pictures[index];
-    if (!picture) throw new Error(`there is no picture ${index}`);
-    this.#pictures[index] = null;
+    const picture = this.#runner.takePicture(index);
     const canvas = new OffscreenCanvas(picture.width, picture.height);
     canvas.getContext("2d")?.drawImage(picture, 0, 0);
     picture.close();
     const blob = await canvas.convertToBlob({ type: "image/png" });
     return base64(new Uint8Array(await blob.arrayBuffer()));
-  }
-
-  dispose(): void {
-    this.#stop();
-    for (const picture of this.#pictures) picture?.close();
-    this.#pictures = [];
-  }
-
-  #presented(frame: PresentedFrame): void {
-    this.#shown++;
-    this.#newest = Math.max(this.#newest, frame.pose);
-    if (this.#recorder?.presented(frame)) void this.#keep(this.#recorder, frame);
-  }
-
-  /** A copy on the graphics processor, or in memory where there is none: encoding waits until the run has ended. */
-  async #keep(recorder: Recorder, frame: PresentedFrame): Promise<void> {
-    const { canvas, video } = this.#session.stage;
-    try {
-      const picture = await createImageBitmap(frame.side === "dash" ? video : canvas);
-      recorder.captured(frame, picture);
-      this.#pictures.push(picture);
-    } catch {
-      // a picture that cannot be had: the next one will do
-    }
-  }
-
-  /** Resolves when the last pose is on the screen, or nobody waits for it any longer. */
-  async #ended(recorder: Recorder, movedUntil: number): Promise<number> {
-    let reportedAt = Number.NEGATIVE_INFINITY;
-    for (;;) {
-      const now = await animationFrame();
-      if (now - reportedAt >= TRAFFIC_EVERY) {
-        recorder.received(this.#session.receivedBytes, now);
-        reportedAt = now;
-      }
-      const over = now - movedUntil;
-      if (over > DRAIN || (over > 100 && recorder.settled)) return now;
-    }
   }
 }
 
@@ -192,17 +54,12 @@ declare global {
 }
 
 /** Offer the bridge to scripts until the function that this returns is called. */
-export function offerBridge(session: ViewerSession): () => void {
-  const bridge = new Bridge(session);
+export function offerBridge(runner: Runner): () => void {
+  const bridge = new Bridge(runner);
   globalThis.tigas = bridge;
   return () => {
     if (globalThis.tigas === bridge) globalThis.tigas = undefined;
-    bridge.dispose();
   };
-}
-
-function animationFrame(): Promise<number> {
-  return new Promise((resolve) => requestAnimationFrame(() => resolve(performance.now())));
 }
 
 function base64(bytes: Uint8Array): string {

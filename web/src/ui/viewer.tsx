@@ -2,6 +2,7 @@
 import { useSignal } from "@preact/signals";
 import { useEffect, useRef } from "preact/hooks";
 import { offerBridge } from "../experiment/bridge";
+import { Runner } from "../experiment/runner";
 import { ViewerSession } from "../player/session";
 import { change, settings } from "../state/app";
 import { MODES } from "../state/settings";
@@ -36,11 +37,13 @@ export function Viewer({ sceneId, stamp }: Props) {
     const place = { element: stage.current, canvas: canvas.current, video: video.current };
     const current = new ViewerSession(sceneId, place, stamp);
     session.value = current;
-    const withdraw = offerBridge(current);
+    const runner = new Runner(current);
+    const withdraw = offerBridge(runner);
     stage.current.focus({ preventScroll: true });
     return () => {
       session.value = null;
       withdraw();
+      runner.dispose();
       current.dispose();
     };
   }, [sceneId, stamp, session]);

@@ -1,0 +1,191 @@
+/**
+ * Plays a movement in the viewer and records it: scripts (`bridge.ts`) and the experiment dialogue (`experiment.ts`) share it.
+ * Whatever a run records stays in the page until the run has ended, so that nothing but the viewer's own traffic crosses the link.
+ */
+import type { ScenePose } from "../camera/camera";
+import type { Intrinsics, Viewport } from "../camera/intrinsics";
+import type { PresentedFrame } from "../player/presented";
+import type { ViewerSession } from "../player/session";
+import { change, settings } from "../state/app";
+import { type Mode, type Settings, validSettings } from "../state/settings";
+import { type PosePoint, poseAt } from "./playback";
+import { Recorder, type Records } from "./recorder";
+
+export interface RunPlan {
+  /** In the order of time, in the scene's own frame. */
+  readonly points: readonly PosePoint[];
+  readonly duration_ms: number;
+  /** How often a picture is kept; 0 keeps none. */
+  readonly capture_every_ms: number;
+}
+
+export interface RunnerState {
+  /** Frames come, and the newest pose is on the screen. */
+  readonly ready: boolean;
+  readonly phase: string;
+  readonly mode: Mode;
+  /** Frames shown since the mode was changed. */
+  readonly shown: number;
+}
+
+export interface Recording extends Records {
+  readonly scene: string;
+  readonly mode: Mode;
+  readonly transport: string | null;
+  readonly user_agent: string;
+  readonly lens: Intrinsics & Viewport;
+  readonly started_unix_ms: number;
+  readonly duration_ms: number;
+  readonly ended_ms: number;
+  readonly complete: boolean;
+  readonly hidden: boolean;
+}
+
+/** When the movement has ended, its last pose is waited for this long, in milliseconds. */
+const DRAIN = 5000;
+const TRAFFIC_EVERY = 250;
+
+export class Runner {
+  readonly #session: ViewerSession;
+  readonly #stop: () => void;
+  #pictures: (ImageBitmap | null)[] = [];
+  #recorder: Recorder | undefined;
+  #shown = 0;
+  #newest = -1;
+
+  constructor(session: ViewerSession) {
+    this.#session = session;
+    this.#stop = session.onPresented((frame) => this.#presented(frame));
+  }
+
+  /** Changes settings; the rest stays. Throws if one does not exist or make sense: nothing is measured by mistake. */
+  settings(part: Partial<Settings>): void {
+    const before = settings.peek();
+    change(validSettings({ ...before, ...part }));
+    const { mode, dashPreset } = settings.peek();
+    if (mode !== before.mode || dashPreset !== before.dashPreset) this.#shown = 0; // other frames are waited for
+  }
+
+  /** Stand at a pose of the scene's own frame until a run begins, or the camera is released. */
+  stand({ position, quaternion }: ScenePose): void {
+    this.#session.rig.drive(() => ({ position, quaternion }));
+  }
+
+  /** Give the camera back to the person. */
+  release(): void {
+    this.#session.rig.drive(null);
+  }
+
+  state(): RunnerState {
+    const { phase, rig } = this.#session;
+    return {
+      ready: phase.peek().kind === "playing" && this.#shown > 0 && this.#newest >= rig.pose.seq,
+      phase: phase.peek().kind,
+      mode: settings.peek().mode,
+      shown: this.#shown,
+    };
+  }
+
+  /** Play a movement and record it; one at a time. If `signal` is aborted, it rejects with its reason. */
+  async run({ points, duration_ms, capture_every_ms }: RunPlan, signal?: AbortSignal): Promise<Recording> {
+    if (this.#recorder) throw new Error("a run is under way");
+    const { rig } = this.#session;
+    this.#forgetPictures();
+    const startedAt = await animationFrame();
+    const recorder = new Recorder({
+      startedAt,
+      duration: duration_ms,
+      pose: rig.pose.seq,
+      received: this.#session.receivedBytes,
+      captureEvery: capture_every_ms,
+    });
+    this.#recorder = recorder;
+    let hidden = document.visibilityState === "hidden";
+    const onVisibility = () => {
+      hidden ||= document.visibilityState === "hidden";
+    };
+    document.addEventListener("visibilitychange", onVisibility);
+    try {
+      const lens = { ...rig.viewport.peek(), ...rig.intrinsics.peek() };
+      let sampledAt = startedAt;
+      rig.drive((now) => {
+        recorder.sampled(rig.pose, sampledAt); // the pose of the sample before this one
+        sampledAt = now;
+        return poseAt(points, Math.min(now - startedAt, duration_ms));
+      });
+      const endedAt = await this.#ended(recorder, startedAt + duration_ms, signal);
+      return {
+        scene: rig.scene?.id ?? "",
+        mode: settings.peek().mode,
+        transport: this.#session.connected.peek()?.transport.kind ?? null,
+        user_agent: navigator.userAgent,
+        lens,
+        started_unix_ms: performance.timeOrigin + startedAt,
+        duration_ms,
+        ended_ms: endedAt - startedAt,
+        complete: true,
+        hidden,
+        ...recorder.records,
+      };
+    } finally {
+      document.removeEventListener("visibilitychange", onVisibility);
+      this.#recorder = undefined;
+      this.release();
+    }
+  }
+
+  /** A kept picture of the last run, once: whoever takes it closes it. */
+  takePicture(index: number): ImageBitmap {
+    const picture = this.#pictures[index];
+    if (!picture) throw new Error(`there is no picture ${index}`);
+    this.#pictures[index] = null;
+    return picture;
+  }
+
+  dispose(): void {
+    this.#stop();
+    this.#forgetPictures();
+  }
+
+  #forgetPictures(): void {
+    for (const picture of this.#pictures) picture?.close();
+    this.#pictures = [];
+  }
+
+  #presented(frame: PresentedFrame): void {
+    this.#shown++;
+    this.#newest = Math.max(this.#newest, frame.pose);
+    if (this.#recorder?.presented(frame)) void this.#keep(this.#recorder, frame);
+  }
+
+  /** A copy on the graphics processor, or in memory where there is none: encoding waits until the run has ended. */
+  async #keep(recorder: Recorder, frame: PresentedFrame): Promise<void> {
+    const { canvas, video } = this.#session.stage;
+    try {
+      const picture = await createImageBitmap(frame.side === "dash" ? video : canvas);
+      recorder.captured(frame, picture);
+      this.#pictures.push(picture);
+    } catch {
+      // a picture that cannot be had: the next one will do
+    }
+  }
+
+  /** Resolves when the last pose is on the screen, or nobody waits for it any longer. */
+  async #ended(recorder: Recorder, movedUntil: number, signal?: AbortSignal): Promise<number> {
+    let reportedAt = Number.NEGATIVE_INFINITY;
+    for (;;) {
+      const now = await animationFrame();
+      signal?.throwIfAborted();
+      if (now - reportedAt >= TRAFFIC_EVERY) {
+        recorder.received(this.#session.receivedBytes, now);
+        reportedAt = now;
+      }
+      const over = now - movedUntil;
+      if (over > DRAIN || (over > 100 && recorder.settled)) return now;
+    }
+  }
+}
+
+function animationFrame(): Promise<number> {
+  return new Promise((resolve) => requestAnimationFrame(() => resolve(performance.now())));
+}
