@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import json
+import math
 from pathlib import Path
 
 import pytest
 
 from tests.experiments.made_up import recording, write_run
 from tigas_lab.recording import BrokenRecording, Recording
-from tigas_lab.store import StoredRun
+from tigas_lab.store import ExperimentRecord, StoredRun, read_experiment, write_experiment
 from tigas_lab.summary import summarise
 
 
@@ -91,6 +92,36 @@ def test_poses_and_times_must_grow() -> None:
     frames = [made["frames"][1], made["frames"][0]]
     with pytest.raises(BrokenRecording, match="times of frames"):
         Recording.parse(json.dumps(made | {"frames": frames}))
+
+
+def test_an_experiment_says_what_was_planned(tmp_path: Path) -> None:
+    plan = {"modes": ["stateless"], "rtts_ms": [20, 50.5], "seed": None}
+    record = ExperimentRecord(name="Größe & <b>", created="2026-01-01T00:00:00+00:00", source="page", plan=plan)
+    write_experiment(tmp_path / "made", record)
+    assert read_experiment(tmp_path / "made") == record
+    write_experiment(tmp_path / "made", record)  # a resumed experiment says it again
+    assert sorted(path.name for path in (tmp_path / "made").iterdir()) == ["experiment.json", "runs"]
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"name": " "},
+        {"name": "a\nb"},
+        {"name": "x" * 101},
+        {"source": "cat"},
+        {"plan": [1]},
+        {"more": 1},
+        {"plan": {"a": [math.nan]}},
+    ],
+)
+def test_a_broken_experiment_gets_a_sentence(tmp_path: Path, changes: dict[str, object]) -> None:
+    record = {"name": "a", "created": "2026-01-01T00:00:00+00:00", "source": "page", "plan": {}}
+    (tmp_path / "experiment.json").write_text(json.dumps(record))
+    assert read_experiment(tmp_path).name == "a"
+    (tmp_path / "experiment.json").write_text(json.dumps(record | changes))
+    with pytest.raises(BrokenRecording, match=r"experiment\.json is broken"):
+        read_experiment(tmp_path)
 
 
 def test_a_page_that_was_closed_says_nothing() -> None:

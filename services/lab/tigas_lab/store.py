@@ -8,15 +8,18 @@
     moment.json      one of them, beside which captures/view.png shows what the viewer should have seen then
 
 A run is complete when its run.json says so, which is written last: whatever happens before leaves an incomplete run.
+
+Runs that belong together lie in one folder, as runs/<slug>, beside experiment.json, which says what was planned.
 """
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import Literal, TypeVar
+from typing import Annotated, Literal, TypeVar
 
-from pydantic import BaseModel, ValidationError
+from pydantic import AfterValidator, BaseModel, JsonValue, StringConstraints, ValidationError
 
 from tigas_common.parsing import sentence
 from tigas_common.wire import WireModel
@@ -28,6 +31,51 @@ from tigas_lab.recording import BrokenRecording, Input, Recording, RecordingHead
 
 MAX_FILE_BYTES = 256_000_000
 Entry = TypeVar("Entry", bound=BaseModel)
+
+
+def _printable(text: str) -> str:
+    if not text.isprintable():
+        raise ValueError("a name is one line of text")
+    return text
+
+
+ExperimentName = Annotated[
+    str, StringConstraints(strip_whitespace=True, min_length=1, max_length=100), AfterValidator(_printable)
+]
+
+
+def _finite(plan: dict[str, JsonValue]) -> dict[str, JsonValue]:
+    try:
+        json.dumps(plan, allow_nan=False)
+    except ValueError:
+        raise ValueError("its numbers must be finite") from None
+    return plan
+
+
+Plan = Annotated[dict[str, JsonValue], AfterValidator(_finite)]
+"""What an experiment was asked for; any JSON object."""
+
+
+class ExperimentRecord(WireModel):
+    """experiment.json."""
+
+    name: ExperimentName
+    created: str
+    """ISO 8601, UTC."""
+    source: Literal["command", "page"]
+    plan: Plan
+    """As it was given."""
+
+
+def write_experiment(folder: Path, record: ExperimentRecord) -> None:
+    """Make an experiment's folder, if it is not there, and say in it what is planned. Raises OSError."""
+    (folder / "runs").mkdir(parents=True, exist_ok=True)
+    _replace(folder / "experiment.json", record)
+
+
+def read_experiment(folder: Path) -> ExperimentRecord:
+    """What write_experiment wrote. Raises BrokenRecording."""
+    return _read_one(folder / "experiment.json", ExperimentRecord)
 
 
 class LinkSample(WireModel):
@@ -132,7 +180,7 @@ class RunWriter:
         self.folder = folder
         self._record = record
         (folder / "captures").mkdir(parents=True)
-        self._write(record)
+        _replace(folder / "run.json", record)
 
     def recording(self, recording: Recording) -> None:
         """What the page recorded."""
@@ -162,17 +210,19 @@ class RunWriter:
     def close(self, **changes: object) -> RunRecord:
         """The last word: the record with changes."""
         self._record = self._record.model_copy(update=changes)
-        self._write(self._record)
+        _replace(self.folder / "run.json", self._record)
         return self._record
-
-    def _write(self, record: RunRecord) -> None:
-        new = self.folder / "run.json.new"
-        new.write_text(record.model_dump_json(indent=2) + "\n", encoding="utf-8")
-        new.replace(self.folder / "run.json")
 
     def _lines(self, name: str, entries: Iterable[BaseModel]) -> None:
         with (self.folder / f"{name}.ndjson").open("w", encoding="utf-8") as file:
             file.writelines(f"{entry.model_dump_json()}\n" for entry in entries)
+
+
+def _replace(path: Path, record: BaseModel) -> None:
+    """Write a record whole: whoever reads meanwhile sees the old one or the new one."""
+    new = path.with_name(f"{path.name}.new")
+    new.write_text(record.model_dump_json(indent=2) + "\n", encoding="utf-8")
+    new.replace(path)
 
 
 def _capture(folder: Path, index: int) -> Path:
