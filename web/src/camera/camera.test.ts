@@ -1,5 +1,5 @@
 import { describe, expect, test } from "vitest";
-import { levelFor, MAX_ELEVATION, move, orientation, startCamera, toScene, turn } from "./camera";
+import { fromScene, levelFor, MAX_ELEVATION, move, orientation, startCamera, toScene, turn } from "./camera";
 import { type Quaternion, rotate, subtract, type Vector3 } from "./vector";
 
 const LEVEL: Quaternion = [0, 0, 0, 1];
@@ -39,6 +39,27 @@ describe("OpenCV's axes: x right, y down, z forward", () => {
 });
 
 describe("a scene's own frame", () => {
+  test.each<[string, Vector3]>([
+    ["level", [0, -1, 0]],
+    ["z up", [0, 0, 1]],
+    ["a tilted table", [0.1, -0.9, -0.4]],
+  ])("%s: who takes over from a pose sees what it sees", (_, up) => {
+    const camera = { position: [1, -2, 3], azimuth: -130, elevation: 25 } as const;
+    const taken = fromScene(toScene(camera, levelFor(up)), levelFor(up));
+    expectClose(taken.position, camera.position);
+    expect(taken.azimuth).toBeCloseTo(camera.azimuth, 3);
+    expect(taken.elevation).toBeCloseTo(camera.elevation, 3);
+  });
+
+  test("who takes over from a pose that leans to the side stands upright", () => {
+    const leaning = { position: [0, 0, 0], quaternion: [0, 0, Math.SQRT1_2, Math.SQRT1_2] } as const;
+    const { azimuth, elevation } = fromScene(
+      { position: [...leaning.position], quaternion: [...leaning.quaternion] },
+      LEVEL,
+    );
+    expect([azimuth, elevation + 0]).toEqual([0, 0]);
+  });
+
   test("with -y up the levelled frame is the scene's own", () => {
     expect(levelFor([0, -1, 0])).toEqual(LEVEL);
     const pose = toScene({ position: [1, 2, 3], azimuth: 0, elevation: 0 }, levelFor([0, -1, 0]));

@@ -45,17 +45,18 @@ export function toScene(camera: Camera, level: Level): ScenePose {
   return { position: [micro(px), micro(py), micro(pz)], quaternion: [micro(qx), micro(qy), micro(qz), micro(qw)] };
 }
 
+/** Who would see what a pose of the scene's own frame sees: upright, so that a tilt to the side is lost. */
+export function fromScene({ position, quaternion }: ScenePose, level: Level): Camera {
+  const toLevel = conjugate(level);
+  return { position: rotate(toLevel, position), ...towards(rotate(multiply(toLevel, quaternion), [0, 0, 1])) };
+}
+
 /** Where a visitor enters the scene: from its start camera, or the origin looking along z if it has none. */
 export function startCamera(scene: Pick<SceneInfo, "camera" | "up">): Camera {
   if (scene.camera === null) return { position: [0, 0, 0], azimuth: 0, elevation: 0 };
   const toLevel = conjugate(levelFor(scene.up));
   const position = rotate(toLevel, scene.camera.position);
-  const [x, y, z] = subtract(rotate(toLevel, scene.camera.look_at), position);
-  return {
-    position,
-    azimuth: Math.atan2(x, z) / RADIAN,
-    elevation: clampElevation(Math.atan2(-y, Math.hypot(x, z)) / RADIAN),
-  };
+  return { position, ...towards(subtract(rotate(toLevel, scene.camera.look_at), position)) };
 }
 
 /** Turns by degrees to the right and upwards. */
@@ -75,6 +76,14 @@ export function move(camera: Camera, forward: number, right: number, up: number)
   return {
     ...camera,
     position: add(camera.position, [sin * forward + cos * right, -up, cos * forward - sin * right]),
+  };
+}
+
+/** Looks along a direction of the levelled frame. */
+function towards([x, y, z]: Vector3): Pick<Camera, "azimuth" | "elevation"> {
+  return {
+    azimuth: Math.atan2(x, z) / RADIAN,
+    elevation: clampElevation(Math.atan2(-y, Math.hypot(x, z)) / RADIAN),
   };
 }
 

@@ -43,6 +43,31 @@ test("a source drives it until the source ends, and then the person's camera is 
   expect(rig.pose).toEqual({ ...before, seq: before.seq + 3 });
 });
 
+test("a person who takes over goes on from where a source has brought the camera", () => {
+  rig.drive(() => ({ position: [1, 0, 0], quaternion: [0, Math.SQRT1_2, 0, Math.SQRT1_2] }));
+  axes = { ...STILL, forward: 1 };
+  rig.sample(16);
+  expect(rig.source.value).not.toBeNull();
+  rig.takeOver();
+  expect(rig.source.value).toBeNull();
+  rig.sample(32);
+  const [x, y, z] = rig.pose.position;
+  expect(x).toBeGreaterThan(1);
+  expect([y, z]).toEqual([0, expect.closeTo(0, 5)]);
+});
+
+test("who listens hears of every sample, whether the camera moved or not", () => {
+  const heard: number[] = [];
+  const stop = rig.onSample(({ position }, at) => heard.push(at, position[2]));
+  rig.sample(16);
+  axes = { ...STILL, forward: 1 };
+  rig.sample(32);
+  stop();
+  rig.sample(48);
+  expect(heard).toEqual([16, -8, 32, expect.any(Number)]);
+  expect(heard[3]).toBeGreaterThan(-8);
+});
+
 test("it says how fast the camera turns", () => {
   axes = { ...STILL, turnRight: 1 };
   rig.sample(20);

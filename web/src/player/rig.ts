@@ -3,7 +3,7 @@
  * change, so that any later frame can say which pose it shows.
  */
 import { computed, type ReadonlySignal, signal } from "@preact/signals";
-import { type Camera, levelFor, type ScenePose, startCamera, toScene } from "../camera/camera";
+import { type Camera, fromScene, levelFor, type ScenePose, startCamera, toScene } from "../camera/camera";
 import { defaultIntrinsics, type Intrinsics, type Viewport, viewportFor } from "../camera/intrinsics";
 import { angleBetween } from "../camera/vector";
 import { type Speeds, step, suggestedSpeed } from "../input/motion";
@@ -17,6 +17,9 @@ export interface NumberedPose extends ScenePose {
 
 /** Where the camera is at a time (performance.now), in the scene's own frame; null when the source has ended. */
 export type PoseSource = (now: number) => ScenePose | null;
+
+/** Hears of every sample: the pose, and when it was taken (performance.now). */
+export type SampleListener = (pose: NumberedPose, at: number) => void;
 
 export interface RigOptions {
   /** What was asked since the last sample, so many milliseconds ago. */
@@ -38,9 +41,10 @@ export class Rig {
   /** Scene units a second. */
   readonly moveSpeed = signal(1);
   readonly #options: RigOptions;
+  readonly #listeners = new Set<SampleListener>();
   #scene: SceneInfo | undefined;
   #camera: Camera = { position: [0, 0, 0], azimuth: 0, elevation: 0 };
-  #source: PoseSource | null = null;
+  readonly #source = signal<PoseSource | null>(null);
   #pose = ORIGIN;
   #sampledAt = 0;
   #changedAt = 0;
@@ -70,6 +74,11 @@ export class Rig {
     return this.#turning;
   }
 
+  /** Whom it follows; null for the person. */
+  get source(): ReadonlySignal<PoseSource | null> {
+    return this.#source;
+  }
+
   /** Put the camera at a scene's start. */
   enter(scene: SceneInfo): void {
     this.#scene = scene;
@@ -92,13 +101,31 @@ export class Rig {
     if (width >= 1 && height >= 1) this.viewport.value = viewportFor(width, height);
   }
 
-  /** Follow a source instead of a person, until it ends; null gives the camera back to the person. */
+  /** Follow a source instead of a person, until it ends; null gives the person's camera back, which is where it was. */
   drive(source: PoseSource | null): void {
-    this.#source = source;
+    this.#source.value = source;
+  }
+
+  /** The person goes on from where a source has brought the camera, upright. */
+  takeOver(): void {
+    if (this.#scene) this.#camera = fromScene(this.#pose, levelFor(this.#scene.up));
+    this.drive(null);
+  }
+
+  /** Hear of every sample, until the function that this returns is called. */
+  onSample(listener: SampleListener): () => void {
+    this.#listeners.add(listener);
+    return () => this.#listeners.delete(listener);
   }
 
   /** Once per animation frame; tells whether the camera moved. */
   sample(now: number): boolean {
+    const moved = this.#sample(now);
+    for (const listener of this.#listeners) listener(this.#pose, now);
+    return moved;
+  }
+
+  #sample(now: number): boolean {
     const elapsed = now - this.#sampledAt;
     const { axes, nudge } = this.#options.sampleInput(elapsed);
     this.#sampledAt = now;
@@ -112,8 +139,8 @@ export class Rig {
   }
 
   #driven(now: number): ScenePose | null {
-    const pose = this.#source?.(now) ?? null;
-    if (pose === null) this.#source = null;
+    const pose = this.#source.peek()?.(now) ?? null;
+    if (pose === null) this.#source.value = null;
     return pose;
   }
 
