@@ -41,6 +41,14 @@ def test_nobody_moved() -> None:
     assert (found.inputs, found.p50, found.share_interactive) == (0, None, None)
 
 
+def test_a_response_is_a_frame_s_own_age_and_skips_what_no_frame_was_asked_for() -> None:
+    sampled = inputs(4, every_ms=10)  # poses 1 to 4 at 0, 10, 20, 30 ms
+    shown = [frame(5, 0), frame(50, 2), frame(60, 2), frame(70, 1), frame(130, 4), frame(200, 9)]
+    assert statistics.response_times(sampled, shown) == [(50, 40), (130, 100)]
+    assert statistics.responses(sampled, shown) == statistics.Responses(frames=2, mean=70, p50=40, p95=100)
+    assert statistics.responses(sampled, []).mean is None
+
+
 def test_constant_latency_is_no_freeze_however_long() -> None:
     sampled = inputs(100)
     before = [frame(at, 0) for at in range(10, 2000, 20)]  # the pose of the time before the run
@@ -78,7 +86,9 @@ def test_rungs_and_height_are_weighted_by_time() -> None:
     shown = [frame(0, 1, rung=2, height=360), frame(750, 2, rung=0, height=720)]
     assert statistics.rungs(shown, 1000) == statistics.Rungs(share={0: 0.25, 2: 0.75}, switches=1)
     assert statistics.mean_height(shown, 1000) == 0.75 * 360 + 0.25 * 720
-    assert statistics.rungs([frame(0, 1, rung=None)], 1000).share == {}
+    assert statistics.rungs(shown, 1000).mean == 1.5
+    unknown = statistics.rungs([frame(0, 1, rung=None)], 1000)
+    assert (unknown.share, unknown.mean) == ({}, None)
     assert statistics.mean_height([], 1000) is None
 
 

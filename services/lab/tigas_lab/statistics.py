@@ -34,6 +34,16 @@ class Latencies(WireModel):
     """Of all inputs, those shown within INTERACTIVE_MS, 0 to 1."""
 
 
+class Responses(WireModel):
+    """From the sample of a frame's own pose to that frame on the screen, in ms; None without frames."""
+
+    frames: int
+    """New views of poses that were sampled during the run."""
+    mean: float | None
+    p50: float | None
+    p95: float | None
+
+
 class Freezes(WireModel):
     """Times at which the picture stood although the viewer moved."""
 
@@ -58,6 +68,11 @@ class Rungs(WireModel):
     share: dict[int, float]
     """Rung → share of the time."""
     switches: int
+
+    @property
+    def mean(self) -> float | None:
+        """Weighted by time; None if no rung was known."""
+        return sum(rung * share for rung, share in self.share.items()) if self.share else None
 
 
 def percentile(values: Sequence[float], rank: float) -> float | None:
@@ -98,6 +113,23 @@ def new_views(frames: Sequence[ShownFrame]) -> list[ShownFrame]:
         if not found or frame.pose > found[-1].pose:
             found.append(frame)
     return found
+
+
+def response_times(inputs: Sequence[Input], frames: Sequence[ShownFrame]) -> list[tuple[float, float]]:
+    """For each new view of a sampled pose: when it was on the screen, and how long after its pose's sample, in ms."""
+    sampled = {entry.pose: entry.at for entry in inputs}
+    return [(frame.at, frame.at - sampled[frame.pose]) for frame in new_views(frames) if frame.pose in sampled]
+
+
+def responses(inputs: Sequence[Input], frames: Sequence[ShownFrame]) -> Responses:
+    """Over the frames, where `latencies` is over the inputs: what no frame was asked for does not count here."""
+    values = [ms for _, ms in response_times(inputs, frames)]
+    return Responses(
+        frames=len(values),
+        mean=sum(values) / len(values) if values else None,
+        p50=percentile(values, 0.5),
+        p95=percentile(values, 0.95),
+    )
 
 
 def freezes(inputs: Sequence[Input], frames: Sequence[ShownFrame], ended_ms: float) -> Freezes:

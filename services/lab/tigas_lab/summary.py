@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 
 from tigas_common.wire import WireModel
 from tigas_lab import statistics
-from tigas_lab.recording import BrokenRecording
-from tigas_lab.statistics import Freezes, Latencies, Rates, Rungs
+from tigas_lab.recording import BrokenRecording, Input, RecordingHead, ShownFrame, Traffic
+from tigas_lab.statistics import Freezes, Latencies, Rates, Responses, Rungs
 from tigas_lab.store import CaptureQuality, LinkSample, RunRecord, StoredRun
 
 
@@ -27,6 +28,7 @@ class Figures(WireModel):
     """What a complete run says."""
 
     latencies: Latencies
+    responses: Responses
     frames: Rates
     freezes: Freezes
     rungs: Rungs
@@ -55,40 +57,70 @@ class Summary(WireModel):
     problem: str | None
 
 
+@dataclass(frozen=True, slots=True)
+class Records:
+    """What was recorded in a complete run, read once."""
+
+    head: RecordingHead
+    inputs: list[Input]
+    frames: list[ShownFrame]
+    traffic: list[Traffic]
+    link: list[LinkSample]
+    """While the movement lasted."""
+    quality: list[CaptureQuality]
+
+    @classmethod
+    def of(cls, stored: StoredRun) -> Records:
+        """Raises BrokenRecording."""
+        head = stored.record.recording
+        if head is None:
+            raise BrokenRecording(f"{stored.folder / 'run.json'} says nothing of the recording.")
+        return cls(
+            head=head,
+            inputs=stored.inputs(),
+            frames=stored.frames(),
+            traffic=stored.traffic(),
+            link=[sample for sample in stored.link() if 0 <= sample.at <= head.duration_ms],
+            quality=stored.quality(),
+        )
+
+
 def summarise(folder: Path) -> Summary:
     """Read a run's folder. Raises BrokenRecording if not even run.json can be read."""
+    return read(folder)[0]
+
+
+def read(folder: Path) -> tuple[Summary, Records | None]:
+    """A run's summary, with its records where there are figures. Raises BrokenRecording as `summarise` does."""
     stored = StoredRun(folder)
     record = stored.record
     if record.status != "complete":
         reason = record.problem or "The run is incomplete: it was never ended."
-        return Summary(folder=folder.name, record=record, figures=None, problem=reason)
+        return Summary(folder=folder.name, record=record, figures=None, problem=reason), None
     try:
-        return Summary(folder=folder.name, record=record, figures=figures(stored), problem=None)
+        records = Records.of(stored)
     except BrokenRecording as error:
-        return Summary(folder=folder.name, record=record, figures=None, problem=str(error))
+        return Summary(folder=folder.name, record=record, figures=None, problem=str(error)), None
+    return Summary(folder=folder.name, record=record, figures=figures(records), problem=None), records
 
 
-def figures(stored: StoredRun) -> Figures:
-    """All figures of a complete run. Raises BrokenRecording."""
-    head = stored.record.recording
-    if head is None:
-        raise BrokenRecording(f"{stored.folder / 'run.json'} says nothing of the recording.")
-    duration = head.duration_ms
-    inputs, frames = stored.inputs(), stored.frames()
-    link = [sample for sample in stored.link() if 0 <= sample.at <= duration]
+def figures(records: Records) -> Figures:
+    """All figures of a complete run."""
+    inputs, frames, link, duration = records.inputs, records.frames, records.link, records.head.duration_ms
     return Figures(
         latencies=statistics.latencies(inputs, frames),
+        responses=statistics.responses(inputs, frames),
         frames=statistics.rates(frames, duration),
-        freezes=statistics.freezes(inputs, frames, head.ended_ms),
+        freezes=statistics.freezes(inputs, frames, records.head.ended_ms),
         rungs=statistics.rungs(frames, duration),
         mean_height=statistics.mean_height(frames, duration),
-        received_kbps=statistics.received_kbps(stored.traffic(), duration),
+        received_kbps=statistics.received_kbps(records.traffic, duration),
         delivered_kbps=statistics.mean_over_time([(sample.at, sample.delivered_kbps) for sample in link]),
         sent_kbps=statistics.mean_over_time([(sample.at, sample.up_delivered_kbps) for sample in link]),
         target_kbps=statistics.mean_over_time([(sample.at, sample.target_kbps) for sample in link]),
         trace_start_ms=_trace_start(link),
         drops=link[-1].drops - link[0].drops if link else None,
-        quality=_quality(stored.quality()),
+        quality=_quality(records.quality),
     )
 
 
