@@ -18,6 +18,12 @@ const GENERATED = [
     schema: "tigas_dash.schema",
     source: "services/dash-packager/tigas_dash/wire.py",
   },
+  {
+    file: "src/store-wire.ts",
+    title: "StoreWire",
+    schema: "tigas_lab.service.schema",
+    source: "services/lab/tigas_lab/service/wire.py",
+  },
 ];
 
 const venv = fileURLToPath(new URL("../../.venv/bin/python", import.meta.url));

@@ -1,0 +1,56 @@
+"""What can go wrong here only, and how the system's errors are told."""
+
+from __future__ import annotations
+
+import errno
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from tigas_common.errors import TigasError
+
+
+class UnknownExperiment(TigasError):
+    """No experiment has this id, or what its folder says of it cannot be read."""
+
+    status, type, title = 404, "unknown-experiment", "There is no such experiment"
+
+
+class UnknownMovement(TigasError):
+    """No movement trace has this name."""
+
+    status, type, title = 404, "unknown-movement", "There is no such movement"
+
+
+class NothingToReport(TigasError):
+    """The experiment has no runs."""
+
+    status, type, title = 409, "no-runs", "The experiment has no runs"
+
+
+class ForeignOrigin(TigasError):
+    """A page of another host asked for a change."""
+
+    status, type, title = 403, "foreign-origin", "Only the lab's page may change experiments"
+
+
+class DiskFull(TigasError):
+    """Nothing more can be kept."""
+
+    status, type, title = 507, "disk-full", "The disk is full"
+
+
+class StorageFailed(TigasError):
+    """The results cannot be read or written."""
+
+    status, type, title = 500, "storage-failed", "The results cannot be read or written"
+
+
+@contextmanager
+def storage_explained() -> Iterator[None]:
+    """Turns the system's errors into DiskFull and StorageFailed."""
+    try:
+        yield
+    except OSError as error:
+        if error.errno in (errno.ENOSPC, errno.EDQUOT):
+            raise DiskFull("The disk that holds the results is full; nothing was kept.") from None
+        raise StorageFailed(f"The store's disk refused: {error.strerror or error}.") from error

@@ -1,0 +1,27 @@
+"""The store's settings."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import ClassVar
+
+from pydantic_settings import SettingsConfigDict
+
+from tigas_common.address import Address
+from tigas_common.settings import Listen, ServiceSettings
+
+
+class StoreSettings(ServiceSettings):
+    """Each may be set in `tigas.toml` under [store], as TIGAS_STORE_<NAME>, or as a flag of `tigas store`."""
+
+    model_config = SettingsConfigDict(env_prefix="TIGAS_STORE_", extra="forbid", frozen=True)
+    table: ClassVar[str] = "store"
+
+    results: Path = Path("results")
+    """The directory of experiments, one folder each; made if it is not there."""
+    movements: Path = Path("traces/movement")
+    """The directory of movement traces."""
+    http: Listen = Address("127.0.0.1", 8091)
+    """Where the API is served."""
+    origins: tuple[str, ...] = ()
+    """Pages on other hosts that may change experiments, as browsers name them in `Origin`."""

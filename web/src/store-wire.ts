@@ -1,0 +1,293 @@
+// Generated from services/lab/tigas_lab/service/wire.py by `npm run wire`. Do not edit.
+
+export type JsonValue = unknown;
+
+/**
+ * All messages between the experiments' store and the page.
+ */
+export interface StoreWire {
+  ExperimentRequest: ExperimentRequest;
+  RunUpload: RunUpload;
+  ExperimentCreated: ExperimentCreated;
+  ExperimentList: ExperimentList;
+  Experiment: Experiment;
+  RunRow: RunRow;
+  MovementList: MovementList;
+}
+/**
+ * An experiment that a page begins.
+ */
+export interface ExperimentRequest {
+  name: string;
+  plan: {
+    [k: string]: JsonValue;
+  };
+}
+/**
+ * One run, after it has ended. Figures can be computed of whatever is valid here.
+ */
+export interface RunUpload {
+  configuration: Configuration;
+  recording: Recording;
+  link: LinkSample[];
+}
+/**
+ * One run. Two runs with equal configurations get the same inputs.
+ */
+export interface Configuration {
+  scene: string;
+  movement: string;
+  network: Network;
+  mode: "stateless" | "dash-typical" | "dash-tuned";
+  duration_s: number;
+  width: number;
+  height: number;
+  profile?: number | string;
+  seed?: number;
+  repeat?: number;
+  capture_every_ms?: number;
+  warm_up_s?: number;
+}
+/**
+ * The network of a run: a constant link, a trace (of the shaper's, or from a file), or none of these.
+ */
+export interface Network {
+  name: string;
+  link?: ConstantLink | null;
+  trace_file?: string | null;
+  rtt_ms?: number | null;
+}
+/**
+ * A link that does not change; the same as the shaper's LinkSetting.
+ */
+export interface ConstantLink {
+  down_kbps: number;
+  up_kbps?: number;
+  delay_ms?: number;
+  jitter_ms?: number;
+  loss_pct?: number;
+}
+/**
+ * One run, as the viewer saw it.
+ */
+export interface Recording {
+  scene: string;
+  mode: "stateless" | "dash" | "side-by-side";
+  transport: string | null;
+  user_agent: string;
+  lens: Lens;
+  started_unix_ms: number;
+  duration_ms: number;
+  ended_ms: number;
+  complete: boolean;
+  hidden: boolean;
+  inputs: Input[];
+  frames: ShownFrame[];
+  captures: Capture[];
+  traffic: Traffic[];
+}
+/**
+ * The viewport and its intrinsics, in its pixels.
+ */
+export interface Lens {
+  width: number;
+  height: number;
+  fx: number;
+  fy: number;
+  cx: number;
+  cy: number;
+}
+/**
+ * A pose that the rig sampled, because it differs from the one before.
+ */
+export interface Input {
+  at: number;
+  pose: number;
+  /**
+   * @minItems 3
+   * @maxItems 3
+   */
+  position: [number, number, number];
+  /**
+   * @minItems 4
+   * @maxItems 4
+   */
+  quaternion: [number, number, number, number];
+}
+/**
+ * A frame that was on the screen.
+ */
+export interface ShownFrame {
+  side: "stateless" | "dash";
+  at: number;
+  pose: number;
+  latencies: number[];
+  rung: number | null;
+  width: number;
+  height: number;
+}
+/**
+ * A frame whose picture was kept.
+ */
+export interface Capture {
+  at: number;
+  pose: number;
+  rung: number | null;
+  width: number;
+  height: number;
+}
+/**
+ * What the page had received by then.
+ */
+export interface Traffic {
+  at: number;
+  bytes: number;
+}
+/**
+ * The link at one moment of a run.
+ */
+export interface LinkSample {
+  at: number;
+  position_ms: number | null;
+  target_kbps: number;
+  delivered_kbps: number;
+  queue_ms: number;
+  drops: number;
+  up_delivered_kbps: number;
+}
+/**
+ * The answer to it.
+ */
+export interface ExperimentCreated {
+  id: string;
+}
+/**
+ * All experiments, the newest first.
+ */
+export interface ExperimentList {
+  experiments: ExperimentSummary[];
+}
+/**
+ * One experiment in the list.
+ */
+export interface ExperimentSummary {
+  id: string;
+  name: string;
+  created: string;
+  source: "command" | "page";
+  runs: number;
+  complete: number;
+}
+/**
+ * One experiment and its runs.
+ */
+export interface Experiment {
+  id: string;
+  name: string;
+  created: string;
+  source: "command" | "page";
+  plan: {
+    [k: string]: JsonValue;
+  };
+  complete: number;
+  runs: RunRow[];
+}
+/**
+ * One run of an experiment.
+ */
+export interface RunRow {
+  folder: string;
+  status: "running" | "complete" | "failed";
+  problem: string | null;
+  configuration: Configuration;
+  figures: Figures | null;
+}
+/**
+ * What a complete run says.
+ */
+export interface Figures {
+  latencies: Latencies;
+  responses: Responses;
+  frames: Rates;
+  freezes: Freezes;
+  rungs: Rungs;
+  mean_height: number | null;
+  received_kbps: number | null;
+  delivered_kbps: number | null;
+  sent_kbps: number | null;
+  target_kbps: number | null;
+  trace_start_ms: number | null;
+  drops: number | null;
+  quality: QualityFigures | null;
+}
+/**
+ * Motion-to-photon latency, in ms. None: that share of the inputs was never answered, or there are none.
+ */
+export interface Latencies {
+  inputs: number;
+  unanswered: number;
+  p50: number | null;
+  p95: number | null;
+  p99: number | null;
+  share_interactive: number | null;
+}
+/**
+ * From the sample of a frame's own pose to that frame on the screen, in ms; None without frames.
+ */
+export interface Responses {
+  frames: number;
+  mean: number | null;
+  p50: number | null;
+  p95: number | null;
+}
+/**
+ * Frames over the movement's duration.
+ */
+export interface Rates {
+  shown: number;
+  per_s: number;
+  new_views: number;
+  new_views_per_s: number;
+}
+/**
+ * Times at which the picture stood although the viewer moved.
+ */
+export interface Freezes {
+  count: number;
+  total_ms: number;
+  longest_ms: number;
+}
+/**
+ * Which rungs of the ladder were on the screen.
+ */
+export interface Rungs {
+  share: {
+    [k: string]: number;
+  };
+  switches: number;
+}
+/**
+ * Over the kept pictures of a run.
+ */
+export interface QualityFigures {
+  pictures: number;
+  picture_psnr_db: number;
+  picture_ssim: number;
+  view_psnr_db: number;
+  view_ssim: number;
+}
+/**
+ * All movement traces, by name.
+ */
+export interface MovementList {
+  movements: Movement[];
+}
+/**
+ * A movement trace.
+ */
+export interface Movement {
+  name: string;
+  duration_ms: number;
+  anchor: "start" | "scene";
+  description: string;
+}
