@@ -1,0 +1,23 @@
+"""Scenes that nobody has to load."""
+
+from __future__ import annotations
+
+from tigas_common.wire import SceneInfo, StartCamera
+
+
+def scene(up: tuple[float, float, float] = (0.0, -1.0, 0.0), camera: StartCamera | None = None) -> SceneInfo:
+    """One with what a movement needs to know of it."""
+    return SceneInfo(
+        id="s",
+        name="s",
+        state="loaded",
+        error=None,
+        gaussians=1,
+        sh_degree=0,
+        file_bytes=1,
+        memory_bytes=1,
+        preview="",
+        up=up,
+        camera=camera,
+        background=(0, 0, 0),
+    )
