@@ -34,6 +34,11 @@ export class ShaperApi {
     return this.#call("resume", {});
   }
 
+  /** Go to a position in the trace, in milliseconds. */
+  seek(position_ms: number): Promise<ShaperStatus> {
+    return this.#call("seek", { position_ms });
+  }
+
   stop(): Promise<ShaperStatus> {
     return this.#call("stop", {});
   }

@@ -8,6 +8,7 @@ import { append, noColumns, rates } from "./series";
 const RETRY = 5000;
 
 export class Shaper {
+  readonly api: ShaperApi;
   readonly traces = signal<readonly TraceSummary[]>([]);
   /** Traces to be drawn, by name, as they come. */
   readonly plots = signal<ReadonlyMap<string, TracePoints>>(new Map());
@@ -18,7 +19,6 @@ export class Shaper {
   readonly silent = signal<string | null>(null);
   /** Why the last thing that a person asked for was not done. */
   readonly refusal = signal<string | null>(null);
-  readonly #api: ShaperApi;
   readonly #now: () => number;
   #events: EventSource | undefined;
   #retry: ReturnType<typeof setTimeout> | undefined;
@@ -26,7 +26,7 @@ export class Shaper {
 
   /** `page` is the page's own URL, `now` a clock in milliseconds. */
   constructor(base: string, page: string, now: () => number) {
-    this.#api = new ShaperApi(base);
+    this.api = new ShaperApi(base);
     this.#now = now;
     this.silent.value = obstacle(base, page);
     if (this.silent.value === null) this.#watch();
@@ -35,7 +35,7 @@ export class Shaper {
   /** Does what a person asked for, or says why not. */
   async act(ask: (api: ShaperApi) => Promise<ShaperStatus>): Promise<void> {
     try {
-      this.status.value = await ask(this.#api);
+      this.status.value = await ask(this.api);
       this.refusal.value = null;
     } catch (error) {
       if (!(error instanceof ShaperError)) throw error;
@@ -50,7 +50,7 @@ export class Shaper {
   }
 
   #watch(): void {
-    const events = new EventSource(`${this.#api.base}/events`);
+    const events = new EventSource(`${this.api.base}/events`);
     this.#events = events;
     events.onopen = () => {
       this.silent.value = null;
@@ -63,7 +63,7 @@ export class Shaper {
     };
     events.onerror = () => {
       this.status.value = null;
-      this.silent.value = this.#api.silence;
+      this.silent.value = this.api.silence;
       if (events.readyState !== EventSource.CLOSED) return;
       this.#retry = setTimeout(() => this.#watch(), RETRY);
     };
@@ -71,11 +71,11 @@ export class Shaper {
 
   async #list(): Promise<void> {
     try {
-      this.traces.value = (await this.#api.traces()).traces;
+      this.traces.value = (await this.api.traces()).traces;
       for (const { name, error } of this.traces.value) {
         if (this.#disposed) return;
         if (error) continue;
-        const points = await this.#api.trace(name);
+        const points = await this.api.trace(name);
         this.plots.value = new Map(this.plots.value).set(name, points);
       }
     } catch (error) {

@@ -6,7 +6,9 @@ import { CONTROLLERS } from "../abr/registry";
 import { DashPlayer } from "../dash/dash-player";
 import { setupFor } from "../dash/presets";
 import { rungsFor } from "../dash/rungs";
+import { MovementDeck } from "../experiment/movement-deck";
 import { StageInput } from "../input/stage-input";
+import { sleep } from "../sleep";
 import { ApiError, fetchConfig, loadScene } from "../state/api";
 import { config, settings } from "../state/app";
 import { type Connected, connect } from "../transport/connect";
@@ -40,6 +42,7 @@ export class ViewerSession {
   readonly scene = signal<SceneInfo | null>(null);
   readonly connected = signal<Connected | null>(null);
   readonly rig: Rig;
+  readonly movement: MovementDeck;
   readonly player: Player;
   /** The DASH side; null in stateless mode, and where there is no packager. */
   readonly dash = signal<DashPlayer | null>(null);
@@ -69,6 +72,7 @@ export class ViewerSession {
       sampleInput: (elapsed) => this.input.sample(elapsed),
       turnSpeed: () => settings.value.turnSpeed,
     });
+    this.movement = new MovementDeck(this.rig);
     this.player = new Player({
       canvas: stage.canvas,
       rig: this.rig,
@@ -105,6 +109,7 @@ export class ViewerSession {
   dispose(): void {
     cancelAnimationFrame(this.#animation);
     for (const cleanup of this.#cleanups) cleanup();
+    this.movement.dispose();
     this.input.dispose();
     this.player.dispose();
     this.#decoder.dispose();
@@ -288,19 +293,4 @@ function settled<T>(source: ReadonlySignal<T>, after: number, cleanups: (() => v
     clearTimeout(timer);
   });
   return result;
-}
-
-function sleep(milliseconds: number, signal: AbortSignal): Promise<void> {
-  return new Promise((resolve, reject) => {
-    signal.throwIfAborted();
-    const abort = () => {
-      clearTimeout(timer);
-      reject(signal.reason);
-    };
-    const timer = setTimeout(() => {
-      signal.removeEventListener("abort", abort);
-      resolve();
-    }, milliseconds);
-    signal.addEventListener("abort", abort, { once: true });
-  });
 }

@@ -6,6 +6,8 @@ import { parseRoute, type Route } from "./route";
 import { DEFAULT_SETTINGS, loadSettings, type Settings, saveSettings } from "./settings";
 
 export const settings = signal<Settings>(DEFAULT_SETTINGS);
+/** While an experiment has settings of its own, those are not kept: a page that is closed then opens as the person had it. */
+export const borrowed = signal(false);
 export const route = signal<Route>({ page: "scenes" });
 export const config = signal<ServerConfig | null>(null);
 /** Null until the server has answered. */
@@ -20,7 +22,9 @@ export function change(part: Partial<Settings>): void {
 /** Connects the state with the browser; called once. */
 export function start(): void {
   settings.value = loadSettings(localStorage);
-  effect(() => saveSettings(localStorage, settings.value));
+  effect(() => {
+    if (!borrowed.value) saveSettings(localStorage, settings.value);
+  });
   effect(() => {
     document.documentElement.dataset.theme = settings.value.theme;
   });

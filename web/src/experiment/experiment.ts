@@ -1,0 +1,134 @@
+/**
+ * One experiment of the page: its runs one after the other, what became of each, and how far it is. A run that fails is marked,
+ * and the others go on. What makes a run and what keeps it come in, and so does time.
+ */
+import { signal } from "@preact/signals";
+import { ShaperError } from "../network/api";
+import { ApiError } from "../state/api";
+import { RunFailed } from "./errors";
+import { answers, figures } from "./figures";
+import { type ExperimentPlan, type PlannedRun, runsOf, timeFor } from "./plan";
+import type { Measured, RunResult } from "./results";
+import { type StoreApi, shownFigures } from "./store-api";
+
+export interface Progress {
+  /** Counted from one. */
+  readonly run: number;
+  readonly of: number;
+  /** What is going on. */
+  readonly stage: string;
+  /** When all runs will have ended, on the page's clock. */
+  readonly endsAt: number;
+}
+
+export interface Hands {
+  /** Makes a run; rejects with what failed, or with the reason of `signal`. */
+  readonly measure: (run: PlannedRun, stage: (what: string) => void, signal: AbortSignal) => Promise<Measured>;
+  readonly store: Pick<StoreApi, "create" | "add"> | null;
+  /** In milliseconds. */
+  readonly now: () => number;
+}
+
+export class Experiment {
+  readonly plan: ExperimentPlan;
+  /** ISO 8601. */
+  readonly created: string;
+  /** Null before the first run and after the last. */
+  readonly progress = signal<Progress | null>(null);
+  readonly results = signal<readonly RunResult[]>([]);
+  /** The store's name for it. */
+  readonly id = signal<string | null>(null);
+  /** Why the store does not keep it, in one sentence. */
+  readonly notice = signal<string | null>(null);
+  readonly #hands: Hands;
+  readonly #cancelled = new AbortController();
+  /** What each run took beside its warm-up and movement, in milliseconds. */
+  readonly #overheads: number[] = [];
+
+  constructor(plan: ExperimentPlan, created: string, hands: Hands) {
+    this.plan = plan;
+    this.created = created;
+    this.#hands = hands;
+  }
+
+  get cancelled(): boolean {
+    return this.#cancelled.signal.aborted;
+  }
+
+  /** Ends the present run at once, and makes no other. */
+  cancel(): void {
+    this.#cancelled.abort();
+  }
+
+  /** Makes all runs; rejects never. */
+  async conduct(): Promise<void> {
+    const runs = runsOf(this.plan);
+    const { now } = this.#hands;
+    await this.#begin();
+    for (const [index, run] of runs.entries()) {
+      if (this.cancelled) break;
+      const startedAt = now();
+      const endsAt = startedAt + this.#timeFor(runs.length - index);
+      const stage = (what: string) => {
+        this.progress.value = { run: index + 1, of: runs.length, stage: what, endsAt };
+      };
+      const result = await this.#make(run, stage);
+      this.results.value = [...this.results.value, result];
+      if (result.status === "complete") this.#overheads.push(now() - startedAt - timeFor(this.plan, 1, 0));
+    }
+    this.progress.value = null;
+  }
+
+  async #begin(): Promise<void> {
+    const { store } = this.#hands;
+    if (store === null) return;
+    try {
+      this.id.value = await store.create(this.plan);
+    } catch (error) {
+      this.notice.value = `${sentence(error)} The results stay in this page.`;
+    }
+  }
+
+  async #make(run: PlannedRun, stage: (what: string) => void): Promise<RunResult> {
+    let measured: Measured;
+    try {
+      measured = await this.#hands.measure(run, stage, this.#cancelled.signal);
+    } catch (error) {
+      const nothing = { run, figures: null, answers: [], hidden: false, unstored: null };
+      if (this.cancelled) return { ...nothing, status: "cancelled", problem: "It was cancelled before its end." };
+      return { ...nothing, status: "failed", problem: sentence(error) };
+    }
+    stage("Stores the run");
+    const { recording } = measured;
+    return {
+      run,
+      status: "complete",
+      answers: answers(recording),
+      hidden: recording.hidden,
+      figures: figures(recording),
+      ...(await this.#stored(measured)),
+    };
+  }
+
+  /** The store's figures, if it takes the run; otherwise the run stays here. */
+  async #stored(measured: Measured): Promise<Pick<RunResult, "problem" | "unstored"> & Partial<RunResult>> {
+    const { store } = this.#hands;
+    if (store === null || this.id.value === null) return { problem: null, unstored: measured };
+    try {
+      const { figures: known } = await store.add(this.id.value, measured);
+      return { problem: null, unstored: null, ...(known && { figures: shownFigures(known) }) };
+    } catch (error) {
+      return { problem: `It is not stored: ${sentence(error)}`, unstored: measured };
+    }
+  }
+
+  #timeFor(runs: number): number {
+    const seen = this.#overheads;
+    return timeFor(this.plan, runs, seen.length ? seen.reduce((a, b) => a + b) / seen.length : undefined);
+  }
+}
+
+function sentence(error: unknown): string {
+  if (error instanceof RunFailed || error instanceof ShaperError || error instanceof ApiError) return error.message;
+  return `The page failed: ${error instanceof Error ? error.message : error}.`;
+}

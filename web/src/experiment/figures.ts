@@ -1,0 +1,86 @@
+/**
+ * The figures of a run that the page shows, with the definitions of `docs/compare.md`: the twin of the store's
+ * (`tigas_lab/statistics.py`), for runs that no store keeps. Pure: a recording in, figures out.
+ */
+import type { Records } from "./recorder";
+
+export interface RunFigures {
+  /** Motion-to-photon latency in milliseconds; null: that share of the inputs was never answered, or nothing moved. */
+  readonly p50: number | null;
+  readonly p95: number | null;
+  /** Of all inputs, those shown within `INTERACTIVE`, 0 to 1; null if nothing moved. */
+  readonly interactive: number | null;
+  /** Frames shown a second. */
+  readonly framesPerSecond: number;
+  /** Of what was on the screen, weighted by time, in pixels; null without frames. */
+  readonly meanHeight: number | null;
+  /** Changes of the ladder's rung. */
+  readonly switches: number;
+  /** What the page received of frames or segments, in bits a second; null if it did not count. */
+  readonly received: number | null;
+}
+
+/** An input, and how long it took until it was on the screen, both in milliseconds; infinite if no frame ever showed it. */
+export interface Answer {
+  readonly at: number;
+  readonly latency: number;
+}
+
+/** The latency that counts as immediate, in milliseconds. */
+export const INTERACTIVE = 100;
+
+/** For each input, the first frame of its pose or of a later one. */
+export function answers({ inputs, frames }: Pick<Records, "inputs" | "frames">): Answer[] {
+  let next = 0;
+  let newest = -1;
+  return inputs.map(({ at, pose }) => {
+    // Poses and times grow, so the answering frame never goes back.
+    for (let frame = frames[next]; frame !== undefined; frame = frames[++next]) {
+      newest = Math.max(newest, frame.pose);
+      if (newest >= pose) return { at, latency: frame.at - at };
+    }
+    return { at, latency: Number.POSITIVE_INFINITY };
+  });
+}
+
+export function figures(recording: Records & { readonly duration_ms: number }): RunFigures {
+  const { frames, traffic, duration_ms } = recording;
+  const latencies = answers(recording).map(({ latency }) => latency);
+  const during = frames.filter(({ at }) => at >= 0 && at <= duration_ms);
+  const rungs = during.flatMap(({ rung }) => rung ?? []);
+  return {
+    p50: percentile(latencies, 0.5),
+    p95: percentile(latencies, 0.95),
+    interactive: latencies.length
+      ? latencies.filter((latency) => latency <= INTERACTIVE).length / latencies.length
+      : null,
+    framesPerSecond: (during.length * 1000) / duration_ms,
+    meanHeight: meanHeight(during, duration_ms),
+    switches: rungs.filter((rung, i) => i > 0 && rung !== rungs[i - 1]).length,
+    received: rate(traffic.filter(({ at }) => at <= duration_ms)),
+  };
+}
+
+/** The nearest-rank percentile (rank 0 to 1); null where it is not finite, or without values. */
+export function percentile(values: readonly number[], rank: number): number | null {
+  const sorted = values.toSorted((a, b) => a - b);
+  const value = sorted[Math.max(0, Math.ceil(rank * sorted.length) - 1)];
+  return value === undefined || !Number.isFinite(value) ? null : value;
+}
+
+function meanHeight(frames: Records["frames"], duration: number): number | null {
+  let sum = 0;
+  let lasted = 0;
+  frames.forEach(({ at, height }, i) => {
+    const time = (frames[i + 1]?.at ?? duration) - at;
+    sum += time * height;
+    lasted += time;
+  });
+  return lasted > 0 ? sum / lasted : null;
+}
+
+function rate(traffic: Records["traffic"]): number | null {
+  const [first, last] = [traffic.at(0), traffic.at(-1)];
+  if (first === undefined || last === undefined || last.at <= first.at) return null;
+  return ((last.bytes - first.bytes) * 8000) / (last.at - first.at);
+}

@@ -1,0 +1,126 @@
+/** Makes one run in this very page: settings, network, first pose, warm-up, movement. */
+import { effect } from "@preact/signals";
+import type { Shaper } from "../network/shaper";
+import type { ViewerSession } from "../player/session";
+import { sleep } from "../sleep";
+import { settings } from "../state/app";
+import { RunFailed } from "./errors";
+import { linkFor, linkSamples, watchLink } from "./link";
+import { type PlannedRun, settingsFor } from "./plan";
+import type { PosePoint } from "./playback";
+import type { Measured } from "./results";
+import type { Runner } from "./runner";
+
+export interface Bench {
+  readonly session: ViewerSession;
+  readonly runner: Runner;
+  readonly shaper: Shaper | null;
+  /** The movement, in the scene's own frame. */
+  readonly points: readonly PosePoint[];
+}
+
+/** How long the viewer may take to show the first pose, in milliseconds. */
+const READY_WITHIN = 60_000;
+const LOOK_EVERY = 50;
+
+/**
+ * `stage` hears what is going on. Rejects with a RunFailed or a ShaperError, or with the reason of `signal`.
+ * Afterwards the link is the shaper's own again, and the camera stands at the movement's first pose.
+ */
+export async function measure(
+  { session, runner, shaper, points }: Bench,
+  run: PlannedRun,
+  stage: (what: string) => void,
+  signal: AbortSignal,
+): Promise<Measured> {
+  const first = points[0];
+  if (first === undefined) throw new RunFailed("The movement has no point.");
+  const link = linkFor(shaper, run);
+  runner.stand(first);
+  try {
+    stage("Connects");
+    await beginAnew(session, runner, signal);
+    stage("Waits for the first view");
+    await link.hold();
+    runner.settings(settingsFor(run));
+    await until(
+      () => runner.state().ready,
+      READY_WITHIN,
+      () => silence(session),
+      signal,
+    );
+    stage("Warms up");
+    await sleep(run.warm_up_s * 1000, signal);
+    stage("Plays the movement");
+    const trouble = watchForTrouble(session, shaper, run);
+    const watch = watchLink(shaper, () => performance.now());
+    try {
+      const configuration = { ...run, ...session.rig.viewport.peek() };
+      await link.play();
+      const plan = { points, duration_ms: run.duration_s * 1000, capture_every_ms: run.capture_every_ms };
+      const recording = await runner.run(plan, AbortSignal.any([signal, trouble.signal]));
+      if (recording.frames.length === 0) throw new RunFailed("No frame came during the run.");
+      const startedAt = recording.started_unix_ms - performance.timeOrigin;
+      return { configuration, recording, link: linkSamples(watch.seen, startedAt, startedAt + recording.ended_ms) };
+    } finally {
+      watch.stop();
+      trouble.stop();
+    }
+  } finally {
+    runner.stand(first); // until the next run: a person's keys must not move the camera meanwhile
+    await link.release();
+  }
+}
+
+/** A new connection, no stream, and a controller that has learnt nothing: a run knows nothing of those before it. */
+async function beginAnew(session: ViewerSession, runner: Runner, signal: AbortSignal): Promise<void> {
+  runner.settings({ mode: "stateless", controller: "fixed" });
+  session.retry();
+  await until(
+    () => session.phase.peek().kind === "playing",
+    READY_WITHIN,
+    () => silence(session),
+    signal,
+  );
+}
+
+/** Aborts with a RunFailed when something happens that spoils a run. */
+function watchForTrouble(session: ViewerSession, shaper: Shaper | null, run: PlannedRun) {
+  const controller = new AbortController();
+  const condition = () => JSON.stringify([decisive(), session.rig.viewport.value, session.rig.intrinsics.value]);
+  const before = condition();
+  const trouble = (): string | null => {
+    const stream = session.dash.value?.phase.value;
+    if (session.phase.value.kind !== "playing") return "The connection was lost during the run.";
+    if (run.mode !== "stateless" && stream?.kind !== "playing") return "The DASH stream was lost during the run.";
+    if (condition() !== before) return "Settings or the window's size were changed during the run.";
+    if (shaper?.status.value?.closed) return `The link was closed during the run: ${shaper.status.value.closed}`;
+    return run.network.name === "unshaped" ? null : (shaper?.silent.value ?? null);
+  };
+  const stop = effect(() => {
+    const said = trouble();
+    if (said !== null) controller.abort(new RunFailed(said));
+  });
+  return { signal: controller.signal, stop };
+}
+
+/** The settings that decide what is measured. */
+function decisive() {
+  const { transport, mode, dashPreset, dashCustom, controller, profile, refine } = settings.value;
+  return [transport, mode, dashPreset, dashCustom, controller, profile, refine];
+}
+
+/** Why no frame comes, as far as the viewer knows. */
+function silence(session: ViewerSession): string {
+  const phases = [session.phase.peek(), session.dash.peek()?.phase.peek()];
+  const said = phases.flatMap((phase) => (phase && "message" in phase ? phase.message : []));
+  return said[0] ?? `No frame came within ${READY_WITHIN / 1000} s.`;
+}
+
+async function until(done: () => boolean, within: number, otherwise: () => string, signal: AbortSignal): Promise<void> {
+  const limit = performance.now() + within;
+  while (!done()) {
+    if (performance.now() > limit) throw new RunFailed(otherwise());
+    await sleep(LOOK_EVERY, signal);
+  }
+}

@@ -1,0 +1,91 @@
+import { expect, test } from "vitest";
+import { BINS } from "../comparison/histogram";
+import type { RunFigures } from "./figures";
+import { type ExperimentPlan, runsOf } from "./plan";
+import { distribution, overTime, type RunResult, rowsOf, toJson } from "./results";
+
+const PLAN: ExperimentPlan = {
+  name: "two",
+  scene: "courtyard",
+  movement: "stroll",
+  network: { trace: null, rtt_ms: null },
+  modes: ["stateless", "dash-typical"],
+  profiles: ["latency"],
+  repeats: 2,
+  duration_s: 10,
+  warm_up_s: 2,
+};
+const FIGURES: RunFigures = {
+  p50: 40,
+  p95: 90,
+  interactive: 0.9,
+  framesPerSecond: 30,
+  meanHeight: 720,
+  switches: 2,
+  received: 1e6,
+};
+const [first, dash, second] = runsOf(PLAN);
+const result = (run: typeof first, more: Partial<RunResult> = {}): RunResult => {
+  if (run === undefined) throw new Error("the plan has no such run");
+  return {
+    run,
+    status: "complete",
+    problem: null,
+    figures: FIGURES,
+    answers: [],
+    hidden: false,
+    unstored: null,
+    ...more,
+  };
+};
+
+test("one row per controller and mode: the mean of its complete runs, and how many there are", () => {
+  const rows = rowsOf([
+    result(first),
+    result(dash, { status: "failed", problem: "No frame came.", figures: null }),
+    result(second, { figures: { ...FIGURES, p50: 60, p95: null }, hidden: true }),
+  ]);
+  expect(rows.map(({ condition, runs, complete, hidden }) => [condition, runs, complete, hidden])).toEqual([
+    ["Latency", 2, 2, 1],
+    ["DASH, typical", 1, 0, 0],
+  ]);
+  expect(rows[0]?.figures).toEqual({ ...FIGURES, p50: 50, p95: null });
+  expect(rows[1]?.figures.p50).toBeNull();
+});
+
+test("the distribution counts inputs that were never answered among all", () => {
+  const answers = [20, 30, 3000, Number.POSITIVE_INFINITY].map((latency) => ({ at: 0, latency }));
+  const [limits, shares] = distribution([result(first, { answers })]);
+  expect(limits).toBe(BINS);
+  const within = (limit: number) => shares?.[BINS.findLastIndex((bin) => bin <= limit)];
+  expect([within(15), within(100), within(4900)]).toEqual([0, 50, 75]);
+});
+
+test("the latency over time is the median of half a second; nothing where nothing moved", () => {
+  const answers = [
+    { at: 0, latency: 10 },
+    { at: 100, latency: 50 },
+    { at: 400, latency: 20 },
+    { at: 1200, latency: Number.POSITIVE_INFINITY },
+    { at: 1600, latency: 70 },
+  ];
+  expect(overTime([result(first, { answers }), result(dash)])).toEqual([
+    [0.25, 0.75, 1.25, 1.75],
+    [20, null, null, 70],
+    [null, null, null, null],
+  ]);
+});
+
+test("nothing measured is nothing to plot", () => {
+  expect(overTime([])).toEqual([[]]);
+  expect(distribution([])).toEqual([BINS]);
+});
+
+test("what is downloaded holds the plan, every run, and all that no store has", () => {
+  const failed = result(first, { status: "failed", problem: "No frame came.", figures: null });
+  const file = JSON.parse(toJson(PLAN, "2026-01-01T00:00:00Z", [failed]));
+  expect(file).toMatchObject({ name: "two", plan: { movement: "stroll" }, source: "page" });
+  expect(file.runs).toEqual([
+    { status: "failed", problem: "No frame came.", configuration: failed.run, recording: null, link: [] },
+  ]);
+});

@@ -1,0 +1,124 @@
+/** What became of an experiment's runs, and what they say of each controller and mode. Pure. */
+import { BINS } from "../comparison/histogram";
+import type { Columns } from "../network/series";
+import type { Configuration, LinkSample } from "../store-wire";
+import { type Answer, percentile, type RunFigures } from "./figures";
+import { conditionOf, type ExperimentPlan, type PlannedRun } from "./plan";
+import type { Recording } from "./runner";
+
+/** A run as it was measured. */
+export interface Measured {
+  readonly configuration: Configuration;
+  readonly recording: Recording;
+  readonly link: readonly LinkSample[];
+}
+
+export interface RunResult {
+  readonly run: PlannedRun;
+  readonly status: "complete" | "failed" | "cancelled";
+  /** Why it failed, or why the store does not have it, in one sentence. */
+  readonly problem: string | null;
+  readonly figures: RunFigures | null;
+  readonly answers: readonly Answer[];
+  /** The page was hidden at some time, so that the browser may have held frames back. */
+  readonly hidden: boolean;
+  /** All that was measured, for as long as no store has it. */
+  readonly unstored: Measured | null;
+}
+
+/** One controller or mode: means over its complete runs. */
+export interface Row {
+  readonly condition: string;
+  readonly runs: number;
+  readonly complete: number;
+  readonly hidden: number;
+  readonly figures: Readonly<Record<keyof RunFigures, number | null>>;
+}
+
+/** One row per controller or mode, in the order in which they ran first. */
+export function rowsOf(results: readonly RunResult[]): Row[] {
+  return [...byCondition(results)].map(([condition, runs]) => {
+    const complete = runs.flatMap(({ figures }) => figures ?? []);
+    const mean = (name: keyof RunFigures) => meanOf(complete.map((figures) => figures[name]));
+    return {
+      condition,
+      runs: runs.length,
+      complete: complete.length,
+      hidden: runs.filter(({ hidden }) => hidden).length,
+      figures: {
+        p50: mean("p50"),
+        p95: mean("p95"),
+        interactive: mean("interactive"),
+        framesPerSecond: mean("framesPerSecond"),
+        meanHeight: mean("meanHeight"),
+        switches: mean("switches"),
+        received: mean("received"),
+      },
+    };
+  });
+}
+
+/** Percent of each condition's inputs that were on the screen within a time (ms); all runs of a condition together. */
+export function distribution(results: readonly RunResult[]): Columns {
+  const columns = [...byCondition(results).values()].map((runs) => {
+    const latencies = runs.flatMap(({ answers }) => answers.map(({ latency }) => latency));
+    if (latencies.length === 0) return BINS.map(() => null);
+    return BINS.map((limit) => (100 * latencies.filter((latency) => latency <= limit).length) / latencies.length);
+  });
+  return [BINS, ...columns];
+}
+
+/** Width of a bin of `overTime`, in milliseconds. */
+const BIN = 500;
+
+/** The median latency (ms) of each condition's inputs over the time of the movement (s), in bins of half a second. */
+export function overTime(results: readonly RunResult[]): Columns {
+  const conditions = [...byCondition(results).values()].map((runs) =>
+    grouped(
+      runs.flatMap(({ answers }) => answers),
+      binOf,
+    ),
+  );
+  const last = Math.max(-1, ...conditions.flatMap((bins) => [...bins.keys()]));
+  const bins = Array.from({ length: last + 1 }, (_, bin) => bin);
+  const medians = conditions.map((found) =>
+    bins.map((bin) => percentile(found.get(bin)?.map(({ latency }) => latency) ?? [], 0.5)),
+  );
+  return [bins.map((bin) => ((bin + 0.5) * BIN) / 1000), ...medians];
+}
+
+/** What is downloaded where there is no store: one file with all that was measured and is not stored elsewhere. */
+export function toJson(plan: ExperimentPlan, created: string, results: readonly RunResult[]): string {
+  const runs = results.map(({ run, status, problem, unstored }) => ({
+    status,
+    problem,
+    ...(unstored ?? { configuration: run, recording: null, link: [] }),
+  }));
+  return JSON.stringify({ name: plan.name, created, source: "page", plan, runs });
+}
+
+/** By controller or mode, in the order in which they ran first. */
+function byCondition(results: readonly RunResult[]): Map<string, RunResult[]> {
+  return grouped(results, ({ run }) => conditionOf(run));
+}
+
+function grouped<K, V>(values: readonly V[], keyOf: (value: V) => K): Map<K, V[]> {
+  const groups = new Map<K, V[]>();
+  for (const value of values) {
+    const key = keyOf(value);
+    const group = groups.get(key);
+    if (group) group.push(value);
+    else groups.set(key, [value]);
+  }
+  return groups;
+}
+
+function binOf({ at }: Answer): number {
+  return Math.max(0, Math.floor(at / BIN));
+}
+
+function meanOf(values: readonly (number | null)[]): number | null {
+  const known = values.flatMap((value) => value ?? []);
+  // A share of inputs that was never answered has no mean with those that were.
+  return known.length === 0 || known.length < values.length ? null : known.reduce((a, b) => a + b) / known.length;
+}
