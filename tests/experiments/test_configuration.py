@@ -37,6 +37,20 @@ def test_traces_by_name_and_by_file(tmp_path: Path) -> None:
     assert not Network.parse("unshaped").shaped
 
 
+def test_a_file_s_path_is_relative_to_where_it_was_written(tmp_path: Path) -> None:
+    (tmp_path / "bus.csv").touch()
+    assert Network.parse("bus.csv,20ms-rtt", tmp_path).trace_file == tmp_path / "bus.csv"
+
+
+def test_the_same_rates_at_another_round_trip() -> None:
+    for text in ("4g-bus", "20mbit,5ms-rtt,1%-loss", "20mbit"):
+        assert Network.parse(text).with_rtt(300).round_trip_ms == 300
+    other = Network.parse("20mbit,5ms-rtt,1%-loss").with_rtt(300)
+    assert other == Network.parse("20mbit,1%-loss,300ms-rtt"), "its name says it, too"
+    with pytest.raises(ValueError, match="has the round trip that it has"):
+        Network.parse("unshaped").with_rtt(20)
+
+
 @pytest.mark.parametrize(
     ("text", "sentence"),
     [
@@ -52,6 +66,13 @@ def test_traces_by_name_and_by_file(tmp_path: Path) -> None:
 def test_nonsense_gets_a_sentence(text: str, sentence: str) -> None:
     with pytest.raises(ValueError, match=sentence):
         Network.parse(text)
+
+
+@pytest.mark.parametrize("name", ["unshaped", "20mbit"])
+def test_only_a_trace_begins_elsewhere(name: str) -> None:
+    fields = Network.parse(name).model_dump() | {"offset_s": 5.0}
+    with pytest.raises(ValidationError, match="only a trace can begin at another position"):
+        Network.model_validate(fields)
 
 
 def test_a_folder_name_is_safe_whatever_the_names() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import base64
 import contextlib
 import json
@@ -12,7 +13,7 @@ from contextlib import asynccontextmanager
 from typing import Any
 from urllib.parse import quote
 
-from playwright.async_api import Browser, Error, Page, async_playwright
+from playwright.async_api import Browser, BrowserContext, Error, Page, async_playwright
 
 from tigas_common.errors import StartError
 from tigas_lab.errors import RunFailed
@@ -34,6 +35,7 @@ ARGUMENTS = (
 )
 READY_MS = 60_000
 """How long the viewer may take from being opened to its first frame."""
+CLOSE_S = 10
 
 
 def find_chromium() -> str:
@@ -60,8 +62,7 @@ async def chromium() -> AsyncIterator[Browser]:
         try:
             yield browser
         finally:
-            with contextlib.suppress(Error):
-                await browser.close()
+            await _closed(browser)
 
 
 class Viewer:
@@ -107,18 +108,27 @@ class Viewer:
 @asynccontextmanager
 async def viewer(browser: Browser, url: str, scene: str, width: int, height: int) -> AsyncIterator[Viewer]:
     """The viewer of a scene in a fresh context: no settings, cache or storage of earlier runs. Raises RunFailed."""
-    context = await browser.new_context(viewport={"width": width, "height": height}, ignore_https_errors=True)
     try:
-        page = await context.new_page()
+        context = await browser.new_context(viewport={"width": width, "height": height}, ignore_https_errors=True)
+    except Error as error:
+        raise RunFailed(f"The browser opens no page: {_first_line(error)}") from None
+    try:
         try:
+            page = await context.new_page()
             await page.goto(f"{url}/#/scene/{quote(scene, safe='')}", timeout=READY_MS)
             await page.wait_for_function("() => window.tigas !== undefined", timeout=READY_MS)
         except Error as error:
             raise RunFailed(f"The viewer at {url} could not be opened: {_first_line(error)}") from None
         yield Viewer(page)
     finally:
-        with contextlib.suppress(Error):
-            await context.close()
+        await _closed(context)
+
+
+async def _closed(what: Browser | BrowserContext) -> None:
+    """It is, or it is so dead that it does not answer."""
+    with contextlib.suppress(Error, TimeoutError):
+        async with asyncio.timeout(CLOSE_S):
+            await what.close()
 
 
 def _first_line(error: Error) -> str:

@@ -14,7 +14,7 @@ from pydantic import ValidationError
 from tigas_common.cli import in_a_sentence
 from tigas_common.errors import StartError
 from tigas_common.parsing import sentence
-from tigas_lab.configuration import MODES, Configuration, Network
+from tigas_lab.configuration import MODES, Configuration, Network, parse_viewport
 
 DEFAULT_NETWORK = "20mbit,20ms-rtt"
 DEFAULT_PROFILE = "budget"
@@ -116,7 +116,7 @@ def _configuration(**fields: object) -> Configuration:
 
 
 def _viewport(text: str) -> tuple[int, int]:
-    width, x, height = text.partition("x")
-    if not x or not width.isdecimal() or not height.isdecimal():
-        raise typer.BadParameter(f"{text!r} is not WIDTHxHEIGHT, such as 1280x720", param_hint="--viewport")
-    return int(width), int(height)
+    try:
+        return parse_viewport(text)
+    except ValueError as error:
+        raise typer.BadParameter(str(error), param_hint="--viewport") from None

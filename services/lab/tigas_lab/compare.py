@@ -2,20 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import AsyncIterator, Callable, Sequence
-from contextlib import asynccontextmanager
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 
-from tigas_lab.browser import find_chromium
 from tigas_lab.configuration import Configuration
-from tigas_lab.inputs import movement_points
-from tigas_lab.machine import this_machine
+from tigas_lab.laboratory import laboratory
 from tigas_lab.report.page import ReportData, write_report
-from tigas_lab.run import Bench, run
+from tigas_lab.run import run
 from tigas_lab.store import RunRecord
-from tigas_lab.targets import Target, lab_target, load_scene, url_target
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,30 +48,16 @@ async def make_runs(comparison: Comparison, listener: Listener, made: list[Path]
 
     Raises StartError and OSError.
     """
-    find_chromium()
-    listener.stage("starts the services")
-    async with _target(comparison) as target:
+    async with laboratory(comparison.url, comparison.scenes, comparison.traces) as lab:
+        listener.stage("starts the services")
+        await lab.check(comparison.runs)
         for number, configuration in enumerate(comparison.runs, 1):
-            listener.stage("loads the scene")
-            scene = await load_scene(target.url, configuration.scene)
-            points = movement_points(configuration, scene)
             folder = comparison.out / "runs" / f"{number:02}_{configuration.slug}"
             made.append(folder)
-            bench = Bench(target, scene, this_machine())
-            listener.finished(await run(bench, configuration, points, folder, listener.stage))
+            listener.finished(await run(lab, configuration, folder, listener.stage))
 
 
 def report_on(comparison: Comparison, made: Sequence[Path]) -> ReportData:
     """The report of the runs that were made. Raises OSError."""
     scenes = ", ".join(dict.fromkeys(run.scene for run in comparison.runs))
     return write_report(made, comparison.out, f"{scenes}: one JPEG per pose and low-latency DASH", comparison.command)
-
-
-@asynccontextmanager
-async def _target(comparison: Comparison) -> AsyncIterator[Target]:
-    if comparison.url is None:
-        async with lab_target(comparison.scenes, comparison.traces) as target:
-            yield target
-    else:
-        async with url_target(comparison.url) as target:
-            yield target

@@ -22,6 +22,7 @@ UP_KBPS = 10_000.0
 """The uplink of a constant link that says nothing of it."""
 UNSHAPED = "unshaped"
 MAX_RTT_MS = 120_000.0
+MAX_OFFSET_S = 86_400.0
 _PART = re.compile(r"(?P<value>\d+(?:\.\d+)?)(?P<unit>mbit-up|kbit-up|mbit|kbit|ms-rtt|ms-jitter|%-loss)")
 _OVERRIDE = re.compile(r"(?P<trace>.+),(?P<rtt>\d+(?:\.\d+)?)ms-rtt")
 
@@ -46,11 +47,15 @@ class Network(WireModel):
     """The file that the trace is read from; without it, the shaper knows the trace by its name."""
     rtt_ms: float | None = Field(default=None, ge=0, le=MAX_RTT_MS)
     """Of a trace: in place of its own delay and jitter. A constant link says its delay itself."""
+    offset_s: float = Field(default=0.0, ge=0, le=MAX_OFFSET_S)
+    """Of a trace: the position that a run begins at."""
 
     @model_validator(mode="after")
     def _check(self) -> Self:
         if self.rtt_ms is not None and (self.link is not None or not self.shaped):
             raise ValueError("only a trace's round trip can be replaced")
+        if self.offset_s and not self.is_trace:
+            raise ValueError("only a trace can begin at another position")
         return self
 
     @property
@@ -63,11 +68,26 @@ class Network(WireModel):
         """Whether it needs a shaper."""
         return self.name != UNSHAPED
 
+    @property
+    def is_trace(self) -> bool:
+        """Whether a trace is played."""
+        return self.shaped and self.link is None
+
+    def with_rtt(self, rtt_ms: float) -> Network:
+        """The same rates at another round trip. Raises ValueError."""
+        if not self.shaped:
+            raise ValueError("an unshaped network has the round trip that it has")
+        if self.link is None:
+            return self.model_copy(update={"rtt_ms": rtt_ms})
+        others = [part for part in self.name.split(",") if not part.strip().endswith("ms-rtt")]
+        link = self.link.model_copy(update={"delay_ms": rtt_ms / 2})
+        return Network(name=",".join([*others, f"{rtt_ms:g}ms-rtt"]), link=link)
+
     @classmethod
-    def parse(cls, text: str) -> Network:
+    def parse(cls, text: str, directory: Path = Path()) -> Network:
         """Read what a person wrote: `20mbit,20ms-rtt`, `unshaped`, or a trace (file or name), or `TRACE,100ms-rtt`.
 
-        Raises ValueError with one sentence.
+        A file's path is relative to `directory`. Raises ValueError with one sentence.
         """
         if text == UNSHAPED:
             return cls(name=UNSHAPED)
@@ -75,10 +95,10 @@ class Network(WireModel):
             return cls(name=text, link=_constant(text))
         override = _OVERRIDE.fullmatch(text)
         trace, rtt_ms = (override["trace"], float(override["rtt"])) if override else (text, None)
-        path = Path(trace)
+        path = directory / trace
         if path.is_file():
             return cls(name=path.name[:100], trace_file=path, rtt_ms=rtt_ms)
-        if path.name != trace or path.suffix:
+        if Path(trace).name != trace or Path(trace).suffix:
             raise ValueError(f"there is no trace file {trace!r}")
         return cls(name=trace, rtt_ms=rtt_ms)
 
@@ -118,6 +138,14 @@ class Configuration(WireModel):
         network = self.network.name if self.network.rtt_ms is None else f"{self.network.name}-{self.network.rtt_ms:g}ms"
         parts = (self.scene, Path(self.movement).stem, network, mode, f"{self.repeat}")
         return "_".join(re.sub(r"[^A-Za-z0-9.-]+", "-", part).strip(".-")[:40] or "x" for part in parts)
+
+
+def parse_viewport(text: str) -> tuple[int, int]:
+    """Width and height from `640x360`. Raises ValueError with one sentence."""
+    width, _, height = text.partition("x")
+    if not width.isdecimal() or not height.isdecimal():
+        raise ValueError(f"{text!r} is not WIDTHxHEIGHT, such as 1280x720")
+    return int(width), int(height)
 
 
 def _constant(text: str) -> ConstantLink:

@@ -6,97 +6,85 @@ import asyncio
 import contextlib
 from collections.abc import AsyncIterator, Callable, Sequence
 from contextlib import asynccontextmanager
-from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 from time import time
-from typing import Any, TypedDict
+from typing import TYPE_CHECKING, Any
 
 import httpx
 
-from tigas_common.wire import SceneInfo
+from tigas_common.errors import StartError
 from tigas_lab import truth
-from tigas_lab.browser import Viewer, chromium, viewer
+from tigas_lab.browser import Viewer, viewer
 from tigas_lab.configuration import Configuration, Mode
 from tigas_lab.errors import RunFailed
 from tigas_lab.load import Load, watching_load
-from tigas_lab.machine import Machine
+from tigas_lab.points import Point as Point
+from tigas_lab.points import digest
 from tigas_lab.quality import BrokenPicture, encode
 from tigas_lab.recording import BrokenRecording, Recording
 from tigas_lab.shaper_client import LinkStatus, ShaperClient
 from tigas_lab.store import CaptureQuality, LinkSample, Moment, RunRecord, RunWriter
 from tigas_lab.targets import Target
 
+if TYPE_CHECKING:
+    from tigas_lab.laboratory import Bench, Laboratory
+
 DRAIN_S = 30
 """How much longer than its movement a recording may take."""
 
 
-class Point(TypedDict):
-    """A pose at a time, in the scene's own frame."""
-
-    t_ms: float
-    position: list[float]
-    quaternion: list[float]
-
-
-@dataclass(frozen=True, slots=True)
-class Bench:
-    """What all runs share."""
-
-    target: Target
-    scene: SceneInfo
-    machine: Machine
-
-
 async def run(
-    bench: Bench, configuration: Configuration, points: Sequence[Point], folder: Path, stage: Callable[[str], None]
+    laboratory: Laboratory, configuration: Configuration, folder: Path, stage: Callable[[str], None]
 ) -> RunRecord:
     """Make one run, write its folder, and return its record. A run that fails is marked, and raises nothing.
 
-    `stage` hears what is going on. If it is cancelled, the run is marked, too.
+    `stage` hears what is going on. If it is cancelled, the run is marked, too. On a full disk a mark may be impossible:
+    a run whose run.json says "running", or that has none, is as incomplete as one that is marked.
     """
     record = RunRecord(
         status="running",
         problem=None,
         configuration=configuration,
-        machine=bench.machine,
+        machine=laboratory.machine,
         started=datetime.now(UTC).isoformat(timespec="seconds"),
-        scene_bytes=bench.scene.file_bytes,
     )
-    writer = RunWriter(folder, record)
+    writer: RunWriter | None = None
+
+    def failed(problem: str) -> RunRecord:
+        with contextlib.suppress(OSError):
+            if writer is not None:
+                return writer.close(status="failed", problem=problem)
+        return record.model_copy(update={"status": "failed", "problem": problem})
+
     try:
-        return await _measure(bench, configuration, points, writer, stage)
-    except (RunFailed, BrokenRecording) as error:
-        return writer.close(status="failed", problem=str(error))
+        writer = RunWriter(folder, record)
+        stage("prepares")
+        return await _measure(await laboratory.bench(configuration), configuration, writer, stage)
+    except (StartError, RunFailed, BrokenRecording) as error:
+        return failed(str(error))
     except OSError as error:
-        return writer.close(status="failed", problem=f"The run could not be written: {error}")
+        return failed(f"The run could not be written: {error}")
     except BaseException:
-        writer.close(status="failed", problem="The run was stopped before its end.")
+        failed("The run was stopped before its end.")
         raise
 
 
 async def _measure(
-    bench: Bench,
-    configuration: Configuration,
-    points: Sequence[Point],
-    writer: RunWriter,
-    stage: Callable[[str], None],
+    bench: Bench, configuration: Configuration, writer: RunWriter, stage: Callable[[str], None]
 ) -> RunRecord:
     stage("opens the viewer")
     url = bench.target.url
-    async with (
-        chromium() as browser,
-        viewer(browser, url, bench.scene.id, configuration.width, configuration.height) as page,
-    ):
+    async with viewer(bench.browser, url, bench.scene.id, configuration.width, configuration.height) as page:
         async with _link(bench.target, configuration) as shaper:
-            await page.prepare(page_settings(configuration), points[0])
+            await page.prepare(page_settings(configuration), bench.points[0])
             stage("warms up")
             await asyncio.sleep(configuration.warm_up_s)
             stage("measures")
             async with watching_load() as load, _watching(shaper) as seen:
                 if shaper is not None and configuration.network.shaped:
                     await shaper.play(configuration.network)
-                recording = await _record(page, configuration, points)
+                recording = await _record(page, configuration, bench.points)
         writer.recording(recording)
         start = recording.started_unix_ms
         during = [sample for sample in load if 0 <= sample.unix_ms - start <= recording.ended_ms]
@@ -106,8 +94,10 @@ async def _measure(
         return writer.close(
             status="complete" if recording.complete else "failed",
             problem=None if recording.complete else "The movement was not played to its end.",
-            browser=browser.version,
+            browser=bench.browser.version,
             backend=seen[-1][1].backend if seen else None,
+            scene_bytes=bench.scene.file_bytes,
+            points_sha256=digest(bench.points),
             load=Load.of(during),
             recording=recording.head,
         )

@@ -70,12 +70,12 @@ class ShaperClient:
         delay_ms = None if network.rtt_ms is None else network.rtt_ms / 2
         await self._post("/start", {"trace": name, "loop": True, "delay_ms": delay_ms})
         await self._post("/pause", {})
-        await self._post("/seek", {"position_ms": 0})
+        await self._seek(network)
 
     async def play(self, network: Network) -> None:
-        """Play the held trace from its start."""
+        """Play the held trace from where a run begins."""
         if network.link is None:
-            await self._post("/seek", {"position_ms": 0})
+            await self._seek(network)
             await self._post("/resume", {})
 
     async def release(self) -> None:
@@ -91,6 +91,9 @@ class ShaperClient:
                         yield self._status(json.loads(line.removeprefix("data:")))
         except (httpx.HTTPError, json.JSONDecodeError) as error:
             raise RunFailed(f"The shaper at {self.url} stopped telling of its link ({_reason(error)}).") from None
+
+    async def _seek(self, network: Network) -> None:
+        await self._post("/seek", {"position_ms": network.offset_s * 1000})
 
     def _status(self, data: Any) -> LinkStatus:
         try:

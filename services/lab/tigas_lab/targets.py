@@ -14,7 +14,7 @@ from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from urllib.parse import urlsplit
+from urllib.parse import quote, urlsplit
 
 import httpx
 from pydantic import ValidationError
@@ -91,11 +91,17 @@ async def read_config(url: str) -> ServerConfig:
             raise StartError(f"No TIGAS render service answers at {url}.") from None
 
 
+async def alive(target: Target) -> bool:
+    """Whether all services answer, and the shaper's link works."""
+    services = (target.url, target.shaper, target.dash)
+    return all(await asyncio.gather(*(_serves(url) for url in services if url is not None)))
+
+
 async def load_scene(url: str, scene: str) -> SceneInfo:
     """A scene's description, once it is loaded. Raises StartError."""
     async with httpx.AsyncClient(timeout=LOAD_S, trust_env=False, verify=False) as http:
         try:
-            answer = await http.post(f"{url}/scenes/{scene}/load")
+            answer = await http.post(f"{url}/scenes/{quote(scene, safe='')}/load")
             if answer.is_success:
                 return SceneInfo.model_validate_json(answer.content)
             detail = answer.json().get("detail", answer.status_code)
@@ -126,10 +132,9 @@ async def _ready(process: subprocess.Popen[bytes], log: asyncio.Task[str]) -> Ta
         if process.poll() is not None:
             raise StartError(f"The lab did not start: {await log or 'it gave no reason'}")
         if await _serves(LAB_URL):
-            config = await read_config(LAB_URL)
-            others = [url for url in (config.services.get("shaper"), config.services.get("dash")) if url]
-            if all([await _serves(url) for url in others]):
-                return Target(LAB_URL, config)
+            target = Target(LAB_URL, await read_config(LAB_URL))
+            if await alive(target):
+                return target
         await asyncio.sleep(0.3)
     raise StartError(f"The lab's services did not answer within {START_S} s.")
 

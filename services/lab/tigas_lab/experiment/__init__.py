@@ -1,0 +1,1 @@
+"""Experiments: a matrix of runs, made one after the other, which go on where they were interrupted."""

@@ -1,0 +1,131 @@
+"""Makes an experiment's runs, those that are missing, and never gives up the others for one that fails."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from itertools import count
+from pathlib import Path
+
+from tigas_common.errors import StartError
+from tigas_lab.configuration import Configuration
+from tigas_lab.experiment.plan import Plan
+from tigas_lab.laboratory import Laboratory, laboratory
+from tigas_lab.lock import exclusive
+from tigas_lab.recording import BrokenRecording
+from tigas_lab.run import run
+from tigas_lab.store import ExperimentRecord, RunRecord, StoredRun, read_experiment, write_experiment
+
+GIVE_UP_AFTER = 5
+"""So many failures in a row are no coincidence."""
+RUNS, EARLIER = "runs", "earlier"
+
+
+@dataclass(frozen=True, slots=True)
+class Listener:
+    """Who wants to know how it goes."""
+
+    begins: Callable[[Configuration], None]
+    stage: Callable[[str], None]
+    """What is going on in this run."""
+    finished: Callable[[RunRecord], None]
+
+
+@dataclass(frozen=True, slots=True)
+class Experiment:
+    """Runs and the folder that they belong into."""
+
+    plan: Plan
+    runs: Sequence[Configuration]
+    out: Path
+
+    @classmethod
+    def read(cls, file: Path, out: Path | None) -> Experiment:
+        """An experiment's file; its folder is results/NAME if it is not said. Raises StartError."""
+        plan = Plan.read(file)
+        return cls(plan, plan.runs(file.parent), out or Path("results", plan.name))
+
+    def folder(self, configuration: Configuration) -> Path:
+        """Of a run."""
+        return self.out / RUNS / configuration.slug
+
+    def missing(self) -> list[Configuration]:
+        """The runs that have no complete folder with exactly their configuration."""
+        return [run for run in self.runs if not _is_complete(self.folder(run), run)]
+
+    def strangers(self) -> list[str]:
+        """Folders of runs that are not of this experiment."""
+        known = {run.slug for run in self.runs}
+        runs = self.out / RUNS
+        return sorted(path.name for path in runs.iterdir() if path.name not in known) if runs.is_dir() else []
+
+
+async def make_missing_runs(
+    experiment: Experiment, url: str | None, scenes: Path | None, traces: Path | None, listener: Listener
+) -> None:
+    """Make the runs that are missing, against the services at a URL or the lab's.
+
+    Raises StartError if nothing can be begun, or if GIVE_UP_AFTER runs have failed in a row, and OSError.
+    """
+    async with laboratory(url, scenes, traces) as lab:
+        listener.stage("starts the services")
+        missing = experiment.missing()
+        await lab.check(missing)
+        _say_what_is_planned(experiment)
+        await _make(experiment, missing, lab, listener)
+
+
+@contextmanager
+def reserved(experiment: Experiment) -> Iterator[None]:
+    """The folder, for nobody else as long as the context lasts. Raises StartError and OSError."""
+    experiment.out.mkdir(parents=True, exist_ok=True)
+    busy = f"Another experiment is writing into {experiment.out}; wait until it has ended, or choose another --out."
+    with exclusive(experiment.out / ".lock", busy):
+        if strangers := experiment.strangers():
+            raise StartError(
+                f"{experiment.out} has {len(strangers)} runs that are not of this experiment, such as {strangers[0]}; "
+                "choose another --out, or remove them."
+            )
+        yield
+
+
+async def _make(experiment: Experiment, missing: Sequence[Configuration], lab: Laboratory, listener: Listener) -> None:
+    failures = 0
+    for configuration in missing:
+        listener.begins(configuration)
+        folder = experiment.folder(configuration)
+        _set_aside(folder, experiment.out / EARLIER)
+        record = await run(lab, configuration, folder, listener.stage)
+        listener.finished(record)
+        failures = 0 if record.status == "complete" else failures + 1
+        if failures == GIVE_UP_AFTER:
+            raise StartError(f"{failures} runs in a row failed, so the others are not tried. {record.problem}")
+
+
+def _is_complete(folder: Path, configuration: Configuration) -> bool:
+    try:
+        record = StoredRun(folder).record
+    except BrokenRecording:
+        return False
+    return record.status == "complete" and record.configuration == configuration
+
+
+def _set_aside(folder: Path, earlier: Path) -> None:
+    """Keep what is there from an earlier attempt where no report reads it."""
+    if folder.exists():
+        earlier.mkdir(exist_ok=True)
+        folder.rename(next(path for number in count(1) if not (path := earlier / f"{folder.name}.{number}").exists()))
+
+
+def _say_what_is_planned(experiment: Experiment) -> None:
+    """experiment.json; resumed, it keeps the time at which it was begun."""
+    try:
+        created = read_experiment(experiment.out).created
+    except BrokenRecording:
+        created = datetime.now(UTC).isoformat(timespec="seconds")
+    plan = experiment.plan.model_dump(mode="json", exclude_none=True)
+    write_experiment(
+        experiment.out, ExperimentRecord(name=experiment.plan.name, created=created, source="command", plan=plan)
+    )

@@ -1,0 +1,121 @@
+"""What runs are made with, kept from run to run: the services, one browser, and the inputs.
+
+Starting these takes far longer than what is new in each run, a context of the browser. What has died is started again
+for the next run.
+"""
+
+from __future__ import annotations
+
+from collections.abc import AsyncIterator, Awaitable, Callable, Iterable, Sequence
+from contextlib import AbstractAsyncContextManager, AsyncExitStack, asynccontextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Generic, TypeVar
+
+from playwright.async_api import Browser
+
+from tigas_common.wire import SceneInfo
+from tigas_lab.browser import chromium, find_chromium
+from tigas_lab.configuration import Configuration
+from tigas_lab.inputs import movement_points
+from tigas_lab.lock import exclusive, services_lock
+from tigas_lab.machine import Machine, this_machine
+from tigas_lab.points import Point
+from tigas_lab.targets import LAB_URL, Target, alive, lab_target, load_scene, url_target
+
+Resource = TypeVar("Resource")
+
+
+@dataclass(frozen=True, slots=True)
+class Bench:
+    """What one run is made with."""
+
+    target: Target
+    browser: Browser
+    scene: SceneInfo
+    points: Sequence[Point]
+
+
+class Kept(Generic[Resource]):
+    """Something that is opened when it is first asked for, and opened again when it has died."""
+
+    def __init__(
+        self,
+        opened: Callable[[], AbstractAsyncContextManager[Resource]],
+        lives: Callable[[Resource], Awaitable[bool]],
+    ) -> None:
+        self._opened = opened
+        self._lives = lives
+        self._stack = AsyncExitStack()
+        self._now: Resource | None = None
+
+    async def get(self) -> Resource:
+        """One that lives. Raises what opening raises."""
+        if self._now is not None and not await self._lives(self._now):
+            await self.close()
+        if self._now is None:
+            self._now = await self._stack.enter_async_context(self._opened())
+        return self._now
+
+    async def close(self) -> None:
+        """Until it is asked for again."""
+        self._now = None
+        await self._stack.aclose()
+
+
+class Laboratory:
+    """Services and a browser for many runs, one at a time."""
+
+    def __init__(self, target: Kept[Target], browser: Kept[Browser], machine: Machine) -> None:
+        self._target = target
+        self._browser = browser
+        self._points: dict[tuple[object, ...], Sequence[Point]] = {}
+        self.machine = machine
+
+    async def check(self, runs: Iterable[Configuration]) -> None:
+        """Find out before the first run whether services, browser, scenes and movements can be had.
+
+        Raises StartError with one sentence.
+        """
+        await self._browser.get()
+        for configuration in {_inputs(configuration): configuration for configuration in runs}.values():
+            await self.bench(configuration)
+
+    async def bench(self, configuration: Configuration) -> Bench:
+        """What a run needs; the scene is loaded. Raises StartError."""
+        target = await self._target.get()
+        scene = await load_scene(target.url, configuration.scene)
+        key = _inputs(configuration)
+        if key not in self._points:
+            self._points[key] = movement_points(configuration, scene)
+        return Bench(target, await self._browser.get(), scene, self._points[key])
+
+
+@asynccontextmanager
+async def laboratory(url: str | None, scenes: Path | None, traces: Path | None) -> AsyncIterator[Laboratory]:
+    """For as long as the context lasts, and for nobody else meanwhile. Raises StartError.
+
+    The services at `url`, or the lab's, which is started when it is first needed; `scenes` and `traces` are its
+    directories.
+    """
+    find_chromium()
+    where = url or LAB_URL
+
+    async def connected(browser: Browser) -> bool:
+        return browser.is_connected()
+
+    with exclusive(services_lock(where), f"Another experiment uses the services at {where}; wait until it has ended."):
+        target = Kept(lambda: lab_target(scenes, traces) if url is None else url_target(url), alive)
+        browser = Kept(chromium, connected)
+        try:
+            yield Laboratory(target, browser, this_machine())
+        finally:
+            try:
+                await browser.close()
+            finally:
+                await target.close()
+
+
+def _inputs(configuration: Configuration) -> tuple[object, ...]:
+    """What decides the poses."""
+    return configuration.scene, configuration.movement, configuration.seed, configuration.duration_s

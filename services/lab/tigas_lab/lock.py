@@ -1,0 +1,38 @@
+"""What only one experiment may use at a time: a folder, or services whose link it changes."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from urllib.parse import urlsplit
+
+from filelock import FileLock, Timeout
+
+from tigas_common.errors import StartError
+
+
+@contextmanager
+def exclusive(path: Path, otherwise: str) -> Iterator[None]:
+    """Hold a lock file for as long as the context lasts; the system lets go of it if this process is killed.
+
+    Raises StartError with the sentence `otherwise` if another process holds it, and OSError.
+    """
+    lock = FileLock(path)
+    try:
+        lock.acquire(blocking=False)
+    except (Timeout, PermissionError):  # of another user
+        raise StartError(otherwise) from None
+    try:
+        yield
+    finally:
+        lock.release()
+
+
+def services_lock(url: str) -> Path:
+    """The lock file, on this machine, of the services at a URL."""
+    parts = urlsplit(url)
+    host = "localhost" if parts.hostname in (None, "127.0.0.1", "::1") else parts.hostname
+    safe = "".join(c if c.isalnum() or c in ".-" else "-" for c in f"{host}-{parts.port or parts.scheme}")
+    return Path(tempfile.gettempdir(), f"tigas-{safe}.lock")
