@@ -6,6 +6,7 @@ import "./styles/viewer.css";
 import "./styles/sidebar.css";
 import "./styles/hud.css";
 import "./styles/network.css";
+import "./styles/movement.css";
 import "./styles/comparison.css";
 import "./styles/sides.css";
 import { render } from "preact";

@@ -1,10 +1,11 @@
 import { beforeEach, expect, test } from "vitest";
+import { deferred } from "../deferred";
 import { NO_NUDGE } from "../input/motion";
 import type { NumberedPose } from "../player/rig";
 import { Rig } from "../player/rig";
 import type { SceneInfo } from "../wire";
-import { readMovement, writeMovement } from "./movement";
-import { addFile, MovementDeck, movements, unsaved } from "./movement-deck";
+import { MovementError, readMovement, writeMovement } from "./movement";
+import { addFile, MovementDeck, movements, type NamedMovement, unsaved } from "./movement-deck";
 
 const SCENE = { id: "hall", up: [0, -1, 0], camera: { position: [0, -2, -8], look_at: [0, -2, 0] } } as SceneInfo;
 const STILL = { forward: 0, right: 0, up: 0, turnRight: 0, turnUp: 0 };
@@ -94,6 +95,23 @@ test("begun again and again if that is wished, a single pose, too", () => {
   deck.loop.value = false;
   expect(x(800)).toBe(5);
   expect(deck.state.value).toBe("stopped");
+});
+
+test("what cannot be had changes nothing", async () => {
+  deck.play();
+  x(0);
+  await deck.open(() => Promise.reject(new MovementError("walk.csv is empty.")));
+  expect(deck.problem.value).toBe("walk.csv is empty.");
+  expect([x(100), deck.state.value, deck.movement.value?.name]).toEqual([1, "playing", "walk.csv"]);
+});
+
+test("what was asked for last is inserted, whichever comes first", async () => {
+  const late = deferred<NamedMovement>();
+  const opening = deck.open(() => late.promise);
+  await deck.open(() => Promise.resolve(addFile("b.csv", WALK)));
+  late.resolve(addFile("a.csv", WALK));
+  await opening;
+  expect(deck.movement.value?.name).toBe("b.csv");
 });
 
 test("a script that takes the camera ends it, and is not disturbed", () => {

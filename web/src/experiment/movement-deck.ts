@@ -4,7 +4,7 @@
  */
 import { computed, effect, type ReadonlySignal, type Signal, signal, untracked } from "@preact/signals";
 import type { NumberedPose, PoseSource, Rig } from "../player/rig";
-import { levelled, MAX_POINTS, type MovementTrace, placed } from "./movement";
+import { levelled, MAX_POINTS, MovementError, type MovementTrace, placed } from "./movement";
 import { type PosePoint, poseAt } from "./playback";
 
 export interface NamedMovement {
@@ -28,6 +28,8 @@ const chosen = signal<NamedMovement | null>(null);
 export class MovementDeck {
   /** At its end, a movement begins again. */
   readonly loop: Signal<boolean> = signal(false);
+  /** Why the last movement that was asked for cannot be had, in one sentence. */
+  readonly problem: Signal<string | null> = signal(null);
   /** Something else moves the camera: a script, or an experiment. */
   readonly busy: ReadonlySignal<boolean>;
   readonly #rig: Rig;
@@ -35,6 +37,7 @@ export class MovementDeck {
   readonly #state = signal<DeckState>("stopped");
   readonly #position = signal(0);
   readonly #cleanups: (() => void)[];
+  #opening = new AbortController();
   #points: readonly PosePoint[] = [];
   #recorded: PosePoint[] = [];
   #startedAt = 0;
@@ -70,9 +73,24 @@ export class MovementDeck {
     return chosen;
   }
 
+  /** Inserts what is read, unless another is asked for meanwhile. If it cannot be had, nothing changes but `problem`. */
+  async open(read: (signal: AbortSignal) => Promise<NamedMovement>): Promise<void> {
+    this.#opening.abort();
+    this.#opening = new AbortController();
+    const { signal } = this.#opening;
+    try {
+      const movement = await read(signal);
+      if (!signal.aborted) this.insert(movement);
+    } catch (error) {
+      if (signal.aborted) return;
+      this.problem.value = error instanceof MovementError ? error.message : "This movement cannot be had.";
+    }
+  }
+
   /** Stops what plays. */
-  insert(movement: NamedMovement | null): void {
+  insert(movement: NamedMovement): void {
     this.stop();
+    this.problem.value = null;
     chosen.value = movement;
     this.#moveTo(0);
   }
@@ -115,6 +133,7 @@ export class MovementDeck {
 
   /** What was recorded is kept. */
   dispose(): void {
+    this.#opening.abort();
     this.stop();
     for (const cleanup of this.#cleanups) cleanup();
   }
@@ -176,7 +195,7 @@ export class MovementDeck {
     if (duration === undefined) return;
     const number = movements.peek().filter(({ origin }) => origin === "recording").length + 1;
     const comments = new Map([
-      ["description", `recorded in the page, in the scene ${scene}`],
+      ["description", `Recorded in the page, in the scene ${scene}`],
       ["scene", scene],
       ["recorded", this.#today().toISOString()],
     ]);

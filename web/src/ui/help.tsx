@@ -9,6 +9,7 @@ const MOVES: readonly (readonly [string, readonly string[]])[] = [
   ["Walk", ["W", "A", "S", "D"]],
   ["Rise, sink", ["Space", "Shift"]],
   ["Start view", ["R"]],
+  ["Stop a movement", ["Esc"]],
   ["Stateless, DASH, both", ["M"]],
   ["Measurements", ["I"]],
   ["Settings", ["P"]],

@@ -10,6 +10,7 @@ import { Icon } from "./icon";
 import { IconButton } from "./icon-button";
 import { InsecureHint } from "./insecure-hint";
 import { ModePanel } from "./mode-panel";
+import { MovementTrace } from "./movement-trace";
 import { TRANSPORT_NAMES } from "./names";
 import { NetworkPanel } from "./network-panel";
 import { NumberField } from "./number-field";
@@ -41,6 +42,9 @@ export function Sidebar({ session, onClose, onReset }: Props) {
         </Section>
       )}
       <Movement session={session} onReset={onReset} />
+      <Section title="Movement trace">
+        <MovementTrace deck={session.movement} scene={session.scene.value} />
+      </Section>
       <Lens session={session} />
     </aside>
   );

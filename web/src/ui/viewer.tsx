@@ -9,6 +9,7 @@ import { MODES } from "../state/settings";
 import { HelpDialog } from "./help";
 import { Hud } from "./hud";
 import { MovePad } from "./move-pad";
+import { MovementStatus } from "./movement-status";
 import { SideFigures } from "./side-figures";
 import { Sidebar } from "./sidebar";
 import { StageMessage } from "./stage-message";
@@ -99,6 +100,7 @@ export function Viewer({ sceneId, stamp }: Props) {
         {live && hud && phase !== "failed" && mode === "stateless" && <Hud session={live} wide={wide} />}
         {live && hud && phase !== "failed" && mode !== "stateless" && <SideFigures session={live} mode={mode} />}
         {live && <MovePad input={live.input} />}
+        {live && <MovementStatus deck={live.movement} />}
         {live && <StageMessage session={live} />}
       </main>
       {live && sidebarOpen && <Sidebar session={live} onClose={actions.sidebar} onReset={actions.reset} />}
