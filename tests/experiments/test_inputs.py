@@ -1,4 +1,4 @@
-"""Where movements put the viewer, and what is no movement."""
+"""What a run's configuration names as movement, and where it puts the viewer."""
 
 from __future__ import annotations
 
@@ -9,31 +9,15 @@ from pathlib import Path
 import pytest
 
 from tests.experiments.made_up import configuration
+from tests.experiments.movement.scenes import scene
 from tigas_common.errors import StartError
 from tigas_common.pose import Pose
-from tigas_common.wire import SceneInfo, StartCamera
+from tigas_common.wire import StartCamera
 from tigas_lab.inputs import movement_points
-from tigas_lab.run import Point
+from tigas_lab.points import Point
 
 HEADER = "t_ms,x,y,z,qx,qy,qz,qw\n"
-
-
-def scene(up: tuple[float, float, float] = (0, -1, 0), camera: StartCamera | None = None) -> SceneInfo:
-    """One that nobody has to load."""
-    return SceneInfo(
-        id="s",
-        name="s",
-        state="loaded",
-        error=None,
-        gaussians=1,
-        sh_degree=0,
-        file_bytes=1,
-        memory_bytes=1,
-        preview="",
-        up=up,
-        camera=camera,
-        background=(0, 0, 0),
-    )
+KINDS = ("stroll", "look-around", "quick-turns", "orbit")
 
 
 def direction(point: Point) -> tuple[float, float, float]:
@@ -43,6 +27,7 @@ def direction(point: Point) -> tuple[float, float, float]:
     return rows[0][2], rows[1][2], rows[2][2]
 
 
+@pytest.mark.parametrize("movement", KINDS)
 @pytest.mark.parametrize(("up", "position", "look_at"), [
     ((0.0, -1.0, 0.0), (1.0, -2.0, -3.0), (1.0, -2.0, 0.0)),
     ((0.0, -1.0, 0.0), (1.0, -2.0, -3.0), (5.0, -2.0, -3.0)),
@@ -50,20 +35,26 @@ def direction(point: Point) -> tuple[float, float, float]:
     ((0.0, 1.0, 0.0), (0.0, 1.0, 4.0), (0.0, 1.0, 0.0)),
 ])  # fmt: skip
 def test_a_generated_movement_begins_where_a_visitor_enters(
-    up: tuple[float, float, float], position: tuple[float, float, float], look_at: tuple[float, float, float]
+    up: tuple[float, float, float],
+    position: tuple[float, float, float],
+    look_at: tuple[float, float, float],
+    movement: str,
 ) -> None:
     camera = StartCamera(position=position, look_at=look_at)
-    first = movement_points(configuration(), scene(up, camera))[0]
+    first = movement_points(configuration(movement=movement), scene(up, camera))[0]
     assert first["position"] == pytest.approx(position, abs=1e-9)
     ahead = [b - a for a, b in zip(position, look_at, strict=True)]
     assert direction(first) == pytest.approx([value / math.hypot(*ahead) for value in ahead], abs=1e-9)
 
 
-def test_the_seed_decides_the_movement() -> None:
-    one, again, other = (movement_points(configuration(seed=seed), scene()) for seed in (1, 1, 2))
+@pytest.mark.parametrize("movement", KINDS)
+def test_the_seed_decides_the_movement(movement: str) -> None:
+    one, again, other = (
+        movement_points(configuration(movement=movement, seed=seed, duration_s=5.0), scene()) for seed in (1, 1, 2)
+    )
     assert one == again
     assert one != other
-    assert one[-1]["t_ms"] >= 1000
+    assert one[-1]["t_ms"] >= 5000
     steps = pairwise(one)
     assert max(math.dist(a["position"], b["position"]) for a, b in steps) < 0.1, "nobody jumps"
 
@@ -76,23 +67,21 @@ def test_a_movement_of_the_scene_itself_stays_where_it_is(tmp_path: Path) -> Non
     assert points[1]["t_ms"] == 1050
 
 
-@pytest.mark.parametrize(
-    ("content", "sentence"),
-    [
-        ("", "no poses"),
-        (HEADER, "no poses"),
-        (HEADER + "0,1,2,3,0,0,0,1\n0,1,2,3,0,0,0,1\n", "row 2"),
-        (HEADER + "0,1,2,nan,0,0,0,1\n", "row 1"),
-        (HEADER + "0,1,2,3,0,0,0,0\n", "row 1"),
-        (HEADER + "0,1,2\n", "row 1"),
-        ("time,x\n0,1\n", "row 1"),
-        (HEADER + "0,1,2,3,0,0,0,1\n500,1,2,3,0,0,0,1\n", "lasts 0.5 s, less than a run's 1 s"),
-        (None, "There is no movement"),
-    ],
-)
-def test_what_is_no_movement(tmp_path: Path, content: str | None, sentence: str) -> None:
+def test_of_a_long_file_a_run_gets_what_it_plays(tmp_path: Path) -> None:
     path = tmp_path / "walk.csv"
-    if content is not None:
-        path.write_text(content)
-    with pytest.raises(StartError, match=sentence):
+    path.write_text(HEADER + "".join(f"{at},{at},0,0,0,0,0,1\n" for at in range(0, 60_000, 30)))
+    points = movement_points(configuration(movement=str(path), duration_s=1.0), scene())
+    assert [points[-2]["t_ms"], points[-1]["t_ms"]] == [990, 1020], "the pose after the end is what the end leads to"
+
+
+def test_a_movement_is_as_long_as_the_run(tmp_path: Path) -> None:
+    path = tmp_path / "walk.csv"
+    path.write_text(HEADER + "0,1,2,3,0,0,0,1\n500,1,2,3,0,0,0,1\n")
+    with pytest.raises(StartError, match=r"lasts 0\.5 s, less than a run's 1 s: choose a shorter --duration\.$"):
         movement_points(configuration(movement=str(path)), scene())
+
+
+@pytest.mark.parametrize("name", ["dance", "nowhere/walk.csv", ".", "/dev/zero", "", "a\0b"])
+def test_what_is_no_movement(name: str) -> None:
+    with pytest.raises(StartError, match=r"There is no movement .* neither a file nor one of stroll"):
+        movement_points(configuration(movement=name), scene())

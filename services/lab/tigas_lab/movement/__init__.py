@@ -2,6 +2,6 @@
 
 from tigas_lab.movement.errors import MovementError
 from tigas_lab.movement.placing import placed
-from tigas_lab.movement.trace import MovementTrace, Point
+from tigas_lab.movement.trace import MovementTrace
 
-__all__ = ["MovementError", "MovementTrace", "Point", "placed"]
+__all__ = ["MovementError", "MovementTrace", "placed"]

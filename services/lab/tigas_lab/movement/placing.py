@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from tigas_common.wire import SceneInfo
-from tigas_lab.movement.trace import MovementTrace, Point, as_points
+from tigas_lab.movement.trace import MovementTrace, as_points
+from tigas_lab.points import Point
 
 VIEW_M = 4.0
 """What a scene's start camera looks at counts as so many metres away, as a scene does not say how long its unit is."""
@@ -21,7 +23,7 @@ def placed(trace: MovementTrace, scene: SceneInfo) -> list[Point]:
     With `anchor: start` it begins where the start camera stands, turned by its azimuth (not by its elevation: a
     movement looks level before it looks up or down); in a scene without one, at the origin.
     """
-    to_scene = level(scene)
+    to_scene = level(scene.up)
     positions, rotations = trace.positions, Rotation.from_quat(trace.quaternions)
     if trace.anchor == "start":
         origin, azimuth = _start(scene, to_scene)
@@ -31,11 +33,12 @@ def placed(trace: MovementTrace, scene: SceneInfo) -> list[Point]:
     return as_points(trace.times_ms, to_scene.apply(positions), (to_scene * rotations).as_quat())
 
 
-def level(scene: SceneInfo) -> Rotation:
-    """From the levelled frame to the scene's own: the shortest rotation from [0, -1, 0] to its up axis."""
-    up = np.asarray(scene.up) / (np.linalg.norm(scene.up) or 1.0)
-    axis = np.cross((0.0, -1.0, 0.0), up)
-    sine, cosine = float(np.linalg.norm(axis)), float(-up[1])
+def level(up: Sequence[float]) -> Rotation:
+    """From the levelled frame to the frame of a scene with this up axis: the shortest rotation that takes [0, -1, 0]
+    there."""
+    towards = np.asarray(up) / (np.linalg.norm(up) or 1.0)
+    axis = np.cross((0.0, -1.0, 0.0), towards)
+    sine, cosine = float(np.linalg.norm(axis)), float(-towards[1])
     if sine < 1e-9:
         return Rotation.identity() if cosine >= 0 else Rotation.from_rotvec((math.pi, 0, 0))
     return Rotation.from_rotvec(axis / sine * math.atan2(sine, cosine))

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Literal, TypedDict, TypeVar, get_args
+from typing import Literal, TypeVar, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -13,10 +13,12 @@ from scipy.spatial.transform import Rotation
 
 from tigas_lab.movement.errors import MovementError
 from tigas_lab.movement.table import Floats, Table, read_text
+from tigas_lab.points import Point
 
 COLUMNS = ("t_ms", "x", "y", "z", "qx", "qy", "qz", "qw")
 MAX_DURATION_MS = 86_400_000.0
 MAX_COORDINATE = 1e6
+TOO_FAR = f"is farther away than {MAX_COORDINATE:,.0f}"
 LENGTHS = (0.1, 10.0)
 """Of a quaternion: within these it is taken for a rotation whose numbers were rounded or scaled."""
 ROUNDED = 0.01
@@ -27,15 +29,6 @@ GAP_MS = 100.0
 Anchor = Literal["start", "scene"]
 Unit = Literal["m", "scene"]
 T = TypeVar("T", bound=str)
-
-
-class Point(TypedDict):
-    """A pose at a time: camera to world, OpenCV's axes."""
-
-    t_ms: float
-    position: list[float]
-    quaternion: list[float]
-    """[x, y, z, w]"""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -83,27 +76,13 @@ class MovementTrace:
         steps = np.diff(times, prepend=-1.0)
         table.refuse(steps < 0, "is earlier than the one before it")
         table.refuse(times > MAX_DURATION_MS, "comes more than a day after the first")
-        table.refuse(np.abs(values[:, 1:4]).max(axis=1) > MAX_COORDINATE, f"is farther away than {MAX_COORDINATE:g}")
-        lengths = np.linalg.norm(values[:, 4:], axis=1)
-        low, high = LENGTHS
-        table.refuse((lengths < low) | (lengths > high), "has a quaternion that is no rotation: its length is not 1")
-        if scaled := int((np.abs(lengths - 1) > ROUNDED).sum()):
-            notes.append(f"{scaled:,} quaternions did not have the length 1 and were scaled to it.")
+        table.refuse(np.abs(values[:, 1:4]).max(axis=1) > MAX_COORDINATE, TOO_FAR)
+        quaternions, scaled = unit_quaternions(table, values[:, 4:])
         kept = steps != 0
         if same := int((~kept).sum()):
-            notes.append(f"{same:,} rows have the time of the row before them and were left out.")
-        trace = cls(
-            times[kept],
-            values[kept, 1:4],
-            (values[:, 4:] / lengths[:, None])[kept],
-            anchor,
-            unit,
-            comments,
-        )
-        if len(gaps := trace.gaps_ms):
-            count = "One gap" if len(gaps) == 1 else f"{len(gaps):,} gaps"
-            notes.append(f"{count} between poses, up to {gaps.max():,.0f} ms long, will be played straight across.")
-        return replace(trace, notes=tuple(notes))
+            notes.append(f"Rows that have the time of the row before them were left out: {same:,}.")
+        trace = cls(times[kept], values[kept, 1:4], quaternions[kept], anchor, unit, comments)
+        return replace(trace, notes=(*notes, *scaled, *trace.gap_notes()))
 
     def text(self) -> str:
         """The file: microseconds, and six decimals of everything else."""
@@ -130,6 +109,14 @@ class MovementTrace:
         """The lengths of the steps that are gaps."""
         steps = np.diff(self.times_ms)
         return steps[steps > GAP_MS]
+
+    def gap_notes(self) -> list[str]:
+        """A sentence on its gaps, if it has any."""
+        gaps = self.gaps_ms
+        if not len(gaps):
+            return []
+        count = "One gap" if len(gaps) == 1 else f"{len(gaps):,} gaps"
+        return [f"{count} between poses, up to {gaps.max():,.0f} ms long, will be played straight across."]
 
     @property
     def points(self) -> list[Point]:
@@ -160,6 +147,16 @@ class MovementTrace:
             positions=self.positions[:count],
             quaternions=self.quaternions[:count],
         )
+
+
+def unit_quaternions(table: Table, quaternions: Floats) -> tuple[Floats, list[str]]:
+    """Rotations [N, 4] of length 1, one for each row of a table, and a note if they were not. Raises MovementError."""
+    lengths = np.linalg.norm(quaternions, axis=1)
+    low, high = LENGTHS
+    table.refuse((lengths < low) | (lengths > high), "has a quaternion that is no rotation: its length is not 1")
+    scaled = int((np.abs(lengths - 1) > ROUNDED).sum())
+    notes = [f"Quaternions that did not have the length 1 were scaled to it: {scaled:,}."] if scaled else []
+    return quaternions / lengths[:, None], notes
 
 
 def between(first: Rotation, second: Rotation, share: ArrayLike) -> Rotation:

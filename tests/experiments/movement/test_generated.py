@@ -1,0 +1,109 @@
+"""Generated movements: reproducible, and what they are called."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+from typer.testing import CliRunner
+
+from tigas_lab.movement import MovementTrace
+from tigas_lab.movement.cli import movement
+from tigas_lab.movement.generated import DESCRIPTIONS, KINDS, generate
+from tigas_lab.movement.placing import VIEW_M
+from tigas_lab.movement.summary import Pace, Summary
+
+KEPT = Path(__file__).parents[3] / "traces" / "movement"
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_making_it_again_gives_the_file_in_the_repository_byte_for_byte(kind: str, tmp_path: Path) -> None:
+    kept = KEPT / f"{kind}.csv"
+    command = MovementTrace.read(kept).comments["command"].split()
+    assert command == f"tigas movement make {kind} --seconds 60 --seed 1".split()
+    made = tmp_path / kept.name
+    assert CliRunner().invoke(movement, [*command[2:], str(made)]).exit_code == 0
+    assert made.read_bytes() == kept.read_bytes()
+
+
+def test_every_kind_is_kept_and_described() -> None:
+    assert {path.stem for path in KEPT.glob("*.csv")} == set(KINDS) == set(DESCRIPTIONS)
+    for path in KEPT.glob("*.csv"):
+        trace = MovementTrace.read(path)
+        assert (trace.anchor, trace.unit, trace.duration_ms, trace.notes) == ("start", "m", 60_000, ())
+        assert trace.description
+        assert path.stat().st_size < 300_000
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_longer_one_begins_with_the_shorter_one_at_the_origin(kind: str) -> None:
+    short, long = generate(kind, 7, 3), generate(kind, 90, 3)
+    count = len(short.times_ms)
+    np.testing.assert_array_equal(long.times_ms[:count], short.times_ms)
+    np.testing.assert_array_equal(long.positions[:count], short.positions)
+    np.testing.assert_array_equal(long.quaternions[:count], short.quaternions)
+    np.testing.assert_allclose(short.positions[0], 0, atol=1e-12)
+    np.testing.assert_allclose(np.abs(short.quaternions[0]), [0, 0, 0, 1], atol=1e-12)
+    assert short.duration_ms >= 7000
+
+
+def test_the_stroll_is_the_one_that_earlier_comparisons_were_made_with() -> None:
+    trace = generate("stroll", 60, 1)
+    for index, position, quaternion in STROLL:
+        np.testing.assert_allclose(trace.positions[index], position, atol=1e-12)
+        np.testing.assert_allclose(trace.quaternions[index], quaternion, atol=1e-12)
+
+
+STROLL = [
+    (
+        600,
+        [-0.018158107664447642, 0.0, 0.7664688324948081],
+        [-0.0162576755580925, 0.26218272901053014, 0.004417669265546778, 0.9648711773041513],
+    ),
+    (
+        1800,
+        [-0.10046666831403822, 0.0, 0.37160732723152223],
+        [0.000387340193449118, -0.3970581291657839, 0.0001675721117001936, 0.9177933666956466],
+    ),
+    (
+        3600,
+        [-0.16887314782681132, 0.0, 0.8282667957998926],
+        [0.043683069158639065, 0.03807127163250029, -0.0016658713502784464, 0.998318382390012],
+    ),
+]
+"""Index, position and quaternion: seed 1."""
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_they_move_as_they_are_called(seed: int) -> None:
+    stroll, look, quick, orbit = (Summary.of(generate(kind, 120, seed)) for kind in KINDS)
+    assert 15 < stroll.path < 60
+    assert stroll.turning[100] < 90
+    assert look.path < 10, "who looks about stands"
+    assert 15 < look.turning[50] < 60
+    assert quick.turning[50] < 30, "mostly still"
+    assert 200 < quick.turning[99] < 360
+    assert 0.4 < orbit.speed < 0.9
+
+
+def test_quick_turns_start_and_stop_smoothly() -> None:
+    trace = generate("quick-turns", 60, 1)
+    still = Pace.of(trace).turning < 0.5
+    assert 0.4 < still.mean() < 0.8
+    rotations = Rotation.from_quat(trace.quaternions)
+    speed = np.degrees((rotations[:-1].inv() * rotations[1:]).magnitude()) * 60
+    assert np.abs(np.diff(speed)).max() < 100, "no jump in speed from one pose to the next"
+
+
+def test_who_orbits_faces_the_middle() -> None:
+    trace = generate("orbit", 60, 1)
+    middle = np.array((0, 0, VIEW_M))
+    away = middle - trace.positions
+    distance = np.linalg.norm(away, axis=1)
+    ahead = Rotation.from_quat(trace.quaternions).apply((0, 0, 1))
+    np.testing.assert_allclose((ahead * away).sum(axis=1) / distance, 1, atol=1e-9)
+    assert math.isclose(distance[0], VIEW_M)
+    assert abs(distance - VIEW_M).max() < 0.6

@@ -1,0 +1,145 @@
+"""Movement traces: what is read, repaired and refused, and what lies between two poses."""
+
+from __future__ import annotations
+
+import math
+import tracemalloc
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tigas_lab.movement import MovementError, MovementTrace
+
+HEADER = "t_ms,x,y,z,qx,qy,qz,qw\n"
+POSE = "0,1,2,3,0,0,0,1\n"
+LATER = "20,1,2,3,0,0,0,1\n"
+
+
+def parse(text: str) -> MovementTrace:
+    return MovementTrace.parse(text, "walk.csv")
+
+
+@pytest.mark.parametrize(("text", "note"), [
+    (HEADER + POSE + LATER, None),
+    (HEADER + POSE + "20,1,2,3,0.001,0,0,0.999\n", None),
+    ("gaze," + HEADER.strip() + ",pupil\n1,0,1,2,3,0,0,0,1,2\n", "does not have were ignored: gaze, pupil."),
+    (HEADER + POSE + POSE + LATER, "Rows that have the time of the row before them were left out: 1."),
+    (HEADER + POSE + "20,1,2,3,0,0,0,2\n", "Quaternions that did not have the length 1 were scaled to it: 1."),
+    (HEADER + POSE + "1520,1,2,3,0,0,0,1\n", "One gap between poses, up to 1,520 ms long, will be played straight"),
+    (HEADER + POSE + "220,1,2,3,0,0,0,1\n" + "420,1,2,3,0,0,0,1\n", "2 gaps between poses, up to 220 ms long"),
+])  # fmt: skip
+def test_what_is_repaired_is_said(text: str, note: str | None) -> None:
+    trace = parse(text)
+    assert (note or "") in " ".join(trace.notes)
+    assert len(trace.notes) == (note is not None)
+    np.testing.assert_allclose(np.linalg.norm(trace.quaternions, axis=1), 1, atol=1e-15)
+    assert (np.diff(trace.times_ms) > 0).all()
+
+
+@pytest.mark.parametrize(("text", "sentence"), [
+    ("", "walk.csv is empty."),
+    (HEADER, "walk.csv has no poses."),
+    ("t_ms,x,y\n0,1,2\n", "walk.csv has no column 'z'; it needs t_ms, x, y, z, qx, qy, qz, qw."),
+    (HEADER + POSE + "\n# remark\n20,1,2,nan,0,0,0,1\n", "walk.csv, line 5: the row has a value that is not finite."),
+    (HEADER + "0,1,2,three,0,0,0,1\n", "walk.csv, line 2: z is 'three', which is no number."),
+    (HEADER + POSE + "20,1,2\n", "walk.csv, line 3: the row has 3 of 8 cells."),
+    (HEADER + LATER + POSE, "walk.csv, line 3: the row is earlier than the one before it."),
+    (HEADER + "0,1,2,3,0,0,0,0\n",
+     "walk.csv, line 2: the row has a quaternion that is no rotation: its length is not 1."),
+    (HEADER + "0,1e7,2,3,0,0,0,1\n", "walk.csv, line 2: the row is farther away than 1,000,000."),
+    ("# anchor: moon\n" + HEADER + POSE, "walk.csv: its anchor is 'moon', and not start or scene."),
+    ("# unit: m\n" + HEADER + POSE,
+     "walk.csv: `anchor: scene` is in the scene's own unit; only `anchor: start` may be in m."),
+    (HEADER + "1" * 20_000, "walk.csv, line 2 is longer than 10,000 characters."),
+    ("ViewIndex,FOV1\n0,1\n",
+     "walk.csv is a recording of EyeNavGS; `tigas movement import` makes a movement of it."),
+])  # fmt: skip
+def test_what_is_refused_is_named_with_its_line(text: str, sentence: str) -> None:
+    with pytest.raises(MovementError) as refused:
+        parse(text)
+    assert str(refused.value) == sentence
+
+
+@pytest.mark.parametrize(("data", "sentence"), [
+    (b"\x89PNG\r\n\x1a\n\0\0", "is binary, not the text of a movement."),
+    (HEADER.encode("utf-16"), "is binary, not the text of a movement."),
+    (HEADER.encode() + b"0,1,2\0,3", "is binary, not the text of a movement."),
+    (b"", "is empty."),
+    (None, "cannot be read: No such file or directory."),
+])  # fmt: skip
+def test_a_file_that_is_none_is_named(tmp_path: Path, data: bytes | None, sentence: str) -> None:
+    path = tmp_path / "walk.csv"
+    if data is not None:
+        path.write_bytes(data)
+    with pytest.raises(MovementError) as refused:
+        MovementTrace.read(path)
+    assert str(path) in str(refused.value)
+    assert sentence in str(refused.value)
+
+
+def test_a_file_too_large_is_not_read(tmp_path: Path) -> None:
+    path = tmp_path / "walk.csv"
+    with path.open("wb") as file:
+        file.truncate(256_000_001)
+    with pytest.raises(MovementError, match="larger than 256 MB"):
+        MovementTrace.read(path)
+
+
+def test_the_mark_that_a_spreadsheet_puts_before_the_text_is_no_part_of_it(tmp_path: Path) -> None:
+    path = tmp_path / "walk.csv"
+    path.write_text("# anchor: start\r\n" + HEADER + POSE, encoding="utf-8-sig")
+    assert MovementTrace.read(path).anchor == "start"
+
+
+def long(count: int) -> str:
+    return HEADER + "".join(f"{at},{at / 1000},0,0,0,0,0,1\n" for at in range(count))
+
+
+def test_a_million_rows_are_read_and_the_one_that_is_broken_is_named() -> None:
+    text = long(1_000_000)
+    trace = parse(text)
+    assert (len(trace.times_ms), trace.duration_ms) == (1_000_000, 999_999)
+    with pytest.raises(MovementError, match="line 1000002: x is 'far'"):
+        parse(text + "1000000,far,0,0,0,0,0,1\n")
+
+
+def test_rows_take_little_more_memory_than_their_numbers() -> None:
+    text = long(100_000)
+    tracemalloc.start()
+    parse(text)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < 400 * 100_000, "bytes, of which numbers are 64 a row"
+
+
+def test_what_the_file_says_of_itself_is_kept_and_written_as_one_line_each() -> None:
+    trace = parse(f"# description: a: b\n# by = nobody\n#seed:1\n{HEADER}{POSE}")
+    assert trace.description == "a: b"
+    assert dict(trace.comments) == {"description": "a: b", "seed": "1"}
+    hostile = MovementTrace.parse(trace.text(), "again")
+    lines = type(hostile)(
+        hostile.times_ms, hostile.positions, hostile.quaternions, "start", "m", {"note": "two\nlines\r0,0"}
+    ).text()
+    assert lines.splitlines()[:4] == ["# anchor: start", "# unit: m", "# note: two lines 0,0", HEADER.strip()]
+
+
+def test_between_poses_it_goes_straight_and_turns_along_the_arc_and_the_ends_hold() -> None:
+    half = math.sqrt(0.5)
+    trace = parse(f"{HEADER}100,0,0,0,0,0,0,1\n200,1,0,0,0,{half},0,{half}\n400,3,4,0,0,-{half},0,-{half}\n")
+    assert [trace.pose_at(at)["position"][0] for at in (-50, 0, 25, 100, 200, 300, 999)] == [0, 0, 0.25, 1, 2, 3, 3]
+    third = trace.pose_at(100 / 3)["quaternion"]
+    assert math.degrees(2 * math.atan2(third[1], third[3])) == pytest.approx(30)
+    # a rotation and its negative are the same: nothing turns
+    assert np.abs(trace.pose_at(150)["quaternion"]) == pytest.approx([0, half, 0, half])
+
+
+def test_a_pose_alone_stands() -> None:
+    trace = parse(HEADER + POSE)
+    assert (trace.duration_ms, trace.pose_at(500)["position"]) == (0, [1, 2, 3])
+
+
+def test_until_keeps_what_leads_to_the_end() -> None:
+    trace = parse(HEADER + "".join(f"{at},{at},0,0,0,0,0,1\n" for at in (0, 40, 80, 120)))
+    for end, last in ((0, 0), (39, 40), (40, 40), (41, 80), (500, 120)):
+        assert trace.until(end).duration_ms == last
