@@ -11,6 +11,7 @@ const USAGE = `npm run abr-sim -- [options] TRACE.csv...
   --rtt MS            round trip in place of the traces' own delay; may be repeated
   --seconds N         how long each visit lasts [each trace once]
   --render MS         the server's time for a frame [11, the paper's RTX 2060 Super]
+  --measured FILE     server, frame sizes and page as they were in a real visit, in place of the paper's (docs/abr.md)
   --seed N            [1]
   --each              a row for each trace, besides the mean over all
   --json FILE, --plot FILE.svg
@@ -32,6 +33,7 @@ async function main() {
       rtt: { type: "string", multiple: true },
       seconds: { type: "string" },
       render: { type: "string" },
+      measured: { type: "string" },
       seed: { type: "string", default: "1" },
       each: { type: "boolean", default: false },
       json: { type: "string" },
@@ -40,8 +42,24 @@ async function main() {
     },
   });
   if (values.help || positionals.length === 0) return process.stdout.write(USAGE);
-  const [{ simulate, PAPER_SERVER }, { parseTrace }, { contender }, { table, overTraces }, { PAPER_LADDER }] =
-    await Promise.all(["simulate", "trace", "contenders", "report", "ladder"].map((name) => load(source(name))));
+  const [
+    { simulate },
+    { parseTrace },
+    { contender },
+    { table, overTraces },
+    { PAPER_LADDER },
+    { PaperEndpoints },
+    { MeasuredEndpoints },
+  ] = await Promise.all(
+    ["simulate", "trace", "contenders", "report", "ladder", "endpoints", "measured"].map((name) => load(source(name))),
+  );
+  const seed = number("--seed", values.seed);
+  const render = values.render === undefined ? undefined : number("--render", values.render);
+  const measured = values.measured === undefined ? undefined : readFileSync(values.measured, "utf8");
+  const endpoints = () =>
+    measured === undefined
+      ? new PaperEndpoints(PAPER_LADDER, seed + 2, render)
+      : MeasuredEndpoints.parse(measured, PAPER_LADDER.length);
   const factories = await Promise.all(
     values.controller.map(async (name) =>
       name.endsWith(".ts") ? [basename(name, ".ts"), (await load(resolve(name))).default] : [name, contender(name)],
@@ -59,9 +77,8 @@ async function main() {
           ladder: PAPER_LADDER,
           duration: values.seconds === undefined ? trace.duration : number("--seconds", values.seconds) * 1000,
           roundTrip,
-          ...PAPER_SERVER,
-          ...(values.render !== undefined && { render: number("--render", values.render) }),
-          seed: number("--seed", values.seed),
+          endpoints: endpoints(),
+          seed,
         });
         runs.push({ trace: basename(path, ".csv"), controller, roundTrip, figures });
       }

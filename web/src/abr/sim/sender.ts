@@ -1,27 +1,34 @@
 /**
- * The server's side of one QUIC connection: frames are streams whose packets take turns, in flight at most a congestion window
- * of NewReno (RFC 9002, appendix B; aioquic's default). A packet that finds the queue full is lost; the sender hears of it when
- * an acknowledgement would have come, and sends the bytes again.
+ * One QUIC connection from the server to the page, as the render service has it: the oldest request's frame goes first, in
+ * packets that congestion control and pacing let out. A packet that finds the queue full is lost; the sender hears of it when
+ * an acknowledgement would have come, and sends the bytes again. The page acknowledges as Chromium does: every second packet
+ * of the first hundred, then every tenth, and none later than a quarter of a round trip.
  */
 import type { Bottleneck } from "./bottleneck";
+import { NewReno, PACKET, Pacer, type Packet } from "./congestion";
 import type { EventLoop } from "./events";
 
-/** Payload bytes of a packet, and what headers of QUIC, UDP, IP and Ethernet add on the link. */
-const PACKET = 1200;
-const OVERHEAD = 64;
-const INITIAL_WINDOW = 10 * PACKET;
-const MIN_WINDOW = 2 * PACKET;
+/** Bytes of a packet that are not a frame's: QUIC's, and on the link UDP's, IP's and Ethernet's as well. */
+const QUIC = 28;
+const OVERHEAD = 42;
+/** Bytes of an acknowledgement on the link. */
+const ACKNOWLEDGEMENT = 85;
+const FIRST = { packets: 2, delay: 25 };
+const DECIMATED = { after: 100, packets: 10, share: 0.25 };
 
 export interface Path {
   readonly link: Bottleneck;
-  /** Milliseconds from the link to the client, and from there back to the sender. */
+  /** Milliseconds from the link to the page. */
   readonly down: () => number;
-  readonly up: () => number;
+  /** So many bytes go from the page to the sender. */
+  readonly back: (bytes: number, arrived: () => void) => void;
   /** Whether a packet gets lost at random. */
   readonly loses: () => boolean;
 }
 
 export interface Stream {
+  /** Streams are sent in this order. */
+  readonly number: number;
   /** Bytes still to be sent. */
   remaining: number;
   readonly received: (bytes: number) => void;
@@ -30,12 +37,19 @@ export interface Stream {
 export class Sender {
   readonly #events: EventLoop;
   readonly #path: Path;
+  readonly #congestion = new NewReno();
+  readonly #pacer = new Pacer();
+  /** Those with something to send, the oldest first. */
   #streams: Stream[] = [];
-  #window = INITIAL_WINDOW;
-  #threshold = Number.POSITIVE_INFINITY;
-  #inFlight = 0;
-  #recoverySince = Number.NEGATIVE_INFINITY;
+  readonly #cancelled = new WeakSet<Stream>();
+  #number = 0;
+  #waiting = false;
+  #smoothed: number | undefined;
+  #least = Number.POSITIVE_INFINITY;
   #lastArrival = 0;
+  #received = 0;
+  /** Arrived, and not acknowledged yet. */
+  #arrived: Packet[] = [];
 
   constructor(events: EventLoop, path: Path) {
     this.#events = events;
@@ -43,61 +57,106 @@ export class Sender {
   }
 
   send(stream: Stream): void {
-    this.#streams.push(stream);
+    this.#queue(stream);
     this.#pump();
   }
 
   /** Forget what was not sent yet. */
   cancel(stream: Stream): void {
-    stream.remaining = 0;
+    this.#cancelled.add(stream);
     this.#streams = this.#streams.filter((other) => other !== stream);
   }
 
+  #queue(stream: Stream): void {
+    if (this.#cancelled.has(stream) || this.#streams.includes(stream)) return;
+    const at = this.#streams.findIndex(({ number }) => number > stream.number);
+    this.#streams.splice(at < 0 ? this.#streams.length : at, 0, stream);
+  }
+
   #pump(): void {
-    while (this.#inFlight + PACKET <= this.#window) {
-      const stream = this.#streams.shift();
-      if (stream === undefined) return;
-      const bytes = Math.min(PACKET, stream.remaining);
+    const now = this.#events.now();
+    for (let [stream] = this.#streams; stream !== undefined && this.#congestion.room; [stream] = this.#streams) {
+      const at = this.#pacer.next(now);
+      if (at > now) {
+        this.#wait(at);
+        return;
+      }
+      const bytes = Math.min(PACKET - QUIC, stream.remaining);
       stream.remaining -= bytes;
-      if (stream.remaining > 0) this.#streams.push(stream);
+      if (stream.remaining <= 0) this.#streams.shift();
       this.#packet(stream, bytes);
+      this.#pacer.sent();
     }
+  }
+
+  #wait(until: number): void {
+    if (this.#waiting) return;
+    this.#waiting = true;
+    this.#events.at(until, () => {
+      this.#waiting = false;
+      this.#pump();
+    });
   }
 
   #packet(stream: Stream, bytes: number): void {
-    const { link, down, up, loses } = this.#path;
+    const { link, down, back, loses } = this.#path;
     const now = this.#events.now();
-    this.#inFlight += bytes;
-    const departure = link.offer(bytes + OVERHEAD, now);
+    const packet = { number: this.#number++, bytes: bytes + QUIC, sentAt: now };
+    this.#congestion.sent(packet);
+    const departure = link.offer(packet.bytes + OVERHEAD, now);
     // Delay may vary, but packets never overtake each other: the shaper's netem and relay keep their order.
     this.#lastArrival = Math.max(this.#lastArrival, (departure ?? link.drained) + down());
-    const heardAt = this.#lastArrival + up();
     if (departure === null || loses()) {
-      this.#events.at(heardAt, () => this.#lost(stream, bytes, now));
+      this.#events.at(this.#lastArrival, () => back(ACKNOWLEDGEMENT, () => this.#lost(stream, bytes, packet)));
       return;
     }
-    this.#events.at(this.#lastArrival, () => stream.received(bytes));
-    this.#events.at(heardAt, () => this.#acknowledged(bytes, now));
+    this.#events.at(this.#lastArrival, () => {
+      stream.received(bytes);
+      this.#arrives(packet);
+    });
   }
 
-  #acknowledged(bytes: number, sentAt: number): void {
-    const limited = this.#inFlight + PACKET > this.#window;
-    this.#inFlight -= bytes;
-    if (limited && sentAt > this.#recoverySince) {
-      this.#window += this.#window < this.#threshold ? bytes : (PACKET * bytes) / this.#window;
+  /** In the page. */
+  #arrives(packet: Packet): void {
+    this.#received++;
+    this.#arrived.push(packet);
+    const decimated = this.#received > DECIMATED.after;
+    if (this.#arrived.length >= (decimated ? DECIMATED.packets : FIRST.packets)) {
+      this.#acknowledge();
+    } else if (this.#arrived.length === 1) {
+      const delay = decimated ? Math.min(FIRST.delay, Math.max(1, this.#least * DECIMATED.share)) : FIRST.delay;
+      this.#events.at(this.#events.now() + delay, () => {
+        if (this.#arrived[0] === packet) this.#acknowledge();
+      });
     }
+  }
+
+  #acknowledge(): void {
+    const packets = this.#arrived;
+    this.#arrived = [];
+    this.#path.back(ACKNOWLEDGEMENT, () => this.#acknowledged(packets));
+  }
+
+  #acknowledged(packets: readonly Packet[]): void {
+    const now = this.#events.now();
+    for (const packet of packets) this.#congestion.acknowledged(packet);
+    const last = packets.at(-1);
+    if (last !== undefined) this.#measured(now - last.sentAt);
     this.#pump();
   }
 
-  #lost(stream: Stream, bytes: number, sentAt: number): void {
-    this.#inFlight -= bytes;
-    if (sentAt > this.#recoverySince) {
-      this.#recoverySince = this.#events.now();
-      this.#threshold = Math.max(MIN_WINDOW, this.#window / 2);
-      this.#window = this.#threshold;
-    }
+  #measured(roundTrip: number): void {
+    this.#smoothed = this.#smoothed === undefined ? roundTrip : this.#smoothed + (roundTrip - this.#smoothed) / 8;
+    this.#least = Math.min(this.#least, roundTrip);
+    this.#congestion.measured(roundTrip, this.#events.now());
+    this.#pacer.update(this.#congestion.window, this.#smoothed);
+  }
+
+  #lost(stream: Stream, bytes: number, packet: Packet): void {
+    this.#congestion.lost(packet, this.#events.now());
+    if (this.#smoothed !== undefined) this.#pacer.update(this.#congestion.window, this.#smoothed);
     stream.remaining += bytes;
-    if (!this.#streams.includes(stream)) this.#streams.unshift(stream);
+    this.#queue(stream);
     this.#pump();
   }
 }

@@ -1,11 +1,16 @@
-/** The render service: one frame at a time is rendered, of those that wait the newest first, and encoding goes on beside it. */
+/**
+ * The render service: one frame is rendered while the one before is encoded. Of those that wait the newest goes first, and as
+ * many wait as the service keeps of one viewer; one more pushes the oldest out.
+ */
 import { RequestProblem } from "../../transport/transport";
-import type { Rung, ServerTiming } from "../../wire";
+import type { ServerTiming } from "../../wire";
+import type { Endpoints } from "./endpoints";
 import type { EventLoop } from "./events";
-import { normal } from "./random";
 import type { Sender, Stream } from "./sender";
 
 export interface Job {
+  /** Requests are numbered in the order in which they were made. */
+  readonly number: number;
   readonly rung: number;
   /** The answer's bytes came, or some of them. */
   readonly received: (bytes: number) => void;
@@ -14,19 +19,18 @@ export interface Job {
   readonly refused: (problem: RequestProblem) => void;
 }
 
-export interface ServerOptions {
-  readonly ladder: readonly Rung[];
-  readonly random: () => number;
-  /** Milliseconds to render a frame, and to encode one of the best rung. */
+interface Rendered {
+  readonly job: Job;
+  readonly queue: number;
   readonly render: number;
-  readonly encode: number;
+  readonly since: number;
 }
 
-/** How much a frame's size varies with the view (standard deviation), and for how long a view stays alike (ms). */
-const SIZE_DEVIATION = 0.12;
-const SIZE_MEMORY = 2000;
-/** A frame takes this much more or less to render, at most. */
-const RENDER_VARIATION = 0.15;
+/** The service's QUEUE_DEPTH, and the CPU rasteriser's frames in flight. */
+const DEPTH = 4;
+const IMAGES = 2;
+/** Bytes of an answer before its image: a frame's header. */
+const HEADER = 170;
 
 const SUPERSEDED = {
   type: "tigas:superseded",
@@ -38,67 +42,76 @@ const SUPERSEDED = {
 export class Server {
   readonly #events: EventLoop;
   readonly #sender: Sender;
-  readonly #options: ServerOptions;
-  #waiting: { readonly job: Job; readonly since: number } | undefined;
+  readonly #endpoints: Endpoints;
+  /** The oldest first. */
+  #waiting: { readonly job: Job; readonly since: number }[] = [];
   #rendering = false;
+  #rendered: Rendered[] = [];
+  #encoding = false;
+  #images = IMAGES;
   readonly #cancelled = new WeakSet<Job>();
   readonly #streams = new WeakMap<Job, Stream>();
-  #richness = 0;
-  #richnessAt = 0;
 
-  constructor(events: EventLoop, sender: Sender, options: ServerOptions) {
+  constructor(events: EventLoop, sender: Sender, endpoints: Endpoints) {
     this.#events = events;
     this.#sender = sender;
-    this.#options = options;
+    this.#endpoints = endpoints;
   }
 
   request(job: Job): void {
     if (this.#cancelled.has(job)) return;
-    this.#waiting?.job.refused(new RequestProblem(SUPERSEDED));
-    this.#waiting = { job, since: this.#events.now() };
-    this.#next();
+    this.#waiting.push({ job, since: this.#events.now() });
+    if (this.#waiting.length > DEPTH) this.#waiting.shift()?.job.refused(new RequestProblem(SUPERSEDED));
+    this.#render();
   }
 
   cancel(job: Job): void {
     this.#cancelled.add(job);
-    if (this.#waiting?.job === job) this.#waiting = undefined;
+    this.#waiting = this.#waiting.filter((waiting) => waiting.job !== job);
     const stream = this.#streams.get(job);
     if (stream) this.#sender.cancel(stream);
   }
 
-  #next(): void {
-    if (this.#rendering || this.#waiting === undefined) return;
-    const { job, since } = this.#waiting;
-    const { ladder, random } = this.#options;
+  #render(): void {
+    if (this.#rendering || this.#images === 0) return;
+    const next = this.#waiting.pop();
+    if (next === undefined) return;
+    const { job, since } = next;
     const queue = this.#events.now() - since;
-    const render = this.#options.render * (1 + RENDER_VARIATION * (2 * random() - 1));
-    const [rung, best] = [ladder[job.rung], ladder[0]];
-    const pixels = rung && best ? (rung.width * rung.height) / (best.width * best.height) : 1;
-    const encode = this.#options.encode * pixels;
-    this.#waiting = undefined;
+    const render = this.#endpoints.render(job.rung);
     this.#rendering = true;
+    this.#images--;
     this.#events.at(this.#events.now() + render, () => {
       this.#rendering = false;
-      this.#events.at(this.#events.now() + encode, () => this.#answer(job, { queue, render, encode }));
-      this.#next();
+      this.#rendered.push({ job, queue, render, since: this.#events.now() });
+      this.#encode();
+      this.#render();
+    });
+  }
+
+  #encode(): void {
+    if (this.#encoding) return;
+    const next = this.#rendered.shift();
+    if (next === undefined) return;
+    const { job, render, since } = next;
+    const queue = next.queue + this.#events.now() - since;
+    const encode = this.#endpoints.encode(job.rung);
+    this.#encoding = true;
+    this.#events.at(this.#events.now() + encode, () => {
+      this.#encoding = false;
+      this.#images++;
+      this.#answer(job, { queue, render, encode });
+      this.#encode();
+      this.#render();
     });
   }
 
   #answer(job: Job, timing: ServerTiming): void {
     if (this.#cancelled.has(job)) return;
-    const bytes = Math.round((this.#options.ladder[job.rung]?.expected_kb ?? 0) * 1000 * this.#size());
-    const stream: Stream = { remaining: bytes, received: job.received };
+    const bytes = HEADER + this.#endpoints.bytes(job.rung, this.#events.now());
+    const stream: Stream = { number: job.number, remaining: bytes, received: job.received };
     this.#streams.set(job, stream);
     job.answered(bytes, timing);
     this.#sender.send(stream);
-  }
-
-  /** How rich in detail the view is, compared with what the ladder expects: a Gaussian process that wanders as views do. */
-  #size(): number {
-    const now = this.#events.now();
-    const kept = Math.exp((this.#richnessAt - now) / SIZE_MEMORY);
-    this.#richness = kept * this.#richness + Math.sqrt(1 - kept ** 2) * normal(this.#options.random);
-    this.#richnessAt = now;
-    return Math.max(0.5, 1 + SIZE_DEVIATION * this.#richness);
   }
 }

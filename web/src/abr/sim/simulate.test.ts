@@ -1,8 +1,9 @@
 import { expect, test } from "vitest";
 import { contender } from "./contenders";
+import { PaperEndpoints } from "./endpoints";
 import { PAPER_LADDER } from "./ladder";
 import { overTraces, table } from "./report";
-import { PAPER_SERVER, simulate } from "./simulate";
+import { simulate } from "./simulate";
 import { parseTrace } from "./trace";
 
 function visit(controller: string, rate: number | string, options: { seed?: number; roundTrip?: number } = {}) {
@@ -13,7 +14,7 @@ function visit(controller: string, rate: number | string, options: { seed?: numb
     ladder: PAPER_LADDER,
     duration: 20_000,
     roundTrip: 20,
-    ...PAPER_SERVER,
+    endpoints: new PaperEndpoints(PAPER_LADDER, options.seed ?? 1),
     seed: 1,
     ...options,
   });

@@ -4,6 +4,7 @@ import { Receiver } from "../../transport/reception";
 import type { FrameReply, FrameTransport } from "../../transport/transport";
 import type { RenderRequest, Rung } from "../../wire";
 import { Bottleneck } from "./bottleneck";
+import type { Endpoints } from "./endpoints";
 import type { EventLoop } from "./events";
 import { Sender } from "./sender";
 import { type Job, Server } from "./server";
@@ -14,10 +15,8 @@ export interface NetworkOptions {
   /** The way there and back in milliseconds, in place of the trace's own delay; null keeps that. */
   readonly roundTrip: number | null;
   readonly ladder: readonly Rung[];
+  readonly endpoints: Endpoints;
   readonly random: () => number;
-  /** The server's milliseconds for a frame. */
-  readonly render: number;
-  readonly encode: number;
 }
 
 /** Bytes of a request on the link. */
@@ -34,6 +33,8 @@ export class SimulatedTransport implements FrameTransport {
   readonly #player: TracePlayer;
   readonly #up: Bottleneck;
   readonly #server: Server;
+  /** What stands for the images of each rung. */
+  readonly #images: readonly Blob[];
   #lastUp = 0;
 
   constructor(events: EventLoop, options: NetworkOptions) {
@@ -41,15 +42,16 @@ export class SimulatedTransport implements FrameTransport {
     this.#events = events;
     this.#options = options;
     this.#receiver = new Receiver(events.now);
+    this.#images = options.ladder.map(() => new Blob());
     this.#player = new TracePlayer(trace);
     this.#up = new Bottleneck(trace, "up_kbps");
     const sender = new Sender(events, {
       link: new Bottleneck(trace, "down_kbps"),
       down: () => this.#delay(),
-      up: () => this.#delay(),
+      back: (bytes, arrived) => this.#upwards(bytes, arrived),
       loses: () => random() * 100 < this.#player.at(events.now()).loss_pct,
     });
-    this.#server = new Server(events, sender, options);
+    this.#server = new Server(events, sender, options.endpoints);
   }
 
   request({ seq = 0, profile }: RenderRequest, signal: AbortSignal): Promise<FrameReply> {
@@ -60,6 +62,7 @@ export class SimulatedTransport implements FrameTransport {
     let expected = Number.POSITIVE_INFINITY;
     let header: FrameReply["header"];
     const job: Job = {
+      number: seq,
       rung: profile ?? 0,
       answered: (bytes, timing) => {
         expected = bytes;
@@ -78,7 +81,7 @@ export class SimulatedTransport implements FrameTransport {
         reception.add(bytes);
         if (reception.arrival.bytes < expected) return;
         this.#events.settle();
-        resolve({ header, image: NO_IMAGE, arrival: reception.arrival });
+        resolve({ header, image: this.#images[profile ?? 0] ?? NO_IMAGE, arrival: reception.arrival });
       },
       refused: (problem) =>
         this.#events.at(now() + this.#delay(), () => {
@@ -91,19 +94,24 @@ export class SimulatedTransport implements FrameTransport {
       () => {
         this.#events.settle();
         reject(signal.reason);
-        this.#upwards(() => this.#server.cancel(job));
+        this.#upwards(REQUEST, () => this.#server.cancel(job));
       },
       { once: true },
     );
-    this.#upwards(() => this.#server.request(job));
+    this.#upwards(REQUEST, () => this.#server.request(job));
     return promise;
+  }
+
+  /** The rung of an image that came. */
+  rungOf(image: Blob): number {
+    return Math.max(0, this.#images.indexOf(image));
   }
 
   close(): void {}
 
-  /** A small message goes up. A full queue loses it; QUIC would send it again, here it waits until there is room. */
-  #upwards(arrived: () => void): void {
-    const departure = this.#up.offer(REQUEST, this.#events.now()) ?? this.#up.drained;
+  /** A small packet goes up. A full queue loses it; QUIC would send it again, here it waits until there is room. */
+  #upwards(bytes: number, arrived: () => void): void {
+    const departure = this.#up.offer(bytes, this.#events.now()) ?? this.#up.drained;
     this.#lastUp = Math.max(this.#lastUp, departure + this.#delay());
     this.#events.at(this.#lastUp, arrived);
   }

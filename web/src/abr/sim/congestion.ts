@@ -1,0 +1,120 @@
+/**
+ * What one QUIC connection may send and when, as the render service has it (services/render/tigas_render/transport): NewReno
+ * (RFC 9002, appendix B) that leaves slow start when round trips grow, whose window grows only for packets sent while it was
+ * full, and a pacer of 1.25 windows a round trip that counts in ticks of a millisecond.
+ */
+
+/** Bytes of a full packet's UDP payload. */
+export const PACKET = 1452;
+const INITIAL_WINDOW = 10 * PACKET;
+const MIN_WINDOW = 2 * PACKET;
+
+export interface Packet {
+  readonly number: number;
+  /** Of the UDP payload. */
+  readonly bytes: number;
+  readonly sentAt: number;
+}
+
+export class NewReno {
+  readonly #trips = new RoundTrips();
+  #window = INITIAL_WINDOW;
+  #threshold: number | null = null;
+  #inFlight = 0;
+  #recoverySince = Number.NEGATIVE_INFINITY;
+  /** Number of the last packet that left no room for another. */
+  #fullAt = -1;
+  #stash = 0;
+
+  get window(): number {
+    return this.#window;
+  }
+
+  get room(): boolean {
+    return this.#inFlight + PACKET <= this.#window;
+  }
+
+  sent({ number, bytes }: Packet): void {
+    this.#inFlight += bytes;
+    if (!this.room) this.#fullAt = number;
+  }
+
+  acknowledged({ number, bytes, sentAt }: Packet): void {
+    this.#inFlight -= bytes;
+    if (sentAt <= this.#recoverySince || number > this.#fullAt) return;
+    if (this.#threshold === null || this.#window < this.#threshold) {
+      this.#window += bytes;
+    } else {
+      this.#stash += bytes;
+      if (this.#stash >= this.#window) {
+        this.#stash -= this.#window;
+        this.#window += PACKET;
+      }
+    }
+  }
+
+  lost({ bytes, sentAt }: Packet, now: number): void {
+    this.#inFlight -= bytes;
+    if (sentAt <= this.#recoverySince) return;
+    this.#recoverySince = now;
+    this.#window = Math.max(MIN_WINDOW, Math.floor(this.#window / 2));
+    this.#threshold = this.#window;
+  }
+
+  /** A round trip was measured. */
+  measured(roundTrip: number, now: number): void {
+    if (this.#threshold === null && this.#trips.growing(roundTrip, now)) this.#threshold = this.#window;
+  }
+}
+
+/** Whether the round trip grows (aioquic's QuicRttMonitor): the least of five has been a quarter above the best, five times. */
+class RoundTrips {
+  static readonly SIZE = 5;
+  #samples: number[] = [];
+  #sampledAt = Number.NEGATIVE_INFINITY;
+  #best = Number.POSITIVE_INFINITY;
+  #times = 0;
+
+  growing(roundTrip: number, now: number): boolean {
+    if (now <= this.#sampledAt + 1) return false;
+    this.#sampledAt = now;
+    this.#samples = [...this.#samples, roundTrip].slice(-RoundTrips.SIZE);
+    if (this.#samples.length < RoundTrips.SIZE) return false;
+    this.#best = Math.min(this.#best, Math.max(...this.#samples));
+    const above = Math.min(...this.#samples) - this.#best;
+    if (above * 4 >= this.#best) this.#times++;
+    else if (above > 0) this.#times = 0;
+    return this.#times >= RoundTrips.SIZE;
+  }
+}
+
+const GAIN = 1.25;
+const TICK = 1;
+const MAX_IDLE_BURST = 16 * PACKET;
+
+/** Spreads a window over a round trip. Counts in milliseconds' worth of packets; nothing is held before a round trip is known. */
+export class Pacer {
+  #each = 0;
+  #most = 0;
+  #credit = 0;
+  #at = 0;
+
+  update(window: number, roundTrip: number): void {
+    const rate = (GAIN * window) / Math.max(0.001, roundTrip);
+    const burst = Math.max(2 * PACKET, Math.min(window / 4, MAX_IDLE_BURST));
+    this.#each = PACKET / rate;
+    this.#most = Math.max(burst / rate, 2 * TICK);
+    this.#credit = Math.min(this.#credit, this.#most);
+  }
+
+  /** When the next packet may leave: now, or later. */
+  next(now: number): number {
+    this.#credit = Math.min(this.#credit + now - this.#at, this.#most);
+    this.#at = now;
+    return this.#each > 0 && this.#credit <= 0 ? now + Math.max(this.#each, TICK) : now;
+  }
+
+  sent(): void {
+    this.#credit = Math.max(0, this.#credit - this.#each);
+  }
+}
