@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import time
+from collections import deque
 from collections.abc import AsyncIterator, Sequence
 from contextlib import asynccontextmanager
 
@@ -58,9 +59,9 @@ class Load(WireModel):
 
 
 @asynccontextmanager
-async def watching_load() -> AsyncIterator[list[LoadSample]]:
-    """A list that grows by a sample every EVERY_S for as long as the context lasts."""
-    samples: list[LoadSample] = []
+async def watching_load(keep: int | None = None) -> AsyncIterator[deque[LoadSample]]:
+    """Grows by a sample every EVERY_S for as long as the context lasts, up to the newest `keep`."""
+    samples: deque[LoadSample] = deque(maxlen=keep)
 
     async def watch() -> None:
         psutil.cpu_percent()

@@ -1,0 +1,229 @@
+"""Experiments as folders of one directory, those of commands among them: found, begun, added to and removed.
+
+Everything here blocks; the application calls it in threads. An experiment's id is its folder's name. Links are not
+followed, so that nothing outside the directory can be reached.
+"""
+
+from __future__ import annotations
+
+import errno
+import itertools
+import re
+from collections.abc import Iterator, Sequence
+from datetime import UTC, datetime
+from functools import lru_cache
+from pathlib import Path
+from typing import TypeVar
+
+from pydantic import BaseModel, ValidationError
+
+from tigas_common.errors import InvalidRequest
+from tigas_common.parsing import sentence
+from tigas_lab.load import Load, LoadSample
+from tigas_lab.machine import Machine
+from tigas_lab.recording import BrokenRecording
+from tigas_lab.service.errors import UnknownExperiment, storage_explained
+from tigas_lab.service.wire import Experiment, ExperimentList, ExperimentRequest, ExperimentSummary, RunRow, RunUpload
+from tigas_lab.service.workspace import Workspace, to_disk
+from tigas_lab.store import ExperimentRecord, RunRecord, RunWriter, read_experiment, write_experiment
+from tigas_lab.summary import Summary, summarise
+
+CACHED_RUNS = 10_000
+Model = TypeVar("Model", bound=BaseModel)
+
+
+class Experiments:
+    """All experiments in a directory."""
+
+    def __init__(self, results: Path, workspace: Workspace) -> None:
+        self._results = results.resolve()
+        self._workspace = workspace
+
+    def all(self) -> ExperimentList:
+        """Those whose experiment.json can be read."""
+        found = []
+        with storage_explained():
+            folders = [path for path in self._results.iterdir() if _is_folder(path)]
+        for folder in folders:
+            try:
+                record = read_experiment(folder)
+            except BrokenRecording:
+                continue
+            runs = _runs(folder)
+            complete = sum(run.record.status == "complete" for run in runs)
+            found.append(
+                ExperimentSummary(
+                    id=folder.name,
+                    name=record.name,
+                    created=record.created,
+                    source=record.source,
+                    runs=len(runs),
+                    complete=complete,
+                )
+            )
+        return ExperimentList(experiments=tuple(sorted(found, key=lambda one: (one.created, one.id), reverse=True)))
+
+    def get(self, experiment: str) -> Experiment:
+        """One with its runs. Raises UnknownExperiment."""
+        folder, record = self.find(experiment)
+        runs = [RunRow.of(run) for run in _runs(folder)]
+        return Experiment(
+            id=experiment,
+            name=record.name,
+            created=record.created,
+            source=record.source,
+            plan=record.plan,
+            complete=sum(run.status == "complete" for run in runs),
+            runs=tuple(runs),
+        )
+
+    def find(self, experiment: str) -> tuple[Path, ExperimentRecord]:
+        """Its folder and what is said there. Raises UnknownExperiment."""
+        folder = self._results / experiment
+        # Compared as a name, since as a path it could lead anywhere.
+        if folder.name != experiment or not _is_folder(folder):
+            raise UnknownExperiment(f"There is no experiment {experiment[:100]!r}.")
+        try:
+            return folder, read_experiment(folder)
+        except BrokenRecording:
+            raise UnknownExperiment(f"The folder {experiment} has no experiment.json that can be read.") from None
+
+    def create(self, body: bytes, now: datetime) -> str:
+        """Begin one; its id. Raises InvalidRequest and DiskFull."""
+        request = _parsed(ExperimentRequest, body)
+        slug = re.sub(r"[^A-Za-z0-9.-]+", "-", request.name).strip(".-")[:60] or "experiment"
+        created = now.astimezone(UTC)
+        record = ExperimentRecord(
+            name=request.name, created=created.isoformat(timespec="seconds"), source="page", plan=request.plan
+        )
+        with storage_explained(), self._workspace.folder() as folder:
+            made = folder / "experiment"
+            write_experiment(made, record)
+            return _placed(made, self._results, f"{slug}-{created:%Y%m%d-%H%M%S}")
+
+    def add_run(
+        self, experiment: str, body: Path, folder: Path, load: Sequence[LoadSample], machine: Machine
+    ) -> RunRow:
+        """Keep the run that a file tells of, prepared in an empty folder of the workspace.
+
+        `load` is that of this machine, as far as it is remembered. Raises InvalidRequest, UnknownExperiment and
+        DiskFull; then nothing is kept.
+        """
+        parent, _ = self.find(experiment)
+        with storage_explained():
+            upload = _parsed(RunUpload, body.read_bytes())
+            made = folder / "run"
+            _write(made, upload, load, machine)
+            to_disk(made)
+        summary = summarise(made)
+        with storage_explained():
+            runs = parent / "runs"
+            try:
+                runs.mkdir(exist_ok=True)
+                if not _is_folder(runs):
+                    raise UnknownExperiment(f"The experiment {experiment} has no folder for runs.")
+                name = _placed(made, runs, upload.configuration.slug)
+            except FileNotFoundError:
+                raise UnknownExperiment(f"The experiment {experiment} was removed meanwhile.") from None
+        return RunRow.of(summary.model_copy(update={"folder": name}))
+
+    def remove(self, experiment: str) -> None:
+        """Remove one. Raises UnknownExperiment."""
+        folder, _ = self.find(experiment)
+        with storage_explained():
+            try:
+                self._workspace.remove(folder)
+            except FileNotFoundError:
+                raise UnknownExperiment(f"The experiment {experiment} was removed meanwhile.") from None
+
+
+def run_folders(folder: Path) -> list[Path]:
+    """An experiment's runs, by name."""
+    runs = folder / "runs"
+    if not _is_folder(runs):
+        return []
+    try:
+        return sorted(path for path in runs.iterdir() if _is_folder(path))
+    except FileNotFoundError:  # removed meanwhile
+        return []
+
+
+def version(run: Path) -> tuple[int, ...] | None:
+    """Differs whenever the run was written again; None if it says nothing of itself."""
+    try:
+        told = (run / "run.json").lstat()
+    except OSError:
+        return None
+    return told.st_mtime_ns, told.st_size, told.st_ino
+
+
+def _runs(folder: Path) -> list[Summary]:
+    """Those that say something of themselves."""
+    return list(_summaries(run_folders(folder)))
+
+
+def _summaries(runs: list[Path]) -> Iterator[Summary]:
+    for run in runs:
+        if (written := version(run)) is not None:
+            try:
+                yield _summary(run, written)
+            except BrokenRecording:
+                continue
+
+
+@lru_cache(CACHED_RUNS)
+def _summary(run: Path, _written: tuple[int, ...]) -> Summary:
+    return summarise(run)
+
+
+def _is_folder(path: Path) -> bool:
+    try:
+        return path.is_dir() and not path.is_symlink() and not path.name.startswith(".")
+    except (OSError, ValueError):  # a name that no file system takes
+        return False
+
+
+def _parsed(model: type[Model], body: bytes) -> Model:
+    try:
+        return model.model_validate_json(body)
+    except ValidationError as error:
+        raise InvalidRequest(sentence(error)) from None
+
+
+def _write(folder: Path, upload: RunUpload, load: Sequence[LoadSample], machine: Machine) -> None:
+    recording = upload.recording
+    start = recording.started_unix_ms
+    during = [sample for sample in load if 0 <= sample.unix_ms - start <= recording.ended_ms]
+    record = RunRecord(
+        status="running",
+        problem=None,
+        configuration=upload.configuration,
+        machine=machine,
+        started=datetime.fromtimestamp(start / 1000, UTC).isoformat(timespec="seconds"),
+    )
+    writer = RunWriter(folder, record)
+    writer.recording(recording)
+    writer.surroundings(upload.link, during)
+    writer.quality(())
+    writer.close(
+        status="complete" if recording.complete else "failed",
+        problem=None if recording.complete else "The movement was not played to its end.",
+        load=Load.of(during),
+        recording=recording.head,
+    )
+
+
+def _placed(made: Path, parent: Path, name: str) -> str:
+    """Move a folder to its place, under the first name that is free. Raises OSError."""
+    for number in itertools.count(1):
+        chosen = name if number == 1 else f"{name}_{number}"
+        try:
+            made.rename(parent / chosen)
+        except (FileExistsError, NotADirectoryError):
+            continue
+        except OSError as error:
+            if error.errno != errno.ENOTEMPTY:
+                raise
+            continue
+        return chosen
+    raise AssertionError
