@@ -37,7 +37,8 @@ demo: .venv/.ready $(STATIC)
 		echo "== without the shaped link; everything else is there"; \
 		trap 'kill $$(jobs -p) 2>/dev/null; wait' EXIT; trap 'exit 130' INT TERM; \
 		$(VENV)/tigas dash & \
-		TIGAS_RENDER_SERVICES='{"dash": ":8081"}' $(VENV)/tigas render $(if $(SCENES),--scenes $(SCENES)) & \
+		$(VENV)/tigas store & \
+		TIGAS_RENDER_SERVICES='{"dash": ":8081", "store": ":8091"}' $(VENV)/tigas render $(if $(SCENES),--scenes $(SCENES)) & \
 		wait -n; \
 	fi
 

@@ -15,8 +15,8 @@ from typing import Any, Literal
 ROOT = Path(__file__).parents[2]
 PROJECT = "tigas-test"
 ORIGIN = "http://localhost:8080"
-SERVICES = ("render", "dash-packager", "shaper")
-Service = Literal["render", "dash-packager", "shaper"]
+SERVICES = ("render", "dash-packager", "lab", "shaper")
+Service = Literal["render", "dash-packager", "lab", "shaper"]
 
 
 class Stack:
@@ -81,6 +81,17 @@ class Stack:
         status: dict[str, Any] = json.loads(connection.getresponse().read())
         connection.close()
         return status
+
+
+def store(method: str, path: str, body: object = None) -> Any:
+    """Ask the experiments' store through the gateway, as the page does; what it answers, as far as it is JSON."""
+    connection = http.client.HTTPConnection("localhost", 8091, timeout=20)
+    connection.request(method, path, None if body is None else json.dumps(body), {"Origin": ORIGIN})
+    answer = connection.getresponse()
+    data = answer.read()
+    connection.close()
+    assert answer.status in (200, 201, 204), data
+    return json.loads(data) if "json" in answer.headers.get("Content-Type", "") else data
 
 
 def docker(*arguments: str) -> str:

@@ -11,7 +11,8 @@ import time
 import pytest
 from playwright.sync_api import Page, expect
 
-from tests.compose.stack import SERVICES, Service, Stack, answers, docker, download_kbps, round_trips_ms
+from tests.compose.stack import SERVICES, Service, Stack, answers, docker, download_kbps, round_trips_ms, store
+from tests.experiments.service.conftest import upload
 from tests.lab.inside import wait_until
 from tests.web.conftest import PATIENCE
 from tests.web.modes import wait_for_dash
@@ -59,6 +60,19 @@ def test_the_same_walk_as_a_dash_stream(stack: Stack, page: Page) -> None:
     expect(page.locator(".stage-message")).to_contain_text("Trying again", timeout=PATIENCE)
     stack.up()
     wait_for_dash(page, at_least=30)
+
+
+def test_experiments_survive_a_killed_store(stack: Stack) -> None:
+    experiment = store("POST", "/experiments", {"name": "kept", "plan": {}})["id"]
+    row = store("POST", f"/experiments/{experiment}/runs", upload())
+    assert b"<html" in store("GET", f"/experiments/{experiment}/report")
+    docker("kill", stack.container("lab"))
+    stack.up()
+    told = store("GET", f"/experiments/{experiment}")
+    assert (told["name"], told["runs"]) == ("kept", [row])
+    assert store("GET", "/movements")["movements"]
+    assert store("GET", f"/experiments/{experiment}/zip").startswith(b"PK")
+    store("DELETE", f"/experiments/{experiment}")
 
 
 @pytest.mark.parametrize("down_kbps", [8_000, 3_000])
@@ -130,5 +144,5 @@ def test_a_container_may_do_only_what_it_must(stack: Stack, service: Service) ->
         assert published == {}
         assert "unreachable" in stack.inside(service, LEAVE)
     else:
-        assert set(published) == {"8080/tcp", "8081/tcp", "8443/tcp", "4433/udp", "8090/tcp"}
+        assert set(published) == {"8080/tcp", "8081/tcp", "8091/tcp", "8443/tcp", "4433/udp", "8090/tcp"}
         assert published["8090/tcp"] == {"127.0.0.1"}

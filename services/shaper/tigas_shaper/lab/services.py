@@ -1,4 +1,4 @@
-"""What runs inside the lab: the render service and the DASH packager behind the gateway, and the shaper on it."""
+"""What runs inside the lab: the services behind the gateway, and the shaper on it."""
 
 from __future__ import annotations
 
@@ -15,10 +15,16 @@ from tigas_common.errors import StartError
 from tigas_shaper.lab.namespaces import SERVICE_ADDRESS, Lab, LocalPort, Role, check_rights
 
 NAME = "lab"
-PORTS = (LocalPort("tcp", 8080), LocalPort("udp", 4433), LocalPort("tcp", 8081), LocalPort("tcp", 8090))
-"""The page, WebTransport, DASH, and the shaper's API."""
-SERVICES = {"TIGAS_RENDER_SERVICES": '{"dash": ":8081", "shaper": ":8090"}'}
-"""Tells the page where the packager and the shaper's API are."""
+PORTS = (
+    LocalPort("tcp", 8080),
+    LocalPort("udp", 4433),
+    LocalPort("tcp", 8081),
+    LocalPort("tcp", 8090),
+    LocalPort("tcp", 8091),
+)
+"""The page, WebTransport, DASH, the shaper's API, and the experiments' store."""
+SERVICES = {"TIGAS_RENDER_SERVICES": '{"dash": ":8081", "shaper": ":8090", "store": ":8091"}'}
+"""Tells the page where the others are."""
 STOP_S = 3
 """A service that has not stopped by then is killed, in seconds."""
 
@@ -37,6 +43,11 @@ def render_command(scenes: Path | None) -> list[str]:
 def dash_command() -> list[str]:
     """The DASH packager beside the render service, whose views it does not get over the link."""
     return tigas("dash", "--render", "http://127.0.0.1:8080", "--http", "0.0.0.0:8081")
+
+
+def store_command() -> list[str]:
+    """The experiments' store, whose results are in the working directory unless its settings say otherwise."""
+    return tigas("store", "--http", "0.0.0.0:8091")
 
 
 def shaper_command(*more: str) -> list[str]:
@@ -73,6 +84,7 @@ def run_lab(*, scenes: Path | None, traces: Path | None, trace: str | None, stop
             "shaper": stack.enter_context(running(lab, "gateway", shaper_command(*options))),
             "render service": stack.enter_context(running(lab, "service", render_command(scenes), SERVICES)),
             "DASH packager": stack.enter_context(running(lab, "service", dash_command())),
+            "experiments' store": stack.enter_context(running(lab, "service", store_command())),
         }
         while not stop.wait(0.2):
             for name, process in services.items():
