@@ -77,12 +77,11 @@ class Table:
             raise MovementError(f"{self.name} has no poses.")
         try:
             values: Floats = np.loadtxt(
-                itertools.chain([first], rows),
+                itertools.chain([first], itertools.islice(rows, MAX_ROWS)),  # max_rows would reserve memory for all
                 delimiter=",",
                 usecols=wanted,
                 comments=None,
                 ndmin=2,
-                max_rows=MAX_ROWS + 1,
             )
         except ValueError:
             raise self._broken(wanted) from None

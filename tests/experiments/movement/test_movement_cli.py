@@ -1,0 +1,142 @@
+"""The commands `tigas movement …`, as a user runs them."""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ElementTree
+from importlib.metadata import entry_points
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner, Result
+
+from tests.experiments.movement.test_eyenavgs import NTHU, UPRIGHT, both, write
+from tigas_lab.movement import MovementTrace
+from tigas_lab.movement.cli import movement
+
+
+def run(*arguments: str | Path) -> Result:
+    return CliRunner().invoke(movement, [str(argument) for argument in arguments], terminal_width=200)
+
+
+def said(result: Result) -> str:
+    """All of it on one line."""
+    return " ".join(result.output.split())
+
+
+@pytest.fixture
+def recording(tmp_path: Path) -> Path:
+    rows = [row for at in range(100) for row in both(20 * at, (0.02 * at, 2, 3), UPRIGHT)]
+    return write(tmp_path / "user3_train.csv", NTHU, rows)
+
+
+@pytest.fixture
+def settings(tmp_path: Path) -> Path:
+    path = tmp_path / "scene_setting.csv"
+    path.write_text('\ufeffScene_Name,Quaternion,Scale\ntrain,"0, 0, 0, 1",0.5\n', encoding="utf-8")
+    return path
+
+
+def test_tigas_finds_the_commands() -> None:
+    points = {point.name: point.value for point in entry_points(group="tigas.commands")}
+    assert points["movement"] == "tigas_lab.movement.cli:movement"
+
+
+def test_make_writes_what_was_asked_for_and_replaces_nothing_unless_told_to(tmp_path: Path) -> None:
+    out = tmp_path / "turns.csv"
+    assert run("make", "quick-turns", out, "--seconds", 5, "--seed", 7).exit_code == 0
+    assert MovementTrace.read(out).comments["command"] == "tigas movement make quick-turns --seconds 5 --seed 7"
+    result = run("make", "stroll", out)
+    assert (result.exit_code, "exists; --force replaces it" in said(result)) == (1, True)
+    assert run("make", "stroll", out, "--force").exit_code == 0
+    assert MovementTrace.read(out).duration_ms == 60_000
+
+
+def test_import_keeps_a_recording_in_its_own_scene(recording: Path, tmp_path: Path) -> None:
+    out = tmp_path / "out.csv"
+    assert run("import", recording, out, "--eye", "left").exit_code == 0
+    trace = MovementTrace.read(out)
+    assert (trace.anchor, trace.unit, trace.positions[-1].tolist()) == ("scene", "scene", [1.98, -2, -3])
+    assert "EyeNavGS" in trace.comments["source"]
+    assert "Apache-2.0; changed by TIGAS: left eye" in trace.comments["licence"]
+    assert run("import", recording, out, "--up", "0,1,0", "--force").exit_code == 0
+    assert MovementTrace.read(out).positions[0, 1:].tolist() == [2, 3]
+
+
+@pytest.mark.parametrize("by_hand", [False, True])
+def test_import_makes_a_walk_of_a_recording(recording: Path, settings: Path, tmp_path: Path, by_hand: bool) -> None:
+    out = tmp_path / "out.csv"
+    said_scale = ["--scale", "0.5", "--level", "0,0,0,1"] if by_hand else ["--settings", settings]
+    assert run("import", recording, out, "--eye", "left", "--anchor", "start", *said_scale).exit_code == 0
+    walk = MovementTrace.read(out)
+    assert (walk.anchor, walk.unit) == ("start", "m")
+    assert walk.positions[[0, -1]].tolist() == [[0, 0, 0], [3.96, 0, 0]]
+    assert run("import", recording, out, "--anchor", "start", *said_scale, "--metre", 10, "--force").exit_code == 0
+    scaled = MovementTrace.read(out)
+    assert (scaled.anchor, scaled.unit) == ("start", "scene")
+    assert scaled.positions[-1, 0] == pytest.approx(39.6, abs=0.5)
+
+
+@pytest.mark.parametrize(("arguments", "sentence"), [
+    (["--scale", "2"], "are for a walk: --anchor start."),
+    (["--anchor", "start"], "say the scene's scale with --scale, or --settings scene_setting.csv."),
+    (["--anchor", "start", "--scale", "0"], "--scale and --level: a scale is a positive number."),
+    (["--anchor", "start", "--scale", "1", "--level", "0,0,0,0"], "--level is 4 numbers"),
+    (["--anchor", "start", "--scale", "1", "--level", "1,2"], "--level is 4 numbers such as 0,0,0,1, not '1,2'."),
+    (["--anchor", "start", "--scale", "1", "--up", "0,0,1"], "--up is for the scene that it was recorded in"),
+    (["--anchor", "start", "--scale", "1", "--metre", "nan"], "--metre is a positive number of units."),
+    (["--anchor", "start", "--settings", "scene_setting.csv", "--scale", "1"], "--settings says scale and level"),
+    (["--anchor", "start", "--settings", "nowhere.csv"], "nowhere.csv cannot be read"),
+    (["--up", "0,0,0"], "--up is 3 numbers"),
+])  # fmt: skip
+def test_options_that_make_no_sense_write_nothing(
+    recording: Path, tmp_path: Path, arguments: list[str], sentence: str
+) -> None:
+    result = run("import", recording, tmp_path / "out.csv", *arguments)
+    assert result.exit_code == 1
+    assert sentence in said(result)
+    assert not (tmp_path / "out.csv").exists()
+
+
+def test_show_says_how_long_how_dense_how_far_and_how_fast(tmp_path: Path) -> None:
+    path = tmp_path / "walk.csv"
+    turns = [(at, 0.1 * at, *((0, 0, 0, 1) if at % 2 else (0, 0.130526, 0, 0.991445))) for at in range(11)]
+    path.write_text(
+        "# by: [red]nobody[/red]\nt_ms,x,y,z,qx,qy,qz,qw,gaze\n"
+        + "".join(f"{at * 200},{x},0,0,{a},{b},{c},{d},1\n" for at, x, a, b, c, d in turns)
+    )
+    result = run("show", path, "--plot", tmp_path / "walk.svg")
+    assert result.exit_code == 0, result.output
+    for sentence in (
+        "by [red]nobody[/red]",
+        "begins where it is in the scene",
+        "duration 2 s in 11 poses",
+        "rate 5.0/s, longest step 200 ms",
+        "gaps 10, together 2 s",
+        "way 1.0 units, 0.50 units/s on average",
+        "note Columns that a movement does not have were ignored: gaze.",
+        "degrees/s 75 75 75 75 75",
+    ):
+        assert sentence in said(result)
+    assert ElementTree.parse(tmp_path / "walk.svg").getroot().tag.endswith("svg")
+
+
+def test_show_says_what_is_no_movement_or_picture(tmp_path: Path) -> None:
+    path = tmp_path / "walk.csv"
+    path.write_text("t_ms,x\n")
+    result = run("show", path)
+    assert (result.exit_code, "has no column 'y'" in said(result)) == (1, True)
+    assert "a picture ends in .png, .svg, .pdf." in said(run("show", path, "--plot", tmp_path / "walk.doc"))
+
+
+def test_a_pose_alone_can_be_shown(tmp_path: Path) -> None:
+    path = tmp_path / "walk.csv"
+    path.write_text("t_ms,x,y,z,qx,qy,qz,qw\n0,1,2,3,0,0,0,1\n")
+    result = run("show", path, "--plot", tmp_path / "walk.png")
+    assert result.exit_code == 0, result.output
+    assert "0 s in 1 poses" in said(result)
+
+
+def test_make_knows_its_kinds(tmp_path: Path) -> None:
+    result = run("make", "dance", tmp_path / "out.csv")
+    assert (result.exit_code, "there are stroll, look-around, quick-turns, orbit." in said(result)) == (1, True)
+    assert run("make", "stroll", tmp_path / "out.csv", "--seconds", 1e9).exit_code == 2
