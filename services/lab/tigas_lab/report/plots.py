@@ -1,45 +1,38 @@
-"""The report's plots, as SVG: without dates or random ids, so that equal data give equal files."""
+"""The plots of a comparison, run by run, as SVG."""
 
 from __future__ import annotations
 
-import io
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
-from typing import Any, Literal
 
-import matplotlib as mpl
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from tigas_lab.configuration import Mode
 from tigas_lab.recording import ShownFrame, Traffic
-from tigas_lab.statistics import INTERACTIVE_MS, answers
+from tigas_lab.report.drawing import (
+    AREA,
+    NO_METADATA,
+    QUIET,
+    LineStyle,
+    distribution,
+    for_a_page,
+    interactive_limit,
+    legend_entries,
+    plain_log,
+    style,
+    svg,
+)
+from tigas_lab.statistics import answers
 from tigas_lab.store import LinkSample, StoredRun
 
 COLOURS: dict[Mode, str] = {"stateless": "#0072b2", "dash-typical": "#d55e00", "dash-tuned": "#009e73"}
 """Okabe and Ito's, which people with colour blindness tell apart."""
-LINK_COLOUR = "#8a929c"
-NO_METADATA = dict.fromkeys(("Creator", "Date", "Format", "Type"))
-STYLE: Any = {
-    "font.size": 9,
-    "font.family": "sans-serif",
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "axes.grid": True,
-    "axes.axisbelow": True,
-    "grid.color": "#e4e7eb",
-    "grid.linewidth": 0.6,
-    "axes.edgecolor": "#8a929c",
-    "legend.frameon": False,
-    "svg.hashsalt": "tigas",
-}
-LineStyle = Literal["-", "--", ":", "-."]
 DASHES: tuple[LineStyle, ...] = ("-", "--", ":", "-.")
 SIZE = (7.2, 2.7)
-TICKS = (5, 10, 20, 50, 100, 200, 500, 1000, 2000, 5000, 10_000, 20_000, 50_000)
 
 
 @dataclass(frozen=True)
@@ -90,49 +83,49 @@ class Curve:
 
 def latency_distribution(curves: Sequence[Curve]) -> str:
     """Cumulative distribution of motion-to-photon latency."""
-    with mpl.rc_context(STYLE):
+    with style():
         figure, axes = _figure()
         draw_distribution(axes, curves)
         _legend(axes)
-        return _svg(figure)
+        return for_a_page(svg(figure))
 
 
 def latency_over_time(curves: Sequence[Curve]) -> str:
     """Motion-to-photon latency over the run, the link's rate behind it."""
-    with mpl.rc_context(STYLE):
+    with style():
         figure, axes = _figure()
         for curve in curves:
             times, values = zip(*curve.answered, strict=True) if curve.answered else ((), ())
             shown = [value if math.isfinite(value) else math.nan for value in values]
             axes.plot(times, shown, color=curve.colour, label=curve.label, linestyle=curve.dashes, linewidth=0.9)
-        axes.axhline(INTERACTIVE_MS, color="#444", linewidth=0.8, linestyle="--")
-        axes.set(xlabel="Time, s", ylabel="Motion-to-photon, ms", yscale="log", xlim=(0, _duration(curves)))
-        _plain_log(axes, [value for curve in curves for _, value in curve.answered])
+        interactive_limit(axes)
+        axes.set(xlabel="Time, s", ylabel="Motion-to-photon, ms", xlim=(0, _duration(curves)))
+        plain_log(axes, [value for curve in curves for _, value in curve.answered])
         _rate_behind(axes, curves)
         _legend(axes)
-        return _svg(figure)
+        return for_a_page(svg(figure))
 
 
 def bandwidth_over_time(curves: Sequence[Curve]) -> str:
     """What crossed the link towards the client, against what it could carry."""
-    with mpl.rc_context(STYLE):
+    with style():
         figure, axes = _figure()
         link = next((curve.link for curve in curves if curve.link), [])
         if link:
             times, rates = [sample.at / 1000 for sample in link], [sample.target_kbps / 1000 for sample in link]
-            axes.fill_between(times, rates, color="#eef0f3", step="post", label="Link's rate", linewidth=0)
+            axes.fill_between(times, rates, color=AREA, step="post", label="Link's rate", linewidth=0)
         for curve in curves:
             times, values = curve.rates
             axes.plot(times, values, color=curve.colour, label=curve.label, linestyle=curve.dashes, linewidth=1)
         axes.set(xlabel="Time, s", ylabel="Mbit/s", xlim=(0, _duration(curves)))
         axes.set_ylim(bottom=0)
         _legend(axes)
-        return _svg(figure)
+        return for_a_page(svg(figure))
 
 
 def height_over_time(curves: Sequence[Curve]) -> str:
     """The resolution on the screen."""
-    with mpl.rc_context(STYLE):
+    with style():
         figure, axes = _figure()
         for curve in curves:
             frames = [frame for frame in curve.frames if frame.at <= curve.duration_s * 1000]
@@ -148,12 +141,12 @@ def height_over_time(curves: Sequence[Curve]) -> str:
         axes.set(xlabel="Time, s", ylabel="Height of the frame, pixels", xlim=(0, _duration(curves)))
         axes.set_ylim(bottom=0)
         _legend(axes)
-        return _svg(figure)
+        return for_a_page(svg(figure))
 
 
 def headline(by_network: dict[str, list[Curve]], folder: Path) -> list[Path]:
     """The distributions side by side, one network each, as headline.svg and headline.png. Raises OSError."""
-    with mpl.rc_context(STYLE):
+    with style():
         figure = Figure(figsize=(4.4 * len(by_network), 3.1), layout="constrained")
         panels = figure.subplots(1, len(by_network), squeeze=False, sharey=True)[0]
         for axes, (network, curves) in zip(panels, by_network.items(), strict=True):
@@ -161,7 +154,7 @@ def headline(by_network: dict[str, list[Curve]], folder: Path) -> list[Path]:
             axes.set_title(network, fontsize=9)
         for axes in panels[1:]:
             axes.set_ylabel("")
-        by_label = {label: handle for axes in panels for handle, label in zip(*_legend_entries(axes), strict=True)}
+        by_label = legend_entries(panels)
         figure.legend(by_label.values(), by_label.keys(), loc="outside upper center", ncols=5, fontsize=8)
         paths = [folder / "headline.svg", folder / "headline.png"]
         figure.savefig(paths[0], metadata=NO_METADATA)
@@ -172,9 +165,8 @@ def headline(by_network: dict[str, list[Curve]], folder: Path) -> list[Path]:
 def draw_distribution(axes: Axes, curves: Sequence[Curve]) -> None:
     """Share of the inputs that were on the screen within a time."""
     for curve in curves:
-        values = sorted(value for _, value in curve.answered if math.isfinite(value))
+        values, shares = distribution([value for _, value in curve.answered])
         if values:
-            shares = [(index + 1) / len(curve.answered) for index in range(len(values))]
             axes.step(
                 values,
                 shares,
@@ -184,29 +176,14 @@ def draw_distribution(axes: Axes, curves: Sequence[Curve]) -> None:
                 linestyle=curve.dashes,
                 linewidth=1.6,
             )
-    axes.axvline(INTERACTIVE_MS, color="#444", linewidth=0.8, linestyle="--")
-    axes.set(xscale="log", xlabel="Motion-to-photon latency, ms", ylabel="Share of inputs", ylim=(0, 1.01))
-    _plain_log(axes, [value for curve in curves for _, value in curve.answered], horizontal=True)
+    interactive_limit(axes, horizontal=True)
+    axes.set(xlabel="Motion-to-photon latency, ms", ylabel="Share of inputs", ylim=(0, 1.01))
+    plain_log(axes, [value for curve in curves for _, value in curve.answered], horizontal=True)
 
 
 def _figure() -> tuple[Figure, Axes]:
     figure = Figure(figsize=SIZE, layout="constrained")
     return figure, figure.subplots()
-
-
-def _plain_log(axes: Axes, values: list[float], *, horizontal: bool = False) -> None:
-    """A logarithmic axis with plain numbers, over the values and the interactive limit."""
-    finite = [value for value in values if math.isfinite(value) and value > 0] or [INTERACTIVE_MS]
-    low, high = min(20.0, *finite), max(200.0, *finite)
-    ticks = [tick for tick in TICKS if low / 1.5 <= tick <= high * 1.5]
-    axis = axes.xaxis if horizontal else axes.yaxis
-    axis.set_ticks(ticks, [f"{tick:,}" for tick in ticks])
-    axis.set_ticks([], minor=True)
-    limits = (low / 1.1, high * 1.1)
-    if horizontal:
-        axes.set_xlim(*limits)
-    else:
-        axes.set_ylim(*limits)
 
 
 def _rate_behind(axes: Axes, curves: Sequence[Curve]) -> None:
@@ -217,12 +194,12 @@ def _rate_behind(axes: Axes, curves: Sequence[Curve]) -> None:
     behind.fill_between(
         [sample.at / 1000 for sample in link],
         [sample.target_kbps / 1000 for sample in link],
-        color="#eef0f3",
+        color=AREA,
         step="post",
         linewidth=0,
     )
-    behind.set_ylabel("Link, Mbit/s", color=LINK_COLOUR)
-    behind.tick_params(axis="y", colors=LINK_COLOUR)
+    behind.set_ylabel("Link, Mbit/s", color=QUIET)
+    behind.tick_params(axis="y", colors=QUIET)
     behind.set_ylim(bottom=0)
     behind.grid(visible=False)
     behind.spines["right"].set_visible(True)
@@ -230,23 +207,10 @@ def _rate_behind(axes: Axes, curves: Sequence[Curve]) -> None:
     axes.patch.set_visible(False)
 
 
-def _legend_entries(axes: Axes) -> tuple[list[Any], list[str]]:
-    handles, labels = axes.get_legend_handles_labels()
-    return list(handles), [str(label) for label in labels]
-
-
 def _legend(axes: Axes) -> None:
-    if _legend_entries(axes)[0]:
+    if legend_entries([axes]):
         axes.legend(loc="lower left", bbox_to_anchor=(0, 1.0), ncols=5, borderaxespad=0.2, handlelength=1.4, fontsize=8)
 
 
 def _duration(curves: Sequence[Curve]) -> float:
     return max((curve.duration_s for curve in curves), default=1.0)
-
-
-def _svg(figure: Figure) -> str:
-    """Without the XML declaration, to be put into HTML."""
-    buffer = io.StringIO()
-    figure.savefig(buffer, format="svg", metadata=NO_METADATA)
-    text = buffer.getvalue()
-    return text[text.index("<svg") :]

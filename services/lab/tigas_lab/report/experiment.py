@@ -1,0 +1,148 @@
+"""The report of an experiment: report.html, which stands alone, its figures as SVG, and CSV files."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from jinja2 import Environment, PackageLoader, StrictUndefined
+from markupsafe import Markup
+
+from tigas_lab.report.claims import Claim, claims
+from tigas_lab.report.csv_files import write_csv
+from tigas_lab.report.drawing import for_a_page
+from tigas_lab.report.figures import Draughtsman, Drawing
+from tigas_lab.report.metrics import TABLE, Metric
+from tigas_lab.report.results import Group, Results, load
+
+MOST_NETWORKS = 8
+"""So many are drawn one by one; the table and the CSV files have all."""
+
+
+@dataclass(frozen=True, slots=True)
+class Listener:
+    """Who wants to know how far it is."""
+
+    read: Callable[[int, int], None]
+    """So many runs of so many."""
+    drawn: Callable[[str], None]
+    """A figure."""
+
+
+SILENT = Listener(lambda done, total: None, lambda name: None)
+
+
+@dataclass(frozen=True, slots=True)
+class Plot:
+    """A figure in the page."""
+
+    drawing: Drawing
+    svg: Markup
+
+
+@dataclass(frozen=True, slots=True)
+class ExperimentReport:
+    """What was written."""
+
+    results: Results
+    claims: list[Claim]
+    warnings: list[str]
+    page: Path
+
+
+def write_experiment_report(folder: Path, listener: Listener = SILENT) -> ExperimentReport:
+    """Report on the runs in a folder, into that folder: report.html, runs.csv, groups.csv and *.svg.
+
+    Raises StartError if it has no runs, and OSError if it cannot be written.
+    """
+    results = load(folder, listener.read)
+    write_csv(results, folder)
+    overview: list[Plot] = []
+    by_network: dict[str, list[Plot]] = {}
+    for network, drawing in _drawings(results):
+        listener.drawn(drawing.name)
+        (folder / f"{drawing.name}.svg").write_text(drawing.svg, encoding="utf-8")
+        # matplotlib escapes text itself
+        plots = overview if network is None else by_network.setdefault(network, [])
+        plots.append(Plot(drawing, Markup(for_a_page(drawing.svg))))
+    report = ExperimentReport(results, claims(results), warnings(results), folder / "report.html")
+    environment = Environment(
+        loader=PackageLoader("tigas_lab.report"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    page = environment.get_template("experiment.html.j2").render(
+        report=report,
+        results=results,
+        overview=overview,
+        by_network=by_network,
+        table=TABLE,
+        cell=cell,
+        first=results.runs[0].record if results.runs else None,
+    )
+    report.page.write_text(page, encoding="utf-8")
+    return report
+
+
+def cell(group: Group, metric: Metric) -> tuple[str, str | None]:
+    """The mean over the runs; from the least to the greatest, where they differ."""
+    spread = group.spread(metric)
+    if spread is None:
+        return metric.text(None), None
+    low, high = metric.text(spread.low), metric.text(spread.high)
+    return metric.text(spread.mean), None if low == high else f"{low}–{high}"
+
+
+def warnings(results: Results) -> list[str]:
+    """What a reader must know before believing the figures."""
+    found: list[str] = []
+    runs = results.runs
+    total = len(runs) + len(results.failures)
+    if results.failures:
+        found.append(
+            f"{len(results.failures)} of {total} runs have no result and are in no figure; they are listed below."
+        )
+    if saturated := [run for run in runs if run.saturated]:
+        found.append(
+            f"The machine was the bottleneck in {len(saturated)} of {len(runs)} runs: all processors were busy for "
+            "more than a tenth of the time, so that their latencies and frame rates tell of the machine, too. They are "
+            "marked with *."
+        )
+    if unknown := sum(run.record.load is None for run in runs):
+        found.append(f"The load of the machine is unknown in {unknown} of {len(runs)} runs.")
+    if hidden := sum(run.record.recording is not None and run.record.recording.hidden for run in runs):
+        found.append(
+            f"The page was hidden during {hidden} of {len(runs)} runs, so the browser may have held frames back."
+        )
+    for field in ("duration_s", "width", "height"):
+        values = sorted({getattr(run.record.configuration, field) for run in runs})
+        if len(values) > 1:
+            listed = ", ".join(f"{value:g}" for value in values)
+            found.append(f"Runs of different {field.removesuffix('_s')} ({listed}) are taken together.")
+    commits = {run.record.machine.commit for run in runs}
+    if len(commits) > 1:
+        found.append(f"The runs were made with {len(commits)} different versions of TIGAS.")
+    return found
+
+
+def _drawings(results: Results) -> Iterator[tuple[str | None, Drawing]]:
+    """Each figure with the network that it is of."""
+    draughtsman = Draughtsman(results)
+    if (overview := draughtsman.overview()) is not None:
+        yield None, overview
+    for number, network in enumerate(results.networks[:MOST_NETWORKS], 1):
+        slug = f"{number:02}-" + (re.sub(r"[^A-Za-z0-9.-]+", "-", network).strip(".-")[:40] or "network")
+        for draw in (
+            draughtsman.over_rtt,
+            draughtsman.latencies,
+            draughtsman.responses,
+            draughtsman.over_time,
+            draughtsman.profiles,
+            draughtsman.bandwidth,
+        ):
+            if (drawing := draw(network)) is not None:
+                yield network, Drawing(f"{slug}_{drawing.name}", drawing.title, drawing.caption, drawing.svg)

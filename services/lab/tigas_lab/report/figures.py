@@ -1,0 +1,412 @@
+"""The figures of an experiment: one line, point or curve for each controller, drawn alike throughout.
+
+A figure's title says what is seen in it; figures that the runs have nothing for are not drawn.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
+
+from tigas_lab.report.drawing import (
+    AREA,
+    INK,
+    PAPER,
+    distribution,
+    interactive_limit,
+    legend_entries,
+    plain_log,
+    style,
+    svg,
+)
+from tigas_lab.report.findings import against_download, best, change, each, spread_of, steadiness, with_rtt
+from tigas_lab.report.metrics import (
+    HEIGHT,
+    IN_TIME,
+    NEW_VIEWS,
+    PHOTON_P95,
+    PROFILE,
+    RECEIVED,
+    RESPONSE_MEAN,
+    SWITCHES,
+    Metric,
+)
+from tigas_lab.report.results import Floats, Group, Results
+from tigas_lab.report.series import BINS, binned, downloaded, received
+from tigas_lab.report.variants import Look, Variant, looks
+
+PANEL_IN, HEIGHT_IN = 3.5, 2.5
+"""Of one panel, inches."""
+LEGEND_IN = 1.25
+"""What an entry of a legend takes."""
+MOST_COLUMNS = 3
+LOGARITHMIC_FROM = 8.0
+"""Times that differ by more than this factor need a logarithmic axis."""
+OVERVIEW = (PHOTON_P95, IN_TIME, NEW_VIEWS, HEIGHT, RECEIVED, SWITCHES)
+OVER_RTT = (RESPONSE_MEAN, PHOTON_P95, IN_TIME, PROFILE, SWITCHES, NEW_VIEWS)
+
+
+@dataclass(frozen=True, slots=True)
+class Drawing:
+    """One figure."""
+
+    name: str
+    """Of its file, without .svg."""
+    title: str
+    """What is seen."""
+    caption: str
+    """What is drawn, and over what."""
+    svg: str
+
+
+class Draughtsman:
+    """Draws an experiment's results."""
+
+    def __init__(self, results: Results) -> None:
+        self._results = results
+        self._looks = looks(results.variants)
+
+    def overview(self) -> Drawing | None:
+        """Latency, resolution, bandwidth and switches of each controller, network by network."""
+        results = self._results
+        columns = {name: results.at(name, results.base_rtt(name)) for name in results.networks}
+        metrics = _existing(OVERVIEW, results.groups)
+        if not metrics:
+            return None
+        with style():
+            figure, panels = _panels(len(metrics))
+            for axes, metric in zip(panels, metrics, strict=True):
+                self._points(axes, columns, metric)
+            names = [with_rtt(name, results.base_rtt(name)) for name in columns]
+            for axes in panels:
+                axes.set_xticks(range(len(names)), names, rotation=0 if len(names) < 4 else 20, ha="center")
+            self._finish(figure, panels)
+            every = [group for groups in columns.values() for group in groups]
+            return Drawing(
+                "overview",
+                best(every, IN_TIME),
+                f"Each controller over each network. {spread_of(every)}",
+                svg(figure),
+            )
+
+    def over_rtt(self, network: str) -> Drawing | None:
+        """What round trips do; None with fewer than two."""
+        rtts = self._results.rtts(network)
+        if len(rtts) < 2:
+            return None
+        groups = [group for rtt in rtts for group in self._results.at(network, rtt)]
+        metrics = _existing(OVER_RTT, groups)
+        with style():
+            figure, panels = _panels(len(metrics))
+            for axes, metric in zip(panels, metrics, strict=True):
+                for variant, look in self._looks.items():
+                    self._line(axes, [group for group in groups if group.variant == variant], metric, variant, look)
+                _metric_axis(axes, metric, [spread.mean for g in groups if (spread := g.spread(metric))])
+                axes.set_xlabel("Round trip, ms")
+                axes.set_xticks(rtts, [f"{rtt:g}" for rtt in rtts])
+            self._finish(figure, panels)
+            title = change(groups, rtts, RESPONSE_MEAN)
+            return Drawing("rtt", title, f"Over {network}; bands and lines: {spread_of(groups)}", svg(figure))
+
+    def latencies(self, network: str) -> Drawing | None:
+        """Distribution of motion-to-photon latency over all inputs, one panel for each round trip."""
+        return self._by_rtt(
+            network,
+            "latency",
+            self._distribution,
+            lambda groups: f"Inputs on the screen within 100 ms: {each(groups, IN_TIME)}",
+            "Cumulative distribution of motion-to-photon latency over all inputs of all runs; inputs that no frame "
+            "answered count, so that such a curve ends below 100 %. Dashed: 100 ms.",
+            horizontal=True,
+        )
+
+    def responses(self, network: str) -> Drawing | None:
+        """Distribution of the frames' response times, one panel for each round trip."""
+        return self._by_rtt(
+            network,
+            "response",
+            self._boxes,
+            lambda groups: f"Mean response: {each(groups, RESPONSE_MEAN)}",
+            "Response times of all frames of all runs: median, quartiles, and whiskers from the 5th to the 95th "
+            "percentile. Dashed: 100 ms.",
+        )
+
+    def over_time(self, network: str) -> Drawing | None:
+        """Response of frame after frame, in the first run of each controller."""
+        groups = [group for group in self._base(network) if len(group.runs[0].responses)]
+        if not groups:
+            return None
+        with style():
+            figure, (axes,) = _panels(1, width=2.2)
+            drawn: list[float] = []
+            for group in groups:
+                look = self._looks[group.variant]
+                times, values = binned(*group.runs[0].responses.T)
+                axes.plot(
+                    times, values, color=look.colour, linestyle=look.dashes, linewidth=1, label=group.variant.title
+                )
+                drawn += values.tolist()
+            interactive_limit(axes)
+            plain_log(axes, drawn)
+            axes.set(xlabel="Time, s", ylabel="Response, ms", xlim=(0, None))
+            self._finish(figure, [axes])
+            return Drawing(
+                "response-over-time",
+                steadiness(groups),
+                f"Response of each frame over {self._named(network)} in the first run of each controller; the median "
+                f"where frames are closer than 1/{BINS} of the run. Dashed: 100 ms.",
+                svg(figure),
+            )
+
+    def bandwidth(self, network: str) -> Drawing | None:
+        """What is received over time, against downloading the scene's file at the link's full rate."""
+        groups = [group for group in self._base(network) if any(len(run.received) > 1 for run in group.runs)]
+        if not groups:
+            return None
+        link = next((run.link for group in groups for run in group.runs if len(run.link) > 1), None)
+        size = next((run.record.scene_bytes for g in groups for run in g.runs if run.record.scene_bytes), None)
+        with style():
+            figure, (rates, totals) = _panels(2, width=1.4)
+            for group in groups:
+                look = self._looks[group.variant]
+                every, mean, low, high = received(group)
+                line: dict[str, Any] = {"color": look.colour, "linestyle": look.dashes, "label": group.variant.title}
+                rates.plot(every[1:], np.diff(mean) * 8 / np.diff(every), linewidth=1, **line)
+                totals.plot(every, mean, linewidth=1.4, **line)
+                if len(group.runs) > 1:
+                    totals.fill_between(every, low, high, color=look.colour, alpha=0.15, linewidth=0)
+            if link is not None:
+                _downloading(rates, totals, link, size)
+            rates.set(title="Rate, Mbit/s", xlabel="Time, s", xlim=(0, None), ylim=(0, None))
+            totals.set(title="Received by then, MB", xlabel="Time, s", xlim=(0, None), ylim=(0, None))
+            self._finish(figure, [rates, totals])
+            return Drawing(
+                "bandwidth",
+                against_download(groups, link, size),
+                f"What the viewer received over {self._named(network)}. {spread_of(groups)} Grey: the link at its "
+                "full rate, as a download of the scene's file would take it.",
+                svg(figure),
+            )
+
+    def profiles(self, network: str) -> Drawing | None:
+        """The share of time that each profile was on the screen."""
+        groups = [group for group in self._base(network) if any(run.figures.rungs.share for run in group.runs)]
+        if not groups:
+            return None
+        rungs = sorted({rung for group in groups for run in group.runs for rung in run.figures.rungs.share})
+        with style():
+            figure = Figure(figsize=(2.2 * PANEL_IN, 0.7 + 0.32 * len(groups)), layout="constrained")
+            axes = figure.subplots()
+            left = np.zeros(len(groups))
+            for rung in rungs:
+                shares = [100 * sum(r.figures.rungs.share.get(rung, 0.0) for r in g.runs) / len(g.runs) for g in groups]
+                # From dark, the best, to light.
+                shade = 0.25 + 0.6 * rung / max(1, rungs[-1])
+                colour = (0.15 + 0.75 * shade, 0.3 + 0.6 * shade, 0.5 + 0.42 * shade)
+                axes.barh(range(len(groups)), shares, left=left, color=colour, label=f"Profile {rung}", edgecolor=PAPER)
+                left += np.array(shares)
+            axes.set_yticks(range(len(groups)), [group.variant.title for group in groups])
+            axes.invert_yaxis()
+            axes.grid(visible=False, axis="y")
+            axes.set(xlabel="Share of the time, %", xlim=(0, 100))
+            self._finish(figure, [axes])
+            return Drawing(
+                "profiles",
+                f"Mean profile on the screen: {each(groups, PROFILE)}",
+                f"Which profiles were on the screen over {self._named(network)}; 0 is the best. Means over the runs.",
+                svg(figure),
+            )
+
+    def _base(self, network: str) -> list[Group]:
+        return self._results.at(network, self._results.base_rtt(network))
+
+    def _named(self, network: str) -> str:
+        return with_rtt(network, self._results.base_rtt(network), ", ")
+
+    def _by_rtt(
+        self,
+        network: str,
+        name: str,
+        draw: Callable[[Axes, list[Group]], list[float]],
+        title: Callable[[list[Group]], str],
+        caption: str,
+        *,
+        horizontal: bool = False,
+    ) -> Drawing | None:
+        """One panel for each round trip, or one for the network as it is, with one axis of times for all."""
+        rtts: Sequence[float | None] = self._results.rtts(network) or [None]
+        panels = {rtt: groups for rtt in rtts if (groups := self._results.at(network, rtt))}
+        if not any(len(group.latencies) for groups in panels.values() for group in groups):
+            return None
+        with style():
+            figure, axes = _panels(len(panels), share=True)
+            values: list[float] = []
+            for panel, (rtt, groups) in zip(axes, panels.items(), strict=True):
+                values += draw(panel, groups)
+                panel.set_title(network if rtt is None else f"{rtt:g} ms round trip")
+            for place, panel in enumerate(axes):
+                plain_log(panel, values, horizontal=horizontal)
+                lowest, leftmost = place + MOST_COLUMNS >= len(axes), place % MOST_COLUMNS == 0
+                panel.tick_params(labelbottom=lowest, labelleft=leftmost)
+                panel.set_xlabel(panel.get_xlabel() if lowest else "")
+                panel.set_ylabel(panel.get_ylabel() if leftmost else "")
+            self._finish(figure, axes)
+            first, groups = next(iter(panels.items()))
+            at = "" if first is None else f" ({first:g} ms round trip)"
+            return Drawing(name, f"{title(groups)}{at}", f"Over {network}. {caption}", svg(figure))
+
+    def _distribution(self, axes: Axes, groups: list[Group]) -> list[float]:
+        every: list[float] = []
+        for group in groups:
+            look = self._looks[group.variant]
+            values, shares = distribution(group.latencies.tolist())
+            if values:
+                axes.step(
+                    values,
+                    [100 * share for share in shares],
+                    where="post",
+                    color=look.colour,
+                    linestyle=look.dashes,
+                    linewidth=1.5,
+                    label=group.variant.title,
+                )
+                # The last few, which may be very late, need not be seen.
+                every += np.quantile(values, (0, 0.995)).tolist()
+        interactive_limit(axes, horizontal=True)
+        axes.set(xlabel="Motion-to-photon latency, ms", ylabel="Inputs, %", ylim=(0, 101))
+        return every
+
+    def _boxes(self, axes: Axes, groups: list[Group]) -> list[float]:
+        whiskers: list[float] = []
+        for place, group in enumerate(groups):
+            values = group.responses
+            if not len(values):
+                continue
+            low, q1, middle, q3, high = np.percentile(values, (5, 25, 50, 75, 95)).tolist()
+            box = {"whislo": low, "q1": q1, "med": middle, "q3": q3, "whishi": high}
+            colour = self._looks[group.variant].colour
+            axes.bxp(
+                [box],
+                positions=[place],
+                widths=0.6,
+                showfliers=False,
+                patch_artist=True,
+                boxprops={"facecolor": colour, "edgecolor": colour, "alpha": 0.75},
+                medianprops={"color": INK, "linewidth": 1.5},
+                whiskerprops={"color": colour},
+                capprops={"color": colour},
+            )
+            whiskers += [low, high]
+        interactive_limit(axes)
+        axes.set_xticks(range(len(groups)), [group.variant.title for group in groups], rotation=20, ha="right")
+        axes.set_ylabel("Response, ms")
+        return whiskers
+
+    def _points(self, axes: Axes, columns: dict[str, list[Group]], metric: Metric) -> None:
+        width = 0.7 / max(1, len(self._looks))
+        drawn: list[float] = []
+        for place, (variant, look) in enumerate(self._looks.items()):
+            offset = (place - (len(self._looks) - 1) / 2) * width
+            spreads = [
+                (column + offset, spread)
+                for column, groups in enumerate(columns.values())
+                for group in groups
+                if group.variant == variant and (spread := group.spread(metric)) and math.isfinite(spread.high)
+            ]
+            if not spreads:
+                continue
+            means = [spread.mean for _, spread in spreads]
+            axes.errorbar(
+                [x for x, _ in spreads],
+                means,
+                yerr=([s.mean - s.low for _, s in spreads], [s.high - s.mean for _, s in spreads]),
+                fmt=look.marker,
+                color=look.colour,
+                markersize=5,
+                elinewidth=1.2,
+                label=variant.title,
+            )
+            drawn += means
+        _metric_axis(axes, metric, drawn)
+        axes.set_xlim(-0.5, len(columns) - 0.5)
+        axes.grid(visible=False, axis="x")
+
+    @staticmethod
+    def _line(axes: Axes, groups: Sequence[Group], metric: Metric, variant: Variant, look: Look) -> None:
+        found = [
+            (group.condition.rtt_ms or 0.0, spread)
+            for group in groups
+            if (spread := group.spread(metric)) and math.isfinite(spread.high)
+        ]
+        if not found:
+            return
+        rtts = [rtt for rtt, _ in found]
+        axes.plot(
+            rtts,
+            [spread.mean for _, spread in found],
+            color=look.colour,
+            linestyle=look.dashes,
+            marker=look.marker,
+            markersize=4,
+            linewidth=1.4,
+            label=variant.title,
+        )
+        if any(spread.runs > 1 for _, spread in found):
+            lows, highs = [spread.low for _, spread in found], [spread.high for _, spread in found]
+            axes.fill_between(rtts, lows, highs, color=look.colour, alpha=0.15, linewidth=0)
+
+    @staticmethod
+    def _finish(figure: Figure, panels: Sequence[Axes]) -> None:
+        entries = legend_entries(panels)
+        if entries:
+            columns = max(2, int(figure.get_figwidth() / LEGEND_IN))
+            figure.legend(entries.values(), entries.keys(), loc="outside upper left", ncols=columns, fontsize=8)
+
+
+def _panels(count: int, *, width: float = 1.0, share: bool = False) -> tuple[Figure, list[Axes]]:
+    columns = min(count, MOST_COLUMNS)
+    rows = math.ceil(count / columns)
+    figure = Figure(figsize=(width * PANEL_IN * columns, HEIGHT_IN * rows + 0.3), layout="constrained")
+    grid = figure.subplots(rows, columns, squeeze=False, sharex=share, sharey=share).flatten().tolist()
+    for spare in grid[count:]:
+        spare.remove()
+    return figure, grid[:count]
+
+
+def _metric_axis(axes: Axes, metric: Metric, values: Sequence[float]) -> None:
+    better = {"low": "lower is better", "high": "higher is better", None: ""}[metric.better]
+    axes.set_title(metric.heading + (f" ({better})" if better and metric is not PROFILE else ""))
+    finite = [value for value in values if math.isfinite(value)]
+    if metric.unit == "ms" and finite and min(finite) > 0 and max(finite) / min(finite) > LOGARITHMIC_FROM:
+        plain_log(axes, finite)
+    else:
+        axes.set_ylim(bottom=0)
+    if metric is PROFILE:
+        axes.yaxis.set_major_locator(MaxNLocator(integer=True))
+        axes.set_ylim(max([1.0, *finite]) + 0.2, -0.2)
+    elif metric is IN_TIME:
+        axes.set_ylim(0, 102)
+    if metric.unit == "ms":
+        interactive_limit(axes)
+
+
+def _downloading(rates: Axes, totals: Axes, link: Floats, size: int | None) -> None:
+    times, rate = link[:, 0], link[:, 1]
+    thin = slice(None, None, max(1, len(times) // BINS))
+    loaded = downloaded(link)
+    area: dict[str, Any] = {"color": AREA, "linewidth": 0, "zorder": 0, "label": "Link's full rate"}
+    rates.fill_between(times[thin], rate[thin], step="post", **area)
+    totals.fill_between(times[thin], loaded[thin], **area)
+    if size is not None and loaded[-1] * 1e6 >= size:
+        totals.axhline(size / 1e6, color=INK, linewidth=0.9, linestyle="--", label="Scene's file")
+
+
+def _existing(metrics: Sequence[Metric], groups: Sequence[Group]) -> list[Metric]:
+    return [metric for metric in metrics if any(group.spread(metric) for group in groups)]

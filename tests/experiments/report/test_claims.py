@@ -1,0 +1,83 @@
+"""The claims, against runs that were made so that they hold or do not."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.experiments.report.made_up_results import write_run
+from tigas_lab.report.claims import Claim, claims
+from tigas_lab.report.results import load
+
+
+def found(folder: Path, *runs: dict[str, Any]) -> dict[str, Claim]:
+    """The claims over runs, by the words that tell them apart."""
+    for number, run in enumerate(runs):
+        write_run(folder / "runs" / f"{number}", **run)
+    words = {
+        "lol+": "less often than LoL+",
+        "l2a": "less often than L2A",
+        "response": "p95 response",
+        "frames": "new views a second",
+        "height": "greater height",
+        "ssim": "better SSIM",
+    }
+    every = claims(load(folder))
+    return {name: next(claim for claim in every if text in claim.text) for name, text in words.items()}
+
+
+def test_without_runs_that_apply_there_is_no_verdict(tmp_path: Path) -> None:
+    said = found(
+        tmp_path, {"controller": "l2a", "rtt_ms": None}, {"controller": "latency", "rtt_ms": None, "network": "x"}
+    )
+    assert {claim.verdict for claim in said.values()} == {"no data"}
+
+
+@pytest.mark.parametrize(("hold", "verdict"), [(5, "holds"), (50, "does not hold")])
+def test_fewer_switches(tmp_path: Path, hold: int, verdict: str) -> None:
+    said = found(
+        tmp_path,
+        {"controller": "latency", "rungs": (1, 2), "hold": 25},
+        {"controller": "lol+", "rungs": (1, 2), "hold": hold},
+    )
+    assert said["lol+"].verdict == verdict
+    assert said["lol+"].figures.startswith("Latency 90.0, LoL+ ")
+    assert said["l2a"].verdict == "no data"
+
+
+@pytest.mark.parametrize(("late", "verdict"), [(99.0, "holds"), (100.0, "does not hold")])
+def test_response_at_short_round_trips(tmp_path: Path, late: float, verdict: str) -> None:
+    said = found(
+        tmp_path,
+        {"delay_ms": 30, "rtt_ms": 20.0},
+        {"delay_ms": late, "rtt_ms": 50.0},
+        {"delay_ms": 400, "rtt_ms": 100.0},
+        {"controller": "budget", "delay_ms": 25, "rtt_ms": 20.0},
+    )
+    claim = said["response"]
+    assert (claim.verdict, claim.text.endswith("over bus")) == (verdict, True)
+    assert claim.figures == f"30 ms at 20 ms (Budget 25); {late:.0f} ms at 50 ms."
+
+
+@pytest.mark.parametrize(("every", "verdict"), [(1, "holds"), (3, "does not hold")])
+def test_frame_rate_at_a_long_round_trip(tmp_path: Path, every: int, verdict: str) -> None:
+    said = found(tmp_path, {"every": every, "rtt_ms": 300.0}, {"every": 4, "rtt_ms": 200.0})
+    assert said["frames"].verdict == verdict
+
+
+def test_budget_must_win_both(tmp_path: Path) -> None:
+    latency = {"controller": "latency", "delay_ms": 130, "rungs": (1,), "view_ssim": 0.7}
+    said = found(tmp_path / "a", latency, {"controller": "budget", "rungs": (1,), "view_ssim": 0.6})
+    assert (said["height"].verdict, said["ssim"].verdict) == ("holds", "does not hold")
+    said = found(tmp_path / "b", latency, {"controller": "budget", "rungs": (2,), "view_ssim": 0.7})
+    assert (said["height"].verdict, said["ssim"].verdict) == ("does not hold", "holds")
+    assert said["height"].figures.startswith("Budget 100.0 % at 480 px, Latency 0.0 % at 720 px; ")
+    said = found(tmp_path / "c", {**latency, "delay_ms": 50}, {"controller": "budget", "rungs": (0,)})
+    assert said["height"].verdict == "does not hold", "equal shares are not more"
+
+
+def test_a_verdict_says_what_it_owes_to_the_machine(tmp_path: Path) -> None:
+    said = found(tmp_path, {"delay_ms": 300, "busy": 1.0}, {"delay_ms": 300, "repeat": 1})
+    assert said["response"].figures == "300 ms at 20 ms. 1 of these 2 runs had saturated processors."
