@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from tests.experiments.movement.scenes import scene
 from tests.shared_data import shared_file
-from tigas_lab.movement import MovementError, MovementTrace
+from tigas_lab.movement import MovementError, MovementTrace, placed
 from tigas_lab.movement.eyenavgs import (
     SceneSettings,
     from_the_start,
@@ -117,6 +118,14 @@ def test_in_its_own_scene_nothing_moves_but_the_frame_is_level(tmp_path: Path) -
     plain, upward = in_its_scene(way, (0, -1, 0)), in_its_scene(way, (0, 1, 0))
     assert plain.positions[0].tolist() == [1, -2, -3]
     np.testing.assert_allclose(upward.positions[0], (1, 2, 3), atol=1e-12)
+
+
+def test_in_a_scene_that_is_not_level_it_comes_out_where_it_was_recorded(tmp_path: Path) -> None:
+    up = (0.3, -0.8, 0.4)
+    way = read_eyes(write(tmp_path / "u_s.csv", NTHU, both(0, (1, 2, 3), (0.5, 0.1, -0.3, 0.7))), "left")
+    point = placed(in_its_scene(way, up), scene(up=up))[0]
+    np.testing.assert_allclose(point["position"], (1, -2, -3), atol=1e-12)
+    np.testing.assert_allclose(point["quaternion"], way.quaternions[0], atol=1e-12)
 
 
 @pytest.mark.parametrize(("content", "sentence"), [

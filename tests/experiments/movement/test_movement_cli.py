@@ -14,7 +14,7 @@ from tigas_lab.movement import MovementTrace
 from tigas_lab.movement.cli import movement
 
 
-def run(*arguments: str | Path) -> Result:
+def run(*arguments: object) -> Result:
     return CliRunner().invoke(movement, [str(argument) for argument in arguments], terminal_width=200)
 
 
