@@ -22,6 +22,8 @@ interface Props {
   readonly scene: SceneInfo | null;
 }
 
+type Listed = readonly ListedMovement[];
+
 /** How many steps the arrow keys need from a movement's start to its end. */
 const STEPS = 200;
 
@@ -68,16 +70,15 @@ export function MovementTrace({ deck, scene }: Props) {
 }
 
 /** The store's movements, and this visit's files and recordings. */
-function Choice({
-  deck,
-  store,
-  listed,
-}: {
-  deck: MovementDeck;
-  store: string | undefined;
-  listed: readonly ListedMovement[];
-}) {
-  const chosen = deck.movement.value;
+function Choice({ deck, store, listed }: Pick<Props, "deck"> & { store: string | undefined; listed: Listed }) {
+  /** The name of the store's that is on its way. */
+  const awaited = useSignal<string | null>(null);
+  const chosen = awaited.value === null ? deck.movement.value : null;
+  const ask = async (base: string, name: string) => {
+    awaited.value = name;
+    await deck.open((signal) => fromStore(base, name, signal));
+    if (awaited.value === name) awaited.value = null;
+  };
   if (listed.length + movements.value.length === 0) return null;
   return (
     <fieldset class="rungs traces" disabled={deck.state.value === "recording"}>
@@ -88,8 +89,8 @@ function Choice({
             <input
               type="radio"
               name="movement"
-              checked={chosen?.origin === "store" && chosen.name === name}
-              onChange={() => void deck.open((signal) => fromStore(store, name, signal))}
+              checked={name === awaited.value || (chosen?.origin === "store" && chosen.name === name)}
+              onChange={() => void ask(store, name)}
             />
             <span class="trace-name">{name}</span>
             <span class="muted">{clock(duration_ms)}</span>
@@ -155,17 +156,16 @@ function Progress({ deck, movement }: { deck: MovementDeck; movement: NamedMovem
   const { duration } = movement.trace;
   const recording = deck.state.value === "recording";
   const at = recording ? 0 : deck.position.value;
-  const { fraction, text } = { fraction: duration > 0 ? at / duration : 0, text: `${clock(at)} of ${clock(duration)}` };
   return (
     <div class="movement-progress">
       <input
         type="range"
         aria-label="Place in the movement"
-        aria-valuetext={text}
+        aria-valuetext={`${clock(at)} of ${clock(duration)}`}
         min={0}
         max={STEPS}
         step={1}
-        value={fraction * STEPS}
+        value={duration > 0 ? (at / duration) * STEPS : 0}
         disabled={recording || deck.busy.value}
         onInput={(event) => deck.seek((event.currentTarget.valueAsNumber / STEPS) * duration)}
       />
@@ -219,8 +219,8 @@ function idle(deck: MovementDeck): string {
 }
 
 /** The store's list; empty without a store, or while it is silent. */
-function useListed(store: string | undefined): { listed: readonly ListedMovement[]; silence: string | null } {
-  const listed = useSignal<readonly ListedMovement[]>([]);
+function useListed(store: string | undefined): { listed: Listed; silence: string | null } {
+  const listed = useSignal<Listed>([]);
   const silence = useSignal<string | null>(null);
   useEffect(() => {
     if (store === undefined) return undefined;
