@@ -68,8 +68,14 @@ describe("reading", () => {
   test("a file is not read when it is too large, or gone", async () => {
     const large = { name: "film.mkv", size: MAX_BYTES + 1 } as File;
     await expect(readMovementFile(large)).rejects.toThrow("film.mkv is larger than 64 MB");
-    const gone = { name: "gone.csv", size: 1, text: () => Promise.reject(new DOMException("gone")) } as unknown as File;
+    const gone = {
+      name: "gone.csv",
+      size: 1,
+      arrayBuffer: () => Promise.reject(new DOMException("gone")),
+    } as unknown as File;
     await expect(readMovementFile(gone)).rejects.toThrow("gone.csv cannot be read.");
+    const latin = new File([new Uint8Array([0x23, 0xe9, 0x0a])], "latin.csv");
+    await expect(readMovementFile(latin)).rejects.toThrow("latin.csv is binary");
     expect((await readMovementFile(new File([HEADER, POSE], "walk.csv"))).points).toHaveLength(1);
   });
 });

@@ -45,7 +45,7 @@ const NUMBER = /^[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?$/i;
 /** Reads the text of a file, which messages call `name`. Throws MovementError. */
 export function readMovement(text: string, name = "The movement"): MovementTrace {
   if (text.length > MAX_BYTES) throw new MovementError(tooLarge(name));
-  if (text.includes("\0")) throw new MovementError(`${name} is binary, not the text of a movement.`);
+  if (text.includes("\0")) throw new MovementError(binary(name));
   const lines = contentOf(text, name);
   const comments = new Map<string, string>();
   for (const [, line] of lines) {
@@ -70,11 +70,17 @@ export function readMovement(text: string, name = "The movement"): MovementTrace
 /** Reads a file that a person chose. Throws MovementError. */
 export async function readMovementFile(file: File): Promise<MovementTrace> {
   if (file.size > MAX_BYTES) throw new MovementError(tooLarge(file.name));
-  let text: string;
+  let bytes: ArrayBuffer;
   try {
-    text = await file.text();
+    bytes = await file.arrayBuffer();
   } catch {
     throw new MovementError(`${file.name} cannot be read.`);
+  }
+  let text: string;
+  try {
+    text = new TextDecoder("utf-8", { fatal: true }).decode(bytes);
+  } catch {
+    throw new MovementError(binary(file.name));
   }
   return readMovement(text, file.name);
 }
@@ -184,6 +190,10 @@ function take<T extends string>(comments: Map<string, string>, key: string, know
 /** How many of the scene's units a metre is. */
 function metre(camera: StartCamera | null): number {
   return camera === null ? 1 : Math.hypot(...subtract(camera.position, camera.look_at)) / VIEW_M || 1;
+}
+
+function binary(name: string): string {
+  return `${name} is binary, not the text of a movement.`;
 }
 
 function tooLarge(name: string): string {
