@@ -2,4 +2,5 @@
 
 from tigas_common.cli import main
 
-main()
+if __name__ == "__main__":  # processes that the command starts import this, too
+    main()

@@ -8,7 +8,7 @@ from collections.abc import AsyncIterator, Callable, Sequence
 from contextlib import asynccontextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar, TypeVarTuple
 
 import httpx
 import pytest
@@ -25,6 +25,8 @@ from tigas_lab.service.reports import Reports
 from tigas_lab.service.workspace import NAME, Workspace
 
 PATIENCE_S = 20
+T = TypeVar("T")
+Ts = TypeVarTuple("Ts")
 
 
 @dataclass
@@ -72,6 +74,11 @@ async def until(condition: Callable[[], bool]) -> None:
         await asyncio.sleep(0.01)
 
 
+async def in_a_thread(function: Callable[[*Ts], T], *arguments: *Ts) -> T:
+    """Stands in for a process of its own, which takes seconds to start."""
+    return await asyncio.to_thread(function, *arguments)
+
+
 @asynccontextmanager
 async def running_store(directory: Path, load: Sequence[LoadSample] = ()) -> AsyncIterator[Running]:
     """A store for as long as the context lasts."""
@@ -79,8 +86,8 @@ async def running_store(directory: Path, load: Sequence[LoadSample] = ()) -> Asy
     movements.mkdir(exist_ok=True)
     with Workspace.opened(results) as workspace:
         experiments = Experiments(results, workspace)
-        reports = Reports(experiments, workspace)
-        store = Store(workspace, experiments, reports, Movements(movements), load, MACHINE)
+        reports = Reports(experiments, workspace, in_a_thread)
+        store = Store(workspace, experiments, reports, Movements(movements), load, MACHINE, in_a_thread)
         async with (
             serve_http(create_app(store, ["https://page.example"]), Address("127.0.0.1", 0)) as port,
             httpx.AsyncClient(base_url=f"http://127.0.0.1:{port}", timeout=PATIENCE_S) as client,

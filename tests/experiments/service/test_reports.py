@@ -28,6 +28,21 @@ async def test_it_tells_of_the_experiments_runs(store: Running) -> None:
     assert (store.results / experiment / "report.html").read_bytes() == answer.content
 
 
+async def test_an_experiment_that_is_removed_while_its_report_is_drawn_stays_removed(
+    store: Running, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder = by_command(store.results / "one", 1)
+
+    def write(runs: list[Any], out: Any, *_: Any) -> None:
+        folder.rename(store.results.parent / "removed")
+        (out / "report.html").write_text("")
+
+    monkeypatch.setattr(reports, "draw", write)
+    answer = await store.http.get("/experiments/one/report")
+    assert (answer.status_code, answer.json()["type"]) == (404, "tigas:unknown-experiment")
+    assert store.kept() == []
+
+
 async def test_it_is_made_when_runs_come_or_go_and_not_otherwise(
     store: Running, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -37,7 +52,7 @@ async def test_it_is_made_when_runs_come_or_go_and_not_otherwise(
         made.append(len(runs))
         (out / "report.html").write_text(f"{len(runs)} runs")
 
-    monkeypatch.setattr(reports, "write_report", write)
+    monkeypatch.setattr(reports, "draw", write)
     folder = by_command(store.results / "one", 1)
     answers = await asyncio.gather(*(store.http.get("/experiments/one/report") for _ in range(5)))
     assert ({answer.text for answer in answers}, made) == ({"1 runs"}, [1])

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import contextlib
 import json
+import os
+import signal
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -17,7 +19,10 @@ from tests.experiments.made_up import inputs
 from tests.experiments.service.conftest import Running, running_store, until, upload
 from tests.experiments.service.test_hostile import head
 from tests.web.server import ExperimentStore
-from tigas_common.errors import StartError
+from tigas_common.errors import InvalidRequest, Overloaded, StartError
+from tigas_lab.service.apart import in_a_process
+from tigas_lab.service.intake import parsed
+from tigas_lab.service.wire import ExperimentRequest
 from tigas_lab.service.workspace import NAME, Workspace
 
 pytestmark = pytest.mark.anyio
@@ -104,6 +109,21 @@ async def test_a_store_that_is_killed_in_mid_upload_leaves_no_half_run(tmp_path:
             assert [run["folder"] for run in told["runs"]] == [row["folder"]]
             again = await http.post(f"/experiments/{experiment}/runs", content=body)
             assert again.status_code == 201
+            assert b"courtyard" in (await http.get(f"/experiments/{experiment}/report")).content
+
+
+def end_myself(how: int) -> None:
+    """As the system ends a process that takes too much memory."""
+    os.kill(os.getpid(), how)
+
+
+async def test_work_that_the_system_ends_is_told_and_the_next_goes_on() -> None:
+    with pytest.raises(Overloaded, match="ended by the system"):
+        await in_a_process(end_myself, signal.SIGKILL)
+    assert await in_a_process(os.getppid) == os.getpid()
+    with pytest.raises(InvalidRequest) as raised:
+        await in_a_process(parsed, ExperimentRequest, b"{")
+    assert raised.value.detail.startswith("Invalid JSON")
 
 
 def test_a_second_store_of_the_same_results_is_refused(tmp_path: Path) -> None:
@@ -119,7 +139,7 @@ def test_a_second_store_of_the_same_results_is_refused(tmp_path: Path) -> None:
 def test_the_store_needs_neither_a_browser_nor_torch() -> None:
     script = (
         "import sys; import tigas_lab.service.main; "
-        "print([name for name in ('playwright', 'torch', 'numba', 'httpx', 'aioquic', 'av') if name in sys.modules])"
+        "print([name for name in ('playwright', 'torch', 'numba', 'httpx', 'av', 'matplotlib') if name in sys.modules])"
     )
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"

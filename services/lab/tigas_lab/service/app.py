@@ -21,9 +21,11 @@ from tigas_common.problems import EXCEPTION_HANDLERS, json_response, read_body
 from tigas_lab.load import LoadSample
 from tigas_lab.machine import Machine
 from tigas_lab.recording import MAX_BYTES
+from tigas_lab.service.apart import Apart
 from tigas_lab.service.archive import archive
 from tigas_lab.service.errors import storage_explained
 from tigas_lab.service.experiments import Experiments
+from tigas_lab.service.intake import take_in
 from tigas_lab.service.movements import Movements
 from tigas_lab.service.origins import OriginCheck
 from tigas_lab.service.reports import Reports
@@ -52,8 +54,9 @@ class Store:
     load: Sequence[LoadSample]
     """Of this machine, as far back as a run may last; grows by itself."""
     machine: Machine
+    apart: Apart
     one_at_a_time: asyncio.Lock = field(default_factory=asyncio.Lock)
-    """Runs are read and checked in turn: a long one takes a processor and much memory."""
+    """Runs are checked in turn: a long one takes much memory."""
 
 
 def create_app(store: Store, origins: Sequence[str]) -> Starlette:
@@ -113,10 +116,10 @@ async def add_run(request: Request) -> Response:
     with storage_explained(), store.workspace.folder() as folder:
         body = folder / "body.json"
         await _receive(request, body)
+        run = folder / "run"
         async with store.one_at_a_time:
-            row = await asyncio.to_thread(
-                store.experiments.add_run, name, body, folder, tuple(store.load), store.machine
-            )
+            summary = await store.apart(take_in, body, run, tuple(store.load), store.machine)
+        row = await asyncio.to_thread(store.experiments.add_run, name, run, summary)
     return _created(json_response(row), name)
 
 
@@ -130,7 +133,7 @@ async def download(request: Request) -> Response:
 
 async def report(request: Request) -> Response:
     """An experiment's report, newly made if runs came or went."""
-    html = await asyncio.to_thread(_store(request).reports.html, request.path_params["id"])
+    html = await _store(request).reports.html(request.path_params["id"])
     return Response(html, media_type="text/html", headers=REPORT_HEADERS)
 
 

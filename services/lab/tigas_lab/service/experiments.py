@@ -9,23 +9,20 @@ from __future__ import annotations
 import errno
 import itertools
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from datetime import UTC, datetime
 from functools import lru_cache
 from pathlib import Path
 from typing import TypeVar
 
-from pydantic import BaseModel, ValidationError
+from pydantic import BaseModel
 
-from tigas_common.errors import InvalidRequest
-from tigas_common.parsing import sentence
-from tigas_lab.load import Load, LoadSample
-from tigas_lab.machine import Machine
 from tigas_lab.recording import BrokenRecording
 from tigas_lab.service.errors import UnknownExperiment, storage_explained
-from tigas_lab.service.wire import Experiment, ExperimentList, ExperimentRequest, ExperimentSummary, RunRow, RunUpload
-from tigas_lab.service.workspace import Workspace, to_disk
-from tigas_lab.store import ExperimentRecord, RunRecord, RunWriter, read_experiment, write_experiment
+from tigas_lab.service.intake import parsed
+from tigas_lab.service.wire import Experiment, ExperimentList, ExperimentRequest, ExperimentSummary, RunRow
+from tigas_lab.service.workspace import Workspace
+from tigas_lab.store import ExperimentRecord, read_experiment, write_experiment
 from tigas_lab.summary import Summary, summarise
 
 CACHED_RUNS = 10_000
@@ -90,7 +87,7 @@ class Experiments:
 
     def create(self, body: bytes, now: datetime) -> str:
         """Begin one; its id. Raises InvalidRequest and DiskFull."""
-        request = _parsed(ExperimentRequest, body)
+        request = parsed(ExperimentRequest, body)
         slug = re.sub(r"[^A-Za-z0-9.-]+", "-", request.name).strip(".-")[:60] or "experiment"
         created = now.astimezone(UTC)
         record = ExperimentRecord(
@@ -101,28 +98,16 @@ class Experiments:
             write_experiment(made, record)
             return _placed(made, self._results, f"{slug}-{created:%Y%m%d-%H%M%S}")
 
-    def add_run(
-        self, experiment: str, body: Path, folder: Path, load: Sequence[LoadSample], machine: Machine
-    ) -> RunRow:
-        """Keep the run that a file tells of, prepared in an empty folder of the workspace.
-
-        `load` is that of this machine, as far as it is remembered. Raises InvalidRequest, UnknownExperiment and
-        DiskFull; then nothing is kept.
-        """
+    def add_run(self, experiment: str, made: Path, summary: Summary) -> RunRow:
+        """Keep a run that lies in the workspace as a whole. Raises UnknownExperiment."""
         parent, _ = self.find(experiment)
+        runs = parent / "runs"
         with storage_explained():
-            upload = _parsed(RunUpload, body.read_bytes())
-            made = folder / "run"
-            _write(made, upload, load, machine)
-            to_disk(made)
-        summary = summarise(made)
-        with storage_explained():
-            runs = parent / "runs"
             try:
                 runs.mkdir(exist_ok=True)
                 if not _is_folder(runs):
                     raise UnknownExperiment(f"The experiment {experiment} has no folder for runs.")
-                name = _placed(made, runs, upload.configuration.slug)
+                name = _placed(made, runs, summary.record.configuration.slug)
             except FileNotFoundError:
                 raise UnknownExperiment(f"The experiment {experiment} was removed meanwhile.") from None
         return RunRow.of(summary.model_copy(update={"folder": name}))
@@ -181,36 +166,6 @@ def _is_folder(path: Path) -> bool:
         return path.is_dir() and not path.is_symlink() and not path.name.startswith(".")
     except (OSError, ValueError):  # a name that no file system takes
         return False
-
-
-def _parsed(model: type[Model], body: bytes) -> Model:
-    try:
-        return model.model_validate_json(body)
-    except ValidationError as error:
-        raise InvalidRequest(sentence(error)) from None
-
-
-def _write(folder: Path, upload: RunUpload, load: Sequence[LoadSample], machine: Machine) -> None:
-    recording = upload.recording
-    start = recording.started_unix_ms
-    during = [sample for sample in load if 0 <= sample.unix_ms - start <= recording.ended_ms]
-    record = RunRecord(
-        status="running",
-        problem=None,
-        configuration=upload.configuration,
-        machine=machine,
-        started=datetime.fromtimestamp(start / 1000, UTC).isoformat(timespec="seconds"),
-    )
-    writer = RunWriter(folder, record)
-    writer.recording(recording)
-    writer.surroundings(upload.link, during)
-    writer.quality(())
-    writer.close(
-        status="complete" if recording.complete else "failed",
-        problem=None if recording.complete else "The movement was not played to its end.",
-        load=Load.of(during),
-        recording=recording.head,
-    )
 
 
 def _placed(made: Path, parent: Path, name: str) -> str:

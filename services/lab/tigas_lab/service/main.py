@@ -8,6 +8,7 @@ from contextlib import AsyncExitStack
 from tigas_common.runner import explained, serve_http, until_stopped
 from tigas_lab.load import EVERY_S, watching_load
 from tigas_lab.machine import this_machine
+from tigas_lab.service.apart import in_a_process
 from tigas_lab.service.app import Store, create_app
 from tigas_lab.service.experiments import Experiments
 from tigas_lab.service.movements import Movements
@@ -28,10 +29,11 @@ async def serve(settings: StoreSettings) -> None:
         store = Store(
             workspace=workspace,
             experiments=experiments,
-            reports=Reports(experiments, workspace),
+            reports=Reports(experiments, workspace, in_a_process),
             movements=Movements(settings.movements),
             load=load,
             machine=await asyncio.to_thread(this_machine),
+            apart=in_a_process,
         )
         with explained(settings.http, "--http"):
             port = await stack.enter_async_context(serve_http(create_app(store, settings.origins), settings.http))

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-import threading
+import asyncio
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
-from tigas_lab.report.page import write_report
-from tigas_lab.service.errors import NothingToReport, storage_explained
+from tigas_lab.service.apart import Apart
+from tigas_lab.service.errors import NothingToReport, UnknownExperiment, storage_explained
 from tigas_lab.service.experiments import Experiments, run_folders, version
 from tigas_lab.service.workspace import Workspace
 
@@ -15,34 +17,52 @@ Versions = tuple[tuple[str, tuple[int, ...] | None], ...]
 
 
 class Reports:
-    """One at a time: drawing takes a processor for itself, and its settings are the process' own."""
+    """One at a time, since each takes a processor."""
 
-    def __init__(self, experiments: Experiments, workspace: Workspace) -> None:
+    def __init__(self, experiments: Experiments, workspace: Workspace, apart: Apart) -> None:
         self._experiments = experiments
         self._workspace = workspace
-        self._lock = threading.Lock()
+        self._apart = apart
+        self._one_at_a_time = asyncio.Lock()
         self._made: dict[str, Versions] = {}
         """Of which runs the report in an experiment's folder is."""
 
-    def html(self, experiment: str) -> bytes:
+    async def html(self, experiment: str) -> bytes:
         """The report, which is in the experiment's folder, too, with all its files. It may take seconds.
 
         Raises UnknownExperiment, NothingToReport and DiskFull.
         """
-        with self._lock:
-            folder, record = self._experiments.find(experiment)
-            runs = run_folders(folder)
-            versions = tuple((run.name, version(run)) for run in runs)
+        async with self._one_at_a_time:
+            folder, record = await asyncio.to_thread(self._experiments.find, experiment)
+            runs = await asyncio.to_thread(run_folders, folder)
             if not runs:
                 raise NothingToReport("The experiment has no runs yet.")
-            with storage_explained():
+            versions = tuple((run.name, version(run)) for run in runs)
+            with storage_explained(), _still_there(experiment):
                 if self._made.get(experiment) != versions or not (folder / REPORT).is_file():
-                    self._make(folder, runs, record.name)
+                    with self._workspace.folder() as made:
+                        await self._apart(draw, runs, made, record.name)
+                        await asyncio.to_thread(_move, made, folder)
                     self._made[experiment] = versions
-                return (folder / REPORT).read_bytes()
+                return await asyncio.to_thread((folder / REPORT).read_bytes)
 
-    def _make(self, folder: Path, runs: list[Path], title: str) -> None:
-        with self._workspace.folder() as made:
-            write_report(runs, made, title, f"tigas report {folder.name}")
-            for path in made.iterdir():
-                path.replace(folder / path.name)
+
+@contextmanager
+def _still_there(experiment: str) -> Iterator[None]:
+    try:
+        yield
+    except FileNotFoundError:
+        raise UnknownExperiment(f"The experiment {experiment} was removed meanwhile.") from None
+
+
+def draw(runs: list[Path], out: Path, title: str) -> None:
+    """Write a report's files into a folder. Raises DiskFull."""
+    from tigas_lab.report.page import write_report  # heavy, and of no use but where it draws
+
+    with storage_explained():
+        write_report(runs, out, title, f"tigas report {title}")
+
+
+def _move(made: Path, folder: Path) -> None:
+    for path in made.iterdir():
+        path.replace(folder / path.name)

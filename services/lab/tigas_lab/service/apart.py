@@ -1,0 +1,32 @@
+"""Work that would stop the service: a run of an hour, or a report's figures, takes a processor for seconds.
+
+Python lets one thread compute at a time, so that such work is done in a process of its own, by anyio, which keeps it
+for the next piece of work and ends it with the service.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Protocol, TypeVar, TypeVarTuple
+
+from anyio import BrokenWorkerProcess, to_process
+
+from tigas_common.errors import Overloaded
+
+T = TypeVar("T")
+Ts = TypeVarTuple("Ts")
+
+
+class Apart(Protocol):
+    """Where such work is done."""
+
+    async def __call__(self, function: Callable[[*Ts], T], *arguments: *Ts) -> T:
+        """What the function of a module returns or raises."""
+
+
+async def in_a_process(function: Callable[[*Ts], T], *arguments: *Ts) -> T:
+    """Done in another process; killed there if nobody waits for it any longer. Raises Overloaded if that ends early."""
+    try:
+        return await to_process.run_sync(function, *arguments, cancellable=True)
+    except BrokenWorkerProcess:
+        raise Overloaded("The work was ended by the system, probably for want of memory.") from None

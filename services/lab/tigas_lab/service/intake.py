@@ -1,0 +1,64 @@
+"""A run that was uploaded, from the text of its body to a folder of records."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import TypeVar
+
+from pydantic import BaseModel, ValidationError
+
+from tigas_common.errors import InvalidRequest
+from tigas_common.parsing import sentence
+from tigas_lab.load import Load, LoadSample
+from tigas_lab.machine import Machine
+from tigas_lab.service.errors import storage_explained
+from tigas_lab.service.wire import RunUpload
+from tigas_lab.service.workspace import to_disk
+from tigas_lab.store import RunRecord, RunWriter
+from tigas_lab.summary import Summary, summarise
+
+Model = TypeVar("Model", bound=BaseModel)
+
+
+def take_in(body: Path, folder: Path, load: Sequence[LoadSample], machine: Machine) -> Summary:
+    """Write the run that `body` tells of into a new folder, and read from there what is to be said of it.
+
+    `load` is that of this machine, as far as it is remembered. Raises InvalidRequest and DiskFull.
+    """
+    with storage_explained():
+        _write(folder, parsed(RunUpload, body.read_bytes()), load, machine)
+        to_disk(folder)
+    return summarise(folder)
+
+
+def parsed(model: type[Model], body: bytes) -> Model:
+    """What was sent. Raises InvalidRequest naming the first field that is wrong."""
+    try:
+        return model.model_validate_json(body)
+    except ValidationError as error:
+        raise InvalidRequest(sentence(error)) from None
+
+
+def _write(folder: Path, upload: RunUpload, load: Sequence[LoadSample], machine: Machine) -> None:
+    recording = upload.recording
+    start = recording.started_unix_ms
+    during = [sample for sample in load if 0 <= sample.unix_ms - start <= recording.ended_ms]
+    record = RunRecord(
+        status="running",
+        problem=None,
+        configuration=upload.configuration,
+        machine=machine,
+        started=datetime.fromtimestamp(start / 1000, UTC).isoformat(timespec="seconds"),
+    )
+    writer = RunWriter(folder, record)
+    writer.recording(recording)
+    writer.surroundings(upload.link, during)
+    writer.quality(())
+    writer.close(
+        status="complete" if recording.complete else "failed",
+        problem=None if recording.complete else "The movement was not played to its end.",
+        load=Load.of(during),
+        recording=recording.head,
+    )
