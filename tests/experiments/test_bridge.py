@@ -33,7 +33,7 @@ def recorded(url: str, settings: dict[str, Any]) -> tuple[Recording, list[int | 
             await page.wait_for_function("() => window.tigas !== undefined")
             viewer = Viewer(page)
             await viewer.prepare({**settings, "hud": False, "sidebar": False, "refine": False}, TURN[0])
-            recording = await viewer.record({"points": TURN, "duration_ms": 2000, "capture_every_ms": 100})
+            recording = await viewer.record({"points": TURN, "duration_ms": 2000, "capture_every_ms": 100}, 30)
             pictures = [await viewer.capture(index) for index in range(len(recording.captures))]
             with pytest.raises(RunFailed, match="there is no picture 0"):
                 await viewer.capture(0)

@@ -22,7 +22,15 @@ from tigas_common.problems import EXCEPTION_HANDLERS, json_response
 from tigas_shaper.errors import NothingPlays
 from tigas_shaper.library import points, summary
 from tigas_shaper.trace import LinkState, NetworkTrace
-from tigas_shaper.wire import DirectionStatus, LinkSetting, LoopRequest, ShaperStatus, StartRequest, TraceList
+from tigas_shaper.wire import (
+    DirectionStatus,
+    LinkSetting,
+    LoopRequest,
+    SeekRequest,
+    ShaperStatus,
+    StartRequest,
+    TraceList,
+)
 
 TRACES = {
     trace.name: trace
@@ -44,12 +52,13 @@ class FakeShaper:
         self._status = self._constant(IDLE)
         self._socket = socket.create_server(("127.0.0.1", 0))
         self.url = f"http://127.0.0.1:{self._socket.getsockname()[1]}"
-        changes = ("start", "stop", "pause", "resume", "loop", "link")
+        changes = ("start", "stop", "pause", "resume", "seek", "loop", "link")
         app = Starlette(
             routes=[
                 Route("/traces", self._traces),
                 Route("/traces/{name}", self._trace),
                 Route("/events", self._events),
+                Route("/healthz", self._healthz),
                 *(Route(f"/{change}", self._change, methods=["POST"]) for change in changes),
             ],
             middleware=[Middleware(CORSMiddleware, allow_origins=["*"], allow_methods=["*"], allow_headers=["*"])],
@@ -77,6 +86,9 @@ class FakeShaper:
     async def _trace(self, request: Request) -> Response:
         return json_response(points(TRACES[request.path_params["name"]]))
 
+    async def _healthz(self, request: Request) -> Response:
+        return Response(status_code=503 if self.closed else 200)
+
     async def _events(self, request: Request) -> Response:
         return StreamingResponse(self._samples(), media_type="text/event-stream")
 
@@ -99,6 +111,8 @@ class FakeShaper:
             self._status = self._constant(IDLE)
         elif self._status.trace is None:
             raise NothingPlays("No trace is playing; start one first.")
+        elif path == "/seek":
+            self._status = self._status.model_copy(update={"position_ms": parse(SeekRequest, body).position_ms})
         elif path == "/loop":
             self._status = self._status.model_copy(update={"loop": parse(LoopRequest, body).loop})
         else:

@@ -35,6 +35,8 @@ ARGUMENTS = (
 )
 READY_MS = 60_000
 """How long the viewer may take from being opened to its first frame."""
+ANSWER_S = 60
+"""How long a page may take to answer; one whose processes hang never does."""
 CLOSE_S = 10
 
 
@@ -65,6 +67,18 @@ async def chromium() -> AsyncIterator[Browser]:
             await _closed(browser)
 
 
+async def responds(browser: Browser) -> bool:
+    """Whether it lives, and what speaks to it does; Playwright does not notice that its own process has died."""
+    try:
+        async with asyncio.timeout(CLOSE_S):
+            session = await browser.new_browser_cdp_session()
+            await session.send("Browser.getVersion")
+            await session.detach()
+    except (Error, TimeoutError):
+        return False
+    return True
+
+
 class Viewer:
     """A viewer's page. Every failure is a RunFailed with one sentence."""
 
@@ -81,28 +95,31 @@ class Viewer:
             said = await self._state()
             raise RunFailed(f"The viewer showed no frame within {READY_MS // 1000} s: {said}") from None
 
-    async def record(self, plan: dict[str, Any]) -> Recording:
+    async def record(self, plan: dict[str, Any], patience_s: float) -> Recording:
         """Play a movement and record it. Raises BrokenRecording, too."""
-        return Recording.parse(await self._call("run", plan))
+        return Recording.parse(await self._call("run", plan, patience_s))
 
     async def capture(self, index: int) -> bytes:
         """One kept picture, as PNG; it is given up by the page then."""
         return base64.b64decode(await self._call("capture", index))
 
-    async def _call(self, name: str, argument: object) -> Any:
+    async def _call(self, name: str, argument: object, patience_s: float = ANSWER_S) -> Any:
         # As text, both ways: a structured clone of thousands of small objects takes seconds.
         script = "async ([name, argument]) => JSON.stringify((await window.tigas[name](JSON.parse(argument))) ?? null)"
         try:
-            answer = await self._page.evaluate(script, [name, json.dumps(argument)])
+            async with asyncio.timeout(patience_s):
+                answer = await self._page.evaluate(script, [name, json.dumps(argument)])
+        except TimeoutError:
+            raise RunFailed(f"The viewer did not answer within {patience_s:g} s ({name}).") from None
         except Error as error:
             raise RunFailed(f"The viewer failed: {_first_line(error)}") from None
         return answer if name == "run" else json.loads(answer)
 
     async def _state(self) -> str:
         try:
-            return str(await self._page.evaluate("() => JSON.stringify(window.tigas?.state() ?? null)"))
-        except Error as error:
-            return _first_line(error)
+            return json.dumps(await self._call("state", None))
+        except RunFailed as error:
+            return str(error)
 
 
 @asynccontextmanager

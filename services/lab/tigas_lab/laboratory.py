@@ -15,7 +15,7 @@ from typing import Generic, TypeVar
 from playwright.async_api import Browser
 
 from tigas_common.wire import SceneInfo
-from tigas_lab.browser import chromium, find_chromium
+from tigas_lab.browser import chromium, find_chromium, responds
 from tigas_lab.configuration import Configuration
 from tigas_lab.inputs import movement_points
 from tigas_lab.lock import exclusive, services_lock
@@ -101,12 +101,9 @@ async def laboratory(url: str | None, scenes: Path | None, traces: Path | None) 
     find_chromium()
     where = url or LAB_URL
 
-    async def connected(browser: Browser) -> bool:
-        return browser.is_connected()
-
     with exclusive(services_lock(where), f"Another experiment uses the services at {where}; wait until it has ended."):
         target = Kept(lambda: lab_target(scenes, traces) if url is None else url_target(url), alive)
-        browser = Kept(chromium, connected)
+        browser = Kept(chromium, responds)
         try:
             yield Laboratory(target, browser, this_machine())
         finally:

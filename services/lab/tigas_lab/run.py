@@ -9,7 +9,7 @@ from contextlib import asynccontextmanager
 from datetime import UTC, datetime
 from pathlib import Path
 from time import time
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import httpx
 
@@ -18,17 +18,14 @@ from tigas_lab import truth
 from tigas_lab.browser import Viewer, viewer
 from tigas_lab.configuration import Configuration, Mode
 from tigas_lab.errors import RunFailed
+from tigas_lab.laboratory import Bench, Laboratory
 from tigas_lab.load import Load, watching_load
-from tigas_lab.points import Point as Point
-from tigas_lab.points import digest
+from tigas_lab.points import Point, digest
 from tigas_lab.quality import BrokenPicture, encode
 from tigas_lab.recording import BrokenRecording, Recording
 from tigas_lab.shaper_client import LinkStatus, ShaperClient
 from tigas_lab.store import CaptureQuality, LinkSample, Moment, RunRecord, RunWriter
-from tigas_lab.targets import Target
-
-if TYPE_CHECKING:
-    from tigas_lab.laboratory import Bench, Laboratory
+from tigas_lab.targets import Target, alive
 
 DRAIN_S = 30
 """How much longer than its movement a recording may take."""
@@ -86,6 +83,8 @@ async def _measure(
                     await shaper.play(configuration.network)
                 recording = await _record(page, configuration, bench.points)
         writer.recording(recording)
+        if not await alive(bench.target):  # a page whose frames stop coming plays on to the end
+            raise RunFailed("A service ended, or was started again, during the run.")
         start = recording.started_unix_ms
         during = [sample for sample in load if 0 <= sample.unix_ms - start <= recording.ended_ms]
         writer.surroundings([_sample(status, at - start) for at, status in seen], during)
@@ -162,11 +161,7 @@ async def _watching(shaper: ShaperClient | None) -> AsyncIterator[list[tuple[flo
 async def _record(page: Viewer, configuration: Configuration, points: Sequence[Point]) -> Recording:
     duration_ms = configuration.duration_s * 1000
     plan = {"points": points, "duration_ms": duration_ms, "capture_every_ms": configuration.capture_every_ms}
-    try:
-        async with asyncio.timeout(configuration.duration_s + DRAIN_S):
-            return await page.record(plan)
-    except TimeoutError:
-        raise RunFailed("The viewer did not end its recording in time.") from None
+    return await page.record(plan, patience_s=configuration.duration_s + DRAIN_S)
 
 
 async def _judge(page: Viewer, url: str, recording: Recording, writer: RunWriter) -> list[CaptureQuality]:

@@ -26,6 +26,7 @@ LAB_URL = "http://localhost:8080"
 START_S = 120
 """The first start on a machine compiles the rasteriser."""
 STOP_S = 15
+ANSWER_S = 10
 LOAD_S = 300
 
 
@@ -84,7 +85,7 @@ async def url_target(url: str) -> AsyncIterator[Target]:
 
 async def read_config(url: str) -> ServerConfig:
     """What the services at a URL say of themselves. Raises StartError."""
-    async with httpx.AsyncClient(timeout=10, trust_env=False, verify=False) as http:
+    async with httpx.AsyncClient(timeout=ANSWER_S, trust_env=False, verify=False) as http:
         try:
             return ServerConfig.model_validate_json((await http.get(f"{url}/config.json")).content)
         except (httpx.HTTPError, ValidationError):
@@ -92,9 +93,16 @@ async def read_config(url: str) -> ServerConfig:
 
 
 async def alive(target: Target) -> bool:
-    """Whether all services answer, and the shaper's link works."""
+    """Whether all services answer, the shaper's link works, and the render service is the one that it was.
+
+    One that was started again has another certificate, which its configuration tells.
+    """
+    try:
+        config = await read_config(target.url)
+    except StartError:
+        return False
     services = (target.url, target.shaper, target.dash)
-    return all(await asyncio.gather(*(_serves(url) for url in services if url is not None)))
+    return config == target.config and all([await _serves(url) for url in services if url is not None])
 
 
 async def load_scene(url: str, scene: str) -> SceneInfo:
@@ -140,7 +148,7 @@ async def _ready(process: subprocess.Popen[bytes], log: asyncio.Task[str]) -> Ta
 
 
 async def _serves(url: str) -> bool:
-    async with httpx.AsyncClient(timeout=2, trust_env=False, verify=False) as http:
+    async with httpx.AsyncClient(timeout=ANSWER_S, trust_env=False, verify=False) as http:
         with contextlib.suppress(httpx.HTTPError):
             return (await http.get(f"{url.rstrip('/')}/healthz")).is_success
     return False
@@ -162,4 +170,5 @@ def _ended(process: subprocess.Popen[bytes]) -> None:
     except subprocess.TimeoutExpired:
         os.killpg(process.pid, signal.SIGKILL)
         process.wait()
+    if process.returncode < 0:  # it was killed, and has removed nothing
         subprocess.run(_tigas("lab", "down"), capture_output=True)

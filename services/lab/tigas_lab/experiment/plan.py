@@ -42,7 +42,12 @@ def _distinct(values: tuple[Value, ...]) -> tuple[Value, ...]:
     return values
 
 
+def _rung(controller: int | str) -> int | str:
+    return int(controller) if isinstance(controller, str) and controller.isdecimal() else controller
+
+
 Name = Annotated[str, Field(min_length=1, max_length=100), AfterValidator(_no_path)]
+Controller = Annotated[int | Annotated[str, Field(min_length=1, max_length=40)], AfterValidator(_rung)]
 Text = Annotated[str, Field(min_length=1, max_length=1000)]
 Several = Annotated[tuple[Value, ...], Field(min_length=1), AfterValidator(_distinct)]
 
@@ -59,7 +64,7 @@ class Plan(WireModel):
     rtts_ms: Several[Annotated[float, Field(ge=0, le=MAX_RTT_MS)]] | None = None
     """Round trips in place of the networks' own; without them, each network keeps its own."""
     modes: Several[Mode] = ("stateless",)
-    controllers: Several[Annotated[int | str, Field()]] = ("budget",)
+    controllers: Several[Controller] = ("budget",)
     """Of the mode `stateless`: controllers' names, and fixed rungs of the ladder."""
     repeats: int = Field(default=1, ge=1, le=1000)
     duration_s: float = 20.0
@@ -141,11 +146,12 @@ class Plan(WireModel):
 
     def _profiles(self) -> list[tuple[Mode, int | str]]:
         """Each mode, with each controller where it has one."""
-        controllers = _distinct(tuple(int(c) if isinstance(c, str) and c.isdecimal() else c for c in self.controllers))
         return [
             (mode, controller)
             for mode in self.modes
-            for controller in (controllers if mode == "stateless" else controllers[:1])
+            for controller in (
+                self.controllers if mode == "stateless" else (Configuration.model_fields["profile"].default,)
+            )
         ]
 
     def _networks(self, directory: Path) -> list[Network]:
