@@ -8,7 +8,6 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, UnidentifiedImageError
-from skimage.metrics import structural_similarity
 
 from tigas_common.wire import MAX_PIXELS, WireModel
 
@@ -60,6 +59,8 @@ def compare(shown: Picture, truth: Picture) -> Quality:
     SSIM as Wang et al. 2004 (IEEE TIP 13) with their Gaussian weights (σ = 1.5), mean over channels; PSNR over all
     channels. Raises BrokenPicture if the pictures are too small.
     """
+    from skimage.metrics import structural_similarity  # heavy, and most who read figures compute none
+
     height, width = truth.shape[:2]
     if min(height, width) < 11:
         raise BrokenPicture("A picture of less than 11 pixels on a side has no SSIM.")
