@@ -141,3 +141,15 @@ class ExperimentStore(_Service):
 
     def _addresses(self) -> list[str]:
         return ["--http", self._http]
+
+
+class Store(_Service):
+    """`tigas store`, on a free port; pages of every port of this machine may use it."""
+
+    announces = r"Experiments in .* on (http://\S+)/"
+
+    def __init__(self, *arguments: str) -> None:
+        super().__init__("store", *arguments)
+
+    def _addresses(self) -> list[str]:
+        return ["--http", "127.0.0.1:0"]

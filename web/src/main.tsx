@@ -8,6 +8,7 @@ import "./styles/hud.css";
 import "./styles/network.css";
 import "./styles/movement.css";
 import "./styles/comparison.css";
+import "./styles/experiment.css";
 import "./styles/sides.css";
 import { render } from "preact";
 import { start } from "./state/app";

@@ -15,6 +15,7 @@ export interface Progress {
   /** Counted from one. */
   readonly run: number;
   readonly of: number;
+  readonly planned: PlannedRun;
   /** What is going on. */
   readonly stage: string;
   /** When all runs will have ended, on the page's clock. */
@@ -64,15 +65,19 @@ export class Experiment {
   async conduct(): Promise<void> {
     const runs = runsOf(this.plan);
     const { now } = this.#hands;
+    const stageOf = (index: number) => {
+      const endsAt = now() + this.#timeFor(runs.length - index);
+      return (stage: string) => {
+        const planned = runs[index];
+        if (planned) this.progress.value = { run: index + 1, of: runs.length, planned, stage, endsAt };
+      };
+    };
+    stageOf(0)("Begins");
     await this.#begin();
     for (const [index, run] of runs.entries()) {
       if (this.cancelled) break;
       const startedAt = now();
-      const endsAt = startedAt + this.#timeFor(runs.length - index);
-      const stage = (what: string) => {
-        this.progress.value = { run: index + 1, of: runs.length, stage: what, endsAt };
-      };
-      const result = await this.#make(run, stage);
+      const result = await this.#make(run, stageOf(index));
       this.results.value = [...this.results.value, result];
       if (result.status === "complete") this.#overheads.push(now() - startedAt - timeFor(this.plan, 1, 0));
     }

@@ -16,7 +16,7 @@ const PLAN: ExperimentPlan = {
 
 test("repeats all of them, not each of them, and multiplies only the stateless mode by the controllers", () => {
   const runs = runsOf(PLAN).map((run) => [run.repeat, conditionOf(run)]);
-  const once = ["Latency", "Budget", "Fixed, profile 1", "DASH, tuned"];
+  const once = ["Latency", "Budget", "Fixed: profile 1", "DASH, tuned"];
   expect(runs).toEqual([...once.map((name) => [0, name]), ...once.map((name) => [1, name])]);
 });
 
@@ -47,4 +47,8 @@ test.each(runsOf(PLAN).map((run) => [conditionOf(run), run] as const))("%s has s
 test("estimates from what runs were seen to take", () => {
   expect(timeFor(PLAN, 8)).toBe(8 * 28_000);
   expect(timeFor(PLAN, 2, 1000)).toBe(2 * 24_000);
+});
+
+test("a fixed profile has the ladder's name", () => {
+  expect(conditionOf({ mode: "stateless", profile: 1 }, [{ name: "High" }, { name: "Medium" }])).toBe("Fixed: Medium");
 });

@@ -71,10 +71,15 @@ export function runsOf(plan: ExperimentPlan): PlannedRun[] {
   ).flat();
 }
 
-/** What a run compares: its controller, or its way to stream. */
-export function conditionOf({ mode, profile }: Pick<PlannedRun, "mode" | "profile">): string {
+/** What a run compares: its controller, or its way to stream. Rungs have the ladder's names, where it is known. */
+export function conditionOf(
+  { mode, profile }: Pick<PlannedRun, "mode" | "profile">,
+  ladder: readonly { readonly name: string }[] = [],
+): string {
   if (mode !== "stateless") return RUN_MODE_NAMES[mode];
-  return typeof profile === "number" ? `Fixed, profile ${profile}` : CONTROLLERS[profile].title;
+  return typeof profile === "number"
+    ? `Fixed: ${ladder[profile]?.name ?? `profile ${profile}`}`
+    : CONTROLLERS[profile].title;
 }
 
 /** The viewer's settings for a run: nothing beside the picture, and no second request for a view that stands still. */

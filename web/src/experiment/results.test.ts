@@ -45,9 +45,9 @@ test("one row per controller and mode: the mean of its complete runs, and how ma
     result(dash, { status: "failed", problem: "No frame came.", figures: null }),
     result(second, { figures: { ...FIGURES, p50: 60, p95: null }, hidden: true }),
   ]);
-  expect(rows.map(({ condition, runs, complete, hidden }) => [condition, runs, complete, hidden])).toEqual([
-    ["Latency", 2, 2, 1],
-    ["DASH, typical", 1, 0, 0],
+  expect(rows.map(({ run, runs, complete, hidden }) => [run.mode, runs, complete, hidden])).toEqual([
+    ["stateless", 2, 2, 1],
+    ["dash-typical", 1, 0, 0],
   ]);
   expect(rows[0]?.figures).toEqual({ ...FIGURES, p50: 50, p95: null });
   expect(rows[1]?.figures.p50).toBeNull();

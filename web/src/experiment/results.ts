@@ -28,7 +28,8 @@ export interface RunResult {
 
 /** One controller or mode: means over its complete runs. */
 export interface Row {
-  readonly condition: string;
+  /** The first of its runs. */
+  readonly run: PlannedRun;
   readonly runs: number;
   readonly complete: number;
   readonly hidden: number;
@@ -37,11 +38,11 @@ export interface Row {
 
 /** One row per controller or mode, in the order in which they ran first. */
 export function rowsOf(results: readonly RunResult[]): Row[] {
-  return [...byCondition(results)].map(([condition, runs]) => {
+  return byCondition(results).map((runs) => {
     const complete = runs.flatMap(({ figures }) => figures ?? []);
     const mean = (name: keyof RunFigures) => meanOf(complete.map((figures) => figures[name]));
     return {
-      condition,
+      run: runs[0].run,
       runs: runs.length,
       complete: complete.length,
       hidden: runs.filter(({ hidden }) => hidden).length,
@@ -60,7 +61,7 @@ export function rowsOf(results: readonly RunResult[]): Row[] {
 
 /** Percent of each condition's inputs that were on the screen within a time (ms); all runs of a condition together. */
 export function distribution(results: readonly RunResult[]): Columns {
-  const columns = [...byCondition(results).values()].map((runs) => {
+  const columns = byCondition(results).map((runs) => {
     const latencies = runs.flatMap(({ answers }) => answers.map(({ latency }) => latency));
     if (latencies.length === 0) return BINS.map(() => null);
     return BINS.map((limit) => (100 * latencies.filter((latency) => latency <= limit).length) / latencies.length);
@@ -73,7 +74,7 @@ const BIN = 500;
 
 /** The median latency (ms) of each condition's inputs over the time of the movement (s), in bins of half a second. */
 export function overTime(results: readonly RunResult[]): Columns {
-  const conditions = [...byCondition(results).values()].map((runs) =>
+  const conditions = byCondition(results).map((runs) =>
     grouped(
       runs.flatMap(({ answers }) => answers),
       binOf,
@@ -98,12 +99,14 @@ export function toJson(plan: ExperimentPlan, created: string, results: readonly 
 }
 
 /** By controller or mode, in the order in which they ran first. */
-function byCondition(results: readonly RunResult[]): Map<string, RunResult[]> {
-  return grouped(results, ({ run }) => conditionOf(run));
+function byCondition(results: readonly RunResult[]): NonEmpty<RunResult>[] {
+  return [...grouped(results, ({ run }) => conditionOf(run)).values()];
 }
 
-function grouped<K, V>(values: readonly V[], keyOf: (value: V) => K): Map<K, V[]> {
-  const groups = new Map<K, V[]>();
+type NonEmpty<T> = [T, ...T[]];
+
+function grouped<K, V>(values: readonly V[], keyOf: (value: V) => K): Map<K, NonEmpty<V>> {
+  const groups = new Map<K, NonEmpty<V>>();
   for (const value of values) {
     const key = keyOf(value);
     const group = groups.get(key);

@@ -43,6 +43,11 @@ export class ShaperApi {
     return this.#call("stop", {});
   }
 
+  /** Stop, while the page is being left: nobody hears the answer. */
+  abandon(): void {
+    navigator.sendBeacon(`${this.base}/stop`, "{}");
+  }
+
   loop(loop: boolean): Promise<ShaperStatus> {
     return this.#call("loop", { loop });
   }

@@ -1,5 +1,5 @@
 import { expect, test } from "vitest";
-import { parseRoute, sceneHash } from "./route";
+import { EXPERIMENTS, parseRoute, sceneHash } from "./route";
 
 test.each(["courtyard", "my scene", "a/b", "ünï", "100%", "#?&"])("a link to the scene %s leads to it", (scene) => {
   expect(parseRoute(sceneHash(scene))).toEqual({ page: "viewer", scene, stamp: false });
@@ -15,3 +15,8 @@ test.each(["", "#", "#/", "#/scene/", "#/scene/a/b", "#/other", "#/scene/%E0%A4%
     expect(parseRoute(hash)).toEqual({ page: "scenes" });
   },
 );
+
+test("experiments have a list of their own, beside a scene of that name", () => {
+  expect(parseRoute(EXPERIMENTS)).toEqual({ page: "experiments" });
+  expect(parseRoute(sceneHash("experiments"))).toMatchObject({ page: "viewer" });
+});

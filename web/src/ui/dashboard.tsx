@@ -4,6 +4,7 @@ import { RefreshCw, Search } from "lucide";
 import { useEffect, useRef } from "preact/hooks";
 import { config, refresh, scenes, scenesError } from "../state/app";
 import { filterScenes } from "../state/filter";
+import { EXPERIMENTS } from "../state/route";
 import { NoMatch, NoScenes } from "./empty";
 import { Icon } from "./icon";
 import { IconButton } from "./icon-button";
@@ -54,7 +55,10 @@ export function Dashboard() {
           <img src="icon.svg" alt="" width="26" height="26" />
           TIGAS
         </a>
-        <ThemeButton />
+        <div class="top-links">
+          {config.value?.services.store && <a href={EXPERIMENTS}>Experiments</a>}
+          <ThemeButton />
+        </div>
       </header>
       <main>
         <div class="page-head">

@@ -10,6 +10,13 @@ import { FONT, HEIGHT, inks } from "./plot";
 const LIMIT = 100;
 const TICKS = [10, 30, 100, 300, 1000, 3000];
 
+/** Latencies on a logarithmic axis. */
+export const logAxis: Pick<uPlot.Axis, "splits" | "filter" | "values"> = {
+  splits: () => TICKS,
+  filter: (_, splits) => splits,
+  values: (_, splits) => splits.map((at) => (at < 1000 ? `${at}` : `${at / 1000} s`)),
+};
+
 /** Draws into `place` until the function that it returns is called. Colours are those of the legend's swatches. */
 export function plotDistribution(
   place: HTMLElement,
@@ -44,14 +51,12 @@ export function plotDistribution(
           gap: 4,
           grid: { show: false },
           ticks: { show: false },
-          splits: () => TICKS,
-          filter: (_, splits) => splits,
-          values: (_, splits) => splits.map((at) => (at < 1000 ? `${at}` : `${at / 1000} s`)),
+          ...logAxis,
         },
         { stroke: text, font: FONT, size: 36, gap: 4, space: 28, grid, ticks: { show: false } },
       ],
       series: [{}, series(0), series(1)],
-      hooks: { drawAxes: [(drawn) => drawLimit(drawn, text())] },
+      hooks: { drawAxes: [(drawn) => drawLimit(drawn, "x", text())] },
     },
     columns.peek() as uPlot.AlignedData,
     place,
@@ -66,14 +71,15 @@ export function plotDistribution(
   };
 }
 
-function drawLimit({ ctx, bbox, valToPos }: uPlot, ink: string): void {
-  const x = Math.round(valToPos(LIMIT, "x", true));
+/** A line across the chart at the limit, of the axis that latencies are on. */
+export function drawLimit({ ctx, bbox, valToPos }: uPlot, axis: "x" | "y", ink: string): void {
+  const at = Math.round(valToPos(LIMIT, axis, true));
   ctx.save();
   ctx.strokeStyle = ink;
   ctx.setLineDash([4, 4]);
   ctx.beginPath();
-  ctx.moveTo(x, bbox.top);
-  ctx.lineTo(x, bbox.top + bbox.height);
+  ctx.moveTo(axis === "x" ? at : bbox.left, axis === "x" ? bbox.top : at);
+  ctx.lineTo(axis === "x" ? at : bbox.left + bbox.width, axis === "x" ? bbox.top + bbox.height : at);
   ctx.stroke();
   ctx.restore();
 }

@@ -12,6 +12,7 @@ const MOVES: readonly (readonly [string, readonly string[]])[] = [
   ["Stop a movement", ["Esc"]],
   ["Stateless, DASH, both", ["M"]],
   ["Measurements", ["I"]],
+  ["Experiment", ["E"]],
   ["Settings", ["P"]],
   ["Fullscreen", ["F"]],
   ["This help", ["H"]],

@@ -1,5 +1,5 @@
 /** What floats at the top of the stage: the way back, the scene's name, and the switches. */
-import { Activity, ArrowLeft, CircleHelp, Columns2, Maximize, SlidersHorizontal } from "lucide";
+import { Activity, ArrowLeft, CircleHelp, Columns2, FlaskConical, Maximize, SlidersHorizontal } from "lucide";
 import type { Mode } from "../state/settings";
 import { Icon } from "./icon";
 import { IconButton } from "./icon-button";
@@ -33,6 +33,7 @@ export function Toolbar({ name, actions, mode, hud, sidebar }: Props) {
           onClick={actions.mode}
         />
         <IconButton icon={Activity} label="Measurements" shortcut="I" pressed={hud} onClick={actions.hud} />
+        <IconButton icon={FlaskConical} label="Experiment" shortcut="E" onClick={actions.experiment} />
         <IconButton icon={Maximize} label="Fullscreen" shortcut="F" onClick={actions.fullscreen} />
         <IconButton
           icon={SlidersHorizontal}

@@ -8,6 +8,7 @@ export interface ViewerActions {
   readonly reset: () => void;
   readonly fullscreen: () => void;
   readonly mode: () => void;
+  readonly experiment: () => void;
 }
 
 const KEYS: Readonly<Record<string, keyof ViewerActions>> = {
@@ -18,20 +19,23 @@ const KEYS: Readonly<Record<string, keyof ViewerActions>> = {
   r: "reset",
   f: "fullscreen",
   m: "mode",
+  e: "experiment",
 };
 
 const TYPING = "input:not([type=radio], [type=checkbox]), select, textarea, dialog";
 
-export function useShortcuts(actions: ViewerActions): void {
-  const latest = useRef(actions);
-  latest.current = actions;
+/** `locked`: none of them does anything. */
+export function useShortcuts(actions: ViewerActions, locked: boolean): void {
+  const latest = useRef({ actions, locked });
+  latest.current = { actions, locked };
   useEffect(() => {
     const press = (event: KeyboardEvent) => {
       const typing = event.target instanceof Element && event.target.closest(TYPING);
       const action = KEYS[event.key.toLowerCase()];
-      if (!action || typing || event.repeat || event.ctrlKey || event.altKey || event.metaKey) return;
+      if (!action || latest.current.locked || typing || event.repeat || event.ctrlKey || event.altKey || event.metaKey)
+        return;
       event.preventDefault();
-      latest.current[action]();
+      latest.current.actions[action]();
     };
     addEventListener("keydown", press);
     return () => removeEventListener("keydown", press);

@@ -6,6 +6,7 @@ import { Runner } from "../experiment/runner";
 import { ViewerSession } from "../player/session";
 import { change, settings } from "../state/app";
 import { MODES } from "../state/settings";
+import { ExperimentLab } from "./experiment-lab";
 import { HelpDialog } from "./help";
 import { Hud } from "./hud";
 import { MovePad } from "./move-pad";
@@ -30,7 +31,10 @@ export function Viewer({ sceneId, stamp }: Props) {
   const canvas = useRef<HTMLCanvasElement>(null);
   const video = useRef<HTMLVideoElement>(null);
   const session = useSignal<ViewerSession | null>(null);
+  const runner = useSignal<Runner | null>(null);
   const help = useSignal(false);
+  const experiment = useSignal(false);
+  const locked = useSignal(false);
   const wide = useWide();
 
   useEffect(() => {
@@ -38,16 +42,18 @@ export function Viewer({ sceneId, stamp }: Props) {
     const place = { element: stage.current, canvas: canvas.current, video: video.current };
     const current = new ViewerSession(sceneId, place, stamp);
     session.value = current;
-    const runner = new Runner(current);
-    const withdraw = offerBridge(runner);
+    const hands = new Runner(current);
+    runner.value = hands;
+    const withdraw = offerBridge(hands);
     stage.current.focus({ preventScroll: true });
     return () => {
       session.value = null;
+      runner.value = null;
       withdraw();
-      runner.dispose();
+      hands.dispose();
       current.dispose();
     };
-  }, [sceneId, stamp, session]);
+  }, [sceneId, stamp, session, runner]);
 
   const { hud, sidebar, mode } = settings.value;
   const sidebarOpen = sidebar ?? wide;
@@ -59,9 +65,12 @@ export function Viewer({ sceneId, stamp }: Props) {
     sidebar: () => change({ sidebar: !sidebarOpen }),
     reset: () => session.value?.rig.resetCamera(),
     mode: () => change({ mode: MODES[(MODES.indexOf(mode) + 1) % MODES.length] ?? "stateless" }),
+    experiment: () => {
+      experiment.value = !experiment.value;
+    },
     fullscreen: () => void toggleFullscreen(root.current),
   };
-  useShortcuts(actions);
+  useShortcuts(actions, locked.value);
   useFocusReturn(root, stage);
 
   const live = session.value;
@@ -73,7 +82,7 @@ export function Viewer({ sceneId, stamp }: Props) {
 
   return (
     <div class="viewer" ref={root} data-sidebar={sidebarOpen ? "open" : "closed"}>
-      <main class="stage-area">
+      <main class="stage-area" inert={locked.value}>
         <div
           class="stage"
           ref={stage}
@@ -105,6 +114,7 @@ export function Viewer({ sceneId, stamp }: Props) {
       </main>
       {live && sidebarOpen && <Sidebar session={live} onClose={actions.sidebar} onReset={actions.reset} />}
       <HelpDialog open={help} />
+      {live && runner.value && <ExperimentLab session={live} runner={runner.value} open={experiment} locked={locked} />}
     </div>
   );
 }

@@ -1,0 +1,65 @@
+import { expect, test } from "vitest";
+import { type Draft, parseDraft, toggled } from "./draft";
+
+const DRAFT: Draft = {
+  name: " bus ",
+  movement: "stroll",
+  trace: "4g-bus",
+  rtt: "100",
+  modes: ["stateless"],
+  profiles: ["latency"],
+  repeats: "3",
+  duration: "20",
+  locked: true,
+  exports: false,
+};
+const parsed = (more: Partial<Draft> = {}) => parseDraft({ ...DRAFT, ...more }, "courtyard");
+
+test("a draft becomes a plan", () => {
+  expect(parsed()).toEqual({
+    plan: {
+      name: "bus",
+      scene: "courtyard",
+      movement: "stroll",
+      network: { trace: "4g-bus", rtt_ms: 100 },
+      modes: ["stateless"],
+      profiles: ["latency"],
+      repeats: 3,
+      duration_s: 20,
+      warm_up_s: 3,
+    },
+  });
+});
+
+test.each([
+  ["without one, the trace keeps its own", { rtt: " " }, { trace: "4g-bus", rtt_ms: null }],
+  ["none is even", { rtt: "0" }, { trace: "4g-bus", rtt_ms: 0 }],
+  ["the link as it is has no other", { trace: null, rtt: "garbage" }, { trace: null, rtt_ms: null }],
+])("round trip: %s", (_, more, network) => {
+  expect(parsed(more)).toMatchObject({ plan: { network } });
+});
+
+test("a comma is a decimal point, and DASH needs no controller", () => {
+  expect(parsed({ duration: "2,5", modes: ["dash-tuned"], profiles: [] })).toMatchObject({ plan: { duration_s: 2.5 } });
+});
+
+test.each<[Partial<Draft>, string]>([
+  [{ name: "  " }, "The experiment needs a name."],
+  [{ name: "x".repeat(101) }, "The name must not be longer than 100 characters."],
+  [{ movement: null }, "Choose a movement."],
+  [{ rtt: "-1" }, "“Round trip” must be a number from 0 to 120,000 ms."],
+  [{ rtt: "NaN" }, "“Round trip” must be a number from 0 to 120,000 ms."],
+  [{ modes: [] }, "Choose a mode."],
+  [{ profiles: [] }, "Choose a controller."],
+  [{ repeats: "1.5" }, "“Runs of each” must be a whole number from 1 to 100."],
+  [{ repeats: "1e9" }, "“Runs of each” must be a whole number from 1 to 100."],
+  [{ duration: "" }, "“Each run lasts” must be a number from 1 to 7,200 s."],
+  [{ duration: "Infinity" }, "“Each run lasts” must be a number from 1 to 7,200 s."],
+])("%j is refused in one sentence", (more, sentence) => {
+  expect(parsed(more)).toEqual({ problems: [sentence] });
+});
+
+test("what is chosen keeps the order of the list", () => {
+  expect(toggled(["b"], "a", ["a", "b", "c"])).toEqual(["a", "b"]);
+  expect(toggled(["a", "b"], "a", ["a", "b", "c"])).toEqual(["b"]);
+});

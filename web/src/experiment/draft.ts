@@ -1,0 +1,75 @@
+/** What a person has filled in to set up an experiment: from a draft to a plan, or a sentence that says what is wrong. Pure. */
+import type { ExperimentPlan, Profile, RunMode } from "./plan";
+
+export interface Draft {
+  readonly name: string;
+  /** The chosen movement, as the list of movements knows it. */
+  readonly movement: string | null;
+  /** Of the shaper; null: the link as it is. */
+  readonly trace: string | null;
+  /** As typed, in milliseconds; empty: the trace's own. */
+  readonly rtt: string;
+  readonly modes: readonly RunMode[];
+  readonly profiles: readonly Profile[];
+  readonly repeats: string;
+  readonly duration: string;
+  /** A person's input is ignored during the runs. */
+  readonly locked: boolean;
+  /** Save everything when the last run has ended. */
+  readonly exports: boolean;
+}
+
+/** As the store and the shaper have them. */
+const LIMITS = {
+  name: 100,
+  rtt: { label: "Round trip", unit: "ms", min: 0, max: 120_000, whole: false },
+  repeats: { label: "Runs of each", unit: "", min: 1, max: 100, whole: true },
+  duration: { label: "Each run lasts", unit: "s", min: 1, max: 7200, whole: false },
+} as const;
+
+/** How long the camera stands at the first pose before it moves, in seconds: until controllers know the link. */
+const WARM_UP = 3;
+
+export function parseDraft(draft: Draft, scene: string): { plan: ExperimentPlan } | { problems: readonly string[] } {
+  const problems: string[] = [];
+  const number = (name: "rtt" | "repeats" | "duration"): number => {
+    const { label, unit, min, max, whole } = LIMITS[name];
+    const typed = draft[name].trim().replace(",", ".");
+    const value = typed === "" ? Number.NaN : Number(typed);
+    const fits = value >= min && value <= max && (!whole || Number.isInteger(value));
+    if (!fits) {
+      const range = `${min} to ${max.toLocaleString("en")} ${unit}`.trim();
+      problems.push(`“${label}” must be a ${whole ? "whole " : ""}number from ${range}.`);
+    }
+    return value;
+  };
+  const name = draft.name.trim();
+  if (name === "") problems.push("The experiment needs a name.");
+  if (name.length > LIMITS.name) problems.push(`The name must not be longer than ${LIMITS.name} characters.`);
+  if (draft.movement === null) problems.push("Choose a movement.");
+  const shaped = draft.trace !== null;
+  const rtt_ms = shaped && draft.rtt.trim() !== "" ? number("rtt") : null;
+  if (draft.modes.length === 0) problems.push("Choose a mode.");
+  if (draft.modes.includes("stateless") && draft.profiles.length === 0) problems.push("Choose a controller.");
+  const [repeats, duration_s] = [number("repeats"), number("duration")];
+  if (problems.length > 0) return { problems };
+  return {
+    plan: {
+      name,
+      scene,
+      movement: draft.movement ?? "",
+      network: { trace: draft.trace, rtt_ms },
+      modes: draft.modes,
+      profiles: draft.profiles,
+      repeats,
+      duration_s,
+      warm_up_s: WARM_UP,
+    },
+  };
+}
+
+/** A list with an entry more or less; `order` says how entries follow one another. */
+export function toggled<T>(list: readonly T[], entry: T, order: readonly T[]): readonly T[] {
+  const chosen = list.includes(entry) ? list.filter((other) => other !== entry) : [...list, entry];
+  return order.filter((other) => chosen.includes(other));
+}

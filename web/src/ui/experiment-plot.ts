@@ -1,0 +1,55 @@
+/** Draws an experiment's results with uPlot: one line per controller or mode. Loaded on demand. */
+import uPlot from "uplot";
+import "uplot/dist/uPlot.min.css";
+import { AXIS } from "../comparison/histogram";
+import type { Columns } from "../network/series";
+import { drawLimit, logAxis } from "./distribution-plot";
+import type { ChartKind } from "./experiment-chart";
+import { FONT, inks } from "./plot";
+
+const HEIGHT = 190;
+
+/** Draws into `place` until the function that it returns is called. Colours are those of the legend's swatches. */
+export function plotResults(place: HTMLElement, legend: HTMLElement, kind: ChartKind, columns: Columns): () => void {
+  const { swatch, text, grid } = inks(place, legend);
+  const axis: uPlot.Axis = { stroke: text, font: FONT, gap: 4, ticks: { show: false } };
+  const chart = new uPlot(
+    {
+      width: place.clientWidth,
+      height: HEIGHT,
+      padding: [8, 16, 0, 0],
+      cursor: { show: false },
+      legend: { show: false },
+      scales:
+        kind === "distribution"
+          ? { x: { time: false, distr: 3, range: [...AXIS] }, y: { range: [0, 100] } }
+          : { x: { time: false }, y: { range: (_, __, max) => [0, Math.max(120, (max ?? 0) * 1.1)] } },
+      axes: [
+        kind === "distribution"
+          ? { ...axis, ...logAxis, size: 24, grid: { show: false } }
+          : { ...axis, size: 24, grid: { show: false }, values: (_, splits) => splits.map((at) => `${at} s`) },
+        { ...axis, size: 40, space: 28, grid },
+      ],
+      series: [
+        {},
+        ...columns.slice(1).map(
+          (_, i): uPlot.Series => ({
+            width: 1.75,
+            stroke: () => swatch(i).color,
+            points: { show: false },
+            spanGaps: false,
+          }),
+        ),
+      ],
+      hooks: { drawAxes: [(drawn) => drawLimit(drawn, kind === "distribution" ? "x" : "y", text())] },
+    },
+    columns as uPlot.AlignedData,
+    place,
+  );
+  const observer = new ResizeObserver(() => chart.setSize({ width: place.clientWidth, height: HEIGHT }));
+  observer.observe(place);
+  return () => {
+    observer.disconnect();
+    chart.destroy();
+  };
+}
