@@ -142,7 +142,7 @@ def test_what_is_no_recording(tmp_path: Path, content: str, sentence: str) -> No
 
 
 @pytest.mark.parametrize(("rows", "sentence"), [
-    ([(0, 0.0, (math.nan, 0.0, 0.0), UPRIGHT)], "line 2: the row has a value that is not finite"),
+    ([(0, 0.0, (math.nan, 0.0, 0.0), UPRIGHT)], "line 2: the row has a value that is not finite, or far too large"),
     ([(0, 0.0, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 0.0))], "line 2: the row has a quaternion that is no rotation"),
     ([(2, 0.0, (0.0, 0.0, 0.0), UPRIGHT)], "line 2: the row has a ViewIndex that is neither 0 nor 1"),
     ([(0, 0.0, (0.0, 2e6, 0.0), UPRIGHT)], "line 2: the row is farther away than 1,000,000"),

@@ -8,8 +8,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
-from tigas_lab.movement import MovementError, MovementTrace
+from tests.experiments.movement.scenes import scene
+from tigas_lab.movement import MovementError, MovementTrace, placed
 
 HEADER = "t_ms,x,y,z,qx,qy,qz,qw\n"
 POSE = "0,1,2,3,0,0,0,1\n"
@@ -41,8 +44,11 @@ def test_what_is_repaired_is_said(text: str, note: str | None) -> None:
     ("", "walk.csv is empty."),
     (HEADER, "walk.csv has no poses."),
     ("t_ms,x,y\n0,1,2\n", "walk.csv has no column 'z'; it needs t_ms, x, y, z, qx, qy, qz, qw."),
-    (HEADER + POSE + "\n# remark\n20,1,2,nan,0,0,0,1\n", "walk.csv, line 5: the row has a value that is not finite."),
+    (HEADER + POSE + "\n# remark\n20,1,2,nan,0,0,0,1\n",
+     "walk.csv, line 5: the row has a value that is not finite, or far too large."),
     (HEADER + "0,1,2,three,0,0,0,1\n", "walk.csv, line 2: z is 'three', which is no number."),
+    (HEADER + "-1e308,1,2,3,0,0,0,1\n1e308,1,2,3,0,0,0,1\n",
+     "walk.csv, line 2: the row has a value that is not finite, or far too large."),
     (HEADER + POSE + "20,1,2\n", "walk.csv, line 3: the row has 3 of 8 cells."),
     (HEADER + LATER + POSE, "walk.csv, line 3: the row is earlier than the one before it."),
     (HEADER + "0,1,2,3,0,0,0,0\n",
@@ -59,6 +65,23 @@ def test_what_is_refused_is_named_with_its_line(text: str, sentence: str) -> Non
     with pytest.raises(MovementError) as refused:
         parse(text)
     assert str(refused.value) == sentence
+
+
+NUMBERS = st.one_of(st.floats(), st.floats(-2, 2), st.integers(-1, 3), st.sampled_from(["", "x", "1_0", "0x1", '"1"']))
+ROWS = st.lists(st.lists(NUMBERS, min_size=7, max_size=9).map(lambda cells: ",".join(map(str, cells))), max_size=6)
+HEADS = st.sampled_from(["", HEADER, "# anchor: start\n# unit: m\n" + HEADER, "#:\n" + HEADER, '"t_ms,x\n', HEADER * 2])
+
+
+@given(head=HEADS, rows=ROWS, end=st.text(max_size=20))
+def test_whatever_a_text_is_it_is_a_movement_or_refused(head: str, rows: list[str], end: str) -> None:
+    try:
+        trace = parse(head + "\n".join(rows) + end)
+    except MovementError:
+        return
+    points = placed(trace, scene(up=(1, 2, 3)))
+    assert np.isfinite([[*point["position"], *point["quaternion"]] for point in points]).all()
+    assert trace.times_ms[0] == 0
+    assert (np.diff(trace.times_ms) > 0).all()
 
 
 @pytest.mark.parametrize(("data", "sentence"), [

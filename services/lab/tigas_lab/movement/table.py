@@ -21,6 +21,8 @@ Floats = NDArray[np.float64]
 MAX_BYTES = 256_000_000
 MAX_ROWS = 2_000_000
 """More than six hours at 90 poses a second."""
+MAX_NUMBER = 1e100
+"""Squares of smaller numbers are finite."""
 MAX_LINE = 10_000
 """Characters; bounds what splitting one hostile line can cost."""
 
@@ -66,7 +68,10 @@ class Table:
             raise MovementError(f"{name} has the column {twice[:40]!r} twice.")
 
     def numbers(self, columns: Sequence[str]) -> Floats:
-        """[rows, columns], all finite. Raises MovementError that names the first line which has other than numbers."""
+        """[rows, columns], all finite, and their squares, too.
+
+        Raises MovementError that names the first line which has other than numbers.
+        """
         for column in columns:
             if column not in self.columns:
                 raise MovementError(f"{self.name} has no column {column!r}; it needs {', '.join(columns)}.")
@@ -87,7 +92,8 @@ class Table:
             raise self._broken(wanted) from None
         if len(values) > MAX_ROWS:
             raise MovementError(f"{self.name} has more than {MAX_ROWS:,} rows.")
-        self.refuse(np.logical_not(np.isfinite(values).all(axis=1)), "has a value that is not finite")
+        usable = np.abs(values) < MAX_NUMBER  # which NaN is not, either
+        self.refuse(np.logical_not(usable.all(axis=1)), "has a value that is not finite, or far too large")
         return values
 
     def refuse(self, where: NDArray[np.bool_], what: str) -> None:
