@@ -86,6 +86,7 @@ def test_import_makes_a_walk_of_a_recording(recording: Path, settings: Path, tmp
     (["--anchor", "start", "--scale", "1", "--metre", "nan"], "--metre is a positive number of units."),
     (["--anchor", "start", "--settings", "scene_setting.csv", "--scale", "1"], "--settings says scale and level"),
     (["--anchor", "start", "--settings", "nowhere.csv"], "nowhere.csv cannot be read"),
+    (["--anchor", "start", "--scale", "1e-9"], "is farther away than 1,000,000."),
     (["--up", "0,0,0"], "--up is 3 numbers"),
 ])  # fmt: skip
 def test_options_that_make_no_sense_write_nothing(

@@ -177,9 +177,11 @@ def _numbers(text: str, count: int, option: str) -> list[float]:
 
 
 def _write(trace: MovementTrace, out: Path, force: bool) -> None:
+    text = trace.text()
+    trace.parse(text, f"What would be written to {out}")  # such as positions that a tiny scale made too large
     try:
         with out.open("w" if force else "x", encoding="utf-8", newline="\n") as file:
-            file.write(trace.text())
+            file.write(text)
     except FileExistsError:
         raise StartError(f"{out} exists; --force replaces it.") from None
     print(f"{out}: {len(trace.times_ms):,} poses, {trace.duration_ms / 1000:g} s")
