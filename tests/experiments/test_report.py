@@ -91,6 +91,17 @@ def test_a_report_of_nothing_but_failures(runs: list[Path], tmp_path: Path) -> N
     assert "there is no result" in text_of((tmp_path / "report.html").read_text())
 
 
+def test_round_trips_over_one_trace_are_told_apart(tmp_path: Path) -> None:
+    runs = [
+        write_run(tmp_path / f"{rtt:g}", "stateless", 40 + rtt, network=Network(name="4g-bus", rtt_ms=rtt))
+        for rtt in (20.0, 100.0)
+    ]
+    write_report(runs, tmp_path, "A walk", "tigas compare")
+    text = text_of((tmp_path / "report.html").read_text())
+    assert "4g-bus, 20 ms round trip" in text
+    assert (tmp_path / "table.md").read_text().count("4g-bus, 100 ms round trip") == 1
+
+
 def test_a_markdown_table_has_a_row_for_each_run(runs: list[Path]) -> None:
     lines = markdown(map(summarise, runs)).splitlines()
     assert len(lines) == 2 + len(runs)

@@ -80,4 +80,4 @@ def test_budget_must_win_both(tmp_path: Path) -> None:
 
 def test_a_verdict_says_what_it_owes_to_the_machine(tmp_path: Path) -> None:
     said = found(tmp_path, {"delay_ms": 300, "busy": 1.0}, {"delay_ms": 300, "repeat": 1})
-    assert said["response"].figures == "300 ms at 20 ms. 1 of these 2 runs had saturated processors."
+    assert said["response"].figures == "300 ms at 20 ms. Processors were saturated in 1 of these 2 runs."

@@ -141,7 +141,9 @@ def test_a_large_experiment_is_bounded(tmp_path: Path, monkeypatch: pytest.Monke
     assert count == 24
     read: list[tuple[int, int]] = []
     figures: list[str] = []
-    report = write_experiment_report(tmp_path, Listener(lambda done, total: read.append((done, total)), figures.append))
+    report = write_experiment_report(
+        tmp_path, tmp_path, Listener(lambda done, total: read.append((done, total)), figures.append)
+    )
     assert read[-1] == (24, 24)
     assert len(figures) == 1 + 6, "one network is drawn by itself"
     assert "Only the first 1 of 2 networks" in report.page.read_text()

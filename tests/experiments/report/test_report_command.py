@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 import csv
 import html.parser
 import re
@@ -67,9 +68,11 @@ def test_a_report_stands_alone(experiment: Path) -> None:
         page = page.replace(name, "")
     for outside in ("http://", "https://", "<script", "<link", "@import", "url("):
         assert outside not in page, f"{outside} is fetched"
-    for link in re.findall(r'href="([^"#]+)"', page):
-        if not link.startswith("#"):
-            assert (experiment / link).is_file(), "every link leads to a file beside the page"
+    links = dict(re.findall(r'download="([^"]+)" href="data:text/csv;base64,([^"]+)"', page))
+    assert {name: base64.b64decode(data) for name, data in links.items()} == {
+        name: (experiment / name).read_bytes() for name in ("runs.csv", "groups.csv")
+    }
+    assert page.count("href=") == len(links) + page.count("xlink:href="), "nothing leads away from the page"
 
 
 def test_equal_runs_give_equal_reports(experiment: Path) -> None:

@@ -97,7 +97,7 @@ def test_a_time_that_never_came_is_no_time(tmp_path: Path) -> None:
     assert cell(group, PHOTON_P95) == ("never", "40–never")
     assert in_time is not None
     assert in_time.mean == pytest.approx((60 + 100) / 2)
-    assert write_experiment_report(tmp_path).page.exists()
+    assert write_experiment_report(tmp_path, tmp_path).page.exists()
 
 
 def test_nobody_moved_and_nothing_came(tmp_path: Path) -> None:
@@ -108,7 +108,7 @@ def test_nobody_moved_and_nothing_came(tmp_path: Path) -> None:
     assert group.spread(PHOTON_P50) is None
     assert group.spread(HEIGHT) is None
     assert cell(group, HEIGHT) == ("–", None)
-    write_experiment_report(tmp_path)
+    write_experiment_report(tmp_path, tmp_path)
 
 
 def test_a_spread_leaves_out_runs_that_lack_the_figure() -> None:
@@ -137,7 +137,7 @@ def test_a_network_is_told_apart_from_its_round_trip(network: Network, name: str
 def test_the_machine_is_named_where_it_was_the_bottleneck(tmp_path: Path) -> None:
     write_run(tmp_path / "runs" / "a", busy=1.0)
     write_run(tmp_path / "runs" / "b", repeat=1)
-    report = write_experiment_report(tmp_path)
+    report = write_experiment_report(tmp_path, tmp_path)
     assert any("The machine was the bottleneck in 1 of 2 runs" in warning for warning in report.warnings)
     assert "Latency*" in (tmp_path / "report.html").read_text()
     with (tmp_path / "groups.csv").open(newline="") as file:
@@ -148,15 +148,15 @@ def test_runs_that_differ_in_what_a_row_does_not_say_are_named(tmp_path: Path) -
     write_run(tmp_path / "runs" / "a")
     write_run(tmp_path / "runs" / "b", seconds=3.0, width=320)
     said = " ".join(warnings(load(tmp_path)))
-    assert "Runs of different duration (2, 3) are taken together." in said
-    assert "Runs of different width (320, 640) are taken together." in said
+    assert "Runs of different durations (2 s, 3 s) are taken together." in said
+    assert "Runs of different viewports (320×360, 640×360) are taken together." in said
 
 
 def test_an_experiment_is_called_by_its_name(tmp_path: Path) -> None:
     record = ExperimentRecord(name="Round <trips>", created="2026-01-01T00:00:00Z", source="page", plan={})
     write_experiment(tmp_path, record)
     write_run(tmp_path / "runs" / "a")
-    write_experiment_report(tmp_path)
+    write_experiment_report(tmp_path, tmp_path)
     assert "<h1>Round &lt;trips&gt;</h1>" in (tmp_path / "report.html").read_text()
     (tmp_path / "experiment.json").write_text("{")
     assert load(tmp_path).title == tmp_path.name

@@ -152,4 +152,4 @@ def _saturated(cells: Sequence[Cell], *names: str) -> str:
     """What the figures owe to the machine."""
     runs = [run for cell in cells for name in names if name in cell for run in cell[name].runs]
     saturated = sum(run.saturated for run in runs)
-    return f" {saturated} of these {len(runs)} runs had saturated processors." if saturated else ""
+    return f" Processors were saturated in {saturated} of these {len(runs)} runs." if saturated else ""

@@ -26,6 +26,7 @@ def report(
         runs, figures = bar.add_task("reads runs", total=None), bar.add_task("draws figures", total=None)
         made = write_experiment_report(
             folder,
+            folder,
             Listener(
                 lambda done, total: bar.update(runs, completed=done, total=total),
                 lambda name: bar.update(figures, advance=1),

@@ -17,11 +17,14 @@ from tigas_lab.store import RunRecord
 Row = dict[str, Any]
 
 
-def write_csv(results: Results, folder: Path) -> None:
+def write_csv(results: Results, folder: Path) -> list[Path]:
     """Both files. Raises OSError."""
     runs = [*map(_run, results.runs), *map(_failure, results.failures)]
-    _write(folder / "runs.csv", sorted(runs, key=lambda row: str(row["folder"])))
-    _write(folder / "groups.csv", [_group(group) for group in results.groups])
+    files = {
+        "runs.csv": sorted(runs, key=lambda row: str(row["folder"])),
+        "groups.csv": [_group(group) for group in results.groups],
+    }
+    return [_write(folder / name, rows) for name, rows in files.items()]
 
 
 def _run(run: Run) -> Row:
@@ -95,9 +98,10 @@ def _flat(prefix: str, value: Any) -> Row:
     return {prefix: value}
 
 
-def _write(path: Path, rows: Sequence[Row]) -> None:
+def _write(path: Path, rows: Sequence[Row]) -> Path:
     columns = list(dict.fromkeys(name for row in rows for name in row))
     with path.open("w", newline="", encoding="utf-8") as file:
         writer = csv.DictWriter(file, columns, lineterminator="\n")
         writer.writeheader()
         writer.writerows(rows)
+    return path

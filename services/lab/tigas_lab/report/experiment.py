@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 import re
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -52,22 +53,22 @@ class ExperimentReport:
     page: Path
 
 
-def write_experiment_report(folder: Path, listener: Listener = SILENT) -> ExperimentReport:
-    """Report on the runs in a folder, into that folder: report.html, runs.csv, groups.csv and *.svg.
+def write_experiment_report(folder: Path, out: Path, listener: Listener = SILENT) -> ExperimentReport:
+    """Report on an experiment's runs, into another folder or its own: report.html, runs.csv, groups.csv and *.svg.
 
     Raises StartError if it has no runs, and OSError if it cannot be written.
     """
     results = load(folder, listener.read)
-    write_csv(results, folder)
+    files = write_csv(results, out)
     overview: list[Plot] = []
     by_network: dict[str, list[Plot]] = {}
     for network, drawing in _drawings(results):
         listener.drawn(drawing.name)
-        (folder / f"{drawing.name}.svg").write_text(drawing.svg, encoding="utf-8")
+        (out / f"{drawing.name}.svg").write_text(drawing.svg, encoding="utf-8")
         # matplotlib escapes text itself
         plots = overview if network is None else by_network.setdefault(network, [])
         plots.append(Plot(drawing, Markup(for_a_page(drawing.svg))))
-    report = ExperimentReport(results, claims(results), warnings(results), folder / "report.html")
+    report = ExperimentReport(results, claims(results), warnings(results), out / "report.html")
     environment = Environment(
         loader=PackageLoader("tigas_lab.report"),
         autoescape=True,
@@ -82,6 +83,9 @@ def write_experiment_report(folder: Path, listener: Listener = SILENT) -> Experi
         by_network=by_network,
         table=TABLE,
         cell=cell,
+        files={path.name: base64.b64encode(path.read_bytes()).decode() for path in files},
+        scenes=sorted({run.record.configuration.scene for run in results.runs}),
+        movements=sorted({Path(run.record.configuration.movement).name for run in results.runs}),
         first=results.runs[0].record if results.runs else None,
     )
     report.page.write_text(page, encoding="utf-8")
@@ -118,15 +122,23 @@ def warnings(results: Results) -> list[str]:
         found.append(
             f"The page was hidden during {hidden} of {len(runs)} runs, so the browser may have held frames back."
         )
-    for field in ("duration_s", "width", "height"):
-        values = sorted({getattr(run.record.configuration, field) for run in runs})
+    for name, values in _pooled(results).items():
         if len(values) > 1:
-            listed = ", ".join(f"{value:g}" for value in values)
-            found.append(f"Runs of different {field.removesuffix('_s')} ({listed}) are taken together.")
+            found.append(f"Runs of different {name} ({', '.join(values)}) are taken together.")
     commits = {run.record.machine.commit for run in runs}
     if len(commits) > 1:
         found.append(f"The runs were made with {len(commits)} different versions of TIGAS.")
     return found
+
+
+def _pooled(results: Results) -> dict[str, list[str]]:
+    """What no row, line or point tells apart, and the values that the runs have."""
+    configurations = [run.record.configuration for run in results.runs]
+    return {
+        "durations": sorted({f"{each.duration_s:g} s" for each in configurations}),
+        "viewports": sorted({f"{each.width}×{each.height}" for each in configurations}),
+        "places in the trace": sorted({f"{each.network.offset_s:g} s" for each in configurations}),
+    }
 
 
 def _drawings(results: Results) -> Iterator[tuple[str | None, Drawing]]:

@@ -44,6 +44,8 @@ from tigas_lab.report.variants import Look, Variant, looks
 
 PANEL_IN, HEIGHT_IN = 3.5, 2.5
 """Of one panel, inches."""
+ALONE, WIDE = 2.0, 2.6
+"""How many times as wide a panel is that has no other beside it; that shows time."""
 LEGEND_IN = 1.25
 """What an entry of a legend takes."""
 MOST_COLUMNS = 3
@@ -144,7 +146,7 @@ class Draughtsman:
         if not groups:
             return None
         with style():
-            figure, (axes,) = _panels(1, width=2.2)
+            figure, (axes,) = _panels(1, width=WIDE)
             drawn: list[float] = []
             for group in groups:
                 look = self._looks[group.variant]
@@ -202,7 +204,7 @@ class Draughtsman:
             return None
         rungs = sorted({rung for group in groups for run in group.runs for rung in run.figures.rungs.share})
         with style():
-            figure = Figure(figsize=(2.2 * PANEL_IN, 0.7 + 0.32 * len(groups)), layout="constrained")
+            figure = Figure(figsize=(WIDE * PANEL_IN, 0.7 + 0.32 * len(groups)), layout="constrained")
             axes = figure.subplots()
             left = np.zeros(len(groups))
             for rung in rungs:
@@ -370,8 +372,9 @@ class Draughtsman:
             figure.legend(entries.values(), entries.keys(), loc="outside upper left", ncols=columns, fontsize=8)
 
 
-def _panels(count: int, *, width: float = 1.0, share: bool = False) -> tuple[Figure, list[Axes]]:
+def _panels(count: int, *, width: float = 0.0, share: bool = False) -> tuple[Figure, list[Axes]]:
     columns = min(count, MOST_COLUMNS)
+    width = width or (ALONE if count == 1 else 1.0)
     rows = math.ceil(count / columns)
     figure = Figure(figsize=(width * PANEL_IN * columns, HEIGHT_IN * rows + 0.3), layout="constrained")
     grid = figure.subplots(rows, columns, squeeze=False, sharex=share, sharey=share).flatten().tolist()

@@ -79,8 +79,7 @@ def write_report(runs: Sequence[Path], out: Path, title: str, command: str) -> R
             summary = summarise(folder)
             summaries.append(summary)
             if summary.figures is not None:
-                network = summary.record.configuration.network.name
-                others = drawn.setdefault(network, [])
+                others = drawn.setdefault(table.network_name(summary), [])
                 others.append(Drawn.of(folder, summary, others))
         except BrokenRecording:
             continue
@@ -98,7 +97,7 @@ def warnings(summaries: Sequence[Summary]) -> list[str]:
     found: list[str] = []
     for summary in summaries:
         record = summary.record
-        name = f"{record.configuration.network.name}, {table.label(summary)}"
+        name = f"{table.network_name(summary)}, {table.label(summary)}"
         if summary.problem is not None:
             found.append(f"{name}: there is no result. {summary.problem}")
         elif record.load is None:
@@ -143,6 +142,7 @@ def _html(data: ReportData, drawn: dict[str, list[Drawn]]) -> str:
         columns=table.COLUMNS,
         groups=table.groups(),
         label=table.label,
+        network_name=table.network_name,
         cells=table.cells,
         first=complete[0].record if complete else None,
     )

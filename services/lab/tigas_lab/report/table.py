@@ -84,6 +84,12 @@ def label(summary: Summary) -> str:
     return f"{name} ({configuration.repeat + 1})" if configuration.repeat else name
 
 
+def network_name(summary: Summary) -> str:
+    """The run's network, with the round trip that was put in place of a trace's own."""
+    network = summary.record.configuration.network
+    return network.name if network.rtt_ms is None else f"{network.name}, {network.rtt_ms:g} ms round trip"
+
+
 def cells(summary: Summary) -> list[str]:
     """One per column; all empty without figures."""
     figures = summary.figures
@@ -94,7 +100,7 @@ def by_network(summaries: Iterable[Summary]) -> dict[str, list[Summary]]:
     """In the order in which they were made."""
     found: dict[str, list[Summary]] = {}
     for summary in summaries:
-        found.setdefault(summary.record.configuration.network.name, []).append(summary)
+        found.setdefault(network_name(summary), []).append(summary)
     return found
 
 
