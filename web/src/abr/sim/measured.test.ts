@@ -3,8 +3,8 @@ import { ANIMATION_FRAME } from "./endpoints";
 import { MeasuredEndpoints } from "./measured";
 
 const RUNGS = [
-  { render_ms: 40, encode_ms: 5, decode_ms: 6 },
-  { render_ms: 10, encode_ms: 1, decode_ms: 2 },
+  { render_ms: 40, encode_ms: 5, page_ms: 6 },
+  { render_ms: 10, encode_ms: 1, page_ms: 2 },
 ];
 const MEASURED = {
   rungs: RUNGS,

@@ -4,9 +4,9 @@ import { ANIMATION_FRAME, type Endpoints } from "./endpoints";
 
 const Milliseconds = v.pipe(v.number(), v.finite(), v.minValue(0));
 const Measured = v.object({
-  /** Of each rung, the best first. */
+  /** Of each rung, the best first; `page_ms` is decoding and whatever else a frame takes outside the server and the link. */
   rungs: v.pipe(
-    v.array(v.object({ render_ms: Milliseconds, encode_ms: Milliseconds, decode_ms: Milliseconds })),
+    v.array(v.object({ render_ms: Milliseconds, encode_ms: Milliseconds, page_ms: Milliseconds })),
     v.minLength(1),
   ),
   /** A frame's bytes at each rung, along the movement. */
@@ -46,7 +46,7 @@ export class MeasuredEndpoints implements Endpoints {
   }
 
   decode(rung: number): number {
-    return this.#measured.rungs[rung]?.decode_ms ?? 0;
+    return this.#measured.rungs[rung]?.page_ms ?? 0;
   }
 
   bytes(rung: number, now: number): number {

@@ -16,7 +16,7 @@ async function answers(requests: readonly number[], { render = 20, encode = 5 } 
     loses: () => false,
   });
   const measured = {
-    rungs: [{ render_ms: render, encode_ms: encode, decode_ms: 0 }],
+    rungs: [{ render_ms: render, encode_ms: encode, page_ms: 0 }],
     views: [{ t_ms: 0, bytes: [1000] }],
     animation: [],
   };

@@ -27,10 +27,13 @@ test("the same options give the same figures, another seed others", async () => 
 });
 
 test("on a fast link a frame takes the round trip, the server's time and its transmission", async () => {
-  const { responseP50, framesPerSecond, rung } = await visit("fixed:3", 100);
+  const { responseP50, age, framesPerSecond, rung } = await visit("fixed:3", 100);
   // 20 + 11 + 1/16 + 7 kB at 100 Mbit/s, and the request's own way
   expect(responseP50).toBeGreaterThan(31);
   expect(responseP50).toBeLessThan(34);
+  // decoded 4 ms later, taken in one of the animation frames and on the screen in the next
+  expect(age).toBeGreaterThan(responseP50 + 4 + 1000 / 60);
+  expect(age).toBeLessThan(responseP50 + 4 + 2 * (1000 / 60));
   expect(framesPerSecond).toBeGreaterThan(55);
   expect(rung).toBe(3);
 });

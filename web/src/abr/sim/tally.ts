@@ -14,6 +14,8 @@ export interface Figures {
   /** Motion-to-photon latency of poses, in milliseconds. */
   readonly photonP50: number;
   readonly photonP95: number;
+  /** From a frame's own pose to the screen, mean in milliseconds: what its request and answer took, and the page. */
+  readonly age: number;
   /** Mean rung of the frames shown, 0 the best. */
   readonly rung: number;
   /** Mean rung, each frame counted for as long as it was on the screen. */
@@ -34,6 +36,7 @@ export class Tally {
   readonly #responses: number[] = [];
   readonly #latencies: number[] = [];
   #bytes = 0;
+  #ages = 0;
   #shown = 0;
   #rungs = 0;
   #switches = 0;
@@ -54,6 +57,7 @@ export class Tally {
     }
     this.#shown++;
     this.#rungs += rung;
+    this.#ages += Math.min(...frame.latencies); // the frame's own pose is the newest that it shows
     for (const latency of frame.latencies) this.#latencies.push(latency);
     this.#last = frame;
   }
@@ -70,6 +74,7 @@ export class Tally {
       responseMean: responses.reduce((sum, value) => sum + value, 0) / Math.max(1, responses.length),
       photonP50: percentile(latencies, 0.5),
       photonP95: percentile(latencies, 0.95),
+      age: this.#ages / Math.max(1, this.#shown),
       rung: this.#rungs / Math.max(1, this.#shown),
       rungOverTime: this.#weighted / Math.max(1, this.#last?.at ?? 0),
       switches: this.#switches / minutes,
