@@ -1,5 +1,6 @@
 /** The movement traces that the store keeps: their list, and the text of each. Every failure is a MovementError. */
 import * as v from "valibot";
+import type { Movement as ListedMovement } from "../store-wire";
 import { readProblem } from "../transport/fetch";
 import { ANCHORS, MovementError } from "./movement";
 
@@ -11,7 +12,7 @@ const Listed = v.object({
 });
 const List = v.object({ movements: v.array(Listed) });
 
-export type ListedMovement = v.InferOutput<typeof Listed>;
+export type { ListedMovement };
 
 const TIMEOUT = 10_000;
 
