@@ -69,7 +69,8 @@ def test_a_browser_that_is_killed_costs_one_run_and_resume_repeats_just_that(
     status, output, errors = finished(run(services, file))
     assert status == 0, errors
     assert "All 3 runs are complete." in errors
-    assert str(file.parent / "out") in output, "where the report is, or how to make it"
+    assert "The report: " in output
+    assert (file.parent / "out" / "report.html").is_file()
     again = records(file)
     assert again[:2] == [first, third], "complete runs stay as they are"
     assert again[2]["configuration"] == second["configuration"]

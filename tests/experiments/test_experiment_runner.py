@@ -26,6 +26,7 @@ from tigas_lab.errors import RunFailed
 from tigas_lab.experiment import runner
 from tigas_lab.experiment.cli import experiment
 from tigas_lab.lock import exclusive
+from tigas_lab.report import cli as report_module
 from tigas_lab.store import RunRecord, RunWriter, read_experiment
 
 Happening = Callable[[RunWriter], None]
@@ -40,6 +41,7 @@ class Stub:
         self.happenings: list[Happening | None] = []
         self.made: list[str] = []
         self.checked = 0
+        self.reported: list[Path] = []
 
     async def check(self, runs: list[Configuration]) -> None:
         self.checked += 1
@@ -66,6 +68,7 @@ def stub(monkeypatch: pytest.MonkeyPatch) -> Stub:
 
     monkeypatch.setattr(runner, "laboratory", laboratory)
     monkeypatch.setattr(run_module, "_measure", made.measure)
+    monkeypatch.setattr(report_module, "report", made.reported.append)
     return made
 
 
@@ -107,6 +110,7 @@ def test_a_second_run_makes_nothing_again(stub: Stub, file: Path) -> None:
     assert again.exit_code == 0
     assert "All 6 runs are complete" in again.output
     assert (len(stub.made), stub.checked) == (6, 1), "nothing is even started"
+    assert stub.reported == [file.parent / "out"] * 2
     assert read_experiment(file.parent / "out") == record
 
 

@@ -51,6 +51,7 @@ def run(
     from tigas_lab.experiment.plan import lasting
     from tigas_lab.experiment.progress import progress
     from tigas_lab.experiment.runner import Experiment, make_missing_runs, reserved
+    from tigas_lab.report.cli import report
 
     def say(text: str) -> None:
         console.print(text, highlight=False, markup=False, soft_wrap=True)
@@ -79,6 +80,6 @@ def run(
             say(f"{len(incomplete)} of {len(made.runs)} runs are incomplete. To repeat them: {again}")
         else:
             say(f"All {len(made.runs)} runs are complete.")
-        typer.echo(f"The report: {shlex.join(['tigas', 'report', str(made.out)])}")
+        report(made.out)
     if incomplete:
         raise typer.Exit(1)
