@@ -116,6 +116,13 @@ def test_a_spread_leaves_out_runs_that_lack_the_figure() -> None:
     assert Spread.over([None]) is None
 
 
+def test_the_mean_of_equal_values_is_one_of_them() -> None:
+    assert sum([0.1] * 6) / 6 < 0.1, "else there is nothing to test"
+    spread = Spread.over([0.1] * 6)
+    assert spread is not None
+    assert spread.low == spread.mean == spread.high
+
+
 @pytest.mark.parametrize(
     ("network", "name", "rtt"),
     [

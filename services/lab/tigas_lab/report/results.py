@@ -99,7 +99,9 @@ class Spread:
         ci95 = None
         if len(found) > 1 and all(map(math.isfinite, found)):
             ci95 = float(t.ppf(0.975, len(found) - 1) * np.std(found, ddof=1) / math.sqrt(len(found)))
-        return cls(sum(found) / len(found), min(found), max(found), len(found), ci95)
+        low, high = min(found), max(found)
+        # Rounding must not carry the mean of equal values beyond them.
+        return cls(min(max(sum(found) / len(found), low), high), low, high, len(found), ci95)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
