@@ -56,6 +56,7 @@ export interface Network {
   link?: ConstantLink | null;
   trace_file?: string | null;
   rtt_ms?: number | null;
+  offset_s?: number;
 }
 /**
  * A link that does not change; the same as the shaper's LinkSetting.

@@ -50,6 +50,11 @@ def test_it_takes_no_memory(tmp_path: Path) -> None:
     assert peak < 3_000_000
 
 
+def test_what_was_removed_before_is_no_archive(tmp_path: Path) -> None:
+    with pytest.raises(FileNotFoundError):
+        list(archive(tmp_path / "removed"))
+
+
 async def test_a_download_breaks_off_when_its_experiment_is_removed(store: Running) -> None:
     folder = by_command(store.results / "big", 1)
     (folder / "a.png").write_bytes(bytes(30_000_000))  # more than the sockets hold; pictures are not compressed

@@ -86,8 +86,10 @@ async def test_a_run_gets_the_load_of_its_own_time(tmp_path: Path) -> None:
 async def test_equal_runs_and_equal_names_are_all_kept(store: Running) -> None:
     experiments = await asyncio.gather(*(store.create("twice") for _ in range(4)))
     assert len(set(experiments)) == 4
+    slug = "courtyard_stroll_20mbit-20ms-rtt_stateless-budget_0"
+    (store.results / experiments[0] / "runs" / slug).write_text("a file in the way")
     rows = await asyncio.gather(*(store.add(experiments[0]) for _ in range(4)))
-    assert len({row["folder"] for row in rows}) == 4
+    assert {row["folder"] for row in rows} == {f"{slug}_{number}" for number in range(2, 6)}
     told = (await store.http.get(f"/experiments/{experiments[0]}")).json()
     assert sorted(run["folder"] for run in told["runs"]) == sorted(row["folder"] for row in rows)
 

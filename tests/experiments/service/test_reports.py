@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-from typing import Any
+from pathlib import Path
 
 import pytest
 
@@ -11,6 +11,7 @@ from tests.experiments.made_up import write_run
 from tests.experiments.service.conftest import Running
 from tests.experiments.service.test_experiments import by_command
 from tigas_lab.service import reports
+from tigas_lab.service.experiments import run_folders
 
 pytestmark = pytest.mark.anyio
 
@@ -26,14 +27,15 @@ async def test_it_tells_of_the_experiments_runs(store: Running) -> None:
     assert "courtyard" in answer.text
     assert "<script>alert" not in answer.text
     assert (store.results / experiment / "report.html").read_bytes() == answer.content
+    assert (store.results / experiment / "runs.csv").is_file()
 
 
 async def test_an_experiment_that_is_removed_while_its_report_is_drawn_stays_removed(
     store: Running, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    folder = by_command(store.results / "one", 1)
+    by_command(store.results / "one", 1)
 
-    def write(runs: list[Any], out: Any, *_: Any) -> None:
+    def write(folder: Path, out: Path) -> None:
         folder.rename(store.results.parent / "removed")
         (out / "report.html").write_text("")
 
@@ -48,9 +50,9 @@ async def test_it_is_made_when_runs_come_or_go_and_not_otherwise(
 ) -> None:
     made: list[int] = []
 
-    def write(runs: list[Any], out: Any, *_: Any) -> None:
-        made.append(len(runs))
-        (out / "report.html").write_text(f"{len(runs)} runs")
+    def write(folder: Path, out: Path) -> None:
+        made.append(len(run_folders(folder)))
+        (out / "report.html").write_text(f"{made[-1]} runs")
 
     monkeypatch.setattr(reports, "draw", write)
     folder = by_command(store.results / "one", 1)

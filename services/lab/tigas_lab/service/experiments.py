@@ -26,6 +26,8 @@ from tigas_lab.store import ExperimentRecord, read_experiment, write_experiment
 from tigas_lab.summary import Summary, summarise
 
 CACHED_RUNS = 10_000
+TAKEN = (errno.EEXIST, errno.ENOTEMPTY, errno.ENOTDIR)
+"""What the system says where a folder cannot be put because something is there."""
 Model = TypeVar("Model", bound=BaseModel)
 
 
@@ -174,11 +176,9 @@ def _placed(made: Path, parent: Path, name: str) -> str:
         chosen = name if number == 1 else f"{name}_{number}"
         try:
             made.rename(parent / chosen)
-        except (FileExistsError, NotADirectoryError):
-            continue
         except OSError as error:
-            if error.errno != errno.ENOTEMPTY:
+            if error.errno not in TAKEN:
                 raise
-            continue
-        return chosen
+        else:
+            return chosen
     raise AssertionError

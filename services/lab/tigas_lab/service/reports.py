@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+from tigas_common.errors import StartError
 from tigas_lab.service.apart import Apart
 from tigas_lab.service.errors import NothingToReport, UnknownExperiment, storage_explained
 from tigas_lab.service.experiments import Experiments, run_folders, version
@@ -33,7 +34,7 @@ class Reports:
         Raises UnknownExperiment, NothingToReport and DiskFull.
         """
         async with self._one_at_a_time:
-            folder, record = await asyncio.to_thread(self._experiments.find, experiment)
+            folder, _ = await asyncio.to_thread(self._experiments.find, experiment)
             runs = await asyncio.to_thread(run_folders, folder)
             if not runs:
                 raise NothingToReport("The experiment has no runs yet.")
@@ -41,7 +42,7 @@ class Reports:
             with storage_explained(), _still_there(experiment):
                 if self._made.get(experiment) != versions or not (folder / REPORT).is_file():
                     with self._workspace.folder() as made:
-                        await self._apart(draw, runs, made, record.name)
+                        await self._apart(draw, folder, made)
                         await asyncio.to_thread(_move, made, folder)
                     self._made[experiment] = versions
                 return await asyncio.to_thread((folder / REPORT).read_bytes)
@@ -55,12 +56,15 @@ def _still_there(experiment: str) -> Iterator[None]:
         raise UnknownExperiment(f"The experiment {experiment} was removed meanwhile.") from None
 
 
-def draw(runs: list[Path], out: Path, title: str) -> None:
-    """Write a report's files into a folder. Raises DiskFull."""
-    from tigas_lab.report.page import write_report  # heavy, and of no use but where it draws
+def draw(folder: Path, out: Path) -> None:
+    """Write the files of an experiment's report into a folder. Raises NothingToReport and DiskFull."""
+    from tigas_lab.report.experiment import write_experiment_report  # heavy, and of no use but where it draws
 
     with storage_explained():
-        write_report(runs, out, title, f"tigas report {title}")
+        try:
+            write_experiment_report(folder, out)
+        except StartError as error:
+            raise NothingToReport(str(error)) from None
 
 
 def _move(made: Path, folder: Path) -> None:
