@@ -63,7 +63,7 @@ def test_every_mode_is_measured_over_the_same_link_and_movement(services: Servic
     assert status == 0, errors
     assert "within 100 ms" in output
     link = {"down_kbps": 20_000, "up_kbps": 10_000, "delay_ms": 10, "jitter_ms": 0, "loss_pct": 0}
-    assert services.shaper.asked[asked:] == [("/link", link), ("/stop", {})] * 3
+    assert services.shaper.asked[asked:] == [("/link", link), ("/stop", {})] * 4, "once before the first of three runs"
     runs = report(out)
     assert [run["record"]["configuration"]["mode"] for run in runs] == ["stateless", "dash-typical", "dash-tuned"]
     for run in runs:
@@ -110,22 +110,32 @@ def test_ctrl_c_ends_everything_and_keeps_what_was_finished(services: Services, 
     assert second["problem"] == "The run was stopped before its end."
 
 
+def test_a_run_that_cannot_be_made_is_named(services: Services, out: Path) -> None:
+    arguments = ("--url", services.url, "--modes", "stateless", "--out", str(out), "--network", "unshaped")
+    status, _, errors = finished(compare(*arguments, *SHORT, "--profile", "magic"))
+    assert status == 1
+    assert "controller cannot be that" in " ".join(errors.split())
+    other, run = report(out)
+    assert other["figures"], "the others go on"
+    assert run["figures"] is None
+    assert "controller cannot be that" in run["problem"]
+
+
 @pytest.mark.parametrize(
     ("wrong", "sentence"),
-    [(("--network", "no-such-trace"), "The shaper"), (("--profile", "magic"), "controller cannot be that")],
+    [
+        (("--network", "no-such-trace"), "The shaper refused /start: "),
+        (("--scene", "no-such-scene"), "The scene 'no-such-scene' cannot be loaded"),
+    ],
 )
-def test_a_run_that_cannot_be_made_is_named(
+def test_what_cannot_be_had_is_said_before_anything_is_measured(
     services: Services, out: Path, wrong: tuple[str, str], sentence: str
 ) -> None:
-    networks = ("--network", "unshaped") if wrong[0] == "--profile" else ()
-    arguments = ("--url", services.url, "--modes", "stateless", "--out", str(out), *SHORT, *networks, *wrong)
-    status, _, errors = finished(compare(*arguments))
+    networks = ("--network", "unshaped")
+    status, _, errors = finished(compare("--url", services.url, "--out", str(out), *networks, *SHORT, *wrong))
     assert status == 1
     assert sentence in " ".join(errors.split())
-    *others, run = report(out)
-    assert all(other["figures"] for other in others), "the others go on"
-    assert run["figures"] is None
-    assert sentence in run["problem"]
+    assert not out.exists()
 
 
 @pytest.mark.parametrize(

@@ -6,7 +6,7 @@ for the next run.
 
 from __future__ import annotations
 
-from collections.abc import AsyncIterator, Awaitable, Callable, Iterable, Sequence
+from collections.abc import AsyncIterator, Awaitable, Callable, Sequence
 from contextlib import AbstractAsyncContextManager, AsyncExitStack, asynccontextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,10 +14,13 @@ from typing import Generic, TypeVar
 
 from playwright.async_api import Browser
 
+from tigas_common.errors import StartError
 from tigas_common.wire import SceneInfo
 from tigas_lab.browser import chromium, find_chromium, responds
 from tigas_lab.configuration import Configuration
+from tigas_lab.errors import RunFailed
 from tigas_lab.inputs import movement_points
+from tigas_lab.link import held
 from tigas_lab.lock import exclusive, services_lock
 from tigas_lab.machine import Machine, this_machine
 from tigas_lab.points import Point
@@ -72,14 +75,21 @@ class Laboratory:
         self._points: dict[tuple[object, ...], Sequence[Point]] = {}
         self.machine = machine
 
-    async def check(self, runs: Iterable[Configuration]) -> None:
-        """Find out before the first run whether services, browser, scenes and movements can be had.
+    async def check(self, runs: Sequence[Configuration]) -> None:
+        """Find out before the first run whether services, browser, scenes, movements and networks can be had.
 
         Raises StartError with one sentence.
         """
         await self._browser.get()
-        for configuration in {_inputs(configuration): configuration for configuration in runs}.values():
+        target = await self._target.get()
+        for configuration in {_inputs(run): run for run in runs}.values():
             await self.bench(configuration)
+        for network in {run.network: None for run in runs}:
+            try:
+                async with held(target, network):
+                    pass
+            except RunFailed as error:
+                raise StartError(str(error)) from None
 
     async def bench(self, configuration: Configuration) -> Bench:
         """What a run needs; the scene is loaded. Raises StartError."""

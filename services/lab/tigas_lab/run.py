@@ -4,11 +4,9 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-from collections.abc import AsyncIterator, Callable, Sequence
-from contextlib import asynccontextmanager
+from collections.abc import Callable, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
-from time import time
 from typing import Any
 
 import httpx
@@ -19,13 +17,13 @@ from tigas_lab.browser import Viewer, viewer
 from tigas_lab.configuration import Configuration, Mode
 from tigas_lab.errors import RunFailed
 from tigas_lab.laboratory import Bench, Laboratory
+from tigas_lab.link import held, link_sample, watching_link
 from tigas_lab.load import Load, watching_load
 from tigas_lab.points import Point, digest
 from tigas_lab.quality import BrokenPicture, encode
 from tigas_lab.recording import BrokenRecording, Recording
-from tigas_lab.shaper_client import LinkStatus, ShaperClient
-from tigas_lab.store import CaptureQuality, LinkSample, Moment, RunRecord, RunWriter
-from tigas_lab.targets import Target, alive
+from tigas_lab.store import CaptureQuality, Moment, RunRecord, RunWriter
+from tigas_lab.targets import alive
 
 DRAIN_S = 30
 """How much longer than its movement a recording may take."""
@@ -73,12 +71,12 @@ async def _measure(
     stage("opens the viewer")
     url = bench.target.url
     async with viewer(bench.browser, url, bench.scene.id, configuration.width, configuration.height) as page:
-        async with _link(bench.target, configuration) as shaper:
+        async with held(bench.target, configuration.network) as shaper:
             await page.prepare(page_settings(configuration), bench.points[0])
             stage("warms up")
             await asyncio.sleep(configuration.warm_up_s)
             stage("measures")
-            async with watching_load() as load, _watching(shaper) as seen:
+            async with watching_load() as load, watching_link(shaper) as seen:
                 if shaper is not None and configuration.network.shaped:
                     await shaper.play(configuration.network)
                 recording = await _record(page, configuration, bench.points)
@@ -87,7 +85,7 @@ async def _measure(
             raise RunFailed("A service ended, or was started again, during the run.")
         start = recording.started_unix_ms
         during = [sample for sample in load if 0 <= sample.unix_ms - start <= recording.ended_ms]
-        writer.surroundings([_sample(status, at - start) for at, status in seen], during)
+        writer.surroundings([link_sample(status, at - start) for at, status in seen], during)
         stage("compares with ground truth")
         writer.quality(await _judge(page, url, recording, writer))
         return writer.close(
@@ -115,49 +113,6 @@ def page_settings(configuration: Configuration) -> dict[str, Any]:
     return {**modes[configuration.mode], "sidebar": False, "hud": False, "refine": False}
 
 
-@asynccontextmanager
-async def _link(target: Target, configuration: Configuration) -> AsyncIterator[ShaperClient | None]:
-    """The run's network, held at its first state; afterwards the shaper's own fast link."""
-    network = configuration.network
-    if target.shaper is None:
-        if network.shaped:
-            raise RunFailed(f"There is no shaper behind {target.url}, so the network must be `unshaped`.")
-        yield None
-        return
-    shaper = ShaperClient(target.shaper, target.url)
-    try:
-        await (shaper.hold(network) if network.shaped else shaper.release())
-        yield shaper
-    finally:
-        with contextlib.suppress(RunFailed):
-            await shaper.release()
-        await shaper.close()
-
-
-@asynccontextmanager
-async def _watching(shaper: ShaperClient | None) -> AsyncIterator[list[tuple[float, LinkStatus]]]:
-    """(unix ms, status) of the link, for as long as the context lasts."""
-    seen: list[tuple[float, LinkStatus]] = []
-    if shaper is None:
-        yield seen
-        return
-
-    async def watch() -> None:
-        async for status in shaper.watch():
-            seen.append((time() * 1000, status))
-
-    task = asyncio.create_task(watch())
-    try:
-        yield seen
-    finally:
-        task.cancel()
-        await asyncio.wait([task])
-    if not task.cancelled() and (error := task.exception()):
-        raise error
-    if closed := next((status.closed for _, status in seen if status.closed), None):
-        raise RunFailed(f"The link was closed during the run: {closed}")
-
-
 async def _record(page: Viewer, configuration: Configuration, points: Sequence[Point]) -> Recording:
     duration_ms = configuration.duration_s * 1000
     plan = {"points": points, "duration_ms": duration_ms, "capture_every_ms": configuration.capture_every_ms}
@@ -181,15 +136,3 @@ async def _judge(page: Viewer, url: str, recording: Recording, writer: RunWriter
             if index == len(recording.captures) // 2 and (current := truth.pose_at(recording.inputs, capture.at)):
                 writer.moment(Moment(at=capture.at, capture=index), encode(await ground.picture(current)))
     return judged
-
-
-def _sample(status: LinkStatus, at: float) -> LinkSample:
-    return LinkSample(
-        at=at,
-        position_ms=status.position_ms,
-        target_kbps=status.down.target_kbps,
-        delivered_kbps=status.down.delivered_kbps,
-        queue_ms=status.down.queue_ms,
-        drops=status.down.drops,
-        up_delivered_kbps=status.up.delivered_kbps,
-    )

@@ -68,7 +68,9 @@ class ShaperClient:
         if network.trace_file is not None:
             name = await self._upload(network.trace_file)
         delay_ms = None if network.rtt_ms is None else network.rtt_ms / 2
-        await self._post("/start", {"trace": name, "loop": True, "delay_ms": delay_ms})
+        playing = await self._send("POST", "/start", json={"trace": name, "loop": True, "delay_ms": delay_ms})
+        if network.offset_s * 1000 >= playing["duration_ms"]:
+            raise RunFailed(f"The trace {name} is shorter than {network.offset_s:g} s, so no run can begin there.")
         await self._post("/pause", {})
         await self._seek(network)
 

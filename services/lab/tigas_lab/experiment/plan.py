@@ -23,7 +23,7 @@ MAX_BYTES = 100_000
 MAX_RUNS = 10_000
 MAX_S = 31 * 86_400
 """An experiment that would take longer is a mistake."""
-OVERHEAD_S = 2.5
+OVERHEAD_S = 2.0
 """What a run takes beside its warm-up and its movement, about."""
 
 Value = TypeVar("Value")
