@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import json
 import zipfile
 from collections.abc import Iterator
@@ -98,7 +97,8 @@ def test_two_controllers_are_compared_and_kept(
     (folder,) = results.glob("*controllers*")
     run = json.loads(next(folder.glob("runs/*latency*/run.json")).read_text())
     assert run["status"] == "complete"
-    assert run["configuration"]["network"] == {"name": "stairs", "link": None, "trace_file": None, "rtt_ms": 80}
+    network = run["configuration"]["network"]
+    assert (network["name"], network["rtt_ms"]) == ("stairs", 80)
     assert run["configuration"]["movement"] == "walk"
     assert (next(folder.glob("runs/*latency*")) / "link.ndjson").read_text().count("\n") > 2, "the link was not watched"
 
@@ -121,64 +121,59 @@ def test_two_controllers_are_compared_and_kept(
     assert "Two &lt;b&gt; controllers" in page.request.get(report).text()
     dialog.get_by_role("link", name="All experiments").click()
     row = page.get_by_role("row", name="Two <b> controllers")
-    expect(row.get_by_role("cell").nth(1)).to_have_text("2")
+    expect(row.get_by_role("cell").first).to_have_text("2")
     expect(row.get_by_role("link", name="Report")).to_have_attribute("href", report)
 
 
-def test_cancelling_keeps_what_was_finished(
-    open_page: OpenPage, lab_url: str, results: Path, shaper: FakeShaper
+def test_what_fails_or_is_cancelled_is_marked_and_without_a_store_nothing_is_lost(
+    open_page: OpenPage, models: Path, shaper: FakeShaper, tmp_path: Path
 ) -> None:
-    page = open_page(SCENE, url=lab_url)
-    wait_for_frames(page)
-    page.get_by_role("toolbar").get_by_role("button", name="Experiment").click()
-    fill(page, name="Cancelled", movement="store/walk", seconds="1")
-    page.get_by_role("combobox", name="Network").select_option("stairs")
-    page.get_by_role("button", name="Start").click()
-    expect(page.get_by_role("region", name="Experiment")).to_contain_text("Run 2 of 2")
-    expect(page.get_by_role("region", name="Experiment")).to_contain_text("Warms up")
-    page.get_by_role("button", name="Cancel").click()
-    dialog = page.get_by_role("dialog", name="Cancelled")
-    expect(dialog).to_contain_text("what was finished before is here")
-    expect(dialog.locator("tbody tr").nth(0).locator("[data-figure=p50]")).not_to_have_text("–")
-    expect(dialog.locator("tbody tr").nth(1)).to_contain_text("0 of 1")
-    assert shaper.asked[-1] == ("/stop", {}), "the link was not given back"
-    (folder,) = results.glob("*ancelled*")
-    assert len(list(folder.glob("runs/*"))) == 1
-
-
-def test_a_store_that_is_gone_loses_nothing(open_page: OpenPage, models: Path, tmp_path: Path) -> None:
     if not STATIC.exists():
         pytest.skip("the web client is not built: cd web && npm ci && npm run build")
     file = tmp_path / "my walk.csv"
     file.write_text(WALK)
     (tmp_path / "broken.csv").write_text("t_ms,x\n1,2\n")
-    services = {"TIGAS_RENDER_SERVICES": json.dumps({"store": "http://127.0.0.1:9"})}
+    services = {"TIGAS_RENDER_SERVICES": json.dumps({"store": "http://127.0.0.1:9", "shaper": shaper.url})}
     with RenderServer("--scenes", str(models), environment=services) as running:
         page = open_page(SCENE, url=running.url, expected_errors="ERR_")
         wait_for_frames(page)
-        page.keyboard.press("e")
+        page.get_by_role("toolbar").get_by_role("button", name="Experiment").click()
         dialog = page.locator("dialog.experiment")
         expect(dialog).to_contain_text("The store at http://127.0.0.1:9 does not answer")
         dialog.get_by_role("button", name="Start").click()
         expect(dialog.get_by_role("alert")).to_contain_text("Choose a movement.")
-        dialog.get_by_label("Movement file of the experiment").set_input_files(tmp_path / "broken.csv")
+        movement = dialog.get_by_label("Movement file of the experiment")
+        movement.set_input_files(tmp_path / "broken.csv")
         expect(dialog.get_by_role("alert")).to_contain_text("broken.csv")
-        dialog.get_by_label("Movement file of the experiment").set_input_files(file)
-        expect(dialog.get_by_role("combobox", name="Movement")).to_have_value("file/my walk.csv")
+        movement.set_input_files(file)
         fill(page, name="No store", movement="file/my walk.csv", seconds="1")
-        dialog.get_by_label("Latency").uncheck()
+        dialog.get_by_role("combobox", name="Network").select_option("stairs")
+        dialog.get_by_label("LoL+").check()
         dialog.get_by_role("button", name="Start").click()
-        expect(dialog.get_by_role("alert")).to_contain_text("The results stay in this page.")
-        expect(dialog.locator("tbody tr [data-figure=p50]")).not_to_have_text("–")
+
+        progress = page.get_by_role("region", name="Experiment")
+        expect(progress).to_contain_text("Run 2 of 3 · Budget")
+        expect(progress).to_contain_text("Plays the movement")
+        page.set_viewport_size({"width": 900, "height": 640})
+        expect(progress).to_contain_text("Run 3 of 3 · LoL+")
+        page.get_by_role("button", name="Cancel").click()
+        expect(dialog).to_contain_text("The results stay in this page.")
+        expect(dialog.locator("tbody tr").nth(0).locator("[data-figure=p50]")).not_to_have_text("–")
+        expect(dialog.get_by_role("listitem")).to_have_text(
+            [
+                "Run 2, Budget: Settings or the window's size were changed during the run.",
+                "Run 3, LoL+: It was cancelled before its end.",
+            ]
+        )
+        assert shaper.asked[-1] == ("/stop", {}), "the link was not given back"
         with page.expect_download() as download:
             dialog.get_by_role("button", name="Save as JSON").click()
     assert download.value.suggested_filename == "No-store.json"
-    saved: dict[str, Any] = json.load(io.BytesIO(download.value.path().read_bytes()))
+    saved: dict[str, Any] = json.loads(download.value.path().read_text())
     assert saved["plan"]["movement"] == "my walk.csv"
-    (run,) = saved["runs"]
-    assert run["status"] == "complete"
-    assert len(run["recording"]["frames"]) > 5
-    assert run["configuration"]["width"] == 1000, "the sidebar was beside the stage"
+    assert [run["status"] for run in saved["runs"]] == ["complete", "failed", "cancelled"]
+    assert len(saved["runs"][0]["recording"]["frames"]) > 5
+    assert saved["runs"][0]["configuration"]["width"] == 1000, "the sidebar was beside the stage"
 
 
 def fill(page: Page, *, name: str, movement: str, seconds: str) -> None:

@@ -18,7 +18,8 @@ export interface Progress {
   readonly planned: PlannedRun;
   /** What is going on. */
   readonly stage: string;
-  /** When all runs will have ended, on the page's clock. */
+  /** When the first run began and the last will have ended, on the page's clock. */
+  readonly startedAt: number;
   readonly endsAt: number;
 }
 
@@ -65,21 +66,22 @@ export class Experiment {
   async conduct(): Promise<void> {
     const runs = runsOf(this.plan);
     const { now } = this.#hands;
+    const startedAt = now();
     const stageOf = (index: number) => {
       const endsAt = now() + this.#timeFor(runs.length - index);
       return (stage: string) => {
         const planned = runs[index];
-        if (planned) this.progress.value = { run: index + 1, of: runs.length, planned, stage, endsAt };
+        if (planned) this.progress.value = { run: index + 1, of: runs.length, planned, stage, startedAt, endsAt };
       };
     };
     stageOf(0)("Begins");
     await this.#begin();
     for (const [index, run] of runs.entries()) {
       if (this.cancelled) break;
-      const startedAt = now();
+      const begun = now();
       const result = await this.#make(run, stageOf(index));
       this.results.value = [...this.results.value, result];
-      if (result.status === "complete") this.#overheads.push(now() - startedAt - timeFor(this.plan, 1, 0));
+      if (result.status === "complete") this.#overheads.push(now() - begun - timeFor(this.plan, 1, 0));
     }
     this.progress.value = null;
   }

@@ -1,5 +1,5 @@
 /** Sets up an experiment: what moves the camera, over which network, what is compared, and how often. */
-import { type Signal, useSignal } from "@preact/signals";
+import { useSignal } from "@preact/signals";
 import type { ComponentChildren, TargetedSubmitEvent } from "preact";
 import { CONTROLLER_NAMES } from "../abr/registry";
 import { type Draft, parseDraft, toggled } from "../experiment/draft";
@@ -19,26 +19,27 @@ interface Props {
   readonly shaper: Shaper | null;
   /** The store's URL. */
   readonly store: string | undefined;
-  readonly draft: Signal<Draft>;
+  readonly draft: Draft;
+  readonly onDraft: (draft: Draft) => void;
   readonly onStart: (wish: Wish) => void;
 }
 
-export function ExperimentForm({ session, shaper, store, draft, onStart }: Props) {
+export function ExperimentForm({ session, shaper, store, draft, onDraft, onStart }: Props) {
   const problems = useSignal<readonly string[]>([]);
   const busy = useSignal(false);
   const list = useMovements(store);
   const scene = session.scene.value;
   const set = (part: Partial<Draft>) => {
-    draft.value = { ...draft.value, ...part };
+    onDraft({ ...draft, ...part });
     problems.value = [];
   };
 
   const submit = async (event: TargetedSubmitEvent<HTMLFormElement>) => {
     event.preventDefault();
-    const parsed = parseDraft(draft.value, scene?.id ?? "");
+    const parsed = parseDraft(draft, scene?.id ?? "");
     problems.value = "problems" in parsed ? parsed.problems : [];
     if (scene === null) problems.value = [...problems.value, "The scene is not there yet."];
-    const { movement, locked, exports } = draft.value;
+    const { movement, locked, exports } = draft;
     if (!("plan" in parsed) || scene === null || movement === null) return;
     busy.value = true;
     try {
@@ -52,20 +53,20 @@ export function ExperimentForm({ session, shaper, store, draft, onStart }: Props
     }
   };
 
-  const { name, repeats, duration, locked, exports } = draft.value;
+  const { name, repeats, duration, locked, exports } = draft;
   return (
     <form class="experiment-form" noValidate onSubmit={(event) => void submit(event)}>
       <TextField label="Name" value={name} wide onValue={(typed) => set({ name: typed })} />
       <MovementChoice
         list={list}
-        chosen={draft.value.movement}
+        chosen={draft.movement}
         onChoose={(movement) => set({ movement })}
         onProblem={(sentence) => {
           problems.value = [sentence];
         }}
       />
-      <NetworkChoice shaper={shaper} draft={draft.value} onChange={set} />
-      <Compared draft={draft.value} onChange={set} />
+      <NetworkChoice shaper={shaper} draft={draft} onChange={set} />
+      <Compared draft={draft} onChange={set} />
       <TextField label="Runs of each" numeric value={repeats} onValue={(typed) => set({ repeats: typed })} />
       <TextField
         label="Each run lasts"
@@ -87,7 +88,7 @@ export function ExperimentForm({ session, shaper, store, draft, onStart }: Props
           ))}
         </div>
         <p class="muted small" data-experiment="estimate">
-          {estimate(draft.value)}
+          {estimate(draft, list.listed.find(({ key }) => key === draft.movement)?.duration)}
           {!store && " There is no store: the results stay in this page until you save them."}
         </p>
         {store && (
@@ -193,10 +194,11 @@ function Check({ checked, disabled, onChange, children }: CheckProps) {
   );
 }
 
-/** How many runs it is, and how long they take. */
-function estimate(draft: Draft): string {
+/** How many runs it is, and how long they take; `movement` is its duration in milliseconds. */
+function estimate(draft: Draft, movement = Number.POSITIVE_INFINITY): string {
   const parsed = parseDraft({ ...draft, name: "x", movement: "x" }, "");
   if ("problems" in parsed) return "";
   const runs = runsOf(parsed.plan).length;
-  return `${runs} ${runs === 1 ? "run" : "runs"}, about ${clock(timeFor(parsed.plan, runs))} min.`;
+  const short = movement < parsed.plan.duration_s * 1000 ? " The movement ends before a run does." : "";
+  return `${runs} ${runs === 1 ? "run" : "runs"}, about ${clock(timeFor(parsed.plan, runs))} min.${short}`;
 }

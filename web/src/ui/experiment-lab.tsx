@@ -45,8 +45,11 @@ export function ExperimentLab({ session, runner, open, locked }: Props) {
   const shaper = useShaper(config.value?.services.shaper, open.value || running);
   const base = config.value?.services.store;
   const store = base === undefined ? null : new StoreApi(base);
-  const draft = useSignal<Draft>(firstDraft(session));
+  const draft = useSignal<Draft | null>(null);
   useEffect(() => () => experiment.peek()?.cancel(), [experiment]);
+  useEffect(() => {
+    if (open.value) draft.value ??= firstDraft(session);
+  }, [open.value, draft, session]);
 
   const start = async ({ plan, points, locked: lock, exports }: Wish) => {
     const bench = { session, runner, shaper, points };
@@ -67,7 +70,7 @@ export function ExperimentLab({ session, runner, open, locked }: Props) {
   return (
     <>
       <Dialog open={open} title={experiment.value ? experiment.value.plan.name : "Experiment"}>
-        {experiment.value ? (
+        {experiment.value !== null && (
           <ExperimentResults
             experiment={experiment.value}
             store={store}
@@ -76,12 +79,16 @@ export function ExperimentLab({ session, runner, open, locked }: Props) {
               experiment.value = null;
             }}
           />
-        ) : (
+        )}
+        {experiment.value === null && draft.value !== null && (
           <ExperimentForm
             session={session}
             shaper={shaper}
             store={base}
-            draft={draft}
+            draft={draft.value}
+            onDraft={(filled) => {
+              draft.value = filled;
+            }}
             onStart={(wish) => void start(wish)}
           />
         )}
@@ -92,10 +99,10 @@ export function ExperimentLab({ session, runner, open, locked }: Props) {
 }
 
 /** What is filled in before a person does. */
-function firstDraft({ movement }: ViewerSession): Draft {
+function firstDraft({ scene, movement }: ViewerSession): Draft {
   const chosen = movement.movement.peek();
   return {
-    name: `Experiment of ${new Date().toLocaleString("en", { dateStyle: "medium", timeStyle: "short" })}`,
+    name: scene.peek()?.name ?? "",
     movement: chosen && `${chosen.origin}/${chosen.name}`,
     trace: null,
     rtt: "",

@@ -66,7 +66,6 @@ function Kept({ base }: { base: string }) {
         <thead>
           <tr>
             <th scope="col">Name</th>
-            <th scope="col">Made</th>
             <th scope="col">Complete runs</th>
             <th scope="col">
               <span class="visually-hidden">Files</span>
@@ -76,8 +75,12 @@ function Kept({ base }: { base: string }) {
         <tbody>
           {list.value.map(({ id, name, created, runs, complete }) => (
             <tr key={id}>
-              <th scope="row">{name}</th>
-              <td>{new Date(created).toLocaleString("en", { dateStyle: "medium", timeStyle: "short" })}</td>
+              <th scope="row">
+                {name}
+                <time class="muted small" dateTime={created}>
+                  {new Date(created).toLocaleString("en", { dateStyle: "medium", timeStyle: "short" })}
+                </time>
+              </th>
               <td>{complete === runs ? runs : `${complete} of ${runs}`}</td>
               <td>
                 <a class="with-icon" href={store.reportUrl(id)} target="_blank" rel="noreferrer">

@@ -91,7 +91,7 @@ export function MovementChoice({ list: { listed, silence }, chosen, onChoose, on
       <div class="number-field">
         <span>&nbsp;</span>
         <button type="button" class="quiet-button with-icon" onClick={() => input.current?.click()}>
-          <Icon of={FolderOpen} size={14} /> Open a CSV file…
+          <Icon of={FolderOpen} size={14} /> Open a file…
         </button>
         <input
           ref={input}

@@ -23,12 +23,12 @@ export function plotResults(place: HTMLElement, legend: HTMLElement, kind: Chart
       scales:
         kind === "distribution"
           ? { x: { time: false, distr: 3, range: [...AXIS] }, y: { range: [0, 100] } }
-          : { x: { time: false }, y: { range: (_, __, max) => [0, Math.max(120, (max ?? 0) * 1.1)] } },
+          : { x: { time: false }, y: { distr: 3, range: (_, __, max) => [AXIS[0], Math.max(300, (max ?? 0) * 1.2)] } },
       axes: [
         kind === "distribution"
           ? { ...axis, ...logAxis, size: 24, grid: { show: false } }
           : { ...axis, size: 24, grid: { show: false }, values: (_, splits) => splits.map((at) => `${at} s`) },
-        { ...axis, size: 40, space: 28, grid },
+        { ...axis, ...(kind === "time" && logAxis), size: 40, space: 28, grid },
       ],
       series: [
         {},
@@ -48,7 +48,12 @@ export function plotResults(place: HTMLElement, legend: HTMLElement, kind: Chart
   );
   const observer = new ResizeObserver(() => chart.setSize({ width: place.clientWidth, height: HEIGHT }));
   observer.observe(place);
+  // Nothing else would draw it anew when the theme changes.
+  const theme = matchMedia("(prefers-color-scheme: dark)");
+  const redraw = () => chart.redraw();
+  theme.addEventListener("change", redraw);
   return () => {
+    theme.removeEventListener("change", redraw);
     observer.disconnect();
     chart.destroy();
   };

@@ -19,6 +19,7 @@ function Running({
   run,
   of,
   stage,
+  startedAt,
   endsAt,
   planned,
 }: { experiment: Experiment } & NonNullable<Experiment["progress"]["value"]>) {
@@ -35,7 +36,7 @@ function Running({
       <button ref={cancel} type="button" class="quiet-button" onClick={() => experiment.cancel()}>
         Cancel
       </button>
-      <progress max={of} value={run - 1} aria-label="Finished runs" />
+      <progress max={endsAt - startedAt} value={now - startedAt} aria-label="Progress of the experiment" />
     </section>
   );
 }
