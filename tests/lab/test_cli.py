@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 from collections.abc import Iterator
+from pathlib import Path
 from urllib.request import urlopen
 
 import pytest
@@ -16,10 +18,10 @@ from tigas_shaper.lab.services import NAME, tigas
 LAB = Lab(NAME)
 
 
-def serves() -> bool:
-    """Whether the page's server answers at this machine's own localhost, through the lab."""
+def serves(port: int = 8080) -> bool:
+    """Whether the page's server, or another one, answers at this machine's own localhost, through the lab."""
     try:
-        with urlopen("http://localhost:8080/healthz", timeout=1) as answer:
+        with urlopen(f"http://localhost:{port}/healthz", timeout=1) as answer:
             return bool(answer.status == 200)
     except OSError:
         return False
@@ -33,8 +35,8 @@ def left() -> list[str]:
 
 
 @pytest.fixture
-def up() -> Iterator[subprocess.Popen[bytes]]:
-    """A lab, once its page is served."""
+def up(tmp_path: Path) -> Iterator[subprocess.Popen[bytes]]:
+    """A lab, once its page is served. Experiments are in `results`."""
     try:
         with LAB.up():
             pass
@@ -42,7 +44,7 @@ def up() -> Iterator[subprocess.Popen[bytes]]:
         pytest.skip(f"a lab is in use on this machine: {error}")
     if serves():
         pytest.skip("something else serves localhost:8080 on this machine")
-    process = subprocess.Popen(tigas("lab", "up"))
+    process = subprocess.Popen(tigas("lab", "up"), env=os.environ | {"TIGAS_STORE_RESULTS": str(tmp_path / "results")})
     try:
         wait_until(lambda: process.poll() is None and serves(), 90)
         yield process
@@ -52,9 +54,13 @@ def up() -> Iterator[subprocess.Popen[bytes]]:
         LAB.remove()
 
 
-def test_a_lab_comes_up_for_this_machine_and_goes_even_after_a_kill(up: subprocess.Popen[bytes]) -> None:
+def test_a_lab_comes_up_for_this_machine_and_goes_even_after_a_kill(
+    up: subprocess.Popen[bytes], tmp_path: Path
+) -> None:
     exec_client = tigas("lab", "exec", "client", "ip", "-br", "link", "show", "access")
     assert "access@" in subprocess.run(exec_client, check=True, capture_output=True, text=True).stdout
+    wait_until(lambda: all(map(serves, (8081, 8090, 8091))), 20)
+    assert (tmp_path / "results").is_dir()
     second = subprocess.run(tigas("lab", "up"), capture_output=True, text=True)
     assert (second.returncode, second.stderr) == (1, "The lab is already up; `tigas lab down` ends it.\n")
     pids = [pid for role in ROLES for pid in LAB.processes(role)]
