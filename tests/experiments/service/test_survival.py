@@ -117,7 +117,11 @@ def end_myself(how: int) -> None:
     os.kill(os.getpid(), how)
 
 
-async def test_work_that_the_system_ends_is_told_and_the_next_goes_on() -> None:
+async def test_work_that_the_system_ends_is_told_and_the_next_goes_on(monkeypatch: pytest.MonkeyPatch) -> None:
+    with monkeypatch.context() as without:
+        without.setattr(sys, "executable", "/nowhere/python")
+        with pytest.raises(Overloaded, match="No process can be started"):
+            await in_a_process(os.getppid)
     with pytest.raises(Overloaded, match="ended by the system"):
         await in_a_process(end_myself, signal.SIGKILL)
     assert await in_a_process(os.getppid) == os.getpid()

@@ -21,12 +21,17 @@ class Apart(Protocol):
     """Where such work is done."""
 
     async def __call__(self, function: Callable[[*Ts], T], *arguments: *Ts) -> T:
-        """What the function of a module returns or raises."""
+        """What a module's function returns or raises; it raises no OSError."""
 
 
 async def in_a_process(function: Callable[[*Ts], T], *arguments: *Ts) -> T:
-    """Done in another process; killed there if nobody waits for it any longer. Raises Overloaded if that ends early."""
+    """Done in another process; killed there if nobody waits for it any longer.
+
+    Raises Overloaded if the process cannot be started, or is ended by the system.
+    """
     try:
         return await to_process.run_sync(function, *arguments, cancellable=True)
     except BrokenWorkerProcess:
         raise Overloaded("The work was ended by the system, probably for want of memory.") from None
+    except OSError as error:
+        raise Overloaded(f"No process can be started for the work: {error.strerror or error}.") from None
