@@ -49,7 +49,7 @@ def test_runs_over_an_unshaped_network_without_pictures_or_rungs(tmp_path: Path)
     assert draughtsman.profiles("unshaped") is None
     bandwidth = draughtsman.bandwidth("unshaped")
     assert bandwidth is not None
-    assert bandwidth.title == "Received: DASH, tuned 2.0 MB"
+    assert bandwidth.title == "Received: DASH tuned 2.0 MB"
 
 
 @pytest.mark.parametrize(
@@ -120,7 +120,7 @@ def test_a_controller_looks_the_same_in_every_report() -> None:
         variant(profile=3),
         variant(profile=0),
     }
-    assert [each.title for each in in_order(some)] == ["Budget", "mine", "Profile 0", "Profile 3", "DASH, tuned"]
+    assert [each.title for each in in_order(some)] == ["Budget", "mine", "Profile 0", "Profile 3", "DASH tuned"]
     found = looks(some)
     assert found[budget] == looks([budget])[budget]
     assert len({(look.colour, look.dashes, look.marker) for look in found.values()}) == len(found)

@@ -26,11 +26,12 @@ from tigas_lab.report.drawing import (
     style,
     svg,
 )
-from tigas_lab.report.findings import against_download, best, change, each, spread_of, steadiness, with_rtt
+from tigas_lab.report.findings import against_download, best, change, each, short, spread_of, steadiness, with_rtt
 from tigas_lab.report.metrics import (
     HEIGHT,
     IN_TIME,
     NEW_VIEWS,
+    PHOTON_P50,
     PHOTON_P95,
     PROFILE,
     RECEIVED,
@@ -51,7 +52,7 @@ LEGEND_IN = 1.25
 MOST_COLUMNS = 3
 LOGARITHMIC_FROM = 8.0
 """Times that differ by more than this factor need a logarithmic axis."""
-OVERVIEW = (PHOTON_P95, IN_TIME, NEW_VIEWS, HEIGHT, RECEIVED, SWITCHES)
+OVERVIEW = (PHOTON_P50, PHOTON_P95, IN_TIME, RESPONSE_MEAN, NEW_VIEWS, RECEIVED, HEIGHT, PROFILE, SWITCHES)
 OVER_RTT = (RESPONSE_MEAN, PHOTON_P95, IN_TIME, PROFILE, SWITCHES, NEW_VIEWS)
 
 
@@ -88,13 +89,18 @@ class Draughtsman:
                 self._points(axes, columns, metric)
             names = [with_rtt(name, results.base_rtt(name)) for name in columns]
             for axes in panels:
-                axes.set_xticks(range(len(names)), names, rotation=0 if len(names) < 4 else 20, ha="center")
+                axes.set_xticks(range(len(names)), names)
+                if len(names) > MOST_COLUMNS:
+                    axes.tick_params(axis="x", labelrotation=40)
+                    for label in axes.get_xticklabels():
+                        label.set(horizontalalignment="right", rotation_mode="anchor")
+            _label_lowest(panels)
             self._finish(figure, panels)
             every = [group for groups in columns.values() for group in groups]
             return Drawing(
                 "overview",
                 best(every, IN_TIME),
-                f"Each controller over each network. {spread_of(every)}",
+                f"Each controller over each network, at its lowest round trip. {spread_of(every)}",
                 svg(figure),
             )
 
@@ -230,7 +236,8 @@ class Draughtsman:
         return self._results.at(network, self._results.base_rtt(network))
 
     def _named(self, network: str) -> str:
-        return with_rtt(network, self._results.base_rtt(network), ", ")
+        rtt = self._results.base_rtt(network)
+        return network if rtt is None else f"{network} at {rtt:g} ms round trip"
 
     def _by_rtt(
         self,
@@ -252,13 +259,13 @@ class Draughtsman:
             values: list[float] = []
             for panel, (rtt, groups) in zip(axes, panels.items(), strict=True):
                 values += draw(panel, groups)
-                panel.set_title(network if rtt is None else f"{rtt:g} ms round trip")
+                panel.set_title(short(network) if rtt is None else f"{rtt:g} ms round trip")
             for place, panel in enumerate(axes):
                 plain_log(panel, values, horizontal=horizontal)
-                lowest, leftmost = place + MOST_COLUMNS >= len(axes), place % MOST_COLUMNS == 0
-                panel.tick_params(labelbottom=lowest, labelleft=leftmost)
-                panel.set_xlabel(panel.get_xlabel() if lowest else "")
-                panel.set_ylabel(panel.get_ylabel() if leftmost else "")
+                if place % MOST_COLUMNS:
+                    panel.tick_params(labelleft=False)
+                    panel.set_ylabel("")
+            _label_lowest(axes)
             self._finish(figure, axes)
             first, groups = next(iter(panels.items()))
             at = "" if first is None else f" ({first:g} ms round trip)"
@@ -381,6 +388,13 @@ def _panels(count: int, *, width: float = 0.0, share: bool = False) -> tuple[Fig
     for spare in grid[count:]:
         spare.remove()
     return figure, grid[:count]
+
+
+def _label_lowest(panels: Sequence[Axes]) -> None:
+    """Of panels above one another, the lowest says what all of them have from left to right."""
+    for panel in panels[: max(0, len(panels) - MOST_COLUMNS)]:
+        panel.tick_params(labelbottom=False)
+        panel.set_xlabel("")
 
 
 def _metric_axis(axes: Axes, metric: Metric, values: Sequence[float]) -> None:

@@ -11,12 +11,19 @@ from tigas_lab.report.results import Floats, Group
 from tigas_lab.report.series import downloaded, received
 from tigas_lab.report.variants import Variant
 
+ROOM = 22
 MANY = 4
 """More figures than these are told by the lowest and the highest."""
 
 
-def with_rtt(network: str, rtt_ms: float | None, between: str = "\n") -> str:
-    return network if rtt_ms is None else f"{network}{between}{rtt_ms:g} ms round trip"
+def short(name: str) -> str:
+    """As much of a name as there is room for beside an axis."""
+    return name if len(name) <= ROOM else f"{name[: ROOM - 1]}…"
+
+
+def with_rtt(network: str, rtt_ms: float | None) -> str:
+    """A network's name beside an axis."""
+    return short(network) if rtt_ms is None else f"{short(network)}, {rtt_ms:g} ms"
 
 
 def spread_of(groups: Sequence[Group]) -> str:
@@ -48,6 +55,7 @@ def each(groups: Sequence[Group], metric: Metric) -> str:
 
 
 def best(groups: Sequence[Group], metric: Metric) -> str:
+    """Who has the most of a figure, and who the least."""
     found = means(groups, metric)
     if len(found) < 2:
         return f"{metric.title}: {each(groups, metric)}"
@@ -76,6 +84,7 @@ def steadiness(groups: Sequence[Group]) -> str:
 
 
 def against_download(groups: Sequence[Group], link: Floats | None, size: int | None) -> str:
+    """What was received, and what would have become of a download of so many bytes over the same link."""
     totals = {group.variant.title: float(received(group)[1][-1]) for group in groups}
     parts = [f"{title} {megabytes:,.1f} MB" for title, megabytes in totals.items()]
     if len(parts) > MANY:

@@ -64,7 +64,7 @@ class Variant:
             return f"Profile {self.profile}"
         if self.profile is not None:
             return CONTROLLER_TITLES.get(self.profile, self.profile)
-        return MODE_NAMES[self.mode]
+        return MODE_NAMES[self.mode].replace(",", "")  # in lists, too
 
 
 def in_order(variants: Iterable[Variant]) -> list[Variant]:
