@@ -81,6 +81,11 @@ def test_a_folder_name_is_safe_whatever_the_names() -> None:
     assert "/" not in slug
 
 
+def test_a_long_name_leaves_room_for_the_round_trip() -> None:
+    network = Network(name="t" * 100)
+    assert configuration(network=network.with_rtt(20)).slug != configuration(network=network.with_rtt(200)).slug
+
+
 @pytest.mark.parametrize("change", [{"duration_s": 0}, {"width": 1}, {"profile": -1}, {"duration_s": float("nan")}])
 def test_absurd_configurations_are_refused(change: dict[str, float]) -> None:
     with pytest.raises(ValidationError):

@@ -135,7 +135,9 @@ class Configuration(WireModel):
     def slug(self) -> str:
         """A name for its folder."""
         mode = f"{self.mode}-{self.profile}" if self.mode == "stateless" else self.mode
-        network = self.network.name if self.network.rtt_ms is None else f"{self.network.name}-{self.network.rtt_ms:g}ms"
+        network = self.network.name
+        if self.network.rtt_ms is not None:
+            network = f"{network[:30]}-{self.network.rtt_ms:g}ms"
         parts = (self.scene, Path(self.movement).stem, network, mode, f"{self.repeat}")
         return "_".join(re.sub(r"[^A-Za-z0-9.-]+", "-", part).strip(".-")[:40] or "x" for part in parts)
 
