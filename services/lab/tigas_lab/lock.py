@@ -12,6 +12,9 @@ from filelock import FileLock, Timeout
 
 from tigas_common.errors import StartError
 
+EXPERIMENT = ".lock"
+"""The name of the lock file in the folder of an experiment that a command is making."""
+
 
 @contextmanager
 def exclusive(path: Path, otherwise: str) -> Iterator[None]:

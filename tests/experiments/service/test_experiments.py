@@ -11,6 +11,7 @@ import pytest
 from tests.experiments.made_up import write_run
 from tests.experiments.service.conftest import Running, running_store, upload
 from tigas_lab.load import LoadSample
+from tigas_lab.lock import EXPERIMENT, exclusive
 from tigas_lab.store import ExperimentRecord, StoredRun, read_experiment, write_experiment
 from tigas_lab.summary import summarise
 
@@ -129,6 +130,16 @@ async def test_what_cannot_be_read_costs_itself_alone(store: Running, content: s
     assert [(one["id"], one["runs"]) for one in listed] == [(good, 0)]
     for name in ("bad", "not-an-experiment", "a-file"):
         assert (await store.http.get(f"/experiments/{name}")).status_code == 404
+
+
+async def test_what_a_command_is_making_cannot_be_removed(store: Running) -> None:
+    folder = by_command(store.results / "made", 1)
+    with exclusive(folder / EXPERIMENT, "busy"):
+        refused = await store.http.delete("/experiments/made")
+        assert (refused.status_code, refused.json()["type"]) == (409, "tigas:experiment-in-use")
+        assert (folder / "experiment.json").is_file()
+    assert (await store.http.delete("/experiments/made")).status_code == 204
+    assert store.kept() == []
 
 
 PAGES = {

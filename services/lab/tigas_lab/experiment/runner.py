@@ -13,7 +13,7 @@ from tigas_common.errors import StartError
 from tigas_lab.configuration import Configuration
 from tigas_lab.experiment.plan import Plan
 from tigas_lab.laboratory import Laboratory, laboratory
-from tigas_lab.lock import exclusive
+from tigas_lab.lock import EXPERIMENT, exclusive
 from tigas_lab.recording import BrokenRecording
 from tigas_lab.run import run
 from tigas_lab.store import ExperimentRecord, RunRecord, StoredRun, read_experiment, write_experiment
@@ -82,7 +82,7 @@ def reserved(experiment: Experiment) -> Iterator[None]:
     """The folder, for nobody else as long as the context lasts. Raises StartError and OSError."""
     experiment.out.mkdir(parents=True, exist_ok=True)
     busy = f"Another experiment is writing into {experiment.out}; wait until it has ended, or choose another --out."
-    with exclusive(experiment.out / ".lock", busy):
+    with exclusive(experiment.out / EXPERIMENT, busy):
         if strangers := experiment.strangers():
             raise StartError(
                 f"{experiment.out} has {len(strangers)} runs that are not of this experiment, such as {strangers[0]}; "

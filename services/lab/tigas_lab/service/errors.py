@@ -21,6 +21,12 @@ class UnknownMovement(TigasError):
     status, type, title = 404, "unknown-movement", "There is no such movement"
 
 
+class ExperimentInUse(TigasError):
+    """A command is making the experiment."""
+
+    status, type, title = 409, "experiment-in-use", "The experiment is being made"
+
+
 class NothingToReport(TigasError):
     """The experiment has no runs."""
 

@@ -9,26 +9,27 @@ from __future__ import annotations
 import errno
 import itertools
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from contextlib import nullcontext
 from datetime import UTC, datetime
 from functools import lru_cache
 from pathlib import Path
 from typing import TypeVar
 
-from pydantic import BaseModel
-
+from tigas_common.errors import StartError
+from tigas_lab.lock import EXPERIMENT, exclusive
 from tigas_lab.recording import BrokenRecording
-from tigas_lab.service.errors import UnknownExperiment, storage_explained
+from tigas_lab.service.errors import ExperimentInUse, UnknownExperiment, storage_explained
 from tigas_lab.service.intake import parsed
 from tigas_lab.service.wire import Experiment, ExperimentList, ExperimentRequest, ExperimentSummary, RunRow
 from tigas_lab.service.workspace import Workspace
-from tigas_lab.store import ExperimentRecord, read_experiment, write_experiment
+from tigas_lab.store import ExperimentRecord, RunRecord, StoredRun, read_experiment, write_experiment
 from tigas_lab.summary import Summary, summarise
 
 CACHED_RUNS = 10_000
+T = TypeVar("T")
 TAKEN = (errno.EEXIST, errno.ENOTEMPTY, errno.ENOTDIR)
 """What the system says where a folder cannot be put because something is there."""
-Model = TypeVar("Model", bound=BaseModel)
 
 
 class Experiments:
@@ -48,8 +49,7 @@ class Experiments:
                 record = read_experiment(folder)
             except BrokenRecording:
                 continue
-            runs = _runs(folder)
-            complete = sum(run.record.status == "complete" for run in runs)
+            runs = list(_read(_record, folder))
             found.append(
                 ExperimentSummary(
                     id=folder.name,
@@ -57,7 +57,7 @@ class Experiments:
                     created=record.created,
                     source=record.source,
                     runs=len(runs),
-                    complete=complete,
+                    complete=sum(run.status == "complete" for run in runs),
                 )
             )
         return ExperimentList(experiments=tuple(sorted(found, key=lambda one: (one.created, one.id), reverse=True)))
@@ -65,7 +65,7 @@ class Experiments:
     def get(self, experiment: str) -> Experiment:
         """One with its runs. Raises UnknownExperiment."""
         folder, record = self.find(experiment)
-        runs = [RunRow.of(run) for run in _runs(folder)]
+        runs = [RunRow.of(run) for run in _read(_summary, folder)]
         return Experiment(
             id=experiment,
             name=record.name,
@@ -115,11 +115,15 @@ class Experiments:
         return RunRow.of(summary.model_copy(update={"folder": name}))
 
     def remove(self, experiment: str) -> None:
-        """Remove one. Raises UnknownExperiment."""
+        """Remove one. Raises UnknownExperiment and ExperimentInUse."""
         folder, _ = self.find(experiment)
+        lock = folder / EXPERIMENT
         with storage_explained():
             try:
-                self._workspace.remove(folder)
+                with exclusive(lock, "") if lock.exists() else nullcontext():
+                    self._workspace.remove(folder)
+            except StartError:
+                raise ExperimentInUse(f"A command is making the experiment {experiment}; end it first.") from None
             except FileNotFoundError:
                 raise UnknownExperiment(f"The experiment {experiment} was removed meanwhile.") from None
 
@@ -144,18 +148,19 @@ def version(run: Path) -> tuple[int, ...] | None:
     return told.st_mtime_ns, told.st_size, told.st_ino
 
 
-def _runs(folder: Path) -> list[Summary]:
-    """Those that say something of themselves."""
-    return list(_summaries(run_folders(folder)))
-
-
-def _summaries(runs: list[Path]) -> Iterator[Summary]:
-    for run in runs:
+def _read(reader: Callable[[Path, tuple[int, ...]], T], folder: Path) -> Iterator[T]:
+    """What a reader says of an experiment's runs, of those that say something of themselves."""
+    for run in run_folders(folder):
         if (written := version(run)) is not None:
             try:
-                yield _summary(run, written)
+                yield reader(run, written)
             except BrokenRecording:
                 continue
+
+
+@lru_cache(CACHED_RUNS)
+def _record(run: Path, _written: tuple[int, ...]) -> RunRecord:
+    return StoredRun(run).record
 
 
 @lru_cache(CACHED_RUNS)

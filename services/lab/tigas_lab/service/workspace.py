@@ -10,12 +10,11 @@ import os
 import shutil
 import tempfile
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
-from filelock import FileLock, Timeout
-
 from tigas_common.errors import StartError
+from tigas_lab.lock import exclusive
 
 NAME = ".store"
 LOCK = "lock"
@@ -32,15 +31,13 @@ class Workspace:
     def opened(cls, results: Path) -> Iterator[Workspace]:
         """This process' own for as long as the context lasts, cleared. Raises StartError."""
         root = results / NAME
-        lock = FileLock(root / LOCK)
-        try:
-            root.mkdir(parents=True, exist_ok=True)
-            lock.acquire(timeout=0)
-        except Timeout:
-            raise StartError(f"Another store keeps its results in {results}; choose another folder.") from None
-        except OSError as error:
-            raise StartError(f"Results cannot be kept in {results}: {error.strerror or error}.") from None
-        with lock:
+        with ExitStack() as stack:
+            try:
+                root.mkdir(parents=True, exist_ok=True)
+                busy = f"Another store keeps its results in {results}; choose another folder."
+                stack.enter_context(exclusive(root / LOCK, busy))
+            except OSError as error:
+                raise StartError(f"Results cannot be kept in {results}: {error.strerror or error}.") from None
             for left in root.iterdir():
                 if left.name != LOCK:
                     shutil.rmtree(left, ignore_errors=True)
