@@ -44,6 +44,8 @@ def test_fewer_switches(tmp_path: Path, hold: int, verdict: str) -> None:
     )
     assert said["lol+"].verdict == verdict
     assert said["lol+"].figures.startswith("Latency 90.0, LoL+ ")
+    at = "1 of 1" if verdict == "holds" else "0 of 1"
+    assert said["lol+"].figures.endswith(f"less often at {at} networks and round trips.")
     assert said["l2a"].verdict == "no data"
 
 

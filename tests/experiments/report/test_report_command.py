@@ -133,7 +133,7 @@ def test_nothing_but_failures_is_a_report_too(experiment: Path) -> None:
 
 def test_names_are_text_and_nothing_else(tmp_path: Path) -> None:
     evil = "<script>alert('$x$')</script>"
-    names = (evil, "../../etc/passwd", "测试\u0001", "=1+1,\n")
+    names = (evil, "../../etc/passwd", "$\\frac{$", "测试\u0001", "=1+1,\n")
     for repeat, name in enumerate(names):
         write_run(tmp_path / "runs" / f"{repeat}", name, name, movement=f"{evil}.csv", scene=evil)
     said = run_report(tmp_path)
