@@ -59,9 +59,8 @@ def test_two_controllers_are_compared_and_kept(
 ) -> None:
     page = open_page(SCENE, url=lab_url)
     wait_for_frames(page)
-    turn = page.get_by_role("spinbutton", name="Turn")
-    turn.fill("77")
-    turn.press("Enter")
+    adaptation = page.get_by_label("Adaptation")
+    adaptation.select_option("l2a")
     page.locator(".stage").focus()
     page.keyboard.press("e")
     dialog = page.locator("dialog.experiment")
@@ -110,7 +109,7 @@ def test_two_controllers_are_compared_and_kept(
     assert shaper.asked == [*held, ("/seek", {"position_ms": 0}), ("/resume", {}), ("/stop", {})] * 2
 
     dialog.get_by_role("button", name="Close").click()
-    expect(turn, "the person's settings are back").to_have_value("77")
+    expect(adaptation, "the person's settings are back").to_have_value("l2a")
     shown = frames(page)
     page.locator(".stage").focus()
     page.keyboard.press("ArrowRight", delay=200)
@@ -146,7 +145,7 @@ def test_what_fails_or_is_cancelled_is_marked_and_without_a_store_nothing_is_los
         movement.set_input_files(tmp_path / "broken.csv")
         expect(dialog.get_by_role("alert")).to_contain_text("broken.csv")
         movement.set_input_files(file)
-        fill(page, name="No store", movement="file/my walk.csv", seconds="1")
+        fill(page, name="No store", movement="file/my walk.csv", seconds="1.5")
         dialog.get_by_role("combobox", name="Network").select_option("stairs")
         dialog.get_by_label("LoL+").check()
         dialog.get_by_role("button", name="Start").click()
@@ -166,8 +165,14 @@ def test_what_fails_or_is_cancelled_is_marked_and_without_a_store_nothing_is_los
             ]
         )
         assert shaper.asked[-1] == ("/stop", {}), "the link was not given back"
+        dialog.get_by_role("button", name="Close").click()
+        page.get_by_role("link", name="Back to all scenes").click()
+        page.get_by_role("link", name="Pebbles").first.click()
+        page.get_by_role("toolbar").get_by_role("button", name="Experiment").click()
+        expect(dialog.get_by_role("button", name="Discard, and begin anew"), "a visit lost results").to_be_visible()
         with page.expect_download() as download:
             dialog.get_by_role("button", name="Save as JSON").click()
+        expect(dialog.get_by_role("button", name="New experiment")).to_be_visible()
     assert download.value.suggested_filename == "No-store.json"
     saved: dict[str, Any] = json.loads(download.value.path().read_text())
     assert saved["plan"]["movement"] == "my walk.csv"

@@ -46,12 +46,13 @@ def test_the_network_panel(open_page: OpenPage, shaper: FakeShaper, page_url: st
     assert inked(page), "the chart is blank"
 
     page.get_by_role("radio", name="tunnel").check()
-    page.get_by_label("Start again at the end").uncheck()
-    page.get_by_role("button", name="Play").press("Enter")
+    panel = page.locator(".network")
+    panel.get_by_label("Start again at the end").uncheck()
+    panel.get_by_role("button", name="Play").press("Enter")
     expect(page.locator("[data-network=mode]")).to_contain_text("Plays tunnel, 0:02 of 0:08")
-    page.get_by_role("button", name="Pause").click()
-    page.get_by_role("button", name="Resume").click()
-    page.get_by_role("button", name="Stop").click()
+    panel.get_by_role("button", name="Pause").click()
+    panel.get_by_role("button", name="Resume").click()
+    panel.get_by_role("button", name="Stop").click()
     expect(page.locator("[data-network=mode]")).to_contain_text("A constant link")
     expected = [("/start", {"trace": "tunnel", "loop": False}), ("/pause", {}), ("/resume", {}), ("/stop", {})]
     assert shaper.asked == expected

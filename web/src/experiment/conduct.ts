@@ -6,15 +6,13 @@ import type { Bench } from "./measure";
 export async function conduct(experiment: Experiment, { runner, shaper }: Bench): Promise<void> {
   const person = settings.peek();
   const shaped = experiment.plan.network.trace !== null;
-  const leaving = new AbortController();
-  const { signal } = leaving;
-  addEventListener("beforeunload", (event) => event.preventDefault(), { signal });
-  addEventListener("pagehide", () => shaped && shaper?.api.abandon(), { signal });
+  const abandon = () => shaped && shaper?.api.abandon();
+  addEventListener("pagehide", abandon);
   borrowed.value = true;
   try {
     await experiment.conduct();
   } finally {
-    leaving.abort();
+    removeEventListener("pagehide", abandon);
     settings.value = person;
     borrowed.value = false;
     runner.release();

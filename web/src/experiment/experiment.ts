@@ -2,7 +2,7 @@
  * One experiment of the page: its runs one after the other, what became of each, and how far it is. A run that fails is marked,
  * and the others go on. What makes a run and what keeps it come in, and so does time.
  */
-import { signal } from "@preact/signals";
+import { computed, signal } from "@preact/signals";
 import { ShaperError } from "../network/api";
 import { ApiError } from "../state/api";
 import { RunFailed } from "./errors";
@@ -42,6 +42,10 @@ export class Experiment {
   readonly id = signal<string | null>(null);
   /** Why the store does not keep it, in one sentence. */
   readonly notice = signal<string | null>(null);
+  /** What no store has was saved as a file. */
+  readonly saved = signal(false);
+  /** It would be lost with the page. */
+  readonly unsaved = computed(() => !this.saved.value && this.results.value.some(({ unstored }) => unstored !== null));
   readonly #hands: Hands;
   readonly #cancelled = new AbortController();
   /** What each run took beside its warm-up and movement, in milliseconds. */

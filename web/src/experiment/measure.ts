@@ -68,7 +68,8 @@ export async function measure(
     }
   } finally {
     runner.stand(first); // until the next run: a person's keys must not move the camera meanwhile
-    await link.release();
+    // What was measured counts all the same; a link that stays as it is will be told of by the next run.
+    await link.release().catch(() => undefined);
   }
 }
 
@@ -94,8 +95,11 @@ function watchForTrouble(session: ViewerSession, shaper: Shaper | null, run: Pla
     if (session.phase.value.kind !== "playing") return "The connection was lost during the run.";
     if (run.mode !== "stateless" && stream?.kind !== "playing") return "The DASH stream was lost during the run.";
     if (condition() !== before) return "Settings or the window's size were changed during the run.";
-    if (shaper?.status.value?.closed) return `The link was closed during the run: ${shaper.status.value.closed}`;
-    return run.network.name === "unshaped" ? null : (shaper?.silent.value ?? null);
+    const status = shaper?.status.value;
+    if (status?.closed) return `The link was closed during the run: ${status.closed}`;
+    if (run.network.name === "unshaped") return null;
+    if (status && status.trace !== run.network.name) return "Somebody else changed the link during the run.";
+    return shaper?.silent.value ?? null;
   };
   const stop = effect(() => {
     const said = trouble();

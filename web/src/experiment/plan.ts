@@ -46,6 +46,8 @@ export interface PlannedRun extends Omit<Required<Configuration>, "width" | "hei
   readonly profile: Profile;
 }
 
+/** What `tigas_lab.configuration` has where no controller chooses: equal runs have equal configurations. */
+const UNUSED: Profile = "budget";
 /** What a run takes beside its warm-up and its movement, before any was made: connecting, the first view, storing. In ms. */
 const OVERHEAD = 5000;
 
@@ -65,7 +67,7 @@ export function runsOf(plan: ExperimentPlan): PlannedRun[] {
   };
   return Array.from({ length: plan.repeats }, (_, repeat) =>
     plan.modes.flatMap((mode) => {
-      const profiles = mode === "stateless" ? plan.profiles : ([0] as const);
+      const profiles = mode === "stateless" ? plan.profiles : [UNUSED];
       return profiles.map((profile) => ({ ...shared, mode, profile, repeat }));
     }),
   ).flat();

@@ -1,5 +1,5 @@
 /** Experiments in the viewer: the dialogue that sets one up and shows what it found, and what is seen while it runs. */
-import { type Signal, useSignal } from "@preact/signals";
+import { type Signal, signal, useSignal } from "@preact/signals";
 import { X } from "lucide";
 import type { ComponentChildren } from "preact";
 import { useEffect, useRef } from "preact/hooks";
@@ -39,14 +39,17 @@ export interface Wish {
   readonly exports: boolean;
 }
 
+/** The last one, for as long as the page is open: its results outlast a visit to a scene. */
+const experiment = signal<Experiment | null>(null);
+
 export function ExperimentLab({ session, runner, open, locked }: Props) {
-  const experiment = useSignal<Experiment | null>(null);
   const running = experiment.value !== null && experiment.value.progress.value !== null;
   const shaper = useShaper(config.value?.services.shaper, open.value || running);
   const base = config.value?.services.store;
   const store = base === undefined ? null : new StoreApi(base);
   const draft = useSignal<Draft | null>(null);
-  useEffect(() => () => experiment.peek()?.cancel(), [experiment]);
+  useEffect(() => () => experiment.peek()?.cancel(), []);
+  useLeavingWarning(running || experiment.value?.unsaved.value === true);
   useEffect(() => {
     if (open.value) draft.value ??= firstDraft(session);
   }, [open.value, draft, session]);
@@ -152,12 +155,23 @@ function useShaper(base: string | undefined, wanted: boolean): Shaper | null {
   return shaper.value;
 }
 
+/** Who leaves the page is asked whether what is under way or not saved may be lost. */
+function useLeavingWarning(needed: boolean): void {
+  useEffect(() => {
+    if (!needed) return undefined;
+    const ask = (event: BeforeUnloadEvent) => event.preventDefault();
+    addEventListener("beforeunload", ask);
+    return () => removeEventListener("beforeunload", ask);
+  }, [needed]);
+}
+
 /** Saves the store's archive, and in a file of its own whatever the store does not have. */
 async function exported(experiment: Experiment, store: StoreApi | null): Promise<void> {
-  const { plan, created, results, id, notice } = experiment;
+  const { plan, created, results, id, notice, saved } = experiment;
   const name = plan.name;
   if (results.peek().some(({ unstored }) => unstored !== null) || id.peek() === null) {
     save(fileName(name, "json"), new Blob([toJson(plan, created, results.peek())], { type: "application/json" }));
+    saved.value = true;
   }
   if (store === null || id.peek() === null) return;
   try {

@@ -43,7 +43,7 @@ export function ExperimentResults({ experiment, store, onExport, onAgain }: Prop
       <Remarks results={results} />
       <footer>
         <button type="button" class="button quiet" onClick={onAgain}>
-          New experiment
+          {experiment.unsaved.value ? "Discard, and begin anew" : "New experiment"}
         </button>
         {store && id !== null && (
           <>
