@@ -72,7 +72,7 @@ def test_dash_runs_do_not_change_with_the_controllers(tmp_path: Path) -> None:
     ("fields", "sentence"),
     [
         ({"colour": 1}, "there is no 'colour', only name, scenes"),
-        ({"scenes": []}, "scenes: tuple should have at least 1 item"),
+        ({"scenes": []}, "scenes: there must be at least one"),
         ({"scenes": ["../../etc"]}, "scenes.0: '../../etc' must not be a path"),
         ({"scenes": "courtyard"}, "scenes: input should be"),
         ({"name": "a/b"}, "name: 'a/b' must not be a path"),
@@ -84,7 +84,7 @@ def test_dash_runs_do_not_change_with_the_controllers(tmp_path: Path) -> None:
         ({"networks": ["20mbit,200%-loss"]}, "less than or equal to 100"),
         ({"networks": ["unshaped"], "rtts_ms": [20]}, "an unshaped network has the round trip"),
         ({"rtts_ms": [-1]}, "rtts_ms.0: input should be greater than or equal to 0"),
-        ({"rtts_ms": []}, "rtts_ms: tuple should have at least 1 item"),
+        ({"rtts_ms": []}, "rtts_ms: there must be at least one"),
         ({"modes": ["webrtc"]}, "modes.0: input should be"),
         ({"controllers": [-1]}, "The profile is a rung"),
         ({"controllers": [0, "0"]}, "0 is there twice"),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from tests.experiments.made_up import configuration
-from tests.experiments.test_inputs import scene
+from tests.experiments.movement.scenes import scene
 from tigas_lab.inputs import movement_points
 from tigas_lab.points import Point, digest
 

@@ -35,7 +35,9 @@ def _no_path(name: str) -> str:
     return name
 
 
-def _distinct(values: tuple[Value, ...]) -> tuple[Value, ...]:
+def _several(values: tuple[Value, ...]) -> tuple[Value, ...]:
+    if not values:
+        raise ValueError("there must be at least one")
     for index, value in enumerate(values):
         if value in values[:index]:
             raise ValueError(f"{value!r} is there twice")
@@ -49,7 +51,7 @@ def _rung(controller: int | str) -> int | str:
 Name = Annotated[str, Field(min_length=1, max_length=100), AfterValidator(_no_path)]
 Controller = Annotated[int | Annotated[str, Field(min_length=1, max_length=40)], AfterValidator(_rung)]
 Text = Annotated[str, Field(min_length=1, max_length=1000)]
-Several = Annotated[tuple[Value, ...], Field(min_length=1), AfterValidator(_distinct)]
+Several = Annotated[tuple[Value, ...], AfterValidator(_several)]
 
 
 class Plan(WireModel):

@@ -1,0 +1,113 @@
+"""One run with a page that is made up: what its record says, and what makes it fail."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from tests.experiments.made_up import MACHINE, configuration, recording
+from tests.experiments.movement.scenes import scene
+from tigas_common.errors import StartError
+from tigas_lab import run as run_module
+from tigas_lab.configuration import Network
+from tigas_lab.inputs import movement_points
+from tigas_lab.points import digest
+from tigas_lab.recording import Recording
+from tigas_lab.store import RunRecord, StoredRun
+
+UNSHAPED = configuration(network=Network(name="unshaped"), warm_up_s=0.0)
+POINTS = movement_points(UNSHAPED, scene())
+
+
+class World:
+    """A laboratory, its page and its services; a test changes what it wants to go wrong."""
+
+    machine = MACHINE
+
+    def __init__(self) -> None:
+        self.recording: dict[str, Any] = recording()
+        self.services_live = True
+        self.can_start = True
+        self.asked: dict[str, Any] = {}
+
+    async def bench(self, _: object) -> object:
+        if not self.can_start:
+            raise StartError("The lab did not start: no.")
+        target = SimpleNamespace(url="http://127.0.0.1:9", shaper=None, dash=None)
+        return SimpleNamespace(target=target, browser=SimpleNamespace(version="1"), scene=scene(), points=POINTS)
+
+    async def prepare(self, settings: object, pose: object) -> None:
+        self.asked["pose"] = pose
+
+    async def record(self, plan: dict[str, Any], patience_s: float) -> Recording:
+        self.asked |= plan
+        return Recording.parse(json.dumps(self.recording))
+
+
+@pytest.fixture
+def world(monkeypatch: pytest.MonkeyPatch) -> World:
+    """In which all goes well."""
+    made = World()
+
+    @asynccontextmanager
+    async def viewer(*_: object) -> AsyncIterator[World]:
+        yield made
+
+    async def alive(_: object) -> bool:
+        return made.services_live
+
+    monkeypatch.setattr(run_module, "viewer", viewer)
+    monkeypatch.setattr(run_module, "alive", alive)
+    return made
+
+
+def run(world: World, folder: Path) -> RunRecord:
+    """Make it; what is returned is what was written."""
+    laboratory: Any = world
+    record = asyncio.run(run_module.run(laboratory, UNSHAPED, folder, lambda _: None))
+    assert StoredRun(folder).record == record
+    return record
+
+
+def test_the_record_says_which_poses_the_page_was_given(world: World, tmp_path: Path) -> None:
+    first, second = (run(world, tmp_path / name) for name in ("first", "second"))
+    assert first.status == "complete"
+    assert world.asked["pose"] == POINTS[0]
+    assert world.asked["points"] == POINTS
+    assert first.points_sha256 == second.points_sha256 == digest(POINTS)
+    assert first.scene_bytes == scene().file_bytes
+
+
+def test_a_service_that_ended_meanwhile_costs_the_run(world: World, tmp_path: Path) -> None:
+    world.services_live = False
+    record = run(world, tmp_path / "run")
+    assert (record.status, record.problem) == ("failed", "A service ended, or was started again, during the run.")
+    assert StoredRun(tmp_path / "run").frames(), "what was recorded is kept"
+
+
+def test_services_that_do_not_start_again_cost_the_run(world: World, tmp_path: Path) -> None:
+    world.can_start = False
+    assert run(world, tmp_path / "run").problem == "The lab did not start: no."
+
+
+@pytest.mark.parametrize(
+    ("change", "sentence"),
+    [
+        ({"complete": False}, "not played to its end"),
+        ({"frames": [{}]}, "The page's recording cannot be used: frames.0"),
+    ],
+)
+def test_a_recording_that_is_none_costs_the_run(
+    world: World, tmp_path: Path, change: dict[str, Any], sentence: str
+) -> None:
+    world.recording |= change
+    record = run(world, tmp_path / "run")
+    assert record.status == "failed"
+    assert sentence in str(record.problem)
