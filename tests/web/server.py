@@ -128,21 +128,6 @@ class Packager(_Service):
         return ["--render", self.render, "--http", self._http]
 
 
-class ExperimentStore(_Service):
-    """`tigas store`, on a free port that is known before it starts and stays the same."""
-
-    announces = r"Experiments in .* on (http://\S+)/"
-
-    def __init__(self, results: Path, *arguments: str) -> None:
-        super().__init__("store", "--results", str(results), *arguments)
-        with socket.create_server(("127.0.0.1", 0)) as free:
-            self._http = f"127.0.0.1:{free.getsockname()[1]}"
-        self.url = f"http://{self._http}"
-
-    def _addresses(self) -> list[str]:
-        return ["--http", self._http]
-
-
 class Store(_Service):
     """`tigas store`, on a free port; pages of every port of this machine may use it."""
 

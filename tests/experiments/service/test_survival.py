@@ -18,7 +18,7 @@ import pytest
 from tests.experiments.made_up import inputs
 from tests.experiments.service.conftest import Running, running_store, until, upload
 from tests.experiments.service.test_hostile import head
-from tests.web.server import ExperimentStore
+from tests.web.server import Store
 from tigas_common.errors import InvalidRequest, Overloaded, StartError
 from tigas_lab.service.apart import in_a_process
 from tigas_lab.service.intake import parsed
@@ -92,7 +92,7 @@ async def test_a_disk_without_any_room_is_told_and_reads_on(small_disk: Path) ->
 
 async def test_a_store_that_is_killed_in_mid_upload_leaves_no_half_run(tmp_path: Path) -> None:
     results = tmp_path / "results"
-    with ExperimentStore(results) as store:
+    with Store("--results", str(results)) as store:
         async with httpx.AsyncClient(base_url=store.url, timeout=20, trust_env=False) as http:
             experiment = (await http.post("/experiments", json={"name": "a", "plan": {}})).json()["id"]
             row = (await http.post(f"/experiments/{experiment}/runs", json=upload())).json()
@@ -134,7 +134,7 @@ def test_a_second_store_of_the_same_results_is_refused(tmp_path: Path) -> None:
     with Workspace.opened(tmp_path):
         with pytest.raises(StartError, match="Another store keeps its results"), Workspace.opened(tmp_path):
             pass
-        with pytest.raises(AssertionError, match="Another store keeps its results"), ExperimentStore(tmp_path):
+        with pytest.raises(AssertionError, match="Another store keeps its results"), Store("--results", str(tmp_path)):
             pass
     with Workspace.opened(tmp_path):
         pass
