@@ -27,6 +27,7 @@ START_S = 120
 """The first start on a machine compiles the rasteriser."""
 STOP_S = 15
 ANSWER_S = 10
+"""On a busy machine."""
 LOAD_S = 300
 
 
@@ -102,7 +103,7 @@ async def alive(target: Target) -> bool:
     except StartError:
         return False
     services = (target.url, target.shaper, target.dash)
-    return config == target.config and all([await _serves(url) for url in services if url is not None])
+    return config == target.config and all([await _serves(url, ANSWER_S) for url in services if url is not None])
 
 
 async def load_scene(url: str, scene: str) -> SceneInfo:
@@ -147,8 +148,8 @@ async def _ready(process: subprocess.Popen[bytes], log: asyncio.Task[str]) -> Ta
     raise StartError(f"The lab's services did not answer within {START_S} s.")
 
 
-async def _serves(url: str) -> bool:
-    async with httpx.AsyncClient(timeout=ANSWER_S, trust_env=False, verify=False) as http:
+async def _serves(url: str, patience_s: float = 2) -> bool:
+    async with httpx.AsyncClient(timeout=patience_s, trust_env=False, verify=False) as http:
         with contextlib.suppress(httpx.HTTPError):
             return (await http.get(f"{url.rstrip('/')}/healthz")).is_success
     return False
