@@ -25,8 +25,19 @@ test.each([
 
 test("a slow server gets a few requests to choose the newest from, or no more than it can render in order", () => {
   expect(after(4, { render: 400 }, true).limit).toBe(4);
-  expect(after(4, { render: 400 }, false).limit).toBe(3);
+  expect(after(4, { render: 400 }, false).limit).toBe(2);
 });
+
+test.each([
+  [20, 0, 3], // the link takes no time: a request goes out in every animation frame
+  [70, 50, 2], // one on the link, and one that is on its way there or being rendered
+  [150, 50, 4],
+])(
+  "with %i ms outside the server, %i of them on the link, %i are in flight: one more would wait",
+  (overhead, transmission, expected) => {
+    expect(after(overhead, { transmission }).limit).toBe(expected);
+  },
+);
 
 test("a slow link gets no more frames than it can carry, however long its own queue becomes", () => {
   const subject = new InFlightLimit(true);
@@ -37,7 +48,7 @@ test("a slow link gets no more frames than it can carry, however long its own qu
     const alone = subject.limit === 1;
     const overhead = alone ? 220 : 20 + subject.limit * 200;
     subject.observe({ ...FRAME, overhead, transmission: 200, alone }, now);
-    expect(subject.limit).toBeLessThanOrEqual(3);
+    expect(subject.limit).toBeLessThanOrEqual(2);
   }
 });
 

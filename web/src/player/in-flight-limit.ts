@@ -1,13 +1,14 @@
 /**
- * How many requests to keep in flight: enough to cover the way there and back and the server's work, so that the frame rate
- * does not fall with the round trip, and one more to keep the slowest stage busy. More would only queue.
+ * How many requests to keep in flight: enough to cover the way there and back, the server's work and the animation frame that
+ * the next request may have to wait for, so that the frame rate does not fall with the round trip. More would only queue.
  *
- *     limit = ceil((base + service) / interval) + 1
+ *     limit = ceil((base + service + animation frame) / interval)
  *
- * `interval` is the time between requests. Where the server renders a viewer's newest request first, a view may go out with
- * every animation frame: what a newer one overtakes is never rendered, and what is rendered was never newer. So that a slow
- * server is not flooded with views that it will never render, `service` counts for two animation frames at most there.
- * Elsewhere requests are served in order, and more than the server can render would only make the others wait.
+ * `interval` is the time between requests: that of the slowest stage, which always has work then. Where the server renders a
+ * viewer's newest request first, a view may go out with every animation frame: what a newer one overtakes is never rendered,
+ * and what is rendered was never newer. So that a slow server is not flooded with views that it will never render, `service`
+ * counts for two animation frames at most there. Elsewhere requests are served in order, and more than the server can render
+ * would only make the others wait.
  *
  * `base` is the least time that a frame spends outside the server (network, transmission, decoding). It is a minimum, because
  * anything above it is our own queue on the link, which a larger limit would only lengthen. A minimum never rises on its own,
@@ -67,7 +68,7 @@ export class InFlightLimit {
   get limit(): number {
     if (this.#base === undefined || this.#observedAt - this.#baseAt > BASE_MAX_AGE) return 1;
     const service = this.#overtaking ? Math.min(this.#service, 2 * ANIMATION_FRAME) : this.#service;
-    const depth = Math.ceil((this.#base + service) / this.#interval) + 1;
+    const depth = Math.ceil((this.#base + service + ANIMATION_FRAME) / this.#interval);
     return Math.min(MAX, Math.max(MIN, depth));
   }
 }

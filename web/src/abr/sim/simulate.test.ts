@@ -44,7 +44,7 @@ test("a link carries what it can, and waiting grows with what is asked of it", a
   expect(bandwidth).toBeGreaterThan(15);
   expect(framesPerSecond).toBeGreaterThan(9); // 20 Mbit/s are 10.4 frames of 240 kB a second, less headers
   expect(framesPerSecond).toBeLessThan(10.4);
-  expect(responseP50).toBeGreaterThan(200);
+  expect(responseP50).toBeGreaterThan(150); // 96 ms on the link, and the wait for the frame before
 });
 
 test("the frame rate does not fall with the round trip", async () => {
