@@ -72,9 +72,6 @@ def run(
                 except KeyboardInterrupt:
                     say(f"Interrupted. To go on: {again}")
                     raise typer.Exit(130) from None
-                except (StartError, OSError):
-                    say(f"To go on: {again}")
-                    raise
             incomplete = made.missing()
         if incomplete:
             say(f"{len(incomplete)} of {len(made.runs)} runs are incomplete. To repeat them: {again}")

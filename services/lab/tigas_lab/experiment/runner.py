@@ -101,7 +101,10 @@ async def _make(experiment: Experiment, missing: Sequence[Configuration], lab: L
         listener.finished(record)
         failures = 0 if record.status == "complete" else failures + 1
         if failures == GIVE_UP_AFTER:
-            raise StartError(f"{failures} runs in a row failed, so the others are not tried. {record.problem}")
+            raise StartError(
+                f"{failures} runs in a row failed, so the others are not tried; the same command goes on. The last one "
+                f"failed for this: {record.problem}"
+            )
 
 
 def _is_complete(folder: Path, configuration: Configuration) -> bool:
