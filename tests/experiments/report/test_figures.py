@@ -15,6 +15,7 @@ from tigas_lab.report import experiment
 from tigas_lab.report.drawing import distribution, for_a_page
 from tigas_lab.report.experiment import Listener, write_experiment_report
 from tigas_lab.report.figures import Draughtsman
+from tigas_lab.report.findings import short
 from tigas_lab.report.results import load
 from tigas_lab.report.series import BINS, binned, downloaded
 from tigas_lab.report.variants import Variant, in_order, looks
@@ -39,6 +40,12 @@ def test_round_trips_are_told_from_end_to_end(tmp_path: Path) -> None:
     assert drawing is not None
     assert drawing.title == "Mean response at 20 ms round trip: Latency 50 ms; at 300 ms: Latency 330 ms"
     assert "Means over 2 runs" in drawing.caption
+
+
+def test_a_caption_says_what_is_taken_together(tmp_path: Path) -> None:
+    drawing = drawn(tmp_path, {}, {"movement": "orbit"}, {"movement": "orbit", "repeat": 1}).overview()
+    assert drawing is not None
+    assert "at its lowest round trip (20 ms). Means over 3 runs (2 movements), from the least to" in drawing.caption
 
 
 def test_runs_over_an_unshaped_network_without_pictures_or_rungs(tmp_path: Path) -> None:
@@ -75,6 +82,12 @@ def test_the_overview_names_the_best_and_the_worst(tmp_path: Path) -> None:
     drawing = drawn(tmp_path, *runs).overview()
     assert drawing is not None
     assert drawing.title == "Budget has the most inputs within 100 ms, 100.0 % on average; Latency the fewest, 0.0 %"
+
+
+def test_names_are_shortened_in_their_middle() -> None:
+    assert short("report_bus_0001") == "report_bus_0001"
+    assert short("driving_B_2019.12.16_14.23.32.csv.gz") == "driving_B…2.csv.gz"
+    assert len(short("x" * 100)) == 18
 
 
 def test_distributions_count_what_never_came() -> None:

@@ -152,4 +152,7 @@ def _saturated(cells: Sequence[Cell], *names: str) -> str:
     """What the figures owe to the machine."""
     runs = [run for cell in cells for name in names if name in cell for run in cell[name].runs]
     saturated = sum(run.saturated for run in runs)
-    return f" Processors were saturated in {saturated} of these {len(runs)} runs." if saturated else ""
+    if not saturated:
+        return ""
+    which = "all of these" if saturated == len(runs) else f"{saturated} of these {len(runs)}"
+    return f" Processors were saturated in {which} runs."

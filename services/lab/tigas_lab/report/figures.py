@@ -26,7 +26,7 @@ from tigas_lab.report.drawing import (
     style,
     svg,
 )
-from tigas_lab.report.findings import against_download, best, change, each, short, spread_of, steadiness, with_rtt
+from tigas_lab.report.findings import against_download, best, change, each, short, spread_of, steadiness
 from tigas_lab.report.metrics import (
     HEIGHT,
     IN_TIME,
@@ -87,7 +87,7 @@ class Draughtsman:
             figure, panels = _panels(len(metrics))
             for axes, metric in zip(panels, metrics, strict=True):
                 self._points(axes, columns, metric)
-            names = [with_rtt(name, results.base_rtt(name)) for name in columns]
+            names = [short(name) for name in columns]
             for axes in panels:
                 axes.set_xticks(range(len(names)), names)
                 if len(names) > MOST_COLUMNS:
@@ -100,7 +100,7 @@ class Draughtsman:
             return Drawing(
                 "overview",
                 best(every, IN_TIME),
-                f"Each controller over each network, at its lowest round trip. {spread_of(every)}",
+                f"Each controller over each network, {_lowest(results)}. {spread_of(every)}",
                 svg(figure),
             )
 
@@ -116,7 +116,7 @@ class Draughtsman:
             for axes, metric in zip(panels, metrics, strict=True):
                 for variant, look in self._looks.items():
                     self._line(axes, [group for group in groups if group.variant == variant], metric, variant, look)
-                _metric_axis(axes, metric, [spread.mean for g in groups if (spread := g.spread(metric))])
+                _metric_axis(axes, metric, _extent(groups, metric))
                 axes.set_xlabel("Round trip, ms")
                 axes.set_xticks(rtts, [f"{rtt:g}" for rtt in rtts])
             self._finish(figure, panels)
@@ -320,7 +320,6 @@ class Draughtsman:
 
     def _points(self, axes: Axes, columns: dict[str, list[Group]], metric: Metric) -> None:
         width = 0.7 / max(1, len(self._looks))
-        drawn: list[float] = []
         for place, (variant, look) in enumerate(self._looks.items()):
             offset = (place - (len(self._looks) - 1) / 2) * width
             spreads = [
@@ -331,10 +330,9 @@ class Draughtsman:
             ]
             if not spreads:
                 continue
-            means = [spread.mean for _, spread in spreads]
             axes.errorbar(
                 [x for x, _ in spreads],
-                means,
+                [spread.mean for _, spread in spreads],
                 yerr=([s.mean - s.low for _, s in spreads], [s.high - s.mean for _, s in spreads]),
                 fmt=look.marker,
                 color=look.colour,
@@ -342,8 +340,7 @@ class Draughtsman:
                 elinewidth=1.2,
                 label=variant.title,
             )
-            drawn += means
-        _metric_axis(axes, metric, drawn)
+        _metric_axis(axes, metric, _extent([group for groups in columns.values() for group in groups], metric))
         axes.set_xlim(-0.5, len(columns) - 0.5)
         axes.grid(visible=False, axis="x")
 
@@ -423,6 +420,20 @@ def _downloading(rates: Axes, totals: Axes, link: Floats, size: int | None) -> N
     totals.fill_between(times[thin], loaded[thin], **area)
     if size is not None and loaded[-1] * 1e6 >= size:
         totals.axhline(size / 1e6, color=INK, linewidth=0.9, linestyle="--", label="Scene's file")
+
+
+def _lowest(results: Results) -> str:
+    """At which round trips an overview is."""
+    found = sorted({rtt for name in results.networks if (rtt := results.base_rtt(name)) is not None})
+    if not found:
+        return "as it is"
+    return f"at its lowest round trip ({', '.join(f'{rtt:g}' for rtt in found)} ms)"
+
+
+def _extent(groups: Sequence[Group], metric: Metric) -> list[float]:
+    """What an axis has to reach over."""
+    spreads = [spread for group in groups if (spread := group.spread(metric))]
+    return [value for spread in spreads for value in (spread.low, spread.high)]
 
 
 def _existing(metrics: Sequence[Metric], groups: Sequence[Group]) -> list[Metric]:

@@ -11,19 +11,14 @@ from tigas_lab.report.results import Floats, Group
 from tigas_lab.report.series import downloaded, received
 from tigas_lab.report.variants import Variant
 
-ROOM = 22
+ROOM = 18
 MANY = 4
 """More figures than these are told by the lowest and the highest."""
 
 
 def short(name: str) -> str:
-    """As much of a name as there is room for beside an axis."""
-    return name if len(name) <= ROOM else f"{name[: ROOM - 1]}…"
-
-
-def with_rtt(network: str, rtt_ms: float | None) -> str:
-    """A network's name beside an axis."""
-    return short(network) if rtt_ms is None else f"{short(network)}, {rtt_ms:g} ms"
+    """As much of a name as there is room for beside an axis: its ends, which tell traces of one collection apart."""
+    return name if len(name) <= ROOM else f"{name[: ROOM // 2]}…{name[ROOM // 2 + 1 - ROOM :]}"
 
 
 def spread_of(groups: Sequence[Group]) -> str:
@@ -32,7 +27,14 @@ def spread_of(groups: Sequence[Group]) -> str:
     if counts == {1}:
         return "One run each."
     low, high = min(counts), max(counts)
-    return f"Means over {low if low == high else f'{low} to {high}'} runs, from the least to the greatest of them."
+    configurations = [run.record.configuration for group in groups for run in group.runs]
+    kinds = {
+        "scenes": len({configuration.scene for configuration in configurations}),
+        "movements": len({configuration.movement for configuration in configurations}),
+    }
+    several = [f"{number} {name}" for name, number in kinds.items() if number > 1]
+    of = f" ({' and '.join(several)})" if several else ""
+    return f"Means over {low if low == high else f'{low} to {high}'} runs{of}, from the least to the greatest of them."
 
 
 def means(groups: Sequence[Group], metric: Metric) -> dict[Variant, float]:
