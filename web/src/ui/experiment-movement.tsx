@@ -96,8 +96,7 @@ export function MovementChoice({ list: { listed, silence }, chosen, onChoose, on
         <input
           ref={input}
           type="file"
-          class="visually-hidden"
-          tabIndex={-1}
+          hidden
           aria-label="Movement file of the experiment"
           accept=".csv,text/csv,text/plain"
           onChange={({ currentTarget }) => {

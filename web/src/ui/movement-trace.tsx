@@ -123,8 +123,7 @@ function OpenFile({ deck }: { deck: MovementDeck }) {
       <input
         ref={input}
         type="file"
-        class="visually-hidden"
-        tabIndex={-1}
+        hidden
         aria-label="Movement file"
         accept=".csv,text/csv,text/plain"
         onChange={({ currentTarget }) => {
