@@ -35,7 +35,7 @@ from tigas_common.errors import StartError, TigasError
 from tigas_common.wire import DEFAULT_LADDER, RenderRequest
 from tigas_lab.configuration import Configuration, Network
 from tigas_lab.laboratory import laboratory
-from tigas_lab.recording import Input, Lens
+from tigas_lab.recording import BrokenRecording, Input, Lens
 from tigas_lab.run import run
 from tigas_lab.store import StoredRun
 from tigas_lab.summary import Records, figures
@@ -135,7 +135,7 @@ async def measure(plan: Plan, most: int) -> None:
             if record.status != "complete":
                 raise TigasError(f"{folder.name}: {record.problem}")
             (folder / "server.json").write_text(json.dumps((await Server.read()).since(before)))
-        if not plan.views.exists():
+        if not plan.missing and not plan.views.exists():
             plan.views.write_text(json.dumps(await measure_views(StoredRun(plan.folder(plan.runs[0])))))
 
 
@@ -340,7 +340,7 @@ def main() -> int:
             arguments.out,
         )
         asyncio.run(measure(plan, arguments.most))
-    except (StartError, TigasError, ValueError, OSError) as error:
+    except (StartError, TigasError, BrokenRecording, ValueError, OSError) as error:
         print(error, file=sys.stderr)
         return 1
     if plan.missing:
