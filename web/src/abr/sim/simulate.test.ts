@@ -27,7 +27,7 @@ test("the same options give the same figures, another seed others", async () => 
 });
 
 test("on a fast link a frame takes the round trip, the server's time and its transmission", async () => {
-  const { responseP50, age, framesPerSecond, rung } = await visit("fixed:3", 100);
+  const { responseP50, age, framesPerSecond, rung, rungOverTime } = await visit("fixed:3", 100);
   // 20 + 11 + 1/16 + 7 kB at 100 Mbit/s, and the request's own way
   expect(responseP50).toBeGreaterThan(31);
   expect(responseP50).toBeLessThan(34);
@@ -36,6 +36,7 @@ test("on a fast link a frame takes the round trip, the server's time and its tra
   expect(age).toBeLessThan(responseP50 + 4 + 2 * (1000 / 60));
   expect(framesPerSecond).toBeGreaterThan(55);
   expect(rung).toBe(3);
+  expect(rungOverTime).toBeCloseTo(3, 9);
 });
 
 test("a link carries what it can, and waiting grows with what is asked of it", async () => {

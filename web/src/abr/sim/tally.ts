@@ -41,6 +41,7 @@ export class Tally {
   #rungs = 0;
   #switches = 0;
   #weighted = 0;
+  #firstAt = 0;
   #last: PresentedFrame | undefined;
 
   replied(response: number, bytes: number): void {
@@ -51,7 +52,9 @@ export class Tally {
   presented(frame: PresentedFrame): void {
     const rung = frame.rung ?? 0;
     const last = this.#last;
-    if (last !== undefined) {
+    if (last === undefined) {
+      this.#firstAt = frame.at;
+    } else {
       this.#weighted += (last.rung ?? 0) * (frame.at - last.at);
       if (last.rung !== rung) this.#switches++;
     }
@@ -76,7 +79,7 @@ export class Tally {
       photonP95: percentile(latencies, 0.95),
       age: this.#ages / Math.max(1, this.#shown),
       rung: this.#rungs / Math.max(1, this.#shown),
-      rungOverTime: this.#weighted / Math.max(1, this.#last?.at ?? 0),
+      rungOverTime: this.#weighted / Math.max(1, (this.#last?.at ?? 0) - this.#firstAt),
       switches: this.#switches / minutes,
       framesPerSecond: (this.#shown * 1000) / duration,
       bandwidth: (this.#bytes * 8) / duration / 1000,
