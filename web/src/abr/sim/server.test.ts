@@ -53,7 +53,12 @@ test("the newest goes first, and one too many pushes the oldest out", async () =
   ]);
 });
 
-test("one frame is encoded while the next is rendered, and no third is begun", async () => {
+test("one frame is encoded while the next is rendered", async () => {
   expect((await answers([0, 0], { render: 20, encode: 5 })).map(({ at }) => at)).toEqual([25, 45]);
   expect((await answers([0, 0, 0], { render: 5, encode: 20 })).map(({ at }) => at)).toEqual([25, 45, 65]);
+});
+
+test("a third is not begun meanwhile, so that a newer one can still go first", async () => {
+  const told = await answers([0, 0, 0, 20], { render: 5, encode: 20 });
+  expect(told.map(({ number }) => number)).toEqual([0, 2, 3, 1]);
 });
