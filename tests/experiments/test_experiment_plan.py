@@ -63,6 +63,16 @@ def test_paths_are_relative_to_the_file_and_traces_begin_where_it_says(tmp_path:
     assert constant.network.offset_s == 0
 
 
+def test_a_run_keeps_no_more_pictures_than_a_page_has_room_for(tmp_path: Path) -> None:
+    def interval_ms(**fields: Any) -> float:
+        (run,) = runs(tmp_path, **fields)
+        return run.capture_every_ms
+
+    assert interval_ms(duration_s=60, capture_every_s=0.01) == 500
+    assert interval_ms(duration_s=60, capture_every_s=1) == 1000
+    assert interval_ms(duration_s=60, capture_every_s=0) == 0
+
+
 def test_dash_runs_do_not_change_with_the_controllers(tmp_path: Path) -> None:
     one, other = (runs(tmp_path, modes=["dash-tuned"], controllers=[name]) for name in ("latency", "l2a"))
     assert one == other
@@ -78,6 +88,7 @@ def test_dash_runs_do_not_change_with_the_controllers(tmp_path: Path) -> None:
         ({"name": "a/b"}, "name: 'a/b' must not be a path"),
         ({"name": ".."}, "name: '..' must not be a path"),
         ({"name": ""}, "name: string should have at least 1"),
+        ({"name": "  "}, "name: string should have at least 1"),
         ({"movements": ["gone.csv"]}, "There is no movement's file"),
         ({"networks": ["gone.csv"]}, "there is no trace file 'gone.csv'"),
         ({"networks": ["4g-bus", "4g-bus"]}, "networks: '4g-bus' is there twice"),

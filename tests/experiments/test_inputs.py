@@ -77,7 +77,7 @@ def test_of_a_long_file_a_run_gets_what_it_plays(tmp_path: Path) -> None:
 def test_a_movement_is_as_long_as_the_run(tmp_path: Path) -> None:
     path = tmp_path / "walk.csv"
     path.write_text(HEADER + "0,1,2,3,0,0,0,1\n500,1,2,3,0,0,0,1\n")
-    with pytest.raises(StartError, match=r"lasts 0\.5 s, less than a run's 1 s: choose a shorter --duration\.$"):
+    with pytest.raises(StartError, match=r"lasts 0\.5 s, less than a run's 1 s: choose a shorter duration\.$"):
         movement_points(configuration(movement=str(path)), scene())
 
 

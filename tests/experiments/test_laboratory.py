@@ -55,6 +55,12 @@ def test_one_holder_at_a_time(tmp_path: Path) -> None:
         pass
 
 
+@pytest.mark.parametrize("url", ["http://localhost:99999", "http://[::1"])
+def test_what_is_no_url_is_told_in_a_sentence(url: str) -> None:
+    with pytest.raises(StartError, match=r"is no URL: .+\.$"):
+        services_lock(url)
+
+
 def test_services_are_the_same_whatever_they_are_called() -> None:
     assert services_lock("http://localhost:8080") == services_lock("http://127.0.0.1:8080/")
     assert services_lock("http://localhost:8080") != services_lock("http://localhost:8081")

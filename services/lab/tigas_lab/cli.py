@@ -14,12 +14,10 @@ from pydantic import ValidationError
 from tigas_common.cli import in_a_sentence
 from tigas_common.errors import StartError
 from tigas_common.parsing import sentence
-from tigas_lab.configuration import MODES, Configuration, Network, parse_viewport
+from tigas_lab.configuration import MODES, Configuration, Network, capture_interval_ms, parse_viewport
 
 DEFAULT_NETWORK = "20mbit,20ms-rtt"
 DEFAULT_PROFILE = "budget"
-MOST_PICTURES = 120
-"""Of a run: they lie in the page's memory until it has ended."""
 
 
 def compare(
@@ -70,7 +68,7 @@ def compare(
                 height=height,
                 profile=int(chosen) if chosen.isdecimal() else chosen,
                 seed=seed,
-                capture_every_ms=max(capture_every, duration / MOST_PICTURES) * 1000 if capture_every else 0,
+                capture_every_ms=capture_interval_ms(capture_every, duration),
                 warm_up_s=warm_up,
             )
             for each in map(_network, network or [DEFAULT_NETWORK])

@@ -23,6 +23,8 @@ UP_KBPS = 10_000.0
 UNSHAPED = "unshaped"
 MAX_RTT_MS = 120_000.0
 MAX_OFFSET_S = 86_400.0
+MOST_PICTURES = 120
+"""Of a run: they lie in the page's memory until it has ended."""
 _PART = re.compile(r"(?P<value>\d+(?:\.\d+)?)(?P<unit>mbit-up|kbit-up|mbit|kbit|ms-rtt|ms-jitter|%-loss)")
 _OVERRIDE = re.compile(r"(?P<trace>.+),(?P<rtt>\d+(?:\.\d+)?)ms-rtt")
 
@@ -140,6 +142,11 @@ class Configuration(WireModel):
             network = f"{network[:30]}-{self.network.rtt_ms:g}ms"
         parts = (self.scene, Path(self.movement).stem, network, mode, f"{self.repeat}")
         return "_".join(re.sub(r"[^A-Za-z0-9.-]+", "-", part).strip(".-")[:40] or "x" for part in parts)
+
+
+def capture_interval_ms(every_s: float, duration_s: float) -> float:
+    """How often a frame is kept, for one in so many seconds, but at most MOST_PICTURES a run; 0 keeps none."""
+    return max(every_s, duration_s / MOST_PICTURES) * 1000 if every_s else 0.0
 
 
 def parse_viewport(text: str) -> tuple[int, int]:

@@ -29,6 +29,6 @@ def movement_trace(configuration: Configuration) -> MovementTrace:
     if trace.duration_ms < duration_s * 1000:
         raise StartError(
             f"The movement {name} lasts {trace.duration_ms / 1000:.1f} s, less than a run's {duration_s:g} s: "
-            "choose a shorter --duration."
+            "choose a shorter duration."
         )
     return trace.until(duration_s * 1000)

@@ -25,8 +25,12 @@ def exclusive(path: Path, otherwise: str) -> Iterator[None]:
     lock = FileLock(path)
     try:
         lock.acquire(blocking=False)
-    except (Timeout, PermissionError):  # of another user
+    except Timeout:
         raise StartError(otherwise) from None
+    except PermissionError:
+        if not path.exists():  # the folder itself takes nothing
+            raise
+        raise StartError(otherwise) from None  # of another user
     try:
         yield
     finally:
@@ -34,8 +38,12 @@ def exclusive(path: Path, otherwise: str) -> Iterator[None]:
 
 
 def services_lock(url: str) -> Path:
-    """The lock file, on this machine, of the services at a URL."""
-    parts = urlsplit(url)
+    """The lock file, on this machine, of the services at a URL. Raises StartError if it is none."""
+    try:
+        parts = urlsplit(url)
+        port = parts.port
+    except ValueError as error:
+        raise StartError(f"{url!r} is no URL: {error}.") from None
     host = "localhost" if parts.hostname in (None, "127.0.0.1", "::1") else parts.hostname
-    safe = "".join(c if c.isalnum() or c in ".-" else "-" for c in f"{host}-{parts.port or parts.scheme}")
+    safe = "".join(c if c.isalnum() or c in ".-" else "-" for c in f"{host}-{port or parts.scheme}")
     return Path(tempfile.gettempdir(), f"tigas-{safe}.lock")

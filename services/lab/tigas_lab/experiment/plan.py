@@ -16,7 +16,16 @@ from pydantic import AfterValidator, Field, ValidationError
 from tigas_common.errors import StartError
 from tigas_common.parsing import sentence
 from tigas_common.wire import WireModel
-from tigas_lab.configuration import MAX_OFFSET_S, MAX_RTT_MS, Configuration, Mode, Network, parse_viewport
+from tigas_lab.configuration import (
+    MAX_OFFSET_S,
+    MAX_RTT_MS,
+    Configuration,
+    Mode,
+    Network,
+    capture_interval_ms,
+    parse_viewport,
+)
+from tigas_lab.store import ExperimentName
 
 MAX_BYTES = 100_000
 """Of a file."""
@@ -57,7 +66,7 @@ Several = Annotated[tuple[Value, ...], AfterValidator(_several)]
 class Plan(WireModel):
     """What an experiment's file says."""
 
-    name: Name
+    name: Annotated[ExperimentName, AfterValidator(_no_path)]
     scenes: Several[Name]
     movements: Several[Text]
     """Movement traces' files, and names of generated movements."""
@@ -130,7 +139,7 @@ class Plan(WireModel):
                     height=height,
                     seed=self.seed,
                     repeat=repeat,
-                    capture_every_ms=self.capture_every_s * 1000,
+                    capture_every_ms=capture_interval_ms(self.capture_every_s, self.duration_s),
                     warm_up_s=self.warm_up_s,
                 )
                 for repeat, scene, movement, network, (mode, profile) in product(
