@@ -54,7 +54,9 @@ async def watching_link(shaper: ShaperClient | None) -> AsyncIterator[list[tuple
     finally:
         task.cancel()
         await asyncio.wait([task])
-    if not task.cancelled() and (error := task.exception()):
+        # Asked for in any case: asyncio prints an exception that nobody asks for.
+        error = None if task.cancelled() else task.exception()
+    if error is not None:
         raise error
     if closed := next((status.closed for _, status in seen if status.closed), None):
         raise RunFailed(f"The link was closed during the run: {closed}")
