@@ -158,7 +158,7 @@ async def _receive(request: Request, path: Path) -> None:
     size, parts, too_large = 0, aiter(request.stream()), BodyTooLarge(f"The body is larger than {MAX_BYTES} bytes.")
     if int(request.headers.get("content-length", 0)) > MAX_BYTES:
         raise too_large
-    with path.open("wb", buffering=0) as file:
+    with path.open("wb") as file:
         while True:
             try:
                 async with asyncio.timeout(SILENCE_S):
