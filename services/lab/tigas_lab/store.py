@@ -9,7 +9,7 @@
 
 A run is complete when its run.json says so, which is written last: whatever happens before leaves an incomplete run.
 
-Runs that belong together lie in one folder, as runs/<slug>, beside experiment.json, which says what was planned.
+The runs of an experiment lie in one folder, as runs/<slug>, beside experiment.json, which says what was planned.
 """
 
 from __future__ import annotations

@@ -6,7 +6,7 @@ An empty cell is a figure that there is not; `inf` is a time that never came.
 from __future__ import annotations
 
 import csv
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -87,7 +87,7 @@ def _group(group: Group) -> Row:
     return row
 
 
-def _names(names: Any) -> str:
+def _names(names: Iterable[str]) -> str:
     return " ".join(sorted(set(names)))
 
 

@@ -8,13 +8,13 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
 from tigas_lab.report.claims import Claim, claims
 from tigas_lab.report.csv_files import write_csv
 from tigas_lab.report.drawing import for_a_page
 from tigas_lab.report.figures import Draughtsman, Drawing
+from tigas_lab.report.html import rendered
 from tigas_lab.report.metrics import TABLE, Metric
 from tigas_lab.report.results import Group, Results, load
 
@@ -69,14 +69,8 @@ def write_experiment_report(folder: Path, out: Path, listener: Listener = SILENT
         plots = overview if network is None else by_network.setdefault(network, [])
         plots.append(Plot(drawing, Markup(for_a_page(drawing.svg))))
     report = ExperimentReport(results, claims(results), warnings(results), out / "report.html")
-    environment = Environment(
-        loader=PackageLoader("tigas_lab.report"),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    page = environment.get_template("experiment.html.j2").render(
+    page = rendered(
+        "experiment.html.j2",
         report=report,
         results=results,
         overview=overview,
@@ -137,7 +131,9 @@ def _pooled(results: Results) -> dict[str, list[str]]:
     return {
         "durations": sorted({f"{each.duration_s:g} s" for each in configurations}),
         "viewports": sorted({f"{each.width}×{each.height}" for each in configurations}),
-        "places in the trace": sorted({f"{each.network.offset_s:g} s" for each in configurations}),
+        "places in the trace": sorted(
+            {f"{each.network.offset_s:g} s" for each in configurations if each.network.is_trace}
+        ),
     }
 
 

@@ -6,12 +6,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
 from tigas_common.wire import WireModel
 from tigas_lab.recording import BrokenRecording
 from tigas_lab.report import plots, table
+from tigas_lab.report.html import rendered
 from tigas_lab.report.moments import MomentView, moment_view
 from tigas_lab.store import StoredRun
 from tigas_lab.summary import Summary, summarise
@@ -113,13 +113,6 @@ def warnings(summaries: Sequence[Summary]) -> list[str]:
 
 
 def _html(data: ReportData, drawn: dict[str, list[Drawn]]) -> str:
-    environment = Environment(
-        loader=PackageLoader("tigas_lab.report"),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
     sections = [
         Section(
             network,
@@ -135,7 +128,8 @@ def _html(data: ReportData, drawn: dict[str, list[Drawn]]) -> str:
         for network, runs in table.by_network(data.runs).items()
     ]
     complete = [run for run in data.runs if run.figures is not None]
-    return environment.get_template("report.html.j2").render(
+    return rendered(
+        "report.html.j2",
         data=data,
         sections=sections,
         warnings=warnings(data.runs),
