@@ -30,6 +30,7 @@ export interface RunUpload {
   configuration: Configuration;
   recording: Recording;
   link: LinkSample[];
+  scene_bytes?: number | null;
 }
 /**
  * One run. Two runs with equal configurations get the same inputs.

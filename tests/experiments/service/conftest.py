@@ -25,6 +25,7 @@ from tigas_lab.service.reports import Reports
 from tigas_lab.service.workspace import NAME, Workspace
 
 PATIENCE_S = 20
+SCENE_BYTES = 12_345
 T = TypeVar("T")
 Ts = TypeVarTuple("Ts")
 
@@ -63,6 +64,7 @@ def upload(mode: Mode = "stateless", *, repeat: int = 0, **changes: Any) -> dict
         "configuration": configuration(mode, repeat=repeat).model_dump(mode="json"),
         "recording": recording(mode=mode.partition("-")[0], **changes),
         "link": [sample(at).model_dump() for at in (0.0, 500.0, 1000.0)],
+        "scene_bytes": SCENE_BYTES,
     }
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from tests.experiments.made_up import write_run
-from tests.experiments.service.conftest import Running, running_store, upload
+from tests.experiments.service.conftest import SCENE_BYTES, Running, running_store, upload
 from tigas_lab.load import LoadSample
 from tigas_lab.lock import EXPERIMENT, exclusive
 from tigas_lab.store import ExperimentRecord, StoredRun, read_experiment, write_experiment
@@ -55,6 +55,7 @@ async def test_a_run_is_kept_as_commands_keep_theirs(store: Running) -> None:
     assert folder.name == "courtyard_stroll_20mbit-20ms-rtt_dash-tuned_0"
     stored = StoredRun(folder)
     assert (stored.record.started, stored.record.machine.system) == ("2001-09-09T01:46:40+00:00", "Linux 6")
+    assert stored.record.scene_bytes == SCENE_BYTES
     assert (len(stored.inputs()), len(stored.frames()), len(stored.link())) == (50, 50, 3)
     assert (stored.quality(), stored.load(), stored.moment()) == ([], [], None)
     figures = summarise(folder).figures

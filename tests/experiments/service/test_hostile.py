@@ -123,6 +123,8 @@ HOSTILE: list[tuple[dict[str, Any], str]] = [
     ({"link": [sample(500).model_dump(), sample(0).model_dump()]}, "must not go back"),
     ({"link": [sample(0).model_dump() | {"target_kbps": FAR}]}, "rates"),
     ({"link": [sample(0).model_dump() | {"delivered_kbps": -1}]}, "rates"),
+    ({"scene_bytes": -1}, "scene_bytes"),
+    ({"scene_bytes": 10**400}, "scene_bytes"),
     ({"configuration.duration_s": 0}, "duration_s"),
     ({"configuration.mode": "dash"}, "mode"),
     ({"configuration.network": {"name": "x" * 101}}, "network.name"),

@@ -34,7 +34,7 @@ function measured(run: PlannedRun): Measured {
     captures: [],
     traffic: [],
   };
-  return { configuration: { ...run, width: 640, height: 360 }, recording, link: [] };
+  return { configuration: { ...run, width: 640, height: 360 }, recording, link: [], scene_bytes: 1 };
 }
 
 let time: number;

@@ -43,6 +43,7 @@ export async function measure(
     stage("Waits for the first view");
     await link.hold();
     runner.settings(settingsFor(run));
+    const asked = decisive();
     await until(
       () => runner.state().ready,
       READY_WITHIN,
@@ -52,7 +53,7 @@ export async function measure(
     stage("Warms up");
     await sleep(run.warm_up_s * 1000, signal);
     stage("Plays the movement");
-    const trouble = watchForTrouble(session, shaper, run);
+    const trouble = watchForTrouble(session, shaper, run, asked);
     const watch = watchLink(shaper, () => performance.now());
     try {
       const configuration = { ...run, ...session.rig.viewport.peek() };
@@ -61,7 +62,12 @@ export async function measure(
       const recording = await runner.run(plan, AbortSignal.any([signal, trouble.signal]));
       if (recording.frames.length === 0) throw new RunFailed("No frame came during the run.");
       const startedAt = recording.started_unix_ms - performance.timeOrigin;
-      return { configuration, recording, link: linkSamples(watch.seen, startedAt, startedAt + recording.ended_ms) };
+      return {
+        configuration,
+        recording,
+        link: linkSamples(watch.seen, startedAt, startedAt + recording.ended_ms),
+        scene_bytes: session.scene.peek()?.file_bytes ?? null,
+      };
     } finally {
       watch.stop();
       trouble.stop();
@@ -85,16 +91,16 @@ async function beginAnew(session: ViewerSession, runner: Runner, signal: AbortSi
   );
 }
 
-/** Aborts with a RunFailed when something happens that spoils a run. */
-function watchForTrouble(session: ViewerSession, shaper: Shaper | null, run: PlannedRun) {
+/** Aborts with a RunFailed when something happens that spoils a run; `asked` are the settings that it was to have. */
+function watchForTrouble(session: ViewerSession, shaper: Shaper | null, run: PlannedRun, asked: string) {
   const controller = new AbortController();
-  const condition = () => JSON.stringify([decisive(), session.rig.viewport.value, session.rig.intrinsics.value]);
-  const before = condition();
+  const lens = () => JSON.stringify([session.rig.viewport.value, session.rig.intrinsics.value]);
+  const before = lens();
   const trouble = (): string | null => {
     const stream = session.dash.value?.phase.value;
     if (session.phase.value.kind !== "playing") return "The connection was lost during the run.";
     if (run.mode !== "stateless" && stream?.kind !== "playing") return "The DASH stream was lost during the run.";
-    if (condition() !== before) return "Settings or the window's size were changed during the run.";
+    if (decisive() !== asked || lens() !== before) return "Settings or the window's size were changed during the run.";
     const status = shaper?.status.value;
     if (status?.closed) return `The link was closed during the run: ${status.closed}`;
     if (run.network.name === "unshaped") return null;
@@ -108,10 +114,10 @@ function watchForTrouble(session: ViewerSession, shaper: Shaper | null, run: Pla
   return { signal: controller.signal, stop };
 }
 
-/** The settings that decide what is measured. */
-function decisive() {
+/** The settings that decide what is measured, as text. */
+function decisive(): string {
   const { transport, mode, dashPreset, dashCustom, controller, profile, refine } = settings.value;
-  return [transport, mode, dashPreset, dashCustom, controller, profile, refine];
+  return JSON.stringify([transport, mode, dashPreset, dashCustom, controller, profile, refine]);
 }
 
 /** Why no frame comes, as far as the viewer knows. */

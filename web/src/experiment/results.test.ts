@@ -86,6 +86,13 @@ test("what is downloaded holds the plan, every run, and all that no store has", 
   const file = JSON.parse(toJson(PLAN, "2026-01-01T00:00:00Z", [failed]));
   expect(file).toMatchObject({ name: "two", plan: { movement: "stroll" }, source: "page" });
   expect(file.runs).toEqual([
-    { status: "failed", problem: "No frame came.", configuration: failed.run, recording: null, link: [] },
+    {
+      status: "failed",
+      problem: "No frame came.",
+      configuration: failed.run,
+      recording: null,
+      link: [],
+      scene_bytes: null,
+    },
   ]);
 });

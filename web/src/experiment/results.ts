@@ -11,6 +11,8 @@ export interface Measured {
   readonly configuration: Configuration;
   readonly recording: Recording;
   readonly link: readonly LinkSample[];
+  /** Of the scene's file. */
+  readonly scene_bytes: number | null;
 }
 
 export interface RunResult {
@@ -93,7 +95,7 @@ export function toJson(plan: ExperimentPlan, created: string, results: readonly 
   const runs = results.map(({ run, status, problem, unstored }) => ({
     status,
     problem,
-    ...(unstored ?? { configuration: run, recording: null, link: [] }),
+    ...(unstored ?? { configuration: run, recording: null, link: [], scene_bytes: null }),
   }));
   return JSON.stringify({ name: plan.name, created, source: "page", plan, runs });
 }

@@ -24,8 +24,8 @@ export class StoreApi {
   }
 
   /** Keeps one run. */
-  add(id: string, { configuration, recording, link }: Measured): Promise<RunRow> {
-    return this.#json(`${this.#path(id)}/runs`, { configuration, recording, link });
+  add(id: string, measured: Measured): Promise<RunRow> {
+    return this.#json(`${this.#path(id)}/runs`, measured);
   }
 
   async list(): Promise<readonly ExperimentSummary[]> {

@@ -51,6 +51,7 @@ def _write(folder: Path, upload: RunUpload, load: Sequence[LoadSample], machine:
         configuration=upload.configuration,
         machine=machine,
         started=datetime.fromtimestamp(start / 1000, UTC).isoformat(timespec="seconds"),
+        scene_bytes=upload.scene_bytes,
     )
     writer = RunWriter(folder, record)
     writer.recording(recording)

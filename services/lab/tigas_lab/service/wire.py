@@ -42,6 +42,8 @@ class RunUpload(WireModel):
     recording: Recording
     link: tuple[LinkSample, ...]
     """What the shaper told of its link meanwhile; none without one."""
+    scene_bytes: int | None = Field(default=None, ge=0, le=MOST_BYTES)
+    """Of the scene's file; None if unknown."""
 
     @model_validator(mode="after")
     def _check(self) -> Self:
