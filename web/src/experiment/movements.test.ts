@@ -18,10 +18,17 @@ function answer(make: () => Response | Promise<Response>): string[] {
 const WALK = { name: "walk", duration_ms: 20_000, anchor: "start", description: "A walk" };
 
 test("asks where the store answers, whatever a movement's name", async () => {
-  const asked = answer(() => Response.json({ movements: [WALK] }));
+  let asked = answer(() => Response.json({ movements: [WALK] }));
   expect(await listMovements("http://lab:8091/")).toEqual([WALK]);
-  await fetchMovement("http://lab:8091", "a/../b c");
-  expect(asked).toEqual(["http://lab:8091/movements", "http://lab:8091/movements/a%2F..%2Fb%20c"]);
+  expect(asked).toEqual(["http://lab:8091/movements"]);
+  asked = answer(() => new Response("t_ms,x,y,z,qx,qy,qz,qw\n0,0,0,0,0,0,0,1\n40,0,0,1,0,0,0,1\n"));
+  const name = "a/../b c";
+  expect(await fetchMovement("http://lab:8091", name)).toMatchObject({
+    name,
+    origin: "store",
+    trace: { duration: 40 },
+  });
+  expect(asked).toEqual(["http://lab:8091/movements/a%2F..%2Fb%20c"]);
 });
 
 test("a refusal is the store's own sentence", async () => {
@@ -29,6 +36,11 @@ test("a refusal is the store's own sentence", async () => {
     Response.json({ type: "tigas:x", title: "", status: 404, detail: "No such movement." }, { status: 404 }),
   );
   await expect(fetchMovement("http://lab", "gone")).rejects.toThrow(new MovementError("No such movement."));
+});
+
+test("a store whose text is no movement is told of by the movement's name", async () => {
+  answer(() => new Response("<html>"));
+  await expect(fetchMovement("http://lab", "walk")).rejects.toThrow(/^walk has no column “t_ms”/);
 });
 
 test.each([

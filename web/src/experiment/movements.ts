@@ -1,8 +1,9 @@
-/** The movement traces that the store keeps: their list, and the text of each. Every failure is a MovementError. */
+/** The movement traces that the store keeps: their list, and each of them. Every failure is a MovementError. */
 import * as v from "valibot";
 import type { Movement as ListedMovement } from "../store-wire";
 import { readProblem } from "../transport/fetch";
-import { ANCHORS, MovementError } from "./movement";
+import { ANCHORS, MovementError, readMovement } from "./movement";
+import type { NamedMovement } from "./movement-deck";
 
 const Listed = v.object({
   name: v.string(),
@@ -22,9 +23,10 @@ export async function listMovements(base: string, signal?: AbortSignal): Promise
   return movements;
 }
 
-/** The text of a movement, for `readMovement`. */
-export function fetchMovement(base: string, name: string, signal?: AbortSignal): Promise<string> {
-  return ask(base, `movements/${encodeURIComponent(name)}`, (answer) => answer.text(), signal);
+/** One of them. */
+export async function fetchMovement(base: string, name: string, signal?: AbortSignal): Promise<NamedMovement> {
+  const text = await ask(base, `movements/${encodeURIComponent(name)}`, (answer) => answer.text(), signal);
+  return { name, origin: "store", trace: readMovement(text, name) };
 }
 
 async function ask<T>(

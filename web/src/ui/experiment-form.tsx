@@ -1,6 +1,7 @@
 /** Sets up an experiment: what moves the camera, over which network, what is compared, and how often. */
 import { useSignal } from "@preact/signals";
 import type { ComponentChildren, TargetedSubmitEvent } from "preact";
+import { useEffect, useMemo } from "preact/hooks";
 import { CONTROLLER_NAMES } from "../abr/registry";
 import { type Draft, parseDraft, toggled } from "../experiment/draft";
 import { MovementError, placed } from "../experiment/movement";
@@ -27,6 +28,9 @@ interface Props {
 export function ExperimentForm({ session, shaper, store, draft, onDraft, onStart }: Props) {
   const problems = useSignal<readonly string[]>([]);
   const busy = useSignal(false);
+  // Who closes the dialogue while a movement is on its way wants no experiment.
+  const closing = useMemo(() => new AbortController(), []);
+  useEffect(() => () => closing.abort(), [closing]);
   const list = useMovements(store);
   const scene = session.scene.value;
   const set = (part: Partial<Draft>) => {
@@ -43,9 +47,10 @@ export function ExperimentForm({ session, shaper, store, draft, onDraft, onStart
     if (!("plan" in parsed) || scene === null || movement === null) return;
     busy.value = true;
     try {
-      const { name, trace } = await openMovement(movement, store);
+      const { name, trace } = await openMovement(movement, store, closing.signal);
       onStart({ plan: { ...parsed.plan, movement: name }, points: placed(trace, scene), locked, exports });
     } catch (error) {
+      if (closing.signal.aborted) return;
       if (!(error instanceof MovementError)) throw error;
       problems.value = [error.message];
     } finally {
@@ -144,7 +149,8 @@ function NetworkChoice({ shaper, draft, onChange }: PartProps & { readonly shape
 function Compared({ draft, onChange }: PartProps) {
   const ladder = config.value?.ladder ?? [];
   const streams = Boolean(config.value?.services.dash);
-  const profiles: readonly Profile[] = [...CONTROLLER_NAMES, Math.min(settings.value.profile, ladder.length - 1)];
+  const rung = Math.min(settings.value.profile, ladder.length - 1);
+  const profiles = [...new Set<Profile>([...CONTROLLER_NAMES, rung, ...draft.profiles])]; // nothing hidden is chosen
   const stateless = draft.modes.includes("stateless");
   return (
     <>

@@ -1,13 +1,13 @@
 /** The movement of an experiment: one of the store's, or a file or recording of this visit. */
-import { useSignal } from "@preact/signals";
 import { FolderOpen } from "lucide";
-import { useEffect, useRef } from "preact/hooks";
-import { MovementError, type MovementTrace, readMovement, readMovementFile } from "../experiment/movement";
-import { addFile, movements } from "../experiment/movement-deck";
-import { fetchMovement, type ListedMovement, listMovements } from "../experiment/movements";
+import { useRef } from "preact/hooks";
+import { MovementError, readMovementFile } from "../experiment/movement";
+import { addFile, movements, type NamedMovement } from "../experiment/movement-deck";
+import { fetchMovement } from "../experiment/movements";
 import { clock } from "../state/format";
 import { Select } from "./experiment-fields";
 import { Icon } from "./icon";
+import { useStoredMovements } from "./use-stored-movements";
 
 export interface Listed {
   /** What the form knows it by. */
@@ -18,41 +18,27 @@ export interface Listed {
 
 /** The store's movements and this visit's, as far as they are known, and why the store's are not. */
 export function useMovements(store: string | undefined): { listed: readonly Listed[]; silence: string | null } {
-  const stored = useSignal<readonly ListedMovement[]>([]);
-  const silence = useSignal<string | null>(null);
-  useEffect(() => {
-    if (store === undefined) return undefined;
-    const asking = new AbortController();
-    listMovements(store, asking.signal).then(
-      (list) => {
-        stored.value = list;
-        silence.value = null;
-      },
-      (error: unknown) => {
-        if (error instanceof MovementError) silence.value = error.message;
-      },
-    );
-    return () => asking.abort();
-  }, [store, stored, silence]);
+  const { stored, silence } = useStoredMovements(store);
   const visit = movements.value.map(({ origin, name, trace }) => ({
     key: `${origin}/${name}`,
     name,
     duration: trace.duration,
   }));
-  const kept = stored.value.map(({ name, duration_ms }) => ({ key: `store/${name}`, name, duration: duration_ms }));
-  return { listed: [...kept, ...visit], silence: silence.value };
+  const kept = stored.map(({ name, duration_ms }) => ({ key: `store/${name}`, name, duration: duration_ms }));
+  return { listed: [...kept, ...visit], silence };
 }
 
-/** The movement that a key names. Rejects with a MovementError. */
+/** The movement that a key names. Rejects with a MovementError, or because `signal` was aborted. */
 export async function openMovement(
   key: string,
   store: string | undefined,
-): Promise<{ readonly name: string; readonly trace: MovementTrace }> {
+  signal: AbortSignal,
+): Promise<NamedMovement> {
   const found = movements.peek().find(({ origin, name }) => `${origin}/${name}` === key);
   if (found) return found;
   const name = key.slice(key.indexOf("/") + 1);
   if (store === undefined) throw new MovementError(`There is no movement ${name}.`);
-  return { name, trace: readMovement(await fetchMovement(store, name), name) };
+  return fetchMovement(store, name, signal);
 }
 
 interface Props {

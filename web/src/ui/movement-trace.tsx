@@ -1,8 +1,8 @@
 /** Movement traces: choose one, or record one; then the camera follows it. */
 import { useSignal } from "@preact/signals";
 import { Circle, Download, FolderOpen, Pause, Play, Square } from "lucide";
-import { useEffect, useRef } from "preact/hooks";
-import { MovementError, readMovement, readMovementFile, writeMovement } from "../experiment/movement";
+import { useRef } from "preact/hooks";
+import { readMovementFile, writeMovement } from "../experiment/movement";
 import {
   addFile,
   type MovementDeck,
@@ -11,11 +11,13 @@ import {
   type NamedMovement,
   unsaved,
 } from "../experiment/movement-deck";
-import { fetchMovement, type ListedMovement, listMovements } from "../experiment/movements";
+import { fetchMovement, type ListedMovement } from "../experiment/movements";
+import { save } from "../experiment/save";
 import { config } from "../state/app";
 import { clock } from "../state/format";
 import type { SceneInfo } from "../wire";
 import { Icon } from "./icon";
+import { useStoredMovements } from "./use-stored-movements";
 
 interface Props {
   readonly deck: MovementDeck;
@@ -29,12 +31,12 @@ const STEPS = 200;
 
 export function MovementTrace({ deck, scene }: Props) {
   const store = config.value?.services.store;
-  const { listed, silence } = useListed(store);
+  const { stored, silence } = useStoredMovements(store);
   const movement = deck.movement.value;
   const problem = deck.problem.value ?? silence;
   return (
     <div class="movement">
-      <Choice deck={deck} store={store} listed={listed} />
+      <Choice deck={deck} store={store} listed={stored} />
       <OpenFile deck={deck} />
       {problem && (
         <p class="notice" role="alert">
@@ -60,7 +62,7 @@ export function MovementTrace({ deck, scene }: Props) {
         {saying(deck)}
       </p>
       {movement?.origin === "recording" && (
-        <button type="button" class="quiet-button with-icon" onClick={() => save(movement)}>
+        <button type="button" class="quiet-button with-icon" onClick={() => saveCsv(movement)}>
           <Icon of={Download} size={14} /> Save as CSV
           {unsaved.value.has(movement) && <span class="muted">not saved yet</span>}
         </button>
@@ -76,7 +78,7 @@ function Choice({ deck, store, listed }: Pick<Props, "deck"> & { store: string |
   const chosen = awaited.value === null ? deck.movement.value : null;
   const ask = async (base: string, name: string) => {
     awaited.value = name;
-    await deck.open((signal) => fromStore(base, name, signal));
+    await deck.open((signal) => fetchMovement(base, name, signal));
     if (awaited.value === name) awaited.value = null;
   };
   if (listed.length + movements.value.length === 0) return null;
@@ -217,42 +219,14 @@ function idle(deck: MovementDeck): string {
   return deck.movement.value ? "" : "Play back a recorded movement, or record your own.";
 }
 
-/** The store's list; empty without a store, or while it is silent. */
-function useListed(store: string | undefined): { listed: Listed; silence: string | null } {
-  const listed = useSignal<Listed>([]);
-  const silence = useSignal<string | null>(null);
-  useEffect(() => {
-    if (store === undefined) return undefined;
-    const asking = new AbortController();
-    listMovements(store, asking.signal).then(
-      (list) => {
-        listed.value = list;
-        silence.value = null;
-      },
-      (error: unknown) => {
-        if (error instanceof MovementError) silence.value = error.message;
-      },
-    );
-    return () => asking.abort();
-  }, [store, listed, silence]);
-  return { listed: listed.value, silence: silence.value };
-}
-
-async function fromStore(store: string, name: string, signal: AbortSignal): Promise<NamedMovement> {
-  return { name, origin: "store", trace: readMovement(await fetchMovement(store, name, signal), name) };
-}
-
 export function openFile(deck: MovementDeck, file: File): Promise<void> {
   return deck.open(async () => addFile(file.name, await readMovementFile(file)));
 }
 
-function save(movement: NamedMovement): void {
+function saveCsv(movement: NamedMovement): void {
   const { trace } = movement;
-  const url = URL.createObjectURL(new Blob([writeMovement(trace)], { type: "text/csv" }));
-  const link = document.createElement("a");
-  link.href = url;
-  link.download = `movement-${trace.comments.get("scene")}-${trace.comments.get("recorded")?.replace(/[:.]/g, "-")}.csv`;
-  link.click();
-  URL.revokeObjectURL(url);
+  const recorded = trace.comments.get("recorded")?.replace(/[:.]/g, "-");
+  const name = `movement-${trace.comments.get("scene")}-${recorded}.csv`;
+  save(name, new Blob([writeMovement(trace)], { type: "text/csv" }));
   markSaved(movement);
 }
