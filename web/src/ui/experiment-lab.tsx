@@ -1,5 +1,5 @@
 /** Experiments in the viewer: the dialogue that sets one up and shows what it found, and what is seen while it runs. */
-import { type Signal, signal, useSignal } from "@preact/signals";
+import { computed, type Signal, signal, useSignal } from "@preact/signals";
 import { X } from "lucide";
 import type { ComponentChildren } from "preact";
 import { useEffect, useRef } from "preact/hooks";
@@ -41,6 +41,10 @@ export interface Wish {
 
 /** The last one, for as long as the page is open: its results outlast a visit to a scene. */
 const experiment = signal<Experiment | null>(null);
+/** It is under way, or not saved. */
+export const experimentAtRisk = computed(
+  () => experiment.value !== null && (experiment.value.progress.value !== null || experiment.value.unsaved.value),
+);
 
 export function ExperimentLab({ session, runner, open, locked }: Props) {
   const running = experiment.value !== null && experiment.value.progress.value !== null;
@@ -49,7 +53,6 @@ export function ExperimentLab({ session, runner, open, locked }: Props) {
   const store = base === undefined ? null : new StoreApi(base);
   const draft = useSignal<Draft | null>(null);
   useEffect(() => () => experiment.peek()?.cancel(), []);
-  useLeavingWarning(running || experiment.value?.unsaved.value === true);
   useEffect(() => {
     if (open.value) draft.value ??= firstDraft(session);
   }, [open.value, draft, session]);
@@ -153,16 +156,6 @@ function useShaper(base: string | undefined, wanted: boolean): Shaper | null {
     };
   }, [base, wanted, shaper]);
   return shaper.value;
-}
-
-/** Who leaves the page is asked whether what is under way or not saved may be lost. */
-function useLeavingWarning(needed: boolean): void {
-  useEffect(() => {
-    if (!needed) return undefined;
-    const ask = (event: BeforeUnloadEvent) => event.preventDefault();
-    addEventListener("beforeunload", ask);
-    return () => removeEventListener("beforeunload", ask);
-  }, [needed]);
 }
 
 /** Saves the store's archive, and in a file of its own whatever the store does not have. */

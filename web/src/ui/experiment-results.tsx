@@ -25,6 +25,7 @@ export function ExperimentResults({ experiment, store, onExport, onAgain }: Prop
   const columns = useMemo(() => ({ distribution: distribution(results), time: overTime(results) }), [results]);
   const measured = results.some(({ answers }) => answers.length > 0);
   const id = experiment.id.value;
+  const running = experiment.progress.value !== null;
   return (
     <div class="experiment-results">
       {experiment.cancelled && <p class="notice">It was cancelled; what was finished before is here.</p>}
@@ -41,24 +42,26 @@ export function ExperimentResults({ experiment, store, onExport, onAgain }: Prop
         </div>
       )}
       <Remarks results={results} />
-      <footer>
-        <button type="button" class="button quiet" onClick={onAgain}>
-          {experiment.unsaved.value ? "Discard, and begin anew" : "New experiment"}
-        </button>
-        {store && id !== null && (
-          <>
-            <a class="button quiet" href={EXPERIMENTS}>
-              All experiments
-            </a>
-            <a class="button quiet with-icon" href={store.reportUrl(id)} target="_blank" rel="noreferrer">
-              <Icon of={FileText} size={16} /> Report
-            </a>
-          </>
-        )}
-        <button type="button" class="button with-icon" onClick={onExport}>
-          <Icon of={Download} size={16} /> {id === null ? "Save as JSON" : "Save as ZIP"}
-        </button>
-      </footer>
+      {!running && (
+        <footer>
+          <button type="button" class="button quiet" onClick={onAgain}>
+            {experiment.unsaved.value ? "Discard, and begin anew" : "New experiment"}
+          </button>
+          {store && id !== null && (
+            <>
+              <a class="button quiet" href={EXPERIMENTS}>
+                All experiments
+              </a>
+              <a class="button quiet with-icon" href={store.reportUrl(id)} target="_blank" rel="noreferrer">
+                <Icon of={FileText} size={16} /> Report
+              </a>
+            </>
+          )}
+          <button type="button" class="button with-icon" onClick={onExport}>
+            <Icon of={Download} size={16} /> {id === null ? "Save as JSON" : "Save as ZIP"}
+          </button>
+        </footer>
+      )}
     </div>
   );
 }

@@ -1,7 +1,7 @@
 /** Over the stage, whether the settings are open or not: that a movement has the camera or is recorded, and how to stop it. */
 import { Circle, Pause, Play, Route, Square } from "lucide";
 import { useEffect } from "preact/hooks";
-import { type MovementDeck, unsaved } from "../experiment/movement-deck";
+import type { MovementDeck } from "../experiment/movement-deck";
 import { change } from "../state/app";
 import { clock } from "../state/format";
 import { Icon } from "./icon";
@@ -11,7 +11,6 @@ import { openFile } from "./movement-trace";
 export function MovementStatus({ deck }: { deck: MovementDeck }) {
   useEscape(deck);
   useDrop(deck);
-  useUnsavedWarning();
   const state = deck.state.value;
   if (state === "stopped") return null;
   const at = clock(deck.position.value);
@@ -75,17 +74,6 @@ function useDrop(deck: MovementDeck): void {
     );
     return () => listening.abort();
   }, [deck]);
-}
-
-/** Who leaves the page is asked whether recordings may be lost. */
-function useUnsavedWarning(): void {
-  const some = unsaved.value.size > 0;
-  useEffect(() => {
-    if (!some) return undefined;
-    const ask = (event: BeforeUnloadEvent) => event.preventDefault();
-    addEventListener("beforeunload", ask);
-    return () => removeEventListener("beforeunload", ask);
-  }, [some]);
 }
 
 function inDialog({ target }: Event): boolean {
