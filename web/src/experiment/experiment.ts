@@ -141,5 +141,5 @@ export class Experiment {
 
 function sentence(error: unknown): string {
   if (error instanceof RunFailed || error instanceof ShaperError || error instanceof ApiError) return error.message;
-  return `The page failed: ${error instanceof Error ? error.message : error}.`;
+  return `The page failed: ${error instanceof Error ? error.message : error}`.replace(/\.?$/, ".");
 }

@@ -88,10 +88,10 @@ export class Runner {
 
   /** Play a movement and record it; one at a time. If `signal` is aborted, it rejects with its reason. */
   async run({ points, duration_ms, capture_every_ms }: RunPlan, signal?: AbortSignal): Promise<Recording> {
-    if (this.#recorder) throw new Error("a run is under way");
     const { rig } = this.#session;
-    this.#forgetPictures();
     const startedAt = await animationFrame();
+    if (this.#recorder) throw new Error("a run is under way");
+    this.#forgetPictures();
     const recorder = new Recorder({
       startedAt,
       duration: duration_ms,

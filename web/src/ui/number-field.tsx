@@ -1,4 +1,5 @@
 /** A number with its unit, taken over when it is complete and in range; anything else is put back. */
+import { useSignal } from "@preact/signals";
 
 interface Props {
   readonly label: string;
@@ -11,10 +12,14 @@ interface Props {
 }
 
 export function NumberField({ label, unit, value, min, max, locked, onValue }: Props) {
-  const take = (input: HTMLInputElement) => {
-    const number = input.valueAsNumber;
+  /** What is being typed: it stays, however often the page is drawn meanwhile. */
+  const typed = useSignal<string | null>(null);
+  const rest = () => {
+    typed.value = null;
+  };
+  const take = (number: number) => {
+    rest();
     if (number >= min && number <= max) onValue(number);
-    else input.value = String(value);
   };
   return (
     <label class="number-field" data-locked={locked || undefined}>
@@ -27,8 +32,12 @@ export function NumberField({ label, unit, value, min, max, locked, onValue }: P
         step="any"
         min={min}
         max={max}
-        value={value}
-        onChange={(event) => take(event.currentTarget)}
+        value={typed.value ?? String(value)}
+        onInput={(event) => {
+          typed.value = event.currentTarget.value;
+        }}
+        onChange={(event) => take(event.currentTarget.valueAsNumber)}
+        onBlur={rest}
       />
     </label>
   );
