@@ -16,6 +16,8 @@ from tigas_lab.report.drawing import distribution, for_a_page
 from tigas_lab.report.experiment import Listener, write_experiment_report
 from tigas_lab.report.figures import Draughtsman
 from tigas_lab.report.findings import short
+from tigas_lab.report.marks import draw_boxes
+from tigas_lab.report.panels import panel_grid
 from tigas_lab.report.results import load
 from tigas_lab.report.series import BINS, binned, downloaded
 from tigas_lab.report.variants import Variant, in_order, looks
@@ -40,6 +42,18 @@ def test_round_trips_are_told_from_end_to_end(tmp_path: Path) -> None:
     assert drawing is not None
     assert drawing.title == "Mean response at 20 ms round trip: Latency 50 ms; at 300 ms: Latency 330 ms"
     assert "Means over 2 runs" in drawing.caption
+
+
+def test_a_box_stands_over_its_controller_where_another_has_no_runs(tmp_path: Path) -> None:
+    for number, (name, rtt) in enumerate((("latency", 20.0), ("budget", 20.0), ("budget", 300.0))):
+        write_run(tmp_path / "runs" / f"{number}", name, rtt_ms=rtt)
+    results = load(tmp_path)
+    _, panels = panel_grid(2, share=True)
+    for panel, rtt in zip(panels, (20.0, 300.0), strict=True):
+        draw_boxes(panel, results.at("bus", rtt), looks(results.variants))
+    boxes = [[box.get_path().get_extents() for box in panel.patches] for panel in panels]
+    assert [[round((box.x0 + box.x1) / 2, 9) for box in panel] for panel in boxes] == [[0, 1], [1]]
+    assert [label.get_text() for label in panels[1].get_xticklabels()] == ["Latency", "Budget"]
 
 
 def test_a_caption_says_what_is_taken_together(tmp_path: Path) -> None:

@@ -5,7 +5,6 @@ A figure's title says what is seen in it; figures that the runs have nothing for
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -13,20 +12,19 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import MaxNLocator
 
+from tigas_lab.report import variants
 from tigas_lab.report.drawing import (
     AREA,
     INK,
     PAPER,
-    distribution,
     interactive_limit,
-    legend_entries,
     plain_log,
     style,
     svg,
 )
 from tigas_lab.report.findings import against_download, best, change, each, short, spread_of, steadiness
+from tigas_lab.report.marks import Looks, draw_boxes, draw_distributions, draw_line, draw_points
 from tigas_lab.report.metrics import (
     HEIGHT,
     IN_TIME,
@@ -39,19 +37,12 @@ from tigas_lab.report.metrics import (
     SWITCHES,
     Metric,
 )
+from tigas_lab.report.panels import MOST_COLUMNS, PANEL_IN, add_legend, extent, label_lowest, metric_axis, panel_grid
 from tigas_lab.report.results import Floats, Group, Results
 from tigas_lab.report.series import BINS, binned, downloaded, received
-from tigas_lab.report.variants import Look, Variant, looks
 
-PANEL_IN, HEIGHT_IN = 3.5, 2.5
-"""Of one panel, inches."""
-ALONE, WIDE = 2.0, 2.6
-"""How many times as wide a panel is that has no other beside it; that shows time."""
-LEGEND_IN = 1.25
-"""What an entry of a legend takes."""
-MOST_COLUMNS = 3
-LOGARITHMIC_FROM = 8.0
-"""Times that differ by more than this factor need a logarithmic axis."""
+WIDE = 2.6
+"""How many times as wide a panel is that shows time."""
 OVERVIEW = (PHOTON_P50, PHOTON_P95, IN_TIME, RESPONSE_MEAN, NEW_VIEWS, RECEIVED, HEIGHT, PROFILE, SWITCHES)
 OVER_RTT = (RESPONSE_MEAN, PHOTON_P95, IN_TIME, PROFILE, SWITCHES, NEW_VIEWS)
 
@@ -74,7 +65,7 @@ class Draughtsman:
 
     def __init__(self, results: Results) -> None:
         self._results = results
-        self._looks = looks(results.variants)
+        self._looks = variants.looks(results.variants)
 
     def overview(self) -> Drawing | None:
         """Latency, resolution, bandwidth and switches of each controller, network by network."""
@@ -84,9 +75,9 @@ class Draughtsman:
         if not metrics:
             return None
         with style():
-            figure, panels = _panels(len(metrics))
+            figure, panels = panel_grid(len(metrics))
             for axes, metric in zip(panels, metrics, strict=True):
-                self._points(axes, columns, metric)
+                draw_points(axes, columns, metric, self._looks)
             names = [short(name) for name in columns]
             for axes in panels:
                 axes.set_xticks(range(len(names)), names)
@@ -94,8 +85,8 @@ class Draughtsman:
                     axes.tick_params(axis="x", labelrotation=40)
                     for label in axes.get_xticklabels():
                         label.set(horizontalalignment="right", rotation_mode="anchor")
-            _label_lowest(panels)
-            self._finish(figure, panels)
+            label_lowest(panels)
+            add_legend(figure, panels)
             every = [group for groups in columns.values() for group in groups]
             return Drawing(
                 "overview",
@@ -112,14 +103,14 @@ class Draughtsman:
         groups = [group for rtt in rtts for group in self._results.at(network, rtt)]
         metrics = _existing(OVER_RTT, groups)
         with style():
-            figure, panels = _panels(len(metrics))
+            figure, panels = panel_grid(len(metrics))
             for axes, metric in zip(panels, metrics, strict=True):
                 for variant, look in self._looks.items():
-                    self._line(axes, [group for group in groups if group.variant == variant], metric, variant, look)
-                _metric_axis(axes, metric, _extent(groups, metric))
+                    draw_line(axes, [group for group in groups if group.variant == variant], metric, variant, look)
+                metric_axis(axes, metric, extent(groups, metric))
                 axes.set_xlabel("Round trip, ms")
                 axes.set_xticks(rtts, [f"{rtt:g}" for rtt in rtts])
-            self._finish(figure, panels)
+            add_legend(figure, panels)
             title = change(groups, rtts, RESPONSE_MEAN)
             return Drawing("rtt", title, f"Over {network}; bands and lines: {spread_of(groups)}", svg(figure))
 
@@ -128,7 +119,7 @@ class Draughtsman:
         return self._by_rtt(
             network,
             "latency",
-            self._distribution,
+            draw_distributions,
             lambda groups: f"Inputs on the screen within 100 ms: {each(groups, IN_TIME)}",
             "Cumulative distribution of motion-to-photon latency over all inputs of all runs; inputs that no frame "
             "answered count, so that such a curve ends below 100 %. Dashed: 100 ms.",
@@ -140,7 +131,7 @@ class Draughtsman:
         return self._by_rtt(
             network,
             "response",
-            self._boxes,
+            draw_boxes,
             lambda groups: f"Mean response: {each(groups, RESPONSE_MEAN)}",
             "Response times of all frames of all runs: median, quartiles, and whiskers from the 5th to the 95th "
             "percentile. Dashed: 100 ms.",
@@ -152,7 +143,7 @@ class Draughtsman:
         if not groups:
             return None
         with style():
-            figure, (axes,) = _panels(1, width=WIDE)
+            figure, (axes,) = panel_grid(1, width=WIDE)
             drawn: list[float] = []
             for group in groups:
                 look = self._looks[group.variant]
@@ -164,7 +155,7 @@ class Draughtsman:
             interactive_limit(axes)
             plain_log(axes, drawn)
             axes.set(xlabel="Time, s", ylabel="Response, ms", xlim=(0, None))
-            self._finish(figure, [axes])
+            add_legend(figure, [axes])
             return Drawing(
                 "response-over-time",
                 steadiness(groups),
@@ -181,7 +172,7 @@ class Draughtsman:
         link = next((run.link for group in groups for run in group.runs if len(run.link) > 1), None)
         size = next((run.record.scene_bytes for g in groups for run in g.runs if run.record.scene_bytes), None)
         with style():
-            figure, (rates, totals) = _panels(2, width=1.4)
+            figure, (rates, totals) = panel_grid(2, width=1.4)
             for group in groups:
                 look = self._looks[group.variant]
                 every, mean, low, high = received(group)
@@ -194,7 +185,7 @@ class Draughtsman:
                 _downloading(rates, totals, link, size)
             rates.set(title="Rate, Mbit/s", xlabel="Time, s", xlim=(0, None), ylim=(0, None))
             totals.set(title="Received by then, MB", xlabel="Time, s", xlim=(0, None), ylim=(0, None))
-            self._finish(figure, [rates, totals])
+            add_legend(figure, [rates, totals])
             return Drawing(
                 "bandwidth",
                 against_download(groups, link, size),
@@ -224,7 +215,7 @@ class Draughtsman:
             axes.invert_yaxis()
             axes.grid(visible=False, axis="y")
             axes.set(xlabel="Share of the time, %", xlim=(0, 100))
-            self._finish(figure, [axes])
+            add_legend(figure, [axes])
             return Drawing(
                 "profiles",
                 f"Mean profile on the screen: {each(groups, PROFILE)}",
@@ -243,7 +234,7 @@ class Draughtsman:
         self,
         network: str,
         name: str,
-        draw: Callable[[Axes, list[Group]], list[float]],
+        draw: Callable[[Axes, Sequence[Group], Looks], list[float]],
         title: Callable[[list[Group]], str],
         caption: str,
         *,
@@ -254,161 +245,24 @@ class Draughtsman:
         panels = {rtt: groups for rtt in rtts if (groups := self._results.at(network, rtt))}
         if not any(len(group.latencies) for groups in panels.values() for group in groups):
             return None
+        present = {group.variant for groups in panels.values() for group in groups}
+        looks = {variant: look for variant, look in self._looks.items() if variant in present}
         with style():
-            figure, axes = _panels(len(panels), share=True)
+            figure, axes = panel_grid(len(panels), share=True)
             values: list[float] = []
             for panel, (rtt, groups) in zip(axes, panels.items(), strict=True):
-                values += draw(panel, groups)
+                values += draw(panel, groups, looks)
                 panel.set_title(short(network) if rtt is None else f"{rtt:g} ms round trip")
             for place, panel in enumerate(axes):
                 plain_log(panel, values, horizontal=horizontal)
                 if place % MOST_COLUMNS:
                     panel.tick_params(labelleft=False)
                     panel.set_ylabel("")
-            _label_lowest(axes)
-            self._finish(figure, axes)
+            label_lowest(axes)
+            add_legend(figure, axes)
             first, groups = next(iter(panels.items()))
             at = "" if first is None else f" ({first:g} ms round trip)"
             return Drawing(name, f"{title(groups)}{at}", f"Over {network}. {caption}", svg(figure))
-
-    def _distribution(self, axes: Axes, groups: list[Group]) -> list[float]:
-        every: list[float] = []
-        for group in groups:
-            look = self._looks[group.variant]
-            values, shares = distribution(group.latencies.tolist())
-            if values:
-                axes.step(
-                    values,
-                    [100 * share for share in shares],
-                    where="post",
-                    color=look.colour,
-                    linestyle=look.dashes,
-                    linewidth=1.5,
-                    label=group.variant.title,
-                )
-                # The last few, which may be very late, need not be seen.
-                every += np.quantile(values, (0, 0.995)).tolist()
-        interactive_limit(axes, horizontal=True)
-        axes.set(xlabel="Motion-to-photon latency, ms", ylabel="Inputs, %", ylim=(0, 101))
-        return every
-
-    def _boxes(self, axes: Axes, groups: list[Group]) -> list[float]:
-        whiskers: list[float] = []
-        for place, group in enumerate(groups):
-            values = group.responses
-            if not len(values):
-                continue
-            low, q1, middle, q3, high = np.percentile(values, (5, 25, 50, 75, 95)).tolist()
-            box = {"whislo": low, "q1": q1, "med": middle, "q3": q3, "whishi": high}
-            colour = self._looks[group.variant].colour
-            axes.bxp(
-                [box],
-                positions=[place],
-                widths=0.6,
-                showfliers=False,
-                patch_artist=True,
-                boxprops={"facecolor": colour, "edgecolor": colour, "alpha": 0.75},
-                medianprops={"color": INK, "linewidth": 1.5},
-                whiskerprops={"color": colour},
-                capprops={"color": colour},
-            )
-            whiskers += [low, high]
-        interactive_limit(axes)
-        axes.set_xticks(range(len(groups)), [group.variant.title for group in groups], rotation=20, ha="right")
-        axes.set_ylabel("Response, ms")
-        return whiskers
-
-    def _points(self, axes: Axes, columns: dict[str, list[Group]], metric: Metric) -> None:
-        width = 0.7 / max(1, len(self._looks))
-        for place, (variant, look) in enumerate(self._looks.items()):
-            offset = (place - (len(self._looks) - 1) / 2) * width
-            spreads = [
-                (column + offset, spread)
-                for column, groups in enumerate(columns.values())
-                for group in groups
-                if group.variant == variant and (spread := group.spread(metric)) and math.isfinite(spread.high)
-            ]
-            if not spreads:
-                continue
-            axes.errorbar(
-                [x for x, _ in spreads],
-                [spread.mean for _, spread in spreads],
-                yerr=([s.mean - s.low for _, s in spreads], [s.high - s.mean for _, s in spreads]),
-                fmt=look.marker,
-                color=look.colour,
-                markersize=5,
-                elinewidth=1.2,
-                label=variant.title,
-            )
-        _metric_axis(axes, metric, _extent([group for groups in columns.values() for group in groups], metric))
-        axes.set_xlim(-0.5, len(columns) - 0.5)
-        axes.grid(visible=False, axis="x")
-
-    @staticmethod
-    def _line(axes: Axes, groups: Sequence[Group], metric: Metric, variant: Variant, look: Look) -> None:
-        found = [
-            (group.condition.rtt_ms or 0.0, spread)
-            for group in groups
-            if (spread := group.spread(metric)) and math.isfinite(spread.high)
-        ]
-        if not found:
-            return
-        rtts = [rtt for rtt, _ in found]
-        axes.plot(
-            rtts,
-            [spread.mean for _, spread in found],
-            color=look.colour,
-            linestyle=look.dashes,
-            marker=look.marker,
-            markersize=4,
-            linewidth=1.4,
-            label=variant.title,
-        )
-        if any(spread.runs > 1 for _, spread in found):
-            lows, highs = [spread.low for _, spread in found], [spread.high for _, spread in found]
-            axes.fill_between(rtts, lows, highs, color=look.colour, alpha=0.15, linewidth=0)
-
-    @staticmethod
-    def _finish(figure: Figure, panels: Sequence[Axes]) -> None:
-        entries = legend_entries(panels)
-        if entries:
-            columns = max(2, int(figure.get_figwidth() / LEGEND_IN))
-            figure.legend(entries.values(), entries.keys(), loc="outside upper left", ncols=columns, fontsize=8)
-
-
-def _panels(count: int, *, width: float = 0.0, share: bool = False) -> tuple[Figure, list[Axes]]:
-    columns = min(count, MOST_COLUMNS)
-    width = width or (ALONE if count == 1 else 1.0)
-    rows = math.ceil(count / columns)
-    figure = Figure(figsize=(width * PANEL_IN * columns, HEIGHT_IN * rows + 0.3), layout="constrained")
-    grid = figure.subplots(rows, columns, squeeze=False, sharex=share, sharey=share).flatten().tolist()
-    for spare in grid[count:]:
-        spare.remove()
-    return figure, grid[:count]
-
-
-def _label_lowest(panels: Sequence[Axes]) -> None:
-    """Of panels above one another, the lowest says what all of them have from left to right."""
-    for panel in panels[: max(0, len(panels) - MOST_COLUMNS)]:
-        panel.tick_params(labelbottom=False)
-        panel.set_xlabel("")
-
-
-def _metric_axis(axes: Axes, metric: Metric, values: Sequence[float]) -> None:
-    better = {"low": "lower is better", "high": "higher is better", None: ""}[metric.better]
-    axes.set_title(metric.heading + (f" ({better})" if better and metric is not PROFILE else ""))
-    finite = [value for value in values if math.isfinite(value)]
-    if metric.unit == "ms" and finite and min(finite) > 0 and max(finite) / min(finite) > LOGARITHMIC_FROM:
-        plain_log(axes, finite)
-    else:
-        axes.set_ylim(bottom=0)
-    if metric is PROFILE:
-        axes.yaxis.set_major_locator(MaxNLocator(integer=True))
-        axes.set_ylim(max([1.0, *finite]) + 0.2, -0.2)
-    elif metric is IN_TIME:
-        axes.set_ylim(0, 102)
-    if metric.unit == "ms":
-        interactive_limit(axes)
 
 
 def _downloading(rates: Axes, totals: Axes, link: Floats, size: int | None) -> None:
@@ -428,12 +282,6 @@ def _lowest(results: Results) -> str:
     if not found:
         return "as it is"
     return f"at its lowest round trip ({', '.join(f'{rtt:g}' for rtt in found)} ms)"
-
-
-def _extent(groups: Sequence[Group], metric: Metric) -> list[float]:
-    """What an axis has to reach over."""
-    spreads = [spread for group in groups if (spread := group.spread(metric))]
-    return [value for spread in spreads for value in (spread.low, spread.high)]
 
 
 def _existing(metrics: Sequence[Metric], groups: Sequence[Group]) -> list[Metric]:
