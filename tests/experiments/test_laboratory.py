@@ -6,6 +6,7 @@ import asyncio
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from pathlib import Path
+from stat import S_IMODE
 
 import pytest
 
@@ -53,6 +54,7 @@ def test_one_holder_at_a_time(tmp_path: Path) -> None:
         pass
     with exclusive(lock, "no"):
         pass
+    assert S_IMODE(lock.stat().st_mode) == 0o666, "what root has left behind keeps nobody out"
 
 
 @pytest.mark.parametrize("url", ["http://localhost:99999", "http://[::1"])

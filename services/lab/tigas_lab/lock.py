@@ -22,7 +22,8 @@ def exclusive(path: Path, otherwise: str) -> Iterator[None]:
 
     Raises StartError with the sentence `otherwise` if another process holds it, and OSError.
     """
-    lock = FileLock(path)
+    # The file stays, and whoever made it, all may hold it: the lab needs root, services at a URL do not.
+    lock = FileLock(path, mode=0o666)
     try:
         lock.acquire(blocking=False)
     except Timeout:
