@@ -56,6 +56,22 @@ test("a person who takes over goes on from where a source has brought the camera
   expect([y, z]).toEqual([0, expect.closeTo(0, 5)]);
 });
 
+test("the start view waits while a source has the camera", () => {
+  axes = { ...STILL, forward: 1 };
+  rig.sample(16);
+  axes = STILL;
+  let ended = false;
+  rig.drive(() => (ended ? null : { position: [1, 0, 0], quaternion: [0, 0, 0, 1] }));
+  rig.sample(32);
+  const { seq } = rig.pose;
+  rig.resetCamera();
+  expect(rig.sample(48)).toBe(false);
+  expect(rig.pose).toMatchObject({ seq, position: [1, 0, 0] });
+  ended = true;
+  rig.sample(64);
+  expect(rig.pose.position).toEqual([0, -2, -8]);
+});
+
 test("who listens hears of every sample, whether the camera moved or not", () => {
   const heard: number[] = [];
   const stop = rig.onSample(({ position }, at) => heard.push(at, position[2]));

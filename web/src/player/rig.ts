@@ -89,10 +89,11 @@ export class Rig {
     );
   }
 
-  /** Back to the scene's start: a new pose, but no movement. */
+  /** The person's camera goes back to the scene's start: a new pose, but no movement; a source keeps the pose meanwhile. */
   resetCamera(): void {
     if (!this.#scene) return;
     this.#camera = startCamera(this.#scene);
+    if (this.#source.peek() !== null) return;
     this.#pose = { seq: this.#pose.seq + 1, ...toScene(this.#camera, levelFor(this.#scene.up)) };
   }
 
