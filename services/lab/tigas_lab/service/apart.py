@@ -21,7 +21,7 @@ class Apart(Protocol):
     """Where such work is done."""
 
     async def __call__(self, function: Callable[[*Ts], T], *arguments: *Ts) -> T:
-        """What a module's function returns or raises; it raises no OSError."""
+        """Call a module's function there, and return or raise what it does. It must not raise OSError."""
 
 
 async def in_a_process(function: Callable[[*Ts], T], *arguments: *Ts) -> T:
