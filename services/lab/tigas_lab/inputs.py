@@ -7,8 +7,9 @@ from pathlib import Path
 from tigas_common.errors import StartError
 from tigas_common.wire import SceneInfo
 from tigas_lab.configuration import Configuration
-from tigas_lab.movement import MovementTrace, placed
 from tigas_lab.movement.generated import KINDS, generate
+from tigas_lab.movement.placing import placed
+from tigas_lab.movement.trace import MovementTrace
 from tigas_lab.points import Point
 
 

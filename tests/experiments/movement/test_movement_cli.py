@@ -10,8 +10,8 @@ import pytest
 from typer.testing import CliRunner, Result
 
 from tests.experiments.movement.test_eyenavgs import NTHU, UPRIGHT, both, write
-from tigas_lab.movement import MovementTrace
 from tigas_lab.movement.cli import movement
+from tigas_lab.movement.trace import MovementTrace
 
 
 def run(*arguments: object) -> Result:

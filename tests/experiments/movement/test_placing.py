@@ -9,8 +9,8 @@ import pytest
 from tests.experiments.movement.scenes import scene
 from tigas_common.pose import Pose
 from tigas_common.wire import SceneInfo, StartCamera
-from tigas_lab.movement import MovementTrace, placed
-from tigas_lab.movement.placing import metre
+from tigas_lab.movement.placing import metre, placed
+from tigas_lab.movement.trace import MovementTrace
 from tigas_lab.points import Point
 
 ONE_AHEAD = "t_ms,x,y,z,qx,qy,qz,qw\n0,0,0,0,0,0,0,1\n20,0,-0.5,1,0,0,0,1\n"

@@ -6,7 +6,8 @@ import logging
 from functools import lru_cache
 from pathlib import Path
 
-from tigas_lab.movement import MovementError, MovementTrace
+from tigas_lab.movement.errors import MovementError
+from tigas_lab.movement.trace import MovementTrace
 from tigas_lab.service.errors import UnknownMovement, storage_explained
 from tigas_lab.service.wire import Movement, MovementList
 
