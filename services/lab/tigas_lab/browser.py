@@ -101,7 +101,10 @@ class Viewer:
 
     async def capture(self, index: int) -> bytes:
         """One kept picture, as PNG; it is given up by the page then."""
-        return base64.b64decode(await self._call("capture", index))
+        picture = await self._call("capture", index)
+        if not isinstance(picture, str):
+            raise RunFailed(f"The viewer gave no picture {index}.")
+        return base64.b64decode(picture)
 
     async def _call(self, name: str, argument: object, patience_s: float = ANSWER_S) -> Any:
         # As text, both ways: a structured clone of thousands of small objects takes seconds.

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import json
+import math
 from collections.abc import AsyncIterator
 from pathlib import Path
 from typing import Any
@@ -39,6 +40,8 @@ class LinkStatus(BaseModel):
     mode: str
     trace: str | None
     position_ms: float | None
+    duration_ms: float | None = None
+    """Of the trace."""
     down: Direction
     up: Direction
     link: dict[str, float]
@@ -68,8 +71,9 @@ class ShaperClient:
         if network.trace_file is not None:
             name = await self._upload(network.trace_file)
         delay_ms = None if network.rtt_ms is None else network.rtt_ms / 2
-        playing = await self._send("POST", "/start", json={"trace": name, "loop": True, "delay_ms": delay_ms})
-        if network.offset_s * 1000 >= playing["duration_ms"]:
+        wanted = {"trace": name, "loop": True, "delay_ms": delay_ms}
+        playing = self._status(await self._send("POST", "/start", json=wanted))
+        if network.offset_s * 1000 >= (playing.duration_ms or math.inf):
             raise RunFailed(f"The trace {name} is shorter than {network.offset_s:g} s, so no run can begin there.")
         await self._post("/pause", {})
         await self._seek(network)
@@ -109,6 +113,8 @@ class ShaperClient:
         except OSError as error:
             raise RunFailed(f"{path} cannot be read: {error.strerror or error}.") from None
         answer = await self._send("POST", "/traces", params={"name": path.name}, content=data, timeout=UPLOAD_TIMEOUT_S)
+        if not isinstance(answer, dict) or not isinstance(answer.get("name"), str):
+            raise RunFailed(f"The shaper at {self.url} took {path.name} and does not say as what.")
         return str(answer["name"])
 
     async def _post(self, path: str, body: dict[str, Any]) -> None:
@@ -117,11 +123,12 @@ class ShaperClient:
     async def _send(self, method: str, path: str, **arguments: Any) -> Any:
         try:
             answer = await self._http.request(method, path, **arguments)
-            if answer.is_success:
-                return answer.json()
-            detail = answer.json().get("detail") if "json" in answer.headers.get("content-type", "") else None
+            told = answer.json() if answer.is_success or "json" in answer.headers.get("content-type", "") else None
         except (httpx.HTTPError, ValueError) as error:
             raise RunFailed(f"The shaper at {self.url} does not answer ({_reason(error)}).") from None
+        if answer.is_success:
+            return told
+        detail = told.get("detail") if isinstance(told, dict) else None
         raise RunFailed(f"The shaper refused {path}: {detail or answer.status_code}")
 
 

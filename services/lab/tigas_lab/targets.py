@@ -113,12 +113,13 @@ async def load_scene(url: str, scene: str) -> SceneInfo:
             answer = await http.post(f"{url}/scenes/{quote(scene, safe='')}/load")
             if answer.is_success:
                 return SceneInfo.model_validate_json(answer.content)
-            detail = answer.json().get("detail", answer.status_code)
+            told = answer.json()
         except (httpx.HTTPError, ValueError) as error:
             raise StartError(
                 f"The scene {scene!r} cannot be loaded from {url}: {error or type(error).__name__}"
             ) from None
-    raise StartError(f"The scene {scene!r} cannot be loaded: {detail}")
+    detail = told.get("detail") if isinstance(told, dict) else None
+    raise StartError(f"The scene {scene!r} cannot be loaded: {detail or answer.status_code}")
 
 
 def _tigas(*arguments: str) -> list[str]:

@@ -133,8 +133,11 @@ async def test_what_cannot_be_read_costs_itself_alone(store: Running, content: s
         assert (await store.http.get(f"/experiments/{name}")).status_code == 404
 
 
-async def test_what_a_command_is_making_cannot_be_removed(store: Running) -> None:
+async def test_what_a_command_makes_is_its_own(store: Running) -> None:
     folder = by_command(store.results / "made", 1)
+    added = await store.http.post("/experiments/made/runs", json=upload())
+    assert (added.status_code, added.json()["type"]) == (409, "tigas:experiment-in-use")
+    assert len(list((folder / "runs").iterdir())) == 1
     with exclusive(folder / EXPERIMENT, "busy"):
         refused = await store.http.delete("/experiments/made")
         assert (refused.status_code, refused.json()["type"]) == (409, "tigas:experiment-in-use")
@@ -166,6 +169,15 @@ async def test_only_the_labs_page_may_change_experiments(store: Running) -> None
         assert removed.status_code == (204 if wanted == 201 else 403), origin
         assert (store.results / experiment).is_dir() == (wanted == 403)
         assert wanted == 201 or removed.json()["type"] == "tigas:foreign-origin"
+
+
+@pytest.mark.parametrize(
+    ("host", "status"), [("evil.example", 403), ("labhost", 201), ("lab.local", 201), ("10.1.2.3", 201)]
+)
+async def test_a_name_that_is_made_to_lead_here_is_foreign(store: Running, host: str, status: int) -> None:
+    headers = {"host": f"{host}:8091", "origin": f"http://{host}:8080"}
+    made = await store.http.post("/experiments", json={"name": "a", "plan": {}}, headers=headers)
+    assert made.status_code == status
 
 
 async def test_the_page_may_ask_across_origins(store: Running) -> None:

@@ -12,7 +12,7 @@ import anyio
 import anyio.to_thread
 import pytest
 
-from tests.experiments.made_up import sample
+from tests.experiments.made_up import sample, write_run
 from tests.experiments.service.conftest import Running, until, upload
 from tests.experiments.service.test_experiments import by_command
 from tigas_common.errors import StartError
@@ -57,17 +57,19 @@ async def test_names_lead_nowhere_else(store: Running) -> None:
 
 async def test_links_inside_the_results_are_not_followed(store: Running) -> None:
     outside = by_command(store.results.parent / "outside", 1)
-    experiment = by_command(store.results / "good", 1)
+    name = await store.create()
+    experiment = store.results / name
+    write_run(experiment / "runs" / "00")
     (experiment / "runs" / "linked").symlink_to(outside / "runs" / "00")
-    told = (await store.http.get("/experiments/good")).json()
+    told = (await store.http.get(f"/experiments/{name}")).json()
     assert [run["folder"] for run in told["runs"]] == ["00"]
     (experiment / "runs").rename(experiment / "moved")
     (experiment / "runs").symlink_to(outside / "runs")
-    assert (await store.http.get("/experiments/good")).json()["runs"] == []
-    added = await store.http.post("/experiments/good/runs", json=upload())
+    assert (await store.http.get(f"/experiments/{name}")).json()["runs"] == []
+    added = await store.http.post(f"/experiments/{name}/runs", json=upload())
     assert added.status_code == 404
     assert [path.name for path in (outside / "runs").iterdir()] == ["00"]
-    assert (await store.http.delete("/experiments/good")).status_code == 204
+    assert (await store.http.delete(f"/experiments/{name}")).status_code == 204
     assert (outside / "runs" / "00" / "run.json").is_file()
 
 

@@ -58,7 +58,7 @@ async def test_it_is_made_when_runs_come_or_go_and_not_otherwise(
     folder = by_command(store.results / "one", 1)
     answers = await asyncio.gather(*(store.http.get("/experiments/one/report") for _ in range(5)))
     assert ({answer.text for answer in answers}, made) == ({"1 runs"}, [1])
-    await store.add("one")
+    write_run(folder / "runs" / "01", repeat=1)
     assert (await store.http.get("/experiments/one/report")).text == "2 runs"
     (folder / "runs" / "00").rename(folder / "moved")
     assert (await store.http.get("/experiments/one/report")).text == "1 runs"

@@ -22,9 +22,9 @@ class UnknownMovement(TigasError):
 
 
 class ExperimentInUse(TigasError):
-    """A command is making the experiment."""
+    """The experiment is a command's, which alone may change it."""
 
-    status, type, title = 409, "experiment-in-use", "The experiment is being made"
+    status, type, title = 409, "experiment-in-use", "The experiment is a command's"
 
 
 class NothingToReport(TigasError):

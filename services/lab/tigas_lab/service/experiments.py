@@ -101,8 +101,10 @@ class Experiments:
             return _placed(made, self._results, f"{slug}-{created:%Y%m%d-%H%M%S}")
 
     def add_run(self, experiment: str, made: Path, summary: Summary) -> RunRow:
-        """Keep a run that lies in the workspace as a whole. Raises UnknownExperiment."""
-        parent, _ = self.find(experiment)
+        """Keep a run that lies in the workspace as a whole. Raises UnknownExperiment and ExperimentInUse."""
+        parent, record = self.find(experiment)
+        if record.source == "command":  # which would refuse to go on with runs that it does not know
+            raise ExperimentInUse(f"The experiment {experiment} is a command's; begin one of the page's own.")
         runs = parent / "runs"
         with storage_explained():
             try:

@@ -1,12 +1,14 @@
 """Which pages may change something: those of the store's own host, as browsers tell by `Origin`.
 
 Without this, any page that somebody visits could remove experiments on that person's own machine. Programs that are no
-browser say no origin and may do what they like.
+browser say no origin and may do what they like. A name with dots may be anybody's, who can make it lead here (DNS
+rebinding): pages of such a host have to be allowed.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from ipaddress import ip_address
 from urllib.parse import urlsplit
 
 from starlette.datastructures import Headers
@@ -41,4 +43,13 @@ def _same_host(origin: str, headers: Headers) -> bool:
         pages, ours = urlsplit(origin).hostname, urlsplit(f"//{headers.get('host', '')}").hostname
     except ValueError:
         return False
-    return pages is not None and (pages == ours or LOOPBACK.issuperset((pages, ours)))
+    return pages is not None and ((pages == ours and _local(pages)) or LOOPBACK.issuperset((pages, ours)))
+
+
+def _local(host: str) -> bool:
+    """Whether it is an address, or a name that only the own network can give."""
+    try:
+        ip_address(host)
+    except ValueError:
+        return "." not in host or host.endswith((".local", ".internal", ".home.arpa"))
+    return True
