@@ -67,8 +67,8 @@ export function ExperimentResults({ experiment, store, onExport, onAgain }: Prop
 }
 
 const COLUMNS = [
-  { title: "p50", unit: "ms", of: "p50", digits: 0, factor: 1 },
-  { title: "p95", unit: "ms", of: "p95", digits: 0, factor: 1 },
+  { title: "Latency p50", unit: "ms", of: "p50", digits: 0, factor: 1 },
+  { title: "Latency p95", unit: "ms", of: "p95", digits: 0, factor: 1 },
   { title: `≤ ${INTERACTIVE} ms`, unit: "%", of: "interactive", digits: 0, factor: 100 },
   { title: "Frames", unit: "/s", of: "framesPerSecond", digits: 1, factor: 1 },
   { title: "Height", unit: "px", of: "meanHeight", digits: 0, factor: 1 },
@@ -80,10 +80,12 @@ function Figures({ rows, legend }: { rows: readonly Row[]; legend: RefObject<HTM
   return (
     <div class="experiment-table">
       <table ref={legend}>
-        <caption class="visually-hidden">Means over the complete runs of each controller and mode</caption>
+        <caption class="visually-hidden">
+          Means over the complete runs of each controller and mode; latency is from motion to photon
+        </caption>
         <thead>
           <tr>
-            <th scope="col">Motion to photon</th>
+            <th scope="col">Controller or mode</th>
             <th scope="col">Runs</th>
             {COLUMNS.map(({ title, unit }) => (
               <th key={title} scope="col">
