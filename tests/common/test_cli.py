@@ -14,8 +14,25 @@ for point in entry_points(group=COMMANDS):
 print(*sorted({name.partition(".")[0] for name in sys.modules}))
 """
 NOT_EVERYWHERE = set(
-    "PIL aioquic av filelock httpx jinja2 matplotlib numba numpy playwright psutil scipy skimage starlette torch uvicorn "
-    "zipstream".split()
+    [
+        "PIL",
+        "aioquic",
+        "av",
+        "filelock",
+        "httpx",
+        "jinja2",
+        "matplotlib",
+        "numba",
+        "numpy",
+        "playwright",
+        "psutil",
+        "scipy",
+        "skimage",
+        "starlette",
+        "torch",
+        "uvicorn",
+        "zipstream",
+    ]
 )
 
 
