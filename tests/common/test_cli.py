@@ -13,27 +13,25 @@ for point in entry_points(group=COMMANDS):
     point.load()
 print(*sorted({name.partition(".")[0] for name in sys.modules}))
 """
-NOT_EVERYWHERE = set(
-    [
-        "PIL",
-        "aioquic",
-        "av",
-        "filelock",
-        "httpx",
-        "jinja2",
-        "matplotlib",
-        "numba",
-        "numpy",
-        "playwright",
-        "psutil",
-        "scipy",
-        "skimage",
-        "starlette",
-        "torch",
-        "uvicorn",
-        "zipstream",
-    ]
-)
+NOT_EVERYWHERE = {
+    "PIL",
+    "aioquic",
+    "av",
+    "filelock",
+    "httpx",
+    "jinja2",
+    "matplotlib",
+    "numba",
+    "numpy",
+    "playwright",
+    "psutil",
+    "scipy",
+    "skimage",
+    "starlette",
+    "torch",
+    "uvicorn",
+    "zipstream",
+}
 
 
 def test_all_commands_load_without_what_only_some_services_have() -> None:
