@@ -20,8 +20,8 @@ from tests.web.conftest import PATIENCE, OpenPage
 from tests.web.modes import with_settings
 from tests.web.server import RenderServer
 from tests.web.stage import SCENE, frames, wait_for_frames, wait_until_settled
+from tigas_lab.movement.trace import MovementTrace
 
-movement = pytest.importorskip("tigas_lab.movement")
 HEADER = "t_ms,x,y,z,qx,qy,qz,qw\n"
 WALK = {"viewport": {"width": 1000, "height": 1100}}
 MICRO = 5e-6
@@ -216,7 +216,7 @@ def test_a_recording_replays_what_was_seen(open_page: OpenPage, server: RenderSe
     path = tmp_path / "recorded.csv"
     downloading.value.save_as(path)
 
-    trace = movement.MovementTrace.read(path)
+    trace = MovementTrace.read(path)
     assert (trace.anchor, trace.comments["scene"]) == ("scene", "pebbles")
     assert trace.duration_ms > 900
     kept = np.hstack((trace.positions, trace.quaternions))
