@@ -1,6 +1,6 @@
 import { expect, test } from "vitest";
 import { distance, firstWeights, SelfOrganisingMap } from "./lolp-som";
-import { seeded } from "./sim/random";
+import { seeded } from "./random";
 
 test("a weighted distance", () => {
   expect(distance([1, 2, 3, 4], [1, 0, 3, 1])).toBeCloseTo(Math.sqrt(13), 12);

@@ -1,8 +1,8 @@
 import { beforeEach, expect, test } from "vitest";
 import { LolpController } from "./lolp";
 import { observation, type Told } from "./observations";
+import { seeded } from "./random";
 import { PAPER_LADDER } from "./sim/ladder";
-import { seeded } from "./sim/random";
 
 const BYTES = [240_000, 55_000, 20_000, 7000];
 let subject: LolpController;
@@ -35,6 +35,18 @@ test("it goes down when little is left of the target latency, to what the link c
   hear(5, { throughput: 80e6, response: 40 });
   expect(hear(1, { throughput: 80e6, response: 95 })).toBe(1);
   expect(hear(5, { throughput: 80e6, response: 95 })).toBe(3);
+});
+
+test.each([0.25, 1, 4])("frames that are all %f times as large change nothing on a link as much faster", (scale) => {
+  const link = (throughput: number, response: number) => {
+    for (let i = 0; i < 30; i++) {
+      const profile = subject.decide();
+      const bytes = (BYTES[profile] ?? 0) * scale;
+      subject.observe(observation({ profile, bytes, throughput: throughput * scale, response }));
+    }
+    return subject.decide();
+  };
+  expect([link(20e6, 40), link(6e6, 30), link(80e6, 50), link(16e6, 45), link(16e6, 95)]).toEqual([1, 2, 0, 1, 3]);
 });
 
 test("nothing changes while the throughput is unknown", () => {

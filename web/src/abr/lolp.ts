@@ -22,8 +22,6 @@ export class LolpController implements Controller {
   readonly #sizes: FrameSizes;
   readonly #count: number;
   readonly #map: SelfOrganisingMap;
-  /** Divides bitrates to make features of them: the length of the vector of all, as the ladder expects them. */
-  readonly #norm: number;
   #weights: Features;
   #previousLatency = 0;
   /** Index of the bitrate in use, 0 the lowest. */
@@ -33,9 +31,9 @@ export class LolpController implements Controller {
     this.#sizes = new FrameSizes(ladder);
     this.#count = ladder.length;
     const rates = bitrates(this.#sizes, this.#count);
-    this.#norm = Math.hypot(...rates);
-    this.#map = new SelfOrganisingMap(rates.map((rate) => rate / this.#norm));
-    this.#weights = firstWeights(this.#count, Math.max(...rates) / this.#norm, random);
+    const features = rates.map((rate) => rate / norm(rates));
+    this.#map = new SelfOrganisingMap(features);
+    this.#weights = firstWeights(this.#count, Math.max(...features), random);
   }
 
   decide(): number {
@@ -55,9 +53,9 @@ export class LolpController implements Controller {
       return;
     }
     this.#weights = this.#chooseWeights(rates, throughput, buffer, latency) ?? this.#weights;
-    const target = this.#target(throughput);
+    const target = this.#target(rates, throughput);
     const winner = this.#winner(rates, throughput, buffer, target);
-    const change = Math.abs((rates[this.#current] ?? 0) - (rates[winner] ?? 0)) / this.#norm;
+    const change = Math.abs((rates[this.#current] ?? 0) - (rates[winner] ?? 0)) / norm(rates);
     const rebuffering = Math.max(0, download - buffer);
     this.#map.learn(this.#current, [target, latency / LATENCY_NORM, rebuffering, change]);
     this.#map.learn(winner, [target, 0, 0, change]);
@@ -78,8 +76,8 @@ export class LolpController implements Controller {
   }
 
   /** The throughput as a feature: more than all bitrates together is as much as the highest neuron has. */
-  #target(throughput: number): number {
-    const normalised = throughput / this.#norm;
+  #target(rates: readonly number[], throughput: number): number {
+    const normalised = throughput / norm(rates);
     return normalised > 1 ? Math.max(...this.#map.neurons.map(([learned]) => learned)) : normalised;
   }
 
@@ -94,4 +92,9 @@ export class LolpController implements Controller {
     });
     return distances.indexOf(Math.min(...distances));
   }
+}
+
+/** Divides bitrates to make features of them: where all frames are larger or smaller than expected, features stay the same. */
+function norm(rates: readonly number[]): number {
+  return Math.hypot(...rates);
 }

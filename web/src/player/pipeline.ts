@@ -24,8 +24,8 @@ export interface DecodedFrame {
 }
 
 export interface PipelineEvents {
-  /** A frame came; it may still be decoding. */
-  replied(reply: FrameReply, view: View): void;
+  /** A frame came of a view of pose number `pose`; it may still be decoding. */
+  replied(reply: FrameReply, view: View, pose: number): void;
   /** A refusal that concerns the person: not one of a frame that came too late. */
   refused(problem: RequestProblem): void;
   /** Transmission time of so many bytes in milliseconds, 0 if unknown. */
@@ -135,7 +135,7 @@ export class FramePipeline {
     this.#counts.sent++;
     try {
       const reply = await this.#transport.request({ ...view, seq }, abort.signal);
-      this.#events.replied(reply, view);
+      this.#events.replied(reply, view, pose);
       const bitmap = await this.#decode(reply.image, abort.signal);
       this.#observe(reply, alone);
       this.#decoded({ seq, version, pose, header: reply.header, bitmap });

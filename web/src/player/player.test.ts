@@ -3,7 +3,7 @@ import { FixedController } from "../abr/fixed";
 import { NO_NUDGE } from "../input/motion";
 import { FakeTransport, settle } from "../transport/fake";
 import type { SceneInfo } from "../wire";
-import { Player } from "./player";
+import { Player, type Reply } from "./player";
 import { Rig } from "./rig";
 
 const SCENE: SceneInfo = {
@@ -27,6 +27,7 @@ let axes: typeof STILL;
 let profile: number;
 let refine: boolean;
 let drawn: unknown[];
+let replies: Reply[];
 let transport: FakeTransport;
 let rig: Rig;
 let player: Player;
@@ -37,6 +38,7 @@ beforeEach(() => {
   profile = 0;
   refine = false;
   drawn = [];
+  replies = [];
   transport = new FakeTransport(() => now);
   const canvas = { getContext: () => ({ transferFromImageBitmap: (bitmap: unknown) => drawn.push(bitmap) }) };
   rig = new Rig({ sampleInput: () => ({ axes, nudge: NO_NUDGE }), turnSpeed: () => 60 });
@@ -48,6 +50,7 @@ beforeEach(() => {
     refine: () => refine,
     stamp: false,
     onPresented: () => undefined,
+    onReplied: (reply) => replies.push(reply),
     onReceived: () => undefined,
     now: () => now,
   });
@@ -118,6 +121,21 @@ describe("refining", () => {
     await frames(60);
     expect(transport.requests.map(({ request }) => request.profile)).toEqual([3]);
   });
+});
+
+test("tells of each reply: when it came, of which pose, and the rung that was asked for", async () => {
+  profile = 2;
+  await frames(2);
+  axes = { ...STILL, forward: 1 };
+  await frames(1, { answer: false });
+  axes = STILL;
+  await frames(3);
+  expect(replies.map(({ pose, asked }) => [pose, asked])).toEqual([
+    [rig.pose.seq - 1, 2],
+    [rig.pose.seq, 2],
+  ]);
+  const { arrival } = replies[1] as Reply;
+  expect(arrival.lastByteAt - arrival.sentAt).toBeCloseTo(1000 / 60, 3);
 });
 
 test("an input made while the server is away does not count as latency afterwards", async () => {

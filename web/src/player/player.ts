@@ -1,6 +1,6 @@
 /** The stateless mode: wants the view of the rig's pose, one request per pose, and shows what has come. */
 import { signal } from "@preact/signals";
-import type { Controller } from "../abr/controller";
+import type { Controller, Observation } from "../abr/controller";
 import type { Connected } from "../transport/connect";
 import type { SceneInfo } from "../wire";
 import type { Decoder } from "./decoder";
@@ -9,6 +9,14 @@ import { type DecodedFrame, FramePipeline, type View } from "./pipeline";
 import type { PresentedFrame } from "./presented";
 import type { Rig } from "./rig";
 import { NO_STATS, type Stats, StatsRecorder } from "./stats";
+
+/** A frame that came: what controllers hear of it, and what was asked for. */
+export interface Reply extends Observation {
+  /** The number of the pose. */
+  readonly pose: number;
+  /** The rung; null if the server was to choose. */
+  readonly asked: number | null;
+}
 
 export interface PlayerOptions {
   readonly canvas: HTMLCanvasElement;
@@ -20,6 +28,8 @@ export interface PlayerOptions {
   /** Whether frames carry their pose's number, for tests that read it from the screen. */
   readonly stamp: boolean;
   readonly onPresented: (frame: PresentedFrame) => void;
+  /** A frame came, and the controller has heard of it. */
+  readonly onReplied: (reply: Reply) => void;
   /** Bytes of frames came in. */
   readonly onReceived: (bytes: number) => void;
   readonly now: () => number;
@@ -64,12 +74,12 @@ export class Player {
       connected === null
         ? undefined
         : new FramePipeline(connected.transport, (image, signal) => decoder.decode(image, signal), now, {
-            replied: (reply) => {
+            replied: (reply, view, pose) => {
               this.#recorder.replied(reply, now());
               this.#meter.received(reply.arrival.bytes, now());
               this.#options.onReceived(reply.arrival.bytes);
               this.problem.value = null;
-              this.#options.controller().observe({
+              const observation = {
                 profile: reply.header.profile ?? null,
                 arrival: reply.arrival,
                 server: reply.header.timing ?? null,
@@ -77,7 +87,9 @@ export class Player {
                 inFlight: (this.#pipeline?.inFlight ?? 1) - 1,
                 turning: this.#options.rig.turning,
                 at: now(),
-              });
+              };
+              this.#options.controller().observe(observation);
+              this.#options.onReplied({ ...observation, pose, asked: view.profile ?? null });
             },
             refused: (problem) => {
               this.problem.value = problem.message;

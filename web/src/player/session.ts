@@ -1,11 +1,7 @@
 /** One visit to one scene: connects, loads the scene, and shows what the rig sees in the chosen mode, until it is disposed of. */
 import { computed, effect, type ReadonlySignal, signal, untracked } from "@preact/signals";
-import type { Controller } from "../abr/controller";
-import { FixedController } from "../abr/fixed";
-import { CONTROLLERS } from "../abr/registry";
 import { DashPlayer } from "../dash/dash-player";
 import { setupFor } from "../dash/presets";
-import { rungsFor } from "../dash/rungs";
 import { MovementDeck } from "../experiment/movement-deck";
 import { StageInput } from "../input/stage-input";
 import { sleep } from "../sleep";
@@ -13,9 +9,10 @@ import { ApiError, fetchConfig, loadScene } from "../state/api";
 import { config, settings } from "../state/app";
 import { type Connected, connect } from "../transport/connect";
 import { type ConnectionState, maintainConnection } from "../transport/connection";
-import type { Rung, SceneInfo } from "../wire";
+import type { SceneInfo } from "../wire";
+import { adapting } from "./adapting";
 import { Decoder } from "./decoder";
-import { Player } from "./player";
+import { Player, type Reply } from "./player";
 import type { PresentedFrame } from "./presented";
 import { Rig } from "./rig";
 
@@ -48,13 +45,16 @@ export class ViewerSession {
   readonly dash = signal<DashPlayer | null>(null);
   readonly input: StageInput;
   readonly stage: Stage;
+  /** Of the controllers' random numbers. */
+  readonly seed = signal(1);
   readonly #sceneId: string;
   readonly #stamp: boolean;
   readonly #decoder = new Decoder(
     new Worker(new URL("./decode.worker.ts", import.meta.url), { type: "module", name: "decoder" }),
   );
-  readonly #controller = adapting();
+  readonly #controller = adapting(this.seed);
   readonly #listeners = new Set<(frame: PresentedFrame) => void>();
+  readonly #replyListeners = new Set<(reply: Reply) => void>();
   #loading: Promise<SceneInfo> | undefined;
   #animation = 0;
   #received = 0;
@@ -81,6 +81,9 @@ export class ViewerSession {
       refine: () => settings.value.refine,
       stamp,
       onPresented: this.#tell,
+      onReplied: (reply) => {
+        for (const listener of this.#replyListeners) listener(reply);
+      },
       onReceived: this.#count,
       now,
     });
@@ -99,6 +102,12 @@ export class ViewerSession {
   onPresented(listener: (frame: PresentedFrame) => void): () => void {
     this.#listeners.add(listener);
     return () => this.#listeners.delete(listener);
+  }
+
+  /** Hear of every frame that came in the stateless mode, until the function that this returns is called. */
+  onReplied(listener: (reply: Reply) => void): () => void {
+    this.#replyListeners.add(listener);
+    return () => this.#replyListeners.delete(listener);
   }
 
   /** After a failure: connect and load again. */
@@ -179,13 +188,11 @@ export class ViewerSession {
       const scene = this.scene.value;
       const { width, height } = viewport.value;
       if (mode === "stateless" || base === undefined || scene === null || width * height <= 1) return null;
-      const rungs = rungsFor(config.value?.ladder ?? [], viewport.value);
       // As text, so that only a change of its content is one; the configuration is read again and again.
       return JSON.stringify({
         base,
         scene: scene.id,
         setup: setupFor(dashPreset, dashCustom),
-        rungs,
         viewport: viewport.value,
       });
     });
@@ -261,21 +268,6 @@ export class ViewerSession {
 }
 
 const now = () => performance.now();
-
-/** The controller that the settings name, made anew only when the choice or the ladder changes: it learns as it goes. */
-function adapting(): ReadonlySignal<Controller> {
-  const ladder = computed(() => JSON.stringify(config.value?.ladder ?? [])); // the configuration is read again and again
-  const name = computed(() => settings.value.controller);
-  const chosen = computed(() => settings.value.profile);
-  return computed(() => {
-    const rungs: Rung[] = JSON.parse(ladder.value);
-    if (name.value !== "fixed" && rungs.length > 0) {
-      return CONTROLLERS[name.value].create({ ladder: rungs, random: Math.random });
-    }
-    // The chosen rung, or the last if the server's ladder is shorter.
-    return new FixedController(Math.min(chosen.value, Math.max(0, rungs.length - 1)));
-  });
-}
 
 /** A signal that follows another once that has kept its value for a while. */
 function settled<T>(source: ReadonlySignal<T>, after: number, cleanups: (() => void)[]): ReadonlySignal<T> {

@@ -3,8 +3,8 @@
  * are, when the page draws, and how the camera turns. Here those of the paper; `measured.ts` has those of a real visit.
  */
 import type { Rung } from "../../wire";
+import { normal, seeded } from "../random";
 import { Motion } from "./motion";
-import { normal, seeded } from "./random";
 
 export interface Endpoints {
   /** The server's milliseconds to render a frame of a rung, and to encode it. */

@@ -1,6 +1,6 @@
 import { expect, test } from "vitest";
+import { seeded } from "../random";
 import { EventLoop } from "./events";
-import { seeded } from "./random";
 
 test("events come in order of time, those of one time in order of their making", async () => {
   const loop = new EventLoop();
