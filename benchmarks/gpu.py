@@ -96,9 +96,10 @@ def load_scenes(folder: Path) -> dict[str, tuple[Gaussians, View]]:
     start = derive_camera(demo.means, demo.opacities, demo.scales, DEMO_METADATA.up)
     start = DEMO_METADATA.camera or start
     scenes = {"courtyard": (demo, View(Pose.look_at(start.position, start.look_at, DEMO_METADATA.up)))}
-    if not SHARED.is_dir():
+    cameras_file = SHARED / "scenes" / "cameras.json"
+    if not cameras_file.is_file():
         return scenes
-    cameras = json.loads((SHARED / "scenes" / "cameras.json").read_text())
+    cameras = json.loads(cameras_file.read_text())
     for name, (degree, *files) in SOURCES.items():
         ply = folder / f"{name}.ply"
         sources = [str(SHARED / "scenes" / file) for file in files]

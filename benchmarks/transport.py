@@ -207,7 +207,7 @@ def main() -> None:
     parser.add_argument("--rounds", type=int, default=3)
     parser.add_argument("--in-flight", type=int, nargs="+", default=[1, 4])
     parser.add_argument("--servers", nargs="+", choices=["ours", "stock"], default=["stock", "ours"])
-    parser.add_argument("--chromium", default="/usr/bin/chromium")
+    parser.add_argument("--chromium", help="the browser; one that is installed by default")
     arguments = parser.parse_args()
     if arguments.serve:
         run_server(arguments.serve)
@@ -215,11 +215,15 @@ def main() -> None:
 
     from playwright.sync_api import sync_playwright
 
+    from tigas_lab.browser import find_chromium
+
     with contextlib.ExitStack() as stack:
         servers = {name: stack.enter_context(server_process(name)) for name in arguments.servers}
         url = stack.enter_context(blank_page())
         playwright = stack.enter_context(sync_playwright())
-        browser = playwright.chromium.launch(executable_path=arguments.chromium, args=CHROMIUM_ARGUMENTS)
+        browser = playwright.chromium.launch(
+            executable_path=arguments.chromium or find_chromium(), args=CHROMIUM_ARGUMENTS
+        )
         page = browser.new_page()
         page.goto(url)
         print(

@@ -77,6 +77,8 @@ class FakeRasterizer(Rasterizer):
     formats: list[FrameFormat] = field(default_factory=list)
 
     def prepare(self, gaussians: Gaussians) -> PreparedScene:
+        if self.error is not None:
+            raise self.error
         return FakeScene()
 
     def render(self, scene: PreparedScene, camera: Camera, format: FrameFormat = "jpeg") -> Image:

@@ -15,7 +15,8 @@ import pytest
 import torch
 from PIL import Image
 
-from tests.render.fakes import render_request
+from tests.render.fakes import FakeRasterizer, render_request
+from tigas_common.errors import DeviceLost
 from tigas_render.app import create_app
 from tigas_render.raster.devices import create_rasterizer
 from tigas_render.raster.stamp import read_stamp
@@ -198,8 +199,23 @@ async def test_the_page_learns_its_ladder_and_urls(client: httpx.AsyncClient) ->
     config = (await client.get("/config.json")).json()
     assert [rung["height"] for rung in config["ladder"]] == [720, 540, 360, 180]
     assert config["services"] == {"near": "http://localhost:99", "far": "https://example.org/"}
+    assert config["device"] == "cpu"
     assert config["webtransport_url"] is None  # this application is not served over QUIC
     assert (await client.get("/healthz")).json() == {"status": "ok"}
+
+
+@pytest.mark.parametrize("path", ["/render", "/scenes/courtyard/load"])
+async def test_who_asks_for_its_health_learns_that_the_device_is_lost(path: str, tmp_path: Path) -> None:
+    rasterizer = FakeRasterizer()
+    async with RenderService.open(RenderSettings(cache=tmp_path), rasterizer) as service:
+        transport = httpx.ASGITransport(create_app(service))
+        async with httpx.AsyncClient(transport=transport, base_url="http://localhost:8080") as client:
+            assert (await client.get("/healthz")).status_code == 200
+            rasterizer.error = DeviceLost("The GPU fell off the bus.")
+            assert (await client.post(path, json=frame() | {"scene": "courtyard"})).status_code == 503
+            health = await client.get("/healthz")
+    assert (health.status_code, health.json()["type"]) == (503, "tigas:device-lost")
+    assert health.json()["detail"] == "The GPU fell off the bus."
 
 
 async def test_metrics_count_frames_and_failures(client: httpx.AsyncClient) -> None:

@@ -11,12 +11,16 @@ import ssl
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import httpx
 import pytest
 
+from tests.render import losing_device
+from tests.render.fakes import render_request
+
+ROOT = Path(__file__).parents[2]
 TIGAS = str(Path(sys.executable).parent / "tigas")
 
 
@@ -26,10 +30,10 @@ def tigas(*arguments: str, cwd: Path | None = None) -> subprocess.CompletedProce
 
 
 @contextlib.contextmanager
-def serving(*arguments: str) -> Iterator[tuple[subprocess.Popen[str], str]]:
+def serving(*arguments: str, program: Sequence[str] = (TIGAS,)) -> Iterator[tuple[subprocess.Popen[str], str]]:
     """A server on free ports and what it printed until it was ready."""
-    command = [TIGAS, "render", "--http", "127.0.0.1:0", "--quic", "127.0.0.1:0", *arguments]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True) as process:
+    command = [*program, "render", "--http", "127.0.0.1:0", "--quic", "127.0.0.1:0", *arguments]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, cwd=ROOT) as process:
         try:
             assert process.stdout is not None
             printed = ""
@@ -77,6 +81,17 @@ def test_the_server_says_what_it_serves_and_stops_at_once_when_told(tmp_path: Pa
         process.send_signal(signal.SIGTERM)
         assert process.wait(5) == 0
         assert time.monotonic() - stopping < 2
+
+
+def test_a_server_whose_gpu_is_lost_answers_and_ends_so_that_another_can_be_started() -> None:
+    with serving(program=(sys.executable, "-m", losing_device.__name__)) as (process, printed):
+        request = render_request(scene="courtyard").model_dump(mode="json", exclude_none=True)
+        answer = httpx.post(url_in(printed) + "render", json=request, timeout=60)
+        assert (answer.status_code, answer.json()["detail"]) == (503, losing_device.REASON)
+        rest, _ = process.communicate(timeout=20)
+    assert process.returncode == 1
+    assert rest.splitlines()[-1] == losing_device.REASON
+    assert "Traceback" not in rest
 
 
 def test_an_empty_directory_is_explained_and_the_demo_is_served(tmp_path: Path) -> None:

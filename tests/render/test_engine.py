@@ -12,6 +12,7 @@ import pytest
 from tests.render.fakes import FakeImage, FakeRasterizer, FakeScenes, render_request
 from tigas_common.errors import (
     DeadlineExceeded,
+    DeviceLost,
     InvalidRequest,
     OutOfDeviceMemory,
     Overloaded,
@@ -195,6 +196,19 @@ async def test_a_rasteriser_that_fails_fails_that_request_alone(bench: Bench) ->
     bench.rasterizer.error = None
     for _ in range(bench.rasterizer.frames_in_flight + 1):
         assert (await bench.submit("a")).body
+
+
+async def test_a_lost_device_is_remembered(bench: Bench) -> None:
+    bench.rasterizer.error = RuntimeError("out of luck")
+    bench.rasterizer.gate.set()
+    with pytest.raises(RuntimeError):
+        await bench.submit("a")
+    assert not bench.engine.device_lost.done()
+    for _ in range(2):
+        bench.rasterizer.error = DeviceLost("gone")
+        with pytest.raises(DeviceLost):
+            await bench.submit("a")
+        assert bench.engine.device_lost.result().detail == "gone"
 
 
 async def test_wrong_scene_and_rung_are_refused_before_anything_is_queued(bench: Bench) -> None:

@@ -107,6 +107,8 @@ export interface StartCamera {
  */
 export interface ServerConfig {
   version: string;
+  commit?: string | null;
+  device?: string | null;
   ladder: Rung[];
   certificate_sha256: string | null;
   webtransport_url: string | null;

@@ -191,6 +191,10 @@ class ServerConfig(WireModel):
     """What the page needs to know of its server (`/config.json`)."""
 
     version: str
+    commit: str | None = None
+    """Of its code, with `-dirty` if that was changed; null if it is unknown."""
+    device: str | None = None
+    """What it renders with: `cpu`, or the graphics processor's name."""
     ladder: tuple[Rung, ...]
     certificate_sha256: str | None
     """Base64 of the SHA-256 of the certificate's DER, for `serverCertificateHashes`."""

@@ -13,8 +13,9 @@ from starlette.routing import Route
 from starlette.staticfiles import StaticFiles
 from starlette.types import Scope
 
+from tigas_common.errors import problem
 from tigas_common.parsing import MAX_BODY, parse
-from tigas_common.problems import EXCEPTION_HANDLERS, json_response, read_body
+from tigas_common.problems import EXCEPTION_HANDLERS, json_response, problem_response, read_body
 from tigas_common.wire import RenderRequest
 from tigas_render.frame import Frame
 from tigas_render.service import RenderService
@@ -85,9 +86,9 @@ async def scene(request: Request) -> Response:
 
 async def load(request: Request) -> Response:
     """Load a scene and wait until it is loaded."""
-    registry = _service(request).registry
-    await registry.load(request.path_params["id"])
-    return json_response(registry.info(request.path_params["id"]))
+    service, id = _service(request), request.path_params["id"]
+    await service.load(id)
+    return json_response(service.registry.info(id))
 
 
 async def unload(request: Request) -> Response:
@@ -109,7 +110,10 @@ async def config(request: Request) -> Response:
 
 
 async def healthz(request: Request) -> Response:
-    """Whether the service runs."""
+    """Whether the service can render; after its device was lost it answers until it has stopped."""
+    lost = _service(request).engine.device_lost
+    if lost.done():
+        return problem_response(problem(lost.result()))
     return JSONResponse({"status": "ok"})
 
 

@@ -18,6 +18,7 @@ from typing import Protocol, Self
 
 from tigas_common.errors import (
     DeadlineExceeded,
+    DeviceLost,
     InvalidRequest,
     OutOfDeviceMemory,
     Overloaded,
@@ -110,6 +111,8 @@ class Engine:
         self._ladder = ladder
         self._metrics = metrics
         self._clock = clock
+        self.device_lost: asyncio.Future[DeviceLost] = asyncio.get_running_loop().create_future()
+        """Why nothing can be rendered any more, once that is so."""
         self._schedule: FairSchedule[_Work] = FairSchedule(QUEUE_DEPTH)
         self._changed = threading.Condition()
         self._closed = False
@@ -163,9 +166,16 @@ class Engine:
             raise
         except TigasError as error:
             self._metrics.count(error.type)
+            if isinstance(error, DeviceLost):
+                self.lose_device(error)
             raise
         self._metrics.frame(frame)
         return frame
+
+    def lose_device(self, reason: DeviceLost) -> None:
+        """Remember that the device failed for good: only a new process can use it."""
+        if not self.device_lost.done():
+            self.device_lost.set_result(reason)
 
     async def _frame(self, client: str, request: RenderRequest, scene: LoadedScene, arrived: float) -> Frame:
         loop = asyncio.get_running_loop()
@@ -181,9 +191,7 @@ class Engine:
     def _enqueue(self, work: _Work) -> None:
         with self._changed:
             if self._closed or len(self._schedule) >= MAX_WAITING:
-                raise Overloaded(
-                    "The server is stopping." if self._closed else "Too many requests wait; ask less often."
-                )
+                raise Overloaded(STOPPING if self._closed else "Too many requests wait; ask less often.")
             pushed_out = self._schedule.push(work.client, work)
             self._changed.notify()
         if pushed_out is not None:

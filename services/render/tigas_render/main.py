@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import gc
 import os
 import ssl
@@ -9,9 +10,10 @@ from contextlib import AsyncExitStack
 from pathlib import Path
 
 from tigas_common.address import Address
-from tigas_common.errors import StartError
+from tigas_common.errors import StartError, TigasError
 from tigas_common.runner import explained, serve_http, until_stopped
 from tigas_render.app import STATIC, create_app
+from tigas_render.engine import Engine
 from tigas_render.raster.devices import create_rasterizer
 from tigas_render.service import RenderService
 from tigas_render.settings import RenderSettings
@@ -20,7 +22,7 @@ from tigas_render.transport.server import Http3Server
 
 
 async def serve(settings: RenderSettings) -> None:
-    """Run the render service until SIGINT or SIGTERM. Raises StartError."""
+    """Run the render service until SIGINT or SIGTERM. Raises StartError, also once the device is lost."""
     _check_directory(settings.scenes)
     try:
         rasterizer = create_rasterizer(settings.device, settings.cache)
@@ -28,7 +30,10 @@ async def serve(settings: RenderSettings) -> None:
         raise StartError(str(error)) from None
     print("Preparing the rasteriser (the first start on a machine compiles it, about half a minute) …", flush=True)
     async with AsyncExitStack() as stack:
-        service = await stack.enter_async_context(RenderService.open(settings, rasterizer))
+        try:
+            service = await stack.enter_async_context(RenderService.open(settings, rasterizer))
+        except TigasError as error:  # a GPU that is full, or lost
+            raise StartError(error.detail) from None
         app = create_app(service)
         if settings.quic:
             with explained(settings.quic, "--quic"):
@@ -55,7 +60,18 @@ async def serve(settings: RenderSettings) -> None:
         gc.collect()
         gc.freeze()
         _announce(service, Address(settings.http.host, port))
-        await until_stopped()
+        await _until_stopped(service.engine)
+
+
+async def _until_stopped(engine: Engine) -> None:
+    """Wait for SIGINT or SIGTERM. Raises StartError if the device is lost first: only a new process can use it."""
+    stopped = asyncio.create_task(until_stopped())
+    try:
+        await asyncio.wait((stopped, engine.device_lost), return_when=asyncio.FIRST_COMPLETED)
+    finally:
+        stopped.cancel()
+    if engine.device_lost.done():
+        raise StartError(engine.device_lost.result().detail)
 
 
 def _check_directory(scenes: Path | None) -> None:

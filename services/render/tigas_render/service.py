@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import logging
 import socket
 import time
 from collections.abc import AsyncIterator, Callable
@@ -11,6 +12,8 @@ from datetime import UTC, datetime
 from importlib.metadata import version
 
 from tigas_common.certificate import Certificate
+from tigas_common.commit import this_commit
+from tigas_common.errors import DeviceLost
 from tigas_common.wire import RenderRequest, ServerConfig
 from tigas_render.engine import Engine
 from tigas_render.metrics import EngineMetrics
@@ -18,6 +21,8 @@ from tigas_render.raster.base import Rasterizer
 from tigas_render.scenes.preview import Preview, PreviewCache, preview_camera
 from tigas_render.scenes.registry import SceneRegistry
 from tigas_render.settings import RenderSettings
+
+logger = logging.getLogger(__name__)
 
 HOUSEKEEPING_S = 15
 """How often idle scenes and the certificate are looked after, in seconds."""
@@ -29,6 +34,8 @@ class RenderService:
     def __init__(self, settings: RenderSettings, rasterizer: Rasterizer) -> None:
         self.settings = settings
         self.device = rasterizer.device
+        self._hardware = rasterizer.hardware
+        self._commit = this_commit()
         self.metrics = EngineMetrics()
         self.registry = SceneRegistry(
             settings.scenes,
@@ -44,6 +51,8 @@ class RenderService:
         self.https_port: int | None = None
         self._previews = PreviewCache(settings.cache, self._render_preview)
         self._on_renewal: list[Callable[[Certificate], None]] = []
+        self._to_renew: list[Callable[[Certificate], None]] = []
+        """Those that have not had the newest certificate yet."""
 
     @classmethod
     @asynccontextmanager
@@ -69,12 +78,22 @@ class RenderService:
         quic_host = "127.0.0.1" if host == "localhost" else host
         return ServerConfig(
             version=version("tigas"),
+            commit=self._commit,
+            device=self._hardware,
             ladder=self.settings.ladder,
             certificate_sha256=self.certificate.sha256 if self.quic_port else None,
             webtransport_url=f"https://{_bracketed(quic_host)}:{self.quic_port}/render" if self.quic_port else None,
             https_url=f"https://{_bracketed(host)}:{self.https_port}/" if self.https_port else None,
             services={name: _fitted(url, host) for name, url in self.settings.services.items()},
         )
+
+    async def load(self, scene_id: str) -> None:
+        """Load a scene and wait until it is loaded. Raises as `SceneRegistry.load` does."""
+        try:
+            await self.registry.load(scene_id)
+        except DeviceLost as error:
+            self.engine.lose_device(error)
+            raise
 
     async def preview(self, scene_id: str) -> Preview:
         """A scene's thumbnail. Raises UnknownScene and BrokenScene."""
@@ -101,12 +120,23 @@ class RenderService:
     async def _keep_house(self) -> None:
         while True:
             await asyncio.sleep(HOUSEKEEPING_S)
-            self.registry.evict_idle(time.monotonic())
-            now = datetime.now(UTC)
-            if self.certificate.needs_renewal(now):
-                self.certificate = Certificate.create(_own_names(self.settings), now)
-                for use in self._on_renewal:
-                    use(self.certificate)
+            for duty in (self._unload_idle, self._renew_certificate):
+                try:
+                    duty()
+                except Exception:  # such as a full disk: what failed is tried again the next time
+                    logger.exception("Housekeeping failed")
+
+    def _unload_idle(self) -> None:
+        self.registry.evict_idle(time.monotonic())
+
+    def _renew_certificate(self) -> None:
+        now = datetime.now(UTC)
+        if self.certificate.needs_renewal(now):
+            self.certificate = Certificate.create(_own_names(self.settings), now)
+            self._to_renew = list(self._on_renewal)
+        while self._to_renew:
+            self._to_renew[0](self.certificate)
+            del self._to_renew[0]
 
 
 def _own_names(settings: RenderSettings) -> list[str]:

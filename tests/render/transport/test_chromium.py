@@ -6,22 +6,20 @@ import contextlib
 import threading
 from collections.abc import AsyncIterator, Iterator
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
-from pathlib import Path
 from typing import Any
 
 import pytest
+from playwright.async_api import async_playwright
 
 from tests.render.transport.client import CERTIFICATE, FakeFrames, request_body
+from tigas_common.errors import StartError
+from tigas_lab.browser import find_chromium
 from tigas_render.transport.frames import render_session
 from tigas_render.transport.server import Http3Server
 
-CHROMIUM = Path("/usr/bin/chromium")
 ARGUMENTS = ["--no-sandbox", "--disable-background-networking", "--disable-component-update", "--no-first-run"]
 
-pytestmark = [
-    pytest.mark.anyio,
-    pytest.mark.skipif(not CHROMIUM.exists(), reason=f"Chromium is not installed at {CHROMIUM}"),
-]
+pytestmark = pytest.mark.anyio
 
 SCRIPT = """
 async ({ url, hash, requests }) => {
@@ -111,10 +109,12 @@ def secure_page() -> Iterator[str]:
 
 @contextlib.asynccontextmanager
 async def browser_page(url: str) -> AsyncIterator[Any]:
-    from playwright.async_api import async_playwright
-
+    try:
+        path = find_chromium()
+    except StartError as error:
+        pytest.skip(str(error))
     async with async_playwright() as playwright:
-        browser = await playwright.chromium.launch(executable_path=CHROMIUM, args=ARGUMENTS)
+        browser = await playwright.chromium.launch(executable_path=path, args=ARGUMENTS)
         page = await browser.new_page()
         await page.goto(url)
         yield page

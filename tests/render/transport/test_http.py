@@ -9,6 +9,7 @@ from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 
 import pytest
+from starlette.responses import StreamingResponse
 
 from tests.render.transport.client import CERTIFICATE, Client, Recorder, connect
 from tigas_render.transport.asgi import App, Receive, Scope, Send
@@ -62,6 +63,7 @@ async def test_the_scope_says_what_was_asked() -> None:
         assert scope["client"] == client._transport.get_extra_info("sockname")
         assert scope["server"] == ("127.0.0.1", server.port)
     assert scope["type"] == "http"
+    assert scope["asgi"] == {"version": "3.0", "spec_version": "2.3"}
     assert scope["http_version"] == "3"
     assert scope["method"] == "GET"
     assert scope["scheme"] == "https"
@@ -179,6 +181,25 @@ async def test_a_client_that_goes_disconnects_the_application() -> None:
         await seen.until("started")
         client.close()
         await seen.until("http.disconnect")
+
+
+async def test_an_answer_without_an_end_ends_when_its_client_leaves() -> None:
+    seen = Recorder()
+
+    async def parts() -> AsyncIterator[bytes]:
+        while True:
+            yield b"part"
+            await asyncio.sleep(0)
+
+    async def app(scope: Scope, receive: Receive, send: Send) -> None:
+        await StreamingResponse(parts())(scope, receive, send)
+        seen.add("ended")
+
+    async with served(app) as (_, client):
+        stream = client.request("GET", "/")
+        await client.until(lambda: client.responses[stream].body)
+        client.stop(stream)
+        await seen.until("ended")
 
 
 async def test_after_its_answer_the_application_hears_of_the_disconnect() -> None:

@@ -172,12 +172,12 @@ async def test_closing_lets_running_requests_finish_and_takes_no_more() -> None:
         await hello(scope, receive, send)
 
     async with (
-        Http3Server(app, host="127.0.0.1", certificate=CERTIFICATE) as server,
+        Http3Server(app, host="127.0.0.1", certificate=CERTIFICATE, limits=Limits(grace=10)) as server,
         connect(server.port) as client,
     ):
         running = client.request("GET", "/running")
         await seen.until("/running")
-        closing = asyncio.create_task(server.close(grace_s=10))
+        closing = asyncio.create_task(server.close())
         await asyncio.sleep(0)
         late = client.request("GET", "/late")
         assert (await client.response(late)).reset is not None
@@ -193,10 +193,10 @@ async def test_closing_lets_running_requests_finish_and_takes_no_more() -> None:
 async def test_closing_does_not_wait_longer_than_its_grace() -> None:
     source = FakeFrames()
     source.held = True
-    async with served(source=source) as server, connect(server.port) as client:
+    async with served(Limits(grace=0.05), source) as server, connect(server.port) as client:
         client.open_stream(await client.connect_webtransport(), request_body(seq=1))
         await source.until(lambda: source.requests)
-        await server.close(grace_s=0.05)
+        await server.close()
         assert source.cancelled == [1]
         assert server.connections == 0
 
@@ -346,7 +346,7 @@ async def test_a_flood_of_requests_and_cancellations_leaves_nothing_behind() -> 
             for stream in streams:
                 await client.response(stream)
         (connection,) = server._connections
-        await eventually(lambda: connection.running == 0)
+        await eventually(lambda: connection.router.running == 0)
         await client.frame(session, request_body())
         assert connection.writer.h3 is not None
         assert len(connection.writer.h3._stream) <= 6, "the session and the control streams"

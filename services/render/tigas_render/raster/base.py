@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
+import torch
 from numpy.typing import NDArray
 
 from tigas_common.pose import Intrinsics, Pose
@@ -23,6 +24,15 @@ ALPHA_MAX = 0.999
 """A single Gaussian's alpha is clamped to this."""
 TRANSMITTANCE_MIN = 1e-4
 """A pixel is finished when less light than this passes."""
+BASIS_CONSTANTS = (
+    0.28209479177387814,
+    *(-0.4886025119029199, 0.4886025119029199, -0.4886025119029199),
+    *(1.0925484305920792, -1.0925484305920792, 0.31539156525252005, -1.0925484305920792, 0.5462742152960396),
+    *(-0.5900435899266435, 2.890611442640554, -0.4570457994644658, 0.3731763325901154),
+    *(-0.4570457994644658, 1.445305721320277, -0.5900435899266435),
+)
+"""The constant factors of the spherical harmonics, signs included (Kerbl et al., 3DGS, 2023); packed coefficients are
+multiplied by them."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,6 +87,11 @@ class Rasterizer(ABC):
     frames_in_flight: int = 2
     """Images at a time that keep it busy: one is encoded while the next is rendered, or several on several streams."""
 
+    @property
+    def hardware(self) -> str:
+        """What it renders with: `cpu`, or the graphics processor's name."""
+        return self.device
+
     @abstractmethod
     def prepare(self, gaussians: Gaussians) -> PreparedScene:
         """Pack a scene for rendering; the tensors are not needed afterwards. Safe to call from any thread."""
@@ -90,3 +105,14 @@ class Rasterizer(ABC):
 
     def warm_up(self) -> None:  # noqa: B027 - a rasteriser without a compiler has nothing to do
         """Pay once for what the first frame would otherwise wait for, such as compiling."""
+
+
+def one_gaussian() -> Gaussians:
+    """The smallest scene, to warm up with."""
+    return Gaussians(
+        means=torch.tensor([[0.0, 0.0, 1.0]]),
+        scales=torch.full((1, 3), 0.1),
+        quaternions=torch.tensor([[1.0, 0.0, 0.0, 0.0]]),
+        opacities=torch.full((1,), 0.5),
+        sh=torch.zeros(1, 1, 3),
+    )

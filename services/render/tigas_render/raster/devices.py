@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import logging
+import shutil
 from importlib.util import find_spec
 from pathlib import Path
 
 from tigas_render.raster.base import Rasterizer
 from tigas_render.settings import cache_directory
+
+logger = logging.getLogger(__name__)
 
 GPU_PACKAGES = ("cuda.core", "cuda.pathfinder")
 """What the extra `gpu` installs."""
@@ -15,6 +19,7 @@ GPU_PACKAGES = ("cuda.core", "cuda.pathfinder")
 def create_rasterizer(device: str, cache: Path | None = None) -> Rasterizer:
     """The rasteriser for `cpu`, `cuda`, `cuda:N` or `auto`, which takes a GPU if there is one that can be used.
 
+    On a machine with NVIDIA's driver `auto` logs why it takes the CPU.
     cache: a directory for compiled kernels; the user's own by default.
     Raises ValueError, with one sentence, if the machine has no such device.
     """
@@ -25,11 +30,14 @@ def create_rasterizer(device: str, cache: Path | None = None) -> Rasterizer:
 
             try:
                 return CudaRasterizer(_index(device), cache or cache_directory())
-            except ValueError:
+            except ValueError as error:
                 if device != "auto":
                     raise
+                missing = str(error)
         elif device != "auto":
             raise ValueError(f"{missing} Start the service with --device cpu, or put that right.")
+        if shutil.which("nvidia-smi"):  # comes with NVIDIA's driver
+            logger.warning("Rendering on the CPU. %s", missing)
     from tigas_render.raster.cpu import CpuRasterizer
 
     return CpuRasterizer()

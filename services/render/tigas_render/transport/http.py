@@ -38,7 +38,7 @@ def http_scope(headers: Headers, client: tuple[str, int], server: tuple[str, int
     fields = [(name, value) for name, value in headers if not name.startswith(b":") and name != b"host"]
     return {
         "type": "http",
-        "asgi": {"version": "3.0", "spec_version": "2.4"},
+        "asgi": {"version": "3.0", "spec_version": "2.3"},
         "http_version": "3",
         "method": pseudo[b":method"].decode("latin-1").upper(),
         "scheme": "https",
@@ -126,7 +126,10 @@ class HttpRequest(Stream):
         return {"type": "http.disconnect"}
 
     async def send(self, message: Message) -> None:
-        """ASGI's send. Waits while the client or the network cannot keep up; says nothing if the client is gone."""
+        """ASGI's send. Waits while the client or the network cannot keep up.
+
+        Does nothing if the client is gone: so it is up to ASGI 2.3, which uvicorn speaks, too; later ones raise.
+        """
         if self._disconnected:
             return
         match message["type"]:

@@ -33,3 +33,5 @@ class Limits:
     """For a client that reads nothing, before its stream is cut."""
     idle_timeout: float = 30.0
     """For a client that says nothing at all, before its connection ends."""
+    grace: float = 0.5
+    """For running requests to finish once the server stops."""

@@ -72,22 +72,22 @@ class Http3Server:
         self._address = sock.getsockname()[:2]
         self._endpoint = UdpEndpoint(sock, self._received, self._drained)
 
-    async def close(self, grace_s: float = 0.0) -> None:
-        """Stop taking requests, give running ones `grace_s` seconds to finish, and close every connection."""
+    async def close(self) -> None:
+        """Stop taking requests, give running ones a moment to finish (`Limits.grace`), and close every connection."""
         if self._endpoint is None:
             return
         self._closing = True
         connections = list(self._connections)
         for connection in connections:
             connection.go_away()
-        if grace_s > 0 and connections:
-            unfinished = [asyncio.create_task(connection.finish()) for connection in connections]
-            _, late = await asyncio.wait(unfinished, timeout=grace_s)
+        if connections:
+            unfinished = [asyncio.create_task(connection.router.finish()) for connection in connections]
+            _, late = await asyncio.wait(unfinished, timeout=self._limits.grace)
             for task in late:
                 task.cancel()
         for connection in connections:
             connection.close()
-        await asyncio.gather(*(connection.end_tasks() for connection in connections))
+        await asyncio.gather(*(connection.router.end_tasks() for connection in connections))
         for connection in connections:
             connection.abandon()
         self._connections.clear()

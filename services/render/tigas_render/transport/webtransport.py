@@ -79,7 +79,7 @@ class WebTransportSession:
             self.outgoing.clear()
             self.urgent.clear()
             self.task.cancel()
-            self._connection.session_closed(self)
+            self._connection.router.session_closed(self)
 
     def datagram_received(self, data: bytes) -> None:
         """Pass a datagram on; one that comes before the handler is ready is dropped, as the network might."""

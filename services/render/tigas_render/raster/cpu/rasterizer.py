@@ -7,12 +7,11 @@ from typing import Any
 
 import numba
 import numpy as np
-import torch
 from numpy.typing import NDArray
 
 from tigas_common.pose import Intrinsics, Pose
 from tigas_common.wire import FrameFormat
-from tigas_render.raster.base import Camera, PreparedScene, Rasterizer
+from tigas_render.raster.base import Camera, PreparedScene, Rasterizer, one_gaussian
 from tigas_render.raster.cpu import layout as L
 from tigas_render.raster.cpu.binning import AHEAD, DIGIT, DIGITS, fill_lists, place_lists, sort_lists
 from tigas_render.raster.cpu.blend import TILE_FLOATS, blend
@@ -82,7 +81,7 @@ class CpuRasterizer(Rasterizer):
         """Compile every kernel, or load it from the cache."""
         pose = Pose((0.0, 0.0, 0.0), ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)))
         camera = Camera(pose, Intrinsics(16.0, 16.0, 8.0, 8.0, 16, 16))
-        self.render(self.prepare(_one_gaussian()), camera).close()
+        self.render(self.prepare(one_gaussian()), camera).close()
 
     # The stages, in their order; benchmarks time them one by one.
 
@@ -152,13 +151,3 @@ class CpuRasterizer(Rasterizer):
     def _turn_from(self, first: int) -> NDArray[np.int64]:
         self._turn[0] = first
         return self._turn
-
-
-def _one_gaussian() -> Gaussians:
-    return Gaussians(
-        means=torch.tensor([[0.0, 0.0, 1.0]]),
-        scales=torch.full((1, 3), 0.1),
-        quaternions=torch.tensor([[1.0, 0.0, 0.0, 0.0]]),
-        opacities=torch.full((1,), 0.5),
-        sh=torch.zeros(1, 1, 3),
-    )

@@ -9,10 +9,9 @@ import numpy as np
 from numba import prange
 from numpy.typing import NDArray
 
-from tigas_render.raster.base import ALPHA_MIN, PreparedScene
+from tigas_render.raster.base import ALPHA_MIN, BASIS_CONSTANTS, PreparedScene
 from tigas_render.raster.cpu import layout as L
 from tigas_render.raster.cpu.kernel import kernel
-from tigas_render.raster.cpu.sh import BASIS_CONSTANTS
 from tigas_render.scenes.gaussians import Gaussians
 
 Floats = NDArray[np.float32]
@@ -52,7 +51,8 @@ def pack(gaussians: Gaussians) -> CpuScene:
     geometry = np.zeros((chunks, L.GEOMETRY, L.CHUNK), np.float32)
     packed_sh = np.zeros((chunks * L.CHUNK // L.LANES, sh.shape[1] * 3, L.LANES), np.float16)
     bounds = np.zeros((chunks, L.BOUNDS))
-    halves = (sh * BASIS_CONSTANTS[: sh.shape[1], None]).clip(-HALF_MAX, HALF_MAX).astype(np.float16)
+    constants = np.array(BASIS_CONSTANTS[: sh.shape[1]], np.float32)
+    halves = (sh * constants[:, None]).clip(-HALF_MAX, HALF_MAX).astype(np.float16)
     flat_sh = halves.view(np.uint16).reshape(len(sh), sh.shape[1] * 3)
     _pack(order, means, scales, quaternions, opacities, flat_sh, geometry, packed_sh.view(np.uint16), bounds)
     return CpuScene(geometry, packed_sh, bounds)

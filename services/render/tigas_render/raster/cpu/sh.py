@@ -9,29 +9,6 @@ from tigas_render.raster.cpu import layout as L
 from tigas_render.raster.cpu.intrinsics import prefetch, widen
 from tigas_render.raster.cpu.kernel import kernel
 
-BASIS_CONSTANTS = np.array(
-    [
-        0.28209479177387814,
-        -0.4886025119029199,
-        0.4886025119029199,
-        -0.4886025119029199,
-        1.0925484305920792,
-        -1.0925484305920792,
-        0.31539156525252005,
-        -1.0925484305920792,
-        0.5462742152960396,
-        -0.5900435899266435,
-        2.890611442640554,
-        -0.4570457994644658,
-        0.3731763325901154,
-        -0.4570457994644658,
-        1.445305721320277,
-        -0.5900435899266435,
-    ],
-    np.float32,
-)
-"""The constant factor of each basis function, signs included; packed coefficients are already multiplied by it."""
-
 U, F = np.uint64, np.float32
 CACHE_LINE_HALVES = 32
 GROUPS_AHEAD = 2

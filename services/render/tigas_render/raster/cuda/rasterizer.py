@@ -18,7 +18,7 @@ from tigas_common.errors import DeviceLost, OutOfDeviceMemory
 from tigas_common.pose import Intrinsics, Pose
 from tigas_common.wire import FrameFormat
 from tigas_render.encode.png import encode_png
-from tigas_render.raster.base import Camera, Image, PreparedScene, Rasterizer
+from tigas_render.raster.base import Camera, Image, PreparedScene, Rasterizer, one_gaussian
 from tigas_render.raster.cuda.compiler import load_kernels
 from tigas_render.raster.cuda.nvjpeg import ALLOCATOR_FAILURE, NvJpeg
 from tigas_render.raster.cuda.scene import CudaScene, pack
@@ -54,6 +54,10 @@ class CudaRasterizer(Rasterizer):
         self._free: list[Workspace] = []
         self._lock = threading.Lock()
 
+    @property
+    def hardware(self) -> str:
+        return torch.cuda.get_device_name(self._device)
+
     def prepare(self, gaussians: Gaussians) -> CudaScene:
         """Pack a scene; see `scene.pack`. Raises OutOfDeviceMemory."""
         with self._explained():
@@ -74,7 +78,7 @@ class CudaRasterizer(Rasterizer):
 
     def warm_up(self) -> None:
         """Render and encode once in every workspace and format, so that everything is loaded and allocated."""
-        scene = self.prepare(_one_gaussian())
+        scene = self.prepare(one_gaussian())
         pose = Pose((0.0, 0.0, 0.0), ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)))
         for width, height in ((64, 36), (1280, 720)):
             camera = Camera(pose, Intrinsics(width, width, width / 2, height / 2, width, height))
@@ -170,10 +174,12 @@ class CudaImage(Image):
         workspace, self._workspace = self._workspace, None
         if workspace is None:
             return
-        if not self._finished:
-            with self._rasterizer._explained():
-                workspace.finish()
-        self._rasterizer.give_back(workspace)
+        try:
+            if not self._finished:
+                with self._rasterizer._explained():
+                    workspace.stream.sync()
+        finally:
+            self._rasterizer.give_back(workspace)
 
     def _queue(self, workspace: Workspace, format: FrameFormat, quality: int) -> int:
         """Queue encoding and copy; bytes of the result."""
@@ -188,13 +194,3 @@ class CudaImage(Image):
                 assert_never(format)
         workspace.copy_pixels(length)
         return length
-
-
-def _one_gaussian() -> Gaussians:
-    return Gaussians(
-        means=torch.tensor([[0.0, 0.0, 1.0]]),
-        scales=torch.full((1, 3), 0.1),
-        quaternions=torch.tensor([[1.0, 0.0, 0.0, 0.0]]),
-        opacities=torch.full((1,), 0.5),
-        sh=torch.zeros(1, 1, 3),
-    )

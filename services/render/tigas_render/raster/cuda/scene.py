@@ -6,22 +6,13 @@ from dataclasses import dataclass
 
 import torch
 
-from tigas_render.raster.base import ALPHA_MIN, PreparedScene
+from tigas_render.raster.base import ALPHA_MIN, BASIS_CONSTANTS, PreparedScene
 from tigas_render.scenes.gaussians import Gaussians
 
 CHUNK = 256
 """Gaussians that are culled together; `frame.cuh` says the same."""
 MAX_GAUSSIANS = 2**32 - CHUNK
 """A Gaussian's number has 32 bits in a tile's list."""
-
-# The constant factors of the basis functions, signs included [3DGS]; coefficients are stored times these.
-BASIS_CONSTANTS = (
-    0.28209479177387814,
-    *(-0.4886025119029199, 0.4886025119029199, -0.4886025119029199),
-    *(1.0925484305920792, -1.0925484305920792, 0.31539156525252005, -1.0925484305920792, 0.5462742152960396),
-    *(-0.5900435899266435, 2.890611442640554, -0.4570457994644658, 0.3731763325901154),
-    *(-0.4570457994644658, 1.445305721320277, -0.5900435899266435),
-)
 
 
 @dataclass(frozen=True, slots=True)

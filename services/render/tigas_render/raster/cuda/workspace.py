@@ -46,7 +46,6 @@ class Workspace:
         self._stages = stages
         self.torch_stream = torch.cuda.Stream(device)  # type: ignore[no-untyped-call]
         self.stream: Stream = Stream.from_handle(self.torch_stream.cuda_stream)
-        self._encoder = JpegEncoder(library, self.torch_stream.cuda_stream)
         self._parameters = ctypes.create_string_buffer(LAYOUT.size)
         self._status = torch.zeros(1, dtype=torch.int32, pin_memory=True)
         self._needed = ctypes.c_uint32.from_address(self._status.data_ptr())
@@ -55,8 +54,8 @@ class Workspace:
         self._allocate("frame", LAYOUT.size)
         self._allocate("progress", PROGRESS_BYTES).zero_()
         torch.cuda.current_stream(device).synchronize()
-        self._allocate("entries", 8 * FIRST_CAPACITY)
         self._graphs = {side: self._capture(of_side) for side, of_side in stages.items()}
+        self._encoder = JpegEncoder(library, self.torch_stream.cuda_stream)  # last: it has to be closed
 
     @property
     def nbytes(self) -> int:
@@ -78,7 +77,7 @@ class Workspace:
         """Make room for a frame and write its parameters, but launch nothing."""
         k = camera.intrinsics
         layout = tile_layout(k.width, k.height, scene.padded)
-        capacity = self._buffers["entries"].nbytes // 8
+        capacity = self._allocate("entries", 8 * FIRST_CAPACITY).nbytes // 8
         lists = 4 * layout.tiles * layout.slices
         sizes = (
             ("splats", 32 * scene.padded),
@@ -163,9 +162,10 @@ class Workspace:
         """The buffer of this name, enlarged if it has less than `size` bytes; then its content is lost."""
         buffer = self._buffers.get(name)
         if buffer is None or buffer.nbytes < size:
-            # Growing waits for the stream: what still runs may use the old buffer. It goes before the new one comes.
+            # Growing waits for the stream: what still runs may use the old buffer. It goes before the new one comes,
+            # and if there is no memory for that, none is left.
             self.stream.sync()
-            self._buffers.pop(name, None)
+            self._buffers[name] = torch.empty(0, dtype=torch.uint8, device=self._device)
             del buffer
             buffer = torch.empty(size, dtype=torch.uint8, device=self._device)
             self._buffers[name] = buffer
