@@ -10,11 +10,12 @@ from typing import Any
 import numpy as np
 from PIL import Image
 
+from tigas_common.wire import DEFAULT_LADDER, ServerConfig, ServerTiming
 from tigas_lab.configuration import Configuration, ConstantLink, Mode, Network
 from tigas_lab.load import Load, LoadSample
 from tigas_lab.machine import Machine
 from tigas_lab.quality import Quality
-from tigas_lab.recording import Input, Lens, Recording, ShownFrame, Traffic
+from tigas_lab.recording import Input, Lens, Recording, Reply, ShownFrame, Traffic
 from tigas_lab.store import CaptureQuality, LinkSample, Moment, RunRecord, RunWriter
 
 MACHINE = Machine(
@@ -26,6 +27,16 @@ MACHINE = Machine(
     tigas="0",
     commit=None,
     packages={"aioquic": "1"},
+)
+SERVER = ServerConfig(
+    version="9",
+    commit="abc",
+    device="GPU",
+    ladder=DEFAULT_LADDER,
+    certificate_sha256=None,
+    webtransport_url=None,
+    https_url=None,
+    services={},
 )
 LINK = Network(name="20mbit,20ms-rtt", link=ConstantLink(down_kbps=20_000, delay_ms=10))
 LENS = Lens(width=64, height=36, fx=30, fy=30, cx=32, cy=18)
@@ -51,6 +62,22 @@ def frame(at: float, pose: int, rung: int | None = 2, height: int = 360) -> Show
 def late(entries: Sequence[Input], by_ms: float) -> list[ShownFrame]:
     """A frame for each input, so much later."""
     return [frame(entry.at + by_ms, entry.pose) for entry in entries]
+
+
+def reply(asked_at: float, took_ms: float, pose: int = 1, rung: int | None = 2) -> Reply:
+    """A frame that came, of which the server had 12 ms and the link 5."""
+    at = asked_at + took_ms
+    return Reply(
+        at=at,
+        asked_at=asked_at,
+        first_byte_at=at - 5,
+        pose=pose,
+        asked_rung=rung,
+        rung=rung,
+        bytes=20_000,
+        server=ServerTiming(queue=0, render=11, encode=1),
+        throughput_kbps=32_000,
+    )
 
 
 def recording(**changes: Any) -> dict[str, Any]:

@@ -32,7 +32,9 @@ def recorded(url: str, settings: dict[str, Any]) -> tuple[Recording, list[int | 
             await page.goto(f"{url}#/scene/pebbles?stamp")
             await page.wait_for_function("() => window.tigas !== undefined")
             viewer = Viewer(page)
-            await viewer.prepare({**settings, "hud": False, "sidebar": False, "refine": False}, TURN[0])
+            with pytest.raises(RunFailed):
+                await viewer.prepare({"seed": -1}, TURN[0])
+            await viewer.prepare({"seed": 7, **settings, "hud": False, "sidebar": False, "refine": False}, TURN[0])
             recording = await viewer.record({"points": TURN, "duration_ms": 2000, "capture_every_ms": 100}, 30)
             pictures = [await viewer.capture(index) for index in range(len(recording.captures))]
             with pytest.raises(RunFailed, match="there is no picture 0"):
@@ -63,3 +65,20 @@ def test_pictures_show_the_poses_that_they_are_said_to_show(services: Services, 
         assert number in (pose, following.get(pose)), "a picture is of its frame, or of the one after it"
     if settings["mode"] == "stateless":
         assert numbers == said
+        check_replies(recording)
+    else:
+        assert recording.replies == ()
+
+
+def check_replies(recording: Recording) -> None:
+    """Every frame that was shown had come before, of the rung that was asked for."""
+    came = {reply.pose: reply for reply in recording.replies}
+    shown = [frame for frame in recording.frames if frame.pose >= recording.inputs[0].pose]
+    assert len(shown) > 10
+    for frame in shown:
+        reply = came[frame.pose]
+        assert (reply.asked_rung, reply.rung) == (2, frame.rung)
+        assert reply.asked_at < reply.first_byte_at <= reply.at < frame.at
+        assert reply.server is not None
+        assert 0 < reply.server.render < reply.time_ms
+    assert recording.replies[-1].throughput_kbps

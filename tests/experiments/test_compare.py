@@ -9,9 +9,11 @@ import statistics
 import subprocess
 import sys
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import httpx
 import psutil
 import pytest
 
@@ -90,7 +92,16 @@ def test_every_mode_is_measured_over_the_same_link_and_movement(services: Servic
     assert (out / "report.html").stat().st_size > 50_000
 
 
-def test_ctrl_c_ends_everything_and_keeps_what_was_finished(services: Services, out: Path) -> None:
+@pytest.mark.parametrize(
+    "end_it",
+    [
+        pytest.param(lambda process: os.killpg(process.pid, signal.SIGINT), id="Ctrl+C"),
+        pytest.param(subprocess.Popen.terminate, id="SIGTERM"),
+    ],
+)
+def test_who_ends_it_ends_everything_and_keeps_what_was_finished(
+    services: Services, out: Path, end_it: Callable[[subprocess.Popen[str]], None]
+) -> None:
     modes = ("--modes", "stateless,stateless")
     process = compare("--url", services.url, "--network", "unshaped", *modes, "--out", str(out), *SHORT)
     end = time.monotonic() + PATIENCE_S
@@ -99,7 +110,7 @@ def test_ctrl_c_ends_everything_and_keeps_what_was_finished(services: Services, 
         assert process.poll() is None
         time.sleep(0.05)
     children = psutil.Process(process.pid).children(recursive=True)
-    os.killpg(process.pid, signal.SIGINT)
+    end_it(process)
     status, _, _ = finished(process)
     assert status != 0
     _, alive = psutil.wait_procs(children, timeout=10)
@@ -110,15 +121,23 @@ def test_ctrl_c_ends_everything_and_keeps_what_was_finished(services: Services, 
     assert second["problem"] == "The run was stopped before its end."
 
 
-def test_a_run_that_cannot_be_made_is_named(services: Services, out: Path) -> None:
-    arguments = ("--url", services.url, "--modes", "stateless", "--out", str(out), "--network", "unshaped")
-    status, _, errors = finished(compare(*arguments, *SHORT, "--profile", "magic"))
+def test_a_run_that_somebody_else_spoils_is_named(services: Services, out: Path) -> None:
+    held = ("/link", {"down_kbps": 20_000, "up_kbps": 10_000, "delay_ms": 10, "jitter_ms": 0, "loss_pct": 0})
+    asked = len(services.shaper.asked)
+    arguments = ("--url", services.url, "--modes", "stateless,stateless", "--out", str(out))
+    process = compare(*arguments, "--network", "20mbit,20ms-rtt", *SHORT)
+    end = time.monotonic() + PATIENCE_S
+    while services.shaper.asked[asked:].count(held) < 2:  # the first time, it is only tried
+        assert time.monotonic() < end, "the first run never began"
+        assert process.poll() is None
+        time.sleep(0.05)
+    httpx.post(f"{services.shaper.url}/link", json={"down_kbps": 1000, "up_kbps": 1000}).raise_for_status()
+    status, _, errors = finished(process)
     assert status == 1
-    assert "controller cannot be that" in " ".join(errors.split())
-    other, run = report(out)
+    assert "Somebody else changed the link during the run." in " ".join(errors.split())
+    run, other = report(out)
     assert other["figures"], "the others go on"
-    assert run["figures"] is None
-    assert "controller cannot be that" in run["problem"]
+    assert (run["figures"], run["problem"]) == (None, "Somebody else changed the link during the run.")
 
 
 @pytest.mark.parametrize(
@@ -126,6 +145,8 @@ def test_a_run_that_cannot_be_made_is_named(services: Services, out: Path) -> No
     [
         (("--network", "no-such-trace"), "The shaper refused /start: "),
         (("--scene", "no-such-scene"), "The scene 'no-such-scene' cannot be loaded"),
+        (("--profile", "4"), "There is no rung 4: the ladder at"),
+        (("--profile", "magic"), "The controller 'magic' cannot be measured: The viewer failed"),
     ],
 )
 def test_what_cannot_be_had_is_said_before_anything_is_measured(

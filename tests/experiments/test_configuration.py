@@ -8,7 +8,7 @@ import pytest
 from pydantic import ValidationError
 
 from tests.experiments.made_up import configuration
-from tigas_lab.configuration import ConstantLink, Network
+from tigas_lab.configuration import Configuration, ConstantLink, Network
 
 
 @pytest.mark.parametrize(
@@ -39,7 +39,7 @@ def test_traces_by_name_and_by_file(tmp_path: Path) -> None:
 
 def test_a_file_s_path_is_relative_to_where_it_was_written(tmp_path: Path) -> None:
     (tmp_path / "bus.csv").touch()
-    assert Network.parse("bus.csv,20ms-rtt", tmp_path).trace_file == tmp_path / "bus.csv"
+    assert Network.parse("bus.csv,20ms-rtt", tmp_path).trace_file == Path("bus.csv")
 
 
 def test_the_same_rates_at_another_round_trip() -> None:
@@ -73,6 +73,17 @@ def test_only_a_trace_begins_elsewhere(name: str) -> None:
     fields = Network.parse(name).model_dump() | {"offset_s": 5.0}
     with pytest.raises(ValidationError, match="only a trace can begin at another position"):
         Network.model_validate(fields)
+
+
+def test_a_folder_that_moves_is_no_other_run() -> None:
+    def walk(folder: str, name: str = "walk.csv", trace: str = "bus.csv", **changes: object) -> Configuration:
+        network = Network(name=trace, trace_file=Path(folder, trace))
+        return configuration(movement=f"{folder}/{name}", network=network, **changes)
+
+    here = walk("walks")
+    assert here.asks_for_the_same(walk("/elsewhere/walks"))
+    for other in (walk("walks", "run.csv"), walk("walks", trace="tram.csv"), walk("walks", seed=2)):
+        assert not here.asks_for_the_same(other)
 
 
 def test_a_folder_name_is_safe_whatever_the_names() -> None:

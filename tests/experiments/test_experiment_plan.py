@@ -12,6 +12,7 @@ import pytest
 from tigas_common.errors import StartError
 from tigas_lab.configuration import Configuration
 from tigas_lab.experiment.plan import Plan, lasting, seconds
+from tigas_lab.inputs import Inputs
 
 REPOSITORY = Path(__file__).parents[2]
 SMALL: dict[str, Any] = {"name": "small", "scenes": ["courtyard"], "movements": ["stroll"], "networks": ["4g-bus"]}
@@ -57,8 +58,7 @@ def test_paths_are_relative_to_the_file_and_traces_begin_where_it_says(tmp_path:
     monkeypatch.chdir("/")
     elsewhere = {"movements": ["walk.csv"], "networks": ["bus.log,50ms-rtt", "20mbit"], "trace_offset_s": 60}
     bus, constant = runs(tmp_path, **elsewhere)
-    assert bus.movement == str(tmp_path / "walk.csv")
-    assert bus.network.trace_file == tmp_path / "bus.log"
+    assert (bus.movement, bus.network.trace_file) == ("walk.csv", Path("bus.log")), "as a person named them"
     assert (bus.network.offset_s, bus.network.rtt_ms) == (60, 50)
     assert constant.network.offset_s == 0
 
@@ -157,7 +157,8 @@ def test_how_long_it_takes(tmp_path: Path) -> None:
 @pytest.mark.parametrize("path", sorted((REPOSITORY / "experiments").glob("*.toml")), ids=lambda path: path.name)
 def test_the_experiments_that_come_along_can_be_made(path: Path) -> None:
     made = Plan.read(path).runs(path.parent)
-    assert all(run.network.trace_file is None or run.network.trace_file.is_file() for run in made)
+    networks = [Inputs(path.parent).network(run.network) for run in made]
+    assert all(network.trace_file is None or network.trace_file.is_file() for network in networks)
     if path.name == "paper.toml":
         assert {run.network.round_trip_ms for run in made} == {20, 50, 100, 200, 300}
         assert len({run.network.name for run in made}) == 4

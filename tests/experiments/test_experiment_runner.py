@@ -25,6 +25,7 @@ from tigas_lab.configuration import Configuration
 from tigas_lab.errors import RunFailed
 from tigas_lab.experiment import runner
 from tigas_lab.experiment.cli import experiment
+from tigas_lab.inputs import Inputs
 from tigas_lab.lock import exclusive
 from tigas_lab.report import cli as report_module
 from tigas_lab.store import RunRecord, RunWriter, read_experiment
@@ -36,6 +37,7 @@ class Stub:
     """A laboratory in which happens what a test wants to happen, run by run; afterwards all goes well."""
 
     machine = MACHINE
+    inputs: Inputs
 
     def __init__(self) -> None:
         self.happenings: list[Happening | None] = []
@@ -54,7 +56,7 @@ class Stub:
         if happening is not None:
             happening(writer)
             await asyncio.sleep(60)  # interrupted
-        return writer.close(status="complete")
+        return writer.close(status="complete", inputs_sha256=self.inputs.digests(configuration))
 
 
 @pytest.fixture
@@ -63,7 +65,8 @@ def stub(monkeypatch: pytest.MonkeyPatch) -> Stub:
     made = Stub()
 
     @asynccontextmanager
-    async def laboratory(*_: object) -> AsyncIterator[Stub]:
+    async def laboratory(url: object, scenes: object, traces: object, inputs: Inputs) -> AsyncIterator[Stub]:
+        made.inputs = inputs
         yield made
 
     monkeypatch.setattr(runner, "laboratory", laboratory)
@@ -105,7 +108,7 @@ def test_a_second_run_makes_nothing_again(stub: Stub, file: Path) -> None:
     assert len(stub.made) == 6
     assert set(status(file).values()) == {"complete"}
     record = read_experiment(file.parent / "out")
-    assert (record.name, record.source, record.plan["repeats"]) == ("small", "command", 2)
+    assert (record.name, record.source, record.plan["repeats"], record.planned) == ("small", "command", 2, 6)
     again = tigas("run", file)
     assert again.exit_code == 0
     assert "All 6 runs are complete" in again.output
@@ -159,6 +162,49 @@ def test_other_configurations_are_made_again_and_the_old_ones_kept(stub: Stub, f
     assert len(list((file.parent / "out" / "earlier").iterdir())) == 6
 
 
+@pytest.fixture
+def of_files(tmp_path: Path) -> Path:
+    """An experiment of four runs: a movement's file and a generated one, over a trace's file and a constant link."""
+    folder = tmp_path / "study"
+    folder.mkdir()
+    (folder / "walk.csv").write_text("a walk")
+    (folder / "bus.csv").write_text("a bus")
+    path = folder / "small.toml"
+    path.write_text(toml(movements=["walk.csv", "stroll"], networks=["bus.csv", "20mbit"]))
+    return path
+
+
+def test_a_folder_that_moved_has_all_its_runs(stub: Stub, of_files: Path) -> None:
+    assert tigas("run", of_files).exit_code == 0
+    moved = of_files.parent.rename(of_files.parent.with_name("moved")) / of_files.name
+    assert "4 runs, 0 missing" in tigas("plan", moved).output
+
+
+@pytest.mark.parametrize("name", ["walk", "bus"])
+def test_what_was_made_from_another_file_is_made_again(stub: Stub, of_files: Path, name: str) -> None:
+    tigas("run", of_files)
+    (of_files.parent / f"{name}.csv").write_text("another")
+    assert tigas("run", of_files).exit_code == 0
+    assert len(stub.made) == 6
+    assert all(name in slug for slug in stub.made[4:])
+    assert len(list((of_files.parent / "out" / "earlier").iterdir())) == 2
+    assert "4 runs, 0 missing" in tigas("plan", of_files).output
+
+
+def test_runs_of_old_that_say_nothing_of_their_inputs_are_complete(stub: Stub, of_files: Path) -> None:
+    tigas("run", of_files)
+    for path in (of_files.parent / "out" / "runs").glob("*/run.json"):
+        record = json.loads(path.read_text())
+        del record["inputs_sha256"], record["server"]
+        configuration = record["configuration"]
+        if configuration["movement"] == "walk.csv":
+            configuration["movement"] = "/then/walk.csv"  # the whole path
+        if configuration["network"]["trace_file"]:
+            configuration["network"]["trace_file"] = "/then/bus.csv"
+        path.write_text(json.dumps(record))
+    assert "4 runs, 0 missing" in tigas("plan", of_files).output
+
+
 def test_an_experiment_may_grow_but_not_become_another(stub: Stub, file: Path) -> None:
     tigas("run", file)
     file.write_text(toml(controllers=["latency", "l2a", 0, "lol+"], repeats=2))
@@ -175,6 +221,7 @@ def test_an_experiment_may_grow_but_not_become_another(stub: Stub, file: Path) -
 def test_ctrl_c_marks_the_run_and_says_how_to_go_on(stub: Stub, file: Path) -> None:
     for number in (signal.SIGINT, signal.SIGTERM):
         stub.made.clear()
+        signal.signal(signal.SIGINT, signal.SIG_IGN)  # as a shell does for a script's background jobs
         stub.happenings = [None, lambda _, number=number: signal.raise_signal(number)]  # type: ignore[misc]
         result = tigas("run", file)
         assert result.exit_code == 130, result.output

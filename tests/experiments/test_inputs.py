@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import math
 from itertools import pairwise
 from pathlib import Path
@@ -12,12 +13,18 @@ from tests.experiments.made_up import configuration
 from tests.experiments.movement.scenes import scene
 from tigas_common.errors import StartError
 from tigas_common.pose import Pose
-from tigas_common.wire import StartCamera
-from tigas_lab.inputs import movement_points
+from tigas_common.wire import SceneInfo, StartCamera
+from tigas_lab.configuration import Configuration, Network
+from tigas_lab.inputs import Inputs
 from tigas_lab.points import Point
 
 HEADER = "t_ms,x,y,z,qx,qy,qz,qw\n"
 KINDS = ("stroll", "look-around", "quick-turns", "orbit")
+
+
+def movement_points(configuration: Configuration, scene: SceneInfo) -> list[Point]:
+    """Of a configuration whose files are named from here."""
+    return Inputs(Path()).points(configuration, scene)
 
 
 def direction(point: Point) -> tuple[float, float, float]:
@@ -85,3 +92,35 @@ def test_a_movement_is_as_long_as_the_run(tmp_path: Path) -> None:
 def test_what_is_no_movement(name: str) -> None:
     with pytest.raises(StartError, match=r"There is no movement .* neither a file nor one of stroll"):
         movement_points(configuration(movement=name), scene())
+
+
+def test_files_lie_where_the_directory_says(tmp_path: Path) -> None:
+    (tmp_path / "walks").mkdir()
+    (tmp_path / "walks" / "a.csv").write_text(HEADER + "0,1,2,3,0,0,0,1\n2000,1,2,3,0,0,0,1\n")
+    inputs = Inputs(tmp_path)
+    assert inputs.points(configuration(movement="walks/a.csv"), scene())[0]["position"] == [1, 2, 3]
+    bus = Network(name="bus.csv", trace_file=Path("bus.csv"))
+    assert inputs.network(bus).trace_file == tmp_path / "bus.csv"
+    assert inputs.network(Network(name="4g-bus")).trace_file is None
+
+
+def test_a_digest_tells_whether_a_file_is_what_it_was(tmp_path: Path) -> None:
+    (tmp_path / "walk.csv").write_text("a")
+    (tmp_path / "bus.csv").write_text("b")
+    run = configuration(movement="walk.csv", network=Network(name="bus.csv", trace_file=Path("bus.csv")))
+    inputs = Inputs(tmp_path)
+    first = inputs.digests(run)
+    assert first.movement == hashlib.sha256(b"a").hexdigest()
+    assert first.trace == hashlib.sha256(b"b").hexdigest()
+    assert inputs.digests(run) == first
+    (tmp_path / "walk.csv").write_text("another")
+    assert inputs.digests(run).movement != first.movement
+    assert inputs.digests(run).trace == first.trace
+    named = inputs.digests(configuration(movement="stroll", network=Network(name="4g-bus")))
+    assert (named.movement, named.trace) == (None, None), "what is named is no file"
+
+
+def test_a_file_that_is_gone_is_named(tmp_path: Path) -> None:
+    gone = configuration(network=Network(name="bus.csv", trace_file=Path("bus.csv")))
+    with pytest.raises(StartError, match=r"bus\.csv cannot be read: No such file or directory\.$"):
+        Inputs(tmp_path).digests(gone)

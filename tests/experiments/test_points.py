@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 from tests.experiments.made_up import configuration
 from tests.experiments.movement.scenes import scene
-from tigas_lab.inputs import movement_points
+from tigas_lab.inputs import Inputs
 from tigas_lab.points import Point, digest
 
 
 def test_runs_of_one_configuration_have_one_digest() -> None:
     first, second = configuration(seed=1), configuration(seed=1, repeat=2, profile=3)
     one, again, repeated, other = (
-        digest(movement_points(each, scene())) for each in (first, first, second, configuration(seed=2))
+        digest(Inputs(Path()).points(each, scene())) for each in (first, first, second, configuration(seed=2))
     )
     assert one == again == repeated
     assert one != other

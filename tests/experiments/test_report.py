@@ -80,7 +80,11 @@ def test_a_run_without_result_is_named_and_the_others_stay(runs: list[Path], tmp
     (runs[2] / "run.json").write_text("{")
     data = write_report(runs, tmp_path, "A walk", "tigas compare")
     assert [run.figures is None for run in data.runs] == [False, True, False]
-    assert "there is no result" in " ".join(warnings(data.runs))
+    unreadable, unfinished, *_ = warnings(data)
+    assert unreadable.startswith("3: there is no result. ")
+    assert "run.json is broken" in unreadable
+    assert "DASH, tuned: there is no result." in unfinished
+    assert "3: there is no result." in text_of((tmp_path / "report.html").read_text())
     assert "no result" in (tmp_path / "table.md").read_text()
 
 

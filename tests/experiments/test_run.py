@@ -12,18 +12,22 @@ from typing import Any
 
 import pytest
 
-from tests.experiments.made_up import MACHINE, configuration, recording
+from tests.experiments.made_up import MACHINE, SERVER, configuration, recording
 from tests.experiments.movement.scenes import scene
 from tigas_common.errors import StartError
 from tigas_lab import run as run_module
 from tigas_lab.configuration import Network
-from tigas_lab.inputs import movement_points
+from tigas_lab.inputs import Inputs
+from tigas_lab.laboratory import Bench
+from tigas_lab.machine import Server
 from tigas_lab.points import digest
 from tigas_lab.recording import Recording
-from tigas_lab.store import RunRecord, StoredRun
+from tigas_lab.store import InputDigests, RunRecord, StoredRun
+from tigas_lab.targets import Target
 
 UNSHAPED = configuration(network=Network(name="unshaped"), warm_up_s=0.0)
-POINTS = movement_points(UNSHAPED, scene())
+POINTS = Inputs(Path()).points(UNSHAPED, scene())
+DIGESTS = InputDigests(movement="a", trace="b")
 
 
 class World:
@@ -37,11 +41,17 @@ class World:
         self.can_start = True
         self.asked: dict[str, Any] = {}
 
-    async def bench(self, _: object) -> object:
+    async def bench(self, _: object) -> Bench:
         if not self.can_start:
             raise StartError("The lab did not start: no.")
-        target = SimpleNamespace(url="http://127.0.0.1:9", shaper=None, dash=None)
-        return SimpleNamespace(target=target, browser=SimpleNamespace(version="1"), scene=scene(), points=POINTS)
+        return Bench(
+            target=Target("http://127.0.0.1:9", SERVER),
+            browser=SimpleNamespace(version="1"),  # type: ignore[arg-type]
+            scene=scene(),
+            points=POINTS,
+            network=UNSHAPED.network,
+            digests=DIGESTS,
+        )
 
     async def prepare(self, settings: object, pose: object) -> None:
         self.asked["pose"] = pose
@@ -83,6 +93,12 @@ def test_the_record_says_which_poses_the_page_was_given(world: World, tmp_path: 
     assert world.asked["points"] == POINTS
     assert first.points_sha256 == second.points_sha256 == digest(POINTS)
     assert first.scene_bytes == scene().file_bytes
+
+
+def test_the_record_says_what_it_was_made_from_and_with(world: World, tmp_path: Path) -> None:
+    record = run(world, tmp_path / "run")
+    assert record.inputs_sha256 == DIGESTS
+    assert record.server == Server(version="9", commit="abc", device="GPU", ladder=SERVER.ladder)
 
 
 def test_a_service_that_ended_meanwhile_costs_the_run(world: World, tmp_path: Path) -> None:

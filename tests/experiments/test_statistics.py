@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from tests.experiments.made_up import frame, inputs, late
+from tests.experiments.made_up import frame, inputs, late, reply
 from tigas_lab import statistics
 from tigas_lab.recording import Traffic
 
@@ -47,6 +47,12 @@ def test_a_response_is_a_frame_s_own_age_and_skips_what_no_frame_was_asked_for()
     assert statistics.response_times(sampled, shown) == [(50, 40), (130, 100)]
     assert statistics.responses(sampled, shown) == statistics.Responses(frames=2, mean=70, p50=40, p95=100)
     assert statistics.responses(sampled, []).mean is None
+
+
+def test_a_reply_takes_from_being_asked_for_to_its_last_byte() -> None:
+    found = statistics.reply_times([reply(-1, 500), reply(0, 30), reply(40, 50), reply(70, 100)])
+    assert found == statistics.ReplyTimes(replies=3, mean=60, p50=50, p95=100), "the first was asked for before the run"
+    assert statistics.reply_times([]).p95 is None
 
 
 def test_constant_latency_is_no_freeze_however_long() -> None:

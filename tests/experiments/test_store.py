@@ -8,9 +8,9 @@ from pathlib import Path
 
 import pytest
 
-from tests.experiments.made_up import recording, write_run
+from tests.experiments.made_up import recording, reply, write_run
 from tigas_lab.recording import BrokenRecording, Recording
-from tigas_lab.store import ExperimentRecord, StoredRun, read_experiment, write_experiment
+from tigas_lab.store import ExperimentRecord, RunWriter, StoredRun, read_experiment, write_experiment
 from tigas_lab.summary import summarise
 
 
@@ -25,6 +25,34 @@ def test_what_is_written_comes_back(tmp_path: Path) -> None:
     assert (figures.latencies.p50, figures.latencies.share_interactive) == (40, 1.0)
     assert (figures.received_kbps, figures.delivered_kbps, figures.target_kbps) == (1000, 5000, 20_000)
     assert figures.trace_start_ms == 12
+
+
+def test_replies_come_back_and_may_be_missing(tmp_path: Path) -> None:
+    folder = write_run(tmp_path / "run")
+    assert StoredRun(folder).replies() == []
+    entry = reply(20, 35, pose=7).model_dump(mode="json")
+    made = Recording.parse(json.dumps(recording(replies=[entry])))
+    RunWriter(tmp_path / "other", StoredRun(folder).record).recording(made)
+    (stored,) = StoredRun(tmp_path / "other").replies()
+    assert stored.model_dump(mode="json") == entry
+    assert stored.time_ms == 35
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"asked_at": 60},
+        {"first_byte_at": 19},
+        {"at": 700_000, "first_byte_at": 30},
+        {"bytes": -1},
+        {"throughput_kbps": -1},
+        {"pose": None},
+    ],
+)
+def test_replies_that_cannot_be_are_refused(changes: dict[str, object]) -> None:
+    entry = reply(20, 35).model_dump(mode="json")
+    with pytest.raises(BrokenRecording, match=r"replies\.0"):
+        Recording.parse(json.dumps(recording(replies=[entry | changes])))
 
 
 @pytest.mark.parametrize("length", [0, 1, 30, -2])
@@ -96,7 +124,9 @@ def test_poses_and_times_must_grow() -> None:
 
 def test_an_experiment_says_what_was_planned(tmp_path: Path) -> None:
     plan = {"modes": ["stateless"], "rtts_ms": [20, 50.5], "seed": None}
-    record = ExperimentRecord(name="Größe & <b>", created="2026-01-01T00:00:00+00:00", source="page", plan=plan)
+    record = ExperimentRecord(
+        name="Größe & <b>", created="2026-01-01T00:00:00+00:00", source="page", plan=plan, planned=12
+    )
     write_experiment(tmp_path / "made", record)
     assert read_experiment(tmp_path / "made") == record
     write_experiment(tmp_path / "made", record)  # a resumed experiment says it again
@@ -112,13 +142,14 @@ def test_an_experiment_says_what_was_planned(tmp_path: Path) -> None:
         {"source": "cat"},
         {"plan": [1]},
         {"more": 1},
+        {"planned": -1},
         {"plan": {"a": [math.nan]}},
     ],
 )
 def test_a_broken_experiment_gets_a_sentence(tmp_path: Path, changes: dict[str, object]) -> None:
     record = {"name": "a", "created": "2026-01-01T00:00:00+00:00", "source": "page", "plan": {}}
     (tmp_path / "experiment.json").write_text(json.dumps(record))
-    assert read_experiment(tmp_path).name == "a"
+    assert read_experiment(tmp_path).planned is None, "as early ones are"
     (tmp_path / "experiment.json").write_text(json.dumps(record | changes))
     with pytest.raises(BrokenRecording, match=r"experiment\.json is broken"):
         read_experiment(tmp_path)

@@ -41,7 +41,7 @@ def compare(
             show_default=DEFAULT_PROFILE,
         ),
     ] = None,
-    seed: Annotated[int, typer.Option(help="Of generated movements.")] = 1,
+    seed: Annotated[int, typer.Option(help="Of generated movements and of the controllers' random numbers.")] = 1,
     capture_every: Annotated[float, typer.Option(help="Seconds between pictures kept for quality; 0 keeps none.")] = 1,
     warm_up: Annotated[float, typer.Option(help="Seconds before the movement begins.")] = 5,
     out: Annotated[
@@ -53,8 +53,10 @@ def compare(
 ) -> None:
     """Compare one JPEG per pose with low-latency DASH: same movement, same network, and a report to cite."""
     from tigas_lab.compare import Comparison, default_out, make_runs, report_on
+    from tigas_lab.signals import end_as_ctrl_c
     from tigas_lab.terminal import print_report, progress
 
+    end_as_ctrl_c()
     with in_a_sentence(StartError, OSError):
         width, height = _viewport(viewport)
         runs = [
@@ -93,7 +95,7 @@ def compare(
             if made:
                 report = report_on(comparison, made)
                 print_report(report, comparison.out)
-    if any(run.figures is None for run in report.runs):
+    if report.unreadable or any(run.figures is None for run in report.runs):
         raise typer.Exit(1)
 
 

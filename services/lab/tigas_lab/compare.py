@@ -8,6 +8,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 from tigas_lab.configuration import Configuration
+from tigas_lab.inputs import Inputs
 from tigas_lab.laboratory import laboratory
 from tigas_lab.report.page import ReportData, write_report
 from tigas_lab.run import run
@@ -48,7 +49,7 @@ async def make_runs(comparison: Comparison, listener: Listener, made: list[Path]
 
     Raises StartError and OSError.
     """
-    async with laboratory(comparison.url, comparison.scenes, comparison.traces) as lab:
+    async with laboratory(comparison.url, comparison.scenes, comparison.traces, Inputs(Path())) as lab:
         listener.stage("starts the services")
         await lab.check(comparison.runs)
         for number, configuration in enumerate(comparison.runs, 1):

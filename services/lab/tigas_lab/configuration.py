@@ -46,7 +46,7 @@ class Network(WireModel):
     name: str = Field(min_length=1, max_length=100)
     link: ConstantLink | None = None
     trace_file: Path | None = None
-    """The file that the trace is read from; without it, the shaper knows the trace by its name."""
+    """The trace's file, as a person named it; without it, the shaper knows the trace by its name."""
     rtt_ms: float | None = Field(default=None, ge=0, le=MAX_RTT_MS)
     """Of a trace: in place of its own delay and jitter. A constant link says its delay itself."""
     offset_s: float = Field(default=0.0, ge=0, le=MAX_OFFSET_S)
@@ -89,7 +89,7 @@ class Network(WireModel):
     def parse(cls, text: str, directory: Path = Path()) -> Network:
         """Read what a person wrote: `20mbit,20ms-rtt`, `unshaped`, or a trace (file or name), or `TRACE,100ms-rtt`.
 
-        A file's path is relative to `directory`. Raises ValueError with one sentence.
+        A file's path is relative to `directory`, and kept as it was written. Raises ValueError with one sentence.
         """
         if text == UNSHAPED:
             return cls(name=UNSHAPED)
@@ -97,10 +97,10 @@ class Network(WireModel):
             return cls(name=text, link=_constant(text))
         override = _OVERRIDE.fullmatch(text)
         trace, rtt_ms = (override["trace"], float(override["rtt"])) if override else (text, None)
-        path = directory / trace
-        if path.is_file():
+        path = Path(trace)
+        if (directory / path).is_file():
             return cls(name=path.name[:100], trace_file=path, rtt_ms=rtt_ms)
-        if Path(trace).name != trace or Path(trace).suffix:
+        if path.name != trace or path.suffix:
             raise ValueError(f"there is no trace file {trace!r}")
         return cls(name=trace, rtt_ms=rtt_ms)
 
@@ -110,7 +110,7 @@ class Configuration(WireModel):
 
     scene: str
     movement: str
-    """The movement trace's file, or a generated movement's name."""
+    """A generated movement's name, or the movement trace's file, as a person named it."""
     network: Network
     mode: Mode
     duration_s: float = Field(ge=1, le=7200)
@@ -119,8 +119,8 @@ class Configuration(WireModel):
     """The viewport, in CSS pixels."""
     profile: int | str = "budget"
     """Of the mode `stateless`: the ladder's rung, or the name of a controller."""
-    seed: int = 1
-    """Of generated movements."""
+    seed: int = Field(default=1, ge=0, le=2**53 - 1)
+    """Of generated movements, and of the controllers' random numbers."""
     repeat: int = Field(default=0, ge=0)
     capture_every_ms: float = Field(default=1000.0, ge=0)
     """A shown frame is kept so often; 0 keeps none."""
@@ -132,6 +132,14 @@ class Configuration(WireModel):
         if isinstance(self.profile, int) and not 0 <= self.profile <= 255:
             raise ValueError("the profile is a rung of the ladder, counted from 0, or a controller's name")
         return self
+
+    def asks_for_the_same(self, other: Configuration) -> bool:
+        """Whether the two are equal but for the folders that files lie in."""
+        return self._without_folders() == other._without_folders()
+
+    def _without_folders(self) -> Configuration:
+        network = self.network.model_copy(update={"trace_file": None})  # its name says which file it was
+        return self.model_copy(update={"movement": Path(self.movement).name, "network": network})
 
     @property
     def slug(self) -> str:

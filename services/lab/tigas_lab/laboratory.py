@@ -16,14 +16,15 @@ from playwright.async_api import Browser
 
 from tigas_common.errors import StartError
 from tigas_common.wire import SceneInfo
-from tigas_lab.browser import chromium, find_chromium, responds
-from tigas_lab.configuration import Configuration
+from tigas_lab.browser import chromium, find_chromium, responds, viewer
+from tigas_lab.configuration import Configuration, Network
 from tigas_lab.errors import RunFailed
-from tigas_lab.inputs import movement_points
+from tigas_lab.inputs import Inputs
 from tigas_lab.link import held
 from tigas_lab.lock import exclusive, services_lock
 from tigas_lab.machine import Machine, this_machine
 from tigas_lab.points import Point
+from tigas_lab.store import InputDigests
 from tigas_lab.targets import LAB_URL, Target, alive, lab_target, load_scene, url_target
 
 Resource = TypeVar("Resource")
@@ -37,6 +38,9 @@ class Bench:
     browser: Browser
     scene: SceneInfo
     points: Sequence[Point]
+    network: Network
+    """With a path to its trace's file that can be opened."""
+    digests: InputDigests
 
 
 class Kept(Generic[Resource]):
@@ -69,40 +73,62 @@ class Kept(Generic[Resource]):
 class Laboratory:
     """Services and a browser for many runs, one at a time."""
 
-    def __init__(self, target: Kept[Target], browser: Kept[Browser], machine: Machine) -> None:
+    def __init__(self, target: Kept[Target], browser: Kept[Browser], machine: Machine, inputs: Inputs) -> None:
         self._target = target
         self._browser = browser
+        self._inputs = inputs
         self._points: dict[tuple[object, ...], Sequence[Point]] = {}
         self.machine = machine
 
     async def check(self, runs: Sequence[Configuration]) -> None:
-        """Find out before the first run whether services, browser, scenes, movements and networks can be had.
+        """Find out before the first run whether all that the runs need can be had. Raises StartError with one sentence.
 
-        Raises StartError with one sentence.
+        Services and browser, scenes, movements and networks, packager, rungs and controllers.
         """
         await self._browser.get()
         target = await self._target.get()
+        _check_services(runs, target)
         for configuration in {_inputs(run): run for run in runs}.values():
             await self.bench(configuration)
         for network in {run.network: None for run in runs}:
             try:
-                async with held(target, network):
+                async with held(target, self._inputs.network(network)):
                     pass
             except RunFailed as error:
                 raise StartError(str(error)) from None
+        controllers = {run.profile for run in runs if run.mode == "stateless" and isinstance(run.profile, str)}
+        if controllers:
+            await self._ask_the_page(runs[0], sorted(controllers))
 
     async def bench(self, configuration: Configuration) -> Bench:
         """What a run needs; the scene is loaded. Raises StartError."""
         target = await self._target.get()
         scene = await load_scene(target.url, configuration.scene)
-        key = _inputs(configuration)
+        digests = self._inputs.digests(configuration)
+        key = (*_inputs(configuration), digests.movement)
         if key not in self._points:
-            self._points[key] = movement_points(configuration, scene)
-        return Bench(target, await self._browser.get(), scene, self._points[key])
+            self._points[key] = self._inputs.points(configuration, scene)
+        network = self._inputs.network(configuration.network)
+        return Bench(target, await self._browser.get(), scene, self._points[key], network, digests)
+
+    async def _ask_the_page(self, run: Configuration, controllers: Sequence[str]) -> None:
+        """Whether it has them: it alone knows. Raises StartError."""
+        bench = await self.bench(run)
+        try:
+            async with viewer(bench.browser, bench.target.url, bench.scene.id, run.width, run.height) as page:
+                for controller in controllers:
+                    try:
+                        await page.prepare({"controller": controller}, bench.points[0])
+                    except RunFailed as error:
+                        raise StartError(f"The controller {controller!r} cannot be measured: {error}") from None
+        except RunFailed as error:
+            raise StartError(str(error)) from None
 
 
 @asynccontextmanager
-async def laboratory(url: str | None, scenes: Path | None, traces: Path | None) -> AsyncIterator[Laboratory]:
+async def laboratory(
+    url: str | None, scenes: Path | None, traces: Path | None, inputs: Inputs
+) -> AsyncIterator[Laboratory]:
     """For as long as the context lasts, and for nobody else meanwhile. Raises StartError.
 
     The services at `url`, or the lab's, which is started when it is first needed; `scenes` and `traces` are its
@@ -115,12 +141,23 @@ async def laboratory(url: str | None, scenes: Path | None, traces: Path | None) 
         target = Kept(lambda: lab_target(scenes, traces) if url is None else url_target(url), alive)
         browser = Kept(chromium, responds)
         try:
-            yield Laboratory(target, browser, this_machine())
+            yield Laboratory(target, browser, this_machine(), inputs)
         finally:
             try:
                 await browser.close()
             finally:
                 await target.close()
+
+
+def _check_services(runs: Sequence[Configuration], target: Target) -> None:
+    """Whether they have what the runs name. Raises StartError."""
+    rungs = len(target.config.ladder)
+    for run in runs:
+        if run.mode != "stateless":
+            if target.dash is None:
+                raise StartError(f"There is no packager behind {target.url}, so {run.mode} cannot be measured.")
+        elif isinstance(run.profile, int) and run.profile >= rungs:
+            raise StartError(f"There is no rung {run.profile}: the ladder at {target.url} has {rungs}, counted from 0.")
 
 
 def _inputs(configuration: Configuration) -> tuple[object, ...]:

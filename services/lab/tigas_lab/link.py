@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Iterable
 from contextlib import asynccontextmanager
+from dataclasses import dataclass
 from time import time
 
 from tigas_lab.configuration import Network
@@ -14,9 +15,46 @@ from tigas_lab.shaper_client import LinkStatus, ShaperClient
 from tigas_lab.store import LinkSample
 from tigas_lab.targets import Target
 
+JUMP_MS = 500
+"""A trace so far from where time has brought it was moved; less may pass between the shaper's looks at its clock."""
+
+
+@dataclass(frozen=True, slots=True)
+class HeldLink:
+    """A link that is a run's own, for as long as nobody else touches it."""
+
+    shaper: ShaperClient
+    network: Network
+    first: LinkStatus
+    """How it was when it was first held."""
+
+    async def play(self) -> None:
+        """Play the network's trace, if it is one, from where a run begins. Raises RunFailed."""
+        if self.network.is_trace:
+            await self.shaper.play(self.network)
+
+    def left_alone(self, seen: Iterable[LinkStatus]) -> bool:
+        """Whether the link did what its network does by itself; `seen` begins before the trace was played."""
+        playing: LinkStatus | None = None
+        for status in seen:
+            if status.trace != self.first.trace:
+                return False
+            if not self.network.is_trace:
+                if status.link != self.first.link:
+                    return False
+                continue
+            if self.network.rtt_ms is not None and status.link.get("delay_ms") != self.first.link.get("delay_ms"):
+                return False
+            if playing is None and status.mode == "paused":
+                continue
+            playing = playing or status
+            if status.mode != "playing" or _jump_ms(playing, status) > JUMP_MS:
+                return False
+        return True
+
 
 @asynccontextmanager
-async def held(target: Target, network: Network) -> AsyncIterator[ShaperClient | None]:
+async def held(target: Target, network: Network) -> AsyncIterator[HeldLink | None]:
     """A network, held at its first state; afterwards the shaper's own fast link. Raises RunFailed.
 
     None where there is no shaper, and none is needed.
@@ -28,8 +66,7 @@ async def held(target: Target, network: Network) -> AsyncIterator[ShaperClient |
         return
     shaper = ShaperClient(target.shaper, target.url)
     try:
-        await (shaper.hold(network) if network.shaped else shaper.release())
-        yield shaper
+        yield HeldLink(shaper, network, await (shaper.hold(network) if network.shaped else shaper.release()))
     finally:
         with contextlib.suppress(RunFailed):
             await shaper.release()
@@ -37,15 +74,18 @@ async def held(target: Target, network: Network) -> AsyncIterator[ShaperClient |
 
 
 @asynccontextmanager
-async def watching_link(shaper: ShaperClient | None) -> AsyncIterator[list[tuple[float, LinkStatus]]]:
-    """(unix ms, status) of the link, for as long as the context lasts. Raises RunFailed in the end if it was closed."""
+async def watching_link(link: HeldLink | None) -> AsyncIterator[list[tuple[float, LinkStatus]]]:
+    """(unix ms, status) of the link, for as long as the context lasts.
+
+    Raises RunFailed in the end if it was closed, or if somebody else changed it.
+    """
     seen: list[tuple[float, LinkStatus]] = []
-    if shaper is None:
+    if link is None:
         yield seen
         return
 
     async def watch() -> None:
-        async for status in shaper.watch():
+        async for status in link.shaper.watch():
             seen.append((time() * 1000, status))
 
     task = asyncio.create_task(watch())
@@ -60,6 +100,8 @@ async def watching_link(shaper: ShaperClient | None) -> AsyncIterator[list[tuple
         raise error
     if closed := next((status.closed for _, status in seen if status.closed), None):
         raise RunFailed(f"The link was closed during the run: {closed}")
+    if not link.left_alone(status for _, status in seen):
+        raise RunFailed("Somebody else changed the link during the run.")
 
 
 def link_sample(status: LinkStatus, at: float) -> LinkSample:
@@ -73,3 +115,12 @@ def link_sample(status: LinkStatus, at: float) -> LinkSample:
         drops=status.down.drops,
         up_delivered_kbps=status.up.delivered_kbps,
     )
+
+
+def _jump_ms(earlier: LinkStatus, later: LinkStatus) -> float:
+    """How far a trace is from where time alone would have brought it; at its end it starts again."""
+    if earlier.position_ms is None or later.position_ms is None or not later.duration_ms:
+        return 0.0
+    half = later.duration_ms / 2
+    moved = later.position_ms - earlier.position_ms - (later.time_ms - earlier.time_ms)
+    return abs((moved + half) % later.duration_ms - half)

@@ -1,22 +1,22 @@
-"""What a figure depends on beside its configuration: versions and the machine."""
+"""What a figure depends on beside its configuration: versions, machines, and what served the frames."""
 
 from __future__ import annotations
 
-import os
 import platform
-import subprocess
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
+from typing import Self
 
 import psutil
 
-from tigas_common.wire import WireModel
+from tigas_common.commit import this_commit
+from tigas_common.wire import Rung, ServerConfig, WireModel
 
 PACKAGES = ("aioquic", "av", "numba", "playwright", "scikit-image")
 
 
 class Machine(WireModel):
-    """Where a run was made."""
+    """Where a run was made: the lab's own."""
 
     system: str
     processor: str
@@ -25,8 +25,24 @@ class Machine(WireModel):
     python: str
     tigas: str
     commit: str | None
-    """Of the working tree that the lab runs from, with `-dirty` if it was changed; None outside a repository."""
+    """Of the lab's code, with `-dirty` if it was changed; None if it is unknown."""
     packages: dict[str, str]
+
+
+class Server(WireModel):
+    """The render service that a run was made with, which may be another machine's, as it says of itself."""
+
+    version: str
+    commit: str | None
+    """Of its code."""
+    device: str | None
+    """What it renders with."""
+    ladder: tuple[Rung, ...]
+
+    @classmethod
+    def of(cls, config: ServerConfig) -> Self:
+        """From what it tells its pages."""
+        return cls(version=config.version, commit=config.commit, device=config.device, ladder=config.ladder)
 
 
 def this_machine() -> Machine:
@@ -38,7 +54,7 @@ def this_machine() -> Machine:
         memory_gb=round(psutil.virtual_memory().total / 1e9, 1),
         python=platform.python_version(),
         tigas=_version("tigas") or "unknown",
-        commit=_commit(),
+        commit=this_commit(),
         packages={name: found for name in PACKAGES if (found := _version(name))},
     )
 
@@ -57,14 +73,3 @@ def _processor() -> str:
         return platform.processor() or "unknown"
     names = (line.split(":", 1)[1].strip() for line in lines if line.startswith("model name") and ":" in line)
     return next(names, platform.processor() or "unknown")
-
-
-def _commit() -> str | None:
-    command = ("git", "describe", "--always", "--dirty", "--abbrev=12", "--exclude=*")
-    try:
-        run = subprocess.run(
-            command, cwd=Path(__file__).parent, capture_output=True, text=True, timeout=10, env=os.environ, check=True
-        )
-    except (OSError, subprocess.SubprocessError):
-        return None
-    return run.stdout.strip() or None

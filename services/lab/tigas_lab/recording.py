@@ -12,10 +12,12 @@ from pydantic import Field, ValidationError, model_validator
 
 from tigas_common.parsing import sentence
 from tigas_common.pose import Pose
-from tigas_common.wire import MAX_SIDE, Coordinate, Point, WireModel
+from tigas_common.wire import MAX_SIDE, Coordinate, Point, ServerTiming, WireModel
 
 MAX_BYTES = 256_000_000
 """A longer recording is refused."""
+LONGEST_REPLY_MS = 600_000.0
+"""No frame takes longer from being asked for to its last byte."""
 PlayedMode = Literal["stateless", "dash", "side-by-side"]
 
 
@@ -53,6 +55,37 @@ class ShownFrame(WireModel):
     """Of the ladder."""
     width: int = Field(ge=0, le=MAX_SIDE)
     height: int = Field(ge=0, le=MAX_SIDE)
+
+
+class Reply(WireModel):
+    """A frame that came in the mode `stateless`, whether or not it was shown. What was overtaken has none."""
+
+    at: float
+    """When its last byte came."""
+    asked_at: float
+    first_byte_at: float
+    pose: int
+    """The number of the pose that it was rendered from."""
+    asked_rung: int | None
+    """Of the ladder; None if the server was to choose."""
+    rung: int | None
+    """The one that it has."""
+    bytes: int = Field(ge=0, le=MAX_BYTES)
+    server: ServerTiming | None
+    """Where the server's time went."""
+    throughput_kbps: float | None = Field(ge=0)
+    """The page's estimate of the link after this reply; None while unknown."""
+
+    @property
+    def time_ms(self) -> float:
+        """From being asked for to the last byte."""
+        return self.at - self.asked_at
+
+    @model_validator(mode="after")
+    def _check(self) -> Self:
+        if not self.asked_at <= self.first_byte_at <= self.at <= self.asked_at + LONGEST_REPLY_MS:
+            raise ValueError("the times of a reply must follow one another, within ten minutes")
+        return self
 
 
 class Capture(WireModel):
@@ -110,6 +143,8 @@ class Recording(RecordingHead):
 
     inputs: tuple[Input, ...]
     frames: tuple[ShownFrame, ...]
+    replies: tuple[Reply, ...] = ()
+    """None of DASH."""
     captures: tuple[Capture, ...]
     traffic: tuple[Traffic, ...]
 
@@ -117,7 +152,7 @@ class Recording(RecordingHead):
     def _check(self) -> Self:
         if any(later.pose <= earlier.pose for earlier, later in pairwise(self.inputs)):
             raise ValueError("the numbers of poses must grow")
-        for name in ("inputs", "frames", "traffic"):
+        for name in ("inputs", "frames", "replies", "traffic"):
             times = [entry.at for entry in getattr(self, name)]
             if any(later < earlier for earlier, later in pairwise(times)):
                 raise ValueError(f"the times of {name} must not go back")

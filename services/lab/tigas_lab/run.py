@@ -19,6 +19,7 @@ from tigas_lab.errors import RunFailed
 from tigas_lab.laboratory import Bench, Laboratory
 from tigas_lab.link import held, link_sample, watching_link
 from tigas_lab.load import Load, watching_load
+from tigas_lab.machine import Server
 from tigas_lab.points import Point, digest
 from tigas_lab.quality import BrokenPicture, encode
 from tigas_lab.recording import BrokenRecording, Recording
@@ -71,14 +72,14 @@ async def _measure(
     stage("opens the viewer")
     url = bench.target.url
     async with viewer(bench.browser, url, bench.scene.id, configuration.width, configuration.height) as page:
-        async with held(bench.target, configuration.network) as shaper:
+        async with held(bench.target, bench.network) as link:
             await page.prepare(page_settings(configuration), bench.points[0])
             stage("warms up")
             await asyncio.sleep(configuration.warm_up_s)
             stage("measures")
-            async with watching_load() as load, watching_link(shaper) as seen:
-                if shaper is not None and configuration.network.shaped:
-                    await shaper.play(configuration.network)
+            async with watching_load() as load, watching_link(link) as seen:
+                if link is not None:
+                    await link.play()
                 recording = await _record(page, configuration, bench.points)
         writer.recording(recording)
         if not await alive(bench.target):  # a page whose frames stop coming plays on to the end
@@ -93,6 +94,8 @@ async def _measure(
             problem=None if recording.complete else "The movement was not played to its end.",
             browser=bench.browser.version,
             backend=seen[-1][1].backend if seen else None,
+            inputs_sha256=bench.digests,
+            server=Server.of(bench.target.config),
             scene_bytes=bench.scene.file_bytes,
             points_sha256=digest(bench.points),
             load=Load.of(during),
@@ -110,7 +113,7 @@ def page_settings(configuration: Configuration) -> dict[str, Any]:
         "dash-tuned": {"mode": "dash", "dashPreset": "tuned"},
     }
     # Nothing beside the picture, so that the stage is the viewport; no second request for a view that stands still.
-    return {**modes[configuration.mode], "sidebar": False, "hud": False, "refine": False}
+    return {**modes[configuration.mode], "seed": configuration.seed, "sidebar": False, "hud": False, "refine": False}
 
 
 async def _record(page: Viewer, configuration: Configuration, points: Sequence[Point]) -> Recording:

@@ -37,6 +37,8 @@ class LinkStatus(BaseModel):
 
     model_config = ConfigDict(frozen=True, allow_inf_nan=False)
 
+    time_ms: float
+    """Of the shaper's own steady clock."""
     mode: str
     trace: str | None
     position_ms: float | None
@@ -62,31 +64,28 @@ class ShaperClient:
         """Give up the connections."""
         await self._http.aclose()
 
-    async def hold(self, network: Network) -> None:
+    async def hold(self, network: Network) -> LinkStatus:
         """Put the network's first state in force, and keep it."""
         if network.link is not None:
-            await self._post("/link", network.link.model_dump())
-            return
+            return await self._post("/link", network.link.model_dump())
         name = network.name
         if network.trace_file is not None:
             name = await self._upload(network.trace_file)
         delay_ms = None if network.rtt_ms is None else network.rtt_ms / 2
-        wanted = {"trace": name, "loop": True, "delay_ms": delay_ms}
-        playing = self._status(await self._send("POST", "/start", json=wanted))
+        playing = await self._post("/start", {"trace": name, "loop": True, "delay_ms": delay_ms})
         if network.offset_s * 1000 >= (playing.duration_ms or math.inf):
             raise RunFailed(f"The trace {name} is shorter than {network.offset_s:g} s, so no run can begin there.")
         await self._post("/pause", {})
-        await self._seek(network)
+        return await self._seek(network)
 
     async def play(self, network: Network) -> None:
         """Play the held trace from where a run begins."""
-        if network.link is None:
-            await self._seek(network)
-            await self._post("/resume", {})
+        await self._seek(network)
+        await self._post("/resume", {})
 
-    async def release(self) -> None:
+    async def release(self) -> LinkStatus:
         """Back to the shaper's own constant rate, which is fast."""
-        await self._post("/stop", {})
+        return await self._post("/stop", {})
 
     async def watch(self) -> AsyncIterator[LinkStatus]:
         """The link about five times a second."""
@@ -98,8 +97,8 @@ class ShaperClient:
         except (httpx.HTTPError, json.JSONDecodeError) as error:
             raise RunFailed(f"The shaper at {self.url} stopped telling of its link ({_reason(error)}).") from None
 
-    async def _seek(self, network: Network) -> None:
-        await self._post("/seek", {"position_ms": network.offset_s * 1000})
+    async def _seek(self, network: Network) -> LinkStatus:
+        return await self._post("/seek", {"position_ms": network.offset_s * 1000})
 
     def _status(self, data: Any) -> LinkStatus:
         try:
@@ -117,8 +116,8 @@ class ShaperClient:
             raise RunFailed(f"The shaper at {self.url} took {path.name} and does not say as what.")
         return str(answer["name"])
 
-    async def _post(self, path: str, body: dict[str, Any]) -> None:
-        await self._send("POST", path, json=body)
+    async def _post(self, path: str, body: dict[str, Any]) -> LinkStatus:
+        return self._status(await self._send("POST", path, json=body))
 
     async def _send(self, method: str, path: str, **arguments: Any) -> Any:
         try:

@@ -13,7 +13,7 @@ from collections.abc import Iterator, Sequence
 from itertools import pairwise
 
 from tigas_common.wire import WireModel
-from tigas_lab.recording import Input, ShownFrame, Traffic
+from tigas_lab.recording import Input, Reply, ShownFrame, Traffic
 
 INTERACTIVE_MS = 100.0
 """The motion-to-photon latency that counts as immediate."""
@@ -39,6 +39,16 @@ class Responses(WireModel):
 
     frames: int
     """New views of poses that were sampled during the run."""
+    mean: float | None
+    p50: float | None
+    p95: float | None
+
+
+class ReplyTimes(WireModel):
+    """From asking for a frame to its last byte, in ms; None without replies."""
+
+    replies: int
+    """To what was asked for during the run."""
     mean: float | None
     p50: float | None
     p95: float | None
@@ -126,9 +136,17 @@ def responses(inputs: Sequence[Input], frames: Sequence[ShownFrame]) -> Response
     values = [ms for _, ms in response_times(inputs, frames)]
     return Responses(
         frames=len(values),
-        mean=sum(values) / len(values) if values else None,
+        mean=_mean(values),
         p50=percentile(values, 0.5),
         p95=percentile(values, 0.95),
+    )
+
+
+def reply_times(replies: Sequence[Reply]) -> ReplyTimes:
+    """Without the page's part: its wait to ask, decoding and the screen."""
+    values = [reply.time_ms for reply in replies if reply.asked_at >= 0]
+    return ReplyTimes(
+        replies=len(values), mean=_mean(values), p50=percentile(values, 0.5), p95=percentile(values, 0.95)
     )
 
 
@@ -206,6 +224,10 @@ def mean_over_time(points: Sequence[tuple[float, float]]) -> float | None:
     if span <= 0:
         return None
     return sum(value * (at - before) for (before, _), (at, value) in pairwise(points)) / span
+
+
+def _mean(values: Sequence[float]) -> float | None:
+    return sum(values) / len(values) if values else None
 
 
 def _finite(value: float | None) -> float | None:

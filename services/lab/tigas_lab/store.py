@@ -2,9 +2,10 @@
 
     run.json         the configuration, versions, machine, load, and whether the run is complete
     inputs.ndjson    poses that the viewer sampled        frames.ndjson   frames that were on the screen
-    traffic.ndjson   what the page received               link.ndjson     what the shaper told of its link
-    load.ndjson      the machine's load                   captures/       pictures that were shown, as PNG
-    captures.ndjson  which frames these are               quality.ndjson  how they compare with ground truth
+    replies.ndjson   frames that came (if any did)        traffic.ndjson  what the page received
+    link.ndjson      what the shaper told of its link     load.ndjson     the machine's load
+    captures/        pictures that were shown, as PNG     captures.ndjson which frames these are
+    quality.ndjson   how they compare with ground truth
     moment.json      one of them, beside which captures/view.png shows what the viewer should have seen then
 
 A run is complete when its run.json says so, which is written last: whatever happens before leaves an incomplete run.
@@ -19,15 +20,15 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Annotated, Literal, TypeVar
 
-from pydantic import AfterValidator, BaseModel, JsonValue, StringConstraints, ValidationError
+from pydantic import AfterValidator, BaseModel, Field, JsonValue, StringConstraints, ValidationError
 
 from tigas_common.parsing import sentence
 from tigas_common.wire import WireModel
 from tigas_lab.configuration import Configuration
 from tigas_lab.load import Load, LoadSample
-from tigas_lab.machine import Machine
+from tigas_lab.machine import Machine, Server
 from tigas_lab.quality import Quality
-from tigas_lab.recording import BrokenRecording, Input, Recording, RecordingHead, ShownFrame, Traffic
+from tigas_lab.recording import BrokenRecording, Input, Recording, RecordingHead, Reply, ShownFrame, Traffic
 
 MAX_FILE_BYTES = 256_000_000
 Entry = TypeVar("Entry", bound=BaseModel)
@@ -65,6 +66,8 @@ class ExperimentRecord(WireModel):
     source: Literal["command", "page"]
     plan: Plan
     """As it was given."""
+    planned: int | None = Field(default=None, ge=0)
+    """How many runs it has when it is complete; unknown of early ones."""
 
 
 def write_experiment(folder: Path, record: ExperimentRecord) -> None:
@@ -111,6 +114,13 @@ class Moment(WireModel):
     capture: int
 
 
+class InputDigests(WireModel):
+    """SHA-256 of the files that a run was made from, in hexadecimal digits; None for what is no file."""
+
+    movement: str | None
+    trace: str | None
+
+
 class RunRecord(WireModel):
     """run.json."""
 
@@ -118,9 +128,13 @@ class RunRecord(WireModel):
     problem: str | None
     """Why it failed."""
     configuration: Configuration
+    inputs_sha256: InputDigests | None = None
+    """Unknown of runs that a page made, and of early ones."""
     machine: Machine
     started: str
     """ISO 8601, UTC."""
+    server: Server | None = None
+    """Unknown of runs that a page made, and of early ones."""
     browser: str | None = None
     backend: str | None = None
     """What made the link's delay: netem or relay."""
@@ -146,6 +160,11 @@ class StoredRun:
     def frames(self) -> list[ShownFrame]:
         """Frames that were shown."""
         return _read_lines(self.folder / "frames.ndjson", ShownFrame)
+
+    def replies(self) -> list[Reply]:
+        """Frames that came; empty for DASH, and where nobody recorded them."""
+        path = self.folder / "replies.ndjson"
+        return _read_lines(path, Reply) if path.exists() else []
 
     def traffic(self) -> list[Traffic]:
         """What was received."""
@@ -188,6 +207,8 @@ class RunWriter:
         """What the page recorded."""
         self._lines("inputs", recording.inputs)
         self._lines("frames", recording.frames)
+        if recording.replies:
+            self._lines("replies", recording.replies)
         self._lines("traffic", recording.traffic)
         self._lines("captures", recording.captures)
 

@@ -7,8 +7,8 @@ from pathlib import Path
 
 from tigas_common.wire import WireModel
 from tigas_lab import statistics
-from tigas_lab.recording import BrokenRecording, Input, RecordingHead, ShownFrame, Traffic
-from tigas_lab.statistics import Freezes, Latencies, Rates, Responses, Rungs
+from tigas_lab.recording import BrokenRecording, Input, RecordingHead, Reply, ShownFrame, Traffic
+from tigas_lab.statistics import Freezes, Latencies, Rates, ReplyTimes, Responses, Rungs
 from tigas_lab.store import CaptureQuality, LinkSample, RunRecord, StoredRun
 
 
@@ -29,6 +29,7 @@ class Figures(WireModel):
 
     latencies: Latencies
     responses: Responses
+    reply_times: ReplyTimes
     frames: Rates
     freezes: Freezes
     rungs: Rungs
@@ -64,6 +65,7 @@ class Records:
     head: RecordingHead
     inputs: list[Input]
     frames: list[ShownFrame]
+    replies: list[Reply]
     traffic: list[Traffic]
     link: list[LinkSample]
     """While the movement lasted."""
@@ -79,6 +81,7 @@ class Records:
             head=head,
             inputs=stored.inputs(),
             frames=stored.frames(),
+            replies=stored.replies(),
             traffic=stored.traffic(),
             link=[sample for sample in stored.link() if 0 <= sample.at <= head.duration_ms],
             quality=stored.quality(),
@@ -110,6 +113,7 @@ def figures(records: Records) -> Figures:
     return Figures(
         latencies=statistics.latencies(inputs, frames),
         responses=statistics.responses(inputs, frames),
+        reply_times=statistics.reply_times(records.replies),
         frames=statistics.rates(frames, duration),
         freezes=statistics.freezes(inputs, frames, records.head.ended_ms),
         rungs=statistics.rungs(frames, duration),

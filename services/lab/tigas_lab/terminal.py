@@ -59,6 +59,6 @@ def print_report(report: ReportData, out: Path) -> None:
         for index, column in enumerate(COLUMNS):
             table.add_row(column.heading, *(row[index] for row in rows))
         console.print(table)
-    for warning in warnings(report.runs):
+    for warning in warnings(report):
         console.print(warning, style="yellow", highlight=False, markup=False)
     console.print(f"The report: {out / 'report.html'}", highlight=False, markup=False, soft_wrap=True)

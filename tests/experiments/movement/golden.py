@@ -51,6 +51,8 @@ REFUSED = {
     "a column is missing": "t_ms,x,y,z,qx,qy,qz\n0,1,2,3,0,0,0\n",
     "a column twice": "t_ms,x,x,y,z,qx,qy,qz,qw\n0,1,1,2,3,0,0,0,1\n",
     "other columns": "time,x\n0,1\n",
+    "the end of a line within the header": HEADER.replace("z,", "z\r", 1) + POSE,
+    "a header in quotation marks": HEADER.replace("x", '"x"', 1) + POSE,
     "an anchor that is none": f"# anchor: moon\n{HEADER}{POSE}",
     "a unit that is none": f"# anchor: start\n# unit: feet\n{HEADER}{POSE}",
     "metres in a scene's own frame": f"# anchor: scene\n# unit: m\n{HEADER}{POSE}",

@@ -175,6 +175,7 @@ def test_a_clock_that_stumbles_costs_its_rows_only(tmp_path: Path) -> None:
     ("Scene_Name,Quaternion,Scale\ntrain,\"0,0,0,1\",nan\n", "no Scale and Quaternion that are numbers"),
     ("Scene_Name,Quaternion,Scale\ntrain\n", "no Scale and Quaternion that are numbers"),
     ("", "says nothing of the scene 'train'; it knows none"),
+    ("Scene_Name\n" + "x" * 200_000, "is no table of scenes: field larger than field limit"),
 ])  # fmt: skip
 def test_what_is_no_scene_setting(tmp_path: Path, content: str, sentence: str) -> None:
     path = tmp_path / "scene_setting.csv"

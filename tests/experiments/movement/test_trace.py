@@ -71,7 +71,9 @@ def test_what_is_refused_is_named_with_its_line(text: str, sentence: str) -> Non
 
 NUMBERS = st.one_of(st.floats(), st.floats(-2, 2), st.integers(-1, 3), st.sampled_from(["", "x", "1_0", "0x1", '"1"']))
 ROWS = st.lists(st.lists(NUMBERS, min_size=7, max_size=9).map(lambda cells: ",".join(map(str, cells))), max_size=6)
-HEADS = st.sampled_from(["", HEADER, "# anchor: start\n# unit: m\n" + HEADER, "#:\n" + HEADER, '"t_ms,x\n', HEADER * 2])
+HEADS = st.sampled_from(
+    ["", HEADER, "# anchor: start\n# unit: m\n" + HEADER, "#:\n" + HEADER, '"t_ms,x\n', "t_ms,x\r,y\n", HEADER * 2]
+)
 
 
 @given(head=HEADS, rows=ROWS, end=st.text(max_size=20))

@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from tests.experiments.made_up import LENS, MACHINE, inputs
+from tests.experiments.made_up import LENS, MACHINE, inputs, reply
 from tigas_lab.configuration import Configuration, Mode, Network
 from tigas_lab.load import Load, LoadSample
 from tigas_lab.quality import Quality
@@ -33,6 +33,7 @@ def write_run(
     *,
     mode: Mode = "stateless",
     delay_ms: float = 40.0,
+    reply_ms: float | None = None,
     jitter_ms: float = 0.0,
     rungs: Sequence[int] = (2,),
     hold: int = 10,
@@ -46,7 +47,8 @@ def write_run(
 ) -> Path:
     """A run whose every `every`th input is shown `delay_ms` later, in these rungs in turn, each for `hold` frames.
 
-    The page receives `kbps`. With `jitter_ms`, delays have a long tail, the same for the same folder's name.
+    Every input's reply takes `reply_ms`, if replies are recorded. The page receives `kbps`. With `jitter_ms`, delays
+    have a long tail, the same for the same folder's name.
     """
     duration = seconds * 1000
     chance = random.Random(folder.name)
@@ -81,6 +83,7 @@ def write_run(
         hidden=False,
         inputs=tuple(sampled),
         frames=tuple(shown),
+        replies=() if reply_ms is None else tuple(reply(entry.at, reply_ms, entry.pose) for entry in sampled),
         captures=(),
         traffic=tuple(Traffic(at=at, bytes=int(at * kbps / 8)) for at in ticks(duration, 100)),
     )

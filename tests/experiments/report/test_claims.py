@@ -63,6 +63,26 @@ def test_response_at_short_round_trips(tmp_path: Path, late: float, verdict: str
     assert claim.figures == f"30 ms at 20 ms (Budget 25); {late:.0f} ms at 50 ms."
 
 
+@pytest.mark.parametrize(("took", "verdict"), [(99.0, "holds"), (100.0, "does not hold")])
+def test_the_paper_s_response_ends_with_the_last_byte(tmp_path: Path, took: float, verdict: str) -> None:
+    said = found(
+        tmp_path,
+        {"delay_ms": 130, "reply_ms": 30.0, "rtt_ms": 20.0},
+        {"delay_ms": 150, "reply_ms": took, "rtt_ms": 50.0},
+        {"controller": "budget", "reply_ms": 25.0, "rtt_ms": 20.0},
+        {"controller": "l2a", "rtt_ms": 20.0},
+    )
+    claim = said["response"]
+    assert (claim.verdict, "from asking to the last byte" in claim.text) == (verdict, True)
+    assert claim.figures == f"30 ms at 20 ms (Budget 25); {took:.0f} ms at 50 ms."
+
+
+def test_where_a_run_has_no_replies_all_are_judged_by_what_is_on_the_screen(tmp_path: Path) -> None:
+    said = found(tmp_path, {"delay_ms": 90, "reply_ms": 30.0, "rtt_ms": 20.0}, {"delay_ms": 80, "rtt_ms": 50.0})
+    assert "from the pose to the screen" in said["response"].text
+    assert said["response"].figures == "90 ms at 20 ms; 80 ms at 50 ms."
+
+
 @pytest.mark.parametrize(("every", "verdict"), [(1, "holds"), (3, "does not hold")])
 def test_frame_rate_at_a_long_round_trip(tmp_path: Path, every: int, verdict: str) -> None:
     said = found(tmp_path, {"every": every, "rtt_ms": 300.0}, {"every": 4, "rtt_ms": 200.0})

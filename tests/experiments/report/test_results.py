@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import json
 import math
 from pathlib import Path
 
@@ -18,7 +19,8 @@ from tigas_lab.store import ExperimentRecord, write_experiment
 
 
 def test_a_row_of_runs_csv_has_every_field_and_figure(tmp_path: Path) -> None:
-    write_run(tmp_path / "runs" / "a", "budget", "bus", 50.0, delay_ms=80, rungs=(1, 3), hold=50, kbps=4000, repeat=2)
+    folder = tmp_path / "runs" / "a"
+    write_run(folder, "budget", "bus", 50.0, delay_ms=80, reply_ms=60, rungs=(1, 3), hold=50, kbps=4000, repeat=2)
     write_run(tmp_path / "runs" / "b", 2, "bus", None, every=2, delay_ms=120)
     write_csv(load(tmp_path), tmp_path)
     with (tmp_path / "runs.csv").open(newline="") as file:
@@ -48,6 +50,9 @@ def test_a_row_of_runs_csv_has_every_field_and_figure(tmp_path: Path) -> None:
         "inputs_within_100ms_pct": 100,
         "response_mean_ms": 80,
         "response_p95_ms": 80,
+        "reply_mean_ms": 60,
+        "reply_p50_ms": 60,
+        "reply_p95_ms": 60,
         "new_views_per_s": 97 / 2,  # the last three come after the movement's end
         "received_mbit_s": 4,
         "over_link_mbit_s": 4,
@@ -66,6 +71,7 @@ def test_a_row_of_runs_csv_has_every_field_and_figure(tmp_path: Path) -> None:
     assert float(two["motion_to_photon_p50_ms"]) == 120, "every second input is answered by a frame of its own"
     assert float(two["motion_to_photon_p95_ms"]) == 140, "the others by the next one's"
     assert float(two["response_p95_ms"]) == 120, "a response is a frame's own"
+    assert two["reply_p95_ms"] == "", "nobody recorded replies"
 
 
 def test_a_group_has_mean_range_and_interval_over_its_runs(tmp_path: Path) -> None:
@@ -81,8 +87,8 @@ def test_a_group_has_mean_range_and_interval_over_its_runs(tmp_path: Path) -> No
     # t(0.975, 2) = 4.3027; the sample's standard deviation of 40, 50, 90 is 26.458.
     assert figures == pytest.approx([60, 40, 90, 4.3027 * 26.458 / math.sqrt(3)], rel=1e-4)
     assert (other["rtt_ms"], other["response_mean_ms_ci95"]) == ("100.0", "")
-    assert cell(results.groups[0], RESPONSE_MEAN) == ("60", "40–90")
-    assert cell(results.groups[1], RESPONSE_MEAN) == ("70", None)
+    assert cell(results.groups[0].spread(RESPONSE_MEAN), RESPONSE_MEAN) == ("60", "40–90")
+    assert cell(results.groups[1].spread(RESPONSE_MEAN), RESPONSE_MEAN) == ("70", None)
 
 
 def test_a_time_that_never_came_is_no_time(tmp_path: Path) -> None:
@@ -94,7 +100,7 @@ def test_a_time_that_never_came_is_no_time(tmp_path: Path) -> None:
     p95, in_time = group.spread(PHOTON_P95), group.spread(IN_TIME)
     assert p95 is not None
     assert (p95.low, p95.mean, p95.ci95) == (40, math.inf, None)
-    assert cell(group, PHOTON_P95) == ("never", "40–never")
+    assert cell(group.spread(PHOTON_P95), PHOTON_P95) == ("never", "40–never")
     assert in_time is not None
     assert in_time.mean == pytest.approx((60 + 100) / 2)
     assert write_experiment_report(tmp_path, tmp_path).page.exists()
@@ -107,7 +113,7 @@ def test_nobody_moved_and_nothing_came(tmp_path: Path) -> None:
     (group,) = load(tmp_path).groups
     assert group.spread(PHOTON_P50) is None
     assert group.spread(HEIGHT) is None
-    assert cell(group, HEIGHT) == ("–", None)
+    assert cell(group.spread(HEIGHT), HEIGHT) == ("–", None)
     write_experiment_report(tmp_path, tmp_path)
 
 
@@ -157,6 +163,19 @@ def test_runs_that_differ_in_what_a_row_does_not_say_are_named(tmp_path: Path) -
     said = " ".join(warnings(load(tmp_path)))
     assert "Runs of different durations (2 s, 3 s) are taken together." in said
     assert "Runs of different viewports (320×360, 640×360) are taken together." in said
+
+
+def test_inputs_that_were_changed_and_runs_that_are_missing_are_named(tmp_path: Path) -> None:
+    record = ExperimentRecord(name="walk", created="2026-01-01T00:00:00Z", source="command", plan={}, planned=5)
+    write_experiment(tmp_path, record)
+    for repeat, movement in enumerate(("a" * 64, "a" * 64, "b" * 64)):
+        path = write_run(tmp_path / "runs" / f"{repeat}", movement="walks/user3.csv", repeat=repeat) / "run.json"
+        record_of_run = json.loads(path.read_text())
+        path.write_text(json.dumps(record_of_run | {"inputs_sha256": {"movement": movement, "trace": "c" * 64}}))
+    said = warnings(load(tmp_path))
+    assert "The movement user3.csv was not the same in all runs." in said
+    assert "2 of 5 planned runs have not been made." in said
+    assert not any("trace" in warning for warning in said)
 
 
 def test_an_experiment_is_called_by_its_name(tmp_path: Path) -> None:

@@ -29,7 +29,7 @@ def by_command(folder: Path, runs: int) -> Path:
 
 async def test_an_experiment_from_its_beginning_to_its_end(store: Running) -> None:
     plan = {"modes": ["stateless"], "rtts_ms": [20, 50.5], "seed": None}
-    begun = await store.http.post("/experiments", json={"name": " RTT & Größe ", "plan": plan})
+    begun = await store.http.post("/experiments", json={"name": " RTT & Größe ", "plan": plan, "planned": 3})
     experiment = begun.json()["id"]
     assert (begun.status_code, begun.headers["location"]) == (201, f"/experiments/{experiment}")
     assert experiment.startswith("RTT-Gr-e-20")
@@ -38,7 +38,7 @@ async def test_an_experiment_from_its_beginning_to_its_end(store: Running) -> No
     assert row["figures"]["delivered_kbps"] == 5000
     listed = (await store.http.get("/experiments")).json()["experiments"]
     assert [(one["id"], one["name"], one["source"]) for one in listed] == [(experiment, "RTT & Größe", "page")]
-    assert [(one["runs"], one["complete"]) for one in listed] == [(1, 1)]
+    assert [(one["planned"], one["runs"], one["complete"]) for one in listed] == [(3, 1, 1)]
     told = (await store.http.get(f"/experiments/{experiment}")).json()
     assert (told["plan"], told["complete"], told["runs"]) == (plan, 1, [row])
     assert (await store.http.delete(f"/experiments/{experiment}")).status_code == 204
@@ -70,7 +70,7 @@ async def test_a_run_that_broke_off_is_kept_as_failed(store: Running) -> None:
     assert (row["status"], row["figures"]) == ("failed", None)
     assert row["problem"] == "The movement was not played to its end."
     [listed] = (await store.http.get("/experiments")).json()["experiments"]
-    assert (listed["runs"], listed["complete"]) == (1, 0)
+    assert (listed["planned"], listed["runs"], listed["complete"]) == (None, 1, 0), "nobody said how many there will be"
 
 
 async def test_a_run_gets_the_load_of_its_own_time(tmp_path: Path) -> None:

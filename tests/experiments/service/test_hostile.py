@@ -12,7 +12,7 @@ import anyio
 import anyio.to_thread
 import pytest
 
-from tests.experiments.made_up import sample, write_run
+from tests.experiments.made_up import reply, sample, write_run
 from tests.experiments.service.conftest import Running, until, upload
 from tests.experiments.service.test_experiments import by_command
 from tigas_common.errors import StartError
@@ -119,6 +119,8 @@ HOSTILE: list[tuple[dict[str, Any], str]] = [
     ({"recording.started_unix_ms": FAR}, "century"),
     ({"recording.started_unix_ms": -1}, "century"),
     ({"recording.inputs": [{"at": -FAR, "pose": 1, "position": [0, 0, 0], "quaternion": [0, 0, 0, 1]}]}, "long before"),
+    ({"recording.replies": [reply(FAR, 0).model_dump()]}, "long after"),
+    ({"recording.replies": [reply(0, 5).model_dump() | {"at": FAR}]}, "within ten minutes"),
     ({"recording.traffic": [{"at": 0, "bytes": 0}, {"at": 1, "bytes": 10**400}]}, "so many bytes"),
     ({"recording.traffic": [{"at": 0, "bytes": 0}, {"at": FAR, "bytes": 1}]}, "long after"),
     ({"recording.lens": LENS | {"fx": 0}}, "lens.fx"),

@@ -17,6 +17,7 @@ async def test_movements_are_listed_and_read(store: Running) -> None:
     (store.movements / "walk.csv").write_text(WALK)
     (store.movements / "absolute.csv").write_text(HEADER + "10,0,0,0,0,0,0,1\n20,0,0,0,0,0,0,1\n")
     (store.movements / "broken.csv").write_text(HEADER + "0,NaN,0,0,0,0,0,1\n")
+    (store.movements / "torn.csv").write_bytes(HEADER.replace("z,", "z\r", 1).encode())
     (store.movements / "notes.txt").write_text("notes")
     assert (await store.http.get("/movements")).json()["movements"] == [
         {"name": "absolute", "duration_ms": 10, "anchor": "scene", "description": ""},

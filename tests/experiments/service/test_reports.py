@@ -11,7 +11,7 @@ from tests.experiments.made_up import write_run
 from tests.experiments.service.conftest import Running
 from tests.experiments.service.test_experiments import by_command
 from tigas_lab.service import reports
-from tigas_lab.service.experiments import run_folders
+from tigas_lab.service.experiments import made_runs
 
 pytestmark = pytest.mark.anyio
 
@@ -51,7 +51,7 @@ async def test_it_is_made_when_runs_come_or_go_and_not_otherwise(
     made: list[int] = []
 
     def write(folder: Path, out: Path) -> None:
-        made.append(len(run_folders(folder)))
+        made.append(len(made_runs(folder)))
         (out / "report.html").write_text(f"{made[-1]} runs")
 
     monkeypatch.setattr(reports, "draw", write)

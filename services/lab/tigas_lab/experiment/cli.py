@@ -1,10 +1,9 @@
-"""The commands `tigas experiment run` and `tigas experiment plan`."""
+"""The commands `tigas experiment …`."""
 
 from __future__ import annotations
 
 import asyncio
 import shlex
-import signal
 import sys
 from pathlib import Path
 from typing import Annotated
@@ -37,6 +36,21 @@ def plan(file: File, out: Out = None) -> None:
         typer.echo(f"{len(planned.runs)} runs, {len(missing)} missing, which take about {lasting(missing)} (h:mm:ss).")
 
 
+@experiment.command("import")
+def import_(
+    file: Annotated[Path, typer.Argument(help="What the page saved, JSON.")],
+    out: Annotated[Path | None, typer.Option(help="Folder for the runs.", show_default="results/FILE")] = None,
+) -> None:
+    """Make a folder of what the page saved because no store kept it, and report on it."""
+    from tigas_lab.experiment.saved import import_saved
+    from tigas_lab.report.cli import report
+
+    folder = out or Path("results", file.stem)
+    with in_a_sentence(StartError, OSError):
+        import_saved(file, folder)
+        report(folder)
+
+
 @experiment.command("run")
 def run(
     file: File,
@@ -52,12 +66,12 @@ def run(
     from tigas_lab.experiment.progress import progress
     from tigas_lab.experiment.runner import Experiment, make_missing_runs, reserved
     from tigas_lab.report.cli import report
+    from tigas_lab.signals import end_as_ctrl_c
 
     def say(text: str) -> None:
         console.print(text, highlight=False, markup=False, soft_wrap=True)
 
-    # Whoever ends it means what Ctrl+C means: the current run is marked, and what was started ends.
-    signal.signal(signal.SIGTERM, lambda *_: signal.raise_signal(signal.SIGINT))
+    end_as_ctrl_c()
     console = Console(stderr=True)
     again = shlex.join(["tigas", *sys.argv[1:]])
     with in_a_sentence(StartError, OSError):

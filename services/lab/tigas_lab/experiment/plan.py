@@ -81,7 +81,7 @@ class Plan(WireModel):
     duration_s: float = 20.0
     viewport: str = "640x360"
     seed: int = 1
-    """Of generated movements; the same in each repeat."""
+    """Of generated movements, and of the controllers' random numbers; the same in each repeat."""
     capture_every_s: float = Field(default=0.0, ge=0)
     warm_up_s: float = 3.0
     trace_offset_s: float = Field(default=0.0, ge=0, le=MAX_OFFSET_S)
@@ -112,7 +112,7 @@ class Plan(WireModel):
             raise StartError(f"{source}: {sentence(error)}") from None
 
     def runs(self, directory: Path) -> list[Configuration]:
-        """All runs, in the order in which they are to be made; paths are relative to `directory`.
+        """All runs, in the order in which they are to be made; paths are relative to `directory`, and stay as they are.
 
         Repeats go outermost, so that an experiment that was interrupted has as many runs of each kind, and controllers
         innermost, so that a machine that drifts does so for all of them. Raises StartError with one sentence.
@@ -123,7 +123,8 @@ class Plan(WireModel):
         )
         if count > MAX_RUNS:
             raise StartError(f"{self.name} would have {count} runs; the limit is {MAX_RUNS}.")
-        movements = [_movement(text, directory) for text in self.movements]
+        for movement in self.movements:
+            _check_movement(movement, directory)
         try:
             width, height = parse_viewport(self.viewport)
             networks = self._networks(directory)
@@ -143,7 +144,7 @@ class Plan(WireModel):
                     warm_up_s=self.warm_up_s,
                 )
                 for repeat, scene, movement, network, (mode, profile) in product(
-                    range(self.repeats), self.scenes, movements, networks, profiles
+                    range(self.repeats), self.scenes, self.movements, networks, profiles
                 )
             ]
         except ValidationError as error:
@@ -166,7 +167,7 @@ class Plan(WireModel):
         ]
 
     def _networks(self, directory: Path) -> list[Network]:
-        networks = [Network.parse(text, directory.resolve()) for text in self.networks]
+        networks = [Network.parse(text, directory) for text in self.networks]
         if self.rtts_ms is not None:
             networks = [network.with_rtt(rtt) for network in networks for rtt in self.rtts_ms]
         offset = {"offset_s": self.trace_offset_s}
@@ -183,14 +184,11 @@ def lasting(runs: Sequence[Configuration]) -> str:
     return str(timedelta(seconds=round(seconds(runs))))
 
 
-def _movement(text: str, directory: Path) -> str:
-    """A file's whole path, or a name."""
+def _check_movement(text: str, directory: Path) -> None:
+    """Raises StartError for the path of a file that is not there. A name may be that of a generated movement."""
     path = directory / text
-    if path.is_file():
-        return str(path.resolve())
-    if Path(text).name != text or Path(text).suffix:
+    if not path.is_file() and (Path(text).name != text or Path(text).suffix):
         raise StartError(f"There is no movement's file {str(path)!r}.")
-    return text
 
 
 def _check_folders(runs: Sequence[Configuration]) -> None:

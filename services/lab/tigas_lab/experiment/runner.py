@@ -12,11 +12,12 @@ from pathlib import Path
 from tigas_common.errors import StartError
 from tigas_lab.configuration import Configuration
 from tigas_lab.experiment.plan import Plan
+from tigas_lab.inputs import Inputs
 from tigas_lab.laboratory import Laboratory, laboratory
 from tigas_lab.lock import EXPERIMENT, exclusive
 from tigas_lab.recording import BrokenRecording
 from tigas_lab.run import run
-from tigas_lab.store import ExperimentRecord, RunRecord, StoredRun, read_experiment, write_experiment
+from tigas_lab.store import ExperimentRecord, InputDigests, RunRecord, StoredRun, read_experiment, write_experiment
 
 GIVE_UP_AFTER = 5
 """So many failures in a row are no coincidence."""
@@ -35,25 +36,26 @@ class Listener:
 
 @dataclass(frozen=True, slots=True)
 class Experiment:
-    """Runs and the folder that they belong into."""
+    """Runs, what they are made from, and the folder that they belong into."""
 
     plan: Plan
     runs: Sequence[Configuration]
+    inputs: Inputs
     out: Path
 
     @classmethod
     def read(cls, file: Path, out: Path | None) -> Experiment:
         """An experiment's file; its folder is results/NAME if it is not said. Raises StartError."""
         plan = Plan.read(file)
-        return cls(plan, plan.runs(file.parent), out or Path("results", plan.name))
+        return cls(plan, plan.runs(file.parent), Inputs(file.parent), out or Path("results", plan.name))
 
     def folder(self, configuration: Configuration) -> Path:
         """Of a run."""
         return self.out / RUNS / configuration.slug
 
     def missing(self) -> list[Configuration]:
-        """The runs that have no complete folder with exactly their configuration."""
-        return [run for run in self.runs if not _is_complete(self.folder(run), run)]
+        """The runs that have no complete folder with their configuration and inputs. Raises StartError."""
+        return [run for run in self.runs if not _is_complete(self.folder(run), run, self.inputs.digests(run))]
 
     def strangers(self) -> list[str]:
         """Folders of runs that are not of this experiment."""
@@ -69,7 +71,7 @@ async def make_missing_runs(
 
     Raises StartError if nothing can be begun, or if GIVE_UP_AFTER runs have failed in a row, and OSError.
     """
-    async with laboratory(url, scenes, traces) as lab:
+    async with laboratory(url, scenes, traces, experiment.inputs) as lab:
         listener.stage("starts the services")
         missing = experiment.missing()
         await lab.check(missing)
@@ -107,12 +109,13 @@ async def _make(experiment: Experiment, missing: Sequence[Configuration], lab: L
             )
 
 
-def _is_complete(folder: Path, configuration: Configuration) -> bool:
+def _is_complete(folder: Path, configuration: Configuration, inputs: InputDigests) -> bool:
     try:
         record = StoredRun(folder).record
     except BrokenRecording:
         return False
-    return record.status == "complete" and record.configuration == configuration
+    same_inputs = record.inputs_sha256 in (None, inputs)  # early records say nothing of theirs
+    return record.status == "complete" and same_inputs and record.configuration.asks_for_the_same(configuration)
 
 
 def _set_aside(folder: Path, earlier: Path) -> None:
@@ -128,7 +131,11 @@ def _say_what_is_planned(experiment: Experiment) -> None:
         created = read_experiment(experiment.out).created
     except BrokenRecording:
         created = datetime.now(UTC).isoformat(timespec="seconds")
-    plan = experiment.plan.model_dump(mode="json", exclude_none=True)
-    write_experiment(
-        experiment.out, ExperimentRecord(name=experiment.plan.name, created=created, source="command", plan=plan)
+    record = ExperimentRecord(
+        name=experiment.plan.name,
+        created=created,
+        source="command",
+        plan=experiment.plan.model_dump(mode="json", exclude_none=True),
+        planned=len(experiment.runs),
     )
+    write_experiment(experiment.out, record)

@@ -98,7 +98,10 @@ def from_the_start(way: MovementTrace, settings: SceneSettings) -> MovementTrace
 
 def read_settings(path: Path, scene: str) -> SceneSettings:
     """A site's scene_setting.csv. Raises MovementError."""
-    rows = list(csv.DictReader(read_text(path).splitlines()))
+    try:
+        rows = list(csv.DictReader(read_text(path).splitlines()))
+    except csv.Error as error:
+        raise MovementError(f"{path} is no table of scenes: {error}.") from None
     row = next((row for row in rows if row.get("Scene_Name") == scene), None)
     if row is None:
         known = ", ".join(str(row.get("Scene_Name"))[:40] for row in rows[:50])

@@ -6,7 +6,6 @@ their text and their numbers do.
 
 from __future__ import annotations
 
-import csv
 import itertools
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -57,7 +56,7 @@ class Table:
         for line, content in self._lines():
             if not content.startswith("#"):
                 self._header = line
-                self.columns = tuple(cell.strip() for cell in next(csv.reader([content])))
+                self.columns = tuple(cell.strip() for cell in content.split(","))
                 break
             key, colon, value = content.lstrip("# ").partition(":")
             if colon:

@@ -18,7 +18,7 @@ def report(
         Path, typer.Argument(metavar="DIR", help="An experiment's or a comparison's folder, with runs/.")
     ],
 ) -> None:
-    """Write an experiment's report into its folder: report.html, runs.csv, groups.csv and the figures as SVG."""
+    """Write an experiment's report into its folder: report.html, its tables as CSV and Markdown, its figures as SVG."""
     from tigas_lab.report.experiment import Listener, write_experiment_report
 
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())

@@ -76,7 +76,7 @@ def _group(group: Group) -> Row:
         "runs": len(group.runs),
         "runs_saturated": sum(run.saturated for run in group.runs),
         "scenes": _names(configuration.scene for configuration in configurations),
-        "movements": _names(configuration.movement for configuration in configurations),
+        "movements": _names(Path(configuration.movement).name for configuration in configurations),
     }
     for metric in METRICS:
         spread = group.spread(metric)

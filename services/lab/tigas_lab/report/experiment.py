@@ -1,4 +1,4 @@
-"""The report of an experiment: report.html, which stands alone, its figures as SVG, and CSV files."""
+"""The report of an experiment: report.html, which stands alone, its figures as SVG, and tables as CSV and Markdown."""
 
 from __future__ import annotations
 
@@ -16,8 +16,10 @@ from tigas_lab.report.drawing import for_a_page
 from tigas_lab.report.figures import Draughtsman, Drawing
 from tigas_lab.report.html import rendered
 from tigas_lab.report.metrics import TABLE, Metric
-from tigas_lab.report.results import Group, Results, load
+from tigas_lab.report.overall import markdown, overall, rtt_text
+from tigas_lab.report.results import Results, Spread, load
 
+FIGURES_OF_NETWORKS = "[0-9][0-9]-*_*"
 MOST_NETWORKS = 8
 """So many are drawn one by one; the table and the CSV files have all."""
 
@@ -54,12 +56,18 @@ class ExperimentReport:
 
 
 def write_experiment_report(folder: Path, out: Path, listener: Listener = SILENT) -> ExperimentReport:
-    """Report on an experiment's runs, into another folder or its own: report.html, runs.csv, groups.csv and *.svg.
+    """Report on an experiment's runs, into another folder or its own.
+
+    Writes report.html, runs.csv, groups.csv, overall.md and *.svg.
 
     Raises StartError if it has no runs, and OSError if it cannot be written.
     """
     results = load(folder, listener.read)
     files = write_csv(results, out)
+    totals = overall(results)
+    (out / "overall.md").write_text(markdown(totals), encoding="utf-8")
+    for old in out.glob(f"{FIGURES_OF_NETWORKS}.svg"):  # of a report that had other networks
+        old.unlink()
     overview: list[Plot] = []
     by_network: dict[str, list[Plot]] = {}
     for network, drawing in _drawings(results):
@@ -75,8 +83,10 @@ def write_experiment_report(folder: Path, out: Path, listener: Listener = SILENT
         results=results,
         overview=overview,
         by_network=by_network,
+        totals=totals if len(results.networks) > 1 else [],
         table=TABLE,
         cell=cell,
+        rtt_text=rtt_text,
         files={path.name: base64.b64encode(path.read_bytes()).decode() for path in files},
         scenes=sorted({run.record.configuration.scene for run in results.runs}),
         movements=sorted({Path(run.record.configuration.movement).name for run in results.runs}),
@@ -86,9 +96,8 @@ def write_experiment_report(folder: Path, out: Path, listener: Listener = SILENT
     return report
 
 
-def cell(group: Group, metric: Metric) -> tuple[str, str | None]:
-    """The mean over the runs; from the least to the greatest, where they differ."""
-    spread = group.spread(metric)
+def cell(spread: Spread | None, metric: Metric) -> tuple[str, str | None]:
+    """The mean; from the least to the greatest, where they differ."""
     if spread is None:
         return metric.text(None), None
     low, high = metric.text(spread.low), metric.text(spread.high)
@@ -119,10 +128,29 @@ def warnings(results: Results) -> list[str]:
     for name, values in _pooled(results).items():
         if len(values) > 1:
             found.append(f"Runs of different {name} ({', '.join(values)}) are taken together.")
+    found += [f"The {kind} {name} was not the same in all runs." for kind, name in _changed(results)]
+    if results.planned is not None and (missing := results.planned - total) > 0:
+        found.append(f"{missing} of {results.planned} planned runs have not been made.")
     commits = {run.record.machine.commit for run in runs}
     if len(commits) > 1:
         found.append(f"The runs were made with {len(commits)} different versions of TIGAS.")
     return found
+
+
+def _changed(results: Results) -> list[tuple[str, str]]:
+    """Kind and name of the inputs whose content differs between runs."""
+    contents: dict[tuple[str, str], set[str | int]] = {}
+    for run in results.runs:
+        record, configuration = run.record, run.record.configuration
+        digests = record.inputs_sha256
+        for kind, name, content in (
+            ("scene", configuration.scene, record.scene_bytes),
+            ("movement", Path(configuration.movement).name, None if digests is None else digests.movement),
+            ("trace", configuration.network.name, None if digests is None else digests.trace),
+        ):
+            if content is not None:
+                contents.setdefault((kind, name), set()).add(content)
+    return [key for key, found in contents.items() if len(found) > 1]
 
 
 def _pooled(results: Results) -> dict[str, list[str]]:

@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from tigas_lab.report.drawing import INK, distribution, interactive_limit
 from tigas_lab.report.metrics import Metric
 from tigas_lab.report.panels import extent, metric_axis
-from tigas_lab.report.results import Group
+from tigas_lab.report.results import Group, Spread
 from tigas_lab.report.variants import Look, Variant
 
 Looks = Mapping[Variant, Look]
@@ -22,12 +22,14 @@ def draw_points(axes: Axes, columns: Mapping[str, Sequence[Group]], metric: Metr
     width = 0.7 / max(1, len(looks))
     for place, (variant, look) in enumerate(looks.items()):
         offset = (place - (len(looks) - 1) / 2) * width
-        spreads = [
+        every = [
             (column + offset, spread)
             for column, groups in enumerate(columns.values())
             for group in groups
-            if group.variant == variant and (spread := group.spread(metric)) and math.isfinite(spread.high)
+            if group.variant == variant and (spread := group.spread(metric))
         ]
+        _draw_never(axes, every, look)
+        spreads = [(x, spread) for x, spread in every if math.isfinite(spread.high)]
         if not spreads:
             continue
         axes.errorbar(
@@ -47,27 +49,33 @@ def draw_points(axes: Axes, columns: Mapping[str, Sequence[Group]], metric: Metr
 
 def draw_line(axes: Axes, groups: Sequence[Group], metric: Metric, variant: Variant, look: Look) -> None:
     """Means of one variant over the round trip, in a band from the least to the greatest."""
-    found = [
-        (group.condition.rtt_ms or 0.0, spread)
-        for group in groups
-        if (spread := group.spread(metric)) and math.isfinite(spread.high)
-    ]
+    every = [(group.condition.rtt_ms or 0.0, spread) for group in groups if (spread := group.spread(metric))]
+    _draw_never(axes, every, look)
+    found = [(rtt, spread) for rtt, spread in every if math.isfinite(spread.high)]
     if not found:
         return
     rtts = [rtt for rtt, _ in found]
     axes.plot(
         rtts,
         [spread.mean for _, spread in found],
-        color=look.colour,
-        linestyle=look.dashes,
         marker=look.marker,
         markersize=4,
         linewidth=1.4,
         label=variant.title,
+        **look.line,
     )
     if any(spread.runs > 1 for _, spread in found):
         lows, highs = [spread.low for _, spread in found], [spread.high for _, spread in found]
         axes.fill_between(rtts, lows, highs, color=look.colour, alpha=0.15, linewidth=0)
+
+
+def _draw_never(axes: Axes, spreads: Sequence[tuple[float, Spread]], look: Look) -> None:
+    """Hollow, at the upper edge: what has no mean, since too many inputs were never answered in one of its runs."""
+    at = [x for x, spread in spreads if not math.isfinite(spread.high)]
+    if not at:
+        return
+    edge = axes.get_xaxis_transform()
+    axes.plot(at, [1.0] * len(at), look.marker, transform=edge, color=look.colour, mfc="none", clip_on=False)
 
 
 def draw_distributions(axes: Axes, groups: Sequence[Group], looks: Looks) -> list[float]:
@@ -81,10 +89,9 @@ def draw_distributions(axes: Axes, groups: Sequence[Group], looks: Looks) -> lis
                 values,
                 [100 * share for share in shares],
                 where="post",
-                color=look.colour,
-                linestyle=look.dashes,
                 linewidth=1.5,
                 label=group.variant.title,
+                **look.line,
             )
             # The last few, which may be very late, need not be seen.
             every += np.quantile(values, (0, 0.995)).tolist()

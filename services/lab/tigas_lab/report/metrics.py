@@ -1,4 +1,4 @@
-"""The figures that a report has of each run, one definition for CSV files, tables and plots."""
+"""The figures that reports have of each run, one definition for CSV files, tables and plots."""
 
 from __future__ import annotations
 
@@ -89,6 +89,9 @@ IN_TIME = Metric(
 RESPONSE_MEAN = Metric("response_mean_ms", "Mean response", "ms", 0, "low", _plain(lambda f: f.responses.mean))
 RESPONSE_P50 = Metric("response_p50_ms", "Response p50", "ms", 0, "low", _plain(lambda f: f.responses.p50))
 RESPONSE_P95 = Metric("response_p95_ms", "Response p95", "ms", 0, "low", _plain(lambda f: f.responses.p95))
+REPLY_MEAN = Metric("reply_mean_ms", "Mean reply time", "ms", 0, "low", _plain(lambda f: f.reply_times.mean))
+REPLY_P50 = Metric("reply_p50_ms", "Reply time p50", "ms", 0, "low", _plain(lambda f: f.reply_times.p50))
+REPLY_P95 = Metric("reply_p95_ms", "Reply time p95", "ms", 0, "low", _plain(lambda f: f.reply_times.p95))
 NEW_VIEWS = Metric("new_views_per_s", "New views", "/s", 1, "high", _plain(lambda f: f.frames.new_views_per_s))
 HEIGHT = Metric("mean_height_px", "Mean height", "px", 0, "high", _plain(lambda f: f.mean_height))
 PROFILE = Metric("mean_profile", "Mean profile (0 is best)", "", 2, "low", _plain(lambda f: f.rungs.mean))
@@ -101,7 +104,15 @@ SWITCHES = Metric(
     lambda record, f: f.rungs.switches / _minutes(record) if f.rungs.share else None,
 )
 RECEIVED = Metric("received_mbit_s", "Received", "Mbit/s", 1, None, _plain(lambda f: _scaled(f.received_kbps, 1e-3)))
+OVER_LINK = Metric(
+    "over_link_mbit_s", "Over the link", "Mbit/s", 1, None, _plain(lambda f: _scaled(f.delivered_kbps, 1e-3))
+)
+FREEZES = Metric("freezes_per_min", "Freezes", "/min", 1, "low", lambda record, f: f.freezes.count / _minutes(record))
+FROZEN = Metric("frozen_s", "Frozen", "s", 1, "low", _plain(lambda f: f.freezes.total_ms / 1000))
+PICTURE_SSIM = Metric("picture_ssim", "SSIM of the picture", "", 3, "high", _quality(lambda q: q.picture_ssim))
+PICTURE_PSNR = Metric("picture_psnr_db", "PSNR of the picture", "dB", 1, "high", _quality(lambda q: q.picture_psnr_db))
 VIEW_SSIM = Metric("view_ssim", "SSIM of the view", "", 3, "high", _quality(lambda q: q.view_ssim))
+VIEW_PSNR = Metric("view_psnr_db", "PSNR of the view", "dB", 1, "high", _quality(lambda q: q.view_psnr_db))
 
 METRICS = (
     PHOTON_P50,
@@ -113,21 +124,24 @@ METRICS = (
     RESPONSE_MEAN,
     RESPONSE_P50,
     RESPONSE_P95,
+    REPLY_MEAN,
+    REPLY_P50,
+    REPLY_P95,
     NEW_VIEWS,
     Metric("frames_per_s", "Frames", "/s", 1, None, _plain(lambda f: f.frames.per_s)),
-    Metric("freezes_per_min", "Freezes", "/min", 1, "low", lambda record, f: f.freezes.count / _minutes(record)),
-    Metric("frozen_s", "Frozen", "s", 1, "low", _plain(lambda f: f.freezes.total_ms / 1000)),
+    FREEZES,
+    FROZEN,
     HEIGHT,
     PROFILE,
     SWITCHES,
     RECEIVED,
-    Metric("over_link_mbit_s", "Over the link", "Mbit/s", 1, None, _plain(lambda f: _scaled(f.delivered_kbps, 1e-3))),
+    OVER_LINK,
     Metric("link_mbit_s", "Link's rate", "Mbit/s", 1, None, _plain(lambda f: _scaled(f.target_kbps, 1e-3))),
     Metric("lost_packets", "Lost packets", "", 0, None, _plain(lambda f: f.drops)),
-    Metric("picture_ssim", "SSIM of the picture", "", 3, "high", _quality(lambda q: q.picture_ssim)),
-    Metric("picture_psnr_db", "PSNR of the picture", "dB", 1, "high", _quality(lambda q: q.picture_psnr_db)),
+    PICTURE_SSIM,
+    PICTURE_PSNR,
     VIEW_SSIM,
-    Metric("view_psnr_db", "PSNR of the view", "dB", 1, "high", _quality(lambda q: q.view_psnr_db)),
+    VIEW_PSNR,
 )
 TABLE = (
     PHOTON_P50,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -13,6 +14,7 @@ from tigas_lab.recording import BrokenRecording
 from tigas_lab.report import plots, table
 from tigas_lab.report.html import rendered
 from tigas_lab.report.moments import MomentView, moment_view
+from tigas_lab.report.variants import Look, Variant, looks
 from tigas_lab.store import StoredRun
 from tigas_lab.summary import Summary, summarise
 
@@ -24,6 +26,8 @@ class ReportData(WireModel):
     command: str
     """What was run, to run it again."""
     runs: tuple[Summary, ...]
+    unreadable: tuple[str, ...] = ()
+    """What became of runs that cannot even be told of: a sentence each."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,11 +56,10 @@ class Drawn:
     moment: MomentView | None
 
     @classmethod
-    def of(cls, folder: Path, summary: Summary, others: Sequence[Drawn]) -> Drawn:
-        """A run after others over the same network. Raises BrokenRecording."""
+    def of(cls, folder: Path, summary: Summary, look: Look) -> Drawn:
+        """Of a run. Raises BrokenRecording."""
         stored, label = StoredRun(folder), table.label(summary)
-        before = sum(other.curve.mode == stored.record.configuration.mode for other in others)
-        return cls(plots.Curve.of(stored, label, before), moment_view(stored, label))
+        return cls(plots.Curve.of(stored, label, look), moment_view(stored, label))
 
 
 PLOTS = (
@@ -68,34 +71,34 @@ PLOTS = (
 
 
 def write_report(runs: Sequence[Path], out: Path, title: str, command: str) -> ReportData:
-    """report.html, report.json, table.md, headline.svg and headline.png from run folders.
-
-    A folder that cannot be read is left out. Raises OSError.
-    """
-    summaries: list[Summary] = []
-    drawn: dict[str, list[Drawn]] = {}
+    """report.html, report.json, table.md, headline.svg and headline.png from run folders. Raises OSError."""
+    summaries: dict[Path, Summary] = {}
+    unreadable: list[str] = []
     for folder in runs:
         try:
-            summary = summarise(folder)
-            summaries.append(summary)
-            if summary.figures is not None:
-                others = drawn.setdefault(table.network_name(summary), [])
-                others.append(Drawn.of(folder, summary, others))
-        except BrokenRecording:
-            continue
-    data = ReportData(title=title, command=command, runs=tuple(summaries))
+            summaries[folder] = summarise(folder)
+        except BrokenRecording as error:
+            unreadable.append(f"{folder.name}: there is no result. {error}")
+    look = looks(Variant.of(summary.record.configuration) for summary in summaries.values())
+    drawn: dict[str, list[Drawn]] = {}
+    for folder, summary in summaries.items():
+        if summary.figures is not None:
+            with suppress(BrokenRecording):  # its figures stay
+                run = Drawn.of(folder, summary, look[Variant.of(summary.record.configuration)])
+                drawn.setdefault(table.network_name(summary), []).append(run)
+    data = ReportData(title=title, command=command, runs=tuple(summaries.values()), unreadable=tuple(unreadable))
     (out / "report.json").write_text(data.model_dump_json(indent=2) + "\n", encoding="utf-8")
-    (out / "table.md").write_text(table.markdown(summaries), encoding="utf-8")
+    (out / "table.md").write_text(table.markdown(data.runs), encoding="utf-8")
     if any(drawn.values()):
         plots.headline({network: [run.curve for run in runs] for network, runs in drawn.items()}, out)
     (out / "report.html").write_text(_html(data, drawn), encoding="utf-8")
     return data
 
 
-def warnings(summaries: Sequence[Summary]) -> list[str]:
+def warnings(data: ReportData) -> list[str]:
     """What a reader must know before believing the figures."""
-    found: list[str] = []
-    for summary in summaries:
+    found = [*data.unreadable]
+    for summary in data.runs:
         record = summary.record
         name = f"{table.network_name(summary)}, {table.label(summary)}"
         if summary.problem is not None:
@@ -132,7 +135,7 @@ def _html(data: ReportData, drawn: dict[str, list[Drawn]]) -> str:
         "report.html.j2",
         data=data,
         sections=sections,
-        warnings=warnings(data.runs),
+        warnings=warnings(data),
         columns=table.COLUMNS,
         groups=table.groups(),
         label=table.label,

@@ -11,13 +11,11 @@ from pathlib import Path
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from tigas_lab.configuration import Mode
 from tigas_lab.recording import ShownFrame, Traffic
 from tigas_lab.report.drawing import (
     AREA,
     NO_METADATA,
     QUIET,
-    LineStyle,
     distribution,
     for_a_page,
     interactive_limit,
@@ -26,12 +24,10 @@ from tigas_lab.report.drawing import (
     style,
     svg,
 )
+from tigas_lab.report.variants import Look
 from tigas_lab.statistics import answers
 from tigas_lab.store import LinkSample, StoredRun
 
-COLOURS: dict[Mode, str] = {"stateless": "#0072b2", "dash-typical": "#d55e00", "dash-tuned": "#009e73"}
-"""Okabe and Ito's, which people with colour blindness tell apart."""
-DASHES: tuple[LineStyle, ...] = ("-", "--", ":", "-.")
 SIZE = (7.2, 2.7)
 
 
@@ -39,8 +35,8 @@ SIZE = (7.2, 2.7)
 class Curve:
     """One run's data, ready to be drawn."""
 
-    mode: Mode
     label: str
+    look: Look
     duration_s: float
     answered: list[tuple[float, float]]
     """(s, ms): motion-to-photon latency over the time of the input; inf where no frame came."""
@@ -48,23 +44,19 @@ class Curve:
     frames: list[ShownFrame]
     traffic: list[Traffic]
 
-    dashes: LineStyle
-    """Tells runs of the same mode apart."""
-
     @classmethod
-    def of(cls, run: StoredRun, label: str, before: int) -> Curve:
-        """The run as it is called, after so many of the same mode. Raises BrokenRecording."""
+    def of(cls, run: StoredRun, label: str, look: Look) -> Curve:
+        """The run as it is called. Raises BrokenRecording."""
         inputs, frames = run.inputs(), run.frames()
         configuration = run.record.configuration
         return cls(
-            mode=configuration.mode,
             label=label,
+            look=look,
             duration_s=configuration.duration_s,
             answered=[(entry.at / 1000, ms) for entry, ms in zip(inputs, answers(inputs, frames), strict=True)],
             link=[sample for sample in run.link() if -1000 <= sample.at <= configuration.duration_s * 1000 + 1000],
             frames=frames,
             traffic=run.traffic(),
-            dashes=DASHES[before % len(DASHES)],
         )
 
     @property
@@ -74,11 +66,6 @@ class Curve:
             return [sample.at / 1000 for sample in self.link], [sample.delivered_kbps / 1000 for sample in self.link]
         pairs = [(a, b) for a, b in pairwise(self.traffic) if b.at > a.at]
         return [b.at / 1000 for _, b in pairs], [(b.bytes - a.bytes) * 8e-3 / (b.at - a.at) for a, b in pairs]
-
-    @property
-    def colour(self) -> str:
-        """The mode's."""
-        return COLOURS[self.mode]
 
 
 def latency_distribution(curves: Sequence[Curve]) -> str:
@@ -97,7 +84,7 @@ def latency_over_time(curves: Sequence[Curve]) -> str:
         for curve in curves:
             times, values = zip(*curve.answered, strict=True) if curve.answered else ((), ())
             shown = [value if math.isfinite(value) else math.nan for value in values]
-            axes.plot(times, shown, color=curve.colour, label=curve.label, linestyle=curve.dashes, linewidth=0.9)
+            axes.plot(times, shown, label=curve.label, **curve.look.line, linewidth=0.9)
         interactive_limit(axes)
         axes.set(xlabel="Time, s", ylabel="Motion-to-photon, ms", xlim=(0, _duration(curves)))
         plain_log(axes, [value for curve in curves for _, value in curve.answered])
@@ -116,7 +103,7 @@ def bandwidth_over_time(curves: Sequence[Curve]) -> str:
             axes.fill_between(times, rates, color=AREA, step="post", label="Link's rate", linewidth=0)
         for curve in curves:
             times, values = curve.rates
-            axes.plot(times, values, color=curve.colour, label=curve.label, linestyle=curve.dashes, linewidth=1)
+            axes.plot(times, values, label=curve.label, **curve.look.line, linewidth=1)
         axes.set(xlabel="Time, s", ylabel="Mbit/s", xlim=(0, _duration(curves)))
         axes.set_ylim(bottom=0)
         _legend(axes)
@@ -133,9 +120,8 @@ def height_over_time(curves: Sequence[Curve]) -> str:
             axes.step(
                 times,
                 [frame.height for frame in frames],
-                color=curve.colour,
                 label=curve.label,
-                linestyle=curve.dashes,
+                **curve.look.line,
                 where="post",
             )
         axes.set(xlabel="Time, s", ylabel="Height of the frame, pixels", xlim=(0, _duration(curves)))
@@ -171,9 +157,8 @@ def draw_distribution(axes: Axes, curves: Sequence[Curve]) -> None:
                 values,
                 shares,
                 where="post",
-                color=curve.colour,
                 label=curve.label,
-                linestyle=curve.dashes,
+                **curve.look.line,
                 linewidth=1.6,
             )
     interactive_limit(axes, horizontal=True)

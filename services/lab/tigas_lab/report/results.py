@@ -116,9 +116,18 @@ class Group:
         """What was compared."""
         return self.condition.variant
 
+    @property
+    def saturated(self) -> bool:
+        """Whether the machine was the bottleneck in a run."""
+        return any(run.saturated for run in self.runs)
+
     def spread(self, metric: Metric) -> Spread | None:
         """Of one figure."""
         return Spread.over([metric.of(run.record, run.figures) for run in self.runs])
+
+    def has(self, metric: Metric) -> bool:
+        """Whether all runs have the figure."""
+        return all(metric.of(run.record, run.figures) is not None for run in self.runs)
 
     @property
     def latencies(self) -> Floats:
@@ -146,6 +155,8 @@ class Results:
     """What lies in an experiment's folder."""
 
     title: str
+    planned: int | None
+    """How many runs there will be when it is complete; None if it is not known."""
     runs: tuple[Run, ...]
     failures: tuple[Failure, ...]
     groups: tuple[Group, ...]
@@ -190,7 +201,7 @@ def load(folder: Path, heard: Callable[[int, int], None] = lambda done, total: N
         except BrokenRecording as error:
             failures.append(Failure(each.name, str(error), None))
         heard(done, len(folders))
-    return Results(_title(folder), tuple(runs), tuple(failures), tuple(_groups(runs)))
+    return Results(*_plan(folder), tuple(runs), tuple(failures), tuple(_groups(runs)))
 
 
 def run_folders(folder: Path) -> list[Path]:
@@ -239,8 +250,10 @@ def _failure(summary: Summary) -> Failure:
     return Failure(summary.folder, summary.problem or "It has no figures.", summary.record)
 
 
-def _title(folder: Path) -> str:
+def _plan(folder: Path) -> tuple[str, int | None]:
+    """What the experiment is called, and how many runs it is to have."""
     try:
-        return read_experiment(folder).name
+        record = read_experiment(folder)
     except BrokenRecording:  # a comparison made by hand, or a record that broke off: the runs are what counts
-        return folder.resolve().name
+        return folder.resolve().name, None
+    return record.name, record.planned

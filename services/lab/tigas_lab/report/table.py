@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import dataclass
 from itertools import groupby
 
 from tigas_lab.configuration import MODE_NAMES
-from tigas_lab.summary import Figures, Summary
-
-NONE = "–"
+from tigas_lab.report import metrics
+from tigas_lab.report.metrics import NONE, Metric
+from tigas_lab.summary import Summary
 
 
 @dataclass(frozen=True, slots=True)
@@ -18,8 +18,7 @@ class Column:
 
     group: str
     title: str
-    unit: str
-    cell: Callable[[Figures], str]
+    metric: Metric
     short: str | None = None
     """Its heading in the Markdown table, which has the most important ones alone."""
 
@@ -27,45 +26,32 @@ class Column:
     def heading(self) -> str:
         """By itself."""
         heading = f"{self.group}: {self.title}"
-        return f"{heading}, {self.unit}" if self.unit else heading
+        return f"{heading}, {self.metric.unit}" if self.metric.unit else heading
 
-
-def _number(value: float | None, digits: int = 0) -> str:
-    return NONE if value is None else f"{value:,.{digits}f}"
-
-
-def _percent(share: float | None) -> str:
-    return NONE if share is None else f"{100 * share:.1f}"
-
-
-def _mbit(value: float | None) -> str:
-    return NONE if value is None else f"{value / 1000:.1f}"
-
-
-def _quality(figures: Figures, name: str, digits: int) -> str:
-    return _number(getattr(figures.quality, name, None), digits)
-
-
-def _latency(value: float | None, unanswered: int) -> str:
-    return "never" if value is None and unanswered else _number(value)
+    def cell(self, summary: Summary) -> str:
+        """Of a run, without the unit."""
+        if summary.figures is None:
+            return NONE
+        return self.metric.text(self.metric.of(summary.record, summary.figures))
 
 
 LATENCY, FRAMES, BANDWIDTH = "Motion-to-photon", "Frames", "Bandwidth"
 PICTURE, VIEW = "Picture", "View"
 COLUMNS = (
-    Column(LATENCY, "p50", "ms", lambda f: _latency(f.latencies.p50, f.latencies.unanswered), "p50, ms"),
-    Column(LATENCY, "p95", "ms", lambda f: _latency(f.latencies.p95, f.latencies.unanswered), "p95, ms"),
-    Column(LATENCY, "p99", "ms", lambda f: _latency(f.latencies.p99, f.latencies.unanswered), "p99, ms"),
-    Column(LATENCY, "within 100 ms", "%", lambda f: _percent(f.latencies.share_interactive), "within 100 ms, %"),
-    Column(FRAMES, "new views", "/s", lambda f: _number(f.frames.new_views_per_s, 1), "new views/s"),
-    Column(FRAMES, "freezes", "", lambda f: f"{f.freezes.count} ({f.freezes.total_ms / 1000:.1f} s)", "freezes"),
-    Column(FRAMES, "height", "px", lambda f: _number(f.mean_height), "height, px"),
-    Column(BANDWIDTH, "received", "Mbit/s", lambda f: _mbit(f.received_kbps), "Mbit/s"),
-    Column(BANDWIDTH, "over the link", "Mbit/s", lambda f: _mbit(f.delivered_kbps)),
-    Column(PICTURE, "SSIM", "", lambda f: _quality(f, "picture_ssim", 3), "SSIM of the picture"),
-    Column(PICTURE, "PSNR", "dB", lambda f: _quality(f, "picture_psnr_db", 1)),
-    Column(VIEW, "SSIM", "", lambda f: _quality(f, "view_ssim", 3), "SSIM of the view"),
-    Column(VIEW, "PSNR", "dB", lambda f: _quality(f, "view_psnr_db", 1)),
+    Column(LATENCY, "p50", metrics.PHOTON_P50, "p50, ms"),
+    Column(LATENCY, "p95", metrics.PHOTON_P95, "p95, ms"),
+    Column(LATENCY, "p99", metrics.PHOTON_P99, "p99, ms"),
+    Column(LATENCY, "within 100 ms", metrics.IN_TIME, "within 100 ms, %"),
+    Column(FRAMES, "new views", metrics.NEW_VIEWS, "new views/s"),
+    Column(FRAMES, "freezes", metrics.FREEZES, "freezes/min"),
+    Column(FRAMES, "frozen", metrics.FROZEN, "frozen, s"),
+    Column(FRAMES, "height", metrics.HEIGHT, "height, px"),
+    Column(BANDWIDTH, "received", metrics.RECEIVED, "Mbit/s"),
+    Column(BANDWIDTH, "over the link", metrics.OVER_LINK),
+    Column(PICTURE, "SSIM", metrics.PICTURE_SSIM, "SSIM of the picture"),
+    Column(PICTURE, "PSNR", metrics.PICTURE_PSNR),
+    Column(VIEW, "SSIM", metrics.VIEW_SSIM, "SSIM of the view"),
+    Column(VIEW, "PSNR", metrics.VIEW_PSNR),
 )
 
 
@@ -92,8 +78,7 @@ def network_name(summary: Summary) -> str:
 
 def cells(summary: Summary) -> list[str]:
     """One per column; all empty without figures."""
-    figures = summary.figures
-    return [column.cell(figures) if figures else NONE for column in COLUMNS]
+    return [column.cell(summary) for column in COLUMNS]
 
 
 def by_network(summaries: Iterable[Summary]) -> dict[str, list[Summary]]:
@@ -113,10 +98,9 @@ def markdown(summaries: Iterable[Summary]) -> str:
     ]
     for network, runs in by_network(summaries).items():
         for run in runs:
-            figures = run.figures
-            if figures is None:
+            if run.figures is None:
                 row = [f"no result: {run.problem}", *[""] * (len(chosen) - 1)]
             else:
-                row = [column.cell(figures) for column in chosen]
+                row = [column.cell(run) for column in chosen]
             lines.append(f"| {network} | {label(run)} | " + " | ".join(cell.replace("|", "\\|") for cell in row) + " |")
     return "\n".join(lines) + "\n"

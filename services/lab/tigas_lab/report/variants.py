@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import Any
 
 from tigas_lab.configuration import MODE_NAMES, MODES, Configuration, Mode
 from tigas_lab.report.drawing import LineStyle
@@ -20,6 +21,11 @@ class Look:
     colour: str
     dashes: LineStyle
     marker: str
+
+    @property
+    def line(self) -> dict[str, Any]:
+        """As matplotlib takes them for a line."""
+        return {"color": self.colour, "linestyle": self.dashes}
 
 
 KNOWN_LOOKS = {

@@ -56,6 +56,7 @@ class Experiments:
                     name=record.name,
                     created=record.created,
                     source=record.source,
+                    planned=record.planned,
                     runs=len(runs),
                     complete=sum(run.status == "complete" for run in runs),
                 )
@@ -93,7 +94,11 @@ class Experiments:
         slug = re.sub(r"[^A-Za-z0-9.-]+", "-", request.name).strip(".-")[:60] or "experiment"
         created = now.astimezone(UTC)
         record = ExperimentRecord(
-            name=request.name, created=created.isoformat(timespec="seconds"), source="page", plan=request.plan
+            name=request.name,
+            created=created.isoformat(timespec="seconds"),
+            source="page",
+            plan=request.plan,
+            planned=request.planned,
         )
         with storage_explained(), self._workspace.folder() as folder:
             made = folder / "experiment"
@@ -130,14 +135,14 @@ class Experiments:
                 raise UnknownExperiment(f"The experiment {experiment} was removed meanwhile.") from None
 
 
-def run_folders(folder: Path) -> list[Path]:
-    """An experiment's runs, by name."""
+def made_runs(folder: Path) -> list[Path]:
+    """The folders of an experiment's runs, by name; none if it was removed meanwhile."""
     runs = folder / "runs"
     if not _is_folder(runs):
         return []
     try:
         return sorted(path for path in runs.iterdir() if _is_folder(path))
-    except FileNotFoundError:  # removed meanwhile
+    except FileNotFoundError:
         return []
 
 
@@ -152,7 +157,7 @@ def version(run: Path) -> tuple[int, ...] | None:
 
 def _read(reader: Callable[[Path, tuple[int, ...]], T], folder: Path) -> Iterator[T]:
     """What a reader says of an experiment's runs, of those that say something of themselves."""
-    for run in run_folders(folder):
+    for run in made_runs(folder):
         if (written := version(run)) is not None:
             try:
                 yield reader(run, written)

@@ -28,7 +28,7 @@ def take_in(body: Path, folder: Path, load: Sequence[LoadSample], machine: Machi
     `load` is that of this machine, as far as it is remembered. Raises InvalidRequest and DiskFull.
     """
     with storage_explained():
-        _write(folder, parsed(RunUpload, body.read_bytes()), load, machine)
+        write_run(folder, parsed(RunUpload, body.read_bytes()), load, machine)
         to_disk(folder)
     return summarise(folder)
 
@@ -41,7 +41,8 @@ def parsed(model: type[Model], body: bytes) -> Model:
         raise InvalidRequest(sentence(error)) from None
 
 
-def _write(folder: Path, upload: RunUpload, load: Sequence[LoadSample], machine: Machine) -> None:
+def write_run(folder: Path, upload: RunUpload, load: Sequence[LoadSample], machine: Machine) -> None:
+    """Write a page's run into a new folder; of `load`, what was during it. Raises OSError."""
     recording = upload.recording
     start = recording.started_unix_ms
     during = [sample for sample in load if 0 <= sample.unix_ms - start <= recording.ended_ms]

@@ -10,7 +10,7 @@ from pathlib import Path
 from tigas_common.errors import StartError
 from tigas_lab.service.apart import Apart
 from tigas_lab.service.errors import NothingToReport, UnknownExperiment, storage_explained
-from tigas_lab.service.experiments import Experiments, run_folders, version
+from tigas_lab.service.experiments import Experiments, made_runs, version
 from tigas_lab.service.workspace import Workspace
 
 REPORT = "report.html"
@@ -35,7 +35,7 @@ class Reports:
         """
         async with self._one_at_a_time:
             folder, _ = await asyncio.to_thread(self._experiments.find, experiment)
-            runs = await asyncio.to_thread(run_folders, folder)
+            runs = await asyncio.to_thread(made_runs, folder)
             if not runs:
                 raise NothingToReport("The experiment has no runs yet.")
             versions = tuple((run.name, version(run)) for run in runs)

@@ -27,6 +27,8 @@ class ExperimentRequest(WireModel):
 
     name: ExperimentName
     plan: Plan
+    planned: int | None = Field(default=None, ge=0)
+    """How many runs it is to have."""
 
 
 class ExperimentCreated(WireModel):
@@ -70,7 +72,8 @@ class RunUpload(WireModel):
         if not all(0 <= rate <= MOST_KBPS for rate in rates):
             yield f"the rates of link must be 0 to {MOST_KBPS:g} kbit/s"
         last = recording.duration_ms + AROUND_MS
-        for entries in (recording.inputs, recording.frames, recording.traffic, link):  # in the order of time
+        lists = (recording.inputs, recording.frames, recording.replies, recording.traffic, link)
+        for entries in lists:  # in the order of time
             if entries and not -AROUND_MS <= entries[0].at <= entries[-1].at <= last:
                 yield "something was recorded long before the run or long after it"
         if recording.ended_ms > last:
@@ -109,7 +112,10 @@ class ExperimentSummary(WireModel):
     created: str
     """ISO 8601, UTC."""
     source: Literal["command", "page"]
+    planned: int | None = None
+    """How many runs it has when it is complete; null if it does not say."""
     runs: int
+    """That were made, whatever became of them."""
     complete: int
     """Of these."""
 
