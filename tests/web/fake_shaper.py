@@ -1,4 +1,4 @@
-"""A shaper without a link: it speaks the real one's messages, plays nothing, and remembers what it was asked."""
+"""A shaper without a link: it speaks the messages of the real one, remembers what it was asked, and shapes nothing."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import asyncio
 import json
 import socket
 import threading
+import time
 from collections.abc import AsyncIterator
 from typing import Any, Self
 
@@ -19,8 +20,8 @@ from starlette.routing import Route
 
 from tigas_common.parsing import parse
 from tigas_common.problems import EXCEPTION_HANDLERS, json_response
-from tigas_shaper.errors import NothingPlays
 from tigas_shaper.library import points, summary
+from tigas_shaper.player import Player
 from tigas_shaper.trace import LinkState, NetworkTrace
 from tigas_shaper.wire import (
     DirectionStatus,
@@ -39,8 +40,18 @@ TRACES = {
         NetworkTrace("tunnel", (0, 5000), (LinkState(12e3, 4000), LinkState(0, 0)), 8000),
     )
 }
-IDLE = LinkSetting(down_kbps=100_000, up_kbps=50_000)
+IDLE = LinkState(down_kbps=100_000, up_kbps=50_000)
 EVERY_S = 0.2
+
+
+class _NoLink:
+    """Carries nothing."""
+
+    def apply(self, state: LinkState) -> None:
+        """Nobody is behind it."""
+
+    def size_queues(self, down_kbps: float, up_kbps: float) -> None:
+        """It has none."""
 
 
 class FakeShaper:
@@ -49,7 +60,7 @@ class FakeShaper:
     def __init__(self) -> None:
         self.asked: list[tuple[str, Any]] = []
         self.closed: str | None = None
-        self._status = self._constant(IDLE)
+        self._player = Player(_NoLink(), IDLE, clock=time.monotonic)
         self._socket = socket.create_server(("127.0.0.1", 0))
         self.url = f"http://127.0.0.1:{self._socket.getsockname()[1]}"
         changes = ("start", "stop", "pause", "resume", "seek", "loop", "link")
@@ -98,46 +109,45 @@ class FakeShaper:
             await asyncio.sleep(EVERY_S)
 
     async def _change(self, request: Request) -> Response:
-        path, body = request.url.path, await request.body()
+        path, body, player = request.url.path, await request.body(), self._player
         self.asked.append((path, json.loads(body)))
-        if path == "/link":
-            self._status = self._constant(parse(LinkSetting, body))
-        elif path == "/start":
-            wanted = parse(StartRequest, body)
-            trace = TRACES[wanted.trace]
-            playing = {"trace": trace.name, "position_ms": 2000.0, "duration_ms": trace.duration_ms}
-            self._status = self._status.model_copy(update={"mode": "playing", "loop": wanted.loop, **playing})
-        elif path == "/stop":
-            self._status = self._constant(IDLE)
-        elif self._status.trace is None:
-            raise NothingPlays("No trace is playing; start one first.")
-        elif path == "/seek":
-            self._status = self._status.model_copy(update={"position_ms": parse(SeekRequest, body).position_ms})
-        elif path == "/loop":
-            self._status = self._status.model_copy(update={"loop": parse(LoopRequest, body).loop})
-        else:
-            self._status = self._status.model_copy(update={"mode": "paused" if path == "/pause" else "playing"})
+        match path:
+            case "/start":
+                wanted = parse(StartRequest, body)
+                trace = TRACES[wanted.trace]
+                if wanted.delay_ms is not None:
+                    trace = trace.with_delay(wanted.delay_ms)
+                player.start(trace, loop=wanted.loop)
+            case "/stop":
+                player.stop()
+            case "/pause":
+                player.pause()
+            case "/resume":
+                player.resume()
+            case "/seek":
+                player.seek(parse(SeekRequest, body).position_ms)
+            case "/loop":
+                player.set_loop(parse(LoopRequest, body).loop)
+            case "/link":
+                player.constant(parse(LinkSetting, body).state)
         return json_response(self._now())
 
     def _now(self) -> ShaperStatus:
-        return self._status.model_copy(update={"closed": self.closed})
-
-    @staticmethod
-    def _constant(link: LinkSetting) -> ShaperStatus:
+        player, state = self._player, self._player.state
         down, up = (
             DirectionStatus(target_kbps=kbps, delivered_kbps=kbps * 0.8, queue_bytes=9000, queue_ms=12.0, drops=3)
-            for kbps in (link.down_kbps, link.up_kbps)
+            for kbps in (state.down_kbps, state.up_kbps)
         )
         return ShaperStatus(
-            time_ms=0.0,
-            mode="constant",
-            trace=None,
-            position_ms=None,
-            duration_ms=None,
-            loop=False,
-            link=link,
+            time_ms=time.monotonic() * 1e3,
+            mode=player.mode,
+            trace=player.trace.name if player.trace else None,
+            position_ms=player.position_ms,
+            duration_ms=player.trace.duration_ms if player.trace else None,
+            loop=player.loop,
+            link=LinkSetting.of(state),
             down=down,
             up=up,
             backend="netem",
-            closed=None,
+            closed=self.closed,
         )

@@ -22,6 +22,7 @@ export interface ExperimentRequest {
   plan: {
     [k: string]: JsonValue;
   };
+  planned?: number | null;
 }
 /**
  * One run, after it has ended. Figures can be computed of whatever is valid here.
@@ -85,6 +86,7 @@ export interface Recording {
   hidden: boolean;
   inputs: Input[];
   frames: ShownFrame[];
+  replies?: Reply[];
   captures: Capture[];
   traffic: Traffic[];
 }
@@ -127,6 +129,28 @@ export interface ShownFrame {
   rung: number | null;
   width: number;
   height: number;
+}
+/**
+ * A frame that came in the mode `stateless`, whether or not it was shown. What was overtaken has none.
+ */
+export interface Reply {
+  at: number;
+  asked_at: number;
+  first_byte_at: number;
+  pose: number;
+  asked_rung: number | null;
+  rung: number | null;
+  bytes: number;
+  server: ServerTiming | null;
+  throughput_kbps: number | null;
+}
+/**
+ * Where the server's time went, in milliseconds.
+ */
+export interface ServerTiming {
+  queue: number;
+  render: number;
+  encode: number;
 }
 /**
  * A frame whose picture was kept.
@@ -177,6 +201,7 @@ export interface ExperimentSummary {
   name: string;
   created: string;
   source: "command" | "page";
+  planned?: number | null;
   runs: number;
   complete: number;
 }
@@ -210,6 +235,7 @@ export interface RunRow {
 export interface Figures {
   latencies: Latencies;
   responses: Responses;
+  reply_times: ReplyTimes;
   frames: Rates;
   freezes: Freezes;
   rungs: Rungs;
@@ -238,6 +264,15 @@ export interface Latencies {
  */
 export interface Responses {
   frames: number;
+  mean: number | null;
+  p50: number | null;
+  p95: number | null;
+}
+/**
+ * From asking for a frame to its last byte, in ms; None without replies.
+ */
+export interface ReplyTimes {
+  replies: number;
   mean: number | null;
   p50: number | null;
   p95: number | null;

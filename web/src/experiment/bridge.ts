@@ -5,6 +5,7 @@ import type { Settings } from "../state/settings";
 import type { Recording, Runner, RunnerState, RunPlan } from "./runner";
 
 const Numbers = <N extends number>(length: N) => v.pipe(v.array(v.pipe(v.number(), v.finite())), v.length(length));
+const Seed = v.pipe(v.number(), v.safeInteger(), v.minValue(0));
 const Pose = v.object({ position: Numbers(3), quaternion: Numbers(4) });
 const Plan = v.object({
   points: v.pipe(v.array(v.object({ t_ms: v.pipe(v.number(), v.finite()), ...Pose.entries })), v.minLength(1)),
@@ -19,8 +20,9 @@ export class Bridge {
     this.#runner = runner;
   }
 
-  /** Changes settings; the rest stays. Throws if one does not exist or make sense. */
-  settings(part: Partial<Settings>): void {
+  /** Changes settings, or the seed of controllers' random numbers; the rest stays. Throws if one does not make sense. */
+  settings({ seed, ...part }: Partial<Settings> & { readonly seed?: number }): void {
+    if (seed !== undefined) this.#runner.seed(v.parse(Seed, seed));
     this.#runner.settings(part);
   }
 

@@ -2,11 +2,11 @@
 import { borrowed, settings } from "../state/app";
 import type { Experiment } from "./experiment";
 import type { Bench } from "./measure";
+import { playsTrace } from "./plan";
 
 export async function conduct(experiment: Experiment, { runner, shaper }: Bench): Promise<void> {
   const person = settings.peek();
-  const shaped = experiment.plan.network.trace !== null;
-  const abandon = () => shaped && shaper?.api.abandon();
+  const abandon = () => playsTrace(experiment.plan.network) && shaper?.api.abandon();
   addEventListener("pagehide", abandon);
   borrowed.value = true;
   try {

@@ -1,5 +1,6 @@
 import { expect, test } from "vitest";
 import { type Draft, parseDraft, toggled } from "./draft";
+import { constantLink, type Network } from "./plan";
 
 const DRAFT: Draft = {
   name: " bus ",
@@ -13,7 +14,9 @@ const DRAFT: Draft = {
   locked: true,
   exports: false,
 };
-const parsed = (more: Partial<Draft> = {}) => parseDraft({ ...DRAFT, ...more }, "courtyard");
+const PRESENT = constantLink({ down_kbps: 20_000, up_kbps: 5000, delay_ms: 10 });
+const parsed = (more: Partial<Draft> = {}, present: Network | string = PRESENT) =>
+  parseDraft({ ...DRAFT, ...more }, "courtyard", present);
 
 test("a draft becomes a plan", () => {
   expect(parsed()).toEqual({
@@ -21,7 +24,7 @@ test("a draft becomes a plan", () => {
       name: "bus",
       scene: "courtyard",
       movement: "stroll",
-      network: { trace: "4g-bus", rtt_ms: 100 },
+      network: { name: "4g-bus", link: null, rtt_ms: 100 },
       modes: ["stateless"],
       profiles: ["latency"],
       repeats: 3,
@@ -32,11 +35,16 @@ test("a draft becomes a plan", () => {
 });
 
 test.each([
-  ["without one, the trace keeps its own", { rtt: " " }, { trace: "4g-bus", rtt_ms: null }],
-  ["none is even", { rtt: "0" }, { trace: "4g-bus", rtt_ms: 0 }],
-  ["the link as it is has no other", { trace: null, rtt: "garbage" }, { trace: null, rtt_ms: null }],
+  ["without one, the trace keeps its own", { rtt: " " }, { name: "4g-bus", link: null, rtt_ms: null }],
+  ["none is even", { rtt: "0" }, { name: "4g-bus", link: null, rtt_ms: 0 }],
+  ["the link as it is has no other", { trace: null, rtt: "garbage" }, PRESENT],
 ])("round trip: %s", (_, more, network) => {
   expect(parsed(more)).toMatchObject({ plan: { network } });
+});
+
+test("a link that nobody knows is refused, unless a trace is to be played", () => {
+  expect(parsed({ trace: null }, "The shaper is away.")).toEqual({ problems: ["The shaper is away."] });
+  expect(parsed({}, "The shaper is away.")).toHaveProperty("plan");
 });
 
 test("a comma is a decimal point, and DASH needs no controller", () => {

@@ -1,5 +1,5 @@
 /** What a person has filled in to set up an experiment: from a draft to a plan, or a sentence that says what is wrong. Pure. */
-import type { ExperimentPlan, Profile, RunMode } from "./plan";
+import { type ExperimentPlan, MOST_REPEATS, type Network, type Profile, type RunMode } from "./plan";
 
 export interface Draft {
   readonly name: string;
@@ -23,14 +23,19 @@ export interface Draft {
 const LIMITS = {
   name: 100,
   rtt: { label: "Round trip", unit: "ms", min: 0, max: 120_000, whole: false },
-  repeats: { label: "Runs of each", unit: "", min: 1, max: 100, whole: true },
+  repeats: { label: "Runs of each", unit: "", min: 1, max: MOST_REPEATS, whole: true },
   duration: { label: "Each run lasts", unit: "s", min: 1, max: 7200, whole: false },
 } as const;
 
 /** How long the camera stands at the first pose before it moves, in seconds: until controllers know the link. */
 const WARM_UP = 3;
 
-export function parseDraft(draft: Draft, scene: string): { plan: ExperimentPlan } | { problems: readonly string[] } {
+/** `present` is the link as it is, or why it cannot be used as that. */
+export function parseDraft(
+  draft: Draft,
+  scene: string,
+  present: Network | string,
+): { plan: ExperimentPlan } | { problems: readonly string[] } {
   const problems: string[] = [];
   const number = (name: "rtt" | "repeats" | "duration"): number => {
     const { label, unit, min, max, whole } = LIMITS[name];
@@ -43,22 +48,23 @@ export function parseDraft(draft: Draft, scene: string): { plan: ExperimentPlan 
     }
     return value;
   };
+  const rtt = () => (draft.rtt.trim() === "" ? null : number("rtt"));
   const name = draft.name.trim();
   if (name === "") problems.push("The experiment needs a name.");
   if (name.length > LIMITS.name) problems.push(`The name must not be longer than ${LIMITS.name} characters.`);
   if (draft.movement === null) problems.push("Choose a movement.");
-  const shaped = draft.trace !== null;
-  const rtt_ms = shaped && draft.rtt.trim() !== "" ? number("rtt") : null;
+  const network = draft.trace === null ? present : { name: draft.trace, link: null, rtt_ms: rtt() };
+  if (typeof network === "string") problems.push(network);
   if (draft.modes.length === 0) problems.push("Choose a mode.");
   if (draft.modes.includes("stateless") && draft.profiles.length === 0) problems.push("Choose a controller.");
   const [repeats, duration_s] = [number("repeats"), number("duration")];
-  if (problems.length > 0) return { problems };
+  if (problems.length > 0 || typeof network === "string") return { problems };
   return {
     plan: {
       name,
       scene,
       movement: draft.movement ?? "",
-      network: { trace: draft.trace, rtt_ms },
+      network,
       modes: draft.modes,
       profiles: draft.profiles,
       repeats,

@@ -2,14 +2,15 @@ import { beforeEach, expect, test, vi } from "vitest";
 import { ApiError } from "../state/api";
 import { RunFailed } from "./errors";
 import { Experiment, type Hands } from "./experiment";
-import type { ExperimentPlan, PlannedRun } from "./plan";
+import { type ExperimentPlan, type PlannedRun, runsOf, UNSHAPED } from "./plan";
 import type { Measured } from "./results";
+import type { StoreApi } from "./store-api";
 
 const PLAN: ExperimentPlan = {
   name: "two",
   scene: "courtyard",
   movement: "stroll",
-  network: { trace: null, rtt_ms: null },
+  network: UNSHAPED,
   modes: ["stateless"],
   profiles: ["latency", "budget"],
   repeats: 2,
@@ -31,6 +32,7 @@ function measured(run: PlannedRun): Measured {
     hidden: run.repeat === 1,
     inputs: [{ at: 5, pose: 1, position: [0, 0, 0], quaternion: [0, 0, 0, 1] }],
     frames: [{ side: "stateless" as const, at: 45, pose: 1, latencies: [40], rung: 0, width: 640, height: 360 }],
+    replies: [],
     captures: [],
     traffic: [],
   };
@@ -108,7 +110,7 @@ test("cancelling ends the present run, keeps what was finished, and makes no oth
 test("the store's figures are shown, and what it has is not kept here", async () => {
   const figures = {
     latencies: { inputs: 1, unanswered: 0, p50: 41, p95: 42, p99: 43, share_interactive: 0.9 },
-    frames: { shown: 1, per_s: 25, new_views: 1, new_views_per_s: 25 },
+    frames: { shown: 5, per_s: 25, new_views: 4, new_views_per_s: 20 },
     rungs: { share: {}, switches: 3 },
     mean_height: 360,
     received_kbps: 1200,
@@ -122,7 +124,7 @@ test("the store's figures are shown, and what it has is not kept here", async ()
     p50: 41,
     p95: 42,
     interactive: 0.9,
-    framesPerSecond: 25,
+    newViewsPerSecond: 20,
     meanHeight: 360,
     switches: 3,
     received: 1.2e6,
@@ -154,6 +156,47 @@ test("a store that does not answer stops nothing", async () => {
   expect(notice.value).toBe("The store does not answer. The results stay in this page.");
   expect(add).not.toHaveBeenCalled();
   expect(results.value).toHaveLength(4);
+});
+
+test("what the store does not have is offered to it once more", async () => {
+  let away = true;
+  const create = async () => {
+    if (away) throw new ApiError("The store does not answer.", true);
+    return "e1";
+  };
+  const added: PlannedRun[] = [];
+  const add: StoreApi["add"] = async (_, { configuration }) => {
+    if (added.length === 3) throw new ApiError("The disk is full.", false);
+    added.push(configuration as PlannedRun);
+    return { figures: null } as never;
+  };
+  const experiment = await conducted({ store: { create, add } });
+  expect(experiment.unsaved.value).toBe(true);
+  away = false;
+  await experiment.store();
+  expect([experiment.id.value, experiment.notice.value]).toEqual(["e1", null]);
+  expect(experiment.results.value.map(({ problem, unstored }) => [problem, unstored !== null])).toEqual([
+    [null, false],
+    [null, false],
+    [null, false],
+    ["It is not stored: The disk is full.", true],
+  ]);
+  added.length = 0;
+  await experiment.store();
+  expect(added).toEqual([expect.objectContaining({ profile: "budget", repeat: 1 })]);
+  expect(experiment.results.value.map(({ problem }) => problem)).toEqual([null, null, null, null]);
+  expect(experiment.unsaved.value).toBe(false);
+});
+
+test("an experiment that the store has gets the runs that are missing there, and no others", async () => {
+  const missing = runsOf(PLAN).slice(2);
+  const create = vi.fn();
+  const add = vi.fn(async () => ({ figures: null }) as never);
+  const experiment = new Experiment(PLAN, "", { ...hands, store: { create, add } }, { id: "e1", runs: missing });
+  await experiment.conduct();
+  expect(made).toEqual(missing);
+  expect(create).not.toHaveBeenCalled();
+  expect(add.mock.calls.map(([id]: unknown[]) => id)).toEqual(["e1", "e1"]);
 });
 
 test("the time left follows what runs were seen to take", async () => {

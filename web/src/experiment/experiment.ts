@@ -23,6 +23,14 @@ export interface Progress {
   readonly endsAt: number;
 }
 
+/** What remains of an experiment that the store has. */
+export interface Remainder {
+  /** The store's name for it. */
+  readonly id: string;
+  /** The runs that are missing there. */
+  readonly runs: readonly PlannedRun[];
+}
+
 export interface Hands {
   /** Makes a run; rejects with what failed, or with the reason of `signal`. */
   readonly measure: (run: PlannedRun, stage: (what: string) => void, signal: AbortSignal) => Promise<Measured>;
@@ -46,14 +54,18 @@ export class Experiment {
   readonly saved = signal(false);
   /** It would be lost with the page. */
   readonly unsaved = computed(() => !this.saved.value && this.results.value.some(({ unstored }) => unstored !== null));
+  readonly #runs: readonly PlannedRun[];
   readonly #hands: Hands;
   readonly #cancelled = new AbortController();
   /** What each run took beside its warm-up and movement, in milliseconds. */
   readonly #overheads: number[] = [];
 
-  constructor(plan: ExperimentPlan, created: string, hands: Hands) {
+  /** All runs of the plan, unless some of them were made before. */
+  constructor(plan: ExperimentPlan, created: string, hands: Hands, remainder?: Remainder) {
     this.plan = plan;
     this.created = created;
+    this.#runs = remainder?.runs ?? runsOf(plan);
+    this.id.value = remainder?.id ?? null;
     this.#hands = hands;
   }
 
@@ -68,7 +80,7 @@ export class Experiment {
 
   /** Makes all runs; rejects never. */
   async conduct(): Promise<void> {
-    const runs = runsOf(this.plan);
+    const runs = this.#runs;
     const { now } = this.#hands;
     const startedAt = now();
     const stageOf = (index: number) => {
@@ -90,11 +102,22 @@ export class Experiment {
     this.progress.value = null;
   }
 
+  /** Offers the store once more what it does not have; rejects never. */
+  async store(): Promise<void> {
+    await this.#begin();
+    for (const [index, result] of this.results.peek().entries()) {
+      if (result.unstored === null) continue;
+      const offered = { ...result, ...(await this.#stored(result.unstored)) };
+      this.results.value = this.results.peek().with(index, offered);
+    }
+  }
+
   async #begin(): Promise<void> {
     const { store } = this.#hands;
-    if (store === null) return;
+    if (store === null || this.id.value !== null) return;
     try {
       this.id.value = await store.create(this.plan);
+      this.notice.value = null;
     } catch (error) {
       this.notice.value = `${sentence(error)} The results stay in this page.`;
     }

@@ -10,8 +10,8 @@ export interface RunFigures {
   readonly p95: number | null;
   /** Of all inputs, those shown within `INTERACTIVE`, 0 to 1; null if nothing moved. */
   readonly interactive: number | null;
-  /** Frames shown a second. */
-  readonly framesPerSecond: number;
+  /** Frames a second that show a later pose than all before them: a video repeats pictures. */
+  readonly newViewsPerSecond: number;
   /** Of what was on the screen, weighted by time, in pixels; null without frames. */
   readonly meanHeight: number | null;
   /** Changes of the ladder's rung. */
@@ -43,7 +43,9 @@ export function answers({ inputs, frames }: Pick<Records, "inputs" | "frames">):
   });
 }
 
-export function figures(recording: Records & { readonly duration_ms: number }): RunFigures {
+export function figures(
+  recording: Pick<Records, "inputs" | "frames" | "traffic"> & { readonly duration_ms: number },
+): RunFigures {
   const { frames, traffic, duration_ms } = recording;
   const latencies = answers(recording).map(({ latency }) => latency);
   const during = frames.filter(({ at }) => at >= 0 && at <= duration_ms);
@@ -54,7 +56,7 @@ export function figures(recording: Records & { readonly duration_ms: number }): 
     interactive: latencies.length
       ? latencies.filter((latency) => latency <= INTERACTIVE).length / latencies.length
       : null,
-    framesPerSecond: (during.length * 1000) / duration_ms,
+    newViewsPerSecond: (newViews(during) * 1000) / duration_ms,
     meanHeight: meanHeight(during, duration_ms),
     switches: rungs.filter((rung, i) => i > 0 && rung !== rungs[i - 1]).length,
     received: rate(traffic.filter(({ at }) => at <= duration_ms)),
@@ -66,6 +68,15 @@ export function percentile(values: readonly number[], rank: number): number | nu
   const sorted = values.toSorted((a, b) => a - b);
   const value = sorted[Math.max(0, Math.ceil(rank * sorted.length) - 1)];
   return value === undefined || !Number.isFinite(value) ? null : value;
+}
+
+function newViews(frames: Records["frames"]): number {
+  let newest = Number.NEGATIVE_INFINITY;
+  return frames.filter(({ pose }) => {
+    const later = pose > newest;
+    newest = Math.max(newest, pose);
+    return later;
+  }).length;
 }
 
 function meanHeight(frames: Records["frames"], duration: number): number | null {

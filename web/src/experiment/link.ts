@@ -1,10 +1,10 @@
 /** The network of a run: held at its first state, played from there, watched meanwhile, and given back. */
 import { effect } from "@preact/signals";
 import type { Shaper } from "../network/shaper";
-import type { ShaperStatus } from "../shaper-wire";
+import type { LinkSetting, ShaperStatus } from "../shaper-wire";
 import type { LinkSample } from "../store-wire";
 import { RunFailed } from "./errors";
-import type { PlannedRun } from "./plan";
+import { constantLink, type Network, type PlannedRun, playsTrace, UNSHAPED } from "./plan";
 
 /** What was seen of a link: when (performance.now), and how it was. */
 export type Seen = readonly { readonly at: number; readonly status: ShaperStatus }[];
@@ -12,17 +12,41 @@ export type Seen = readonly { readonly at: number; readonly status: ShaperStatus
 export interface RunLink {
   /** Put the network's first state in force, and keep it. */
   hold(): Promise<void>;
-  /** Play the held trace from its start. */
-  play(): Promise<void>;
+  /** Play the held trace from its start. How the link is then; null without a shaper. */
+  play(): Promise<ShaperStatus | null>;
   /** Back to the shaper's own rate, which is fast. */
   release(): Promise<void>;
 }
 
-/** A run's network; for the link as it is, nothing is done. */
+/** A trace's position may differ by so much from the time that has passed, in milliseconds. */
+const JUMP = 1000;
+const CONDITIONS = ["down_kbps", "up_kbps", "delay_ms", "jitter_ms", "loss_pct"] as const;
+
+/** The link as it is; or why it cannot be used as that, in one sentence. */
+export function presentNetwork(shaper: Shaper | null): Network | string {
+  if (shaper === null) return UNSHAPED;
+  const status = shaper.status.value;
+  if (status === null) return shaper.silent.value ?? "The shaper has not told of its link yet.";
+  if (status.mode === "playing") {
+    return `The trace ${status.trace} plays on the link: choose it as the network, or stop it first.`;
+  }
+  return constantLink(status.link);
+}
+
+/** A run's network; to the link as it is, nothing is done. */
 export function linkFor(shaper: Shaper | null, { network }: Pick<PlannedRun, "network">): RunLink {
-  if (network.name === "unshaped") return { hold: async () => {}, play: async () => {}, release: async () => {} };
-  if (shaper === null) throw new RunFailed("There is no shaper that could play the network's trace.");
+  if (network.name === UNSHAPED.name) return { hold: async () => {}, play: async () => null, release: async () => {} };
+  if (shaper === null) throw new RunFailed(`There is no shaper, so that the network cannot be ${network.name}.`);
   const { api } = shaper;
+  if (!playsTrace(network)) {
+    const present = () => {
+      const status = shaper.status.peek();
+      if (status === null) throw new RunFailed(shaper.silent.peek() ?? "The shaper has not told of its link yet.");
+      if (isAsked(network, status)) return status;
+      throw new RunFailed(`The link is not ${network.name} any more, as it was when the experiment began.`);
+    };
+    return { hold: async () => void present(), play: async () => present(), release: async () => {} };
+  }
   return {
     async hold() {
       const delay_ms = network.rtt_ms === null ? null : network.rtt_ms / 2;
@@ -32,12 +56,19 @@ export function linkFor(shaper: Shaper | null, { network }: Pick<PlannedRun, "ne
     },
     async play() {
       await api.seek(0);
-      await api.resume();
+      return api.resume();
     },
     async release() {
       await api.stop();
     },
   };
+}
+
+/** What is wrong with the link of a run at one status after another, in one sentence; null if it is what was asked for. */
+export function linkTrouble(network: Network, before: ShaperStatus, status: ShaperStatus): string | null {
+  if (status.closed !== null) return `The link was closed during the run: ${status.closed}`;
+  const undisturbed = isAsked(network, status) && (!playsTrace(network) || goesOn(before, status));
+  return undisturbed ? null : "Somebody else changed the link during the run.";
 }
 
 /** Remembers how the link is until it is told to stop. */
@@ -66,4 +97,22 @@ export function linkSamples(seen: Seen, startedAt: number, endedAt: number): Lin
       drops: down.drops,
       up_delivered_kbps: up.delivered_kbps,
     }));
+}
+
+function isAsked({ name, link, rtt_ms }: Network, status: ShaperStatus): boolean {
+  if (link !== null) return status.mode !== "playing" && same(link, status.link);
+  const delayed = rtt_ms === null || status.link.delay_ms === rtt_ms / 2;
+  return status.mode === "playing" && status.trace === name && delayed;
+}
+
+function same(asked: LinkSetting, link: LinkSetting): boolean {
+  return CONDITIONS.every((condition) => asked[condition] === link[condition]);
+}
+
+/** Whether a trace, which begins again at its end, has gone on for as long as time has passed. */
+function goesOn(before: ShaperStatus, { time_ms, position_ms, duration_ms }: ShaperStatus): boolean {
+  const ahead = (position_ms ?? 0) - (before.position_ms ?? 0) - (time_ms - before.time_ms);
+  const duration = duration_ms ?? 0;
+  const off = Math.abs(ahead) % duration;
+  return Math.min(off, duration - off) <= JUMP;
 }

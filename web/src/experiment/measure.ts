@@ -2,10 +2,11 @@
 import { effect } from "@preact/signals";
 import type { Shaper } from "../network/shaper";
 import type { ViewerSession } from "../player/session";
+import type { ShaperStatus } from "../shaper-wire";
 import { sleep } from "../sleep";
 import { settings } from "../state/app";
 import { RunFailed } from "./errors";
-import { linkFor, linkSamples, watchLink } from "./link";
+import { linkFor, linkSamples, linkTrouble, watchLink } from "./link";
 import { type PlannedRun, settingsFor } from "./plan";
 import type { PosePoint } from "./playback";
 import type { Measured } from "./results";
@@ -22,6 +23,9 @@ export interface Bench {
 /** How long the viewer may take to show the first pose, in milliseconds. */
 const READY_WITHIN = 60_000;
 const LOOK_EVERY = 50;
+/** A shaper tells of its link five times a second; one of which nothing was heard for so long has gone. In milliseconds. */
+const SILENCE = 2000;
+const HIDDEN = "The page was hidden, so that not all of the run could be shown.";
 
 /**
  * `stage` hears what is going on. Rejects with a RunFailed or a ShaperError, or with the reason of `signal`.
@@ -53,14 +57,21 @@ export async function measure(
     stage("Warms up");
     await sleep(run.warm_up_s * 1000, signal);
     stage("Plays the movement");
-    const trouble = watchForTrouble(session, shaper, run, asked);
+    await until(visible, READY_WITHIN, () => HIDDEN, signal);
+    const played = await link.play();
+    const trouble = watchForTrouble(session, shaper, run, asked, played);
     const watch = watchLink(shaper, () => performance.now());
     try {
       const configuration = { ...run, ...session.rig.viewport.peek() };
-      await link.play();
       const plan = { points, duration_ms: run.duration_s * 1000, capture_every_ms: run.capture_every_ms };
       const recording = await runner.run(plan, AbortSignal.any([signal, trouble.signal]));
+      if (!recording.complete) {
+        throw new RunFailed(recording.hidden ? HIDDEN : "The movement was not played to its end without a pause.");
+      }
       if (recording.frames.length === 0) throw new RunFailed("No frame came during the run.");
+      if (played !== null && performance.now() - (watch.seen.at(-1)?.at ?? 0) > SILENCE) {
+        throw new RunFailed("The shaper fell silent during the run.");
+      }
       const startedAt = recording.started_unix_ms - performance.timeOrigin;
       return {
         configuration,
@@ -91,9 +102,16 @@ async function beginAnew(session: ViewerSession, runner: Runner, signal: AbortSi
   );
 }
 
-/** Aborts with a RunFailed when something happens that spoils a run; `asked` are the settings that it was to have. */
-function watchForTrouble(session: ViewerSession, shaper: Shaper | null, run: PlannedRun, asked: string) {
+/** Aborts with a RunFailed when something spoils a run, which was to have the settings `asked` and began with the link `played`. */
+function watchForTrouble(
+  session: ViewerSession,
+  shaper: Shaper | null,
+  run: PlannedRun,
+  asked: string,
+  played: ShaperStatus | null,
+) {
   const controller = new AbortController();
+  let known = played;
   const lens = () => JSON.stringify([session.rig.viewport.value, session.rig.intrinsics.value]);
   const before = lens();
   const trouble = (): string | null => {
@@ -101,11 +119,13 @@ function watchForTrouble(session: ViewerSession, shaper: Shaper | null, run: Pla
     if (session.phase.value.kind !== "playing") return "The connection was lost during the run.";
     if (run.mode !== "stateless" && stream?.kind !== "playing") return "The DASH stream was lost during the run.";
     if (decisive() !== asked || lens() !== before) return "Settings or the window's size were changed during the run.";
-    const status = shaper?.status.value;
-    if (status?.closed) return `The link was closed during the run: ${status.closed}`;
-    if (run.network.name === "unshaped") return null;
-    if (status && status.trace !== run.network.name) return "Somebody else changed the link during the run.";
-    return shaper?.silent.value ?? null;
+    const status = shaper?.status.value ?? null;
+    if (known === null) return null; // without a shaper
+    if (status === null) return shaper?.silent.value ?? null;
+    if (status.time_ms <= known.time_ms) return null; // told before the link was as it was asked for
+    const said = linkTrouble(run.network, known, status);
+    known = status;
+    return said;
   };
   const stop = effect(() => {
     const said = trouble();
@@ -120,8 +140,13 @@ function decisive(): string {
   return JSON.stringify([transport, mode, dashPreset, dashCustom, controller, profile, refine]);
 }
 
+function visible(): boolean {
+  return document.visibilityState === "visible";
+}
+
 /** Why no frame comes, as far as the viewer knows. */
 function silence(session: ViewerSession): string {
+  if (!visible()) return HIDDEN;
   const phases = [session.phase.peek(), session.dash.peek()?.phase.peek()];
   const said = phases.flatMap((phase) => (phase && "message" in phase ? phase.message : []));
   return said[0] ?? `No frame came within ${READY_WITHIN / 1000} s.`;

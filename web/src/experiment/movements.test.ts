@@ -1,9 +1,13 @@
-import { afterEach, expect, test, vi } from "vitest";
+import { afterEach, beforeEach, expect, test, vi } from "vitest";
 import { MovementError } from "./movement";
 import { fetchMovement, listMovements } from "./movements";
 
 afterEach(() => {
   vi.unstubAllGlobals();
+});
+
+beforeEach(() => {
+  vi.stubGlobal("location", { href: "http://lab:8080/" });
 });
 
 function answer(make: () => Response | Promise<Response>): string[] {

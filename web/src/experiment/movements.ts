@@ -4,6 +4,7 @@ import type { Movement as ListedMovement } from "../store-wire";
 import { readProblem } from "../transport/fetch";
 import { ANCHORS, MovementError, readMovement } from "./movement";
 import type { NamedMovement } from "./movement-deck";
+import { storeSilence } from "./store-api";
 
 const Listed = v.object({
   name: v.string(),
@@ -45,8 +46,7 @@ async function ask<T>(
     if (answer.ok) return await read(answer);
   } catch (error) {
     if (signal?.aborted) throw error;
-    // Browsers do not tell a page that it was refused for its origin.
-    throw new MovementError(`The store at ${base} does not answer as it should, or does not allow this page.`);
+    throw new MovementError(storeSilence(base, location.href));
   }
   throw new MovementError((await readProblem(answer)).detail);
 }

@@ -1,12 +1,23 @@
 import { expect, test } from "vitest";
 import { DEFAULT_SETTINGS, validSettings } from "../state/settings";
-import { conditionOf, type ExperimentPlan, runsOf, settingsFor, timeFor } from "./plan";
+import type { RunRow } from "../store-wire";
+import {
+  conditionOf,
+  constantLink,
+  type ExperimentPlan,
+  missingRuns,
+  readPlan,
+  runsOf,
+  settingsFor,
+  timeFor,
+  UNSHAPED,
+} from "./plan";
 
 const PLAN: ExperimentPlan = {
   name: "bus",
   scene: "courtyard",
   movement: "stroll",
-  network: { trace: "4g-bus", rtt_ms: 100 },
+  network: { name: "4g-bus", link: null, rtt_ms: 100 },
   modes: ["stateless", "dash-tuned"],
   profiles: ["latency", "budget", 1],
   repeats: 2,
@@ -24,7 +35,7 @@ test("a run says all that must be known to make it again", () => {
   expect(runsOf(PLAN)[0]).toEqual({
     scene: "courtyard",
     movement: "stroll",
-    network: { name: "4g-bus", rtt_ms: 100 },
+    network: { name: "4g-bus", link: null, rtt_ms: 100 },
     mode: "stateless",
     profile: "latency",
     duration_s: 20,
@@ -34,9 +45,40 @@ test("a run says all that must be known to make it again", () => {
   });
 });
 
-test("the link as it is has no round trip of its own", () => {
-  const [run] = runsOf({ ...PLAN, network: { trace: null, rtt_ms: 100 } });
-  expect(run?.network).toEqual({ name: "unshaped", rtt_ms: null });
+const FAST = { down_kbps: 100_000, up_kbps: 50_000 };
+
+test.each([
+  [FAST, "100mbit,50mbit-up"],
+  [{ ...FAST, up_kbps: 10_000, delay_ms: 10 }, "100mbit,20ms-rtt"],
+  [
+    { down_kbps: 512, up_kbps: 0, delay_ms: 12.25, jitter_ms: 2, loss_pct: 0.1 },
+    "0.512mbit,0mbit-up,24.5ms-rtt,2ms-jitter,0.1%-loss",
+  ],
+  [{ down_kbps: 100_000 / 3, up_kbps: 10_000 }, "33.333mbit"],
+])("the constant link %j is called %s", (link, name) => {
+  expect(constantLink(link)).toEqual({ name, link: { delay_ms: 0, jitter_ms: 0, loss_pct: 0, ...link }, rtt_ms: null });
+});
+
+test.each([PLAN, { ...PLAN, network: UNSHAPED }, { ...PLAN, network: constantLink(FAST) }])(
+  "a plan is read as it was stored",
+  (plan) => {
+    expect(readPlan(JSON.parse(JSON.stringify(plan)))).toEqual(plan);
+  },
+);
+
+test.each([null, {}, { seed: 1 }, { ...PLAN, modes: ["vr"] }, { ...PLAN, repeats: 1e9 }])("%j is no plan", (stored) => {
+  expect(readPlan(stored)).toBeNull();
+});
+
+test("what is missing are the runs that are not complete, in the plan's order", () => {
+  const rows = runsOf(PLAN).map((run, i) => {
+    const configuration = { ...run, width: 640, height: 360, seed: 1 };
+    return { configuration, status: i === 2 ? "failed" : "complete" } as RunRow;
+  });
+  const [first, second, failed, , , , , last] = runsOf(PLAN);
+  expect(missingRuns(PLAN, [])).toEqual(runsOf(PLAN));
+  expect(missingRuns(PLAN, rows.slice(2, -1))).toEqual([first, second, failed, last]);
+  expect(missingRuns(PLAN, [...rows, { ...rows[2], status: "complete" } as RunRow])).toEqual([]);
 });
 
 test.each(runsOf(PLAN).map((run) => [conditionOf(run), run] as const))("%s has settings that exist", (_, run) => {

@@ -1,7 +1,9 @@
 /** What an experiment of the page is, and the runs that it consists of. Pure. */
-import { CONTROLLERS, type ControllerName } from "../abr/registry";
+import * as v from "valibot";
+import { CONTROLLER_NAMES, CONTROLLERS, type ControllerName } from "../abr/registry";
+import type { LinkSetting } from "../shaper-wire";
 import type { Settings } from "../state/settings";
-import type { Configuration } from "../store-wire";
+import type { Configuration, RunRow } from "../store-wire";
 
 export const RUN_MODES = [
   "stateless",
@@ -19,30 +21,73 @@ export const RUN_MODE_NAMES: Readonly<Record<RunMode, string>> = {
 /** A controller's name, or a rung of the ladder, which then stays. */
 export type Profile = ControllerName | number;
 
-/** The link as it is, or a trace of the shaper's, at another round trip than its own if one is given. */
-export interface Network {
-  readonly trace: string | null;
-  readonly rtt_ms: number | null;
+const ConstantLink = v.object({
+  down_kbps: v.number(),
+  up_kbps: v.number(),
+  delay_ms: v.number(),
+  jitter_ms: v.number(),
+  loss_pct: v.number(),
+});
+const Network = v.object({
+  name: v.string(),
+  /** Null for a trace, and without a shaper. */
+  link: v.nullable(ConstantLink),
+  /** Of a trace: in place of its own delay. */
+  rtt_ms: v.nullable(v.number()),
+});
+/** A trace of the shaper's, at another round trip than its own if one is given; or the constant link that there is. */
+export type Network = Readonly<v.InferOutput<typeof Network>>;
+
+/** The link as it is, where there is no shaper. */
+export const UNSHAPED: Network = { name: "unshaped", link: null, rtt_ms: null };
+
+/** A constant link by the name that `tigas_lab.configuration` reads, such as `20mbit,20ms-rtt`: what is usual goes unsaid. */
+export function constantLink({ down_kbps, up_kbps, delay_ms = 0, jitter_ms = 0, loss_pct = 0 }: LinkSetting): Network {
+  const parts = [
+    { value: down_kbps / 1000, unit: "mbit", usual: null },
+    { value: up_kbps / 1000, unit: "mbit-up", usual: 10 },
+    { value: delay_ms * 2, unit: "ms-rtt", usual: 0 },
+    { value: jitter_ms, unit: "ms-jitter", usual: 0 },
+    { value: loss_pct, unit: "%-loss", usual: 0 },
+  ];
+  const said = parts.filter(({ value, usual }) => value !== usual);
+  return {
+    name: said.map(({ value, unit }) => `${Number(value.toFixed(3))}${unit}`).join(),
+    link: { down_kbps, up_kbps, delay_ms, jitter_ms, loss_pct },
+    rtt_ms: null,
+  };
 }
 
-export interface ExperimentPlan {
-  readonly name: string;
-  readonly scene: string;
+export function playsTrace({ name, link }: Network): boolean {
+  return link === null && name !== UNSHAPED.name;
+}
+
+export const MOST_REPEATS = 100;
+const Plan = v.object({
+  name: v.string(),
+  scene: v.string(),
   /** The movement's name. */
-  readonly movement: string;
-  readonly network: Network;
-  readonly modes: readonly RunMode[];
+  movement: v.string(),
+  network: Network,
+  modes: v.pipe(v.array(v.picklist(RUN_MODES)), v.readonly()),
   /** Of the mode `stateless`. */
-  readonly profiles: readonly Profile[];
+  profiles: v.pipe(v.array(v.union([v.picklist(CONTROLLER_NAMES), v.number()])), v.readonly()),
   /** Runs of each controller, and of each DASH mode. */
-  readonly repeats: number;
-  readonly duration_s: number;
-  readonly warm_up_s: number;
+  repeats: v.pipe(v.number(), v.integer(), v.maxValue(MOST_REPEATS)),
+  duration_s: v.number(),
+  warm_up_s: v.number(),
+});
+export type ExperimentPlan = Readonly<v.InferOutput<typeof Plan>>;
+
+/** A plan as the store has it; null if it is none of this page's. */
+export function readPlan(stored: unknown): ExperimentPlan | null {
+  const read = v.safeParse(Plan, stored);
+  return read.success ? read.output : null;
 }
 
 /** One run: its configuration before it is known how large the stage is. */
 export interface PlannedRun extends Omit<Required<Configuration>, "width" | "height" | "seed"> {
-  readonly network: { readonly name: string; readonly rtt_ms: number | null };
+  readonly network: Network;
   readonly profile: Profile;
 }
 
@@ -60,7 +105,7 @@ export function runsOf(plan: ExperimentPlan): PlannedRun[] {
   const shared = {
     scene,
     movement,
-    network: { name: network.trace ?? "unshaped", rtt_ms: network.trace === null ? null : network.rtt_ms },
+    network,
     duration_s,
     warm_up_s,
     capture_every_ms: 0,
@@ -71,6 +116,15 @@ export function runsOf(plan: ExperimentPlan): PlannedRun[] {
       return profiles.map((profile) => ({ ...shared, mode, profile, repeat }));
     }),
   ).flat();
+}
+
+/** The runs of a plan of which no complete one was stored, in their order. */
+export function missingRuns(plan: ExperimentPlan, stored: readonly RunRow[]): PlannedRun[] {
+  const keyOf = ({ mode, profile, repeat }: Pick<Configuration, "mode" | "profile" | "repeat">) =>
+    JSON.stringify([mode, profile, repeat]);
+  const complete = stored.filter(({ status }) => status === "complete");
+  const made = new Set(complete.map(({ configuration }) => keyOf(configuration)));
+  return runsOf(plan).filter((run) => !made.has(keyOf(run)));
 }
 
 /** What a run compares: its controller, or its way to stream. Rungs have the ladder's names, where it is known. */

@@ -1,4 +1,5 @@
 import { expect, test } from "vitest";
+import type { Reply } from "../player/player";
 import type { PresentedFrame } from "../player/presented";
 import { Recorder, type RecorderStart } from "./recorder";
 
@@ -6,6 +7,13 @@ const posed = (seq: number) => ({ seq, position: [seq, 0, 0], quaternion: [0, 0,
 
 function frame(at: number, seq: number, more: Partial<PresentedFrame> = {}): PresentedFrame {
   return { side: "stateless", at, pose: seq, latencies: [], rung: 2, width: 640, height: 360, ...more };
+}
+
+function reply(sentAt: number, lastByteAt: number, more: Partial<Reply> = {}): Reply {
+  const arrival = { sentAt, firstByteAt: lastByteAt - 2, lastByteAt, bytes: 7000, sharedBytes: 0 };
+  const server = { queue: 0.5, render: 11, encode: 1 };
+  const observation = { profile: 3, arrival, server, throughput: 12_345_678, inFlight: 1, turning: 0, at: lastByteAt };
+  return { ...observation, pose: 4, asked: 2, ...more };
 }
 
 const recorderFrom = (start: Omit<RecorderStart, "duration">) => new Recorder({ duration: 3500, ...start });
@@ -31,6 +39,25 @@ test("puts frames in the order of time, and leaves out what was on the screen be
   recorder.presented(frame(1060, 2));
   recorder.presented(frame(1040, 1));
   expect(recorder.records.frames.map(({ at }) => at)).toEqual([40, 60]);
+});
+
+test("keeps each reply in the order of time: what was asked for, and when and how it came", () => {
+  const recorder = recorderFrom({ startedAt: 1000, pose: 0, received: 0, captureEvery: 0 });
+  recorder.replied(reply(1030, 1070, { throughput: null, server: null, profile: null, asked: null }));
+  recorder.replied(reply(990, 1040));
+  const [first, second] = recorder.records.replies;
+  expect(first).toEqual({
+    at: 40,
+    asked_at: -10,
+    first_byte_at: 38,
+    pose: 4,
+    asked_rung: 2,
+    rung: 3,
+    bytes: 7000,
+    server: { queue: 0.5, render: 11, encode: 1 },
+    throughput_kbps: 12_346,
+  });
+  expect(second).toMatchObject({ at: 70, asked_rung: null, rung: null, server: null, throughput_kbps: null });
 });
 
 test("asks for a picture at most once in an interval, whatever the frame rate, while the movement lasts", () => {

@@ -2,8 +2,10 @@
  * What the viewer records during a run. `services/lab/tigas_lab/recording.py` reads it; all times are milliseconds since the
  * run's start. Pure: time comes in with what is recorded.
  */
+import type { Reply } from "../player/player";
 import type { PresentedFrame } from "../player/presented";
 import type { NumberedPose } from "../player/rig";
+import type { ServerTiming } from "../wire";
 
 /** A pose that the rig sampled, because it differs from the one before. */
 export interface RecordedInput {
@@ -11,6 +13,23 @@ export interface RecordedInput {
   readonly pose: number;
   readonly position: readonly number[];
   readonly quaternion: readonly number[];
+}
+
+/** A frame that came in the stateless mode, whether or not it was shown. */
+export interface RecordedReply {
+  /** When its last byte came. */
+  readonly at: number;
+  readonly asked_at: number;
+  readonly first_byte_at: number;
+  readonly pose: number;
+  /** The rung that was asked for, and the one that it has; null where the server chooses, or does not say. */
+  readonly asked_rung: number | null;
+  readonly rung: number | null;
+  readonly bytes: number;
+  /** Milliseconds that the server spent; null where it does not say. */
+  readonly server: ServerTiming | null;
+  /** The page's estimate of the link after this reply; null while unknown. */
+  readonly throughput_kbps: number | null;
 }
 
 /** A frame whose picture was kept. */
@@ -31,6 +50,7 @@ export interface RecordedTraffic {
 export interface Records {
   readonly inputs: readonly RecordedInput[];
   readonly frames: readonly PresentedFrame[];
+  readonly replies: readonly RecordedReply[];
   readonly captures: readonly RecordedCapture[];
   readonly traffic: readonly RecordedTraffic[];
 }
@@ -52,6 +72,7 @@ export class Recorder {
   readonly #start: RecorderStart;
   readonly #inputs: RecordedInput[] = [];
   readonly #frames: PresentedFrame[] = [];
+  readonly #replies: RecordedReply[] = [];
   readonly #captures: RecordedCapture[] = [];
   readonly #traffic: RecordedTraffic[] = [];
   #pose: number;
@@ -84,6 +105,22 @@ export class Recorder {
     return true;
   }
 
+  /** A frame came. */
+  replied({ arrival, pose, asked, profile, server, throughput }: Reply): void {
+    const { startedAt } = this.#start;
+    this.#replies.push({
+      at: arrival.lastByteAt - startedAt,
+      asked_at: arrival.sentAt - startedAt,
+      first_byte_at: arrival.firstByteAt - startedAt,
+      pose,
+      asked_rung: asked,
+      rung: profile,
+      bytes: arrival.bytes,
+      server,
+      throughput_kbps: throughput === null ? null : Math.round(throughput / 1000),
+    });
+  }
+
   /** The picture of a frame was kept. */
   captured({ at, pose, rung }: PresentedFrame, picture: { readonly width: number; readonly height: number }): void {
     const { width, height } = picture;
@@ -105,6 +142,7 @@ export class Recorder {
     return {
       inputs: this.#inputs,
       frames: this.#frames.toSorted((a, b) => a.at - b.at),
+      replies: this.#replies.toSorted((a, b) => a.at - b.at),
       captures: this.#captures,
       traffic: this.#traffic,
     };

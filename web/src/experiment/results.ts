@@ -34,7 +34,6 @@ export interface Row {
   readonly run: PlannedRun;
   readonly runs: number;
   readonly complete: number;
-  readonly hidden: number;
   readonly figures: Readonly<Record<keyof RunFigures, number | null>>;
 }
 
@@ -47,12 +46,11 @@ export function rowsOf(results: readonly RunResult[]): Row[] {
       run: runs[0].run,
       runs: runs.length,
       complete: complete.length,
-      hidden: runs.filter(({ hidden }) => hidden).length,
       figures: {
         p50: mean("p50"),
         p95: mean("p95"),
         interactive: mean("interactive"),
-        framesPerSecond: mean("framesPerSecond"),
+        newViewsPerSecond: mean("newViewsPerSecond"),
         meanHeight: mean("meanHeight"),
         switches: mean("switches"),
         received: mean("received"),

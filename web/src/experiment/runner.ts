@@ -37,17 +37,21 @@ export interface Recording extends Records {
   readonly started_unix_ms: number;
   readonly duration_ms: number;
   readonly ended_ms: number;
+  /** The movement was played to its end, without a pause. */
   readonly complete: boolean;
+  /** The page was hidden at some time. */
   readonly hidden: boolean;
 }
 
 /** When the movement has ended, its last pose is waited for this long, in milliseconds. */
 const DRAIN = 5000;
+/** A camera that stood for so long while the movement went on has missed some of it: hidden pages get no animation frames. In ms. */
+const PAUSE = 1000;
 const TRAFFIC_EVERY = 250;
 
 export class Runner {
   readonly #session: ViewerSession;
-  readonly #stop: () => void;
+  readonly #stops: readonly (() => void)[];
   #pictures: (ImageBitmap | null)[] = [];
   #recorder: Recorder | undefined;
   #shown = 0;
@@ -55,7 +59,15 @@ export class Runner {
 
   constructor(session: ViewerSession) {
     this.#session = session;
-    this.#stop = session.onPresented((frame) => this.#presented(frame));
+    this.#stops = [
+      session.onPresented((frame) => this.#presented(frame)),
+      session.onReplied((reply) => this.#recorder?.replied(reply)),
+    ];
+  }
+
+  /** Decides the controllers' random numbers; if it is another one than before, a controller that adapts begins anew. */
+  seed(seed: number): void {
+    this.#session.seed.value = seed;
   }
 
   /** Changes settings; the rest stays. Throws if one does not exist or make sense: nothing is measured by mistake. */
@@ -107,13 +119,16 @@ export class Runner {
     document.addEventListener("visibilitychange", onVisibility);
     try {
       const lens = { ...rig.viewport.peek(), ...rig.intrinsics.peek() };
+      const movedUntil = startedAt + duration_ms;
       let sampledAt = startedAt;
+      let longestPause = 0;
       rig.drive((now) => {
         recorder.sampled(rig.pose, sampledAt); // the pose of the sample before this one
+        if (sampledAt < movedUntil) longestPause = Math.max(longestPause, now - sampledAt);
         sampledAt = now;
         return poseAt(points, Math.min(now - startedAt, duration_ms));
       });
-      const endedAt = await this.#ended(recorder, startedAt + duration_ms, signal);
+      const endedAt = await this.#ended(recorder, movedUntil, signal);
       return {
         scene: rig.scene?.id ?? "",
         mode: settings.peek().mode,
@@ -123,7 +138,7 @@ export class Runner {
         started_unix_ms: performance.timeOrigin + startedAt,
         duration_ms,
         ended_ms: endedAt - startedAt,
-        complete: true,
+        complete: sampledAt >= movedUntil && longestPause < PAUSE,
         hidden,
         ...recorder.records,
       };
@@ -143,7 +158,7 @@ export class Runner {
   }
 
   dispose(): void {
-    this.#stop();
+    for (const stop of this.#stops) stop();
     this.#forgetPictures();
   }
 

@@ -1,3 +1,6 @@
+/** A browser may ask where to save a file before it reads it; in milliseconds. */
+const READ_WITHIN = 60_000;
+
 /** Hands a file to the person: the browser saves it, or asks where. */
 export function save(name: string, content: Blob): void {
   const url = URL.createObjectURL(content);
@@ -5,7 +8,15 @@ export function save(name: string, content: Blob): void {
   link.href = url;
   link.download = name;
   link.click();
-  URL.revokeObjectURL(url);
+  setTimeout(() => URL.revokeObjectURL(url), READ_WITHIN);
+}
+
+/** Has the browser download what another server offers as a file, without asking the person whether to leave the page for it. */
+export function download(url: string): void {
+  const frame = document.createElement("iframe");
+  frame.hidden = true;
+  frame.src = url;
+  document.body.append(frame);
 }
 
 /** A file's name from a person's words. */

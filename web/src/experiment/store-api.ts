@@ -1,13 +1,23 @@
 /** The store of experiments (`docs/store.md`). Every failure is an ApiError with one sentence to show. */
+import { mixedContent } from "../network/api";
 import { ApiError } from "../state/api";
-import type { ExperimentCreated, ExperimentList, ExperimentSummary, Figures, RunRow } from "../store-wire";
+import type {
+  ExperimentCreated,
+  ExperimentList,
+  ExperimentSummary,
+  Figures,
+  RunRow,
+  Experiment as StoredExperiment,
+} from "../store-wire";
 import { readProblem } from "../transport/fetch";
 import type { RunFigures } from "./figures";
-import type { ExperimentPlan } from "./plan";
+import { type ExperimentPlan, runsOf } from "./plan";
 import type { Measured } from "./results";
 
-/** A run may be large, and its figures take a moment; so do an experiment's ZIP and its report. In milliseconds. */
+/** The figures of a run take a moment; in milliseconds. */
 const TIMEOUT = 60_000;
+/** A run may be large: so much of it is sent at least, in bytes a millisecond. */
+const SLOWEST = 125;
 
 export class StoreApi {
   readonly base: string;
@@ -19,7 +29,8 @@ export class StoreApi {
 
   /** Begins an experiment; its id. */
   async create(plan: ExperimentPlan): Promise<string> {
-    const { id } = await this.#json<ExperimentCreated>("experiments", { name: plan.name, plan });
+    const request = { name: plan.name, plan, planned: runsOf(plan).length };
+    const { id } = await this.#json<ExperimentCreated>("experiments", request);
     return id;
   }
 
@@ -32,11 +43,12 @@ export class StoreApi {
     return (await this.#json<ExperimentList>("experiments")).experiments;
   }
 
-  /** All files of an experiment. */
-  async zip(id: string): Promise<Blob> {
-    return this.#read(`${this.#path(id)}/zip`, (answer) => answer.blob());
+  /** One with its plan and its runs. */
+  get(id: string): Promise<StoredExperiment> {
+    return this.#json(this.#path(id));
   }
 
+  /** All files of an experiment. */
   zipUrl(id: string): string {
     return `${this.base}/${this.#path(id)}/zip`;
   }
@@ -49,25 +61,30 @@ export class StoreApi {
     return `experiments/${encodeURIComponent(id)}`;
   }
 
-  #json<T>(path: string, body?: object): Promise<T> {
-    return this.#read(path, (answer) => answer.json() as Promise<T>, body);
-  }
-
-  async #read<T>(path: string, read: (answer: Response) => Promise<T>, body?: object): Promise<T> {
+  async #json<T>(path: string, content?: object): Promise<T> {
+    const body = content && JSON.stringify(content);
     let answer: Response;
     try {
       answer = await fetch(`${this.base}/${path}`, {
         cache: "no-store",
-        signal: AbortSignal.timeout(TIMEOUT),
-        ...(body && { method: "POST", body: JSON.stringify(body), headers: { "Content-Type": "application/json" } }),
+        signal: AbortSignal.timeout(TIMEOUT + (body?.length ?? 0) / SLOWEST),
+        ...(body && { method: "POST", body, headers: { "Content-Type": "application/json" } }),
       });
-      if (answer.ok) return await read(answer);
+      if (answer.ok) return (await answer.json()) as T;
     } catch {
-      // Browsers do not tell a page that it was refused for its origin.
-      throw new ApiError(`The store at ${this.base} does not answer, or does not allow this page.`, true);
+      throw new ApiError(storeSilence(this.base, location.href), true);
     }
     throw new ApiError((await readProblem(answer)).detail, false);
   }
+}
+
+/** Why a page at `page` hears nothing of the store at `base`, in one sentence. */
+export function storeSilence(base: string, page: string): string {
+  if (URL.canParse(base) && mixedContent(base, page)) {
+    return "Browsers do not let a secure page use a store over plain HTTP: open this page over http:// to use it.";
+  }
+  // Browsers do not tell a page that it was refused for its origin.
+  return `The store at ${base} does not answer as it should, or does not allow this page.`;
 }
 
 /** The figures that the page shows, from all that the store knows. */
@@ -76,7 +93,7 @@ export function shownFigures({ latencies, frames, mean_height, rungs, received_k
     p50: latencies.p50,
     p95: latencies.p95,
     interactive: latencies.share_interactive,
-    framesPerSecond: frames.per_s,
+    newViewsPerSecond: frames.new_views_per_s,
     meanHeight: mean_height,
     switches: rungs.switches,
     received: received_kbps === null ? null : received_kbps * 1000,

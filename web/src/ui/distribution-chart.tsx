@@ -1,7 +1,8 @@
-/** Where the latencies of both sides lie, on one logarithmic axis. What draws it is loaded when it is shown. */
+/** Where the latencies of both sides lie, on one logarithmic axis. */
 import type { ReadonlySignal } from "@preact/signals";
-import { useEffect, useRef } from "preact/hooks";
+import { useCallback } from "preact/hooks";
 import type { Columns } from "../network/series";
+import { Chart } from "./chart";
 
 interface Props {
   readonly name: string;
@@ -9,33 +10,21 @@ interface Props {
 }
 
 export function DistributionChart({ name, columns }: Props) {
-  const place = useRef<HTMLDivElement>(null);
-  const legend = useRef<HTMLElement>(null);
-  useEffect(() => {
-    let stop: (() => void) | undefined;
-    let gone = false;
-    void import("./distribution-plot").then(({ plotDistribution }) => {
-      if (!gone && place.current && legend.current) stop = plotDistribution(place.current, legend.current, columns);
-    });
-    return () => {
-      gone = true;
-      stop?.();
-    };
+  const load = useCallback(async () => {
+    const { plotDistribution } = await import("./distribution-plot");
+    return (place: HTMLElement, legend: HTMLElement) => plotDistribution(place, legend, columns);
   }, [columns]);
   return (
-    <figure class="chart" aria-label={name}>
-      <figcaption ref={legend}>
-        <span>
-          <i class="swatch" data-tone="stateless" />
-          Stateless
-        </span>
-        <span>
-          <i class="swatch" data-tone="dash" />
-          DASH
-        </span>
-        <span class="muted">share of inputs, %</span>
-      </figcaption>
-      <div class="chart-place" ref={place} />
-    </figure>
+    <Chart name={name} load={load}>
+      <span>
+        <i class="swatch" data-tone="stateless" />
+        Stateless
+      </span>
+      <span>
+        <i class="swatch" data-tone="dash" />
+        DASH
+      </span>
+      <span class="muted">share of inputs, %</span>
+    </Chart>
   );
 }

@@ -3,11 +3,10 @@ import { effect, type ReadonlySignal } from "@preact/signals";
 import uPlot from "uplot";
 import "uplot/dist/uPlot.min.css";
 import { AXIS } from "../comparison/histogram";
+import { INTERACTIVE } from "../experiment/figures";
 import type { Columns } from "../network/series";
 import { FONT, HEIGHT, inks } from "./plot";
 
-/** Motion-to-photon latency that is to be kept, in milliseconds. */
-const LIMIT = 100;
 const TICKS = [10, 30, 100, 300, 1000, 3000];
 
 /** Latencies on a logarithmic axis. */
@@ -71,9 +70,9 @@ export function plotDistribution(
   };
 }
 
-/** A line across the chart at the limit, of the axis that latencies are on. */
+/** A line across the chart at the latency that counts as immediate, of the axis that latencies are on. */
 export function drawLimit({ ctx, bbox, valToPos }: uPlot, axis: "x" | "y", ink: string): void {
-  const at = Math.round(valToPos(LIMIT, axis, true));
+  const at = Math.round(valToPos(INTERACTIVE, axis, true));
   ctx.save();
   ctx.strokeStyle = ink;
   ctx.setLineDash([4, 4]);

@@ -1,7 +1,8 @@
-/** A chart of an experiment's results; its legend is the table above it. What draws it is loaded when it is shown. */
+/** A chart of an experiment's results; its legend is the table above it. */
 import type { RefObject } from "preact";
-import { useEffect, useRef } from "preact/hooks";
+import { useCallback } from "preact/hooks";
 import type { Columns } from "../network/series";
+import { Chart } from "./chart";
 
 /** The share of inputs that were shown within a time, or the latency over the time of the movement. */
 export type ChartKind = "distribution" | "time";
@@ -19,22 +20,13 @@ interface Props {
 }
 
 export function ExperimentChart({ kind, columns, legend }: Props) {
-  const place = useRef<HTMLDivElement>(null);
-  useEffect(() => {
-    let stop: (() => void) | undefined;
-    let gone = false;
-    void import("./experiment-plot").then(({ plotResults }) => {
-      if (!gone && place.current && legend.current) stop = plotResults(place.current, legend.current, kind, columns);
-    });
-    return () => {
-      gone = true;
-      stop?.();
-    };
-  }, [kind, columns, legend]);
+  const load = useCallback(async () => {
+    const { plotResults } = await import("./experiment-plot");
+    return (place: HTMLElement, swatches: HTMLElement) => plotResults(place, swatches, kind, columns);
+  }, [kind, columns]);
   return (
-    <figure class="chart" aria-label={TITLES[kind]}>
-      <figcaption>{TITLES[kind]}</figcaption>
-      <div class="chart-place" ref={place} />
-    </figure>
+    <Chart name={TITLES[kind]} load={load} legend={legend}>
+      {TITLES[kind]}
+    </Chart>
   );
 }

@@ -1,11 +1,11 @@
 /** Sets up an experiment: what moves the camera, over which network, what is compared, and how often. */
 import { useSignal } from "@preact/signals";
 import type { ComponentChildren, TargetedSubmitEvent } from "preact";
-import { useEffect, useMemo } from "preact/hooks";
 import { CONTROLLER_NAMES } from "../abr/registry";
 import { type Draft, parseDraft, toggled } from "../experiment/draft";
-import { MovementError, placed } from "../experiment/movement";
-import { conditionOf, type Profile, RUN_MODE_NAMES, RUN_MODES, runsOf, timeFor } from "../experiment/plan";
+import { presentNetwork } from "../experiment/link";
+import { MovementError } from "../experiment/movement";
+import { conditionOf, type Profile, RUN_MODE_NAMES, RUN_MODES, runsOf, timeFor, UNSHAPED } from "../experiment/plan";
 import type { Shaper } from "../network/shaper";
 import type { ViewerSession } from "../player/session";
 import { config, settings } from "../state/app";
@@ -13,7 +13,7 @@ import { bitrate, clock } from "../state/format";
 import { EXPERIMENTS } from "../state/route";
 import { Select, TextField } from "./experiment-fields";
 import type { Wish } from "./experiment-lab";
-import { MovementChoice, openMovement, useMovements } from "./experiment-movement";
+import { MovementChoice, useMovementOpening, useMovements } from "./experiment-movement";
 
 interface Props {
   readonly session: ViewerSession;
@@ -27,10 +27,7 @@ interface Props {
 
 export function ExperimentForm({ session, shaper, store, draft, onDraft, onStart }: Props) {
   const problems = useSignal<readonly string[]>([]);
-  const busy = useSignal(false);
-  // Who closes the dialogue while a movement is on its way wants no experiment.
-  const closing = useMemo(() => new AbortController(), []);
-  useEffect(() => () => closing.abort(), [closing]);
+  const opening = useMovementOpening(store);
   const list = useMovements(store);
   const scene = session.scene.value;
   const set = (part: Partial<Draft>) => {
@@ -40,21 +37,18 @@ export function ExperimentForm({ session, shaper, store, draft, onDraft, onStart
 
   const submit = async (event: TargetedSubmitEvent<HTMLFormElement>) => {
     event.preventDefault();
-    const parsed = parseDraft(draft, scene?.id ?? "");
+    const parsed = parseDraft(draft, scene?.id ?? "", presentNetwork(shaper));
     problems.value = "problems" in parsed ? parsed.problems : [];
     if (scene === null) problems.value = [...problems.value, "The scene is not there yet."];
     const { movement, locked, exports } = draft;
     if (!("plan" in parsed) || scene === null || movement === null) return;
-    busy.value = true;
     try {
-      const { name, trace } = await openMovement(movement, store, closing.signal);
-      onStart({ plan: { ...parsed.plan, movement: name }, points: placed(trace, scene), locked, exports });
+      const opened = await opening.open(movement, scene);
+      if (opened === null) return;
+      onStart({ plan: { ...parsed.plan, movement: opened.name }, points: opened.points, locked, exports });
     } catch (error) {
-      if (closing.signal.aborted) return;
       if (!(error instanceof MovementError)) throw error;
       problems.value = [error.message];
-    } finally {
-      busy.value = false;
     }
   };
 
@@ -101,7 +95,7 @@ export function ExperimentForm({ session, shaper, store, draft, onDraft, onStart
             All experiments
           </a>
         )}
-        <button type="submit" class="button" disabled={busy.value}>
+        <button type="submit" class="button" disabled={opening.busy}>
           Start
         </button>
       </footer>
@@ -202,7 +196,7 @@ function Check({ checked, disabled, onChange, children }: CheckProps) {
 
 /** How many runs it is, and how long they take; `movement` is its duration in milliseconds. */
 function estimate(draft: Draft, movement = Number.POSITIVE_INFINITY): string {
-  const parsed = parseDraft({ ...draft, name: "x", movement: "x" }, "");
+  const parsed = parseDraft({ ...draft, name: "x", movement: "x" }, "", UNSHAPED);
   if ("problems" in parsed) return "";
   const runs = runsOf(parsed.plan).length;
   const short = movement < parsed.plan.duration_s * 1000 ? " The movement ends before a run does." : "";

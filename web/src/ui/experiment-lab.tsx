@@ -5,18 +5,18 @@ import type { ComponentChildren } from "preact";
 import { useEffect, useRef } from "preact/hooks";
 import { conduct } from "../experiment/conduct";
 import type { Draft } from "../experiment/draft";
-import { Experiment } from "../experiment/experiment";
+import { Experiment, type Hands, type Remainder } from "../experiment/experiment";
 import { measure } from "../experiment/measure";
 import type { ExperimentPlan } from "../experiment/plan";
 import type { PosePoint } from "../experiment/playback";
 import { toJson } from "../experiment/results";
 import type { Runner } from "../experiment/runner";
-import { fileName, save } from "../experiment/save";
+import { download, fileName, save } from "../experiment/save";
 import { StoreApi } from "../experiment/store-api";
 import { Shaper } from "../network/shaper";
 import type { ViewerSession } from "../player/session";
-import { ApiError } from "../state/api";
 import { config } from "../state/app";
+import { ExperimentContinue, type Unfinished } from "./experiment-continue";
 import { ExperimentForm } from "./experiment-form";
 import { ExperimentProgress } from "./experiment-progress";
 import { ExperimentResults } from "./experiment-results";
@@ -37,14 +37,24 @@ export interface Wish {
   readonly points: readonly PosePoint[];
   readonly locked: boolean;
   readonly exports: boolean;
+  /** What is missing of an experiment that was begun before. */
+  readonly remainder?: Remainder;
 }
 
 /** The last one, for as long as the page is open: its results outlast a visit to a scene. */
 const experiment = signal<Experiment | null>(null);
+/** What a person wants to go on with, in its own scene. */
+const unfinished = signal<Unfinished | null>(null);
 /** It is under way, or not saved. */
 export const experimentAtRisk = computed(
   () => experiment.value !== null && (experiment.value.progress.value !== null || experiment.value.unsaved.value),
 );
+
+/** Goes on with an experiment of the store as soon as its scene is opened; results that are not saved are shown first. */
+export function continueExperiment(wanted: Unfinished): void {
+  if (!experimentAtRisk.peek()) experiment.value = null;
+  unfinished.value = wanted;
+}
 
 export function ExperimentLab({ session, runner, open, locked }: Props) {
   const running = experiment.value !== null && experiment.value.progress.value !== null;
@@ -52,41 +62,60 @@ export function ExperimentLab({ session, runner, open, locked }: Props) {
   const base = config.value?.services.store;
   const store = base === undefined ? null : new StoreApi(base);
   const draft = useSignal<Draft | null>(null);
+  const rest = unfinished.value?.plan.scene === session.scene.value?.id ? unfinished.value : null;
   useEffect(() => () => experiment.peek()?.cancel(), []);
   useEffect(() => {
     if (open.value) draft.value ??= firstDraft(session);
   }, [open.value, draft, session]);
+  useEffect(() => {
+    if (rest) open.value = true;
+  }, [rest, open]);
 
-  const start = async ({ plan, points, locked: lock, exports }: Wish) => {
+  const start = async ({ plan, points, locked: lock, exports, remainder }: Wish) => {
     const bench = { session, runner, shaper, points };
-    const current = new Experiment(plan, new Date().toISOString(), {
+    const hands: Hands = {
       measure: (run, stage, signal) => measure(bench, run, stage, signal),
       store,
       now: () => performance.now(),
-    });
+    };
+    const current = new Experiment(plan, new Date().toISOString(), hands, remainder);
+    unfinished.value = null;
     experiment.value = current;
     open.value = false;
     locked.value = lock;
     await conduct(current, bench);
     locked.value = false;
     open.value = true;
-    if (exports) await exported(current, store);
+    if (exports) exported(current, store);
+  };
+  const shown = experiment.value ?? rest;
+  const close = () => {
+    open.value = false;
+    unfinished.value = null;
   };
 
   return (
     <>
-      <Dialog open={open} title={experiment.value ? experiment.value.plan.name : "Experiment"}>
+      <Dialog open={open.value} title={shown ? shown.plan.name : "Experiment"} onClose={close}>
         {experiment.value !== null && (
           <ExperimentResults
             experiment={experiment.value}
             store={store}
-            onExport={() => void (experiment.value && exported(experiment.value, store))}
+            onExport={() => experiment.value && exported(experiment.value, store)}
             onAgain={() => {
               experiment.value = null;
             }}
           />
         )}
-        {experiment.value === null && draft.value !== null && (
+        {experiment.value === null && rest !== null && (
+          <ExperimentContinue
+            session={session}
+            store={base}
+            unfinished={rest}
+            onStart={(points) => void start({ plan: rest.plan, points, locked: true, exports: false, remainder: rest })}
+          />
+        )}
+        {experiment.value === null && rest === null && draft.value !== null && (
           <ExperimentForm
             session={session}
             shaper={shaper}
@@ -121,24 +150,27 @@ function firstDraft({ scene, movement }: ViewerSession): Draft {
   };
 }
 
+interface DialogProps {
+  readonly open: boolean;
+  readonly title: string;
+  readonly onClose: () => void;
+  readonly children: ComponentChildren;
+}
+
 /** A modal dialogue; what is in it is there only while it is open. */
-function Dialog({ open, title, children }: { open: Signal<boolean>; title: string; children: ComponentChildren }) {
+function Dialog({ open, title, onClose, children }: DialogProps) {
   const dialog = useRef<HTMLDialogElement>(null);
-  const shown = open.value;
   useEffect(() => {
-    if (shown) dialog.current?.showModal();
+    if (open) dialog.current?.showModal();
     else dialog.current?.close();
-  }, [shown]);
-  const close = () => {
-    open.value = false;
-  };
+  }, [open]);
   return (
-    <dialog ref={dialog} class="experiment" aria-labelledby="experiment-title" onClose={close}>
+    <dialog ref={dialog} class="experiment" aria-labelledby="experiment-title" onClose={onClose}>
       <header>
         <h2 id="experiment-title">{title}</h2>
-        <IconButton icon={X} label="Close" onClick={close} />
+        <IconButton icon={X} label="Close" onClick={onClose} />
       </header>
-      {shown && children}
+      {open && children}
     </dialog>
   );
 }
@@ -159,18 +191,12 @@ function useShaper(base: string | undefined, wanted: boolean): Shaper | null {
 }
 
 /** Saves the store's archive, and in a file of its own whatever the store does not have. */
-async function exported(experiment: Experiment, store: StoreApi | null): Promise<void> {
-  const { plan, created, results, id, notice, saved } = experiment;
-  const name = plan.name;
-  if (results.peek().some(({ unstored }) => unstored !== null) || id.peek() === null) {
-    save(fileName(name, "json"), new Blob([toJson(plan, created, results.peek())], { type: "application/json" }));
+function exported({ plan, created, results, id, saved }: Experiment, store: StoreApi | null): void {
+  const kept = id.peek();
+  if (results.peek().some(({ unstored }) => unstored !== null) || kept === null) {
+    const json = toJson(plan, created, results.peek());
+    save(fileName(plan.name, "json"), new Blob([json], { type: "application/json" }));
     saved.value = true;
   }
-  if (store === null || id.peek() === null) return;
-  try {
-    save(fileName(name, "zip"), await store.zip(id.peek() ?? ""));
-  } catch (error) {
-    if (!(error instanceof ApiError)) throw error;
-    notice.value = `There is no ZIP: ${error.message}`;
-  }
+  if (store !== null && kept !== null) download(store.zipUrl(kept));
 }

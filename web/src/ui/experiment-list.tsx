@@ -1,11 +1,14 @@
 /** All experiments that the store keeps, the newest first, with their reports and archives. */
 import { useSignal } from "@preact/signals";
-import { Download, FileText } from "lucide";
+import { Download, FileText, Play } from "lucide";
 import { useEffect } from "preact/hooks";
+import { missingRuns, readPlan } from "../experiment/plan";
 import { StoreApi } from "../experiment/store-api";
 import { ApiError } from "../state/api";
 import { config, refresh } from "../state/app";
+import { sceneHash } from "../state/route";
 import type { ExperimentSummary } from "../store-wire";
+import { continueExperiment } from "./experiment-lab";
 import { Icon } from "./icon";
 import { ThemeButton } from "./theme-button";
 
@@ -39,27 +42,54 @@ export function ExperimentList() {
 
 function Kept({ base }: { base: string }) {
   const list = useSignal<readonly ExperimentSummary[] | null>(null);
-  const silence = useSignal<string | null>(null);
+  const problem = useSignal<string | null>(null);
   const store = new StoreApi(base);
+  const resume = async (id: string) => {
+    try {
+      const { plan: stored, runs } = await store.get(id);
+      const plan = readPlan(stored);
+      if (plan === null) {
+        problem.value = "This page cannot go on with that experiment: its plan is not one that this version makes.";
+        return;
+      }
+      continueExperiment({ id, plan, runs: missingRuns(plan, runs) });
+      location.hash = sceneHash(plan.scene);
+    } catch (error) {
+      if (!(error instanceof ApiError)) throw error;
+      problem.value = error.message;
+    }
+  };
   useEffect(() => {
     new StoreApi(base).list().then(
       (found) => {
         list.value = found;
       },
       (error: unknown) => {
-        silence.value = error instanceof ApiError ? error.message : "The list cannot be read.";
+        problem.value = error instanceof ApiError ? error.message : "The list cannot be read.";
       },
     );
-  }, [base, list, silence]);
-  if (silence.value) {
-    return (
-      <p class="notice" role="alert">
-        {silence.value}
-      </p>
-    );
-  }
-  if (list.value === null) return <p class="muted">Asking the store…</p>;
-  if (list.value.length === 0) return <p>There is none yet. Open a scene and press E to make one.</p>;
+  }, [base, list, problem]);
+  if (list.value === null && problem.value === null) return <p class="muted">Asking the store…</p>;
+  if (list.value?.length === 0) return <p>There is none yet. Open a scene and press E to make one.</p>;
+  return (
+    <>
+      {problem.value && (
+        <p class="notice" role="alert">
+          {problem.value}
+        </p>
+      )}
+      {list.value && <Table store={store} list={list.value} onContinue={(id) => void resume(id)} />}
+    </>
+  );
+}
+
+interface TableProps {
+  readonly store: StoreApi;
+  readonly list: readonly ExperimentSummary[];
+  readonly onContinue: (id: string) => void;
+}
+
+function Table({ store, list, onContinue }: TableProps) {
   return (
     <div class="experiment-list">
       <table>
@@ -73,27 +103,49 @@ function Kept({ base }: { base: string }) {
           </tr>
         </thead>
         <tbody>
-          {list.value.map(({ id, name, created, runs, complete }) => (
-            <tr key={id}>
-              <th scope="row">
-                {name}
-                <time class="muted small" dateTime={created}>
-                  {new Date(created).toLocaleString("en", { dateStyle: "medium", timeStyle: "short" })}
-                </time>
-              </th>
-              <td>{complete === runs ? runs : `${complete} of ${runs}`}</td>
-              <td>
-                <a class="with-icon" href={store.reportUrl(id)} target="_blank" rel="noreferrer">
-                  <Icon of={FileText} size={14} /> Report
-                </a>
-                <a class="with-icon" href={store.zipUrl(id)} download>
-                  <Icon of={Download} size={14} /> ZIP
-                </a>
-              </td>
-            </tr>
+          {list.map((one) => (
+            <Row key={one.id} store={store} experiment={one} onContinue={onContinue} />
           ))}
         </tbody>
       </table>
     </div>
+  );
+}
+
+interface RowProps {
+  readonly store: StoreApi;
+  readonly experiment: ExperimentSummary;
+  readonly onContinue: (id: string) => void;
+}
+
+function Row({ store, experiment: { id, name, created, source, planned, runs, complete }, onContinue }: RowProps) {
+  const unfinished = complete < (planned ?? 0);
+  const of = planned ?? runs;
+  return (
+    <tr>
+      <th scope="row">
+        {name}
+        <time class="muted small" dateTime={created}>
+          {new Date(created).toLocaleString("en", { dateStyle: "medium", timeStyle: "short" })}
+        </time>
+      </th>
+      <td>
+        {complete < of ? `${complete} of ${of}` : complete}
+        {unfinished && ", incomplete"}
+      </td>
+      <td>
+        {unfinished && source === "page" && (
+          <button type="button" class="quiet-button with-icon" onClick={() => onContinue(id)}>
+            <Icon of={Play} size={14} /> Continue
+          </button>
+        )}
+        <a class="with-icon" href={store.reportUrl(id)} target="_blank" rel="noreferrer">
+          <Icon of={FileText} size={14} /> Report
+        </a>
+        <a class="with-icon" href={store.zipUrl(id)} download>
+          <Icon of={Download} size={14} /> ZIP
+        </a>
+      </td>
+    </tr>
   );
 }

@@ -1,10 +1,14 @@
 /** The movement of an experiment: one of the store's, or a file or recording of this visit. */
+
+import { useSignal } from "@preact/signals";
 import { FolderOpen } from "lucide";
-import { useRef } from "preact/hooks";
-import { MovementError, readMovementFile } from "../experiment/movement";
+import { useEffect, useMemo, useRef } from "preact/hooks";
+import { MovementError, placed, readMovementFile } from "../experiment/movement";
 import { addFile, movements, type NamedMovement } from "../experiment/movement-deck";
 import { fetchMovement } from "../experiment/movements";
+import type { PosePoint } from "../experiment/playback";
 import { clock } from "../state/format";
+import type { SceneInfo } from "../wire";
 import { Select } from "./experiment-fields";
 import { Icon } from "./icon";
 import { useStoredMovements } from "./use-stored-movements";
@@ -28,12 +32,35 @@ export function useMovements(store: string | undefined): { listed: readonly List
   return { listed: [...kept, ...visit], silence };
 }
 
+export interface OpenedMovement {
+  readonly name: string;
+  /** In the scene's own frame. */
+  readonly points: readonly PosePoint[];
+}
+
+/** Opens the movement of a form. Whoever closes the form while a movement is on its way wants none. */
+export function useMovementOpening(store: string | undefined) {
+  const busy = useSignal(false);
+  const closing = useMemo(() => new AbortController(), []);
+  useEffect(() => () => closing.abort(), [closing]);
+  /** Null if the form was closed meanwhile. Rejects with a MovementError. */
+  const open = async (key: string, scene: SceneInfo): Promise<OpenedMovement | null> => {
+    busy.value = true;
+    try {
+      const { name, trace } = await movementOf(key, store, closing.signal);
+      return { name, points: placed(trace, scene) };
+    } catch (error) {
+      if (closing.signal.aborted) return null;
+      throw error;
+    } finally {
+      busy.value = false;
+    }
+  };
+  return { busy: busy.value, open };
+}
+
 /** The movement that a key names. Rejects with a MovementError, or because `signal` was aborted. */
-export async function openMovement(
-  key: string,
-  store: string | undefined,
-  signal: AbortSignal,
-): Promise<NamedMovement> {
+async function movementOf(key: string, store: string | undefined, signal: AbortSignal): Promise<NamedMovement> {
   const found = movements.peek().find(({ origin, name }) => `${origin}/${name}` === key);
   if (found) return found;
   const name = key.slice(key.indexOf("/") + 1);

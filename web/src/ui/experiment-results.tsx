@@ -1,4 +1,5 @@
 /** What an experiment found: figures per controller and mode, how latencies are distributed and went on, and where all is kept. */
+import { useSignal } from "@preact/signals";
 import { Download, FileText } from "lucide";
 import type { RefObject } from "preact";
 import { useMemo, useRef } from "preact/hooks";
@@ -26,6 +27,12 @@ export function ExperimentResults({ experiment, store, onExport, onAgain }: Prop
   const measured = results.some(({ answers }) => answers.length > 0);
   const id = experiment.id.value;
   const running = experiment.progress.value !== null;
+  const storing = useSignal(false);
+  const storeAgain = async () => {
+    storing.value = true;
+    await experiment.store();
+    storing.value = false;
+  };
   return (
     <div class="experiment-results">
       {experiment.cancelled && <p class="notice">It was cancelled; what was finished before is here.</p>}
@@ -47,6 +54,11 @@ export function ExperimentResults({ experiment, store, onExport, onAgain }: Prop
           <button type="button" class="button quiet" onClick={onAgain}>
             {experiment.unsaved.value ? "Discard, and begin anew" : "New experiment"}
           </button>
+          {store && results.some(({ unstored }) => unstored !== null) && (
+            <button type="button" class="button quiet" disabled={storing.value} onClick={() => void storeAgain()}>
+              Store again
+            </button>
+          )}
           {store && id !== null && (
             <>
               <a class="button quiet" href={EXPERIMENTS}>
@@ -70,7 +82,7 @@ const COLUMNS = [
   { title: "Latency p50", unit: "ms", of: "p50", digits: 0, factor: 1 },
   { title: "Latency p95", unit: "ms", of: "p95", digits: 0, factor: 1 },
   { title: `≤ ${INTERACTIVE} ms`, unit: "%", of: "interactive", digits: 0, factor: 100 },
-  { title: "Frames", unit: "/s", of: "framesPerSecond", digits: 1, factor: 1 },
+  { title: "New views", unit: "/s", of: "newViewsPerSecond", digits: 1, factor: 1 },
   { title: "Height", unit: "px", of: "meanHeight", digits: 0, factor: 1 },
   { title: "Switches", unit: "", of: "switches", digits: 1, factor: 1 },
   { title: "Received", unit: "Mbit/s", of: "received", digits: 1, factor: 1e-6 },

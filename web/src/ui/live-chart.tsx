@@ -1,7 +1,8 @@
-/** A chart of the last minute with its legend. What draws it is loaded when the first chart is shown. */
+/** A chart of the last minute with its legend. */
 import type { ReadonlySignal } from "@preact/signals";
-import { useEffect, useRef } from "preact/hooks";
+import { useCallback } from "preact/hooks";
 import type { Columns } from "../network/series";
+import { Chart } from "./chart";
 
 export interface Quantity {
   readonly label: string;
@@ -20,32 +21,20 @@ interface Props {
 }
 
 export function LiveChart({ name, quantities, columns }: Props) {
-  const place = useRef<HTMLDivElement>(null);
-  const legend = useRef<HTMLElement>(null);
-  useEffect(() => {
-    let stop: (() => void) | undefined;
-    let gone = false;
-    void import("./plot").then(({ plot }) => {
-      if (!gone && place.current && legend.current) stop = plot(place.current, legend.current, quantities, columns);
-    });
-    return () => {
-      gone = true;
-      stop?.();
-    };
+  const load = useCallback(async () => {
+    const { plot } = await import("./plot");
+    return (place: HTMLElement, legend: HTMLElement) => plot(place, legend, quantities, columns);
   }, [quantities, columns]);
   const latest = columns.value.slice(1).map((column) => column.at(-1) ?? null);
   return (
-    <figure class="chart" aria-label={name}>
-      <figcaption ref={legend}>
-        {quantities.map(({ label, unit, tone }, i) => (
-          <span key={label}>
-            <i class="swatch" data-tone={tone} />
-            {label} <output>{number(latest[i])}</output> {unit}
-          </span>
-        ))}
-      </figcaption>
-      <div class="chart-place" ref={place} />
-    </figure>
+    <Chart name={name} load={load}>
+      {quantities.map(({ label, unit, tone }, i) => (
+        <span key={label}>
+          <i class="swatch" data-tone={tone} />
+          {label} <output>{number(latest[i])}</output> {unit}
+        </span>
+      ))}
+    </Chart>
   );
 }
 

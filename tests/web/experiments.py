@@ -1,0 +1,59 @@
+"""What experiments of the page need: a viewer with a store and a shaper that only pretends, and the form filled in."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pytest
+from playwright.sync_api import Page
+
+from tests.web.conftest import STATIC
+from tests.web.fake_shaper import FakeShaper
+from tests.web.server import RenderServer, Store
+
+WALK = "# anchor: start\nt_ms,x,y,z,qx,qy,qz,qw\n" + "".join(
+    f"{t},{t / 8000:.4f},0,{t / 8000:.4f},0,0,0,1\n" for t in range(0, 2001, 50)
+)
+
+
+@dataclass(frozen=True)
+class PageLab:
+    """What runs, and where."""
+
+    url: str
+    shaper: FakeShaper
+    results: Path
+
+    def runs(self, folder: str) -> dict[str, Any]:
+        """What each run of the experiments in folders of such a name says of itself, by its profile."""
+        found = [json.loads(path.read_text()) for path in self.results.glob(f"{folder}/runs/*/run.json")]
+        by_profile = {run["configuration"]["profile"]: run for run in found}
+        assert len(by_profile) == len(found), "a run was made twice"
+        return by_profile
+
+
+@contextmanager
+def page_lab(models: Path, directory: Path) -> Iterator[PageLab]:
+    """The viewer of a render service that knows a store, with one movement, and a shaper."""
+    if not STATIC.exists():
+        pytest.skip("the web client is not built: cd web && npm ci && npm run build")
+    movements, results = directory / "movements", directory / "results"
+    movements.mkdir()
+    results.mkdir()
+    (movements / "walk.csv").write_text(WALK)
+    with Store("--results", str(results), "--movements", str(movements)) as store, FakeShaper() as shaper:
+        services = {"TIGAS_RENDER_SERVICES": json.dumps({"store": store.url, "shaper": shaper.url})}
+        with RenderServer("--scenes", str(models), environment=services) as render:
+            yield PageLab(render.url, shaper, results)
+
+
+def fill(page: Page, *, name: str, movement: str, seconds: str) -> None:
+    """The form, as far as all tests fill it in."""
+    page.get_by_role("textbox", name="Name").fill(name)
+    page.get_by_role("combobox", name="Movement").select_option(movement)
+    page.get_by_role("textbox", name="Each run lasts").fill(seconds)

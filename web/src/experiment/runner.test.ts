@@ -1,0 +1,76 @@
+import { signal } from "@preact/signals";
+import { afterEach, beforeEach, expect, test, vi } from "vitest";
+import { NO_NUDGE } from "../input/motion";
+import { Rig } from "../player/rig";
+import type { ViewerSession } from "../player/session";
+import { settle } from "../transport/fake";
+import type { SceneInfo } from "../wire";
+import { Runner } from "./runner";
+
+const SCENE = { id: "hall", up: [0, -1, 0], camera: { position: [0, -2, -8], look_at: [0, -2, 0] } } as SceneInfo;
+const STILL = { forward: 0, right: 0, up: 0, turnRight: 0, turnUp: 0 };
+const nothing = () => () => undefined;
+
+let now: number;
+let waiting: (() => void)[];
+let page: EventTarget & { visibilityState: string };
+let rig: Rig;
+let runner: Runner;
+
+beforeEach(() => {
+  now = 0;
+  waiting = [];
+  page = Object.assign(new EventTarget(), { visibilityState: "visible" });
+  vi.stubGlobal("document", page);
+  vi.stubGlobal("navigator", { userAgent: "a browser" });
+  vi.stubGlobal("requestAnimationFrame", (callback: () => void) => waiting.push(callback));
+  vi.spyOn(performance, "now").mockImplementation(() => now);
+  rig = new Rig({ sampleInput: () => ({ axes: STILL, nudge: NO_NUDGE }), turnSpeed: () => 60 });
+  rig.enter(SCENE);
+  const session = { rig, receivedBytes: 0, connected: signal(null), onPresented: nothing, onReplied: nothing };
+  runner = new Runner(session as unknown as ViewerSession);
+});
+
+afterEach(() => {
+  vi.unstubAllGlobals();
+  vi.restoreAllMocks();
+});
+
+/** The browser draws at these times, in milliseconds, and at no others. */
+async function drawn(...times: number[]): Promise<void> {
+  for (const time of times) {
+    now = time;
+    rig.sample(time);
+    for (const callback of waiting.splice(0)) callback();
+    await settle();
+  }
+}
+
+const every20 = (from: number, to: number) => Array.from({ length: (to - from) / 20 + 1 }, (_, i) => from + 20 * i);
+
+test.each([
+  ["was drawn from its start to its end", [every20(0, 4200)], true],
+  ["stood for half a second", [every20(0, 1000), every20(1500, 4200)], true],
+  ["stood for more than a second", [every20(0, 1000), every20(2100, 4200)], false],
+  ["stood from its first moment on", [[0], every20(1100, 4200)], false],
+  ["was hidden from its middle on until long after its end", [every20(0, 2000), every20(60_000, 60_200)], false],
+  ["stood after its end", [every20(0, 4020), every20(5400, 5600)], true],
+])("a movement of four seconds that %s", async (_, times, complete) => {
+  await drawn(-20);
+  const { position, quaternion } = rig.pose;
+  const plan = { points: [{ t_ms: 0, position, quaternion }], duration_ms: 4000, capture_every_ms: 0 };
+  const run = runner.run(plan);
+  await drawn(...times.flat());
+  await expect(run).resolves.toMatchObject({ complete, hidden: false });
+});
+
+test("a page that was hidden says so", async () => {
+  const { position, quaternion } = rig.pose;
+  const run = runner.run({ points: [{ t_ms: 0, position, quaternion }], duration_ms: 1000, capture_every_ms: 0 });
+  await drawn(...every20(0, 500));
+  page.visibilityState = "hidden";
+  page.dispatchEvent(new Event("visibilitychange"));
+  page.visibilityState = "visible";
+  await drawn(...every20(60_000, 60_200));
+  await expect(run).resolves.toMatchObject({ complete: false, hidden: true });
+});
