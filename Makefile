@@ -18,7 +18,7 @@ STATIC := services/render/tigas_render/static/index.html
 
 help:
 	@echo "make demo   install what is missing, start the demo and print its URL"
-	@echo "make test   install what is missing and run every test, in browsers too"
+	@echo "make test   install what is missing and run all tests but those of the containers, in browsers too"
 	@echo "make test-compose  start the containers, test them through the shaped link and remove them"
 	@echo "make compare  measure one JPEG per pose against low-latency DASH over a shaped link, into results/ (about 10 minutes, as root)"
 	@echo "make lint   check types, style and generated files"
@@ -28,9 +28,7 @@ help:
 	@echo "make format, make clean"
 
 demo: .venv/.ready $(STATIC)
-	@if [ -n '$(ARGS)' ]; then \
-		exec $(VENV)/tigas render $(if $(SCENES),--scenes $(SCENES)) $(ARGS); \
-	elif $(VENV)/tigas lab check; then \
+	@if [ -z '$(ARGS)' ] && $(VENV)/tigas lab check; then \
 		echo "== behind a shaped link: the page's network panel replays traces on it"; \
 		exec $(VENV)/tigas lab up --traces traces/network $(if $(SCENES),--scenes $(SCENES)); \
 	else \
@@ -38,8 +36,8 @@ demo: .venv/.ready $(STATIC)
 		trap 'kill $$(jobs -p) 2>/dev/null; wait' EXIT; trap 'exit 130' INT TERM; \
 		$(VENV)/tigas dash & \
 		$(VENV)/tigas store & \
-		TIGAS_RENDER_SERVICES='{"dash": ":8081", "store": ":8091"}' $(VENV)/tigas render $(if $(SCENES),--scenes $(SCENES)) & \
-		wait -n; \
+		TIGAS_RENDER_SERVICES='{"dash": ":8081", "store": ":8091"}' $(VENV)/tigas render $(if $(SCENES),--scenes $(SCENES)) $(ARGS) & \
+		wait $$!; \
 	fi
 
 test: .venv/.ready $(STATIC)
@@ -80,18 +78,19 @@ gpu: .venv/.gpu
 
 .venv/.gpu: .venv/.ready
 	@$(VENV)/pip install --disable-pip-version-check -q -c constraints.txt -e '.[gpu]'
+	@$(VENV)/python -c 'import sys, torch; sys.exit(torch.version.cuda is None)' || { echo "The installed PyTorch is built without CUDA: make clean, then make gpu without TORCH_INDEX"; exit 1; }
 	@touch $@
 
 .venv/.ready: pyproject.toml constraints.txt
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { echo "TIGAS needs Python 3.11 or newer: make PYTHON=python3.12 $(MAKECMDGOALS)"; exit 1; }
-	@echo "== Python environment in .venv (the first time this downloads about 300 MB)"
+	@echo "== Python environment in .venv (the first time this takes minutes: PyTorch is large)"
 	@$(PYTHON) -m venv .venv || { echo "Python cannot make virtual environments: sudo apt-get install python3-venv"; exit 1; }
-	@$(if $(TORCH_INDEX),$(VENV)/pip install --disable-pip-version-check -q -c constraints.txt --index-url $(TORCH_INDEX) torch)
-	@$(VENV)/pip install --disable-pip-version-check --progress-bar on -c constraints.txt -e '.[dev]' | grep -E '^(Collecting|Downloading|Successfully)' || { echo "pip failed; run it again to see why"; exit 1; }
+	@$(if $(TORCH_INDEX),$(VENV)/pip install --disable-pip-version-check -q -c constraints.txt --index-url $(TORCH_INDEX) --no-deps torch)
+	@set -o pipefail; $(VENV)/pip install --disable-pip-version-check --progress-bar on -c constraints.txt -e '.[dev]' | grep -E '^(Collecting|Downloading|Successfully)' || { echo "pip failed; run it again to see why"; exit 1; }
 	@touch $@
 
 web/node_modules/.ready: web/package.json web/package-lock.json
-	@node -e 'process.exit(parseInt(process.versions.node) < 20 ? 1 : 0)' 2>/dev/null || { echo "The web client needs Node.js 20 or newer: https://nodejs.org, or sudo apt-get install nodejs npm"; exit 1; }
+	@node -e 'const [major, minor] = process.versions.node.split("."); process.exit(major > 22 || (major == 22 && minor >= 12) || (major == 20 && minor >= 19) ? 0 : 1)' 2>/dev/null || { echo "The web client needs Node.js 20.19, or 22.12 or newer: https://nodejs.org"; exit 1; }
 	@echo "== web client: dependencies"
 	@cd web && npm ci --no-audit --no-fund --loglevel=error
 	@touch $@

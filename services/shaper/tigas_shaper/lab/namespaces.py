@@ -34,7 +34,7 @@ ROLES: tuple[Role, ...] = ("client", "gateway", "service")
 HOST_ADDRESS, CLIENT_HOST_ADDRESS = "198.18.0.1", "198.18.0.2"
 CLIENT_ADDRESS, GATEWAY_ADDRESS = "198.18.1.2", "198.18.1.1"
 GATEWAY_SERVICE_ADDRESS, SERVICE_ADDRESS = "198.18.2.1", "198.18.2.2"
-TOOLS = {"ip": "iproute2", "nft": "nftables", "ethtool": "ethtool"}
+TOOLS = {"ip": "iproute2", "nft": "nftables", "ethtool": "ethtool", "sysctl": "procps"}
 """Commands that the lab runs, and the Debian packages that they are in."""
 _NAME = re.compile(r"[a-z0-9]{1,20}")
 
