@@ -2,11 +2,12 @@
 
     python benchmarks/dash.py [--seconds 60] [--width 640] [--height 360]
 
-A viewer walks through the demo scene; its stream is read as a player reads it. A chunk's delay is counted from the tick
-that it belongs to (its media time on the wall clock) until its last byte was read here. The baseline, in the same run,
-is FFmpeg's own muxer for fragmented MP4 (`frag_every_frame`), which gives a frame out when it gets the next one.
-Memory is that of the packager's process: over the session, and after ten more were opened and dropped, eight times
-over: the first ones leave what the allocator keeps for the next, the last ones must add nothing.
+A viewer looks around in the demo scene; the best representation of the stream is read as a player reads it. A chunk's
+delay is counted from the tick that it belongs to (its media time on the wall clock) until its last byte was read here.
+The baseline, in the same run, is FFmpeg's own muxer for fragmented MP4 (`frag_every_frame`), which gives a frame out
+when it gets the next one. Memory is that of the packager's process: over the session, and after ten more were opened
+and dropped, sixteen times over: the first ones leave what the allocator keeps for the next, the last ones must add
+nothing.
 """
 
 from __future__ import annotations
@@ -33,7 +34,7 @@ from websockets.asyncio.client import connect
 
 RATE = 30
 WARM_UP_S = 10
-ROUNDS = 8
+ROUNDS = 16
 LIMIT_MB = 5
 
 
@@ -60,11 +61,10 @@ async def answers(http: httpx.AsyncClient) -> None:
 
 
 def session_request(width: int, height: int) -> dict[str, Any]:
-    """The demo scene from its door, in one representation of the viewport's size."""
-    rung = {1280: 0, 960: 1, 640: 2, 320: 3}[width]
+    """The demo scene from its door, in the representations that the viewer has, too: the packager's own choice."""
     view = {"fx": width / 2, "fy": width / 2, "cx": width / 2, "cy": height / 2, "width": width, "height": height}
     pose = {"position": [0, -1.75, -6], "quaternion": [0, 0, 0, 1]}
-    return {"scene": "courtyard", **pose, **view, "representations": [{"rung": rung}], "frame_rate": RATE}
+    return {"scene": "courtyard", **pose, **view, "frame_rate": RATE}
 
 
 @asynccontextmanager
@@ -91,10 +91,10 @@ async def walking(port: int, session: dict[str, Any]) -> AsyncIterator[None]:
 
 
 async def chunk_delays(http: httpx.AsyncClient, session: dict[str, Any], seconds: float) -> list[float]:
-    """Milliseconds from each chunk's tick until it was read."""
+    """Milliseconds from each chunk's tick until it was read, in the best representation."""
     mpd = ET.fromstring((await http.get(session["manifest"])).content)
     started = datetime.fromisoformat(mpd.attrib["availabilityStartTime"])
-    (one,) = session["representations"]
+    one, *_ = session["representations"]
     now = datetime.fromisoformat((await http.get("/time")).text)
     ahead = now - datetime.now(UTC)
     number = int((now - started).total_seconds() / session["segment_s"]) + 1
@@ -189,8 +189,11 @@ async def main() -> int:
                         await asyncio.sleep(0.2)
                 left.append((memory.memory_info().rss / 1e6, memory.num_threads()))
     frames = after["frames"] - before["frames"]
-    print(f"{arguments.width}×{arguments.height}, {frames / arguments.seconds:.1f} frames/s in the stream, of which")
-    for name in ("repeated", "skipped"):
+    offered = ", ".join(one["id"] for one in session["representations"])
+    print(
+        f"{arguments.width}×{arguments.height} as {offered}: {frames / arguments.seconds:.1f} frames/s in the stream;"
+    )
+    for name in ("repeated", "dropped"):
         print(f"  {name:9} {100 * (after[name] - before[name]) / frames:5.1f} %")
     print(f"\n{'delay':44} {'p50':>8} {'p95':>8}")
     show("tick → rendered, encoded, read by the player", delays)
@@ -201,7 +204,7 @@ async def main() -> int:
     rounds = ", ".join(f"{megabytes:.0f}" for megabytes, _ in left)
     print(f"then, each time after ten sessions at once were opened and dropped: {rounds} MB")
     print(f"threads: {left[0][1]} → {left[-1][1]}")
-    return int(max(ended_with - started_with, left[-1][0] - left[ROUNDS // 2][0]) > LIMIT_MB)
+    return int(max(ended_with - started_with, left[-1][0] - left[3 * ROUNDS // 4][0]) > LIMIT_MB)
 
 
 if __name__ == "__main__":

@@ -19,7 +19,7 @@ from tigas_dash.representation import Representation
 
 RATE, UNITS, PER_SEGMENT = 30, 1000, 5
 START = datetime(2026, 1, 31, 12, tzinfo=UTC)
-LADDER = (Representation("r2", 2, 640, 360, 1500), Representation("r3", 3, 318, 178, 400))
+LADDER = (Representation(2, 640, 360, 1500), Representation(3, 318, 178, 400))
 
 
 def encoded(frames: int) -> tuple[LadderEncoder, list[list[Sample]]]:
@@ -31,9 +31,9 @@ def encoded(frames: int) -> tuple[LadderEncoder, list[list[Sample]]]:
 def one_chunk(sample: Sample, number: int) -> bytes:
     return chunk(
         [sample],
+        [UNITS],
         sequence=number + 1,
         decode_time=number * UNITS,
-        duration=UNITS,
         captured=START + timedelta(seconds=number / RATE),
         first=number % PER_SEGMENT == 0,
     )

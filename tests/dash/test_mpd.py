@@ -11,7 +11,7 @@ from tigas_dash.representation import Representation
 NS = {"d": "urn:mpeg:dash:schema:mpd:2011"}
 STREAM = Stream(
     start=datetime(2026, 1, 31, 12, tzinfo=UTC),
-    ladder=(Representation("r2", 2, 640, 360, 1500), Representation("r3", 3, 320, 180, 500)),
+    ladder=(Representation(2, 640, 360, 1500), Representation(3, 320, 180, 500)),
     codecs=("avc1.42C01E", "avc1.42C00D"),
     frame_rate=30,
     timescale=30_000,
@@ -55,8 +55,8 @@ def test_players_are_told_the_latency_and_the_time() -> None:
 def test_every_representation_can_be_chosen() -> None:
     rows = [element.attrib for element in parsed().iter(f"{{{NS['d']}}}Representation")]
     assert [(row["id"], row["bandwidth"], row["codecs"], row["width"], row["height"]) for row in rows] == [
-        ("r2", "1500000", "avc1.42C01E", "640", "360"),
-        ("r3", "500000", "avc1.42C00D", "320", "180"),
+        ("r2-1500", "1500000", "avc1.42C01E", "640", "360"),
+        ("r3-500", "500000", "avc1.42C00D", "320", "180"),
     ]
 
 

@@ -7,13 +7,14 @@ import json
 import shutil
 import subprocess
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 from urllib.request import Request, urlopen
 
 import av
 import pytest
-from playwright.sync_api import sync_playwright
+from playwright.sync_api import Page, sync_playwright
 from websockets.sync.client import ClientConnection, connect
 
 from tests.dash.conftest import session_request
@@ -23,15 +24,14 @@ from tests.web.server import Packager, RenderServer
 __all__ = ["models"]
 SHAKA = Path(__file__).parents[2] / "web/node_modules/shaka-player/dist/shaka-player.compiled.js"
 PAGE = """<!doctype html><video muted style="width: 640px"></video><script src="/shaka.js"></script><script>
-const video = document.querySelector("video"), seen = new Set();
+const video = document.querySelector("video");
+const player = new shaka.Player();
 window.result = () => ({time: video.currentTime, frames: video.getVideoPlaybackQuality().totalVideoFrames,
-                        widths: [...seen], failed: window.failed});
-const watch = () => { if (video.videoWidth) seen.add(video.videoWidth); requestAnimationFrame(watch); };
-watch();
+                        width: video.videoWidth, failed: window.failed});
+window.choose = (height) => player.selectVariantTrack(player.getVariantTracks().find((one) => one.height === height));
 (async () => {
-  const player = new shaka.Player();
   await player.attach(video);
-  player.configure({streaming: {lowLatencyMode: true}, abr: {enabled: true}});
+  player.configure({streaming: {lowLatencyMode: true}, abr: {enabled: ABR}});
   await player.load(MANIFEST);
   await video.play();
 })().catch((error) => { window.failed = String(error.message ?? error); });
@@ -55,17 +55,20 @@ def packager(render: RenderServer) -> Iterator[Packager]:
 
 
 @pytest.fixture
-def stream(packager: Packager) -> str:
+def stream(packager: Packager) -> Iterator[str]:
     """The URL of a new stream, without the manifest's name; it has two representations."""
     wanted = session_request(
         scene="pebbles", position=[0, 0, 0], segment_s=1, representations=[{"rung": 2}, {"rung": 3}]
     )
     with urlopen(Request(f"{packager.url}/sessions", json.dumps(wanted).encode())) as answer:
         session: dict[str, Any] = json.load(answer)
-    return f"{packager.url}{session['manifest']}".removesuffix("manifest.mpd")
+    yield f"{packager.url}{session['manifest']}".removesuffix("manifest.mpd")
+    urlopen(Request(f"{packager.url}/sessions/{session['id']}", method="DELETE")).close()
 
 
-def test_plays_in_shaka_player(stream: str) -> None:
+@contextmanager
+def shaka_player(stream: str, *, abr: bool) -> Iterator[Page]:
+    """A page that plays a stream in Shaka Player; `abr`: the player chooses the representation."""
     if CHROMIUM is None:
         pytest.skip("Chromium is not installed: sudo apt-get install chromium")
     if not SHAKA.exists():
@@ -73,17 +76,39 @@ def test_plays_in_shaka_player(stream: str) -> None:
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=CHROMIUM, args=CHROMIUM_ARGS)
         page = browser.new_page()
+        page.set_default_timeout(60_000)
         # From the packager's own origin, as far as the browser knows.
         origin = stream.partition("/sessions")[0]
-        html = PAGE.replace("MANIFEST", f"'{stream}manifest.mpd'")
+        html = PAGE.replace("MANIFEST", f"'{stream}manifest.mpd'").replace("ABR", json.dumps(abr))
         page.route(f"{origin}/player", lambda route: route.fulfill(body=html, content_type="text/html"))
         page.route(f"{origin}/shaka.js", lambda route: route.fulfill(path=SHAKA, content_type="text/javascript"))
         page.goto(f"{origin}/player")
-        page.wait_for_function("() => window.failed || window.result().frames >= 90", timeout=60_000)
-        result = page.evaluate("window.result()")
+        yield page
         browser.close()
+
+
+def wait_for(page: Page, condition: str) -> dict[str, Any]:
+    """The player's state once it is as wanted: an expression of `result`."""
+    page.wait_for_function(f"() => {{ const result = window.result(); return result.failed || ({condition}); }}")
+    result: dict[str, Any] = page.evaluate("window.result()")
     assert result["failed"] is None
-    assert set(result["widths"]) <= {640, 320}
+    return result
+
+
+def test_plays_in_shaka_player(stream: str) -> None:
+    with shaka_player(stream, abr=True) as page:
+        assert wait_for(page, "result.frames >= 90")["width"] in (640, 320)
+
+
+def test_a_player_may_switch_between_representations_and_plays_on(stream: str) -> None:
+    with shaka_player(stream, abr=False) as page:
+        wait_for(page, "result.frames >= 10")
+        for width, height in ((320, 180), (640, 360), (320, 180)):
+            page.evaluate("window.choose", height)
+            switched = wait_for(page, f"result.width === {width}")
+            later = wait_for(page, f"result.frames >= {switched['frames']} + 45")
+            assert later["width"] == width
+            assert later["time"] > switched["time"] + 1
 
 
 def test_plays_in_ffmpeg(stream: str) -> None:
@@ -116,10 +141,11 @@ def test_decodes_in_pyav_across_segments(stream: str) -> None:
             data: bytes = answer.read()
         return data
 
-    data = get("r3/init.mp4") + get("r3/1.m4s") + get("r3/2.m4s")
+    data = get("r3-500/init.mp4") + get("r3-500/1.m4s") + get("r3-500/2.m4s")
     with av.open(io.BytesIO(data)) as container:
-        times = [round(float(frame.time or 0) * 30) for frame in container.decode(video=0)]
-    assert times == list(range(60))
+        frames = [(frame.time or 0.0, frame.duration * (frame.time_base or 0)) for frame in container.decode(video=0)]
+    ends = [0.0, *(time + float(lasts) for time, lasts in frames)]
+    assert ends == pytest.approx([*(time for time, _ in frames), 2.0])
 
 
 def test_a_stream_goes_on_while_its_render_service_is_dead_and_recovers(

@@ -18,7 +18,9 @@ from websockets.exceptions import ConnectionClosed
 from tests.dash.boxes import contents
 from tests.dash.conftest import Packager, pose, running_packager, session_request
 from tests.dash.fakes import BUSY
+from tigas_dash.app import create_app
 from tigas_dash.encoder import Encoder
+from tigas_dash.session import Session
 
 pytestmark = pytest.mark.anyio
 PATIENCE_S = 20
@@ -32,6 +34,14 @@ async def until(condition: Callable[[dict[str, Any]], bool], packager: Packager,
         await asyncio.sleep(0.01)
 
 
+async def until_idle(packager: Packager) -> None:
+    """Until every stream has ended."""
+    deadline = time.monotonic() + PATIENCE_S
+    while packager.sessions.all():
+        assert time.monotonic() < deadline
+        await asyncio.sleep(0.01)
+
+
 async def told(socket_: Any, wanted: Callable[[dict[str, Any]], bool]) -> dict[str, Any]:
     """The first announcement that is as wanted."""
     async with asyncio.timeout(PATIENCE_S):
@@ -41,14 +51,19 @@ async def told(socket_: Any, wanted: Callable[[dict[str, Any]], bool]) -> dict[s
     return found
 
 
-async def brightness(packager: Packager, session: dict[str, Any], number: int, representation: str = "r3") -> list[int]:
-    """The grey of each frame of a segment."""
+async def brightness(
+    packager: Packager, session: dict[str, Any], number: int, representation: str = "r3-500"
+) -> dict[int, int]:
+    """The grey of each frame of a segment, by the frame's number."""
     base = f"/sessions/{session['id']}/{representation}"
     data = (await packager.http.get(f"{base}/init.mp4")).content + (
         await packager.http.get(f"{base}/{number}.m4s")
     ).content
     with av.open(io.BytesIO(data)) as container:
-        return [round(float(frame.to_ndarray()[: frame.height].mean())) for frame in container.decode(video=0)]
+        return {
+            round(float(frame.time or 0) * 30): round(float(frame.to_ndarray()[: frame.height].mean()))
+            for frame in container.decode(video=0)
+        }
 
 
 async def test_a_pose_shows_in_the_stream_and_the_socket_says_in_which_frame(packager: Packager) -> None:
@@ -57,11 +72,10 @@ async def test_a_pose_shows_in_the_stream_and_the_socket_says_in_which_frame(pac
         await socket_.send(pose(7, 200))
         shown = await told(socket_, lambda message: message.get("pose") == 7)
     assert shown["media_time_s"] == pytest.approx(shown["frame"] / 30)
-    segment, place = divmod(shown["frame"], 15)
-    greys = await brightness(packager, session, segment + 1)
-    assert greys[place] == pytest.approx(200, abs=4)
-    if place:
-        assert greys[place - 1] == pytest.approx(100, abs=4)
+    greys = await brightness(packager, session, shown["frame"] // 15 + 1)
+    assert shown["frame"] in greys
+    for number, luma in greys.items():
+        assert luma == pytest.approx(200 if number >= shown["frame"] else 100, abs=4)
 
 
 async def test_a_growing_segment_is_sent_chunk_by_chunk_to_every_reader(packager: Packager) -> None:
@@ -69,7 +83,7 @@ async def test_a_growing_segment_is_sent_chunk_by_chunk_to_every_reader(packager
 
     async def arrivals() -> list[float]:
         times = []
-        path = f"/sessions/{session['id']}/r3/2.m4s"
+        path = f"/sessions/{session['id']}/r3-500/2.m4s"
         async with packager.http.stream("GET", path, headers={"origin": "http://localhost:8080"}) as answer:
             assert answer.headers["transfer-encoding"] == "chunked"
             assert answer.headers["access-control-allow-origin"] == "*"
@@ -78,7 +92,7 @@ async def test_a_growing_segment_is_sent_chunk_by_chunk_to_every_reader(packager
         return times
 
     for times in await asyncio.gather(arrivals(), arrivals()):
-        assert len(times) == 30
+        assert len(times) > 20
         assert times[-1] - times[0] > 0.7, "the segment came as a whole"
 
 
@@ -112,6 +126,7 @@ async def test_the_stream_outlives_a_render_service_that_fails(packager: Package
         assert (await packager.status(session))["render_problem"] == BUSY.detail
         before = (await packager.status(session))["frames"]
         await until(lambda status: status["frames"] > before + 10, packager, session)
+        await until(lambda status: status["repeated"] > 10, packager, session)
         packager.render.error = None
         await told(socket_, lambda message: message.get("pose") == 1)
     await until(lambda status: status["render_problem"] is None, packager, session)
@@ -135,16 +150,15 @@ async def test_a_still_camera_is_not_rendered_again(packager: Packager) -> None:
 
 
 async def test_one_render_per_tick_makes_every_representation(packager: Packager) -> None:
-    session = await packager.open(representations=[{"rung": 3}, {"rung": 2, "bitrate_kbps": 900}])
-    assert [(one["id"], one["width"], one["height"]) for one in session["representations"]] == [
-        ("r2", 640, 360),
-        ("r3", 320, 180),
-    ]
-    assert session["representations"][0]["bitrate_kbps"] == 900
+    session = await packager.open(representations=[{"rung": 3}, {"rung": 2}, {"rung": 2, "bitrate_kbps": 900}])
+    names = [(one["id"], one["width"], one["height"], one["bitrate_kbps"]) for one in session["representations"]]
+    assert names == [("r2-1414", 640, 360, 1414), ("r2-900", 640, 360, 900), ("r3-500", 320, 180, 500)]
     await until(lambda status: status["frames"] >= 15, packager, session)
     assert {(one.width, one.height) for one in packager.render.requests} == {(640, 360)}
-    for name in ("r2", "r3"):
-        assert await brightness(packager, session, 1, name) == pytest.approx([100] * 15, abs=4)
+    for name, *_ in names:
+        greys = await brightness(packager, session, 1, name)
+        assert list(greys.values()) == pytest.approx([100] * len(greys), abs=4)
+        assert greys
 
 
 async def test_an_encoder_that_fails_is_replaced(packager: Packager, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -159,8 +173,8 @@ async def test_an_encoder_that_fails_is_replaced(packager: Packager, monkeypatch
 
     monkeypatch.setattr(Encoder, "encode", fail_once)
     await until(lambda status: status["encoder_failures"] == 1, packager, session)
-    number = (await packager.status(session))["frames"] // 15 + 1
-    assert len(await brightness(packager, session, number)) == 15
+    status = await packager.status(session)
+    assert await brightness(packager, session, (status["frames"] + status["dropped"]) // 15 + 1)
 
 
 async def test_an_encoder_that_fails_for_good_ends_the_stream(
@@ -196,6 +210,7 @@ async def test_an_encoder_that_fails_for_good_ends_the_stream(
         ({"representations": []}, 400, "invalid-request"),
         ({"representations": [{"rung": 0}] * 50}, 400, "invalid-request"),
         ({"representations": [{"rung": 3}, {"rung": 3}]}, 400, "invalid-request"),
+        ({"representations": [{"rung": 3}, {"rung": 3, "bitrate_kbps": 500}]}, 400, "invalid-request"),
         ({"representations": [{"rung": 9}]}, 400, "invalid-request"),
         ({"representations": [{"rung": 3, "bitrate_kbps": 0}]}, 400, "invalid-request"),
         ({"quaternion": [0, 0, 0, 0]}, 400, "invalid-request"),
@@ -238,13 +253,13 @@ async def test_poses_that_cannot_be_read_are_answered_and_change_nothing(package
 @pytest.mark.parametrize(
     ("path", "status"),
     [
-        ("r3/0.m4s", 404),
-        ("r3/999.m4s", 404),
-        ("r3/99999999999999999999.m4s", 404),
-        ("r3/-1.m4s", 404),
-        ("r3/1e3.m4s", 404),
-        ("r3/²½.m4s", 404),
-        ("r3/%2e%2e%2f1.m4s", 404),
+        ("r3-500/0.m4s", 404),
+        ("r3-500/999.m4s", 404),
+        ("r3-500/99999999999999999999.m4s", 404),
+        ("r3-500/-1.m4s", 404),
+        ("r3-500/1e3.m4s", 404),
+        ("r3-500/²½.m4s", 404),
+        ("r3-500/%2e%2e%2f1.m4s", 404),
         ("r9/1.m4s", 404),
         ("r9/init.mp4", 404),
         ("other", 404),
@@ -261,7 +276,8 @@ async def test_an_expired_segment_is_gone(packager: Packager, monkeypatch: pytes
     monkeypatch.setattr("tigas_dash.session.WINDOW_S", 0.5)
     session = await packager.open(segment_s=0.2, frame_rate=60)
     await until(lambda status: status["frames"] > 12 * 5, packager, session)
-    assert (await packager.http.get(f"/sessions/{session['id']}/r3/1.m4s")).status_code == 410
+    (one,) = session["representations"]
+    assert (await packager.http.get(f"/sessions/{session['id']}/{one['id']}/1.m4s")).status_code == 410
 
 
 async def test_no_more_sessions_than_may_be(packager: Packager) -> None:
@@ -282,9 +298,7 @@ async def test_a_stream_that_nobody_watches_ends_and_one_that_is_watched_does_no
                 assert time.monotonic() < deadline
                 await asyncio.sleep(0.05)
             assert (await packager.http.get(left["manifest"])).status_code == 404
-        while packager.sessions.all():
-            assert time.monotonic() < deadline
-            await asyncio.sleep(0.05)
+        await until_idle(packager)
 
 
 async def test_a_reader_that_stops_reading_holds_up_nobody(packager: Packager) -> None:
@@ -292,10 +306,10 @@ async def test_a_reader_that_stops_reading_holds_up_nobody(packager: Packager) -
     stuck = socket.create_connection(("127.0.0.1", packager.port))
     stuck.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 1024)
     for number in range(1, 4):
-        stuck.sendall(f"GET /sessions/{session['id']}/r3/{number}.m4s HTTP/1.1\r\nHost: x\r\n\r\n".encode())
+        stuck.sendall(f"GET /sessions/{session['id']}/r3-5000/{number}.m4s HTTP/1.1\r\nHost: x\r\n\r\n".encode())
     before = (await packager.status(session))["frames"]
     await until(lambda status: status["frames"] > before + 30, packager, session)
-    assert len(await brightness(packager, session, 3)) == 15
+    assert await brightness(packager, session, 3, "r3-5000")
     stuck.close()
 
 
@@ -304,7 +318,7 @@ async def test_the_end_of_a_session_ends_its_readers_and_watchers(packager: Pack
     async with packager.poses(session) as socket_:
 
         async def read() -> bytes:
-            return (await packager.http.get(f"/sessions/{session['id']}/r3/1.m4s")).content
+            return (await packager.http.get(f"/sessions/{session['id']}/r3-500/1.m4s")).content
 
         reading = asyncio.ensure_future(read())
         await until(lambda status: status["frames"] > 10, packager, session)
@@ -313,6 +327,47 @@ async def test_the_end_of_a_session_ends_its_readers_and_watchers(packager: Pack
             assert contents(await reading, b"moof")
             with pytest.raises(ConnectionClosed):
                 await told(socket_, lambda _: False)
+
+
+async def test_housekeeping_goes_on_though_a_stream_ended_before_its_turn(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("tigas_dash.sessions.HOUSEKEEPING_S", 0.01)
+    run = Session.run
+    ended: list[Session] = []
+
+    async def run_and_end_the_others(self: Session) -> None:
+        try:
+            await run(self)
+        finally:
+            if not ended:
+                ended.append(self)
+                for other in packager.sessions.all():
+                    if other is not self:
+                        await packager.sessions.end(other.name)
+
+    monkeypatch.setattr(Session, "run", run_and_end_the_others)
+    async with running_packager() as packager:
+        await packager.open()
+        await packager.open()
+        packager.sessions._idle_s = 0
+        await until_idle(packager)
+        await packager.open()
+        await until_idle(packager)
+
+
+async def test_a_client_that_left_while_its_stream_was_opened_leaves_none_behind(packager: Packager) -> None:
+    body = json.dumps(session_request()).encode()
+    messages = [{"type": "http.request", "body": body}, {"type": "http.disconnect"}]
+
+    async def receive() -> Any:
+        return messages.pop(0)
+
+    async def send(_: Any) -> None:
+        pass
+
+    scope = {"type": "http", "method": "POST", "path": "/sessions", "query_string": b"", "headers": []}
+    await create_app(packager.sessions)(scope, receive, send)
+    assert len(packager.render.requests) == 1
+    assert packager.sessions.all() == []
 
 
 async def test_a_packager_without_a_render_service_says_so(packager: Packager) -> None:

@@ -137,7 +137,7 @@ export interface SessionStatus {
   age_s: number;
   frames: number;
   repeated: number;
-  skipped: number;
+  dropped: number;
   poses: number;
   render_failures: number;
   render_problem: string | null;

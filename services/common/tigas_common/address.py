@@ -6,6 +6,9 @@ import ipaddress
 import socket
 from dataclasses import dataclass
 
+UNREAD_S = 30
+"""A peer that takes nothing of what is sent to it for so long loses its connection, in seconds (on Linux)."""
+
 
 @dataclass(frozen=True, slots=True)
 class Address:
@@ -50,6 +53,8 @@ class Address:
         listener = socket.socket(family, kind, protocol)
         try:
             listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            if hasattr(socket, "TCP_USER_TIMEOUT"):  # connections that are accepted inherit it
+                listener.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, UNREAD_S * 1000)
             listener.bind(target)
             listener.listen(1024)
         except OSError:

@@ -56,7 +56,10 @@ def create_app(sessions: Sessions) -> Starlette:
 
 async def open_session(request: Request) -> Response:
     """A stream of one's own."""
-    session = await _sessions(request).open(parse(SessionRequest, await read_body(request, MAX_BODY)))
+    sessions = _sessions(request)
+    session = await sessions.open(parse(SessionRequest, await read_body(request, MAX_BODY)))
+    if await request.is_disconnected():  # nobody would hear its name
+        await sessions.end(session.name)
     answer = json_response(session.info)
     answer.status_code = 201
     answer.headers["Location"] = f"/sessions/{session.name}"

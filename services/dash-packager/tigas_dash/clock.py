@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import time
 from dataclasses import dataclass, field
 from datetime import UTC, datetime, timedelta
@@ -21,6 +22,10 @@ class Clock:
     def now(self) -> float:
         """Seconds of a steady clock."""
         return time.monotonic()
+
+    async def sleep_until(self, moment: float) -> None:
+        """Until a moment of the steady clock; one that has passed lets others have their turn."""
+        await asyncio.sleep(max(0.0, moment - self.now()))
 
     def wall(self, at: float) -> datetime:
         """The wall-clock time at a moment of the steady clock."""

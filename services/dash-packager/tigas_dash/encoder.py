@@ -68,7 +68,7 @@ class Encoder:
 
 def choose_encoder() -> EncoderName:
     """NVIDIA's encoder where it really works, else x264."""
-    probe = Representation("probe", 0, 640, 360, 1000)
+    probe = Representation(0, 640, 360, 1000)
     try:
         frame = av.VideoFrame(640, 360, "yuv420p")
         Encoder("h264_nvenc", probe, 30).encode(frame, 0, keyframe=True)

@@ -53,7 +53,8 @@ def manifest(stream: Stream, published: datetime) -> bytes:
             "publishTime": iso(published),
             "minimumUpdatePeriod": _duration(UPDATE_S),
             "minBufferTime": _duration(segment_s),
-            "timeShiftBufferDepth": _duration(stream.window_segments * segment_s),
+            # After its end a segment is there for so long and its own duration (ISO/IEC 23009-1, 5.3.9.5.3).
+            "timeShiftBufferDepth": _duration((stream.window_segments - 1) * segment_s),
             "maxSegmentDuration": _duration(segment_s),
         },
     )

@@ -4,38 +4,68 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from tigas_common.errors import InvalidRequest
 from tigas_common.wire import Rung
-from tigas_dash.wire import RepresentationRequest, SessionRequest
+from tigas_dash.wire import SessionRequest
 
 _REFERENCE_PIXELS, _REFERENCE_RATE, _REFERENCE_KBPS = 1280 * 720, 30, 4000
+FINE = 3
+"""The best resolution is also offered at so many times its bitrate, for links that carry more."""
 
 
 @dataclass(frozen=True, slots=True)
 class Representation:
     """One of the qualities that a player may choose from."""
 
-    id: str
     rung: int
     width: int
     height: int
     """Pixels; even."""
     bitrate_kbps: int
 
+    @property
+    def id(self) -> str:
+        """Such as r2-1414: rung and kilobits a second."""
+        return f"r{self.rung}-{self.bitrate_kbps}"
+
+    @property
+    def pixels(self) -> int:
+        """How many."""
+        return self.width * self.height
+
 
 def representations(request: SessionRequest, ladder: Sequence[Rung]) -> tuple[Representation, ...]:
-    """The representations of a session, the largest first. Raises InvalidRequest if the ladder has not such a rung."""
-    wanted = request.representations or tuple(RepresentationRequest(rung=rung) for rung in range(len(ladder)))
-    made = []
-    for each in wanted:
-        if each.rung >= len(ladder):
-            raise InvalidRequest(f"The ladder has no rung {each.rung}, only 0 to {len(ladder) - 1}.")
-        width, height = (_even(side) for side in ladder[each.rung].size_for(request.width, request.height))
-        bitrate = each.bitrate_kbps or default_bitrate(width, height, request.frame_rate)
-        made.append(Representation(f"r{each.rung}", each.rung, width, height, bitrate))
-    return tuple(sorted(made, key=lambda one: (-one.width * one.height, one.rung)))
+    """The representations of a session, the best first.
+
+    Raises InvalidRequest for a rung that the ladder has not, and for two that are the same.
+    """
+    if request.representations is None:
+        made = _default_set(request, ladder)
+    else:
+        made = [_representation(request, ladder, each.rung, each.bitrate_kbps) for each in request.representations]
+    if len({one.id for one in made}) < len(made):
+        raise InvalidRequest("Two representations of one rung need different bitrates.")
+    return tuple(sorted(made, key=lambda one: (-one.pixels, one.rung, -one.bitrate_kbps)))
+
+
+def _default_set(request: SessionRequest, ladder: Sequence[Rung]) -> list[Representation]:
+    """Every rung with no more pixels than the viewport, since more would be thrown away, or else the smallest."""
+    pixels = [rung.width * rung.height for rung in ladder]
+    limit = max(request.width * request.height, min(pixels))
+    made = [_representation(request, ladder, rung, None) for rung, count in enumerate(pixels) if count <= limit]
+    best = max(made, key=lambda one: one.pixels)
+    return [*made, replace(best, bitrate_kbps=FINE * best.bitrate_kbps)]
+
+
+def _representation(
+    request: SessionRequest, ladder: Sequence[Rung], rung: int, bitrate_kbps: int | None
+) -> Representation:
+    if rung >= len(ladder):
+        raise InvalidRequest(f"The ladder has no rung {rung}, only 0 to {len(ladder) - 1}.")
+    width, height = (_even(side) for side in ladder[rung].size_for(request.width, request.height))
+    return Representation(rung, width, height, bitrate_kbps or default_bitrate(width, height, request.frame_rate))
 
 
 def default_bitrate(width: int, height: int, frame_rate: int) -> int:

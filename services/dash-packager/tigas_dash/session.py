@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import logging
+import math
 from collections.abc import AsyncIterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import asynccontextmanager, suppress
@@ -23,11 +24,11 @@ logger = logging.getLogger(__name__)
 
 IN_FLIGHT = 2
 """Requests at the render service: one more than it renders at a time, so that it never waits for us."""
-BEHIND = 2
-"""With more frames than this waiting for the encoder, new views give way to repeated ones, which cost less."""
+LATE_S = 0.1
+"""A stream that is further behind the clock than this leaves frames out, in seconds."""
 WINDOW_S = 10.0
 """How far back segments are kept, in seconds; at least three of them."""
-_UNREAD = 300
+UNREAD = 300
 """Announcements that wait for a slow reader; it misses older ones."""
 _UNITS = 1000
 """Units of the timescale in one frame's duration."""
@@ -55,14 +56,16 @@ class Session:
         self._newest_order = self._orders = 0
         self._fresh = asyncio.Event()
         self._requests: set[asyncio.Task[None]] = set()
-        self._to_encode: asyncio.Queue[tuple[int, RawFrame]] = asyncio.Queue(request.frame_rate)
+        # One frame waits while another is encoded; a longer queue would only make a slow stream late.
+        self._to_encode: asyncio.Queue[tuple[int, int, RawFrame]] = asyncio.Queue(1)
         self._pending: list[list[Sample]] = [[] for _ in ladder]
+        self._pending_ticks: list[int] = []
         self._chunks = 0
         keep = max(3, round(WINDOW_S / (request.frames_per_segment / request.frame_rate)))
         self._windows = {one.id: SegmentWindow(keep) for one in ladder}
         self._keep = keep
         self._watchers: set[asyncio.Queue[FrameShown | None]] = set()
-        self._frames = self._repeated = self._skipped = self._poses = self._render_failures = 0
+        self._frames = self._repeated = self._dropped = self._poses = self._render_failures = 0
         self._render_problem: str | None = None
         self._timescale = request.frame_rate * _UNITS
         self._headers = {
@@ -100,7 +103,7 @@ class Session:
             age_s=self._clock.now() - self._started_at,
             frames=self._frames,
             repeated=self._repeated,
-            skipped=self._skipped,
+            dropped=self._dropped,
             poses=self._poses,
             render_failures=self._render_failures,
             render_problem=self._render_problem,
@@ -146,7 +149,7 @@ class Session:
     @asynccontextmanager
     async def watch(self) -> AsyncIterator[asyncio.Queue[FrameShown | None]]:
         """Announcements of frames for as long as the context lasts; None when the stream has ended."""
-        queue: asyncio.Queue[FrameShown | None] = asyncio.Queue()
+        queue: asyncio.Queue[FrameShown | None] = asyncio.Queue(UNREAD)
         self._watchers.add(queue)
         try:
             yield queue
@@ -174,27 +177,35 @@ class Session:
                 task.cancel()
             for window in self._windows.values():
                 window.close()
-            for queue in self._watchers:
-                queue.put_nowait(None)
+            self._tell(None)
 
     async def _tick(self) -> None:
-        """Frame n is the newest view between its tick and the next one; if none comes, the last one again."""
+        """Frame n is the newest view between its tick and the next one; if none comes, the last one again.
+
+        Media time stays with the clock even if the encoder does not, or the process was stopped: see `_lasts`.
+        """
         shown = self._newest
         number = 0
         while True:
-            await self._sleep_until(self._due(number))
-            frame = await self._view(shown, self._due(number + 1))
-            if frame is shown and self._requests:
+            await self._clock.sleep_until(self._due(number))
+            ticks = self._lasts(number)
+            frame = await self._view(shown, self._due(number + ticks))
+            if frame is shown and (self._requests or self._render_problem):
                 self._repeated += 1
-            if self._to_encode.qsize() > BEHIND and frame is not shown:
-                self._skipped += 1
-            else:
-                shown = frame
-            await self._to_encode.put((number, shown))
-            number += 1
+            shown = frame
+            await self._to_encode.put((number, ticks, frame))
+            number += ticks
 
     def _due(self, number: int) -> float:
         return self._started_at + number / self._request.frame_rate
+
+    def _lasts(self, number: int) -> int:
+        """For how many ticks a frame is shown: one, or up to the present if it is late, but not beyond its segment."""
+        late_s = self._clock.now() - self._due(number)
+        if late_s <= LATE_S:
+            return 1
+        left = self._request.frames_per_segment - number % self._request.frames_per_segment
+        return min(left, math.floor(late_s * self._request.frame_rate) + 1)
 
     async def _view(self, shown: RawFrame, until: float) -> RawFrame:
         """A newer view than the one that is shown, as soon as it is there; or that one, at the end of its time."""
@@ -228,40 +239,46 @@ class Session:
     async def _encode(self, executor: ThreadPoolExecutor) -> None:
         loop = asyncio.get_running_loop()
         while True:
-            number, frame = await self._to_encode.get()
-            self._publish(number, frame, await loop.run_in_executor(executor, self._encoder.encode, frame, number))
+            number, ticks, frame = await self._to_encode.get()
+            samples = await loop.run_in_executor(executor, self._encoder.encode, frame, number)
+            self._publish(number, ticks, samples)
+            self._tell(FrameShown(frame=number, media_time_s=number / self._request.frame_rate, pose=frame.pose))
 
-    def _publish(self, number: int, frame: RawFrame, samples: Sequence[Sample]) -> None:
+    def _tell(self, message: FrameShown | None) -> None:
+        for queue in self._watchers:
+            if queue.full():
+                queue.get_nowait()
+            queue.put_nowait(message)
+
+    def _publish(self, number: int, ticks: int, samples: Sequence[Sample]) -> None:
         for pending, sample in zip(self._pending, samples, strict=True):
             pending.append(sample)
-        self._frames = number + 1
+        self._pending_ticks.append(ticks)
+        self._frames += 1
+        self._dropped += ticks - 1
         per_segment, per_chunk = self._request.frames_per_segment, self._request.frames_per_chunk
-        place = number % per_segment
-        if (place + 1) % per_chunk == 0 or place + 1 == per_segment:
-            self._publish_chunk(number + 1 - len(self._pending[0]))
-        shown = FrameShown(frame=number, media_time_s=number / self._request.frame_rate, pose=frame.pose)
-        for queue in self._watchers:
-            if queue.qsize() < _UNREAD:
-                queue.put_nowait(shown)
+        begin = number % per_segment
+        end = begin + ticks
+        if end // per_chunk > begin // per_chunk or end == per_segment:
+            self._publish_chunk(number + ticks - sum(self._pending_ticks))
 
     def _publish_chunk(self, first: int) -> None:
         """Hand out what is pending; its first frame is number `first`."""
         self._chunks += 1
         segment, place = divmod(first, self._request.frames_per_segment)
+        durations = [ticks * _UNITS for ticks in self._pending_ticks]
+        self._pending_ticks.clear()
         for one, pending in zip(self._ladder, self._pending, strict=True):
             data = chunk(
                 pending,
+                durations,
                 sequence=self._chunks,
                 decode_time=first * _UNITS,
-                duration=_UNITS,
                 captured=self._clock.wall(self._due(first)),
                 first=place == 0,
             )
             self._windows[one.id].append(segment + 1, data)
             pending.clear()
-
-    async def _sleep_until(self, moment: float) -> None:
-        await asyncio.sleep(max(0.0, moment - self._clock.now()))
 
 
 def first_pose(request: SessionRequest) -> PoseUpdate:

@@ -43,8 +43,8 @@ class Sessions:
             yield self
         finally:
             housekeeping.cancel()
-            for name in list(self._running):
-                await self.end(name)
+            for session in self.all():
+                await self._end(session)
 
     async def open(self, request: SessionRequest) -> Session:
         """A new stream, once its first frame is rendered.
@@ -79,10 +79,14 @@ class Sessions:
 
     async def end(self, name: str) -> None:
         """End a stream. Raises UnknownSession."""
-        self.get(name)
-        _, task = self._running[name]
-        task.cancel()
-        await asyncio.wait([task])
+        await self._end(self.get(name))
+
+    async def _end(self, session: Session) -> None:
+        """End a stream, unless it has ended by now."""
+        if session.name in self._running:
+            _, task = self._running[session.name]
+            task.cancel()
+            await asyncio.wait([task])
 
     async def _make(self, request: SessionRequest) -> Session:
         config = await self._client.config()
@@ -106,4 +110,4 @@ class Sessions:
             for session in self.all():
                 if not session.watched and self.clock.now() - session.used_at > self._idle_s:
                     logger.info("Session %s ends: nobody has watched it for %g s", session.name, self._idle_s)
-                    await self.end(session.name)
+                    await self._end(session)

@@ -40,7 +40,7 @@ class SessionRequest(WireModel):
     representations: tuple[RepresentationRequest, ...] | None = Field(
         default=None, min_length=1, max_length=MAX_REPRESENTATIONS
     )
-    """Left out: every rung of the ladder."""
+    """Left out: every rung that fits into the viewport, and the best of them at three times the bitrate, too."""
     frame_rate: int = Field(default=30, ge=1, le=60)
     """Frames a second."""
     segment_s: float = Field(default=1.0, ge=0.2, le=10)
@@ -59,9 +59,6 @@ class SessionRequest(WireModel):
             raise ValueError(f"a viewport has at most {MAX_PIXELS} pixels")
         if self.frames_per_chunk > self.frames_per_segment:
             raise ValueError(f"a chunk cannot have more frames than a segment ({self.frames_per_segment})")
-        rungs = [wanted.rung for wanted in self.representations or ()]
-        if len(set(rungs)) != len(rungs):
-            raise ValueError("each rung can be one representation only")
         return self
 
     @property
@@ -104,6 +101,7 @@ class RepresentationInfo(WireModel):
     """One representation of a session."""
 
     id: str
+    """Such as r2-1414: rung and kilobits a second."""
     rung: int
     width: int
     height: int
@@ -137,8 +135,8 @@ class SessionStatus(WireModel):
     """Frames in the stream so far."""
     repeated: int
     """Of these, those that repeat the one before, because no new one came in time."""
-    skipped: int
-    """Rendered frames that the encoder had no time for."""
+    dropped: int
+    """Frames that were left out to stay with the clock; others last longer in their place."""
     poses: int
     """Pose updates heard."""
     render_failures: int

@@ -1,9 +1,13 @@
-import { afterEach, expect, test, vi } from "vitest";
+import { afterEach, beforeEach, expect, test, vi } from "vitest";
 import type { SessionInfo, SessionRequest } from "../dash-wire";
 import { endSession, openSession } from "./api";
 
 const REQUEST = { scene: "courtyard" } as SessionRequest;
 const SIGNAL = new AbortController().signal;
+
+beforeEach(() => {
+  vi.stubGlobal("location", { href: "http://page/" });
+});
 
 afterEach(() => {
   vi.unstubAllGlobals();
@@ -34,6 +38,19 @@ test("a packager that is away is named", async () => {
     message: "The DASH packager does not answer.",
     unreachable: true,
   });
+});
+
+test("a secure page is told why it cannot have the stream, and that another try will not help", async () => {
+  vi.stubGlobal("location", { href: "https://page/" });
+  const asked = answer(() => Response.json({}));
+  await expect(openSession("http://packager", REQUEST, SIGNAL)).rejects.toMatchObject({
+    message: expect.stringContaining("open this page over http://"),
+    unreachable: false,
+  });
+  expect(asked).not.toHaveBeenCalled();
+  await openSession("https://packager", REQUEST, SIGNAL);
+  await openSession("http://localhost:8081", REQUEST, SIGNAL);
+  expect(asked).toHaveBeenCalledTimes(2);
 });
 
 test("a session is ended even while the page goes away", () => {

@@ -1,5 +1,6 @@
 /** The packager's API: a stream of one's own, and the socket that moves its camera. */
 import type { FrameShown, PoseUpdate, SessionInfo, SessionRequest } from "../dash-wire";
+import { mixedContent } from "../network/api";
 import { ApiError } from "../state/api";
 import { readProblem } from "../transport/fetch";
 
@@ -7,6 +8,12 @@ import { readProblem } from "../transport/fetch";
 const OPEN_TIMEOUT = 60_000;
 
 export async function openSession(base: string, request: SessionRequest, signal: AbortSignal): Promise<SessionInfo> {
+  if (mixedContent(base, location.href)) {
+    throw new ApiError(
+      "Browsers do not let a secure page use a DASH packager over plain HTTP: open this page over http:// to see the stream.",
+      false,
+    );
+  }
   let response: Response;
   try {
     const limit = AbortSignal.any([signal, AbortSignal.timeout(OPEN_TIMEOUT)]);

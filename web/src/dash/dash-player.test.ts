@@ -1,5 +1,6 @@
 import { afterEach, beforeEach, expect, test, vi } from "vitest";
 import type { FrameShown, PoseUpdate, SessionInfo } from "../dash-wire";
+import { deferred } from "../deferred";
 import { NO_NUDGE } from "../input/motion";
 import type { PresentedFrame } from "../player/presented";
 import { Rig } from "../player/rig";
@@ -20,7 +21,10 @@ const SESSION = {
   manifest: "/a.mpd",
   poses: "/a/poses",
   frame_rate: 30,
-  representations: [{ rung: 2, width: 640, height: 360 }],
+  representations: [
+    { id: "r2-4242", rung: 2, width: 640, height: 360, bitrate_kbps: 4242 },
+    { id: "r2-1414", rung: 2, width: 640, height: 360, bitrate_kbps: 1414 },
+  ],
 } as unknown as SessionInfo;
 const STILL = { forward: 0, right: 0, up: 0, turnRight: 0, turnUp: 0 };
 
@@ -31,6 +35,7 @@ let player: DashPlayer;
 let shown: PresentedFrame[];
 /** Poses that the packager was told. */
 let told: PoseUpdate[];
+let tab: EventTarget & { hidden: boolean };
 let announce: (frame: FrameShown) => void;
 let hangUp: () => void;
 let stream: StreamEvents;
@@ -39,6 +44,8 @@ let present: (mediaTime: number, expectedDisplayTime: number) => void;
 
 beforeEach(() => {
   vi.useFakeTimers();
+  tab = Object.assign(new EventTarget(), { hidden: false });
+  vi.stubGlobal("document", tab);
   now = 0;
   axes = STILL;
   shown = [];
@@ -47,8 +54,8 @@ beforeEach(() => {
   rig.resize(640, 360);
   rig.enter(SCENE);
   rig.sample(0);
-  vi.mocked(openSession).mockReset().mockResolvedValue(SESSION);
-  vi.mocked(endSession).mockReset();
+  vi.resetAllMocks();
+  vi.mocked(openSession).mockResolvedValue(SESSION);
   vi.mocked(openPoses).mockImplementation((_, __, onFrame, onClose) => {
     announce = onFrame;
     hangUp = onClose;
@@ -62,6 +69,7 @@ beforeEach(() => {
 
 afterEach(() => {
   player.dispose();
+  vi.unstubAllGlobals();
   vi.useRealTimers();
 });
 
@@ -78,7 +86,6 @@ function open(): void {
     base: "http://packager",
     scene: "courtyard",
     setup: TUNED,
-    rungs: [2],
     stamp: false,
     onPresented: (frame) => shown.push(frame),
     onReceived: () => undefined,
@@ -88,6 +95,13 @@ function open(): void {
 
 async function settle(): Promise<void> {
   await vi.advanceTimersByTimeAsync(0);
+}
+
+/** A person turns to another tab, or back. */
+async function hide(hidden: boolean, after = 0): Promise<void> {
+  tab.hidden = hidden;
+  tab.dispatchEvent(new Event("visibilitychange"));
+  await vi.advanceTimersByTimeAsync(after);
 }
 
 /** An animation frame. */
@@ -170,4 +184,34 @@ test("who leaves ends the stream", async () => {
   await settle();
   player.dispose();
   expect(endSession).toHaveBeenCalledWith("http://packager", SESSION);
+});
+
+test("a page that is hidden gives its stream up after a while, and opens another when it is shown", async () => {
+  open();
+  await settle();
+  present(0, 10);
+  await settle();
+  await hide(true, 9_000);
+  await hide(false, 9_000); // back in time
+  expect(endSession).not.toHaveBeenCalled();
+  await hide(true, 60_000);
+  expect(endSession).toHaveBeenCalledTimes(1);
+  expect(openSession).toHaveBeenCalledTimes(1); // a place for somebody else
+  await hide(false);
+  expect(openSession).toHaveBeenCalledTimes(2);
+  present(0, 80_000);
+  expect(player.phase.value.kind).toBe("playing");
+  expect(endSession).toHaveBeenCalledTimes(1);
+});
+
+test("a page that is hidden while it connects leaves no stream behind", async () => {
+  const opening = deferred<SessionInfo>();
+  vi.mocked(openSession).mockReturnValue(opening.promise);
+  open();
+  await settle();
+  await hide(true, 10_000);
+  opening.resolve(SESSION);
+  await settle();
+  expect(endSession).toHaveBeenCalledWith("http://packager", SESSION);
+  expect(playStream).not.toHaveBeenCalled();
 });

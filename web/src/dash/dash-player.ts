@@ -21,6 +21,9 @@ export interface DashStats extends Figures {
 
 export const NO_DASH_STATS: DashStats = { ...NO_FIGURES, liveLatency: null };
 
+/** A page that nobody has looked at for so long gives its stream up, in milliseconds; it comes back with who looks again. */
+const HIDDEN_FOR = 10_000;
+
 /** How it stands; `failed` waits for another setting. */
 export type DashPhase =
   | { readonly kind: "connecting" }
@@ -35,8 +38,6 @@ export interface DashOptions {
   readonly base: string;
   readonly scene: string;
   readonly setup: DashSetup;
-  /** The rungs that become representations. */
-  readonly rungs: readonly number[];
   readonly stamp: boolean;
   readonly onPresented: (frame: PresentedFrame) => void;
   /** Bytes of segments came in. */
@@ -60,7 +61,9 @@ export class DashPlayer {
   readonly stats = signal<DashStats>(NO_DASH_STATS);
   readonly phase = signal<DashPhase>({ kind: "connecting" });
   readonly #options: DashOptions;
-  readonly #closing = new AbortController();
+  /** Ends with the player, and while the page is hidden; then there is a new one. */
+  #visit = new AbortController();
+  #hiding: ReturnType<typeof setTimeout> | undefined;
   readonly #meter: Meter;
   #session: SessionInfo | undefined;
   #poses: PoseSocket | undefined;
@@ -74,11 +77,15 @@ export class DashPlayer {
     this.#options = options;
     this.#meter = new Meter("dash", options.onPresented);
     this.#viewport = options.rig.viewport.peek();
-    void this.#run();
+    void this.#run(this.#visit.signal);
+    this.#look();
+    document.addEventListener("visibilitychange", this.#look);
   }
 
   dispose(): void {
-    this.#closing.abort();
+    document.removeEventListener("visibilitychange", this.#look);
+    clearTimeout(this.#hiding);
+    this.#visit.abort();
     this.#leave();
   }
 
@@ -108,12 +115,26 @@ export class DashPlayer {
     if (this.#poses?.send({ ...pose, ...lens })) this.#sent = { seq: pose.seq, lens };
   }
 
-  /** Plays stream after stream, until it is disposed of. */
-  async #run(): Promise<void> {
-    const { signal } = this.#closing;
+  readonly #look = (): void => {
+    clearTimeout(this.#hiding);
+    if (document.hidden) this.#hiding = setTimeout(() => this.#pause(), HIDDEN_FOR);
+    else if (this.#visit.signal.aborted) {
+      this.#visit = new AbortController();
+      void this.#run(this.#visit.signal);
+    }
+  };
+
+  #pause(): void {
+    this.#visit.abort();
+    this.#leave();
+    this.phase.value = { kind: "connecting" };
+  }
+
+  /** Plays stream after stream, until the visit ends. */
+  async #run(signal: AbortSignal): Promise<void> {
     try {
       while (!signal.aborted) {
-        const { ended } = await pRetry(() => this.#start(), {
+        const { ended } = await pRetry(() => this.#start(signal), {
           retries: Number.POSITIVE_INFINITY,
           minTimeout: 300,
           maxTimeout: 4000,
@@ -122,9 +143,9 @@ export class DashPlayer {
           signal,
           shouldRetry: ({ error }) =>
             !signal.aborted && (error instanceof StreamEnded || (error instanceof ApiError && error.unreachable)),
-          onFailedAttempt: ({ error }) => this.#lost(error.message),
+          onFailedAttempt: ({ error }) => this.#lost(error.message, signal),
         });
-        this.#lost(await ended);
+        this.#lost(await ended, signal);
       }
     } catch (error) {
       if (signal.aborted) return;
@@ -134,27 +155,30 @@ export class DashPlayer {
     }
   }
 
-  #lost(message: string): void {
+  #lost(message: string, signal: AbortSignal): void {
+    if (signal.aborted) return;
     this.#leave();
-    if (!this.#closing.signal.aborted) this.phase.value = { kind: "lost", message };
+    this.phase.value = { kind: "lost", message };
   }
 
   /** Opens a session; resolves when its first frame is on the screen. */
-  async #start(): Promise<Playing> {
+  async #start(signal: AbortSignal): Promise<Playing> {
     const { playStream } = await import("./stream");
-    const session = await this.#open();
+    const session = await this.#open(signal);
+    if (signal.aborted) endSession(this.#options.base, session);
+    signal.throwIfAborted();
     this.#session = session;
-    this.#closing.signal.throwIfAborted();
     const playing = deferred<undefined>();
-    const ended = this.#play(playStream, session, () => playing.resolve(undefined));
+    const ended = this.#play(playStream, session, signal, () => playing.resolve(undefined));
     const early = await Promise.race([playing.promise, ended]);
     if (early !== undefined) throw new StreamEnded(early);
     return { ended };
   }
 
-  #open(): Promise<SessionInfo> {
-    const { rig, base, scene, setup, rungs, stamp } = this.#options;
+  #open(signal: AbortSignal): Promise<SessionInfo> {
+    const { rig, base, scene, setup, stamp } = this.#options;
     const { position, quaternion } = rig.pose;
+    // The representations are the packager's choice: it knows the ladder, and the viewport from here.
     const request: SessionRequest = {
       scene,
       position,
@@ -162,17 +186,16 @@ export class DashPlayer {
       ...rig.intrinsics.value,
       ...rig.viewport.value,
       ...setup,
-      representations: rungs.map((rung) => ({ rung })) as SessionRequest["representations"] & object,
       stamp,
     };
-    return openSession(base, request, this.#closing.signal);
+    return openSession(base, request, signal);
   }
 
   /** Plays a session until it ends; tells why. */
-  #play(playStream: PlayStream, session: SessionInfo, onPlaying: () => void): Promise<string> {
+  #play(playStream: PlayStream, session: SessionInfo, signal: AbortSignal, onPlaying: () => void): Promise<string> {
     const { video, base, now, onReceived } = this.#options;
     return new Promise((resolve) => {
-      this.#closing.signal.addEventListener("abort", () => resolve(""), { once: true });
+      signal.addEventListener("abort", () => resolve(""), { once: true });
       const frames = new FramePoses<Shown>((pose, shown) => this.#present(session, pose, shown));
       this.#sent = undefined;
       this.#meter.reset();

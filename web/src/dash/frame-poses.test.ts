@@ -37,3 +37,10 @@ test("what is old is forgotten", () => {
   subject.presented(1, "late");
   expect(matched).toEqual([]);
 });
+
+test("what is old is forgotten though the stream left frames out", () => {
+  subject.told(1, 10);
+  subject.told(FramePoses.KEPT + 9, 90);
+  subject.presented(1, "late");
+  expect(matched).toEqual([]);
+});

@@ -16,10 +16,10 @@ export class FramePoses<Presented> {
   /** Frame number `frame` shows pose `pose`. */
   told(frame: number, pose: number): void {
     this.#poses.set(frame, pose);
-    this.#poses.delete(frame - FramePoses.KEPT);
+    forget(this.#poses, frame - FramePoses.KEPT);
     const presented = this.#waiting.get(frame);
     if (presented === undefined) return;
-    for (const earlier of this.#waiting.keys()) if (earlier <= frame) this.#waiting.delete(earlier);
+    forget(this.#waiting, frame);
     this.#matched(pose, presented);
   }
 
@@ -28,6 +28,11 @@ export class FramePoses<Presented> {
     const pose = this.#poses.get(frame);
     if (pose !== undefined) this.#matched(pose, presented);
     else this.#waiting.set(frame, presented);
-    this.#waiting.delete(frame - FramePoses.KEPT);
+    forget(this.#waiting, frame - FramePoses.KEPT);
   }
+}
+
+/** Drops frames up to one; not every number is there, for a stream that fell behind leaves some out. */
+function forget(frames: Map<number, unknown>, upTo: number): void {
+  for (const frame of frames.keys()) if (frame <= upTo) frames.delete(frame);
 }

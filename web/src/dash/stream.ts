@@ -33,7 +33,6 @@ export const playStream: PlayStream = (video, manifest, events) => {
   player.on(names.ERROR, (event) => events.failed(reasonOf(event as MediaPlayerErrorEvent)));
   player.initialize(video, manifest, true);
   return {
-    representation: () => player.getCurrentRepresentationForType("video")?.id,
     latency: () => {
       const seconds = player.getCurrentLiveLatency();
       return Number.isFinite(seconds) && seconds > 0 ? seconds : null;

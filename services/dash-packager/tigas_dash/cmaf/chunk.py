@@ -25,16 +25,22 @@ class Sample:
 
 
 def chunk(
-    samples: Sequence[Sample], *, sequence: int, decode_time: int, duration: int, captured: datetime, first: bool
+    samples: Sequence[Sample],
+    durations: Sequence[int],
+    *,
+    sequence: int,
+    decode_time: int,
+    captured: datetime,
+    first: bool,
 ) -> bytes:
     """The bytes of a chunk.
 
-    `sequence` counts chunks from 1; `decode_time` and each frame's `duration` are in units of the timescale; `captured`
+    `sequence` counts chunks from 1; each frame's duration and `decode_time` are in units of the timescale; `captured`
     is when the first frame's view was asked for; `first` is whether the chunk begins a segment.
     """
     kind = brands(b"styp", b"cmfs", b"cmfs", b"cmff", b"cmfl") if first else brands(b"styp", b"cmfl", b"cmfl")
-    size = len(_moof(samples, sequence, decode_time, duration, 0))
-    moof = _moof(samples, sequence, decode_time, duration, size + 8)
+    size = len(_moof(samples, durations, sequence, decode_time, 0))
+    moof = _moof(samples, durations, sequence, decode_time, size + 8)
     return kind + _prft(captured, decode_time) + moof + box(b"mdat", *(sample.data for sample in samples))
 
 
@@ -48,19 +54,23 @@ def _prft(captured: datetime, media_time: int) -> bytes:
     )
 
 
-def _moof(samples: Sequence[Sample], sequence: int, decode_time: int, duration: int, data_offset: int) -> bytes:
-    default_base_is_moof, default_duration = 0x20000, 0x8
-    has_offset, has_sizes, has_flags = 0x1, 0x200, 0x400
-    runs = b"".join(struct.pack(">2I", len(sample.data), _SYNC if sample.keyframe else _DEPENDS) for sample in samples)
+def _moof(
+    samples: Sequence[Sample], durations: Sequence[int], sequence: int, decode_time: int, data_offset: int
+) -> bytes:
+    default_base_is_moof = 0x20000
+    has_offset, has_durations, has_sizes, has_flags = 0x1, 0x100, 0x200, 0x400
+    present = has_offset | has_durations | has_sizes | has_flags
+    runs = b"".join(
+        struct.pack(">3I", duration, len(sample.data), _SYNC if sample.keyframe else _DEPENDS)
+        for sample, duration in zip(samples, durations, strict=True)
+    )
     return box(
         b"moof",
         full_box(b"mfhd", 0, 0, struct.pack(">I", sequence)),
         box(
             b"traf",
-            full_box(b"tfhd", 0, default_base_is_moof | default_duration, struct.pack(">2I", TRACK_ID, duration)),
+            full_box(b"tfhd", 0, default_base_is_moof, struct.pack(">I", TRACK_ID)),
             full_box(b"tfdt", 1, 0, struct.pack(">Q", decode_time)),
-            full_box(
-                b"trun", 0, has_offset | has_sizes | has_flags, struct.pack(">Ii", len(samples), data_offset), runs
-            ),
+            full_box(b"trun", 0, present, struct.pack(">Ii", len(samples), data_offset), runs),
         ),
     )

@@ -1,0 +1,170 @@
+"""A stream by a clock of its own, on which time passes only when somebody waits for it, or works."""
+
+from __future__ import annotations
+
+import asyncio
+import io
+import json
+from collections.abc import AsyncIterator, Sequence
+from contextlib import asynccontextmanager
+from dataclasses import dataclass, field
+from datetime import UTC, datetime
+from itertools import pairwise
+from typing import Any
+from xml.etree import ElementTree as ET
+
+import av
+import httpx
+import pytest
+
+from tests.dash.conftest import session_request
+from tests.dash.fakes import grey
+from tigas_common.parsing import parse
+from tigas_common.wire import DEFAULT_LADDER
+from tigas_dash.clock import Clock
+from tigas_dash.cmaf.chunk import Sample
+from tigas_dash.encoding import LadderEncoder, RawFrame
+from tigas_dash.errors import ExpiredSegment
+from tigas_dash.representation import representations
+from tigas_dash.session import UNREAD, Session
+from tigas_dash.source import RenderClient, ViewSource
+from tigas_dash.wire import FrameShown, SessionRequest
+
+pytestmark = pytest.mark.anyio
+RATE, PER_SEGMENT = 30, 15
+PATIENCE_S = 60
+Announcements = asyncio.Queue[FrameShown | None]
+
+
+@dataclass(frozen=True)
+class FakeClock(Clock):
+    """Starts at 0."""
+
+    _wall: datetime = datetime(2026, 1, 31, 12, tzinfo=UTC)
+    _monotonic: float = 0.0
+    _spent: dict[str, float] = field(default_factory=lambda: {"waiting": 0.0, "working": 0.0})
+
+    def now(self) -> float:
+        return sum(self._spent.values())
+
+    async def sleep_until(self, moment: float) -> None:
+        self.wait(max(0.0, moment - self.now()))
+        await asyncio.sleep(0)
+
+    def wait(self, seconds: float) -> None:
+        """As the event loop."""
+        self._spent["waiting"] += seconds
+
+    def work(self, seconds: float) -> None:
+        """As the encoder, in its thread."""
+        self._spent["working"] += seconds
+
+
+class SlowEncoder(LadderEncoder):
+    """Takes some time on the fake clock."""
+
+    clock: FakeClock
+    takes_s: float
+
+    def encode(self, frame: RawFrame, number: int) -> list[Sample]:
+        self.clock.work(self.takes_s)
+        return super().encode(frame, number)
+
+
+@asynccontextmanager
+async def streaming(clock: FakeClock, takes_s: float = 0.001, **changes: Any) -> AsyncIterator[Session]:
+    """A stream of a still camera, for as long as the context lasts; `takes_s` is what a frame costs to encode."""
+    request = parse(SessionRequest, json.dumps(session_request(**changes)).encode())
+    ladder = representations(request, DEFAULT_LADDER)
+    encoder = SlowEncoder("libx264", ladder, request.frame_rate, request.frames_per_segment)
+    encoder.clock, encoder.takes_s = clock, takes_s
+    width, height = ladder[0].width, ladder[0].height
+    first = RawFrame(grey(width, height, 100), width, height, 0)
+    async with httpx.AsyncClient() as nobody, asyncio.timeout(PATIENCE_S):
+        source = ViewSource(RenderClient(nobody), request, ladder[0])
+        session = Session("session", request, ladder, source, encoder, first, clock)
+        running = asyncio.create_task(session.run())
+        try:
+            yield session
+        finally:
+            running.cancel()
+            await asyncio.wait([running])
+
+
+async def told(frames: Announcements, media_time_s: float) -> FrameShown:
+    """The first announcement of a frame at that time or later."""
+    while (shown := await frames.get()) is None or shown.media_time_s < media_time_s:
+        assert shown is not None, "the stream has ended"
+    return shown
+
+
+async def samples(session: Session, representation: str, segments: Sequence[int]) -> list[tuple[int, int, bool]]:
+    """Of each frame in some segments: its tick, for how many it lasts, and whether it is a keyframe."""
+    data, window = session.header(representation), session.window(representation)
+    assert data is not None
+    assert window is not None
+    for number in segments:
+        data += b"".join([part async for part in window.read(number)])
+    with av.open(io.BytesIO(data)) as container:
+        ticks = container.streams.video[0].time_base * RATE  # type: ignore[operator]
+        return [
+            (round((one.pts or 0) * ticks), round((one.duration or 0) * ticks), one.is_keyframe)
+            for one in container.demux(video=0)
+            if one.size
+        ]
+
+
+async def test_media_time_stays_with_the_clock_though_the_encoder_is_too_slow() -> None:
+    clock = FakeClock()
+    async with streaming(clock, takes_s=0.08) as session, session.watch() as frames:
+        for tenth in range(100):
+            shown = await told(frames, tenth / 10)
+            assert clock.now() - shown.media_time_s < 0.6
+        status = session.status
+    assert status.dropped > status.frames > 50
+
+
+@pytest.mark.parametrize("frames_per_chunk", [1, 4])
+async def test_a_process_that_was_stopped_goes_on_at_the_present_and_no_segment_is_missing(
+    frames_per_chunk: int,
+) -> None:
+    clock = FakeClock()
+    both = [{"rung": 2}, {"rung": 3}]
+    async with (
+        streaming(clock, representations=both, frames_per_chunk=frames_per_chunk) as session,
+        session.watch() as frames,
+    ):
+        await told(frames, 1.2)
+        clock.wait(3.3)
+        await told(frames, 6)
+        for name in ("r2-1414", "r3-500"):
+            found = await samples(session, name, range(1, 11))
+            assert found[0][0] == 0
+            assert all(begins + lasts == after for (begins, lasts, _), (after, _, _) in pairwise(found))
+            assert {begins for begins, _, keyframe in found if keyframe} == set(range(0, 10 * PER_SEGMENT, PER_SEGMENT))
+            assert max(lasts for _, lasts, _ in found) == PER_SEGMENT
+        status = session.status
+    assert status.dropped == pytest.approx(3.3 * RATE, abs=15)
+
+
+async def test_segments_are_kept_for_as_long_as_the_manifest_says_and_no_longer() -> None:
+    async with streaming(FakeClock()) as session, session.watch() as frames:
+        depth_s = float(ET.fromstring(session.manifest("")).attrib["timeShiftBufferDepth"][2:-1])
+        now = await told(frames, 12)
+        window = session.window("r3-500")
+        assert window is not None
+        segment_s = PER_SEGMENT / RATE
+        # After its end, a segment is available for that long and its own duration (ISO/IEC 23009-1, 5.3.9.5.3).
+        available = [n for n in range(1, 25) if n * segment_s + depth_s + segment_s > now.media_time_s]
+        window.read(available[0])
+        with pytest.raises(ExpiredSegment):
+            window.read(available[0] - 1)
+
+
+async def test_a_listener_that_was_away_hears_the_newest_frames() -> None:
+    async with streaming(FakeClock()) as session, session.watch() as away, session.watch() as frames:
+        newest = await told(frames, (UNREAD + 60) / RATE)
+        waiting = [away.get_nowait() for _ in range(away.qsize())]
+    assert len(waiting) == UNREAD
+    assert waiting[-1] is not None
+    assert waiting[-1].frame >= newest.frame
