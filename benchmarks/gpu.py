@@ -33,6 +33,7 @@ from tigas_render.raster.base import Camera, PreparedScene, Rasterizer
 from tigas_render.raster.cpu import CpuRasterizer
 from tigas_render.raster.cuda.rasterizer import CudaRasterizer
 from tigas_render.raster.cuda.scene import CudaScene
+from tigas_render.raster.devices import why_no_cuda
 from tigas_render.scenes.demo import DEMO_METADATA, demo_scene
 from tigas_render.scenes.gaussians import Gaussians
 from tigas_render.scenes.ply import load_ply
@@ -58,6 +59,8 @@ def main() -> None:
     parser.add_argument("--seconds", type=float, default=5, help="of each load on the engine")
     parser.add_argument("--gsplat", action="store_true", help="compare with gsplat, a copy and Pillow")
     arguments = parser.parse_args()
+    if problem := why_no_cuda():
+        sys.exit(problem)
     index = int(arguments.device.partition(":")[2] or 0)
     with tempfile.TemporaryDirectory() as folder:
         scenes = load_scenes(Path(folder))

@@ -11,11 +11,12 @@ import numpy as np
 from PIL import Image
 
 from tigas_common.wire import DEFAULT_LADDER, ServerConfig, ServerTiming
+from tigas_dash.wire import RepresentationInfo
 from tigas_lab.configuration import Configuration, ConstantLink, Mode, Network
 from tigas_lab.load import Load, LoadSample
 from tigas_lab.machine import Machine
 from tigas_lab.quality import Quality
-from tigas_lab.recording import Input, Lens, Recording, Reply, ShownFrame, Traffic
+from tigas_lab.recording import Input, Lens, PlayedStream, Recording, Reply, ShownFrame, Traffic
 from tigas_lab.store import CaptureQuality, LinkSample, Moment, RunRecord, RunWriter
 
 MACHINE = Machine(
@@ -40,6 +41,16 @@ SERVER = ServerConfig(
 )
 LINK = Network(name="20mbit,20ms-rtt", link=ConstantLink(down_kbps=20_000, delay_ms=10))
 LENS = Lens(width=64, height=36, fx=30, fy=30, cx=32, cy=18)
+STREAM = PlayedStream(
+    player="dash.js 5.0",
+    representations=(
+        RepresentationInfo(id="r2-1414", rung=2, width=640, height=360, bitrate_kbps=1414, codecs="avc1.42c01e"),
+    ),
+    frame_rate=30,
+    segment_s=1.0,
+    frames_per_chunk=1,
+    target_latency_ms=120,
+)
 
 
 def inputs(count: int, every_ms: float = 20.0, start: float = 0.0, first: int = 1) -> list[Input]:
@@ -113,7 +124,10 @@ def write_run(
 ) -> Path:
     """A complete run."""
     sampled = inputs(50)
-    made = Recording.model_validate(recording(frames=[f.model_dump() for f in late(sampled, delay_ms)]), strict=False)
+    frames = [f.model_dump() for f in late(sampled, delay_ms)]
+    made = Recording.model_validate(
+        recording(frames=frames, dash=None if mode == "stateless" else STREAM), strict=False
+    )
     record = RunRecord(
         status="running",
         problem=None,

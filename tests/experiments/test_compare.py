@@ -80,6 +80,14 @@ def test_every_mode_is_measured_over_the_same_link_and_movement(services: Servic
         assert figures["quality"]["picture_ssim"] > 0.5
         assert figures["quality"]["picture_psnr_db"] > figures["quality"]["view_psnr_db"], "lateness costs"
         assert run["record"]["load"]["processors"] == psutil.cpu_count()
+    streams = [run["record"]["recording"]["dash"] for run in runs]
+    assert streams[0] is None
+    assert [one["target_latency_ms"] for one in streams[1:]] == [1000, 120]
+    for stream in streams[1:]:
+        assert stream["player"].startswith("dash.js 5")
+        assert stream["representations"]
+        assert all(one["bitrate_kbps"] > 100 and one["codecs"].startswith("avc1.") for one in stream["representations"])
+        assert f"{stream['player']}; 30 frames/s" in (out / "report.html").read_text(), "what can be cited"
     stateless, typical, _ = (run["figures"]["latencies"]["p50"] for run in runs)
     assert typical > 500 > stateless, "a stream that aims at a second's latency has about that"
     stored = [StoredRun(out / "runs" / run["folder"]) for run in runs]

@@ -49,6 +49,7 @@ def test_the_report_says_what_was_measured(runs: list[Path], tmp_path: Path) -> 
         "4g-<bus>",
         "tigas compare --network '4g-<bus>'",
         "Slow & Steady",
+        "dash.js 5.0; 30 frames/s, segments of 1 s, chunks of 1, target 120 ms; 640×360 at 1414 kbit/s (avc1.42c01e)",
     ):
         assert expected in text
     assert "processors were saturated during 100% of the run" in text

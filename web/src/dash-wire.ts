@@ -108,14 +108,14 @@ export interface PoseUpdate {
  * A session that was opened; its paths are relative to the packager's root.
  */
 export interface SessionInfo {
-  id: string;
-  manifest: string;
-  poses: string;
   representations: RepresentationInfo[];
   frame_rate: number;
   segment_s: number;
   frames_per_chunk: number;
   target_latency_ms: number;
+  id: string;
+  manifest: string;
+  poses: string;
 }
 /**
  * One representation of a session.

@@ -77,6 +77,7 @@ export interface Recording {
   scene: string;
   mode: "stateless" | "dash" | "side-by-side";
   transport: string | null;
+  dash?: PlayedStream | null;
   user_agent: string;
   lens: Lens;
   started_unix_ms: number;
@@ -89,6 +90,28 @@ export interface Recording {
   replies?: Reply[];
   captures: Capture[];
   traffic: Traffic[];
+}
+/**
+ * The stream of the modes with DASH, as the packager made it, and who played it.
+ */
+export interface PlayedStream {
+  representations: RepresentationInfo[];
+  frame_rate: number;
+  segment_s: number;
+  frames_per_chunk: number;
+  target_latency_ms: number;
+  player: string;
+}
+/**
+ * One representation of a session.
+ */
+export interface RepresentationInfo {
+  id: string;
+  rung: number;
+  width: number;
+  height: number;
+  bitrate_kbps: number;
+  codecs: string;
 }
 /**
  * The viewport and its intrinsics, in its pixels.

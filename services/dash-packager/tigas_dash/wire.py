@@ -111,18 +111,23 @@ class RepresentationInfo(WireModel):
     """As in RFC 6381."""
 
 
-class SessionInfo(WireModel):
+class StreamInfo(WireModel):
+    """What a stream is."""
+
+    representations: tuple[RepresentationInfo, ...]
+    frame_rate: int
+    segment_s: float
+    frames_per_chunk: int
+    target_latency_ms: int
+
+
+class SessionInfo(StreamInfo):
     """A session that was opened; its paths are relative to the packager's root."""
 
     id: str
     manifest: str
     poses: str
     """The path of the WebSocket that takes PoseUpdates and sends FrameShown."""
-    representations: tuple[RepresentationInfo, ...]
-    frame_rate: int
-    segment_s: float
-    frames_per_chunk: int
-    target_latency_ms: int
 
 
 class SessionStatus(WireModel):

@@ -13,6 +13,7 @@ from pydantic import Field, ValidationError, model_validator
 from tigas_common.parsing import sentence
 from tigas_common.pose import Pose
 from tigas_common.wire import MAX_SIDE, Coordinate, Point, ServerTiming, WireModel
+from tigas_dash.wire import StreamInfo
 
 MAX_BYTES = 256_000_000
 """A longer recording is refused."""
@@ -117,6 +118,24 @@ class Traffic(WireModel):
     """Of frames or segments, since the run's start; headers of the transport are not in it."""
 
 
+class PlayedStream(StreamInfo):
+    """The stream of the modes with DASH, as the packager made it, and who played it."""
+
+    player: str = Field(max_length=100)
+    """Its name and version."""
+
+    @property
+    def summary(self) -> str:
+        """All of it in one line."""
+        representations = ", ".join(
+            f"{one.width}×{one.height} at {one.bitrate_kbps} kbit/s ({one.codecs})" for one in self.representations
+        )
+        return (
+            f"{self.player}; {self.frame_rate} frames/s, segments of {self.segment_s:g} s, chunks of "
+            f"{self.frames_per_chunk}, target {self.target_latency_ms} ms; {representations}"
+        )
+
+
 class RecordingHead(WireModel):
     """All but the long lists."""
 
@@ -124,6 +143,8 @@ class RecordingHead(WireModel):
     mode: PlayedMode
     transport: str | None
     """How frames came: the page's transport, or `dash`."""
+    dash: PlayedStream | None = None
+    """None without DASH, before it played, and in early recordings."""
     user_agent: str
     lens: Lens
     started_unix_ms: float

@@ -63,7 +63,7 @@ beforeEach(() => {
   });
   vi.mocked(playStream).mockImplementation((_, __, events) => {
     stream = events;
-    return { latency: () => 0.1, dispose: () => undefined };
+    return { player: "dash.js 5", latency: () => 0.1, dispose: () => undefined };
   });
 });
 
@@ -119,6 +119,8 @@ test("latency is counted from the sample of a pose to the video frame that shows
   announce({ frame: 0, media_time_s: 0, pose: rig.pose.seq });
   present(0, 1500);
   expect(player.phase.value.kind).toBe("playing");
+  const { frame_rate, representations } = SESSION;
+  expect(player.playing).toEqual({ frame_rate, representations, player: "dash.js 5" });
   axes = { ...STILL, forward: 1 };
   frame(1600);
   axes = STILL;
@@ -158,6 +160,7 @@ test("what may pass is tried again, and a stream that ends is opened anew", asyn
   stream.failed("The player stopped.");
   await settle();
   expect(player.phase.value).toEqual({ kind: "lost", message: "The player stopped." });
+  expect(player.playing).toBeNull();
   expect(openSession).toHaveBeenCalledTimes(2); // not at once: it had never played
   await vi.advanceTimersByTimeAsync(3000);
   present(0, 10);

@@ -9,6 +9,7 @@ import { STATS_EVERY } from "../player/player";
 import type { PresentedFrame } from "../player/presented";
 import type { Rig } from "../player/rig";
 import { ApiError } from "../state/api";
+import type { PlayedStream } from "../store-wire";
 import { endSession, openPoses, openSession, type PoseSocket } from "./api";
 import { FramePoses } from "./frame-poses";
 import type { DashSetup } from "./presets";
@@ -92,6 +93,13 @@ export class DashPlayer {
   /** Motion-to-photon latencies of the last seconds, in milliseconds. */
   latencies(now: number): readonly number[] {
     return this.#meter.latencies(now);
+  }
+
+  /** The stream that plays, for records; null while there is none. */
+  get playing(): PlayedStream | null {
+    if (!this.#stream || !this.#session) return null;
+    const { id: _, manifest: __, poses: ___, ...stream } = this.#session;
+    return { ...stream, player: this.#stream.player };
   }
 
   /** Once per animation frame, after the rig was sampled; `moved` is what the rig said. */

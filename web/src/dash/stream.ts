@@ -33,6 +33,7 @@ export const playStream: PlayStream = (video, manifest, events) => {
   player.on(names.ERROR, (event) => events.failed(reasonOf(event as MediaPlayerErrorEvent)));
   player.initialize(video, manifest, true);
   return {
+    player: `dash.js ${player.getVersion()}`,
     latency: () => {
       const seconds = player.getCurrentLiveLatency();
       return Number.isFinite(seconds) && seconds > 0 ? seconds : null;

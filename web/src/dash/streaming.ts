@@ -8,6 +8,8 @@ export interface StreamEvents {
 }
 
 export interface Stream {
+  /** The player's name and version. */
+  readonly player: string;
   /** Behind the live edge, in seconds, as the player counts. */
   latency(): number | null;
   dispose(): void;

@@ -23,6 +23,7 @@ function measured(run: PlannedRun): Measured {
     scene: run.scene,
     mode: "stateless" as const,
     transport: "fetch",
+    dash: null,
     user_agent: "",
     lens: { width: 640, height: 360, fx: 300, fy: 300, cx: 320, cy: 180 },
     started_unix_ms: 0,

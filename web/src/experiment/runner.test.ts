@@ -27,7 +27,14 @@ beforeEach(() => {
   vi.spyOn(performance, "now").mockImplementation(() => now);
   rig = new Rig({ sampleInput: () => ({ axes: STILL, nudge: NO_NUDGE }), turnSpeed: () => 60 });
   rig.enter(SCENE);
-  const session = { rig, receivedBytes: 0, connected: signal(null), onPresented: nothing, onReplied: nothing };
+  const session = {
+    rig,
+    receivedBytes: 0,
+    connected: signal(null),
+    dash: signal(null),
+    onPresented: nothing,
+    onReplied: nothing,
+  };
   runner = new Runner(session as unknown as ViewerSession);
 });
 

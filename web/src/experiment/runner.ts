@@ -8,6 +8,7 @@ import type { PresentedFrame } from "../player/presented";
 import type { ViewerSession } from "../player/session";
 import { change, settings } from "../state/app";
 import { type Mode, type Settings, validSettings } from "../state/settings";
+import type { PlayedStream } from "../store-wire";
 import { type PosePoint, poseAt } from "./playback";
 import { Recorder, type Records } from "./recorder";
 
@@ -32,6 +33,8 @@ export interface Recording extends Records {
   readonly scene: string;
   readonly mode: Mode;
   readonly transport: string | null;
+  /** What the modes with DASH play. */
+  readonly dash: PlayedStream | null;
   readonly user_agent: string;
   readonly lens: Intrinsics & Viewport;
   readonly started_unix_ms: number;
@@ -133,6 +136,7 @@ export class Runner {
         scene: rig.scene?.id ?? "",
         mode: settings.peek().mode,
         transport: this.#session.connected.peek()?.transport.kind ?? null,
+        dash: this.#session.dash.peek()?.playing ?? null,
         user_agent: navigator.userAgent,
         lens,
         started_unix_ms: performance.timeOrigin + startedAt,

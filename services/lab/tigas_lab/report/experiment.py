@@ -14,7 +14,7 @@ from tigas_lab.report.claims import Claim, claims
 from tigas_lab.report.csv_files import write_csv
 from tigas_lab.report.drawing import for_a_page
 from tigas_lab.report.figures import Draughtsman, Drawing
-from tigas_lab.report.html import rendered
+from tigas_lab.report.html import rendered, streams
 from tigas_lab.report.metrics import TABLE, Metric
 from tigas_lab.report.overall import markdown, overall, rtt_text
 from tigas_lab.report.results import Results, Spread, load
@@ -91,6 +91,7 @@ def write_experiment_report(folder: Path, out: Path, listener: Listener = SILENT
         scenes=sorted({run.record.configuration.scene for run in results.runs}),
         movements=sorted({Path(run.record.configuration.movement).name for run in results.runs}),
         first=results.runs[0].record if results.runs else None,
+        streams=streams(run.record for run in results.runs),
     )
     report.page.write_text(page, encoding="utf-8")
     return report

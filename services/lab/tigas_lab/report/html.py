@@ -2,9 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from pathlib import Path
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
+
+from tigas_lab.configuration import MODE_NAMES
+from tigas_lab.store import RunRecord
+
+
+def streams(records: Iterable[RunRecord]) -> dict[str, str]:
+    """What the DASH modes played, by their names; the first run of each tells."""
+    found: dict[str, str] = {}
+    for record in records:
+        if record.recording is not None and record.recording.dash is not None:
+            found.setdefault(MODE_NAMES[record.configuration.mode], record.recording.dash.summary)
+    return found
 
 
 def rendered(template: str, **values: object) -> str:

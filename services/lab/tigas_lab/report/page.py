@@ -12,7 +12,7 @@ from markupsafe import Markup
 from tigas_common.wire import WireModel
 from tigas_lab.recording import BrokenRecording
 from tigas_lab.report import plots, table
-from tigas_lab.report.html import rendered
+from tigas_lab.report.html import rendered, streams
 from tigas_lab.report.moments import MomentView, moment_view
 from tigas_lab.report.variants import Look, Variant, looks
 from tigas_lab.store import StoredRun
@@ -142,4 +142,5 @@ def _html(data: ReportData, drawn: dict[str, list[Drawn]]) -> str:
         network_name=table.network_name,
         cells=table.cells,
         first=complete[0].record if complete else None,
+        streams=streams(run.record for run in complete),
     )
