@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
@@ -102,6 +103,13 @@ def test_parameters_are_laid_out_as_the_kernels_read_them() -> None:
 def test_derivative_limits_follow_an_off_centre_picture() -> None:
     k = camera(200, 100, focal=100).intrinsics
     assert parameters.derivative_limits(k) == pytest.approx((-1.3, 1.3, -0.65, 0.65))
+
+
+@pytest.mark.parametrize("arch", ["sm_80", "sm_86", "sm_89", "sm_90", "sm_100", "sm_120"])
+def test_the_kernels_compile_for_every_generation_from_ampere_on(arch: str) -> None:
+    if find_spec("cuda") is None:
+        pytest.skip("NVRTC and cuda.core are missing: make gpu")
+    assert compiler.compile_kernels(arch).startswith(b"\x7fELF")
 
 
 def test_the_cache_knows_architectures_and_sources_apart(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
