@@ -72,7 +72,7 @@ bench: .venv/.ready $(STATIC)
 	@$(VENV)/python benchmarks/dash.py
 
 bench-gpu: .venv/.gpu
-	@$(VENV)/python benchmarks/gpu.py
+	@$(VENV)/python benchmarks/gpu.py $(ARGS)
 
 gpu: .venv/.gpu
 

@@ -82,7 +82,7 @@ def main() -> None:
         print("\ngsplat, copy, Pillow, ms at 1280 x 720")
         for name, (gaussians, view) in scenes.items():
             theirs = gsplat_latency(gaussians, view)
-            print(f"  {name:12} p50 {theirs:6.2f}   {theirs / own[name]:.1f} times ours")
+            print(f"  {name:12} p50 {theirs:6.2f}   {theirs / own[name]:.2f} times ours")
     print("\nStages, microseconds, each kernel launched by itself")
     stages(rasterizer, prepared, {name: view for name, (_, view) in scenes.items()}, bandwidth)
     name = "flowers" if "flowers" in scenes else "courtyard"

@@ -204,15 +204,15 @@ async def test_the_page_learns_its_ladder_and_urls(client: httpx.AsyncClient) ->
     assert (await client.get("/healthz")).json() == {"status": "ok"}
 
 
-@pytest.mark.parametrize("path", ["/render", "/scenes/courtyard/load"])
-async def test_who_asks_for_its_health_learns_that_the_device_is_lost(path: str, tmp_path: Path) -> None:
+@pytest.mark.parametrize("call", ["POST /render", "POST /scenes/courtyard/load", "GET /scenes/courtyard/preview"])
+async def test_who_asks_for_its_health_learns_that_the_device_is_lost(call: str, tmp_path: Path) -> None:
     rasterizer = FakeRasterizer()
     async with RenderService.open(RenderSettings(cache=tmp_path), rasterizer) as service:
         transport = httpx.ASGITransport(create_app(service))
         async with httpx.AsyncClient(transport=transport, base_url="http://localhost:8080") as client:
             assert (await client.get("/healthz")).status_code == 200
             rasterizer.error = DeviceLost("The GPU fell off the bus.")
-            assert (await client.post(path, json=frame() | {"scene": "courtyard"})).status_code == 503
+            assert (await client.request(*call.split(), json=frame() | {"scene": "courtyard"})).status_code == 503
             health = await client.get("/healthz")
     assert (health.status_code, health.json()["type"]) == (503, "tigas:device-lost")
     assert health.json()["detail"] == "The GPU fell off the bus."

@@ -6,8 +6,8 @@ import asyncio
 import logging
 import socket
 import time
-from collections.abc import AsyncIterator, Callable
-from contextlib import asynccontextmanager
+from collections.abc import AsyncIterator, Callable, Iterator
+from contextlib import asynccontextmanager, contextmanager
 from datetime import UTC, datetime
 from importlib.metadata import version
 
@@ -89,11 +89,8 @@ class RenderService:
 
     async def load(self, scene_id: str) -> None:
         """Load a scene and wait until it is loaded. Raises as `SceneRegistry.load` does."""
-        try:
+        with self._noticing_loss():
             await self.registry.load(scene_id)
-        except DeviceLost as error:
-            self.engine.lose_device(error)
-            raise
 
     async def preview(self, scene_id: str) -> Preview:
         """A scene's thumbnail. Raises UnknownScene and BrokenScene."""
@@ -101,21 +98,31 @@ class RenderService:
 
     async def _render_preview(self, scene_id: str, width: int, height: int) -> bytes:
         """From the start camera, through the engine like every other frame, so that it waits for its turn."""
-        async with self.registry.use(scene_id) as scene:
-            camera = preview_camera(scene.camera, scene.source.metadata.up, width, height)
-            lens = camera.intrinsics
-            request = RenderRequest(
-                scene=scene_id,
-                position=camera.pose.position,
-                quaternion=camera.pose.quaternion,
-                fx=lens.fx,
-                fy=lens.fy,
-                cx=lens.cx,
-                cy=lens.cy,
-                width=width,
-                height=height,
-            )
-            return (await self.engine.submit("previews", request)).body
+        with self._noticing_loss():
+            async with self.registry.use(scene_id) as scene:
+                camera = preview_camera(scene.camera, scene.source.metadata.up, width, height)
+                lens = camera.intrinsics
+                request = RenderRequest(
+                    scene=scene_id,
+                    position=camera.pose.position,
+                    quaternion=camera.pose.quaternion,
+                    fx=lens.fx,
+                    fy=lens.fy,
+                    cx=lens.cx,
+                    cy=lens.cy,
+                    width=width,
+                    height=height,
+                )
+                return (await self.engine.submit("previews", request)).body
+
+    @contextmanager
+    def _noticing_loss(self) -> Iterator[None]:
+        """Scenes are loaded beside the engine, which has to hear of a device that is lost meanwhile."""
+        try:
+            yield
+        except DeviceLost as error:
+            self.engine.lose_device(error)
+            raise
 
     async def _keep_house(self) -> None:
         while True:

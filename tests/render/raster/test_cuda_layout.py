@@ -10,6 +10,7 @@ import pytest
 import torch
 
 from tests.render.raster.views import camera, cloud
+from tigas_common.pose import Intrinsics
 from tigas_render.raster.cuda import compiler, layout, parameters
 from tigas_render.raster.cuda.layout import tile_layout
 from tigas_render.raster.cuda.scene import CHUNK, coefficients_in_use, morton_codes, pack
@@ -103,6 +104,12 @@ def test_parameters_are_laid_out_as_the_kernels_read_them() -> None:
 def test_derivative_limits_follow_an_off_centre_picture() -> None:
     k = camera(200, 100, focal=100).intrinsics
     assert parameters.derivative_limits(k) == pytest.approx((-1.3, 1.3, -0.65, 0.65))
+
+
+def test_derivative_limits_of_the_shortest_focal_length_are_numbers_that_the_kernels_can_hold() -> None:
+    limits = parameters.derivative_limits(Intrinsics(1e-300, 1e-300, 640.0, 360.0, 1280, 720))
+    assert torch.tensor(limits, dtype=torch.float32).isfinite().all()
+    assert limits[0] < 0 < limits[1]
 
 
 @pytest.mark.parametrize("arch", ["sm_80", "sm_86", "sm_89", "sm_90", "sm_100", "sm_120"])

@@ -16,6 +16,8 @@ LAYOUT: Final = struct.Struct("=22Q6I4i25f4x")
 """Pointers; padded, chunks, capacity, tiles, tiles_x, slices; width, height, format, sh_coefficients; the floats."""
 FORMATS: Final[dict[FrameFormat, int]] = {"png": 0, "jpeg": 1, "yuv420p": 2}
 """How the blending kernel lays out pixels: RGB, JPEG's planes, video's planes."""
+GREATEST: Final = 3.4e38
+"""Of float32, nearly."""
 CLAMP_MARGIN: Final = 0.3
 """How far outside the picture the projection's derivative is clamped, in half-widths of the picture [gsplat]."""
 
@@ -49,8 +51,13 @@ def derivative_limits(k: Intrinsics) -> tuple[float, float, float, float]:
     """Limits of x/z and y/z where the projection's derivative is taken: left, right, top, bottom."""
     margin_x, margin_y = CLAMP_MARGIN * 0.5 * k.width / k.fx, CLAMP_MARGIN * 0.5 * k.height / k.fy
     return (
-        -k.cx / k.fx - margin_x,
-        (k.width - k.cx) / k.fx + margin_x,
-        -k.cy / k.fy - margin_y,
-        (k.height - k.cy) / k.fy + margin_y,
+        _float32(-k.cx / k.fx - margin_x),
+        _float32((k.width - k.cx) / k.fx + margin_x),
+        _float32(-k.cy / k.fy - margin_y),
+        _float32((k.height - k.cy) / k.fy + margin_y),
     )
+
+
+def _float32(value: float) -> float:
+    """The nearest value that a kernel can hold: the shortest focal lengths have limits beyond any."""
+    return max(-GREATEST, min(GREATEST, value))

@@ -42,6 +42,15 @@ class CudaRasterizer(Rasterizer):
         """
         self.device = f"cuda:{index}"
         self._device = torch.device(self.device)
+        self._free: list[Workspace] = []
+        self._lock = threading.Lock()
+        self._full = False
+        try:
+            self._open(index, cache)
+        except (RuntimeError, CUDAError) as error:  # a full GPU, a driver that is too old, a library that is missing
+            raise ValueError(f"{self.device} cannot be used: {_first_line(error)}.") from error
+
+    def _open(self, index: int, cache: Path) -> None:
         capability = torch.cuda.get_device_capability(self._device)
         if capability < (8, 0):
             name = torch.cuda.get_device_name(self._device)
@@ -51,16 +60,15 @@ class CudaRasterizer(Rasterizer):
         kernels = {name: program.get_kernel(name) for name in KERNELS}
         self.stages = {side: make_stages(Device(index), kernels, side) for side in SIDES}
         self._library = NvJpeg()
-        self._free: list[Workspace] = []
-        self._lock = threading.Lock()
 
     @property
     def hardware(self) -> str:
         return torch.cuda.get_device_name(self._device)
 
     def prepare(self, gaussians: Gaussians) -> CudaScene:
-        """Pack a scene; see `scene.pack`. Raises OutOfDeviceMemory."""
+        """Pack a scene; see `scene.pack`. Raises OutOfDeviceMemory and DeviceLost."""
         with self._explained():
+            self._make_room()
             scene = pack(gaussians, self._device)
             torch.cuda.current_stream(self._device).synchronize()  # frames read it from other streams
             return scene
@@ -69,6 +77,7 @@ class CudaRasterizer(Rasterizer):
         """Queue one view and return at once. Raises OutOfDeviceMemory and DeviceLost."""
         assert isinstance(scene, CudaScene)
         with self._explained():
+            self._make_room()
             workspace = self.take_workspace()
             try:
                 return CudaImage(self, workspace, scene, camera, format)
@@ -77,7 +86,7 @@ class CudaRasterizer(Rasterizer):
                 raise
 
     def warm_up(self) -> None:
-        """Render and encode once in every workspace and format, so that everything is loaded and allocated."""
+        """Render and encode JPEGs in every workspace, so that everything is loaded and allocated."""
         scene = self.prepare(one_gaussian())
         pose = Pose((0.0, 0.0, 0.0), ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)))
         for width, height in ((64, 36), (1280, 720)):
@@ -113,12 +122,44 @@ class CudaRasterizer(Rasterizer):
             self._make_current()
             yield
         except (RuntimeError, CUDAError) as error:
-            if isinstance(error, torch.cuda.OutOfMemoryError) or getattr(error, "status", 0) == ALLOCATOR_FAILURE:
-                torch.cuda.empty_cache()  # what PyTorch keeps for later may be what others lack
+            if _is_out_of_memory(error):
+                self._full = True
                 raise OutOfDeviceMemory(f"{self.device} has too little free memory; try again later.") from None
+            if self._works():
+                raise  # the failure of this one request
             # Every call fails after a kernel crashed or the GPU fell off the bus; only a new process helps.
-            reason = str(error).partition("\n")[0] or type(error).__name__
-            raise DeviceLost(f"{self.device} failed ({reason}); restart the service.") from error
+            raise DeviceLost(f"{self.device} failed ({_first_line(error)}); restart the service.") from error
+
+    def _make_room(self) -> None:
+        """Once memory was short: give the driver back what idle workspaces and PyTorch keep for later.
+
+        Not at once, but before the next frame or scene: by then a scene may have been unloaded, too.
+        """
+        if not self._full:
+            return
+        self._full = False
+        with self._lock:
+            for workspace in self._free:
+                workspace.shrink()
+        torch.cuda.empty_cache()
+
+    def _works(self) -> bool:
+        try:
+            torch.cuda.synchronize(self._device)
+        except RuntimeError:
+            return False
+        return True
+
+
+def _is_out_of_memory(error: Exception) -> bool:
+    """PyTorch, the driver, the runtime (for pinned memory) and nvJPEG each say it in their own way."""
+    if isinstance(error, torch.cuda.OutOfMemoryError) or getattr(error, "status", 0) == ALLOCATOR_FAILURE:
+        return True
+    return "out of memory" in str(error).lower().replace("_", " ")
+
+
+def _first_line(error: Exception) -> str:
+    return str(error).partition("\n")[0].rstrip(".") or type(error).__name__
 
 
 class CudaImage(Image):

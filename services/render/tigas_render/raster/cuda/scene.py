@@ -11,8 +11,6 @@ from tigas_render.scenes.gaussians import Gaussians
 
 CHUNK = 256
 """Gaussians that are culled together; `frame.cuh` says the same."""
-MAX_GAUSSIANS = 2**32 - CHUNK
-"""A Gaussian's number has 32 bits in a tile's list."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -127,6 +127,11 @@ class Workspace:
         self._allocate("entries", 8 * needed * 5 // 4)
         return False
 
+    def shrink(self) -> None:
+        """Give back what grew with scenes and pictures; the next frame allocates what it needs."""
+        self.stream.sync()
+        self._buffers = {name: self._buffers[name] for name in ("frame", "progress")}
+
     def close(self) -> None:
         """Give the encoder's memory back; the buffers go with the object."""
         self.stream.sync()
@@ -168,6 +173,9 @@ class Workspace:
             self._buffers[name] = torch.empty(0, dtype=torch.uint8, device=self._device)
             del buffer
             buffer = torch.empty(size, dtype=torch.uint8, device=self._device)
+            # PyTorch knows nothing of this workspace's stream: what used the memory before, on the default stream, may
+            # still be queued there, such as another scene's packing.
+            torch.cuda.current_stream(self._device).synchronize()
             self._buffers[name] = buffer
         return buffer
 

@@ -51,7 +51,7 @@ __device__ __forceinline__ u32 segment_length(const Progress& progress, u32 entr
 
 enum Format { RGB = 0, JPEG_PLANES = 1, VIDEO_PLANES = 2 };
 
-// One frame: rasterizer.py writes it (FRAME_DTYPE there), `begin` copies it to the device. Pointers first.
+// One frame: parameters.py writes it (LAYOUT there), `begin` copies it to the device. Pointers first.
 struct Frame {
     // the packed scene, see scene.py; padded to whole chunks
     const float* means;     // [3, padded]
