@@ -6,13 +6,19 @@ import pytest
 from playwright.sync_api import Page, expect
 
 from tests.web.conftest import OpenPage
+from tests.web.modes import with_settings
+from tests.web.server import RenderServer
 from tests.web.stage import SCENE, changes, frames, picture, stat, wait_for_frames, wait_until_settled
 
 
 @pytest.fixture
 def viewer(open_page: OpenPage) -> Page:
     """A small scene, with its first frame on the screen."""
-    page = open_page(SCENE)
+    return with_a_frame(open_page(SCENE))
+
+
+def with_a_frame(page: Page) -> Page:
+    """The same, once a frame is on the screen."""
     wait_for_frames(page)
     wait_until_settled(page)
     return page
@@ -35,7 +41,9 @@ def test_keys_move_the_camera(viewer: Page, key: str) -> None:
     assert changes(viewer, hold) > 1
 
 
-def test_r_goes_back_to_the_start(viewer: Page) -> None:
+def test_r_goes_back_to_the_start(open_page: OpenPage, server: RenderServer) -> None:
+    # Of one quality, so that equal views are equal pictures.
+    viewer = with_a_frame(open_page(SCENE, **with_settings(server.url, controller="fixed", profile=0, refine=False)))
     start = picture(viewer)
     assert changes(viewer, lambda: viewer.keyboard.press("ArrowRight", delay=300)) > 1
     assert changes(viewer, lambda: viewer.keyboard.press("r")) > 1
