@@ -22,7 +22,7 @@ async function load(path) {
 }
 
 function source(name) {
-  return fileURLToPath(new URL(`../src/abr/sim/${name}.ts`, import.meta.url));
+  return fileURLToPath(new URL(`../src/${name}.ts`, import.meta.url));
 }
 
 async function main() {
@@ -51,7 +51,15 @@ async function main() {
     { PaperEndpoints },
     { MeasuredEndpoints },
   ] = await Promise.all(
-    ["simulate", "trace", "contenders", "report", "ladder", "endpoints", "measured"].map((name) => load(source(name))),
+    [
+      "simulator/simulate",
+      "simulator/trace",
+      "simulator/contenders",
+      "simulator/report",
+      "abr/ladder",
+      "simulator/endpoints",
+      "simulator/measured",
+    ].map((name) => load(source(name))),
   );
   const seed = number("--seed", values.seed);
   const render = values.render === undefined ? undefined : number("--render", values.render);

@@ -4,34 +4,21 @@ import { existsSync, readFileSync, writeFileSync } from "node:fs";
 import { fileURLToPath } from "node:url";
 import { compile } from "json-schema-to-typescript";
 
-const GENERATED = [
-  { file: "src/wire.ts", title: "Wire", schema: "tigas_common.schema", source: "services/common/tigas_common/wire.py" },
-  {
-    file: "src/shaper-wire.ts",
-    title: "ShaperWire",
-    schema: "tigas_shaper.schema",
-    source: "services/shaper/tigas_shaper/wire.py",
-  },
-  {
-    file: "src/dash-wire.ts",
-    title: "DashWire",
-    schema: "tigas_dash.schema",
-    source: "services/dash-packager/tigas_dash/wire.py",
-  },
-  {
-    file: "src/store-wire.ts",
-    title: "StoreWire",
-    schema: "tigas_lab.service.schema",
-    source: "services/lab/tigas_lab/service/wire.py",
-  },
-];
+/** The generated files, `src/wire/NAME.ts`: the Python module that prints each one's schema, and its source. */
+const GENERATED = {
+  render: { schema: "tigas_common.schema", source: "services/common/tigas_common/wire.py" },
+  dash: { schema: "tigas_dash.schema", source: "services/dash-packager/tigas_dash/wire.py" },
+  shaper: { schema: "tigas_shaper.schema", source: "services/shaper/tigas_shaper/wire.py" },
+  store: { schema: "tigas_lab.service.schema", source: "services/lab/tigas_lab/service/wire.py" },
+};
 
 const venv = fileURLToPath(new URL("../../.venv/bin/python", import.meta.url));
 const python = process.env.PYTHON ?? (existsSync(venv) ? venv : "python3");
 
-for (const { file, title, schema, source } of GENERATED) {
+for (const [name, { schema, source }] of Object.entries(GENERATED)) {
+  const file = `src/wire/${name}.ts`;
   const target = fileURLToPath(new URL(`../${file}`, import.meta.url));
-  const generated = await compile(readSchema(schema), title, {
+  const generated = await compile(readSchema(schema), name, {
     additionalProperties: false,
     bannerComment: `// Generated from ${source} by \`npm run wire\`. Do not edit.`,
   });

@@ -11,8 +11,8 @@ import "./styles/comparison.css";
 import "./styles/experiment.css";
 import "./styles/sides.css";
 import { render } from "preact";
+import { App } from "./app";
 import { start } from "./state/app";
-import { App } from "./ui/app";
 
 const mount = document.getElementById("app");
 if (mount) {

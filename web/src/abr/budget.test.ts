@@ -1,7 +1,7 @@
 import { beforeEach, expect, test } from "vitest";
 import { BudgetController } from "./budget";
+import { PAPER_LADDER } from "./ladder";
 import { observation, type Told } from "./observations";
-import { PAPER_LADDER } from "./sim/ladder";
 
 const BYTES = [240_000, 55_000, 20_000, 7000];
 let subject: BudgetController;

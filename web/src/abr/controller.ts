@@ -1,6 +1,6 @@
 /** Chooses the profile of each frame. Pure: time comes in with what is observed, chance with the context. */
 import type { Arrival } from "../transport/transport";
-import type { Rung, ServerTiming } from "../wire";
+import type { Rung, ServerTiming } from "../wire/render";
 
 /** What became of one frame. */
 export interface Observation {

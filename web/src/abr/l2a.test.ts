@@ -1,7 +1,7 @@
 import { expect, test } from "vitest";
 import { L2aController, primed, step } from "./l2a";
+import { PAPER_LADDER } from "./ladder";
 import { observation } from "./observations";
-import { PAPER_LADDER } from "./sim/ladder";
 
 // Worked by hand from the published update: horizon 4, VL = 4^0.99, alpha = 2 VL, a segment of 0.5 s, so that the first
 // step's gain V / (2 alpha) * (Q + VL) is exactly 0.25.

@@ -1,8 +1,8 @@
 import { beforeEach, expect, test } from "vitest";
+import { PAPER_LADDER } from "./ladder";
 import { LolpController } from "./lolp";
 import { observation, type Told } from "./observations";
 import { seeded } from "./random";
-import { PAPER_LADDER } from "./sim/ladder";
 
 const BYTES = [240_000, 55_000, 20_000, 7000];
 let subject: LolpController;

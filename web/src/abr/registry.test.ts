@@ -1,8 +1,8 @@
 import { expect, test } from "vitest";
+import { PAPER_LADDER } from "./ladder";
 import { observation } from "./observations";
 import { seeded } from "./random";
 import { CONTROLLER_NAMES, CONTROLLERS } from "./registry";
-import { PAPER_LADDER } from "./sim/ladder";
 
 const HOSTILE = [
   {},

@@ -1,5 +1,5 @@
 import { expect, test } from "vitest";
-import { PAPER_LADDER } from "./sim/ladder";
+import { PAPER_LADDER } from "./ladder";
 import { FrameSizes } from "./sizes";
 
 test("what the ladder says, until a frame has come", () => {

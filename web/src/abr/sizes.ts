@@ -4,7 +4,7 @@
  * A rung that was seen has the moving average of its own frames. One that was not is scaled as the nearest rung that was
  * seen: a scene that is rich in detail, or a window smaller than the rung, changes all rungs alike.
  */
-import type { Rung } from "../wire";
+import type { Rung } from "../wire/render";
 
 /** Weight of the newest frame. */
 const ALPHA = 0.3;

@@ -1,5 +1,5 @@
 import { afterEach, beforeEach, expect, test, vi } from "vitest";
-import type { SessionInfo, SessionRequest } from "../dash-wire";
+import type { SessionInfo, SessionRequest } from "../wire/dash";
 import { endSession, openSession } from "./api";
 
 const REQUEST = { scene: "courtyard" } as SessionRequest;

@@ -1,8 +1,8 @@
 /** The packager's API: a stream of one's own, and the socket that moves its camera. */
-import type { FrameShown, PoseUpdate, SessionInfo, SessionRequest } from "../dash-wire";
-import { mixedContent } from "../network/api";
-import { ApiError } from "../state/api";
-import { readProblem } from "../transport/fetch";
+
+import { ApiError, readProblem } from "../http/problem";
+import { mixedContent } from "../http/reach";
+import type { FrameShown, PoseUpdate, SessionInfo, SessionRequest } from "../wire/dash";
 
 /** Opening waits for the scene to load and for the first frame. */
 const OPEN_TIMEOUT = 60_000;

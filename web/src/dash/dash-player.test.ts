@@ -1,11 +1,11 @@
 import { afterEach, beforeEach, expect, test, vi } from "vitest";
-import type { FrameShown, PoseUpdate, SessionInfo } from "../dash-wire";
-import { deferred } from "../deferred";
-import { NO_NUDGE } from "../input/motion";
-import type { PresentedFrame } from "../player/presented";
-import { Rig } from "../player/rig";
-import { ApiError } from "../state/api";
-import type { SceneInfo } from "../wire";
+import { deferred } from "../async/deferred";
+import { ApiError } from "../http/problem";
+import { NO_NUDGE } from "../view/motion";
+import type { PresentedFrame } from "../view/presented";
+import { Rig } from "../view/rig";
+import type { FrameShown, PoseUpdate, SessionInfo } from "../wire/dash";
+import type { SceneInfo } from "../wire/render";
 import { endSession, openPoses, openSession } from "./api";
 import { DashPlayer } from "./dash-player";
 import { TUNED } from "./presets";

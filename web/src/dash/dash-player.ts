@@ -1,15 +1,15 @@
 /** The DASH mode: a stream of one's own from the packager, whose camera follows the rig, measured frame by frame. */
+
 import { signal } from "@preact/signals";
 import pRetry from "p-retry";
-import type { Intrinsics, Viewport } from "../camera/intrinsics";
-import type { FrameShown, SessionInfo, SessionRequest } from "../dash-wire";
-import { deferred } from "../deferred";
-import { type Figures, Meter, NO_FIGURES } from "../player/meter";
-import { STATS_EVERY } from "../player/player";
-import type { PresentedFrame } from "../player/presented";
-import type { Rig } from "../player/rig";
-import { ApiError } from "../state/api";
-import type { PlayedStream } from "../store-wire";
+import { deferred } from "../async/deferred";
+import { ApiError } from "../http/problem";
+import type { Intrinsics, Viewport } from "../view/intrinsics";
+import { type Figures, Meter, NO_FIGURES, STATS_EVERY } from "../view/meter";
+import type { PresentedFrame } from "../view/presented";
+import type { Rig } from "../view/rig";
+import type { FrameShown, SessionInfo, SessionRequest } from "../wire/dash";
+import type { PlayedStream } from "../wire/store";
 import { endSession, openPoses, openSession, type PoseSocket } from "./api";
 import { FramePoses } from "./frame-poses";
 import type { DashSetup } from "./presets";

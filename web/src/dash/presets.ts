@@ -1,5 +1,5 @@
 /** How the DASH stream is set up. */
-import type { SessionRequest } from "../dash-wire";
+import type { SessionRequest } from "../wire/dash";
 
 /** What decides a stream's latency. */
 export type DashSetup = Required<

@@ -1,7 +1,7 @@
 /** `window.tigas`: how scripts drive the viewer and measure it. Pictures are fetched one by one after a run. */
 import * as v from "valibot";
-import type { ScenePose } from "../camera/camera";
 import type { Settings } from "../state/settings";
+import type { ScenePose } from "../view/camera";
 import type { Recording, Runner, RunnerState, RunPlan } from "./runner";
 
 const Numbers = <N extends number>(length: N) => v.pipe(v.array(v.pipe(v.number(), v.finite())), v.length(length));

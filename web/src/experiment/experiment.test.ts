@@ -1,5 +1,5 @@
 import { beforeEach, expect, test, vi } from "vitest";
-import { ApiError } from "../state/api";
+import { ApiError } from "../http/problem";
 import { RunFailed } from "./errors";
 import { Experiment, type Hands } from "./experiment";
 import { type ExperimentPlan, type PlannedRun, runsOf, UNSHAPED } from "./plan";

@@ -2,9 +2,10 @@
  * One experiment of the page: its runs one after the other, what became of each, and how far it is. A run that fails is marked,
  * and the others go on. What makes a run and what keeps it come in, and so does time.
  */
+
 import { computed, signal } from "@preact/signals";
+import { ApiError } from "../http/problem";
 import { ShaperError } from "../network/api";
-import { ApiError } from "../state/api";
 import { RunFailed } from "./errors";
 import { answers, figures } from "./figures";
 import { type ExperimentPlan, type PlannedRun, runsOf, timeFor } from "./plan";

@@ -1,6 +1,6 @@
 import { expect, test } from "vitest";
 import type { Shaper } from "../network/shaper";
-import type { ShaperStatus } from "../shaper-wire";
+import type { ShaperStatus } from "../wire/shaper";
 import { linkFor, linkTrouble, presentNetwork } from "./link";
 import { constantLink, UNSHAPED } from "./plan";
 

@@ -1,8 +1,8 @@
 /** The network of a run: held at its first state, played from there, watched meanwhile, and given back. */
 import { effect } from "@preact/signals";
 import type { Shaper } from "../network/shaper";
-import type { LinkSetting, ShaperStatus } from "../shaper-wire";
-import type { LinkSample } from "../store-wire";
+import type { LinkSetting, ShaperStatus } from "../wire/shaper";
+import type { LinkSample } from "../wire/store";
 import { RunFailed } from "./errors";
 import { constantLink, type Network, type PlannedRun, playsTrace, UNSHAPED } from "./plan";
 

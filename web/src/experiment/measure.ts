@@ -1,14 +1,14 @@
 /** Makes one run in this very page: settings, network, first pose, warm-up, movement. */
 import { effect } from "@preact/signals";
+import { sleep } from "../async/sleep";
+import type { PosePoint } from "../movement/playback";
 import type { Shaper } from "../network/shaper";
-import type { ViewerSession } from "../player/session";
-import type { ShaperStatus } from "../shaper-wire";
-import { sleep } from "../sleep";
 import { settings } from "../state/app";
+import type { ViewerSession } from "../viewer/session";
+import type { ShaperStatus } from "../wire/shaper";
 import { RunFailed } from "./errors";
 import { linkFor, linkSamples, linkTrouble, watchLink } from "./link";
 import { type PlannedRun, settingsFor } from "./plan";
-import type { PosePoint } from "./playback";
 import type { Measured } from "./results";
 import type { Runner } from "./runner";
 

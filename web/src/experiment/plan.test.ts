@@ -1,6 +1,6 @@
 import { expect, test } from "vitest";
 import { DEFAULT_SETTINGS, validSettings } from "../state/settings";
-import type { RunRow } from "../store-wire";
+import type { RunRow } from "../wire/store";
 import {
   conditionOf,
   constantLink,

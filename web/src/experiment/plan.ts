@@ -1,9 +1,9 @@
 /** What an experiment of the page is, and the runs that it consists of. Pure. */
 import * as v from "valibot";
 import { CONTROLLER_NAMES, CONTROLLERS, type ControllerName } from "../abr/registry";
-import type { LinkSetting } from "../shaper-wire";
 import type { Settings } from "../state/settings";
-import type { Configuration, RunRow } from "../store-wire";
+import type { LinkSetting } from "../wire/shaper";
+import type { Configuration, RunRow } from "../wire/store";
 
 export const RUN_MODES = [
   "stateless",

@@ -1,6 +1,6 @@
 import { expect, test } from "vitest";
-import type { Reply } from "../player/player";
-import type { PresentedFrame } from "../player/presented";
+import type { Reply } from "../stateless/player";
+import type { PresentedFrame } from "../view/presented";
 import { Recorder, type RecorderStart } from "./recorder";
 
 const posed = (seq: number) => ({ seq, position: [seq, 0, 0], quaternion: [0, 0, 0, 1] }) as never;

@@ -1,5 +1,5 @@
 import { expect, test } from "vitest";
-import { BINS } from "../comparison/histogram";
+import { BINS } from "../charts/histogram";
 import type { RunFigures } from "./figures";
 import { type ExperimentPlan, runsOf, UNSHAPED } from "./plan";
 import { distribution, overTime, type RunResult, rowsOf, toJson } from "./results";

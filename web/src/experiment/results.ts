@@ -1,7 +1,8 @@
 /** What became of an experiment's runs, and what they say of each controller and mode. Pure. */
-import { BINS } from "../comparison/histogram";
-import type { Columns } from "../network/series";
-import type { Configuration, LinkSample } from "../store-wire";
+
+import type { Columns } from "../charts/columns";
+import { BINS } from "../charts/histogram";
+import type { Configuration, LinkSample } from "../wire/store";
 import { type Answer, percentile, type RunFigures } from "./figures";
 import { conditionOf, type ExperimentPlan, type PlannedRun } from "./plan";
 import type { Recording } from "./runner";

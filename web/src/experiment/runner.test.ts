@@ -1,10 +1,10 @@
 import { signal } from "@preact/signals";
 import { afterEach, beforeEach, expect, test, vi } from "vitest";
-import { NO_NUDGE } from "../input/motion";
-import { Rig } from "../player/rig";
-import type { ViewerSession } from "../player/session";
 import { settle } from "../transport/fake";
-import type { SceneInfo } from "../wire";
+import { NO_NUDGE } from "../view/motion";
+import { Rig } from "../view/rig";
+import type { ViewerSession } from "../viewer/session";
+import type { SceneInfo } from "../wire/render";
 import { Runner } from "./runner";
 
 const SCENE = { id: "hall", up: [0, -1, 0], camera: { position: [0, -2, -8], look_at: [0, -2, 0] } } as SceneInfo;

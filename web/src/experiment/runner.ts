@@ -2,14 +2,15 @@
  * Plays a movement in the viewer and records it: scripts (`bridge.ts`) and the experiment dialogue (`experiment.ts`) share it.
  * Whatever a run records stays in the page until the run has ended, so that nothing but the viewer's own traffic crosses the link.
  */
-import type { ScenePose } from "../camera/camera";
-import type { Intrinsics, Viewport } from "../camera/intrinsics";
-import type { PresentedFrame } from "../player/presented";
-import type { ViewerSession } from "../player/session";
+
+import { type PosePoint, poseAt } from "../movement/playback";
 import { change, settings } from "../state/app";
 import { type Mode, type Settings, validSettings } from "../state/settings";
-import type { PlayedStream } from "../store-wire";
-import { type PosePoint, poseAt } from "./playback";
+import type { ScenePose } from "../view/camera";
+import type { Intrinsics, Viewport } from "../view/intrinsics";
+import type { PresentedFrame } from "../view/presented";
+import type { ViewerSession } from "../viewer/session";
+import type { PlayedStream } from "../wire/store";
 import { Recorder, type Records } from "./recorder";
 
 export interface RunPlan {

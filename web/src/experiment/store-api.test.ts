@@ -1,8 +1,9 @@
 import { afterEach, beforeEach, expect, test, vi } from "vitest";
-import { ApiError } from "../state/api";
+import { ApiError } from "../http/problem";
+import { storeSilence } from "../http/reach";
 import { type ExperimentPlan, UNSHAPED } from "./plan";
 import type { Measured } from "./results";
-import { StoreApi, storeSilence } from "./store-api";
+import { StoreApi } from "./store-api";
 
 const PLAN: ExperimentPlan = {
   name: "two",

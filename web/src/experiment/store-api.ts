@@ -1,6 +1,7 @@
 /** The store of experiments (`docs/store.md`). Every failure is an ApiError with one sentence to show. */
-import { mixedContent } from "../network/api";
-import { ApiError } from "../state/api";
+
+import { ApiError, readProblem } from "../http/problem";
+import { storeSilence } from "../http/reach";
 import type {
   ExperimentCreated,
   ExperimentList,
@@ -8,8 +9,7 @@ import type {
   Figures,
   RunRow,
   Experiment as StoredExperiment,
-} from "../store-wire";
-import { readProblem } from "../transport/fetch";
+} from "../wire/store";
 import type { RunFigures } from "./figures";
 import { type ExperimentPlan, runsOf } from "./plan";
 import type { Measured } from "./results";
@@ -76,15 +76,6 @@ export class StoreApi {
     }
     throw new ApiError((await readProblem(answer)).detail, false);
   }
-}
-
-/** Why a page at `page` hears nothing of the store at `base`, in one sentence. */
-export function storeSilence(base: string, page: string): string {
-  if (URL.canParse(base) && mixedContent(base, page)) {
-    return "Browsers do not let a secure page use a store over plain HTTP: open this page over http:// to use it.";
-  }
-  // Browsers do not tell a page that it was refused for its origin.
-  return `The store at ${base} does not answer as it should, or does not allow this page.`;
 }
 
 /** The figures that the page shows, from all that the store knows. */

@@ -1,6 +1,6 @@
 import { describe, expect, test } from "vitest";
+import { NO_NUDGE } from "../view/motion";
 import { look, pinch, sum, wheel } from "./gestures";
-import { NO_NUDGE } from "./motion";
 
 const at = (x: number, y: number) => ({ x, y });
 

@@ -1,5 +1,5 @@
 /** What mouse, fingers and wheel mean. Pure: positions in CSS pixels come in, nudges for the camera go out. */
-import { NO_NUDGE, type Nudge } from "./motion";
+import { NO_NUDGE, type Nudge } from "../view/motion";
 
 interface Point {
   readonly x: number;

@@ -1,13 +1,5 @@
 /** Which movement keys are held. Keys are known by their place (`event.code`), so that every layout works. */
-
-/** What is asked of the camera at a moment, each from -1 to 1. */
-export interface Axes {
-  readonly forward: number;
-  readonly right: number;
-  readonly up: number;
-  readonly turnRight: number;
-  readonly turnUp: number;
-}
+import type { Axes } from "../view/motion";
 
 type Axis = keyof Axes;
 

@@ -1,17 +1,13 @@
 /** Listens to keyboard, mouse, touch and wheel, and keeps what they ask for until the next animation frame samples it. */
+import type { Sample } from "../view/motion";
+import { NO_NUDGE } from "../view/motion";
 import { look, pinch, sum, wheel } from "./gestures";
 import { Glide } from "./glide";
-import { type Axes, HeldKeys } from "./keys";
-import { NO_NUDGE, type Nudge } from "./motion";
+import { HeldKeys } from "./keys";
 
 interface Point {
   readonly x: number;
   readonly y: number;
-}
-
-export interface Sample {
-  readonly axes: Axes;
-  readonly nudge: Nudge;
 }
 
 /** Where keys write text or open something. */

@@ -1,5 +1,6 @@
 import { afterEach, expect, test, vi } from "vitest";
-import { obstacle, ShaperApi, ShaperError } from "./api";
+import { obstacle } from "../http/reach";
+import { ShaperApi, ShaperError } from "./api";
 
 afterEach(() => {
   vi.unstubAllGlobals();

@@ -1,6 +1,6 @@
 /** The shaper's HTTP interface. Every failure is a ShaperError with one sentence to show. */
-import type { LinkSetting, ShaperStatus, StartRequest, TraceList, TracePoints } from "../shaper-wire";
-import { readProblem } from "../transport/fetch";
+import { readProblem } from "../http/problem";
+import type { LinkSetting, ShaperStatus, StartRequest, TraceList, TracePoints } from "../wire/shaper";
 
 export class ShaperError extends Error {}
 
@@ -75,19 +75,4 @@ export class ShaperApi {
     }
     throw new ShaperError((await readProblem(response)).detail);
   }
-}
-
-const LOOPBACK = /^(localhost|.*\.localhost|127(\.\d+){3}|\[::1\])$/;
-
-/** Whether browsers keep a page at `page` from a service at `base`: a secure page may use plain HTTP on its own machine only. */
-export function mixedContent(base: string, page: string): boolean {
-  const { protocol, hostname } = new URL(base);
-  return new URL(page).protocol === "https:" && protocol === "http:" && !LOOPBACK.test(hostname);
-}
-
-/** Why a page at `page` cannot talk to a shaper at `base`, in one sentence; null if it can. */
-export function obstacle(base: string, page: string): string | null {
-  if (!URL.canParse(base)) return `The shaper's address is not a URL: ${base}.`;
-  if (!mixedContent(base, page)) return null;
-  return "Browsers do not let a secure page use a shaper over plain HTTP: open this page over http:// to change the link.";
 }

@@ -1,5 +1,5 @@
 /** The form for a constant link: from what was typed to a setting, or sentences that say what is wrong. */
-import type { LinkSetting } from "../shaper-wire";
+import type { LinkSetting } from "../wire/shaper";
 
 export const LINK_FIELDS = [
   { name: "down", label: "Down", unit: "Mbit/s", max: 100_000 },

@@ -1,33 +1,7 @@
-/** The last minute of some quantities, in the columns that a chart draws. */
-import type { Stats } from "../player/stats";
-import type { ShaperStatus } from "../shaper-wire";
-
-/** Seconds. */
-export const SPAN = 60;
-/** No line is drawn across a longer time without samples, in seconds. */
-const GAP = 2;
-
-type Column = readonly (number | null)[];
-/** Times in seconds, rising; and the values of each quantity at them. */
-export type Columns = readonly [times: readonly number[], ...values: Column[]];
-
-export function noColumns(quantities: number): Columns {
-  return [[], ...Array.from({ length: quantities }, () => [])];
-}
-
-/** The columns with one sample more, without what is older than the span. */
-export function append(columns: Columns, time: number, values: Column): Columns {
-  const [times, ...series] = columns;
-  const last = times.at(-1);
-  const broken = last !== undefined && time - last > GAP;
-  const kept = times.findIndex((at) => at >= time - SPAN);
-  const from = kept < 0 ? times.length : kept;
-  return [
-    [...times.slice(from), ...(broken ? [time - GAP / 2] : []), time],
-    ...series.map((column, i) => [...column.slice(from), ...(broken ? [null] : []), values[i] ?? null]),
-  ];
-}
-
+/** What the network panel draws: the link's rates, our frames, and a trace's outline. */
+import type { Column } from "../charts/columns";
+import type { Stats } from "../stateless/stats";
+import type { ShaperStatus } from "../wire/shaper";
 /** Towards the client, Mbit/s: target, delivered. */
 export function rates({ down }: ShaperStatus): Column {
   return [down.target_kbps / 1000, down.delivered_kbps / 1000];

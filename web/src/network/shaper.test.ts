@@ -1,5 +1,5 @@
 import { afterEach, beforeEach, expect, test, vi } from "vitest";
-import type { ShaperStatus } from "../shaper-wire";
+import type { ShaperStatus } from "../wire/shaper";
 import { Shaper } from "./shaper";
 
 const direction = { target_kbps: 8000, delivered_kbps: 7000, queue_bytes: 0, queue_ms: 0, drops: 0 };

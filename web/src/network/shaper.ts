@@ -1,8 +1,11 @@
 /** One shaper as the page sees it: its traces, its link live, and what a person does to it, until it is disposed of. */
+
 import { signal } from "@preact/signals";
-import type { ShaperStatus, TracePoints, TraceSummary } from "../shaper-wire";
-import { obstacle, ShaperApi, ShaperError } from "./api";
-import { append, noColumns, rates } from "./series";
+import { append, noColumns } from "../charts/columns";
+import { obstacle } from "../http/reach";
+import type { ShaperStatus, TracePoints, TraceSummary } from "../wire/shaper";
+import { ShaperApi, ShaperError } from "./api";
+import { rates } from "./series";
 
 /** EventSource reconnects by itself, but not after an answer with an error; then we do, after so many ms. */
 const RETRY = 5000;

@@ -1,17 +1,6 @@
 /** The service's JSON endpoints. Every failure is an ApiError with one sentence to show. */
-import { readProblem } from "../transport/fetch";
-import type { SceneInfo, ServerConfig } from "../wire";
-
-export class ApiError extends Error {
-  /** The server did not answer at all. */
-  readonly unreachable: boolean;
-
-  constructor(detail: string, unreachable: boolean) {
-    super(detail);
-    this.name = "ApiError";
-    this.unreachable = unreachable;
-  }
-}
+import { ApiError, readProblem } from "../http/problem";
+import type { SceneInfo, ServerConfig } from "../wire/render";
 
 const TIMEOUT = 5000;
 

@@ -1,7 +1,9 @@
 /** What the whole page shares: settings, the place in it, the server's configuration and its scenes. */
+
 import { effect, signal } from "@preact/signals";
-import type { SceneInfo, ServerConfig } from "../wire";
-import { ApiError, fetchConfig, fetchScenes, loadScene, unloadScene } from "./api";
+import { ApiError } from "../http/problem";
+import type { SceneInfo, ServerConfig } from "../wire/render";
+import { fetchConfig, fetchScenes, loadScene, unloadScene } from "./api";
 import { parseRoute, type Route } from "./route";
 import { DEFAULT_SETTINGS, loadSettings, type Settings, saveSettings } from "./settings";
 

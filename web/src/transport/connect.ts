@@ -1,5 +1,5 @@
 /** Picks the transport: WebTransport if it can be had, fetch otherwise, and the reason if that is not what was asked for. */
-import type { ServerConfig } from "../wire";
+import type { ServerConfig } from "../wire/render";
 import { DatagramTransport } from "./datagrams";
 import { FetchTransport } from "./fetch";
 import type { Clock } from "./reception";

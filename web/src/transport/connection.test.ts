@@ -1,6 +1,6 @@
 import { beforeEach, expect, test, vi } from "vitest";
-import { deferred } from "../deferred";
-import type { ServerConfig } from "../wire";
+import { deferred } from "../async/deferred";
+import type { ServerConfig } from "../wire/render";
 import { type ConnectionState, maintainConnection } from "./connection";
 import { FakeTransport } from "./fake";
 

@@ -3,7 +3,7 @@
  * Each attempt reads the server's configuration anew: after a restart its certificate is another one.
  */
 import pRetry from "p-retry";
-import type { ServerConfig } from "../wire";
+import type { ServerConfig } from "../wire/render";
 import type { Connected } from "./connect";
 
 export type ConnectionState =

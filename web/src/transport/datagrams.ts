@@ -1,6 +1,6 @@
 /** WebTransport datagrams: nothing is sent again, so a lost fragment costs one frame and no time. */
-import { type Deferred, deferred } from "../deferred";
-import type { RenderRequest } from "../wire";
+import { type Deferred, deferred } from "../async/deferred";
+import type { RenderRequest } from "../wire/render";
 import { parseFrame } from "./framing";
 import { Reassembler } from "./reassembly";
 import { type Clock, Receiver, type Reception } from "./reception";

@@ -1,5 +1,5 @@
 /** A WebTransport session for tests: streams and datagrams that the test answers. */
-import { type Deferred, deferred } from "../deferred";
+import { type Deferred, deferred } from "../async/deferred";
 
 export interface FakeStream {
   /** What the client has written, once it closed its side. */

@@ -1,6 +1,6 @@
 /** A transport for tests: requests wait until the test answers them. */
-import { deferred } from "../deferred";
-import type { FrameHeader, RenderRequest, ServerTiming } from "../wire";
+import { deferred } from "../async/deferred";
+import type { FrameHeader, RenderRequest, ServerTiming } from "../wire/render";
 import type { FrameReply, FrameTransport, TransportKind } from "./transport";
 
 export interface FakeRequest {

@@ -1,6 +1,8 @@
 /** One `POST /render` per frame: works wherever a page works, with at most six connections on HTTP/1.1. */
-import { deferred } from "../deferred";
-import type { Problem, RenderRequest } from "../wire";
+
+import { deferred } from "../async/deferred";
+import { readProblem } from "../http/problem";
+import type { RenderRequest } from "../wire/render";
 import { frameHeader } from "./http-fields";
 import { type Clock, Receiver, readAll } from "./reception";
 import { type FrameReply, type FrameTransport, RequestProblem } from "./transport";
@@ -47,20 +49,4 @@ export class FetchTransport implements FrameTransport {
     this.#closed.abort(new Error("the transport was closed"));
     this.#lose("The connection was closed.");
   }
-}
-
-/** The problem of a failed response; one is made up if the answer came from something else than our server. */
-export async function readProblem(response: Response): Promise<Problem> {
-  try {
-    const problem = (await response.json()) as Problem;
-    if (typeof problem?.detail === "string" && typeof problem.type === "string") return problem;
-  } catch {
-    // not JSON: a proxy's page, or nothing at all
-  }
-  return {
-    type: "about:blank",
-    title: response.statusText,
-    status: response.status,
-    detail: `The server answered with status ${response.status}.`,
-  };
 }

@@ -1,5 +1,5 @@
 /** The bytes of a frame on WebTransport: the header's length, the header, the image or a problem. */
-import type { FrameHeader, Problem } from "../wire";
+import type { FrameHeader, Problem } from "../wire/render";
 import { RequestProblem } from "./transport";
 
 type Bytes = Uint8Array<ArrayBuffer>;

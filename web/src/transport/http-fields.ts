@@ -1,5 +1,5 @@
 /** What a frame's HTTP headers say, as the header that WebTransport puts before it. */
-import type { FrameHeader, ServerTiming } from "../wire";
+import type { FrameHeader, ServerTiming } from "../wire/render";
 
 export function frameHeader(status: number, headers: Headers): FrameHeader {
   const frame = parameters(headers.get("Tigas-Frame") ?? "", ",");

@@ -1,5 +1,5 @@
 /** Opens a WebTransport session to the render service. */
-import { deferred } from "../deferred";
+import { deferred } from "../async/deferred";
 
 export interface SessionOptions {
   readonly url: string;

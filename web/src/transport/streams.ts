@@ -1,5 +1,5 @@
 /** WebTransport, one bidirectional stream per frame: nothing waits for anything else, and a stale frame can be cancelled. */
-import type { RenderRequest } from "../wire";
+import type { RenderRequest } from "../wire/render";
 import { parseFrame } from "./framing";
 import { type Clock, Receiver, readAll } from "./reception";
 import { closeQuietly, sessionEnd } from "./session";

@@ -1,5 +1,5 @@
 /** What every way of fetching frames has in common. */
-import type { FrameHeader, Problem, RenderRequest } from "../wire";
+import type { FrameHeader, Problem, RenderRequest } from "../wire/render";
 
 export type TransportKind = "webtransport-streams" | "webtransport-datagrams" | "fetch";
 

@@ -1,4 +1,5 @@
 /** Tells a visitor over plain HTTP from another device where WebTransport works. */
+
 import { LockOpen } from "lucide";
 import { config } from "../state/app";
 import { Icon } from "./icon";

@@ -1,8 +1,8 @@
 /** The store's list of movements, asked for when a component is first shown. */
 import { useSignal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
-import { MovementError } from "../experiment/movement";
-import { type ListedMovement, listMovements } from "../experiment/movements";
+import { MovementError } from "../movement/movement";
+import { type ListedMovement, listMovements } from "../movement/movements";
 
 interface StoredMovements {
   /** Empty without a store, and while it is silent. */

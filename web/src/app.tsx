@@ -1,0 +1,19 @@
+/** The page: the list of scenes, the list of experiments, or the viewer, as the URL says. */
+import { unsaved } from "./movement/movement-deck";
+import { route } from "./state/app";
+import { Dashboard } from "./ui/dashboard/dashboard";
+import { experimentAtRisk } from "./ui/experiment/experiment-dialog";
+import { ExperimentList } from "./ui/experiment/experiment-list";
+import { useLeavingWarning } from "./ui/use-leaving-warning";
+import { Viewer } from "./ui/viewer/viewer";
+
+export function App() {
+  const current = route.value;
+  useLeavingWarning(experimentAtRisk.value || unsaved.value.size > 0);
+  if (current.page === "experiments") return <ExperimentList />;
+  return current.page === "viewer" ? (
+    <Viewer key={current.scene} sceneId={current.scene} stamp={current.stamp} />
+  ) : (
+    <Dashboard />
+  );
+}

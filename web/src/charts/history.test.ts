@@ -1,0 +1,48 @@
+import { expect, test } from "vitest";
+import { NO_FIGURES } from "../view/meter";
+import { BINS } from "./histogram";
+import { ComparisonHistory } from "./history";
+
+const FIGURES = {
+  ...NO_FIGURES,
+  bandwidth: 4_000_000,
+  stalls: { count: 2, time: 500 },
+  picture: { rung: 2, width: 640, height: 360 },
+};
+/** The index of the bin that a latency falls in. */
+const bin = (latency: number) => BINS.filter((from) => from <= latency).length - 1;
+
+test("samples become columns, one for each side; a side that is not shown has none", () => {
+  const history = new ComparisonHistory();
+  history.sample({ stateless: FIGURES, dash: null }, 1000);
+  history.sample({ stateless: FIGURES, dash: { ...FIGURES, bandwidth: 1_000_000 } }, 1250);
+  expect(history.bandwidth.value).toEqual([
+    [1, 1.25],
+    [4, 4],
+    [null, 1],
+  ]);
+  expect(history.stalled.value.slice(1)).toEqual([
+    [0.5, 0.5],
+    [null, 0.5],
+  ]);
+  expect(history.lines.value.slice(1)).toEqual([
+    [360, 360],
+    [null, 360],
+  ]);
+});
+
+test("latencies are distributed side by side, and forgotten after a minute", () => {
+  const history = new ComparisonHistory();
+  history.presented({ side: "stateless", at: 0, latencies: [50, 51] });
+  history.presented({ side: "dash", at: 0, latencies: [700] });
+  history.sample({ stateless: FIGURES, dash: FIGURES }, 100);
+  const [, stateless, dash] = history.latency.value;
+  expect([stateless?.[bin(50)], dash?.[bin(700)]]).toEqual([100, 100]);
+  history.sample({ stateless: FIGURES, dash: FIGURES }, 61_000);
+  expect(
+    history.latency.value
+      .slice(1)
+      .flat()
+      .every((value) => value === null),
+  ).toBe(true);
+});

@@ -1,0 +1,25 @@
+/** Why a page cannot reach a service that `/config.json` names, as far as its URL tells. */
+
+const LOOPBACK = /^(localhost|.*\.localhost|127(\.\d+){3}|\[::1\])$/;
+
+/** Whether browsers keep a page at `page` from a service at `base`: a secure page may use plain HTTP on its own machine only. */
+export function mixedContent(base: string, page: string): boolean {
+  const { protocol, hostname } = new URL(base);
+  return new URL(page).protocol === "https:" && protocol === "http:" && !LOOPBACK.test(hostname);
+}
+
+/** Why a page at `page` cannot talk to a shaper at `base`, in one sentence; null if it can. */
+export function obstacle(base: string, page: string): string | null {
+  if (!URL.canParse(base)) return `The shaper's address is not a URL: ${base}.`;
+  if (!mixedContent(base, page)) return null;
+  return "Browsers do not let a secure page use a shaper over plain HTTP: open this page over http:// to change the link.";
+}
+
+/** Why a page at `page` hears nothing of the store at `base`, in one sentence. */
+export function storeSilence(base: string, page: string): string {
+  if (URL.canParse(base) && mixedContent(base, page)) {
+    return "Browsers do not let a secure page use a store over plain HTTP: open this page over http:// to use it.";
+  }
+  // Browsers do not tell a page that it was refused for its origin.
+  return `The store at ${base} does not answer as it should, or does not allow this page.`;
+}

@@ -1,0 +1,235 @@
+/**
+ * Plays movement traces in the viewer and records what a person does, as a tape deck would: one thing at a time. While a
+ * movement plays the rig follows it; whoever stops it goes on from where it has brought the camera. Time comes with the samples.
+ */
+import { computed, effect, type ReadonlySignal, type Signal, signal, untracked } from "@preact/signals";
+import type { NumberedPose, PoseSource, Rig } from "../view/rig";
+import { levelled, MAX_POINTS, MovementError, type MovementTrace, placed } from "./movement";
+import { type PosePoint, poseAt } from "./playback";
+
+export interface NamedMovement {
+  readonly name: string;
+  readonly origin: "file" | "recording" | "store";
+  readonly trace: MovementTrace;
+}
+
+export type DeckState = "stopped" | "playing" | "paused" | "recording";
+
+/** How often the position is told, in milliseconds: nobody reads faster. */
+const TELL_EVERY = 100;
+
+/** The files and recordings of this visit, whatever the scene. */
+export const movements = signal<readonly NamedMovement[]>([]);
+/** Recordings that were not saved yet. */
+export const unsaved = signal<ReadonlySet<NamedMovement>>(new Set());
+/** What is in the deck. */
+const chosen = signal<NamedMovement | null>(null);
+
+export class MovementDeck {
+  /** At its end, a movement begins again. */
+  readonly loop: Signal<boolean> = signal(false);
+  /** Why the last movement that was asked for cannot be had, in one sentence. */
+  readonly problem: Signal<string | null> = signal(null);
+  /** Something else moves the camera: a script, or an experiment. */
+  readonly busy: ReadonlySignal<boolean>;
+  readonly #rig: Rig;
+  readonly #today: () => Date;
+  readonly #state = signal<DeckState>("stopped");
+  readonly #position = signal(0);
+  readonly #cleanups: (() => void)[];
+  #opening = new AbortController();
+  #points: readonly PosePoint[] = [];
+  #recorded: PosePoint[] = [];
+  #startedAt = 0;
+  /** Where the movement is, to the microsecond. */
+  #at = 0;
+  /** The part of it that the camera has shown last. */
+  #shown = -1;
+  #sampledAt: number | null = null;
+
+  constructor(rig: Rig, today: () => Date = () => new Date()) {
+    this.#rig = rig;
+    this.#today = today;
+    this.busy = computed(() => rig.source.value !== null && rig.source.value !== this.#source);
+    this.#cleanups = [
+      rig.onSample((pose, at) => this.#sampled(pose, at)),
+      effect(() => {
+        const mine = rig.source.value === this.#source;
+        untracked(() => !mine && this.#driving && this.#rest());
+      }),
+    ];
+  }
+
+  get state(): ReadonlySignal<DeckState> {
+    return this.#state;
+  }
+
+  /** Where the movement is, or how long the recording is, in milliseconds; told now and then. */
+  get position(): ReadonlySignal<number> {
+    return this.#position;
+  }
+
+  get movement(): ReadonlySignal<NamedMovement | null> {
+    return chosen;
+  }
+
+  /** Inserts what is read, unless another is asked for meanwhile. If it cannot be had, nothing changes but `problem`. */
+  async open(read: (signal: AbortSignal) => Promise<NamedMovement>): Promise<void> {
+    this.#opening.abort();
+    this.#opening = new AbortController();
+    const { signal } = this.#opening;
+    try {
+      const movement = await read(signal);
+      if (!signal.aborted) this.insert(movement);
+    } catch (error) {
+      if (signal.aborted) return;
+      this.problem.value = error instanceof MovementError ? error.message : "This movement cannot be had.";
+    }
+  }
+
+  /** Stops what plays. */
+  insert(movement: NamedMovement): void {
+    this.stop();
+    this.problem.value = null;
+    chosen.value = movement;
+    this.#moveTo(0);
+  }
+
+  /** From where it was paused, or from the start. */
+  play(): void {
+    if (this.#at >= (chosen.peek()?.trace.duration ?? 0)) this.#moveTo(0);
+    this.#follow("playing");
+  }
+
+  /** The camera stays where the movement has brought it. */
+  pause(): void {
+    if (this.#driving) this.#state.value = "paused";
+  }
+
+  /** Show the movement at a time, in milliseconds. */
+  seek(at: number): void {
+    const duration = chosen.peek()?.trace.duration ?? 0;
+    this.#moveTo(Math.min(Math.max(0, at), duration));
+    if (!this.#driving) this.#follow("paused");
+  }
+
+  /** Ends what plays or is recorded; the camera is the person's, and stays where it is. */
+  stop(): void {
+    if (this.#state.peek() === "recording") this.#keep();
+    if (this.#driving) {
+      this.#rig.takeOver();
+      this.#moveTo(0);
+    }
+  }
+
+  /** Record the camera's poses, whoever moves it, until it is stopped. */
+  record(): void {
+    if (!this.#rig.scene || this.#state.peek() === "recording") return;
+    this.stop();
+    this.#recorded = [];
+    this.#moveTo(0);
+    this.#state.value = "recording";
+  }
+
+  /** What was recorded is kept. */
+  dispose(): void {
+    this.#opening.abort();
+    this.stop();
+    for (const cleanup of this.#cleanups) cleanup();
+  }
+
+  get #driving(): boolean {
+    return this.#state.peek() === "playing" || this.#state.peek() === "paused";
+  }
+
+  #follow(state: "playing" | "paused"): void {
+    const { scene } = this.#rig;
+    const movement = chosen.peek();
+    if (!scene || !movement || this.busy.peek() || this.#state.peek() === "recording") return;
+    if (!this.#driving) {
+      this.#points = placed(movement.trace, scene);
+      this.#sampledAt = null;
+      this.#shown = -1;
+    }
+    this.#state.value = state;
+    this.#rig.drive(this.#source);
+  }
+
+  /** The pose that is due; at the end, the camera is the person's. */
+  readonly #source: PoseSource = (now) => {
+    const elapsed = now - (this.#sampledAt ?? now);
+    this.#sampledAt = now;
+    const duration = this.#points.at(-1)?.t_ms ?? 0;
+    if (this.#state.peek() === "playing") {
+      if (this.#shown >= duration && this.#at >= duration && !this.loop.peek()) {
+        this.#moveTo(duration);
+        this.#rig.takeOver();
+        return null;
+      }
+      const at = this.#at + elapsed;
+      const again = this.loop.peek() && at >= duration && duration > 0;
+      this.#tell(again ? at % duration : Math.min(at, duration));
+    }
+    this.#shown = this.#at;
+    return poseAt(this.#points, this.#at);
+  };
+
+  /** Keeps every sample: what stands still between two of them did stand still. */
+  #sampled({ position, quaternion }: NumberedPose, at: number): void {
+    const { scene } = this.#rig;
+    if (this.#state.peek() !== "recording" || !scene) return;
+    if (this.#recorded.length === 0) this.#startedAt = at;
+    const t_ms = at - this.#startedAt;
+    if (t_ms <= (this.#recorded.at(-1)?.t_ms ?? -1)) return; // a coarse clock
+    this.#recorded.push({ t_ms, ...levelled({ position, quaternion }, scene) });
+    this.#tell(t_ms);
+    if (this.#recorded.length === MAX_POINTS) this.#keep();
+  }
+
+  #keep(): void {
+    this.#rest();
+    const scene = this.#rig.scene?.id ?? "";
+    const points = this.#recorded;
+    this.#recorded = [];
+    const duration = points.at(-1)?.t_ms;
+    if (duration === undefined) return;
+    const number = movements.peek().filter(({ origin }) => origin === "recording").length + 1;
+    const comments = new Map([
+      ["description", `Recorded in the page, in the scene ${scene}`],
+      ["scene", scene],
+      ["recorded", this.#today().toISOString()],
+    ]);
+    const trace: MovementTrace = { anchor: "scene", unit: "scene", comments, points, duration };
+    const movement: NamedMovement = { name: `Recording ${number}`, origin: "recording", trace };
+    movements.value = [...movements.peek(), movement];
+    unsaved.value = new Set([...unsaved.peek(), movement]);
+    chosen.value = movement;
+    this.#moveTo(0);
+  }
+
+  #rest(): void {
+    this.#state.value = "stopped";
+  }
+
+  #moveTo(at: number): void {
+    this.#tell(at, true);
+  }
+
+  #tell(at: number, now = false): void {
+    this.#at = at;
+    if (now || Math.abs(at - this.#position.peek()) >= TELL_EVERY) this.#position.value = at;
+  }
+}
+
+/** Puts a file's movement among those of this visit; the same file read again takes the place of the one before. */
+export function addFile(name: string, trace: MovementTrace): NamedMovement {
+  const movement: NamedMovement = { name, origin: "file", trace };
+  const others = movements.peek().filter((other) => other.name !== name || other.origin !== "file");
+  movements.value = [...others, movement];
+  return movement;
+}
+
+/** A movement is on the person's disk. */
+export function markSaved(movement: NamedMovement): void {
+  unsaved.value = new Set([...unsaved.peek()].filter((other) => other !== movement));
+}

@@ -1,0 +1,21 @@
+/** What the simulator can be told to run: a controller of the registry, a fixed rung, or Latency with another target. */
+import type { ControllerFactory } from "../abr/controller";
+import { FixedController } from "../abr/fixed";
+import { LatencyController } from "../abr/latency";
+import { CONTROLLER_NAMES, CONTROLLERS, type ControllerName } from "../abr/registry";
+
+/** Throws an Error with one sentence if there is no such controller. */
+export function contender(name: string): ControllerFactory {
+  if (isControllerName(name)) return CONTROLLERS[name].create;
+  const [kind, text] = name.split(/[:@]/);
+  const value = Number(text);
+  if (kind === "fixed" && Number.isInteger(value) && value >= 0) {
+    return ({ ladder }) => new FixedController(Math.min(value, ladder.length - 1));
+  }
+  if (kind === "latency" && value > 0) return (context) => new LatencyController(context, value);
+  throw new Error(`"${name}" is no controller; there are ${CONTROLLER_NAMES.join(", ")}, fixed:RUNG and latency@MS.`);
+}
+
+function isControllerName(name: string): name is ControllerName {
+  return name in CONTROLLERS;
+}

@@ -1,0 +1,94 @@
+import { expect, test } from "vitest";
+import { PAPER_LADDER } from "../abr/ladder";
+import { contender } from "./contenders";
+import { PaperEndpoints } from "./endpoints";
+import { overTraces, table } from "./report";
+import { simulate } from "./simulate";
+import { parseTrace } from "./trace";
+
+function visit(controller: string, rate: number | string, options: { seed?: number; roundTrip?: number } = {}) {
+  const trace = parseTrace(typeof rate === "string" ? rate : `t_ms,down_kbps\n0,${rate * 1000}\n`);
+  return simulate({
+    controller: contender(controller),
+    trace,
+    ladder: PAPER_LADDER,
+    duration: 20_000,
+    roundTrip: 20,
+    endpoints: new PaperEndpoints(PAPER_LADDER, options.seed ?? 1),
+    seed: 1,
+    ...options,
+  });
+}
+
+test("the same options give the same figures, another seed others", async () => {
+  const once = await visit("lol+", 20);
+  expect(await visit("lol+", 20)).toEqual(once);
+  expect(await visit("lol+", 20, { seed: 2 })).not.toEqual(once);
+});
+
+test("on a fast link a frame takes the round trip, the server's time and its transmission", async () => {
+  const { responseP50, age, framesPerSecond, rung, rungOverTime } = await visit("fixed:3", 100);
+  // 20 + 11 + 1/16 + 7 kB at 100 Mbit/s, and the request's own way
+  expect(responseP50).toBeGreaterThan(31);
+  expect(responseP50).toBeLessThan(34);
+  // decoded 4 ms later, taken in one of the animation frames and on the screen in the next
+  expect(age).toBeGreaterThan(responseP50 + 4 + 1000 / 60);
+  expect(age).toBeLessThan(responseP50 + 4 + 2 * (1000 / 60));
+  expect(framesPerSecond).toBeGreaterThan(55);
+  expect(rung).toBe(3);
+  expect(rungOverTime).toBeCloseTo(3, 9);
+});
+
+test("a link carries what it can, and waiting grows with what is asked of it", async () => {
+  const { bandwidth, framesPerSecond, responseP50 } = await visit("fixed:0", 20);
+  expect(bandwidth).toBeLessThan(20);
+  expect(bandwidth).toBeGreaterThan(15);
+  expect(framesPerSecond).toBeGreaterThan(9); // 20 Mbit/s are 10.4 frames of 240 kB a second, less headers
+  expect(framesPerSecond).toBeLessThan(10.4);
+  expect(responseP50).toBeGreaterThan(150); // 96 ms on the link, and the wait for the frame before
+});
+
+test("the frame rate does not fall with the round trip", async () => {
+  const { framesPerSecond, responseP50 } = await visit("fixed:2", 20, { roundTrip: 300 });
+  expect(framesPerSecond).toBeGreaterThan(25);
+  expect(responseP50).toBeGreaterThan(310);
+});
+
+test("an outage is a stall, and frames come again afterwards", async () => {
+  const { stalls, framesPerSecond } = await visit(
+    "fixed:3",
+    "t_ms,down_kbps,up_kbps\n0,20000,10000\n8000,0,0\n10000,20000,10000\n20000,,\n",
+  );
+  expect(stalls).toBe(3); // one in a third of a minute
+  expect(framesPerSecond).toBeGreaterThan(40);
+});
+
+test("Budget keeps more of the poses within 100 ms than Latency, and so does Latency with a lower target", async () => {
+  const [latency, budget, cautious] = await Promise.all([
+    visit("latency", 24),
+    visit("budget", 24),
+    visit("latency@15", 24),
+  ]);
+  expect(budget.inTime).toBeGreaterThan(0.9);
+  expect(latency.inTime).toBeLessThan(0.5);
+  expect(cautious.inTime).toBeGreaterThan(latency.inTime);
+});
+
+test("a table of runs, and of their mean over traces", async () => {
+  const figures = await visit("fixed:3", 20);
+  const run = { controller: "fixed:3", roundTrip: 20, figures };
+  const runs = [
+    { ...run, trace: "a" },
+    { ...run, trace: "b", figures: { ...figures, framesPerSecond: 0 } },
+  ];
+  const [mean] = overTraces(runs);
+  expect(mean?.figures.framesPerSecond).toBeCloseTo(figures.framesPerSecond / 2, 9);
+  expect(mean?.figures.responseP95).toBeCloseTo(figures.responseP95, 9);
+  expect(table(runs).split("\n")).toHaveLength(4);
+});
+
+test("an unknown controller is refused with a sentence", () => {
+  expect(() => contender("bola")).toThrow(/no controller/);
+  expect(() => contender("fixed:best")).toThrow(/no controller/);
+  expect(() => contender("latency@0")).toThrow(/no controller/);
+});

@@ -1,0 +1,91 @@
+/**
+ * One viewer for some minutes or hours: the page's own pipeline, limit, throughput and meters, and a controller, in front of a
+ * simulated link, server and clock. Everything follows from the options; the same options give the same figures.
+ */
+
+import { type ControllerFactory, responseTime } from "../abr/controller";
+import { seeded } from "../abr/random";
+import { ThroughputEstimator } from "../abr/throughput";
+import { FramePipeline } from "../stateless/pipeline";
+import { Meter } from "../view/meter";
+import type { Rung } from "../wire/render";
+import type { Endpoints } from "./endpoints";
+import { EventLoop } from "./events";
+import { type Figures, Tally } from "./tally";
+import type { NetworkTrace } from "./trace";
+import { SimulatedTransport } from "./transport";
+
+export interface SimulationOptions {
+  readonly controller: ControllerFactory;
+  readonly trace: NetworkTrace;
+  readonly ladder: readonly Rung[];
+  /** Milliseconds to play; the trace starts again at its end. */
+  readonly duration: number;
+  /** The way there and back in milliseconds; null: the trace's own delay. */
+  readonly roundTrip: number | null;
+  /** Fresh ones for each visit. */
+  readonly endpoints: Endpoints;
+  readonly seed: number;
+}
+
+export async function simulate(options: SimulationOptions): Promise<Figures> {
+  const { ladder, duration, endpoints, seed } = options;
+  const events = new EventLoop();
+  const { now } = events;
+  const random = seeded(seed);
+  const transport = new SimulatedTransport(events, { ...options, random: seeded(seed + 1) });
+  const controller = options.controller({ ladder, random });
+  const throughput = new ThroughputEstimator();
+  const tally = new Tally();
+  const meter = new Meter("stateless", (frame) => tally.presented(frame));
+  const decode = (image: Blob): Promise<ImageBitmap> =>
+    new Promise((resolve) =>
+      events.at(now() + endpoints.decode(transport.rungOf(image)), () => {
+        events.settle();
+        resolve(BITMAP);
+      }),
+    );
+  let turning = 0;
+  const pipeline: FramePipeline = new FramePipeline(transport, decode, now, {
+    replied: ({ header, arrival }) => {
+      throughput.observe(arrival);
+      meter.received(arrival.bytes, now());
+      const observation = {
+        profile: header.profile ?? null,
+        arrival,
+        server: header.timing ?? null,
+        throughput: throughput.bitsPerSecond,
+        inFlight: pipeline.inFlight - 1,
+        turning,
+        at: now(),
+      };
+      tally.replied(responseTime(observation), arrival.bytes);
+      controller.observe(observation);
+    },
+    refused: () => undefined,
+    transmission: (bytes) => (throughput.bitsPerSecond === null ? 0 : (bytes * 8000) / throughput.bitsPerSecond),
+  });
+  let pose = 0;
+  let presenting: ReturnType<FramePipeline["take"]>;
+  const tick = () => {
+    events.at(endpoints.nextAnimationFrame(now()), tick);
+    events.settle();
+    if (presenting) {
+      const { header, pose: shown } = presenting;
+      const { profile, width, height } = header;
+      meter.presented({ at: now(), pose: shown, rung: profile ?? null, width: width ?? 0, height: height ?? 0 });
+    }
+    turning = endpoints.turning(now());
+    pose++;
+    meter.moved(pose, now());
+    pipeline.want({ ...VIEW, azimuth: pose, profile: controller.decide() }, pose);
+    presenting = pipeline.take();
+  };
+  events.at(0, tick);
+  await events.run(duration);
+  pipeline.dispose();
+  return tally.figures(duration, meter.figures(duration).stalls);
+}
+
+const VIEW = { scene: "simulated", fx: 1, fy: 1, cx: 0, cy: 0, width: 1280, height: 720 };
+const BITMAP = { close: () => undefined } as ImageBitmap;

@@ -1,0 +1,99 @@
+/** Sums a simulated visit up. */
+import type { PresentedFrame } from "../view/presented";
+import type { Stalls } from "../view/stalls";
+
+export interface Figures {
+  /** Share of poses whose motion-to-photon latency was at most 100 ms: every pose counts, whether it was asked for or not. */
+  readonly inTime: number;
+  /** Share of frames whose response time (request to last byte) was at most 100 ms. */
+  readonly responsesInTime: number;
+  /** Response time of frames, in milliseconds. */
+  readonly responseP50: number;
+  readonly responseP95: number;
+  readonly responseMean: number;
+  /** Motion-to-photon latency of poses, in milliseconds. */
+  readonly photonP50: number;
+  readonly photonP95: number;
+  /** From a frame's own pose to the screen, mean in milliseconds: what its request and answer took, and the page. */
+  readonly age: number;
+  /** Mean rung of the frames shown, 0 the best. */
+  readonly rung: number;
+  /** Mean rung, each frame counted for as long as it was on the screen. */
+  readonly rungOverTime: number;
+  /** Changes of rung between frames shown, a minute. */
+  readonly switches: number;
+  readonly framesPerSecond: number;
+  /** Megabits a second that came in. */
+  readonly bandwidth: number;
+  /** A minute, and their share of the time. */
+  readonly stalls: number;
+  readonly stalled: number;
+}
+
+const IN_TIME = 100;
+
+export class Tally {
+  readonly #responses: number[] = [];
+  readonly #latencies: number[] = [];
+  #bytes = 0;
+  #ages = 0;
+  #shown = 0;
+  #rungs = 0;
+  #switches = 0;
+  #weighted = 0;
+  #firstAt = 0;
+  #last: PresentedFrame | undefined;
+
+  replied(response: number, bytes: number): void {
+    this.#responses.push(response);
+    this.#bytes += bytes;
+  }
+
+  presented(frame: PresentedFrame): void {
+    const rung = frame.rung ?? 0;
+    const last = this.#last;
+    if (last === undefined) {
+      this.#firstAt = frame.at;
+    } else {
+      this.#weighted += (last.rung ?? 0) * (frame.at - last.at);
+      if (last.rung !== rung) this.#switches++;
+    }
+    this.#shown++;
+    this.#rungs += rung;
+    this.#ages += Math.min(...frame.latencies); // the frame's own pose is the newest that it shows
+    for (const latency of frame.latencies) this.#latencies.push(latency);
+    this.#last = frame;
+  }
+
+  figures(duration: number, stalls: Stalls): Figures {
+    const responses = Float64Array.from(this.#responses).sort();
+    const latencies = Float64Array.from(this.#latencies).sort();
+    const minutes = duration / 60_000;
+    return {
+      inTime: share(latencies),
+      responsesInTime: share(responses),
+      responseP50: percentile(responses, 0.5),
+      responseP95: percentile(responses, 0.95),
+      responseMean: responses.reduce((sum, value) => sum + value, 0) / Math.max(1, responses.length),
+      photonP50: percentile(latencies, 0.5),
+      photonP95: percentile(latencies, 0.95),
+      age: this.#ages / Math.max(1, this.#shown),
+      rung: this.#rungs / Math.max(1, this.#shown),
+      rungOverTime: this.#weighted / Math.max(1, (this.#last?.at ?? 0) - this.#firstAt),
+      switches: this.#switches / minutes,
+      framesPerSecond: (this.#shown * 1000) / duration,
+      bandwidth: (this.#bytes * 8) / duration / 1000,
+      stalls: stalls.count / minutes,
+      stalled: stalls.time / duration,
+    };
+  }
+}
+
+function share(sorted: Float64Array): number {
+  return sorted.filter((value) => value <= IN_TIME).length / Math.max(1, sorted.length);
+}
+
+/** The nearest rank. */
+function percentile(sorted: Float64Array, rank: number): number {
+  return sorted[Math.max(0, Math.ceil(rank * sorted.length) - 1)] ?? Number.NaN;
+}

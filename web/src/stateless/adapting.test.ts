@@ -1,0 +1,53 @@
+import { signal } from "@preact/signals";
+import { afterEach, beforeEach, expect, test, vi } from "vitest";
+import { PAPER_LADDER } from "../abr/ladder";
+import { CONTROLLERS } from "../abr/registry";
+import { config, settings } from "../state/app";
+import { DEFAULT_SETTINGS } from "../state/settings";
+import { adapting } from "./adapting";
+
+const create = vi.spyOn(CONTROLLERS["lol+"], "create");
+const configured = (ladder = PAPER_LADDER) => ({ ladder: structuredClone(ladder) }) as never;
+
+beforeEach(() => {
+  config.value = configured();
+  settings.value = { ...DEFAULT_SETTINGS, controller: "lol+" };
+  create.mockClear();
+});
+
+afterEach(() => {
+  config.value = null;
+  settings.value = DEFAULT_SETTINGS;
+});
+
+test("a seed decides a controller's random numbers", () => {
+  const numbers = (seed: number) => {
+    adapting(signal(seed)).value;
+    const random = create.mock.lastCall?.[0].random ?? Math.random;
+    return [random(), random(), random()];
+  };
+  const first = numbers(7);
+  expect(numbers(7)).toEqual(first);
+  expect(numbers(8)).not.toEqual(first);
+});
+
+test("a controller stays for as long as choice, ladder and seed do", () => {
+  const seed = signal(1);
+  const controller = adapting(seed);
+  const first = controller.value;
+  config.value = configured();
+  settings.value = { ...settings.value, refine: false };
+  expect(controller.value).toBe(first);
+  seed.value = 2;
+  const second = controller.value;
+  expect(second).not.toBe(first);
+  config.value = configured(PAPER_LADDER.slice(1));
+  expect(controller.value).not.toBe(second);
+});
+
+test("the rung that a person chose, or the last of a shorter ladder", () => {
+  settings.value = { ...DEFAULT_SETTINGS, controller: "fixed", profile: 9 };
+  expect(adapting(signal(1)).value.decide()).toBe(3);
+  config.value = null;
+  expect(adapting(signal(1)).value.decide()).toBe(0);
+});

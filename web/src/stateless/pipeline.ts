@@ -1,0 +1,178 @@
+/**
+ * Keeps frames coming for the view that is wanted now, whatever the round trip.
+ *
+ * `want` is called once per animation frame with the newest view and never waits. A view that changed is a new version; a
+ * request goes out if the newest version is neither on the screen nor on its way and the limit allows, so while the limit is
+ * reached the newest view simply waits in its slot and older ones are forgotten. Whatever fails is asked for again as long as
+ * it is the newest: the last view is always rendered. A frame that is shown cancels all older requests.
+ */
+import { FrameDropped, type FrameReply, type FrameTransport, RequestProblem } from "../transport/transport";
+import type { FrameHeader, RenderRequest } from "../wire/render";
+import { InFlightLimit } from "./in-flight-limit";
+
+/** What to show: a request without its number. */
+export type View = Omit<RenderRequest, "seq">;
+
+export interface DecodedFrame {
+  readonly seq: number;
+  /** The version of the view that it shows. */
+  readonly version: number;
+  /** The number of the pose that it shows. */
+  readonly pose: number;
+  readonly header: FrameHeader;
+  readonly bitmap: ImageBitmap;
+}
+
+export interface PipelineEvents {
+  /** A frame came of a view of pose number `pose`; it may still be decoding. */
+  replied(reply: FrameReply, view: View, pose: number): void;
+  /** A refusal that concerns the person: not one of a frame that came too late. */
+  refused(problem: RequestProblem): void;
+  /** Transmission time of so many bytes in milliseconds, 0 if unknown. */
+  transmission(bytes: number): number;
+}
+
+export interface PipelineCounts {
+  readonly sent: number;
+  /** Overtaken by a newer frame, on our side. */
+  readonly cancelled: number;
+  /** Overtaken or late on the server's side, or lost on the way. */
+  readonly dropped: number;
+}
+
+interface Entry {
+  readonly version: number;
+  readonly abort: AbortController;
+}
+
+/** After a failure the same view is not asked for again before this many milliseconds. */
+const RETRY_AFTER = 150;
+/** Problems of a single frame that came too late: they are counted and not shown. */
+const LATE = new Set(["tigas:superseded", "tigas:deadline-exceeded"]);
+
+export class FramePipeline {
+  readonly #transport: FrameTransport;
+  readonly #decode: (image: Blob, signal: AbortSignal) => Promise<ImageBitmap>;
+  readonly #now: () => number;
+  readonly #events: PipelineEvents;
+  readonly #limit: InFlightLimit;
+  readonly #inFlight = new Map<number, Entry>();
+  #seq = 0;
+  #version = 0;
+  #key = "";
+  #shown: Pick<DecodedFrame, "seq" | "version"> = { seq: -1, version: 0 };
+  #ready: DecodedFrame | undefined;
+  #retryAt = Number.NEGATIVE_INFINITY;
+  #counts = { sent: 0, cancelled: 0, dropped: 0 };
+
+  constructor(
+    transport: FrameTransport,
+    decode: (image: Blob, signal: AbortSignal) => Promise<ImageBitmap>,
+    now: () => number,
+    events: PipelineEvents,
+  ) {
+    this.#transport = transport;
+    this.#limit = new InFlightLimit(transport.overtaking);
+    this.#decode = decode;
+    this.#now = now;
+    this.#events = events;
+  }
+
+  /** Take the newest view, of pose number `pose`, and ask for it if there is room. */
+  want(view: View, pose: number): void {
+    const key = JSON.stringify(view);
+    if (key !== this.#key) {
+      this.#key = key;
+      this.#version++;
+    }
+    const covered = Math.max(this.#shown.version, this.#ready?.version ?? 0, ...this.#versionsInFlight());
+    const room = Math.min(this.#limit.limit, this.#transport.maxInFlight) - this.#inFlight.size;
+    if (covered < this.#version && room > 0 && this.#now() >= this.#retryAt) void this.#send(view, pose);
+  }
+
+  /** The newest decoded frame that was not taken yet, for the screen; whatever is older gets cancelled. */
+  take(): DecodedFrame | undefined {
+    const frame = this.#ready;
+    this.#ready = undefined;
+    if (frame === undefined) return undefined;
+    this.#shown = frame;
+    for (const [seq, { abort }] of this.#inFlight) {
+      if (seq < frame.seq) {
+        this.#counts.cancelled++;
+        this.#inFlight.delete(seq);
+        abort.abort(new FrameDropped("a newer frame is on the screen"));
+      }
+    }
+    return frame;
+  }
+
+  get inFlight(): number {
+    return this.#inFlight.size;
+  }
+
+  get counts(): PipelineCounts {
+    return this.#counts;
+  }
+
+  /** The newest view is on the screen. */
+  get settled(): boolean {
+    return this.#version > 0 && this.#shown.version === this.#version;
+  }
+
+  dispose(): void {
+    for (const { abort } of this.#inFlight.values()) abort.abort(new FrameDropped("the viewer was closed"));
+    this.#inFlight.clear();
+    this.#ready?.bitmap.close();
+    this.#ready = undefined;
+  }
+
+  async #send(view: View, pose: number): Promise<void> {
+    const seq = this.#seq++;
+    const alone = this.#inFlight.size === 0;
+    const abort = new AbortController();
+    this.#inFlight.set(seq, { version: this.#version, abort });
+    const version = this.#version;
+    this.#counts.sent++;
+    try {
+      const reply = await this.#transport.request({ ...view, seq }, abort.signal);
+      this.#events.replied(reply, view, pose);
+      const bitmap = await this.#decode(reply.image, abort.signal);
+      this.#observe(reply, alone);
+      this.#decoded({ seq, version, pose, header: reply.header, bitmap });
+    } catch (error) {
+      if (!abort.signal.aborted) this.#failed(error);
+    } finally {
+      this.#inFlight.delete(seq);
+    }
+  }
+
+  #decoded(frame: DecodedFrame): void {
+    const newest = Math.max(this.#shown.seq, this.#ready?.seq ?? -1);
+    if (frame.seq <= newest) {
+      frame.bitmap.close();
+      return;
+    }
+    this.#ready?.bitmap.close();
+    this.#ready = frame;
+  }
+
+  #observe({ header, arrival }: FrameReply, alone: boolean): void {
+    const { queue, render, encode } = header.timing ?? { queue: 0, render: 0, encode: 0 };
+    const now = this.#now();
+    const overhead = Math.max(0, now - arrival.sentAt - queue - render - encode);
+    const transmission = this.#events.transmission(arrival.bytes);
+    this.#limit.observe({ overhead, render, encode, transmission, alone }, now);
+  }
+
+  #failed(error: unknown): void {
+    this.#counts.dropped++;
+    if (error instanceof RequestProblem && LATE.has(error.problem.type)) return;
+    if (error instanceof FrameDropped) return;
+    this.#retryAt = this.#now() + RETRY_AFTER;
+    if (error instanceof RequestProblem) this.#events.refused(error);
+  }
+
+  *#versionsInFlight(): Iterable<number> {
+    for (const { version } of this.#inFlight.values()) yield version;
+  }
+}

@@ -1,0 +1,160 @@
+import { beforeEach, describe, expect, test } from "vitest";
+import { FixedController } from "../abr/fixed";
+import { FakeTransport, settle } from "../transport/fake";
+import { NO_NUDGE } from "../view/motion";
+import { Rig } from "../view/rig";
+import type { SceneInfo } from "../wire/render";
+import { Player, type Reply } from "./player";
+
+const SCENE: SceneInfo = {
+  id: "courtyard",
+  name: "Courtyard",
+  state: "loaded",
+  error: null,
+  gaussians: 1,
+  sh_degree: 0,
+  file_bytes: 1,
+  memory_bytes: 1,
+  preview: "",
+  up: [0, -1, 0],
+  camera: { position: [0, -2, -8], look_at: [0, -2, 0] },
+  background: [0, 0, 0],
+};
+const STILL = { forward: 0, right: 0, up: 0, turnRight: 0, turnUp: 0 };
+
+let now: number;
+let axes: typeof STILL;
+let profile: number;
+let refine: boolean;
+let drawn: unknown[];
+let replies: Reply[];
+let transport: FakeTransport;
+let rig: Rig;
+let player: Player;
+
+beforeEach(() => {
+  now = 1000;
+  axes = STILL;
+  profile = 0;
+  refine = false;
+  drawn = [];
+  replies = [];
+  transport = new FakeTransport(() => now);
+  const canvas = { getContext: () => ({ transferFromImageBitmap: (bitmap: unknown) => drawn.push(bitmap) }) };
+  rig = new Rig({ sampleInput: () => ({ axes, nudge: NO_NUDGE }), turnSpeed: () => 60 });
+  player = new Player({
+    canvas: canvas as unknown as HTMLCanvasElement,
+    rig,
+    decoder: { decode: async () => ({ close: () => undefined }) as ImageBitmap },
+    controller: () => new FixedController(profile),
+    refine: () => refine,
+    stamp: false,
+    onPresented: () => undefined,
+    onReplied: (reply) => replies.push(reply),
+    onReceived: () => undefined,
+    now: () => now,
+  });
+  rig.resize(1280, 720);
+  rig.enter(SCENE);
+  player.attach({ transport, fallback: null });
+});
+
+/** Animation frames at 60 Hz; the server answers whatever was asked when `answer` says so. */
+async function frames(count: number, { answer = true } = {}): Promise<void> {
+  for (let i = 0; i < count; i++) {
+    now += 1000 / 60;
+    player.tick(now, rig.sample(now));
+    if (answer) for (const { reply } of transport.requests) reply();
+    await settle();
+  }
+}
+
+const last = () => transport.requests.at(-1)?.request;
+
+test("enters at the scene's start camera, with the stage's own lens", async () => {
+  await frames(1);
+  expect(last()).toMatchObject({ scene: "courtyard", position: [0, -2, -8], quaternion: [0, 0, 0, 1] });
+  expect(last()).toMatchObject({ width: 1280, height: 720, cx: 640, cy: 360, profile: 0 });
+  expect(rig.moveSpeed.value).toBe(2);
+});
+
+test("a still camera asks for one frame and no more", async () => {
+  await frames(200);
+  expect(transport.requests).toHaveLength(1);
+  expect(drawn).toHaveLength(1);
+  expect(player.stats.value).toMatchObject({ settled: true, shown: 1 });
+});
+
+test("walking asks for the views along the way, and for the last one for sure", async () => {
+  await frames(3);
+  axes = { ...STILL, forward: 1 };
+  await frames(30);
+  axes = STILL;
+  await frames(30);
+  expect(last()?.position?.[2]).toBeCloseTo(-8 + 2 * 0.5, 1);
+  expect(player.stats.value.settled).toBe(true);
+});
+
+test("motion-to-photon counts from the sample to the animation frame after the drawing", async () => {
+  await frames(2);
+  axes = { ...STILL, turnRight: 1 };
+  await frames(1, { answer: false }); // sampled and sent
+  axes = STILL;
+  await frames(2); // 17 ms later it is answered, then drawn
+  await frames(20); // and on the screen in the animation frame after that
+  expect(player.stats.value.motionToPhoton?.p50).toBeCloseTo(3 * (1000 / 60), 3);
+});
+
+describe("refining", () => {
+  test("asks for the best rung once the camera stands still, and for the chosen one when it moves again", async () => {
+    profile = 3;
+    refine = true;
+    await frames(40);
+    expect(transport.requests.map(({ request }) => request.profile)).toEqual([3, 0]);
+    axes = { ...STILL, forward: 1 };
+    await frames(2);
+    expect(last()?.profile).toBe(3);
+  });
+
+  test("can be left out", async () => {
+    profile = 3;
+    await frames(60);
+    expect(transport.requests.map(({ request }) => request.profile)).toEqual([3]);
+  });
+});
+
+test("tells of each reply: when it came, of which pose, and the rung that was asked for", async () => {
+  profile = 2;
+  await frames(2);
+  axes = { ...STILL, forward: 1 };
+  await frames(1, { answer: false });
+  axes = STILL;
+  await frames(3);
+  expect(replies.map(({ pose, asked }) => [pose, asked])).toEqual([
+    [rig.pose.seq - 1, 2],
+    [rig.pose.seq, 2],
+  ]);
+  const { arrival } = replies[1] as Reply;
+  expect(arrival.lastByteAt - arrival.sentAt).toBeCloseTo(1000 / 60, 3);
+});
+
+test("an input made while the server is away does not count as latency afterwards", async () => {
+  await frames(2);
+  player.attach(null);
+  axes = { ...STILL, turnRight: 1 };
+  await frames(300);
+  axes = STILL;
+  transport = new FakeTransport(() => now);
+  player.attach({ transport, fallback: null });
+  await frames(20);
+  expect(transport.requests).toHaveLength(1);
+  expect(player.stats.value.motionToPhoton?.p95 ?? 0).toBeLessThan(100);
+});
+
+test("a lens that a person set stays when the stage changes; the rest follows", async () => {
+  rig.lens.value = { fx: 900 };
+  rig.resize(600, 600);
+  await frames(1);
+  expect(last()).toMatchObject({ fx: 900, cx: 300, cy: 300, width: 600, height: 600 });
+  expect(last()?.fy).toBeCloseTo(519.62, 2);
+});

@@ -1,0 +1,183 @@
+/** The stateless mode: wants the view of the rig's pose, one request per pose, and shows what has come. */
+
+import { signal } from "@preact/signals";
+import type { Controller, Observation } from "../abr/controller";
+import type { Connected } from "../transport/connect";
+import { Meter, STATS_EVERY } from "../view/meter";
+import type { PresentedFrame } from "../view/presented";
+import type { Rig } from "../view/rig";
+import type { SceneInfo } from "../wire/render";
+import type { Decoder } from "./decoder";
+import { type DecodedFrame, FramePipeline, type View } from "./pipeline";
+import { NO_STATS, type Stats, StatsRecorder } from "./stats";
+
+/** A frame that came: what controllers hear of it, and what was asked for. */
+export interface Reply extends Observation {
+  /** The number of the pose. */
+  readonly pose: number;
+  /** The rung; null if the server was to choose. */
+  readonly asked: number | null;
+}
+
+export interface PlayerOptions {
+  readonly canvas: HTMLCanvasElement;
+  readonly rig: Rig;
+  readonly decoder: Pick<Decoder, "decode">;
+  readonly controller: () => Controller;
+  /** Whether to ask for the view at the best rung once it stands still. */
+  readonly refine: () => boolean;
+  /** Whether frames carry their pose's number, for tests that read it from the screen. */
+  readonly stamp: boolean;
+  readonly onPresented: (frame: PresentedFrame) => void;
+  /** A frame came, and the controller has heard of it. */
+  readonly onReplied: (reply: Reply) => void;
+  /** Bytes of frames came in. */
+  readonly onReceived: (bytes: number) => void;
+  readonly now: () => number;
+}
+
+/** The camera stands still when nothing moved it for this long, in milliseconds. */
+const STILL_AFTER = 300;
+
+export class Player {
+  readonly stats = signal<Stats>(NO_STATS);
+  /** Why the server refuses frames at the moment, or null. */
+  readonly problem = signal<string | null>(null);
+  readonly #options: PlayerOptions;
+  readonly #context: ImageBitmapRenderingContext;
+  #meter: Meter;
+  #recorder = new StatsRecorder();
+  #pipeline: FramePipeline | undefined;
+  #connected: Connected | undefined;
+  #refining = false;
+  #presenting: DecodedFrame | undefined;
+  #publishedAt = 0;
+
+  constructor(options: PlayerOptions) {
+    this.#options = options;
+    const context = options.canvas.getContext("bitmaprenderer");
+    if (context === null) throw new Error("this browser cannot draw decoded images");
+    this.#context = context;
+    this.#meter = new Meter("stateless", options.onPresented);
+  }
+
+  /** Use this transport from now on; null while there is none. */
+  attach(connected: Connected | null): void {
+    this.#pipeline?.dispose();
+    this.#meter = new Meter("stateless", this.#options.onPresented);
+    this.#recorder = new StatsRecorder();
+    this.#connected = connected ?? undefined;
+    this.#presenting = undefined;
+    const { decoder, now } = this.#options;
+    this.#pipeline =
+      connected === null
+        ? undefined
+        : new FramePipeline(connected.transport, (image, signal) => decoder.decode(image, signal), now, {
+            replied: (reply, view, pose) => {
+              this.#recorder.replied(reply, now());
+              this.#meter.received(reply.arrival.bytes, now());
+              this.#options.onReceived(reply.arrival.bytes);
+              this.problem.value = null;
+              const observation = {
+                profile: reply.header.profile ?? null,
+                arrival: reply.arrival,
+                server: reply.header.timing ?? null,
+                throughput: this.#recorder.throughput.bitsPerSecond,
+                inFlight: (this.#pipeline?.inFlight ?? 1) - 1,
+                turning: this.#options.rig.turning,
+                at: now(),
+              };
+              this.#options.controller().observe(observation);
+              this.#options.onReplied({ ...observation, pose, asked: view.profile ?? null });
+            },
+            refused: (problem) => {
+              this.problem.value = problem.message;
+            },
+            transmission: (bytes) => {
+              const rate = this.#recorder.throughput.bitsPerSecond;
+              return rate === null ? 0 : (bytes * 8000) / rate;
+            },
+          });
+  }
+
+  dispose(): void {
+    this.attach(null);
+  }
+
+  /** Motion-to-photon latencies of the last seconds, in milliseconds. */
+  latencies(now: number): readonly number[] {
+    return this.#meter.latencies(now);
+  }
+
+  /** Instead of `tick`, while another mode shows the scene: what was asked for is awaited no longer. */
+  rest(): void {
+    this.#meter.reset();
+    this.#presenting = undefined;
+  }
+
+  /** Once per animation frame, after the rig was sampled; `moved` is what the rig said. */
+  tick(now: number, moved: boolean): void {
+    this.#presented(now);
+    const { rig } = this.#options;
+    if (this.#pipeline && rig.scene) {
+      if (moved) this.#meter.moved(rig.pose.seq, now);
+      this.#pipeline.want(this.#view(rig.scene, now), rig.pose.seq);
+      const frame = this.#pipeline.take();
+      if (frame) {
+        this.#show(frame.bitmap);
+        this.#presenting = frame;
+      }
+    }
+    this.#publish(now);
+  }
+
+  /** A canvas does not take its proportions from the bitmap that it is given, and would show it stretched. */
+  #show(bitmap: ImageBitmap): void {
+    const { canvas } = this.#options;
+    if (canvas.width !== bitmap.width || canvas.height !== bitmap.height) {
+      canvas.width = bitmap.width;
+      canvas.height = bitmap.height;
+    }
+    this.#context.transferFromImageBitmap(bitmap);
+  }
+
+  /** The frame that was handed to the compositor in the last animation frame is on the screen by now. */
+  #presented(now: number): void {
+    if (this.#presenting === undefined) return;
+    const { pose, header } = this.#presenting;
+    const { width, height, profile } = header;
+    this.#meter.presented({ at: now, pose, rung: profile ?? null, width: width ?? 0, height: height ?? 0 });
+    this.#presenting = undefined;
+  }
+
+  #view(scene: SceneInfo, now: number): View {
+    const { rig, refine, stamp, controller } = this.#options;
+    const still = now - rig.changedAt > STILL_AFTER;
+    this.#refining = refine() && still && (this.#refining || this.#pipeline?.settled === true);
+    const { seq, position, quaternion } = rig.pose;
+    return {
+      scene: scene.id,
+      position,
+      quaternion,
+      ...rig.intrinsics.value,
+      ...rig.viewport.value,
+      profile: this.#refining ? 0 : controller().decide(),
+      ...(stamp && { stamp: seq % 2 ** 24 }),
+    };
+  }
+
+  #publish(now: number): void {
+    const pipeline = this.#pipeline;
+    const settled = pipeline?.settled ?? true;
+    if (now - this.#publishedAt < STATS_EVERY && settled === this.stats.peek().settled) return;
+    this.#publishedAt = now;
+    this.stats.value = {
+      ...this.#meter.figures(now),
+      ...this.#recorder.snapshot(now),
+      transport: this.#connected?.transport.kind ?? null,
+      inFlight: pipeline?.inFlight ?? 0,
+      settled,
+      counts: pipeline?.counts ?? NO_STATS.counts,
+    };
+  }
+}

@@ -1,0 +1,75 @@
+/** What the HUD shows of the stateless mode: its figures, and what its requests and answers tell besides. */
+import { ThroughputEstimator } from "../abr/throughput";
+import type { FrameReply, TransportKind } from "../transport/transport";
+import { type Figures, NO_FIGURES } from "../view/meter";
+import { TimeWindow } from "../view/window";
+import type { ServerTiming } from "../wire/render";
+import type { PipelineCounts } from "./pipeline";
+
+/** What is known from the answers alone. */
+export interface ReplyStats {
+  /** From sending a request to its frame's last byte, median of the last seconds, in milliseconds. */
+  readonly roundTrip: number | null;
+  /** Where the server's time went for the last frame, in milliseconds. */
+  readonly server: ServerTiming | null;
+  /** Bits per second. */
+  readonly throughput: number | null;
+  readonly frame: {
+    readonly bytes: number;
+    readonly width: number | null;
+    readonly height: number | null;
+    readonly profile: number | null;
+  } | null;
+}
+
+export interface Stats extends Figures, ReplyStats {
+  readonly transport: TransportKind | null;
+  readonly inFlight: number;
+  readonly counts: PipelineCounts;
+  /** The newest view is on the screen. */
+  readonly settled: boolean;
+}
+
+export const NO_STATS: Stats = {
+  ...NO_FIGURES,
+  roundTrip: null,
+  server: null,
+  throughput: null,
+  frame: null,
+  transport: null,
+  inFlight: 0,
+  counts: { sent: 0, cancelled: 0, dropped: 0 },
+  settled: true,
+};
+
+/** How far back the HUD looks, in milliseconds. */
+const SPAN = 5000;
+
+export class StatsRecorder {
+  readonly throughput = new ThroughputEstimator();
+  readonly #roundTrip = new TimeWindow(SPAN);
+  #last: FrameReply | undefined;
+
+  replied(reply: FrameReply, now: number): void {
+    this.throughput.observe(reply.arrival);
+    this.#roundTrip.add(reply.arrival.lastByteAt - reply.arrival.sentAt, now);
+    this.#last = reply;
+  }
+
+  snapshot(now: number): ReplyStats {
+    const header = this.#last?.header;
+    return {
+      roundTrip: this.#roundTrip.percentile(0.5, now),
+      server: header?.timing ?? null,
+      throughput: this.throughput.bitsPerSecond,
+      frame:
+        (this.#last && {
+          bytes: this.#last.image.size,
+          width: header?.width ?? null,
+          height: header?.height ?? null,
+          profile: header?.profile ?? null,
+        }) ||
+        null,
+    };
+  }
+}

@@ -1,0 +1,125 @@
+/** All scenes of the server: look for one, load it, open it. */
+import { useSignal } from "@preact/signals";
+import { RefreshCw, Search } from "lucide";
+import { useEffect, useRef } from "preact/hooks";
+import { config, refresh, scenes, scenesError } from "../../state/app";
+import { EXPERIMENTS } from "../../state/route";
+import { Icon } from "../icon";
+import { IconButton } from "../icon-button";
+import { InsecureHint } from "../insecure-hint";
+import { ThemeButton } from "../theme-button";
+import { NoMatch, NoScenes } from "./empty";
+import { filterScenes } from "./filter";
+import { SceneCard, SkeletonCard } from "./scene-card";
+
+/** While a scene loads or the server is away, the list is read again this often, in milliseconds. */
+const REFRESH_EVERY = 2000;
+
+export function Dashboard() {
+  const filter = useSignal("");
+  const scanning = useSignal(false);
+  const search = useRef<HTMLInputElement>(null);
+
+  useEffect(() => {
+    document.title = "Scenes · TIGAS";
+    void refresh();
+    const timer = setInterval(() => {
+      const waiting = scenesError.value !== null || scenes.value?.some(({ state }) => state === "loading");
+      if (waiting) void refresh();
+    }, REFRESH_EVERY);
+    const focusSearch = (event: KeyboardEvent) => {
+      if (event.key !== "/" || event.target instanceof HTMLInputElement) return;
+      event.preventDefault();
+      search.current?.focus();
+    };
+    addEventListener("keydown", focusSearch);
+    return () => {
+      clearInterval(timer);
+      removeEventListener("keydown", focusSearch);
+    };
+  }, []);
+
+  const rescan = async () => {
+    scanning.value = true;
+    await refresh({ scan: true });
+    scanning.value = false;
+  };
+
+  const all = scenes.value;
+  const found = all && filterScenes(all, filter.value);
+
+  return (
+    <div class="dashboard">
+      <header class="top-bar">
+        <a class="brand" href="#/">
+          <img src="icon.svg" alt="" width="26" height="26" />
+          TIGAS
+        </a>
+        <div class="top-links">
+          {config.value?.services.store && <a href={EXPERIMENTS}>Experiments</a>}
+          <ThemeButton />
+        </div>
+      </header>
+      <main>
+        <div class="page-head">
+          <div>
+            <h1>Scenes</h1>
+            <p class="muted" role="status">
+              {summary(all?.length, found?.length)}
+            </p>
+          </div>
+          <search class="tools">
+            <label class="search-field">
+              <Icon of={Search} size={16} />
+              <input
+                ref={search}
+                type="search"
+                aria-label="Filter scenes by name"
+                aria-keyshortcuts="/"
+                placeholder="Filter scenes"
+                value={filter.value}
+                onInput={(event) => {
+                  filter.value = event.currentTarget.value;
+                }}
+              />
+              <kbd>/</kbd>
+            </label>
+            <IconButton
+              icon={RefreshCw}
+              label="Look for new scenes"
+              busy={scanning.value}
+              disabled={scanning.value}
+              onClick={() => void rescan()}
+            />
+          </search>
+        </div>
+        <InsecureHint />
+        {scenesError.value && (
+          <p class="notice" role="alert">
+            {scenesError.value}
+          </p>
+        )}
+        {found?.length === 0 ? (
+          all?.length === 0 ? (
+            <NoScenes />
+          ) : (
+            <NoMatch filter={filter.value} />
+          )
+        ) : (
+          <ul class="scene-grid" aria-busy={all === null}>
+            {found
+              ? found.map((scene) => <SceneCard key={scene.id} scene={scene} />)
+              : [0, 1, 2].map((place) => <SkeletonCard key={place} />)}
+          </ul>
+        )}
+      </main>
+      <footer class="muted">{config.value && `TIGAS ${config.value.version}`}</footer>
+    </div>
+  );
+}
+
+function summary(all: number | undefined, found: number | undefined): string {
+  if (all === undefined || found === undefined) return "Asking the server…";
+  const scenes = all === 1 ? "1 scene" : `${all} scenes`;
+  return found === all ? `${scenes} on this server` : `${found} of ${scenes}`;
+}

@@ -1,0 +1,15 @@
+/** Finds scenes by what a person types. */
+import type { SceneInfo } from "../../wire/render";
+
+/** Scenes whose name or id holds every typed word, whatever its case and accents. */
+export function filterScenes(scenes: readonly SceneInfo[], text: string): SceneInfo[] {
+  const words = fold(text).split(/\s+/).filter(Boolean);
+  return scenes.filter(({ name, id }) => {
+    const haystack = fold(`${name} ${id}`);
+    return words.every((word) => haystack.includes(word));
+  });
+}
+
+function fold(text: string): string {
+  return text.normalize("NFD").replace(/\p{M}/gu, "").toLowerCase();
+}

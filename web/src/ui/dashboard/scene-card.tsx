@@ -1,0 +1,97 @@
+/** One scene in the list: its picture, what is known of it, and whether it is in memory. */
+import { useSignal } from "@preact/signals";
+import { ImageOff } from "lucide";
+import { setLoaded } from "../../state/app";
+import { sceneHash } from "../../state/route";
+import type { SceneInfo } from "../../wire/render";
+import { bytes, count } from "../format";
+import { Icon } from "../icon";
+
+const STATES: Record<SceneInfo["state"], string> = {
+  unloaded: "Not loaded",
+  loading: "Loading…",
+  loaded: "In memory",
+  broken: "Broken",
+};
+
+export function SceneCard({ scene }: { scene: SceneInfo }) {
+  const broken = scene.state === "broken";
+  return (
+    <li class="card" data-scene={scene.id} data-state={scene.state}>
+      <Thumbnail scene={scene} />
+      <div class="card-body">
+        <h2>{broken ? scene.name : <a href={sceneHash(scene.id)}>{scene.name}</a>}</h2>
+        {broken ? <p class="card-error">{scene.error}</p> : <p class="muted facts">{facts(scene)}</p>}
+      </div>
+      <div class="card-foot">
+        <span class="state" data-state={scene.state}>
+          {STATES[scene.state]}
+          {scene.state === "loaded" && <span class="muted"> · {bytes(scene.memory_bytes)}</span>}
+        </span>
+        <LoadButton scene={scene} />
+      </div>
+    </li>
+  );
+}
+
+function LoadButton({ scene }: { scene: SceneInfo }) {
+  const loaded = scene.state === "loaded";
+  const verb = loaded ? "Unload" : scene.state === "broken" ? "Try again" : "Load";
+  return (
+    <button
+      type="button"
+      class="quiet-button"
+      aria-label={`${verb}: ${scene.name}`}
+      disabled={scene.state === "loading"}
+      onClick={() => void setLoaded(scene, !loaded)}
+    >
+      {verb}
+    </button>
+  );
+}
+
+/** The preview; the server may take seconds to render it the first time. */
+function Thumbnail({ scene }: { scene: SceneInfo }) {
+  const state = useSignal<"waiting" | "there" | "missing">(scene.state === "broken" ? "missing" : "waiting");
+  return (
+    <div class="thumbnail" data-state={state.value}>
+      {state.value === "missing" ? (
+        <Icon of={ImageOff} size={28} />
+      ) : (
+        <img
+          src={scene.preview.replace(/^\//, "")}
+          alt=""
+          loading="lazy"
+          decoding="async"
+          onLoad={() => {
+            state.value = "there";
+          }}
+          onError={() => {
+            state.value = "missing";
+          }}
+        />
+      )}
+    </div>
+  );
+}
+
+function facts(scene: SceneInfo): string {
+  const parts = [
+    scene.gaussians !== null && `${count(scene.gaussians)} Gaussians`,
+    scene.file_bytes > 0 && bytes(scene.file_bytes),
+    scene.sh_degree !== null && `SH degree ${scene.sh_degree}`,
+  ];
+  return parts.filter(Boolean).join(" · ");
+}
+
+export function SkeletonCard() {
+  return (
+    <li class="card skeleton" aria-hidden="true">
+      <div class="thumbnail" data-state="waiting" />
+      <div class="card-body">
+        <span class="bone" />
+        <span class="bone short" />
+      </div>
+    </li>
+  );
+}

@@ -1,0 +1,226 @@
+/** Sets up an experiment: what moves the camera, over which network, what is compared, and how often. */
+
+import { useSignal } from "@preact/signals";
+import type { ComponentChildren, TargetedSubmitEvent } from "preact";
+import { CONTROLLER_NAMES } from "../../abr/registry";
+import { type Draft, parseDraft, toggled } from "../../experiment/draft";
+import type { Remainder } from "../../experiment/experiment";
+import { presentNetwork } from "../../experiment/link";
+import {
+  conditionOf,
+  type ExperimentPlan,
+  type Profile,
+  RUN_MODE_NAMES,
+  RUN_MODES,
+  runsOf,
+  timeFor,
+  UNSHAPED,
+} from "../../experiment/plan";
+import { MovementError } from "../../movement/movement";
+import type { PosePoint } from "../../movement/playback";
+import type { Shaper } from "../../network/shaper";
+import { config, settings } from "../../state/app";
+import { EXPERIMENTS } from "../../state/route";
+import type { ViewerSession } from "../../viewer/session";
+import { bitrate, clock } from "../format";
+import { Select, TextField } from "./experiment-fields";
+import { MovementChoice, useMovementOpening, useMovements } from "./experiment-movement";
+
+/** What an experiment is started with. */
+export interface ExperimentSetup {
+  readonly plan: ExperimentPlan;
+  /** The movement, in the scene's own frame. */
+  readonly points: readonly PosePoint[];
+  readonly locked: boolean;
+  readonly exports: boolean;
+  /** What is missing of an experiment that was begun before. */
+  readonly remainder?: Remainder;
+}
+
+interface Props {
+  readonly session: ViewerSession;
+  readonly shaper: Shaper | null;
+  /** The store's URL. */
+  readonly store: string | undefined;
+  readonly draft: Draft;
+  readonly onDraft: (draft: Draft) => void;
+  readonly onStart: (setup: ExperimentSetup) => void;
+}
+
+export function ExperimentForm({ session, shaper, store, draft, onDraft, onStart }: Props) {
+  const problems = useSignal<readonly string[]>([]);
+  const opening = useMovementOpening(store);
+  const list = useMovements(store);
+  const scene = session.scene.value;
+  const set = (part: Partial<Draft>) => {
+    onDraft({ ...draft, ...part });
+    problems.value = [];
+  };
+
+  const submit = async (event: TargetedSubmitEvent<HTMLFormElement>) => {
+    event.preventDefault();
+    const parsed = parseDraft(draft, scene?.id ?? "", presentNetwork(shaper));
+    problems.value = "problems" in parsed ? parsed.problems : [];
+    if (scene === null) problems.value = [...problems.value, "The scene is not there yet."];
+    const { movement, locked, exports } = draft;
+    if (!("plan" in parsed) || scene === null || movement === null) return;
+    try {
+      const opened = await opening.open(movement, scene);
+      if (opened === null) return;
+      onStart({ plan: { ...parsed.plan, movement: opened.name }, points: opened.points, locked, exports });
+    } catch (error) {
+      if (!(error instanceof MovementError)) throw error;
+      problems.value = [error.message];
+    }
+  };
+
+  const { name, repeats, duration, locked, exports } = draft;
+  return (
+    <form class="experiment-form" noValidate onSubmit={(event) => void submit(event)}>
+      <TextField label="Name" value={name} wide onValue={(typed) => set({ name: typed })} />
+      <MovementChoice
+        list={list}
+        chosen={draft.movement}
+        onChoose={(movement) => set({ movement })}
+        onProblem={(sentence) => {
+          problems.value = [sentence];
+        }}
+      />
+      <NetworkChoice shaper={shaper} draft={draft} onChange={set} />
+      <Compared draft={draft} onChange={set} />
+      <TextField label="Runs of each" numeric value={repeats} onValue={(typed) => set({ repeats: typed })} />
+      <TextField
+        label="Each run lasts"
+        unit="s"
+        numeric
+        value={duration}
+        onValue={(typed) => set({ duration: typed })}
+      />
+      <Check checked={locked} onChange={() => set({ locked: !locked })}>
+        Lock input: keys, pointers and buttons rest while it runs
+      </Check>
+      <Check checked={exports} onChange={() => set({ exports: !exports })}>
+        Save all files at the end
+      </Check>
+      <footer>
+        <div class="problems" role="alert">
+          {problems.value.map((sentence) => (
+            <p key={sentence}>{sentence}</p>
+          ))}
+        </div>
+        <p class="muted small" data-experiment="estimate">
+          {estimate(draft, list.listed.find(({ key }) => key === draft.movement)?.duration)}
+          {!store && " There is no store: the results stay in this page until you save them."}
+        </p>
+        {store && (
+          <a class="button quiet" href={EXPERIMENTS}>
+            All experiments
+          </a>
+        )}
+        <button type="submit" class="button" disabled={opening.busy}>
+          Start
+        </button>
+      </footer>
+    </form>
+  );
+}
+
+interface PartProps {
+  readonly draft: Draft;
+  readonly onChange: (part: Partial<Draft>) => void;
+}
+
+function NetworkChoice({ shaper, draft, onChange }: PartProps & { readonly shaper: Shaper | null }) {
+  const traces = shaper?.traces.value.filter(({ error }) => !error) ?? [];
+  const known = draft.trace === null || traces.some(({ name }) => name === draft.trace);
+  return (
+    <>
+      <Select
+        label="Network"
+        value={draft.trace ?? ""}
+        onValue={(value) => onChange({ trace: value === "" ? null : value })}
+        note={shaper?.silent.value ?? (shaper === null ? "There is no shaper behind this page." : undefined)}
+      >
+        <option value="">The link as it is</option>
+        {!known && <option value={draft.trace ?? ""}>{draft.trace}</option>}
+        {traces.map(({ name, mean_down_kbps = 0 }) => (
+          <option key={name} value={name}>
+            {name} · {bitrate(mean_down_kbps * 1000)}
+          </option>
+        ))}
+      </Select>
+      <TextField
+        label="Round trip"
+        unit="ms"
+        numeric
+        placeholder={draft.trace === null ? "as it is" : "the trace’s own"}
+        disabled={draft.trace === null}
+        value={draft.trace === null ? "" : draft.rtt}
+        onValue={(rtt) => onChange({ rtt })}
+      />
+    </>
+  );
+}
+
+function Compared({ draft, onChange }: PartProps) {
+  const ladder = config.value?.ladder ?? [];
+  const streams = Boolean(config.value?.services.dash);
+  const rung = Math.min(settings.value.profile, ladder.length - 1);
+  const profiles = [...new Set<Profile>([...CONTROLLER_NAMES, rung, ...draft.profiles])]; // nothing hidden is chosen
+  const stateless = draft.modes.includes("stateless");
+  return (
+    <>
+      <fieldset>
+        <legend>Modes</legend>
+        {RUN_MODES.map((mode) => (
+          <Check
+            key={mode}
+            checked={draft.modes.includes(mode)}
+            disabled={mode !== "stateless" && !streams}
+            onChange={() => onChange({ modes: toggled(draft.modes, mode, RUN_MODES) })}
+          >
+            {RUN_MODE_NAMES[mode]}
+          </Check>
+        ))}
+        {!streams && <p class="muted small">This server has no DASH packager.</p>}
+      </fieldset>
+      <fieldset disabled={!stateless}>
+        <legend>Controllers, stateless</legend>
+        {profiles.map((profile) => (
+          <Check
+            key={profile}
+            checked={draft.profiles.includes(profile)}
+            onChange={() => onChange({ profiles: toggled(draft.profiles, profile, profiles) })}
+          >
+            {conditionOf({ mode: "stateless", profile }, ladder)}
+          </Check>
+        ))}
+      </fieldset>
+    </>
+  );
+}
+
+interface CheckProps {
+  readonly checked: boolean;
+  readonly disabled?: boolean;
+  readonly onChange: () => void;
+  readonly children: ComponentChildren;
+}
+
+function Check({ checked, disabled, onChange, children }: CheckProps) {
+  return (
+    <label class="check">
+      <input type="checkbox" checked={checked} disabled={disabled} onChange={onChange} />
+      <span>{children}</span>
+    </label>
+  );
+}
+
+/** How many runs it is, and how long they take; `movement` is its duration in milliseconds. */
+function estimate(draft: Draft, movement = Number.POSITIVE_INFINITY): string {
+  const parsed = parseDraft({ ...draft, name: "x", movement: "x" }, "", UNSHAPED);
+  if ("problems" in parsed) return "";
+  const runs = runsOf(parsed.plan).length;
+  const short = movement < parsed.plan.duration_s * 1000 ? " The movement ends before a run does." : "";
+  return `${runs} ${runs === 1 ? "run" : "runs"}, about ${clock(timeFor(parsed.plan, runs))} min.${short}`;
+}

@@ -1,0 +1,152 @@
+/** All experiments that the store keeps, the newest first, with their reports and archives. */
+
+import { useSignal } from "@preact/signals";
+import { Download, FileText, Play } from "lucide";
+import { useEffect } from "preact/hooks";
+import { missingRuns, readPlan } from "../../experiment/plan";
+import { StoreApi } from "../../experiment/store-api";
+import { ApiError } from "../../http/problem";
+import { config, refresh } from "../../state/app";
+import { sceneHash } from "../../state/route";
+import type { ExperimentSummary } from "../../wire/store";
+import { Icon } from "../icon";
+import { ThemeButton } from "../theme-button";
+import { continueExperiment } from "./experiment-dialog";
+
+export function ExperimentList() {
+  const base = config.value?.services.store;
+  useEffect(() => {
+    document.title = "Experiments · TIGAS";
+    void refresh();
+  }, []);
+  return (
+    <div class="dashboard">
+      <header class="top-bar">
+        <a class="brand" href="#/">
+          <img src="icon.svg" alt="" width="26" height="26" />
+          TIGAS
+        </a>
+        <div class="top-links">
+          <a href="#/">Scenes</a>
+          <ThemeButton />
+        </div>
+      </header>
+      <main>
+        <div class="page-head">
+          <h1>Experiments</h1>
+        </div>
+        {base ? <Kept base={base} /> : config.value && <p>This server has no store of experiments.</p>}
+      </main>
+    </div>
+  );
+}
+
+function Kept({ base }: { base: string }) {
+  const list = useSignal<readonly ExperimentSummary[] | null>(null);
+  const problem = useSignal<string | null>(null);
+  const store = new StoreApi(base);
+  const resume = async (id: string) => {
+    try {
+      const { plan: stored, runs } = await store.get(id);
+      const plan = readPlan(stored);
+      if (plan === null) {
+        problem.value = "This page cannot go on with that experiment: its plan is not one that this version makes.";
+        return;
+      }
+      continueExperiment({ id, plan, runs: missingRuns(plan, runs) });
+      location.hash = sceneHash(plan.scene);
+    } catch (error) {
+      if (!(error instanceof ApiError)) throw error;
+      problem.value = error.message;
+    }
+  };
+  useEffect(() => {
+    new StoreApi(base).list().then(
+      (found) => {
+        list.value = found;
+      },
+      (error: unknown) => {
+        problem.value = error instanceof ApiError ? error.message : "The list cannot be read.";
+      },
+    );
+  }, [base, list, problem]);
+  if (list.value === null && problem.value === null) return <p class="muted">Asking the store…</p>;
+  if (list.value?.length === 0) return <p>There is none yet. Open a scene and press E to make one.</p>;
+  return (
+    <>
+      {problem.value && (
+        <p class="notice" role="alert">
+          {problem.value}
+        </p>
+      )}
+      {list.value && <Table store={store} list={list.value} onContinue={(id) => void resume(id)} />}
+    </>
+  );
+}
+
+interface TableProps {
+  readonly store: StoreApi;
+  readonly list: readonly ExperimentSummary[];
+  readonly onContinue: (id: string) => void;
+}
+
+function Table({ store, list, onContinue }: TableProps) {
+  return (
+    <div class="experiment-list">
+      <table>
+        <thead>
+          <tr>
+            <th scope="col">Name</th>
+            <th scope="col">Complete runs</th>
+            <th scope="col">
+              <span class="visually-hidden">Files</span>
+            </th>
+          </tr>
+        </thead>
+        <tbody>
+          {list.map((one) => (
+            <Row key={one.id} store={store} experiment={one} onContinue={onContinue} />
+          ))}
+        </tbody>
+      </table>
+    </div>
+  );
+}
+
+interface RowProps {
+  readonly store: StoreApi;
+  readonly experiment: ExperimentSummary;
+  readonly onContinue: (id: string) => void;
+}
+
+function Row({ store, experiment: { id, name, created, source, planned, runs, complete }, onContinue }: RowProps) {
+  const unfinished = complete < (planned ?? 0);
+  const of = planned ?? runs;
+  return (
+    <tr>
+      <th scope="row">
+        {name}
+        <time class="muted small" dateTime={created}>
+          {new Date(created).toLocaleString("en", { dateStyle: "medium", timeStyle: "short" })}
+        </time>
+      </th>
+      <td>
+        {complete < of ? `${complete} of ${of}` : complete}
+        {unfinished && ", incomplete"}
+      </td>
+      <td>
+        {unfinished && source === "page" && (
+          <button type="button" class="quiet-button with-icon" onClick={() => onContinue(id)}>
+            <Icon of={Play} size={14} /> Continue
+          </button>
+        )}
+        <a class="with-icon" href={store.reportUrl(id)} target="_blank" rel="noreferrer">
+          <Icon of={FileText} size={14} /> Report
+        </a>
+        <a class="with-icon" href={store.zipUrl(id)} download>
+          <Icon of={Download} size={14} /> ZIP
+        </a>
+      </td>
+    </tr>
+  );
+}

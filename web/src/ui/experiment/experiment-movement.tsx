@@ -1,0 +1,124 @@
+/** The movement of an experiment: one of the store's, or a file or recording of this visit. */
+
+import { useSignal } from "@preact/signals";
+import { FolderOpen } from "lucide";
+import { useEffect, useMemo, useRef } from "preact/hooks";
+import { MovementError, placed, readMovementFile } from "../../movement/movement";
+import { addFile, movements, type NamedMovement } from "../../movement/movement-deck";
+import { fetchMovement } from "../../movement/movements";
+import type { PosePoint } from "../../movement/playback";
+import type { SceneInfo } from "../../wire/render";
+import { clock } from "../format";
+import { Icon } from "../icon";
+import { useStoredMovements } from "../use-stored-movements";
+import { Select } from "./experiment-fields";
+
+export interface Listed {
+  /** What the form knows it by. */
+  readonly key: string;
+  readonly name: string;
+  readonly duration: number;
+}
+
+/** The store's movements and this visit's, as far as they are known, and why the store's are not. */
+export function useMovements(store: string | undefined): { listed: readonly Listed[]; silence: string | null } {
+  const { stored, silence } = useStoredMovements(store);
+  const visit = movements.value.map(({ origin, name, trace }) => ({
+    key: `${origin}/${name}`,
+    name,
+    duration: trace.duration,
+  }));
+  const kept = stored.map(({ name, duration_ms }) => ({ key: `store/${name}`, name, duration: duration_ms }));
+  return { listed: [...kept, ...visit], silence };
+}
+
+export interface OpenedMovement {
+  readonly name: string;
+  /** In the scene's own frame. */
+  readonly points: readonly PosePoint[];
+}
+
+/** Opens the movement of a form. Whoever closes the form while a movement is on its way wants none. */
+export function useMovementOpening(store: string | undefined) {
+  const busy = useSignal(false);
+  const closing = useMemo(() => new AbortController(), []);
+  useEffect(() => () => closing.abort(), [closing]);
+  /** Null if the form was closed meanwhile. Rejects with a MovementError. */
+  const open = async (key: string, scene: SceneInfo): Promise<OpenedMovement | null> => {
+    busy.value = true;
+    try {
+      const { name, trace } = await movementOf(key, store, closing.signal);
+      return { name, points: placed(trace, scene) };
+    } catch (error) {
+      if (closing.signal.aborted) return null;
+      throw error;
+    } finally {
+      busy.value = false;
+    }
+  };
+  return { busy: busy.value, open };
+}
+
+/** The movement that a key names. Rejects with a MovementError, or because `signal` was aborted. */
+async function movementOf(key: string, store: string | undefined, signal: AbortSignal): Promise<NamedMovement> {
+  const found = movements.peek().find(({ origin, name }) => `${origin}/${name}` === key);
+  if (found) return found;
+  const name = key.slice(key.indexOf("/") + 1);
+  if (store === undefined) throw new MovementError(`There is no movement ${name}.`);
+  return fetchMovement(store, name, signal);
+}
+
+interface Props {
+  readonly list: ReturnType<typeof useMovements>;
+  readonly chosen: string | null;
+  readonly onChoose: (key: string) => void;
+  readonly onProblem: (sentence: string) => void;
+}
+
+export function MovementChoice({ list: { listed, silence }, chosen, onChoose, onProblem }: Props) {
+  const input = useRef<HTMLInputElement>(null);
+  const open = async (file: File) => {
+    try {
+      const { origin, name } = addFile(file.name, await readMovementFile(file));
+      onChoose(`${origin}/${name}`);
+    } catch (error) {
+      if (!(error instanceof MovementError)) throw error;
+      onProblem(error.message);
+    }
+  };
+  const known = listed.some(({ key }) => key === chosen);
+  return (
+    <>
+      <Select label="Movement" value={known ? (chosen ?? "") : ""} onValue={onChoose} note={silence ?? undefined}>
+        {!known && (
+          <option value="" disabled>
+            {listed.length > 0 ? "Choose one" : "Open a file"}
+          </option>
+        )}
+        {listed.map(({ key, name, duration }) => (
+          <option key={key} value={key}>
+            {name} · {clock(duration)}
+          </option>
+        ))}
+      </Select>
+      <div class="number-field">
+        <span>&nbsp;</span>
+        <button type="button" class="quiet-button with-icon" onClick={() => input.current?.click()}>
+          <Icon of={FolderOpen} size={14} /> Open a file…
+        </button>
+        <input
+          ref={input}
+          type="file"
+          hidden
+          aria-label="Movement file of the experiment"
+          accept=".csv,text/csv,text/plain"
+          onChange={({ currentTarget }) => {
+            const [file] = currentTarget.files ?? [];
+            if (file) void open(file);
+            currentTarget.value = ""; // the same file may be chosen again
+          }}
+        />
+      </div>
+    </>
+  );
+}

@@ -1,0 +1,178 @@
+/** The shaped link: what plays on it, what it carries, and how our frames fare. */
+
+import { effect, type Signal, useSignal } from "@preact/signals";
+import { Pause, Play, Square } from "lucide";
+import { useEffect } from "preact/hooks";
+import { append, noColumns } from "../../charts/columns";
+import { frames } from "../../network/series";
+import { Shaper } from "../../network/shaper";
+import type { ViewerSession } from "../../viewer/session";
+import type { DirectionStatus, ShaperStatus } from "../../wire/shaper";
+import { LiveChart } from "../chart/live-chart";
+import type { Quantity } from "../chart/live-plot";
+import { clock } from "../format";
+import { Icon } from "../icon";
+import { LinkForm } from "./link-form";
+import { TraceList } from "./trace-list";
+
+const RATES: readonly Quantity[] = [
+  { label: "Target", unit: "Mbit/s", axis: "left", tone: "target", stepped: true },
+  { label: "Delivered", unit: "Mbit/s", axis: "left", tone: "measured" },
+];
+const FRAMES: readonly Quantity[] = [
+  { label: "Frame", unit: "kB", axis: "left", tone: "measured" },
+  { label: "Round trip", unit: "ms", axis: "right", tone: "second" },
+];
+
+export function NetworkPanel({ base, session }: { base: string; session: ViewerSession }) {
+  const shaper = useSignal<Shaper | null>(null);
+  useEffect(() => {
+    const current = new Shaper(base, location.href, () => performance.now());
+    shaper.value = current;
+    return () => current.dispose();
+  }, [base, shaper]);
+  return shaper.value && <Link shaper={shaper.value} session={session} />;
+}
+
+function Link({ shaper, session }: { shaper: Shaper; session: ViewerSession }) {
+  const frameColumns = useFrames(session);
+  const status = shaper.status.value;
+  const silent = shaper.silent.value;
+  if (silent) return <Notice>{silent}</Notice>;
+  if (!status) return <p class="muted small">Asking the shaper …</p>;
+  return (
+    <div class="network">
+      {status.closed && <Notice>{status.closed}</Notice>}
+      {shaper.refusal.value && <Notice>{shaper.refusal.value}</Notice>}
+      <LiveChart name="Rate towards this page" quantities={RATES} columns={shaper.rates} />
+      <Directions status={status} />
+      <LiveChart name="Our frames" quantities={FRAMES} columns={frameColumns} />
+      <Playing shaper={shaper} status={status} />
+      <LinkForm link={status.link} onLink={(setting) => void shaper.act((api) => api.link(setting))} />
+    </div>
+  );
+}
+
+function Notice({ children }: { children: string }) {
+  return (
+    <p class="notice" role="alert">
+      {children}
+    </p>
+  );
+}
+
+function Playing({ shaper, status }: { shaper: Shaper; status: ShaperStatus }) {
+  const picked = useSignal<string | null>(null);
+  const wish = useSignal(true);
+  const traces = shaper.traces.value;
+  const chosen = picked.value ?? status.trace ?? traces.find(({ error }) => !error)?.name ?? null;
+  const loop = status.trace === null ? wish.value : status.loop;
+  const paused = status.mode === "paused";
+  const setLoop = () => {
+    wish.value = !loop;
+    if (status.trace !== null) void shaper.act((api) => api.loop(!loop));
+  };
+  return (
+    <>
+      <TraceList
+        traces={traces}
+        plots={shaper.plots.value}
+        chosen={chosen}
+        onChoose={(name) => {
+          picked.value = name;
+        }}
+      />
+      <div class="playing">
+        <button
+          type="button"
+          class="quiet-button"
+          disabled={chosen === null}
+          onClick={() => chosen !== null && void shaper.act((api) => api.start({ trace: chosen, loop }))}
+        >
+          <Icon of={Play} size={14} /> Play
+        </button>
+        <button
+          type="button"
+          class="quiet-button"
+          disabled={!paused && status.mode !== "playing"}
+          onClick={() => void shaper.act((api) => (paused ? api.resume() : api.pause()))}
+        >
+          <Icon of={paused ? Play : Pause} size={14} /> {paused ? "Resume" : "Pause"}
+        </button>
+        <button
+          type="button"
+          class="quiet-button"
+          title="Go back to the rate that the shaper has when nothing plays"
+          onClick={() => void shaper.act((api) => api.stop())}
+        >
+          <Icon of={Square} size={14} /> Stop
+        </button>
+      </div>
+      <label class="check">
+        <input type="checkbox" checked={loop} onChange={setLoop} />
+        Start again at the end
+      </label>
+      <p class="muted small" data-network="mode">
+        {saying(status)}
+      </p>
+    </>
+  );
+}
+
+function Directions({ status }: { status: ShaperStatus }) {
+  return (
+    <table class="directions">
+      <thead>
+        <tr>
+          <th scope="col">Mbit/s</th>
+          <th scope="col">Target</th>
+          <th scope="col">Delivered</th>
+          <th scope="col">Queue</th>
+          <th scope="col">Drops</th>
+        </tr>
+      </thead>
+      <tbody>
+        <Direction name="Down" of={status.down} />
+        <Direction name="Up" of={status.up} />
+      </tbody>
+    </table>
+  );
+}
+
+function Direction({ name, of }: { name: string; of: DirectionStatus }) {
+  return (
+    <tr>
+      <th scope="row">{name}</th>
+      <td>{(of.target_kbps / 1000).toFixed(1)}</td>
+      <td>{(of.delivered_kbps / 1000).toFixed(1)}</td>
+      <td>{Math.round(of.queue_ms)} ms</td>
+      <td>{of.drops}</td>
+    </tr>
+  );
+}
+
+/** The last minute of our frames, as the HUD knows them. */
+function useFrames(session: ViewerSession): Signal<ReturnType<typeof noColumns>> {
+  const columns = useSignal(noColumns(2));
+  useEffect(() => {
+    let shown = session.player.stats.peek().shown;
+    return effect(() => {
+      const stats = session.player.stats.value;
+      columns.value = append(columns.peek(), performance.now() / 1000, frames(stats, shown));
+      shown = stats.shown;
+    });
+  }, [session, columns]);
+  return columns;
+}
+
+function saying({ mode, trace, position_ms, duration_ms, backend, link }: ShaperStatus): string {
+  const place = `${trace ?? ""}, ${clock(position_ms ?? 0)} of ${clock(duration_ms ?? 0)}`;
+  const state = {
+    constant: "A constant link",
+    playing: `Plays ${place}`,
+    paused: `Paused: ${place}`,
+    ended: `Ended: ${trace ?? ""}`,
+  };
+  const conditions = `${Math.round((link.delay_ms ?? 0) * 2)} ms round trip, ${link.loss_pct ?? 0} % loss`;
+  return `${state[mode]}; ${conditions} by ${backend === "netem" ? "the kernel's netem" : "the shaper's relay"}.`;
+}

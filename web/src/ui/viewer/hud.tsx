@@ -1,0 +1,127 @@
+/** Measurements over the stage. The numbers carry `data-stat`, so that scripts and tests can read them. */
+import { ChevronDown, ChevronUp } from "lucide";
+import type { ComponentChildren } from "preact";
+import { change, config, settings } from "../../state/app";
+import type { Stats } from "../../stateless/stats";
+import type { ViewerSession } from "../../viewer/session";
+import { bitrate, bytes } from "../format";
+import { Icon } from "../icon";
+import { TRANSPORT_NAMES } from "./names";
+
+const NONE = "–";
+
+export function Hud({ session, wide }: { session: ViewerSession; wide: boolean }) {
+  const stats = session.player.stats.value;
+  const details = settings.value.hudDetails ?? wide;
+  const fallback = session.connected.value?.fallback;
+  return (
+    <section class="floating hud" aria-label="Measurements">
+      <div class="hud-main">
+        <Figure name="fps" label="frames/s" value={rate(stats)} />
+        <Figure
+          name="motion-to-photon"
+          label="motion to photon"
+          value={milliseconds(stats.motionToPhoton?.p50)}
+          unit="ms"
+        />
+        <button
+          type="button"
+          class="icon-button"
+          aria-expanded={details}
+          aria-label={details ? "Fewer measurements" : "More measurements"}
+          title={details ? "Fewer measurements" : "More measurements"}
+          onClick={() => change({ hudDetails: !details })}
+        >
+          <Icon of={details ? ChevronDown : ChevronUp} />
+        </button>
+      </div>
+      {details && <Details stats={stats} />}
+      <p class="hud-transport">
+        <span class="dot" data-transport={stats.transport ?? "none"} />
+        <span data-stat="transport">{stats.transport ? TRANSPORT_NAMES[stats.transport] : "not connected"}</span>
+        {fallback && (
+          <span class="muted" data-stat="fallback">
+            {" "}
+            – {fallback}
+          </span>
+        )}
+      </p>
+    </section>
+  );
+}
+
+function Details({ stats }: { stats: Stats }) {
+  const { server, frame, counts } = stats;
+  const rung = frame?.profile == null ? undefined : config.value?.ladder[frame.profile];
+  const total = server && server.queue + server.render + server.encode;
+  return (
+    <dl class="hud-details">
+      <Row name="motion-to-photon-p95" label="Motion to photon, p95">
+        {withUnit(stats.motionToPhoton?.p95)}
+      </Row>
+      <Row name="round-trip" label="Round trip">
+        {withUnit(stats.roundTrip)}
+      </Row>
+      <Row name="server" label="Server">
+        {withUnit(total)}
+      </Row>
+      <Row name="server-parts" label="Queue · render · encode">
+        {server ? [server.queue, server.render, server.encode].map(milliseconds).join(" · ") : NONE}
+      </Row>
+      <Row name="throughput" label="Throughput">
+        {stats.throughput === null ? NONE : bitrate(stats.throughput)}
+      </Row>
+      <Row name="frame" label="Frame">
+        {frame ? bytes(frame.bytes) : NONE}
+      </Row>
+      <Row name="resolution" label="Resolution">
+        {frame?.width && frame.height ? `${frame.width} × ${frame.height}` : NONE}
+      </Row>
+      <Row name="profile" label="Profile">
+        {rung?.name ?? NONE}
+      </Row>
+      <Row name="requests" label="In flight">
+        {stats.inFlight}
+      </Row>
+      <Row name="overtaken" label="Cancelled · dropped">
+        {counts.cancelled} · {counts.dropped}
+      </Row>
+    </dl>
+  );
+}
+
+/** One of a HUD's figures with its name. */
+export function Row({ name, label, children }: { name: string; label: string; children: ComponentChildren }) {
+  return (
+    <div>
+      <dt>{label}</dt>
+      <dd data-stat={name}>{children}</dd>
+    </div>
+  );
+}
+
+function Figure({ name, label, value, unit }: { name: string; label: string; value: string; unit?: string }) {
+  return (
+    <p class="figure">
+      <strong>
+        <span data-stat={name}>{value}</span>
+        {unit && value !== NONE && <small> {unit}</small>}
+      </strong>
+      <span class="muted">{label}</span>
+    </p>
+  );
+}
+
+function withUnit(value: number | null | undefined): string {
+  return value === null || value === undefined ? NONE : `${milliseconds(value)} ms`;
+}
+
+/** A still camera needs no frames: none a second is no fault then. */
+function rate({ framesPerSecond, settled, shown }: Stats): string {
+  return framesPerSecond === 0 && settled && shown > 0 ? "idle" : String(Math.round(framesPerSecond));
+}
+
+function milliseconds(value: number | null | undefined): string {
+  if (value === null || value === undefined) return NONE;
+  return value < 10 ? value.toFixed(1) : String(Math.round(value));
+}

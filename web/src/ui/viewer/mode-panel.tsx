@@ -1,0 +1,103 @@
+/** What shows the scene, and how its DASH stream is set up. */
+
+import type { ComponentChildren } from "preact";
+import { type DashSetup, PRESETS, type Preset, setupFor } from "../../dash/presets";
+import { change, config, settings } from "../../state/app";
+import { MODES } from "../../state/settings";
+import type { ViewerSession } from "../../viewer/session";
+import { ComparisonPanel } from "./comparison-panel";
+import { MODE_NAMES } from "./names";
+import { NumberField } from "./number-field";
+
+const PRESET_NAMES: Readonly<Record<Preset, string>> = { typical: "Typical", tuned: "Tuned", custom: "Custom" };
+
+export function ModePanel({ session }: { session: ViewerSession }) {
+  const { mode, dashPreset, dashCustom } = settings.value;
+  const missing = config.value !== null && !config.value.services.dash;
+  return (
+    <>
+      <Segments name="mode" label="Mode">
+        {MODES.map((each) => (
+          <Segment key={each} name="mode" checked={mode === each} onChoose={() => change({ mode: each })}>
+            {MODE_NAMES[each]}
+          </Segment>
+        ))}
+      </Segments>
+      {mode !== "stateless" && missing && (
+        <p class="notice" role="alert" data-notice="no-packager">
+          This server has no DASH packager: start it with <code>tigas dash</code>, and name it to the server as the
+          service “dash”.
+        </p>
+      )}
+      {mode !== "stateless" && !missing && (
+        <>
+          <h4 class="segments-name">DASH stream</h4>
+          <Segments name="preset" label="DASH stream">
+            {PRESETS.map((preset) => (
+              <Segment
+                key={preset}
+                name="preset"
+                checked={preset === dashPreset}
+                onChoose={() => change({ dashPreset: preset })}
+              >
+                {PRESET_NAMES[preset]}
+              </Segment>
+            ))}
+          </Segments>
+          {dashPreset === "custom" ? (
+            <Custom setup={dashCustom} />
+          ) : (
+            <p class="muted small">{sentence(setupFor(dashPreset, dashCustom))}</p>
+          )}
+          <ComparisonPanel session={session} />
+        </>
+      )}
+    </>
+  );
+}
+
+function Segments({ name, label, children }: { name: string; label: string; children: ComponentChildren }) {
+  return (
+    <fieldset class="segments" data-choice={name}>
+      <legend class="visually-hidden">{label}</legend>
+      {children}
+    </fieldset>
+  );
+}
+
+function Segment(props: { name: string; checked: boolean; onChoose: () => void; children: string }) {
+  return (
+    <label>
+      <input type="radio" class="visually-hidden" name={props.name} checked={props.checked} onChange={props.onChoose} />
+      <span>{props.children}</span>
+    </label>
+  );
+}
+
+function Custom({ setup }: { setup: DashSetup }) {
+  const field = (name: keyof DashSetup, label: string, unit: string, min: number, max: number) => (
+    <NumberField
+      label={label}
+      unit={unit}
+      min={min}
+      max={max}
+      value={setup[name]}
+      onValue={(value) =>
+        change({ dashCustom: { ...setup, [name]: name === "segment_s" ? value : Math.round(value) } })
+      }
+    />
+  );
+  return (
+    <div class="fields">
+      {field("segment_s", "Segment", "s", 0.2, 10)}
+      {field("frames_per_chunk", "Chunk", "frames", 1, Math.max(1, Math.round(setup.segment_s * setup.frame_rate)))}
+      {field("target_latency_ms", "Target", "ms", 50, 10_000)}
+      {field("frame_rate", "Rate", "frames/s", 1, 60)}
+    </div>
+  );
+}
+
+function sentence({ segment_s, frames_per_chunk, target_latency_ms, frame_rate }: DashSetup): string {
+  const chunk = frames_per_chunk === 1 ? "one frame" : `${Math.round((frames_per_chunk * 1000) / frame_rate)} ms`;
+  return `Segments of ${segment_s} s in chunks of ${chunk}, ${frame_rate} frames/s; aims at ${target_latency_ms} ms.`;
+}

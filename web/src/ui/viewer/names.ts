@@ -1,0 +1,16 @@
+/** Names of things that several parts of the page show. */
+import type { Mode } from "../../state/settings";
+import type { TransportChoice } from "../../transport/connect";
+
+export const MODE_NAMES: Readonly<Record<Mode, string>> = {
+  stateless: "Stateless",
+  dash: "DASH",
+  "side-by-side": "Side by side",
+};
+
+export const TRANSPORT_NAMES: Readonly<Record<TransportChoice, string>> = {
+  auto: "Automatic",
+  "webtransport-streams": "WebTransport streams",
+  "webtransport-datagrams": "WebTransport datagrams",
+  fetch: "HTTP fetch",
+};

@@ -1,0 +1,79 @@
+/** The measurements of each side, over its own picture: the same figures in the same places. */
+import type { ComponentChildren } from "preact";
+import { NO_DASH_STATS } from "../../dash/dash-player";
+import { config } from "../../state/app";
+import type { Mode } from "../../state/settings";
+import type { Figures } from "../../view/meter";
+import type { Side } from "../../view/presented";
+import type { ViewerSession } from "../../viewer/session";
+import { bitrate } from "../format";
+import { Row } from "./hud";
+
+const NONE = "–";
+
+export function SideFigures({ session, mode }: { session: ViewerSession; mode: Mode }) {
+  const dash = session.dash.value;
+  const stats = dash?.stats.value ?? NO_DASH_STATS;
+  return (
+    <div class="sides">
+      {mode === "side-by-side" && (
+        <div class="side">
+          <SideHud side="stateless" title="Stateless" figures={session.player.stats.value} />
+        </div>
+      )}
+      <div class="side">
+        <SideHud side="dash" title="DASH" figures={stats}>
+          <Row name="live-latency" label="Live latency">
+            {milliseconds(stats.liveLatency)}
+          </Row>
+        </SideHud>
+      </div>
+    </div>
+  );
+}
+
+interface HudProps {
+  readonly side: Side;
+  readonly title: string;
+  readonly figures: Figures;
+  readonly children?: ComponentChildren;
+}
+
+function SideHud({ side, title, figures, children }: HudProps) {
+  const { motionToPhoton, framesPerSecond, bandwidth, stalls, picture } = figures;
+  const rung = picture?.rung == null ? undefined : config.value?.ladder[picture.rung];
+  return (
+    <section class="floating side-hud" aria-label={`Measurements: ${title}`} data-side={side}>
+      <h2>
+        <i class="swatch" data-tone={side} />
+        {title}
+      </h2>
+      <p class="figure">
+        <strong data-stat="motion-to-photon">{milliseconds(motionToPhoton?.p50)}</strong>
+        <span class="muted">motion to photon</span>
+      </p>
+      <dl class="hud-details">
+        <Row name="motion-to-photon-p95" label="p95">
+          {milliseconds(motionToPhoton?.p95)}
+        </Row>
+        <Row name="fps" label="Frames/s">
+          {Math.round(framesPerSecond)}
+        </Row>
+        <Row name="bandwidth" label="Bandwidth">
+          {bitrate(bandwidth)}
+        </Row>
+        <Row name="resolution" label={rung?.name ?? "Resolution"}>
+          {picture ? `${picture.width} × ${picture.height}` : NONE}
+        </Row>
+        <Row name="stalls" label="Stalls">
+          {stalls.count === 0 ? "none" : `${stalls.count}, ${(stalls.time / 1000).toFixed(1)} s`}
+        </Row>
+        {children}
+      </dl>
+    </section>
+  );
+}
+
+function milliseconds(value: number | null | undefined): string {
+  return value === null || value === undefined ? NONE : `${Math.round(value)} ms`;
+}

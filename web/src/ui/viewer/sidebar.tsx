@@ -1,0 +1,219 @@
+/** The viewer's settings: quality, transport, the shaped link if there is one, movement and lens. */
+import { ChevronDown, X } from "lucide";
+import type { ComponentChildren } from "preact";
+import { CONTROLLER_NAMES, CONTROLLERS, type ControllerName } from "../../abr/registry";
+import { change, config, settings } from "../../state/app";
+import type { TransportChoice } from "../../transport/connect";
+import type { Intrinsics } from "../../view/intrinsics";
+import type { ViewerSession } from "../../viewer/session";
+import { Icon } from "../icon";
+import { IconButton } from "../icon-button";
+import { InsecureHint } from "../insecure-hint";
+import { NetworkPanel } from "../network/network-panel";
+import { ThemeButton } from "../theme-button";
+import { ModePanel } from "./mode-panel";
+import { MovementTrace } from "./movement-trace";
+import { TRANSPORT_NAMES } from "./names";
+import { NumberField } from "./number-field";
+
+interface Props {
+  readonly session: ViewerSession;
+  readonly onClose: () => void;
+  readonly onReset: () => void;
+}
+
+export function Sidebar({ session, onClose, onReset }: Props) {
+  const shaper = config.value?.services.shaper;
+  return (
+    <aside class="sidebar" aria-label="Settings">
+      <header>
+        <h2>Settings</h2>
+        <ThemeButton />
+        <IconButton icon={X} label="Close settings" onClick={onClose} />
+      </header>
+      <Section title="Mode">
+        <ModePanel session={session} />
+      </Section>
+      <Quality session={session} />
+      <Transport />
+      {shaper && (
+        <Section title="Network">
+          <NetworkPanel base={shaper} session={session} />
+        </Section>
+      )}
+      <Movement session={session} onReset={onReset} />
+      <Section title="Movement trace">
+        <MovementTrace deck={session.movement} scene={session.scene.value} />
+      </Section>
+      <Lens session={session} />
+    </aside>
+  );
+}
+
+function Section({
+  title,
+  action,
+  children,
+}: {
+  title: string;
+  action?: ComponentChildren;
+  children: ComponentChildren;
+}) {
+  return (
+    <section>
+      <div class="section-head">
+        <h3>{title}</h3>
+        {action}
+      </div>
+      {children}
+    </section>
+  );
+}
+
+function Quality({ session }: { session: ViewerSession }) {
+  const ladder = config.value?.ladder ?? [];
+  const { controller, profile, refine } = settings.value;
+  const { frame } = session.player.stats.value;
+  const adapts = controller !== "fixed";
+  const chosen = adapts ? frame?.profile : Math.min(profile, Math.max(0, ladder.length - 1));
+  return (
+    <Section title="Quality">
+      <div class="select">
+        <select
+          aria-label="Adaptation"
+          value={controller}
+          onChange={(event) => change({ controller: event.currentTarget.value as ControllerName | "fixed" })}
+        >
+          {CONTROLLER_NAMES.map((name) => (
+            <option key={name} value={name}>
+              Adaptive: {CONTROLLERS[name].title}
+            </option>
+          ))}
+          <option value="fixed">Fixed profile</option>
+        </select>
+        <Icon of={ChevronDown} size={16} />
+      </div>
+      <fieldset class="rungs" disabled={adapts}>
+        <legend class="visually-hidden">Profile</legend>
+        {ladder.map((rung, index) => (
+          <label key={rung.name}>
+            <input type="radio" name="profile" checked={index === chosen} onChange={() => change({ profile: index })} />
+            <span>{rung.name}</span>
+            <span class="muted">
+              {rung.width} × {rung.height} · q{rung.quality}
+            </span>
+          </label>
+        ))}
+      </fieldset>
+      <label class="check">
+        <input type="checkbox" checked={refine} onChange={() => change({ refine: !refine })} />
+        Refine when still
+      </label>
+      <p class="readout">
+        <span>Resolution</span>
+        <output>{frame?.width && frame.height ? `${frame.width} × ${frame.height}` : "–"}</output>
+      </p>
+    </Section>
+  );
+}
+
+function Movement({ session, onReset }: Pick<Props, "session" | "onReset">) {
+  const { moveSpeed } = session.rig;
+  return (
+    <Section
+      title="Movement"
+      action={
+        <button type="button" class="quiet-button" onClick={onReset}>
+          Reset camera
+        </button>
+      }
+    >
+      <div class="fields">
+        <NumberField
+          label="Turn"
+          unit="°/s"
+          min={1}
+          max={720}
+          value={settings.value.turnSpeed}
+          onValue={(turnSpeed) => change({ turnSpeed })}
+        />
+        <NumberField
+          label="Move"
+          unit="units/s"
+          min={0.001}
+          max={1e6}
+          value={moveSpeed.value}
+          onValue={(speed) => {
+            moveSpeed.value = speed;
+          }}
+        />
+      </div>
+    </Section>
+  );
+}
+
+function Lens({ session }: { session: ViewerSession }) {
+  const { intrinsics, lens, viewport } = session.rig;
+  const locked = Object.keys(lens.value).length > 0;
+  const set = (name: keyof Intrinsics, value: number) => {
+    lens.value = { ...lens.value, [name]: value };
+  };
+  const { width, height } = viewport.value;
+  return (
+    <Section
+      title="Lens"
+      action={
+        <button
+          type="button"
+          class="quiet-button"
+          disabled={!locked}
+          onClick={() => {
+            lens.value = {};
+          }}
+        >
+          Reset lens
+        </button>
+      }
+    >
+      <div class="fields">
+        {(["fx", "fy", "cx", "cy"] as const).map((name) => (
+          <NumberField
+            key={name}
+            label={name}
+            unit="px"
+            min={name.startsWith("f") ? 1 : -1e5}
+            max={1e5}
+            value={intrinsics.value[name]}
+            locked={name in lens.value}
+            onValue={(value) => set(name, value)}
+          />
+        ))}
+      </div>
+      <p class="muted small">
+        For a stage of {width} × {height} pixels. {locked ? "What you set stays when the window changes." : ""}
+      </p>
+    </Section>
+  );
+}
+
+function Transport() {
+  return (
+    <Section title="Transport">
+      <div class="select">
+        <select
+          aria-label="Transport"
+          value={settings.value.transport}
+          onChange={(event) => change({ transport: event.currentTarget.value as TransportChoice })}
+        >
+          {Object.entries(TRANSPORT_NAMES).map(([kind, name]) => (
+            <option key={kind} value={kind}>
+              {name}
+            </option>
+          ))}
+        </select>
+        <Icon of={ChevronDown} size={16} />
+      </div>
+      <InsecureHint />
+    </Section>
+  );
+}

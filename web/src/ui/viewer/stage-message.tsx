@@ -1,0 +1,81 @@
+/** What the stage has to say: what is awaited, that a server is away, or why there is no picture. */
+import { CircleAlert, LoaderCircle, Unplug } from "lucide";
+import type { ComponentChildren } from "preact";
+import type { DashPhase } from "../../dash/dash-player";
+import { config, settings } from "../../state/app";
+import type { ViewerSession } from "../../viewer/session";
+import { Icon } from "../icon";
+
+export function StageMessage({ session }: { session: ViewerSession }) {
+  const phase = session.phase.value;
+  const { mode } = settings.value;
+  const problem = mode === "dash" ? null : session.player.problem.value;
+  const { message, kind } = { message: null, ...phase };
+  return (
+    <div class="stage-message" role="status">
+      {(kind === "connecting" || kind === "loading") && (
+        <Waiting>{kind === "loading" ? "Loading the scene…" : "Connecting…"}</Waiting>
+      )}
+      {kind === "lost" && <Lost>{message}</Lost>}
+      {kind === "failed" && (
+        <div class="floating message tall" data-tone="danger">
+          <Icon of={CircleAlert} />
+          <p>{message}</p>
+          <div class="message-actions">
+            <button type="button" class="button" onClick={() => session.retry()}>
+              Try again
+            </button>
+            <a class="button quiet" href="#/">
+              All scenes
+            </a>
+          </div>
+        </div>
+      )}
+      {kind === "playing" && problem && <Failed>{problem}</Failed>}
+      {kind === "playing" && mode !== "stateless" && (
+        <div class="dash-message">
+          <Dash phase={session.dash.value?.phase.value} />
+        </div>
+      )}
+    </div>
+  );
+}
+
+function Dash({ phase }: { phase: DashPhase | undefined }) {
+  if (phase === undefined) {
+    if (config.value?.services.dash) return null;
+    return <Failed>This server has no DASH packager; see Settings, Mode.</Failed>;
+  }
+  if (phase.kind === "connecting") return <Waiting>Starting the stream…</Waiting>;
+  if (phase.kind === "lost") return <Lost>{phase.message}</Lost>;
+  return phase.kind === "failed" ? <Failed>{phase.message}</Failed> : null;
+}
+
+function Waiting({ children }: { children: string }) {
+  return (
+    <p class="floating message">
+      <span class="spinner">
+        <Icon of={LoaderCircle} />
+      </span>
+      {children}
+    </p>
+  );
+}
+
+function Lost({ children }: { children: ComponentChildren }) {
+  return (
+    <p class="floating message" data-tone="warning">
+      <Icon of={Unplug} />
+      <span>{children} Trying again…</span>
+    </p>
+  );
+}
+
+function Failed({ children }: { children: ComponentChildren }) {
+  return (
+    <p class="floating message" data-tone="danger">
+      <Icon of={CircleAlert} />
+      <span>{children}</span>
+    </p>
+  );
+}

@@ -1,0 +1,48 @@
+/** What floats at the top of the stage: the way back, the scene's name, and the switches. */
+import { Activity, ArrowLeft, CircleHelp, Columns2, FlaskConical, Maximize, SlidersHorizontal } from "lucide";
+import type { Mode } from "../../state/settings";
+import { Icon } from "../icon";
+import { IconButton } from "../icon-button";
+import { MODE_NAMES } from "./names";
+import type { ViewerActions } from "./use-shortcuts";
+
+interface Props {
+  readonly name: string;
+  readonly actions: ViewerActions;
+  readonly mode: Mode;
+  readonly hud: boolean;
+  readonly sidebar: boolean;
+}
+
+export function Toolbar({ name, actions, mode, hud, sidebar }: Props) {
+  return (
+    <header class="toolbar">
+      <div class="floating title">
+        <a class="icon-button" href="#/" aria-label="Back to all scenes" title="Back to all scenes">
+          <Icon of={ArrowLeft} />
+        </a>
+        <h1>{name}</h1>
+      </div>
+      <div class="floating" role="toolbar" aria-label="View">
+        <IconButton icon={CircleHelp} label="Help" shortcut="H" onClick={actions.help} />
+        <IconButton
+          icon={Columns2}
+          label={`Mode: ${MODE_NAMES[mode]}`}
+          shortcut="M"
+          pressed={mode !== "stateless"}
+          onClick={actions.mode}
+        />
+        <IconButton icon={Activity} label="Measurements" shortcut="I" pressed={hud} onClick={actions.hud} />
+        <IconButton icon={FlaskConical} label="Experiment" shortcut="E" onClick={actions.experiment} />
+        <IconButton icon={Maximize} label="Fullscreen" shortcut="F" onClick={actions.fullscreen} />
+        <IconButton
+          icon={SlidersHorizontal}
+          label="Settings"
+          shortcut="P"
+          pressed={sidebar}
+          onClick={actions.sidebar}
+        />
+      </div>
+    </header>
+  );
+}

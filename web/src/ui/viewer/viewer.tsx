@@ -1,0 +1,131 @@
+/** The viewer: the stage with its frame, what floats over it, and the sidebar. */
+
+import { useSignal } from "@preact/signals";
+import { useEffect, useRef } from "preact/hooks";
+import { offerBridge } from "../../experiment/bridge";
+import { Runner } from "../../experiment/runner";
+import { change, settings } from "../../state/app";
+import { MODES } from "../../state/settings";
+import { ViewerSession } from "../../viewer/session";
+import { ExperimentDialog } from "../experiment/experiment-dialog";
+import { HelpDialog } from "./help";
+import { Hud } from "./hud";
+import { MovePad } from "./move-pad";
+import { MovementStatus } from "./movement-status";
+import { SideFigures } from "./side-figures";
+import { Sidebar } from "./sidebar";
+import { StageMessage } from "./stage-message";
+import { Toolbar } from "./toolbar";
+import { useFocusReturn } from "./use-focus-return";
+import { useShortcuts } from "./use-shortcuts";
+import { useWide } from "./use-wide";
+
+interface Props {
+  readonly sceneId: string;
+  /** Frames carry their pose's number. */
+  readonly stamp: boolean;
+}
+
+export function Viewer({ sceneId, stamp }: Props) {
+  const root = useRef<HTMLDivElement>(null);
+  const stage = useRef<HTMLDivElement>(null);
+  const canvas = useRef<HTMLCanvasElement>(null);
+  const video = useRef<HTMLVideoElement>(null);
+  const session = useSignal<ViewerSession | null>(null);
+  const runner = useSignal<Runner | null>(null);
+  const help = useSignal(false);
+  const experiment = useSignal(false);
+  const locked = useSignal(false);
+  const wide = useWide();
+
+  useEffect(() => {
+    if (!stage.current || !canvas.current || !video.current) return undefined;
+    const place = { element: stage.current, canvas: canvas.current, video: video.current };
+    const current = new ViewerSession(sceneId, place, stamp);
+    session.value = current;
+    const hands = new Runner(current);
+    runner.value = hands;
+    const withdraw = offerBridge(hands);
+    stage.current.focus({ preventScroll: true });
+    return () => {
+      session.value = null;
+      runner.value = null;
+      withdraw();
+      hands.dispose();
+      current.dispose();
+    };
+  }, [sceneId, stamp, session, runner]);
+
+  const { hud, sidebar, mode } = settings.value;
+  const sidebarOpen = sidebar ?? wide;
+  const actions = {
+    help: () => {
+      help.value = !help.value;
+    },
+    hud: () => change({ hud: !hud }),
+    sidebar: () => change({ sidebar: !sidebarOpen }),
+    reset: () => session.value?.rig.resetCamera(),
+    mode: () => change({ mode: MODES[(MODES.indexOf(mode) + 1) % MODES.length] ?? "stateless" }),
+    experiment: () => {
+      experiment.value = !experiment.value;
+    },
+    fullscreen: () => void toggleFullscreen(root.current),
+  };
+  useShortcuts(actions, locked.value);
+  useFocusReturn(root, stage);
+
+  const live = session.value;
+  const phase = live?.phase.value.kind ?? "connecting";
+  const name = live?.scene.value?.name ?? sceneId;
+  useEffect(() => {
+    document.title = `${name} · TIGAS`;
+  }, [name]);
+
+  return (
+    <div class="viewer" ref={root} data-sidebar={sidebarOpen ? "open" : "closed"}>
+      <main class="stage-area" inert={locked.value}>
+        <div
+          class="stage"
+          ref={stage}
+          // biome-ignore lint/a11y/noNoninteractiveTabindex: an application is where keys go
+          tabIndex={0}
+          role="application"
+          aria-label={`${name}: arrow keys turn, W A S D walk, Space and Shift rise and sink, H shows help`}
+          data-phase={phase}
+          data-transport={live?.player.stats.value.transport}
+          data-frames={live?.player.stats.value.shown}
+          data-settled={live?.player.stats.value.settled}
+          data-mode={mode}
+          data-dash={live?.dash.value?.phase.value.kind ?? "off"}
+          data-dash-frames={live?.dash.value?.stats.value.shown}
+        >
+          <div class="pane">
+            <canvas ref={canvas} />
+          </div>
+          <div class="pane">
+            <video ref={video} muted playsInline disablePictureInPicture disableRemotePlayback />
+          </div>
+        </div>
+        <Toolbar name={name} actions={actions} mode={mode} hud={hud} sidebar={sidebarOpen} />
+        {live && hud && phase !== "failed" && mode === "stateless" && <Hud session={live} wide={wide} />}
+        {live && hud && phase !== "failed" && mode !== "stateless" && <SideFigures session={live} mode={mode} />}
+        {live && <MovePad input={live.input} />}
+        {live && <MovementStatus deck={live.movement} />}
+        {live && <StageMessage session={live} />}
+      </main>
+      {live && sidebarOpen && <Sidebar session={live} onClose={actions.sidebar} onReset={actions.reset} />}
+      <HelpDialog open={help} />
+      {live && runner.value && (
+        <ExperimentDialog session={live} runner={runner.value} open={experiment} locked={locked} />
+      )}
+    </div>
+  );
+}
+
+async function toggleFullscreen(element: HTMLElement | null): Promise<void> {
+  try {
+    await (document.fullscreenElement ? document.exitFullscreen() : element?.requestFullscreen());
+  } catch {
+    // phones that have no fullscreen for pages: the frame fills the window as it is
+  }
+}

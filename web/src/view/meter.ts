@@ -1,0 +1,100 @@
+/** Measures one side, stateless or DASH, in the same way: what is shown, how late, and what it costs. */
+import { MotionToPhoton } from "./motion-to-photon";
+import type { PresentedFrame, Side } from "./presented";
+import { StallDetector, type Stalls } from "./stalls";
+import { TimeWindow } from "./window";
+
+export interface Figures {
+  /** Frames shown a second. */
+  readonly framesPerSecond: number;
+  /** Median and 95th percentile of the last seconds, in milliseconds; null while nothing moved. */
+  readonly motionToPhoton: { readonly p50: number; readonly p95: number } | null;
+  /** Bits a second that came in during the last seconds. */
+  readonly bandwidth: number;
+  readonly stalls: Stalls;
+  /** All frames shown so far. */
+  readonly shown: number;
+  /** The frame on the screen. */
+  readonly picture: { readonly rung: number | null; readonly width: number; readonly height: number } | null;
+}
+
+export const NO_FIGURES: Figures = {
+  framesPerSecond: 0,
+  motionToPhoton: null,
+  bandwidth: 0,
+  stalls: { count: 0, time: 0 },
+  shown: 0,
+  picture: null,
+};
+
+/** How often the HUD changes: often enough to be live, seldom enough to be read (ms). */
+export const STATS_EVERY = 250;
+
+/** How far back the figures look, in milliseconds. */
+const RATE_SPAN = 1000;
+const BANDWIDTH_SPAN = 2000;
+const LATENCY_SPAN = 5000;
+
+export class Meter {
+  readonly #side: Side;
+  readonly #latency = new MotionToPhoton();
+  readonly #stalls = new StallDetector();
+  readonly #frames = new TimeWindow(RATE_SPAN);
+  readonly #bytes = new TimeWindow(BANDWIDTH_SPAN);
+  readonly #motionToPhoton = new TimeWindow(LATENCY_SPAN);
+  readonly #listener: (frame: PresentedFrame) => void;
+  #shown = 0;
+  #last: PresentedFrame | undefined;
+
+  constructor(side: Side, listener: (frame: PresentedFrame) => void) {
+    this.#side = side;
+    this.#listener = listener;
+  }
+
+  /** The camera moved, which made pose number `pose`. */
+  moved(pose: number, at: number): void {
+    this.#latency.sampled(pose, at);
+    this.#stalls.moved(at);
+  }
+
+  /** Bytes of pictures came in. */
+  received(bytes: number, at: number): void {
+    this.#bytes.add(bytes, at);
+  }
+
+  /** A frame is on the screen. */
+  presented(frame: Omit<PresentedFrame, "side" | "latencies">): void {
+    const latencies = this.#latency.presented(frame.pose, frame.at);
+    for (const latency of latencies) this.#motionToPhoton.add(latency, frame.at);
+    // A stream repeats its last frame when no new view came in time: the picture stands still then as it does without frames.
+    if (frame.pose !== this.#last?.pose) this.#stalls.presented(frame.at);
+    this.#frames.add(1, frame.at);
+    this.#shown++;
+    this.#last = { ...frame, side: this.#side, latencies };
+    this.#listener(this.#last);
+  }
+
+  /** Forget poses whose frames will not come, for a reason that is not latency (a lost server, another mode). */
+  reset(): void {
+    this.#latency.reset();
+  }
+
+  figures(now: number): Figures {
+    const p50 = this.#motionToPhoton.percentile(0.5, now);
+    const p95 = this.#motionToPhoton.percentile(0.95, now);
+    const bytes = this.#bytes.values(now).reduce((sum, value) => sum + value, 0);
+    return {
+      framesPerSecond: this.#frames.rate(now),
+      motionToPhoton: p50 === null || p95 === null ? null : { p50, p95 },
+      bandwidth: (bytes * 8000) / BANDWIDTH_SPAN,
+      stalls: this.#stalls.stalls,
+      shown: this.#shown,
+      picture: this.#last ?? null,
+    };
+  }
+
+  /** Motion-to-photon latencies of the last seconds, in milliseconds. */
+  latencies(now: number): readonly number[] {
+    return this.#motionToPhoton.values(now);
+  }
+}

@@ -1,0 +1,64 @@
+/** Turns what was asked since the last sample into a new camera. Pure: the time that passed comes in. */
+import { type Camera, move, turn } from "./camera";
+
+/** What is asked of the camera at a moment, each from -1 to 1. */
+export interface Axes {
+  readonly forward: number;
+  readonly right: number;
+  readonly up: number;
+  readonly turnRight: number;
+  readonly turnUp: number;
+}
+
+export interface Speeds {
+  /** Degrees a second. */
+  readonly turn: number;
+  /** Scene units a second. */
+  readonly move: number;
+}
+
+/** What pointers, fingers and the wheel asked for, once each. */
+export interface Nudge {
+  /** Degrees. */
+  readonly turnRight: number;
+  readonly turnUp: number;
+  /** In seconds' worth of walking. */
+  readonly forward: number;
+  readonly right: number;
+  readonly up: number;
+}
+
+export const NO_NUDGE: Nudge = { turnRight: 0, turnUp: 0, forward: 0, right: 0, up: 0 };
+
+/** What was asked since the last sample. */
+export interface Sample {
+  readonly axes: Axes;
+  readonly nudge: Nudge;
+}
+
+/** After a pause (a hidden page, a slow machine) the camera goes on from where it was instead of jumping (ms). */
+const LONGEST_STEP = 100;
+
+/** The camera after `elapsed` milliseconds. It is the same object if nothing was asked. */
+export function step(camera: Camera, axes: Axes, nudge: Nudge, speeds: Speeds, elapsed: number): Camera {
+  const seconds = Math.min(LONGEST_STEP, Math.max(0, elapsed)) / 1000;
+  // Walking diagonally is not faster than walking straight.
+  const diagonal = Math.max(1, Math.hypot(axes.forward, axes.right));
+  const walk = (axis: number, once: number) => ((axis / diagonal) * seconds + once) * speeds.move;
+  const forward = walk(axes.forward, nudge.forward);
+  const right = walk(axes.right, nudge.right);
+  const up = (axes.up * seconds + nudge.up) * speeds.move;
+  const turnRight = axes.turnRight * seconds * speeds.turn + nudge.turnRight;
+  const turnUp = axes.turnUp * seconds * speeds.turn + nudge.turnUp;
+  const turned = turnRight !== 0 || turnUp !== 0 ? turn(camera, turnRight, turnUp) : camera;
+  return forward !== 0 || right !== 0 || up !== 0 ? move(turned, forward, right, up) : turned;
+}
+
+/** A walking speed that crosses the scene's first view in about four seconds: 1, 2 or 5 times a power of ten. */
+export function suggestedSpeed(distance: number): number {
+  if (!(distance > 0) || !Number.isFinite(distance)) return 1;
+  const exact = distance / 4;
+  const power = 10 ** Math.floor(Math.log10(exact));
+  const digit = [1, 2, 5].findLast((candidate) => candidate * power <= exact * 1.0001) ?? 1;
+  return Number((digit * power).toPrecision(1));
+}

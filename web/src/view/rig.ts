@@ -1,0 +1,162 @@
+/**
+ * The camera, its lens and where it stands: sampled once per animation frame, shown by every mode. Poses are numbered as they
+ * change, so that any later frame can say which pose it shows.
+ */
+
+import { computed, type ReadonlySignal, signal } from "@preact/signals";
+import type { SceneInfo } from "../wire/render";
+import { type Camera, fromScene, levelFor, type ScenePose, startCamera, toScene } from "./camera";
+import { defaultIntrinsics, type Intrinsics, type Viewport, viewportFor } from "./intrinsics";
+import type { Sample } from "./motion";
+import { type Speeds, step, suggestedSpeed } from "./motion";
+import { angleBetween } from "./vector";
+
+export interface NumberedPose extends ScenePose {
+  /** Grows by one with each change. */
+  readonly seq: number;
+}
+
+/** Where the camera is at a time (performance.now), in the scene's own frame; null when the source has ended. */
+export type PoseSource = (now: number) => ScenePose | null;
+
+/** Hears of every sample: the pose, and when it was taken (performance.now). */
+export type SampleListener = (pose: NumberedPose, at: number) => void;
+
+export interface RigOptions {
+  /** What was asked since the last sample, so many milliseconds ago. */
+  readonly sampleInput: (elapsed: number) => Sample;
+  /** Degrees a second. */
+  readonly turnSpeed: () => number;
+}
+
+const ORIGIN: NumberedPose = { seq: 0, position: [0, 0, 0], quaternion: [0, 0, 0, 1] };
+
+export class Rig {
+  readonly viewport = signal<Viewport>({ width: 1, height: 1 });
+  /** Intrinsics that a person set; the others follow the viewport. */
+  readonly lens = signal<Partial<Intrinsics>>({});
+  readonly intrinsics: ReadonlySignal<Intrinsics> = computed(() => ({
+    ...defaultIntrinsics(this.viewport.value),
+    ...this.lens.value,
+  }));
+  /** Scene units a second. */
+  readonly moveSpeed = signal(1);
+  readonly #options: RigOptions;
+  readonly #listeners = new Set<SampleListener>();
+  #scene: SceneInfo | undefined;
+  #camera: Camera = { position: [0, 0, 0], azimuth: 0, elevation: 0 };
+  readonly #source = signal<PoseSource | null>(null);
+  #pose = ORIGIN;
+  #sampledAt = 0;
+  #changedAt = 0;
+  #turning = 0;
+
+  constructor(options: RigOptions) {
+    this.#options = options;
+  }
+
+  /** The scene that it is in. */
+  get scene(): SceneInfo | undefined {
+    return this.#scene;
+  }
+
+  /** The pose of the last sample. */
+  get pose(): NumberedPose {
+    return this.#pose;
+  }
+
+  /** When the pose changed last. */
+  get changedAt(): number {
+    return this.#changedAt;
+  }
+
+  /** How fast the camera turned at the last sample, in degrees a second. */
+  get turning(): number {
+    return this.#turning;
+  }
+
+  /** Whom it follows; null for the person. */
+  get source(): ReadonlySignal<PoseSource | null> {
+    return this.#source;
+  }
+
+  /** Put the camera at a scene's start. */
+  enter(scene: SceneInfo): void {
+    this.#scene = scene;
+    this.resetCamera();
+    const { camera } = scene;
+    this.moveSpeed.value = suggestedSpeed(
+      camera === null ? 4 : Math.hypot(...camera.position.map((value, i) => value - (camera.look_at[i] ?? 0))),
+    );
+  }
+
+  /** The person's camera goes back to the scene's start: a new pose, but no movement; a source keeps the pose meanwhile. */
+  resetCamera(): void {
+    if (!this.#scene) return;
+    this.#camera = startCamera(this.#scene);
+    if (this.#source.peek() !== null) return;
+    this.#pose = { seq: this.#pose.seq + 1, ...toScene(this.#camera, levelFor(this.#scene.up)) };
+  }
+
+  /** The stage has this many CSS pixels. */
+  resize(width: number, height: number): void {
+    if (width >= 1 && height >= 1) this.viewport.value = viewportFor(width, height);
+  }
+
+  /** Follow a source instead of a person, until it ends; null gives the person's camera back, which is where it was. */
+  drive(source: PoseSource | null): void {
+    this.#source.value = source;
+  }
+
+  /** The person goes on from where a source has brought the camera, upright. */
+  takeOver(): void {
+    if (this.#scene) this.#camera = fromScene(this.#pose, levelFor(this.#scene.up));
+    this.drive(null);
+  }
+
+  /** Hear of every sample, until the function that this returns is called. */
+  onSample(listener: SampleListener): () => void {
+    this.#listeners.add(listener);
+    return () => this.#listeners.delete(listener);
+  }
+
+  /** Once per animation frame; tells whether the camera moved. */
+  sample(now: number): boolean {
+    const moved = this.#sample(now);
+    for (const listener of this.#listeners) listener(this.#pose, now);
+    return moved;
+  }
+
+  #sample(now: number): boolean {
+    const elapsed = now - this.#sampledAt;
+    const { axes, nudge } = this.#options.sampleInput(elapsed);
+    this.#sampledAt = now;
+    const pose = this.#driven(now) ?? this.#walked({ axes, nudge }, elapsed);
+    this.#turning = 0;
+    if (pose === null || same(pose, this.#pose)) return false;
+    this.#turning = (angleBetween(pose.quaternion, this.#pose.quaternion) * 1000) / Math.max(1, elapsed);
+    this.#pose = { seq: this.#pose.seq + 1, ...pose };
+    this.#changedAt = now;
+    return true;
+  }
+
+  #driven(now: number): ScenePose | null {
+    const pose = this.#source.peek()?.(now) ?? null;
+    if (pose === null) this.#source.value = null;
+    return pose;
+  }
+
+  #walked({ axes, nudge }: Sample, elapsed: number): ScenePose | null {
+    if (!this.#scene) return null;
+    const speeds: Speeds = { turn: this.#options.turnSpeed(), move: this.moveSpeed.value };
+    this.#camera = step(this.#camera, axes, nudge, speeds, elapsed);
+    return toScene(this.#camera, levelFor(this.#scene.up));
+  }
+}
+
+function same(a: ScenePose, b: ScenePose): boolean {
+  return (
+    a.position.every((value, i) => value === b.position[i]) &&
+    a.quaternion.every((value, i) => value === b.quaternion[i])
+  );
+}

@@ -1,0 +1,290 @@
+/** One visit to one scene: connects, loads the scene, and shows what the rig sees in the chosen mode, until it is disposed of. */
+
+import { computed, effect, type ReadonlySignal, signal, untracked } from "@preact/signals";
+import { sleep } from "../async/sleep";
+import { DashPlayer } from "../dash/dash-player";
+import { setupFor } from "../dash/presets";
+import { ApiError } from "../http/problem";
+import { StageInput } from "../input/stage-input";
+import { MovementDeck } from "../movement/movement-deck";
+import { fetchConfig, loadScene } from "../state/api";
+import { config, settings } from "../state/app";
+import { adapting } from "../stateless/adapting";
+import { Decoder } from "../stateless/decoder";
+import { Player, type Reply } from "../stateless/player";
+import { type Connected, connect } from "../transport/connect";
+import { type ConnectionState, maintainConnection } from "../transport/connection";
+import type { PresentedFrame } from "../view/presented";
+import { Rig } from "../view/rig";
+import type { SceneInfo } from "../wire/render";
+
+/** How the visit stands; `failed` waits for the person. */
+export type Phase =
+  | { readonly kind: "connecting" }
+  | { readonly kind: "loading" }
+  | { readonly kind: "playing" }
+  | { readonly kind: "lost"; readonly message: string }
+  | { readonly kind: "failed"; readonly message: string };
+
+/** Where a visit is shown: both pictures are always there, and the mode says which are seen. */
+export interface Stage {
+  readonly element: HTMLElement;
+  readonly canvas: HTMLCanvasElement;
+  readonly video: HTMLVideoElement;
+}
+
+/** A stream is opened anew when the viewport has kept its size for this long, in milliseconds. */
+const RESIZED_AFTER = 400;
+
+export class ViewerSession {
+  readonly phase = signal<Phase>({ kind: "connecting" });
+  readonly scene = signal<SceneInfo | null>(null);
+  readonly connected = signal<Connected | null>(null);
+  readonly rig: Rig;
+  readonly movement: MovementDeck;
+  readonly player: Player;
+  /** The DASH side; null in stateless mode, and where there is no packager. */
+  readonly dash = signal<DashPlayer | null>(null);
+  readonly input: StageInput;
+  readonly stage: Stage;
+  /** Of the controllers' random numbers. */
+  readonly seed = signal(1);
+  readonly #sceneId: string;
+  readonly #stamp: boolean;
+  readonly #decoder = new Decoder(
+    new Worker(new URL("../stateless/decode.worker.ts", import.meta.url), { type: "module", name: "decoder" }),
+  );
+  readonly #controller = adapting(this.seed);
+  readonly #listeners = new Set<(frame: PresentedFrame) => void>();
+  readonly #replyListeners = new Set<(reply: Reply) => void>();
+  #loading: Promise<SceneInfo> | undefined;
+  #animation = 0;
+  #received = 0;
+  /** Counts connections that a person asked for. */
+  readonly #attempt = signal(0);
+  readonly #cleanups: (() => void)[] = [];
+
+  /** `stamp`: frames carry their pose's number, for tests that read it from the screen. */
+  constructor(sceneId: string, stage: Stage, stamp: boolean) {
+    this.#sceneId = sceneId;
+    this.#stamp = stamp;
+    this.stage = stage;
+    this.input = new StageInput(stage.element, () => this.rig.intrinsics.value);
+    this.rig = new Rig({
+      sampleInput: (elapsed) => this.input.sample(elapsed),
+      turnSpeed: () => settings.value.turnSpeed,
+    });
+    this.movement = new MovementDeck(this.rig);
+    this.player = new Player({
+      canvas: stage.canvas,
+      rig: this.rig,
+      decoder: this.#decoder,
+      controller: () => this.#controller.value,
+      refine: () => settings.value.refine,
+      stamp,
+      onPresented: this.#tell,
+      onReplied: (reply) => {
+        for (const listener of this.#replyListeners) listener(reply);
+      },
+      onReceived: this.#count,
+      now,
+    });
+    this.#follow(stage);
+    this.#connect();
+    this.#stream();
+    this.#animation = requestAnimationFrame(this.#tick);
+  }
+
+  /** Bytes of pictures that have come in, by all modes together. */
+  get receivedBytes(): number {
+    return this.#received;
+  }
+
+  /** Hear of every frame that is on the screen, until the function that this returns is called. */
+  onPresented(listener: (frame: PresentedFrame) => void): () => void {
+    this.#listeners.add(listener);
+    return () => this.#listeners.delete(listener);
+  }
+
+  /** Hear of every frame that came in the stateless mode, until the function that this returns is called. */
+  onReplied(listener: (reply: Reply) => void): () => void {
+    this.#replyListeners.add(listener);
+    return () => this.#replyListeners.delete(listener);
+  }
+
+  /** After a failure: connect and load again. */
+  retry(): void {
+    this.#attempt.value++;
+  }
+
+  dispose(): void {
+    cancelAnimationFrame(this.#animation);
+    for (const cleanup of this.#cleanups) cleanup();
+    this.movement.dispose();
+    this.input.dispose();
+    this.player.dispose();
+    this.#decoder.dispose();
+  }
+
+  readonly #count = (bytes: number): void => {
+    this.#received += bytes;
+  };
+
+  readonly #tell = (frame: PresentedFrame): void => {
+    for (const listener of this.#listeners) listener(frame);
+  };
+
+  /** The loop: one sample of the input per animation frame, for every mode the same. */
+  readonly #tick = (): void => {
+    this.#animation = requestAnimationFrame(this.#tick);
+    const time = now();
+    const moved = this.rig.sample(time);
+    if (settings.peek().mode === "dash") this.player.rest();
+    else this.player.tick(time, moved);
+    this.dash.peek()?.tick(time, moved);
+  };
+
+  /** The viewport is that of the picture that is seen; both have the same size. */
+  #follow({ element, canvas, video }: Stage): void {
+    const observer = new ResizeObserver(() => {
+      const seen = [canvas, video].find(({ clientWidth }) => clientWidth > 0);
+      if (seen) this.rig.resize(seen.clientWidth, seen.clientHeight);
+    });
+    for (const one of [element, canvas, video]) observer.observe(one);
+    this.#cleanups.push(() => observer.disconnect());
+  }
+
+  /** Connects, and connects anew whenever another transport is chosen. */
+  #connect(): void {
+    const choice = computed(() => settings.value.transport);
+    const stop = effect(() => {
+      const chosen = choice.value;
+      this.#attempt.value; // an effect runs again when what it read changes
+      const connection = new AbortController();
+      void maintainConnection(
+        {
+          fetchConfig: async (signal) => {
+            config.value = await fetchConfig(signal);
+            return config.value;
+          },
+          connect: (server, signal) => {
+            void this.#load(connection.signal).catch(() => undefined); // side by side; #play hears of a failure
+            return connect(server, chosen, signal, now);
+          },
+          onState: (state) => untracked(() => this.#heard(state, connection.signal)),
+          sleep,
+        },
+        connection.signal,
+      );
+      return () => connection.abort();
+    });
+    this.#cleanups.push(stop);
+  }
+
+  /** Opens a DASH stream where the mode has one, and anew whenever what decides it changes. */
+  #stream(): void {
+    const viewport = settled(this.rig.viewport, RESIZED_AFTER, this.#cleanups);
+    const wanted = computed(() => {
+      const { mode, dashPreset, dashCustom } = settings.value;
+      const base = config.value?.services.dash;
+      const scene = this.scene.value;
+      const { width, height } = viewport.value;
+      if (mode === "stateless" || base === undefined || scene === null || width * height <= 1) return null;
+      // As text, so that only a change of its content is one; the configuration is read again and again.
+      return JSON.stringify({
+        base,
+        scene: scene.id,
+        setup: setupFor(dashPreset, dashCustom),
+        viewport: viewport.value,
+      });
+    });
+    /** How often the page was left and shown again as it was. */
+    const returned = signal(0);
+    const stop = effect(() => {
+      returned.value;
+      if (wanted.value === null) return undefined;
+      const { viewport: _, ...options } = JSON.parse(wanted.value);
+      const { rig, stage } = this;
+      const dash = untracked(
+        () =>
+          new DashPlayer({
+            ...options,
+            video: stage.video,
+            rig,
+            stamp: this.#stamp,
+            onPresented: this.#tell,
+            onReceived: this.#count,
+            now,
+          }),
+      );
+      this.dash.value = dash;
+      const leave = () => dash.dispose();
+      const comeBack = ({ persisted }: PageTransitionEvent) => persisted && returned.value++;
+      addEventListener("pagehide", leave);
+      addEventListener("pageshow", comeBack);
+      return () => {
+        removeEventListener("pagehide", leave);
+        removeEventListener("pageshow", comeBack);
+        this.dash.value = null;
+        dash.dispose();
+      };
+    });
+    this.#cleanups.push(stop);
+  }
+
+  #heard(state: ConnectionState, signal: AbortSignal): void {
+    this.connected.value = state.status === "connected" ? state : null;
+    if (state.status !== "connected") this.player.attach(null);
+    if (state.status === "connecting") this.phase.value = { kind: "connecting" };
+    else if (state.status === "lost") this.phase.value = { kind: "lost", message: state.reason };
+    else void this.#play(state, signal);
+  }
+
+  /** Asks for the scene once at a time; after a failure it may be asked for again. */
+  #load(signal: AbortSignal): Promise<SceneInfo> {
+    this.#loading ??= loadScene(this.#sceneId, signal).catch((error: unknown) => {
+      this.#loading = undefined;
+      throw error;
+    });
+    return this.#loading;
+  }
+
+  async #play(connected: Connected, signal: AbortSignal): Promise<void> {
+    if (this.scene.value === null) {
+      this.phase.value = { kind: "loading" };
+      let scene: SceneInfo;
+      try {
+        scene = await this.#load(signal);
+      } catch (error) {
+        if (signal.aborted || !(error instanceof ApiError) || error.unreachable) return; // the connection will say
+        this.phase.value = { kind: "failed", message: error.message };
+        return;
+      }
+      this.rig.enter(scene);
+      this.scene.value = scene;
+    }
+    if (this.connected.value?.transport !== connected.transport) return; // it was lost meanwhile
+    this.player.attach(connected);
+    this.phase.value = { kind: "playing" };
+  }
+}
+
+const now = () => performance.now();
+
+/** A signal that follows another once that has kept its value for a while. */
+function settled<T>(source: ReadonlySignal<T>, after: number, cleanups: (() => void)[]): ReadonlySignal<T> {
+  const result = signal(source.peek());
+  let timer: ReturnType<typeof setTimeout>;
+  const stop = effect(() => {
+    const { value } = source;
+    clearTimeout(timer);
+    timer = setTimeout(() => {
+      result.value = value;
+    }, after);
+  });
+  cleanups.push(() => {
+    stop();
+    clearTimeout(timer);
+  });
+  return result;
+}
