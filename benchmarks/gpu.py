@@ -29,13 +29,13 @@ from gpu_load import View, throughput
 from PIL import Image as PillowImage
 
 from tigas_common.pose import Intrinsics, Pose
+from tigas_render.gaussians import Gaussians
 from tigas_render.raster.base import Camera, PreparedScene, Rasterizer
 from tigas_render.raster.cpu import CpuRasterizer
 from tigas_render.raster.cuda.rasterizer import CudaRasterizer
 from tigas_render.raster.cuda.scene import CudaScene
 from tigas_render.raster.devices import why_no_cuda
 from tigas_render.scenes.demo import DEMO_METADATA, demo_scene
-from tigas_render.scenes.gaussians import Gaussians
 from tigas_render.scenes.ply import load_ply
 from tigas_render.scenes.start_camera import derive_camera
 from tigas_render.settings import cache_directory

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 from tigas_common.errors import Overloaded, Superseded
 from tigas_common.pose import Intrinsics, Pose
-from tigas_common.wire import DEFAULT_LADDER, RenderRequest
+from tigas_common.wire.render import DEFAULT_LADDER, RenderRequest
 from tigas_render.engine import Engine
 from tigas_render.metrics import EngineMetrics
 from tigas_render.raster.base import Camera, PreparedScene, Rasterizer

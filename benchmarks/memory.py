@@ -29,7 +29,7 @@ from aioquic.quic.configuration import QuicConfiguration
 from aioquic.quic.events import QuicEvent, StreamDataReceived
 
 from tigas_common.certificate import Certificate
-from tigas_common.wire import RenderRequest, ServerTiming
+from tigas_common.wire.render import RenderRequest, ServerTiming
 from tigas_render.frame import Frame
 from tigas_render.transport.frames import render_session
 from tigas_render.transport.server import Http3Server

@@ -25,12 +25,12 @@ from rich.console import Console
 from rich.table import Table
 
 from tigas_common.pose import Intrinsics, Pose, Vector3
-from tigas_common.wire import DEFAULT_LADDER
+from tigas_common.wire.render import DEFAULT_LADDER
+from tigas_render.gaussians import Gaussians
 from tigas_render.raster.base import Camera
 from tigas_render.raster.cpu import CpuRasterizer
 from tigas_render.raster.reference import ReferenceRasterizer
 from tigas_render.scenes.demo import DEMO_METADATA, demo_scene
-from tigas_render.scenes.gaussians import Gaussians
 from tigas_render.scenes.metadata import DEFAULT_UP
 from tigas_render.scenes.ply import load_ply
 from tigas_render.scenes.start_camera import derive_camera

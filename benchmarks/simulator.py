@@ -32,14 +32,14 @@ from matplotlib.figure import Figure
 from prometheus_client.parser import text_string_to_metric_families
 
 from tigas_common.errors import StartError, TigasError
-from tigas_common.wire import DEFAULT_LADDER, RenderRequest
-from tigas_lab.configuration import Configuration, Network
-from tigas_lab.laboratory import laboratory
-from tigas_lab.recording import BrokenRecording, Input, Lens
-from tigas_lab.run import run
-from tigas_lab.store import StoredRun
-from tigas_lab.summary import Records, figures
-from tigas_lab.targets import LAB_URL
+from tigas_common.wire.render import DEFAULT_LADDER, RenderRequest
+from tigas_experiments.records.configuration import Configuration, Network
+from tigas_experiments.records.folder import StoredRun
+from tigas_experiments.records.recording import BrokenRecording, Input, Lens
+from tigas_experiments.records.summary import Records, figures
+from tigas_experiments.run.laboratory import laboratory
+from tigas_experiments.run.measure import run
+from tigas_experiments.run.targets import LAB_URL
 from tigas_shaper.csv_format import format_csv
 from tigas_shaper.importers import load_trace
 

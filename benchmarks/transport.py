@@ -30,7 +30,7 @@ from aioquic.quic.configuration import QuicConfiguration
 from aioquic.quic.events import ProtocolNegotiated, QuicEvent
 
 from tigas_common.certificate import Certificate
-from tigas_common.wire import FrameHeader, RenderRequest, ServerTiming
+from tigas_common.wire.render import FrameHeader, RenderRequest, ServerTiming
 from tigas_render.frame import Frame
 from tigas_render.transport.frames import render_session
 from tigas_render.transport.server import Http3Server
@@ -215,7 +215,7 @@ def main() -> None:
 
     from playwright.sync_api import sync_playwright
 
-    from tigas_lab.browser import find_chromium
+    from tigas_experiments.run.browser import find_chromium
 
     with contextlib.ExitStack() as stack:
         servers = {name: stack.enter_context(server_process(name)) for name in arguments.servers}

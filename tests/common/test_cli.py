@@ -37,5 +37,5 @@ NOT_EVERYWHERE = {
 def test_all_commands_load_without_what_only_some_services_have() -> None:
     run = subprocess.run([sys.executable, "-c", LOADED], capture_output=True, text=True, check=True)
     loaded = set(run.stdout.split())
-    assert {"tigas_lab", "tigas_render", "tigas_shaper", "tigas_dash"} <= loaded
+    assert {"tigas_experiments", "tigas_render", "tigas_shaper", "tigas_dash"} <= loaded
     assert not loaded & NOT_EVERYWHERE

@@ -9,7 +9,7 @@ import pytest
 
 from tigas_common.errors import BodyTooLarge, InvalidRequest, UnknownScene, problem
 from tigas_common.parsing import MAX_BODY, parse
-from tigas_common.wire import DEFAULT_LADDER, RenderRequest
+from tigas_common.wire.render import DEFAULT_LADDER, RenderRequest
 
 EULER: dict[str, Any] = {
     **{"scene": "garden", "seq": 3, "azimuth": 10, "elevation": -5.5, "translation": [0, 1, 2]},

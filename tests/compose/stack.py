@@ -1,4 +1,4 @@
-"""The lab's containers as tests drive them: `docker compose` with a project of its own, always taken down."""
+"""The containers as tests drive them: `docker compose` with a project of its own, always taken down."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ from typing import Any, Literal
 ROOT = Path(__file__).parents[2]
 PROJECT = "tigas-test"
 ORIGIN = "http://localhost:8080"
-SERVICES = ("render", "dash-packager", "lab", "shaper")
-Service = Literal["render", "dash-packager", "lab", "shaper"]
+SERVICES = ("render", "dash-packager", "store", "shaper")
+Service = Literal["render", "dash-packager", "store", "shaper"]
 
 
 class Stack:

@@ -12,8 +12,8 @@ import pytest
 from playwright.sync_api import Page, expect
 
 from tests.compose.stack import SERVICES, Service, Stack, answers, docker, download_kbps, round_trips_ms, store
-from tests.experiments.service.conftest import upload
-from tests.lab.inside import wait_until
+from tests.experiments.store.conftest import upload
+from tests.testbed.inside import wait_until
 from tests.web.conftest import PATIENCE
 from tests.web.modes import wait_for_dash
 from tests.web.scenes import SMALL
@@ -66,7 +66,7 @@ def test_experiments_survive_a_killed_store(stack: Stack) -> None:
     experiment = store("POST", "/experiments", {"name": "kept", "plan": {}})["id"]
     row = store("POST", f"/experiments/{experiment}/runs", upload())
     assert b"<html" in store("GET", f"/experiments/{experiment}/report")
-    docker("kill", stack.container("lab"))
+    docker("kill", stack.container("store"))
     stack.up()
     told = store("GET", f"/experiments/{experiment}")
     assert (told["name"], told["runs"]) == ("kept", [row])

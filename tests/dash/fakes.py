@@ -13,7 +13,7 @@ from starlette.routing import Route
 from tigas_common.errors import Overloaded, TigasError, UnknownScene
 from tigas_common.parsing import MAX_BODY, parse
 from tigas_common.problems import EXCEPTION_HANDLERS, json_response, read_body
-from tigas_common.wire import DEFAULT_LADDER, RenderRequest, ServerConfig
+from tigas_common.wire.render import DEFAULT_LADDER, RenderRequest, ServerConfig
 
 
 class FakeRender:

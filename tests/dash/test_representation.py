@@ -9,9 +9,9 @@ import pytest
 from tests.dash.conftest import session_request
 from tigas_common.errors import InvalidRequest
 from tigas_common.parsing import parse
-from tigas_common.wire import DEFAULT_LADDER
+from tigas_common.wire.dash import SessionRequest
+from tigas_common.wire.render import DEFAULT_LADDER
 from tigas_dash.representation import representations
-from tigas_dash.wire import SessionRequest
 
 
 def offered(**changes: object) -> list[tuple[str, int, int]]:

@@ -20,7 +20,8 @@ import pytest
 from tests.dash.conftest import session_request
 from tests.dash.fakes import grey
 from tigas_common.parsing import parse
-from tigas_common.wire import DEFAULT_LADDER
+from tigas_common.wire.dash import FrameShown, SessionRequest
+from tigas_common.wire.render import DEFAULT_LADDER
 from tigas_dash.clock import Clock
 from tigas_dash.cmaf.chunk import Sample
 from tigas_dash.encoding import LadderEncoder, RawFrame
@@ -28,7 +29,6 @@ from tigas_dash.errors import ExpiredSegment
 from tigas_dash.representation import representations
 from tigas_dash.session import UNREAD, Session
 from tigas_dash.source import RenderClient, ViewSource
-from tigas_dash.wire import FrameShown, SessionRequest
 
 pytestmark = pytest.mark.anyio
 RATE, PER_SEGMENT = 30, 15

@@ -10,14 +10,14 @@ from typing import Any
 import numpy as np
 from PIL import Image
 
-from tigas_common.wire import DEFAULT_LADDER, ServerConfig, ServerTiming
-from tigas_dash.wire import RepresentationInfo
-from tigas_lab.configuration import Configuration, ConstantLink, Mode, Network
-from tigas_lab.load import Load, LoadSample
-from tigas_lab.machine import Machine
-from tigas_lab.quality import Quality
-from tigas_lab.recording import Input, Lens, PlayedStream, Recording, Reply, ShownFrame, Traffic
-from tigas_lab.store import CaptureQuality, LinkSample, Moment, RunRecord, RunWriter
+from tigas_common.wire.dash import RepresentationInfo
+from tigas_common.wire.render import DEFAULT_LADDER, ServerConfig, ServerTiming
+from tigas_experiments.quality.picture import Quality
+from tigas_experiments.records.configuration import Configuration, ConstantLink, Mode, Network
+from tigas_experiments.records.folder import CaptureQuality, LinkSample, Moment, RunRecord, RunWriter
+from tigas_experiments.records.load import Load, LoadSample
+from tigas_experiments.records.machine import Machine
+from tigas_experiments.records.recording import Input, Lens, PlayedStream, Recording, Reply, ShownFrame, Traffic
 
 MACHINE = Machine(
     system="Linux 6",

@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tigas_common.errors import UnknownScene
-from tigas_common.wire import FrameFormat, RenderRequest
+from tigas_common.wire.render import FrameFormat, RenderRequest
+from tigas_render.gaussians import Gaussians
 from tigas_render.raster.base import Camera, Image, PreparedScene, Rasterizer
-from tigas_render.scenes.gaussians import Gaussians
 
 
 def render_request(**changes: Any) -> RenderRequest:

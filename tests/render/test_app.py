@@ -18,9 +18,9 @@ from PIL import Image
 from tests.render.fakes import FakeRasterizer, render_request
 from tigas_common.errors import DeviceLost
 from tigas_render.app import create_app
+from tigas_render.gaussians import Gaussians
 from tigas_render.raster.devices import create_rasterizer
 from tigas_render.raster.stamp import read_stamp
-from tigas_render.scenes.gaussians import Gaussians
 from tigas_render.scenes.ply import write_ply
 from tigas_render.service import RenderService
 from tigas_render.settings import RenderSettings

@@ -19,7 +19,7 @@ from tigas_common.errors import (
     Superseded,
     UnknownScene,
 )
-from tigas_common.wire import DEFAULT_LADDER
+from tigas_common.wire.render import DEFAULT_LADDER
 from tigas_render import engine as engine_module
 from tigas_render.engine import Engine
 from tigas_render.frame import Frame

@@ -20,10 +20,7 @@ from starlette.routing import Route
 
 from tigas_common.parsing import parse
 from tigas_common.problems import EXCEPTION_HANDLERS, json_response
-from tigas_shaper.library import points, summary
-from tigas_shaper.player import Player
-from tigas_shaper.trace import LinkState, NetworkTrace
-from tigas_shaper.wire import (
+from tigas_common.wire.shaper import (
     DirectionStatus,
     LinkSetting,
     LoopRequest,
@@ -32,6 +29,9 @@ from tigas_shaper.wire import (
     StartRequest,
     TraceList,
 )
+from tigas_shaper.library import points, summary
+from tigas_shaper.player import Player
+from tigas_shaper.trace import LinkState, NetworkTrace
 
 TRACES = {
     trace.name: trace

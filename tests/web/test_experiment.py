@@ -16,7 +16,7 @@ from tests.web.experiments import WALK, PageLab, fill, page_lab
 from tests.web.fake_shaper import FakeShaper
 from tests.web.server import RenderServer
 from tests.web.stage import SCENE, frames, wait_for_frames
-from tigas_lab.configuration import Network
+from tigas_experiments.records.configuration import Network
 
 pytest.importorskip("tigas_shaper")
 

@@ -14,7 +14,7 @@ from tests.web.conftest import OpenPage
 from tests.web.movements import Poses, choose, expect_state, opened, press, turning_walk, wait_for_pose
 from tests.web.server import RenderServer
 from tests.web.stage import wait_until_settled
-from tigas_lab.movement.trace import MovementTrace
+from tigas_experiments.movement.trace import MovementTrace
 
 MICRO = 5e-6
 """The page rounds a person's poses to a millionth, and files are written to a millionth."""

@@ -6,10 +6,10 @@ import { compile } from "json-schema-to-typescript";
 
 /** The generated files, `src/wire/NAME.ts`: the Python module that prints each one's schema, and its source. */
 const GENERATED = {
-  render: { schema: "tigas_common.schema", source: "services/common/tigas_common/wire.py" },
-  dash: { schema: "tigas_dash.schema", source: "services/dash-packager/tigas_dash/wire.py" },
-  shaper: { schema: "tigas_shaper.schema", source: "services/shaper/tigas_shaper/wire.py" },
-  store: { schema: "tigas_lab.service.schema", source: "services/lab/tigas_lab/service/wire.py" },
+  render: { schema: ["tigas_common.wire.schema", "render"], source: "services/common/tigas_common/wire/render.py" },
+  dash: { schema: ["tigas_common.wire.schema", "dash"], source: "services/common/tigas_common/wire/dash.py" },
+  shaper: { schema: ["tigas_common.wire.schema", "shaper"], source: "services/common/tigas_common/wire/shaper.py" },
+  store: { schema: ["tigas_experiments.store.schema"], source: "services/experiments/tigas_experiments/store/wire.py" },
 };
 
 const venv = fileURLToPath(new URL("../../.venv/bin/python", import.meta.url));
@@ -32,7 +32,7 @@ for (const [name, { schema, source }] of Object.entries(GENERATED)) {
 
 // Pydantic writes draft 2020-12, the generator reads draft 4: a tuple's members are called `items` there.
 function readSchema(module) {
-  return JSON.parse(execFileSync(python, ["-m", module], { encoding: "utf8" }), (_, value) =>
+  return JSON.parse(execFileSync(python, ["-m", ...module], { encoding: "utf8" }), (_, value) =>
     value?.prefixItems ? { ...value, items: value.prefixItems, prefixItems: undefined } : value,
   );
 }

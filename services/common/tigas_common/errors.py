@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from tigas_common.wire import Problem
+from tigas_common.wire.render import Problem
 
 
 class TigasError(Exception):

@@ -13,7 +13,7 @@ from starlette.requests import ClientDisconnect, Request
 from starlette.responses import Response
 
 from tigas_common.errors import BodyTooLarge, InvalidRequest, TigasError, problem
-from tigas_common.wire import Problem
+from tigas_common.wire.render import Problem
 
 logger = logging.getLogger(__name__)
 

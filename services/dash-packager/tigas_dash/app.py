@@ -19,11 +19,11 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 from tigas_common.errors import TigasError, problem
 from tigas_common.parsing import MAX_BODY, parse
 from tigas_common.problems import EXCEPTION_HANDLERS, json_response, read_body
+from tigas_common.wire.dash import FrameShown, PoseUpdate, SessionRequest
 from tigas_dash.clock import iso
 from tigas_dash.errors import UnknownSegment
 from tigas_dash.session import Session
 from tigas_dash.sessions import Sessions
-from tigas_dash.wire import FrameShown, PoseUpdate, SessionRequest
 
 NO_STORE = {"Cache-Control": "no-store"}
 STREAM_ENDED = 4001

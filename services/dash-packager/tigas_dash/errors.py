@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from tigas_common.errors import TigasError
-from tigas_common.wire import Problem
+from tigas_common.wire.render import Problem
 
 
 class UnknownSession(TigasError):

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from tigas_common.errors import InvalidRequest
-from tigas_common.wire import Rung
-from tigas_dash.wire import SessionRequest
+from tigas_common.wire.dash import SessionRequest
+from tigas_common.wire.render import Rung
 
 _REFERENCE_PIXELS, _REFERENCE_RATE, _REFERENCE_KBPS = 1280 * 720, 30, 4000
 FINE = 3

@@ -10,6 +10,14 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import asynccontextmanager, suppress
 
 from tigas_common.errors import TigasError
+from tigas_common.wire.dash import (
+    FrameShown,
+    PoseUpdate,
+    RepresentationInfo,
+    SessionInfo,
+    SessionRequest,
+    SessionStatus,
+)
 from tigas_dash.clock import Clock
 from tigas_dash.cmaf.chunk import Sample, chunk
 from tigas_dash.cmaf.header import init_segment
@@ -18,7 +26,6 @@ from tigas_dash.mpd import Stream, manifest
 from tigas_dash.representation import Representation
 from tigas_dash.segments import SegmentWindow
 from tigas_dash.source import ViewSource
-from tigas_dash.wire import FrameShown, PoseUpdate, RepresentationInfo, SessionInfo, SessionRequest, SessionStatus
 
 logger = logging.getLogger(__name__)
 

@@ -9,6 +9,7 @@ import secrets
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 
+from tigas_common.wire.dash import SessionRequest
 from tigas_dash.clock import Clock
 from tigas_dash.encoder import EncoderName
 from tigas_dash.encoding import LadderEncoder
@@ -16,7 +17,6 @@ from tigas_dash.errors import TooManySessions, UnknownSession
 from tigas_dash.representation import representations
 from tigas_dash.session import Session, first_pose
 from tigas_dash.source import FIRST_FRAME_S, RenderClient, ViewSource
-from tigas_dash.wire import SessionRequest
 
 logger = logging.getLogger(__name__)
 

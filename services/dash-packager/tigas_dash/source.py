@@ -9,11 +9,11 @@ import httpx
 from pydantic import ValidationError
 
 from tigas_common.pose import Intrinsics
-from tigas_common.wire import Problem, ServerConfig
+from tigas_common.wire.dash import PoseUpdate, SessionRequest
+from tigas_common.wire.render import Problem, ServerConfig
 from tigas_dash.encoding import RawFrame
 from tigas_dash.errors import RenderProblem, RenderUnavailable
 from tigas_dash.representation import Representation
-from tigas_dash.wire import PoseUpdate, SessionRequest
 
 FIRST_FRAME_S = 60
 """The first frame may have to wait for its scene to load, in seconds."""

@@ -16,7 +16,7 @@ from starlette.types import Scope
 from tigas_common.errors import problem
 from tigas_common.parsing import MAX_BODY, parse
 from tigas_common.problems import EXCEPTION_HANDLERS, json_response, problem_response, read_body
-from tigas_common.wire import RenderRequest
+from tigas_common.wire.render import RenderRequest
 from tigas_render.frame import Frame
 from tigas_render.service import RenderService
 

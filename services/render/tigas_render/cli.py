@@ -99,10 +99,10 @@ def preview(
     height: Annotated[int, typer.Option(min=1, max=8192)] = 360,
 ) -> None:
     """Render a scene from its start camera."""
+    from tigas_render.preview import preview_camera
     from tigas_render.raster.devices import create_rasterizer
     from tigas_render.scenes.metadata import DEFAULT_UP
     from tigas_render.scenes.ply import load_ply
-    from tigas_render.scenes.preview import preview_camera
     from tigas_render.scenes.start_camera import derive_camera
 
     with in_a_sentence(TigasError, OSError):

@@ -25,7 +25,7 @@ from tigas_common.errors import (
     Superseded,
     TigasError,
 )
-from tigas_common.wire import RenderRequest, Rung, ServerTiming
+from tigas_common.wire.render import RenderRequest, Rung, ServerTiming
 from tigas_render.frame import Frame
 from tigas_render.metrics import EngineMetrics
 from tigas_render.raster.base import Camera, Image, PreparedScene, Rasterizer

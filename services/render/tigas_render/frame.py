@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Protocol
 
-from tigas_common.wire import FrameFormat, RenderRequest, ServerTiming
+from tigas_common.wire.render import FrameFormat, RenderRequest, ServerTiming
 
 CONTENT_TYPES: dict[FrameFormat, str] = {
     "jpeg": "image/jpeg",

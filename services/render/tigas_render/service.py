@@ -14,11 +14,11 @@ from importlib.metadata import version
 from tigas_common.certificate import Certificate
 from tigas_common.commit import this_commit
 from tigas_common.errors import DeviceLost
-from tigas_common.wire import RenderRequest, ServerConfig
+from tigas_common.wire.render import RenderRequest, ServerConfig
 from tigas_render.engine import Engine
 from tigas_render.metrics import EngineMetrics
+from tigas_render.preview import Preview, PreviewCache, preview_camera
 from tigas_render.raster.base import Rasterizer
-from tigas_render.scenes.preview import Preview, PreviewCache, preview_camera
 from tigas_render.scenes.registry import SceneRegistry
 from tigas_render.settings import RenderSettings
 

@@ -11,7 +11,7 @@ from pydantic_settings import SettingsConfigDict
 
 from tigas_common.address import Address
 from tigas_common.settings import Listen, ListenOrOff, ServiceSettings
-from tigas_common.wire import DEFAULT_LADDER, Rung
+from tigas_common.wire.render import DEFAULT_LADDER, Rung
 
 
 def cache_directory() -> Path:

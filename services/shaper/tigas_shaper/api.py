@@ -20,10 +20,11 @@ from starlette.types import ASGIApp, Receive, Scope, Send
 from tigas_common.errors import Overloaded
 from tigas_common.parsing import MAX_BODY, Model, parse
 from tigas_common.problems import EXCEPTION_HANDLERS, json_response, on_error, read_body
+from tigas_common.wire.shaper import LinkSetting, LoopRequest, SeekRequest, StartRequest, TraceList
 from tigas_shaper.errors import ForeignOrigin, LinkClosed
 from tigas_shaper.library import MAX_UPLOAD_BYTES, points, summary
 from tigas_shaper.service import Shaper
-from tigas_shaper.wire import LinkSetting, LoopRequest, SeekRequest, StartRequest, TraceList
+from tigas_shaper.trace import LinkState
 
 MAX_WATCHERS = 64
 
@@ -137,7 +138,7 @@ async def loop(request: Request) -> Response:
 
 async def link(request: Request) -> Response:
     """Keep one state."""
-    _shaper(request).player.constant((await _read(request, LinkSetting)).state)
+    _shaper(request).player.constant(LinkState(**(await _read(request, LinkSetting)).model_dump()))
     return _status(request)
 
 

@@ -8,15 +8,15 @@ from abc import ABC, abstractmethod
 from asyncio.subprocess import PIPE, Process
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
-from typing import ClassVar, Literal
+from typing import ClassVar
 
+from tigas_common.wire.shaper import Backend
 from tigas_shaper.channel import Channel, CommandError, attempt, run
 from tigas_shaper.direction import Direction
 from tigas_shaper.interfaces import Interface
 from tigas_shaper.relay import RelayState
 from tigas_shaper.trace import LinkState
 
-Backend = Literal["netem", "relay"]
 _PROBE = Interface("tigas-probe")
 
 

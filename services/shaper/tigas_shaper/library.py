@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator
 from pathlib import Path
 
+from tigas_common.wire.shaper import TracePoints, TraceSummary
 from tigas_shaper.errors import TooManyTraces, UnknownTrace
 from tigas_shaper.importers import load_trace, parse_trace, trace_name
 from tigas_shaper.summary import outages
 from tigas_shaper.trace import NetworkTrace, TraceError
-from tigas_shaper.wire import TracePoints, TraceSummary
 
 MAX_UPLOADS = 16
 MAX_UPLOAD_BYTES = 16_000_000

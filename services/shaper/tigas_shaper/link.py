@@ -8,8 +8,9 @@ from contextlib import AsyncExitStack, asynccontextmanager
 from dataclasses import dataclass
 from typing import Any, Protocol
 
+from tigas_common.wire.shaper import Backend
 from tigas_shaper.channel import Channel, CommandError, attempt
-from tigas_shaper.delay import STAGES, Backend, DelayStage
+from tigas_shaper.delay import STAGES, DelayStage
 from tigas_shaper.direction import FLOOR_KBPS, MIN_QUEUE, Direction, queue_bytes
 from tigas_shaper.errors import LinkClosed
 from tigas_shaper.interfaces import Interface

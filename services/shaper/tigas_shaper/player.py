@@ -4,14 +4,12 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Awaitable, Callable
-from typing import Literal
 
+from tigas_common.wire.shaper import PlaybackMode
 from tigas_shaper.errors import LinkClosed, NothingPlays
 from tigas_shaper.link import Link
 from tigas_shaper.playback import Playback
 from tigas_shaper.trace import LinkState, NetworkTrace
-
-Mode = Literal["constant", "playing", "paused", "ended"]
 
 
 class Player:
@@ -57,7 +55,7 @@ class Player:
         return self._playback.position_ms(self._clock()) if self._playback else None
 
     @property
-    def mode(self) -> Mode:
+    def mode(self) -> PlaybackMode:
         """What goes on."""
         if self._playback is None:
             return "constant"

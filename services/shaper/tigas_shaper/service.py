@@ -6,8 +6,10 @@ import asyncio
 import time
 from collections.abc import AsyncIterator
 from contextlib import AsyncExitStack, asynccontextmanager
+from dataclasses import asdict
 
 from tigas_common.errors import StartError
+from tigas_common.wire.shaper import DirectionStatus, LinkSetting, ShaperStatus
 from tigas_shaper.channel import CommandError
 from tigas_shaper.delay import detect
 from tigas_shaper.errors import LinkClosed
@@ -18,7 +20,6 @@ from tigas_shaper.link import Counters, ShapedLink
 from tigas_shaper.player import Player
 from tigas_shaper.settings import ShaperSettings
 from tigas_shaper.trace import LinkState
-from tigas_shaper.wire import DirectionStatus, LinkSetting, ShaperStatus
 
 SAMPLE_S = 0.2
 """How often the link is looked at, in seconds."""
@@ -89,7 +90,7 @@ class Shaper:
             position_ms=player.position_ms,
             duration_ms=player.trace.duration_ms if player.trace else None,
             loop=player.loop,
-            link=LinkSetting.of(state),
+            link=LinkSetting(**asdict(state)),
             down=self._down.status(state.down_kbps),
             up=self._up.status(state.up_kbps),
             backend=self._link.backend,

@@ -10,7 +10,7 @@ from pydantic_settings import SettingsConfigDict
 
 from tigas_common.address import Address
 from tigas_common.settings import Listen, ServiceSettings
-from tigas_shaper.trace import MAX_RATE_KBPS
+from tigas_common.wire.shaper import MAX_RATE_KBPS
 
 
 class ShaperSettings(ServiceSettings):

@@ -9,12 +9,10 @@ from dataclasses import dataclass, fields, replace
 from functools import cached_property
 
 from tigas_common.errors import TigasError
+from tigas_common.wire.shaper import MAX_DELAY_MS, MAX_DURATION_MS, MAX_RATE_KBPS
 
-MAX_RATE_KBPS = 1e8
-MAX_DELAY_MS = 60_000.0
 MAX_STEPS = 250_000
 """Seven hours at 100 ms, almost three days at 1 s. One step takes about 200 bytes of memory."""
-MAX_DURATION_MS = 30 * 24 * 3600 * 1000
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._+=-]{0,99}")
 
 

@@ -13,7 +13,8 @@ import zlib
 from collections.abc import Iterator
 from pathlib import Path
 
-from tigas_shaper.trace import MAX_DURATION_MS, MAX_STEPS, LinkState, NetworkTrace, TraceError
+from tigas_common.wire.shaper import MAX_DURATION_MS
+from tigas_shaper.trace import MAX_STEPS, LinkState, NetworkTrace, TraceError
 
 MAX_BYTES = 64_000_000
 """Unpacked. The longest published recordings are a few megabytes."""

@@ -11,9 +11,9 @@ from pathlib import Path
 from typing import Any
 
 from tests.experiments.movement.scenes import scene
-from tigas_common.wire import StartCamera
-from tigas_lab.movement.placing import placed
-from tigas_lab.movement.trace import MovementTrace
+from tigas_common.wire.render import StartCamera
+from tigas_experiments.movement.placing import placed
+from tigas_experiments.movement.trace import MovementTrace
 
 FILE = Path(__file__).with_name("golden.json")
 HEADER = "t_ms,x,y,z,qx,qy,qz,qw\n"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from tigas_common.wire import SceneInfo, StartCamera
+from tigas_common.wire.render import SceneInfo, StartCamera
 
 
 def scene(up: tuple[float, float, float] = (0.0, -1.0, 0.0), camera: StartCamera | None = None) -> SceneInfo:

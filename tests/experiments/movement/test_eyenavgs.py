@@ -11,8 +11,8 @@ from scipy.spatial.transform import Rotation
 
 from tests.experiments.movement.scenes import scene
 from tests.shared_data import shared_file
-from tigas_lab.movement.errors import MovementError
-from tigas_lab.movement.eyenavgs import (
+from tigas_experiments.movement.errors import MovementError
+from tigas_experiments.movement.eyenavgs import (
     SceneSettings,
     from_the_start,
     in_its_scene,
@@ -20,9 +20,9 @@ from tigas_lab.movement.eyenavgs import (
     read_settings,
     scene_of,
 )
-from tigas_lab.movement.placing import placed
-from tigas_lab.movement.summary import Summary
-from tigas_lab.movement.trace import MovementTrace
+from tigas_experiments.movement.placing import placed
+from tigas_experiments.movement.summary import Summary
+from tigas_experiments.movement.trace import MovementTrace
 
 NTHU = (
     "ViewIndex,FOV1,FOV2,FOV3,FOV4,PositionX,PositionY,PositionZ,QuaternionX,QuaternionY,QuaternionZ,QuaternionW,"

@@ -10,11 +10,11 @@ import pytest
 from scipy.spatial.transform import Rotation
 from typer.testing import CliRunner
 
-from tigas_lab.movement.cli import movement
-from tigas_lab.movement.generated import DESCRIPTIONS, KINDS, generate
-from tigas_lab.movement.placing import VIEW_M
-from tigas_lab.movement.summary import Pace, Summary
-from tigas_lab.movement.trace import MovementTrace
+from tigas_experiments.movement.cli import movement
+from tigas_experiments.movement.generated import DESCRIPTIONS, KINDS, generate
+from tigas_experiments.movement.placing import VIEW_M
+from tigas_experiments.movement.summary import Pace, Summary
+from tigas_experiments.movement.trace import MovementTrace
 
 KEPT = Path(__file__).parents[3] / "traces" / "movement"
 

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from tests.experiments.movement.golden import FILE, MOVEMENTS, REFUSED, golden
-from tigas_lab.movement.errors import MovementError
-from tigas_lab.movement.trace import MovementTrace
+from tigas_experiments.movement.errors import MovementError
+from tigas_experiments.movement.trace import MovementTrace
 
 KEPT: dict[str, Any] = json.loads(FILE.read_text(encoding="utf-8"))
 

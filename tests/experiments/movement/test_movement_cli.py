@@ -10,8 +10,8 @@ import pytest
 from typer.testing import CliRunner, Result
 
 from tests.experiments.movement.test_eyenavgs import NTHU, UPRIGHT, both, write
-from tigas_lab.movement.cli import movement
-from tigas_lab.movement.trace import MovementTrace
+from tigas_experiments.movement.cli import movement
+from tigas_experiments.movement.trace import MovementTrace
 
 
 def run(*arguments: object) -> Result:
@@ -38,7 +38,7 @@ def settings(tmp_path: Path) -> Path:
 
 def test_tigas_finds_the_commands() -> None:
     points = {point.name: point.value for point in entry_points(group="tigas.commands")}
-    assert points["movement"] == "tigas_lab.movement.cli:movement"
+    assert points["movement"] == "tigas_experiments.movement.cli:movement"
 
 
 def test_make_writes_what_was_asked_for_and_replaces_nothing_unless_told_to(tmp_path: Path) -> None:

@@ -12,9 +12,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.experiments.movement.scenes import scene
-from tigas_lab.movement.errors import MovementError
-from tigas_lab.movement.placing import placed
-from tigas_lab.movement.trace import MovementTrace
+from tigas_experiments.movement.errors import MovementError
+from tigas_experiments.movement.placing import placed
+from tigas_experiments.movement.trace import MovementTrace
 
 HEADER = "t_ms,x,y,z,qx,qy,qz,qw\n"
 POSE = "0,1,2,3,0,0,0,1\n"

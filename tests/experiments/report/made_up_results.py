@@ -13,11 +13,11 @@ from pathlib import Path
 from typing import Any
 
 from tests.experiments.made_up import LENS, MACHINE, inputs, reply
-from tigas_lab.configuration import Configuration, Mode, Network
-from tigas_lab.load import Load, LoadSample
-from tigas_lab.quality import Quality
-from tigas_lab.recording import Recording, ShownFrame, Traffic
-from tigas_lab.store import CaptureQuality, LinkSample, RunRecord, RunWriter
+from tigas_experiments.quality.picture import Quality
+from tigas_experiments.records.configuration import Configuration, Mode, Network
+from tigas_experiments.records.folder import CaptureQuality, LinkSample, RunRecord, RunWriter
+from tigas_experiments.records.load import Load, LoadSample
+from tigas_experiments.records.recording import Recording, ShownFrame, Traffic
 
 STEP_MS = 20.0
 """Between inputs: 50 a second."""

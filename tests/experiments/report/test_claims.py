@@ -8,8 +8,8 @@ from typing import Any
 import pytest
 
 from tests.experiments.report.made_up_results import write_run
-from tigas_lab.report.claims import Claim, claims
-from tigas_lab.report.results import load
+from tigas_experiments.report.claims import Claim, claims
+from tigas_experiments.report.results import load
 
 
 def found(folder: Path, *runs: dict[str, Any]) -> dict[str, Claim]:

@@ -10,17 +10,17 @@ import numpy as np
 import pytest
 
 from tests.experiments.report.made_up_results import write_large, write_run
-from tigas_lab.configuration import Configuration, Mode
-from tigas_lab.report import experiment
-from tigas_lab.report.drawing import distribution, for_a_page
-from tigas_lab.report.experiment import Listener, write_experiment_report
-from tigas_lab.report.figures import Draughtsman
-from tigas_lab.report.findings import short
-from tigas_lab.report.marks import draw_boxes
-from tigas_lab.report.panels import panel_grid
-from tigas_lab.report.results import load
-from tigas_lab.report.series import BINS, binned, downloaded
-from tigas_lab.report.variants import Variant, in_order, looks
+from tigas_experiments.records.configuration import Configuration, Mode
+from tigas_experiments.report import experiment
+from tigas_experiments.report.drawing import distribution, for_a_page
+from tigas_experiments.report.experiment import Listener, write_experiment_report
+from tigas_experiments.report.figures import Draughtsman
+from tigas_experiments.report.findings import short
+from tigas_experiments.report.marks import draw_boxes
+from tigas_experiments.report.panels import panel_grid
+from tigas_experiments.report.results import load
+from tigas_experiments.report.series import BINS, binned, downloaded
+from tigas_experiments.report.variants import Variant, in_order, looks
 
 
 def drawn(folder: Path, *runs: dict[str, Any]) -> Draughtsman:

@@ -5,10 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 
 from tests.experiments.report.made_up_results import write_run
-from tigas_lab.report.experiment import write_experiment_report
-from tigas_lab.report.metrics import RESPONSE_MEAN
-from tigas_lab.report.overall import markdown, overall
-from tigas_lab.report.results import load
+from tigas_experiments.report.experiment import write_experiment_report
+from tigas_experiments.report.metrics import RESPONSE_MEAN
+from tigas_experiments.report.overall import markdown, overall
+from tigas_experiments.report.results import load
 
 
 def write_runs(folder: Path, *delays: tuple[str, str, float, float]) -> None:

@@ -13,7 +13,7 @@ import typer
 from typer.testing import CliRunner, Result
 
 from tests.experiments.report.made_up_results import write_run
-from tigas_lab.report.cli import report
+from tigas_experiments.report.cli import report
 
 
 def run_report(folder: Path) -> Result:

@@ -10,12 +10,12 @@ from pathlib import Path
 import pytest
 
 from tests.experiments.report.made_up_results import SCENE_BYTES, write_run
-from tigas_lab.configuration import ConstantLink, Network
-from tigas_lab.report.csv_files import write_csv
-from tigas_lab.report.experiment import cell, warnings, write_experiment_report
-from tigas_lab.report.metrics import HEIGHT, IN_TIME, PHOTON_P50, PHOTON_P95, RESPONSE_MEAN
-from tigas_lab.report.results import Spread, base_name, load
-from tigas_lab.store import ExperimentRecord, write_experiment
+from tigas_experiments.records.configuration import ConstantLink, Network
+from tigas_experiments.records.folder import ExperimentRecord, write_experiment
+from tigas_experiments.report.csv_files import write_csv
+from tigas_experiments.report.experiment import cell, warnings, write_experiment_report
+from tigas_experiments.report.metrics import HEIGHT, IN_TIME, PHOTON_P50, PHOTON_P95, RESPONSE_MEAN
+from tigas_experiments.report.results import Spread, base_name, load
 
 
 def test_a_row_of_runs_csv_has_every_field_and_figure(tmp_path: Path) -> None:

@@ -12,9 +12,9 @@ from hypothesis import strategies as st
 
 from tests.render.raster.views import LEVEL, balls, camera, cloud, pixels
 from tigas_common.pose import Intrinsics, Pose
+from tigas_render.gaussians import Gaussians
 from tigas_render.raster.base import Camera
 from tigas_render.raster.cpu import CpuRasterizer
-from tigas_render.scenes.gaussians import Gaussians
 
 FAST = CpuRasterizer()
 BLUE = (0.0, 0.0, 1.0)

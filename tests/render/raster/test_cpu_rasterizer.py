@@ -10,9 +10,9 @@ import torch
 
 from tests.render.raster.views import balls, camera, cloud, pixels
 from tigas_common.pose import Pose
+from tigas_render.gaussians import Gaussians
 from tigas_render.raster.cpu import CpuRasterizer
 from tigas_render.raster.cpu.scene import morton_codes
-from tigas_render.scenes.gaussians import Gaussians
 
 
 def test_the_background_shows_where_nothing_is() -> None:

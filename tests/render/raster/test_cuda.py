@@ -17,10 +17,10 @@ from tests.render.raster.views import balls, camera, cloud, psnr
 from tests.shared_data import reference_scene_ply, shared_file
 from tigas_common.pose import Intrinsics, Pose
 from tigas_render.encode.yuv420p import encode_yuv420p
+from tigas_render.gaussians import Gaussians
 from tigas_render.raster.base import Camera
 from tigas_render.raster.devices import why_no_cuda
 from tigas_render.raster.reference import ReferenceRasterizer, render_float
-from tigas_render.scenes.gaussians import Gaussians
 from tigas_render.scenes.ply import load_ply
 
 if TYPE_CHECKING:

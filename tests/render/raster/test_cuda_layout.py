@@ -10,10 +10,10 @@ import torch
 
 from tests.render.raster.views import camera, cloud
 from tigas_common.pose import Intrinsics
+from tigas_render.gaussians import Gaussians
 from tigas_render.raster.cuda import compiler, layout, parameters
 from tigas_render.raster.cuda.layout import tile_layout
 from tigas_render.raster.cuda.scene import CHUNK, coefficients_in_use, morton_codes, pack
-from tigas_render.scenes.gaussians import Gaussians
 
 KERNELS = Path(layout.__file__).parent / "kernels"
 SIZES = [(1, 1), (320, 180), (640, 360), (1280, 720), (1920, 1080), (3840, 2160), (8192, 2048), (2048, 8192)]

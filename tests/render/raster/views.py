@@ -9,9 +9,9 @@ import torch
 from numpy.typing import NDArray
 
 from tigas_common.pose import Intrinsics, Pose
+from tigas_render.gaussians import Gaussians
 from tigas_render.raster.base import Camera, Image
 from tigas_render.raster.host_image import HostImage, Pixels
-from tigas_render.scenes.gaussians import Gaussians
 
 LEVEL = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 """A camera that looks along +z."""

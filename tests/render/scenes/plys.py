@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from tigas_render.scenes.gaussians import Gaussians
+from tigas_render.gaussians import Gaussians
 
 NAMES = (
     *("x", "y", "z", "nx", "ny", "nz", "f_dc_0", "f_dc_1", "f_dc_2", "opacity"),

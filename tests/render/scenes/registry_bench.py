@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from tests.render.scenes import plys
+from tigas_render.gaussians import Gaussians
 from tigas_render.raster.base import PreparedScene
-from tigas_render.scenes.gaussians import Gaussians
 from tigas_render.scenes.metadata import SceneMetadata
 from tigas_render.scenes.registry import SceneRegistry
 from tigas_render.scenes.source import SceneSource

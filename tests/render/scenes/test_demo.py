@@ -10,12 +10,12 @@ import pytest
 import torch
 
 from tigas_common.pose import Pose
+from tigas_render.gaussians import Gaussians
+from tigas_render.preview import preview_camera
 from tigas_render.raster.base import Camera, PreparedScene, Rasterizer
 from tigas_render.raster.devices import create_rasterizer
 from tigas_render.raster.host_image import HostImage
 from tigas_render.scenes.demo import DEMO_METADATA, DEMO_SOURCE, demo_scene
-from tigas_render.scenes.gaussians import Gaussians
-from tigas_render.scenes.preview import preview_camera
 
 EYE = -1.65
 

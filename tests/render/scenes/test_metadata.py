@@ -8,7 +8,7 @@ import pytest
 
 from tests.render.scenes import plys
 from tigas_common.errors import BrokenScene
-from tigas_common.wire import StartCamera
+from tigas_common.wire.render import StartCamera
 from tigas_render.scenes.directory import read_folder
 from tigas_render.scenes.metadata import SceneMetadata, read_metadata
 

@@ -14,7 +14,7 @@ import torch
 from tests.render.scenes import plys
 from tests.shared_data import reference_scene_ply
 from tigas_common.errors import BrokenScene
-from tigas_render.scenes.gaussians import Gaussians
+from tigas_render.gaussians import Gaussians
 from tigas_render.scenes.ply import BLOCK, load_ply, write_ply
 from tigas_render.scenes.ply_header import read_header
 

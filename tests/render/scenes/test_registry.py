@@ -13,7 +13,7 @@ import pytest
 from tests.render.scenes import plys
 from tests.render.scenes.registry_bench import Bench
 from tigas_common.errors import BrokenScene, Overloaded, TigasError, UnknownScene
-from tigas_common.wire import StartCamera
+from tigas_common.wire.render import StartCamera
 from tigas_render.raster.base import PreparedScene
 from tigas_render.scenes.metadata import SceneMetadata
 from tigas_render.scenes.ply import write_ply

@@ -8,8 +8,8 @@ import pytest
 
 from tests.render.scenes.registry_bench import Bench, Packed
 from tigas_common.errors import OutOfDeviceMemory
+from tigas_render.gaussians import Gaussians
 from tigas_render.raster.base import PreparedScene
-from tigas_render.scenes.gaussians import Gaussians
 
 pytestmark = pytest.mark.anyio
 

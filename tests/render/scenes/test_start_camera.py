@@ -9,7 +9,8 @@ import torch
 
 from tests.shared_data import reference_scene_ply
 from tigas_common.pose import Pose
-from tigas_common.wire import Point, StartCamera
+from tigas_common.wire.model import Point
+from tigas_common.wire.render import StartCamera
 from tigas_render.scenes.ply import load_ply
 from tigas_render.scenes.start_camera import derive_camera
 

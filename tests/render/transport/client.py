@@ -30,7 +30,7 @@ from aioquic.quic.events import (
 from aioquic.tls import SessionTicket
 
 from tigas_common.certificate import Certificate
-from tigas_common.wire import RenderRequest, ServerTiming
+from tigas_common.wire.render import RenderRequest, ServerTiming
 from tigas_render.frame import Frame
 
 CERTIFICATE = Certificate.create([], datetime.now(UTC))

@@ -13,7 +13,7 @@ from playwright.async_api import async_playwright
 
 from tests.render.transport.client import CERTIFICATE, FakeFrames, request_body
 from tigas_common.errors import StartError
-from tigas_lab.browser import find_chromium
+from tigas_experiments.run.browser import find_chromium
 from tigas_render.transport.frames import render_session
 from tigas_render.transport.server import Http3Server
 

@@ -1,5 +1,5 @@
 import { expect, test } from "vitest";
-import golden from "../../../tests/experiments/figures.golden.json";
+import golden from "../../../tests/experiments/records/figures.golden.json";
 import { answers, figures, percentile } from "./figures";
 
 interface Case {

@@ -1,4 +1,4 @@
-// Generated from services/dash-packager/tigas_dash/wire.py by `npm run wire`. Do not edit.
+// Generated from services/common/tigas_common/wire/dash.py by `npm run wire`. Do not edit.
 
 /**
  * All messages between the packager and the page.

@@ -1,4 +1,4 @@
-// Generated from services/common/tigas_common/wire.py by `npm run wire`. Do not edit.
+// Generated from services/common/tigas_common/wire/render.py by `npm run wire`. Do not edit.
 
 /**
  * All messages between client and server.

@@ -1,4 +1,4 @@
-// Generated from services/shaper/tigas_shaper/wire.py by `npm run wire`. Do not edit.
+// Generated from services/common/tigas_common/wire/shaper.py by `npm run wire`. Do not edit.
 
 /**
  * All messages between the shaper and the page.

@@ -1,4 +1,4 @@
-// Generated from services/lab/tigas_lab/service/wire.py by `npm run wire`. Do not edit.
+// Generated from services/experiments/tigas_experiments/store/wire.py by `npm run wire`. Do not edit.
 
 export type JsonValue = unknown;
 

@@ -11,8 +11,8 @@ import torch
 from numpy.typing import NDArray
 
 from tigas_common.pose import Intrinsics, Pose
-from tigas_common.wire import FrameFormat
-from tigas_render.scenes.gaussians import Gaussians
+from tigas_common.wire.render import FrameFormat
+from tigas_render.gaussians import Gaussians
 
 NEAR_PLANE = 0.01
 """Gaussians whose centre is nearer than this to the camera's plane, or behind it, are not drawn (scene units)."""

@@ -9,7 +9,7 @@ from typing import assert_never
 import numpy as np
 from numpy.typing import NDArray
 
-from tigas_common.wire import FrameFormat
+from tigas_common.wire.render import FrameFormat
 from tigas_render.encode.jpeg import encode_jpeg
 from tigas_render.encode.png import encode_png
 from tigas_render.encode.yuv420p import encode_yuv420p

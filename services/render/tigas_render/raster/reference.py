@@ -14,7 +14,8 @@ from dataclasses import dataclass
 import torch
 
 from tigas_common.pose import Intrinsics
-from tigas_common.wire import FrameFormat
+from tigas_common.wire.render import FrameFormat
+from tigas_render.gaussians import Gaussians
 from tigas_render.raster.base import (
     ALPHA_MAX,
     ALPHA_MIN,
@@ -26,7 +27,6 @@ from tigas_render.raster.base import (
     Rasterizer,
 )
 from tigas_render.raster.host_image import HostImage
-from tigas_render.scenes.gaussians import Gaussians
 
 TILE = 32
 """Pixels are blended in squares of this side, so that memory stays small."""

@@ -9,7 +9,8 @@ from pydantic import Field, field_validator, model_validator
 
 from tigas_common.errors import BrokenScene, InvalidRequest
 from tigas_common.parsing import MAX_BODY, parse
-from tigas_common.wire import Point, StartCamera, Unit, WireModel
+from tigas_common.wire.model import Point, Unit, WireModel
+from tigas_common.wire.render import StartCamera
 
 DEFAULT_UP: Point = (0.0, -1.0, 0.0)
 """Captures have OpenCV's axes: y points down."""

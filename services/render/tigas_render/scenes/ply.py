@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from plyfile import PlyData, PlyElement
 
 from tigas_common.errors import BrokenScene
-from tigas_render.scenes.gaussians import Gaussians
+from tigas_render.gaussians import Gaussians
 from tigas_render.scenes.ply_header import MAX_HEADER, REQUIRED, PlyHeader, read_header
 
 BLOCK = 4096

@@ -14,11 +14,11 @@ from types import TracebackType
 from urllib.parse import quote
 
 from tigas_common.errors import BrokenScene, OutOfDeviceMemory, Overloaded, TigasError, UnknownScene
-from tigas_common.wire import SceneInfo, StartCamera
+from tigas_common.wire.render import SceneInfo, StartCamera
+from tigas_render.gaussians import Gaussians
 from tigas_render.raster.base import PreparedScene
 from tigas_render.scenes.demo import DEMO_SOURCE
 from tigas_render.scenes.directory import scan_directory
-from tigas_render.scenes.gaussians import Gaussians
 from tigas_render.scenes.source import SceneSource
 from tigas_render.scenes.start_camera import derive_camera
 

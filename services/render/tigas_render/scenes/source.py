@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from tigas_render.scenes.gaussians import Gaussians
+from tigas_render.gaussians import Gaussians
 from tigas_render.scenes.metadata import SceneMetadata
 
 

@@ -12,7 +12,8 @@ from dataclasses import dataclass
 
 import torch
 
-from tigas_common.wire import Point, StartCamera
+from tigas_common.wire.model import Point
+from tigas_common.wire.render import StartCamera
 
 SAMPLE = 10_000
 """Gaussians that are looked at, spread evenly over the file; from 32,768 numbers on, PyTorch starts threads."""

@@ -9,7 +9,7 @@ import struct
 
 from tigas_common.errors import Overloaded, TigasError, problem
 from tigas_common.parsing import MAX_BODY, parse
-from tigas_common.wire import FrameHeader, RenderRequest
+from tigas_common.wire.render import FrameHeader, RenderRequest
 from tigas_render.frame import Frame, FrameSource
 from tigas_render.transport.datagrams import DatagramSender
 from tigas_render.transport.stream import StreamClosed

@@ -13,7 +13,7 @@ from urllib.parse import unquote_to_bytes
 from aioquic.h3.connection import ErrorCode
 from aioquic.h3.events import Headers
 
-from tigas_common.wire import Problem
+from tigas_common.wire.render import Problem
 from tigas_render.transport.asgi import Message, Scope
 from tigas_render.transport.stream import CHUNK, Stream, StreamClosed
 

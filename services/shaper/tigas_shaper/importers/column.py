@@ -6,7 +6,8 @@ from array import array
 from dataclasses import dataclass, field
 from itertools import islice
 
-from tigas_shaper.trace import MAX_DURATION_MS, NetworkTrace, TraceError
+from tigas_common.wire.shaper import MAX_DURATION_MS
+from tigas_shaper.trace import NetworkTrace, TraceError
 from tigas_shaper.trace_text import TraceBuilder, lines, number
 
 PACKET_BITS = 1500 * 8

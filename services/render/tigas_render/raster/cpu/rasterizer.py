@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tigas_common.pose import Intrinsics, Pose
-from tigas_common.wire import FrameFormat
+from tigas_common.wire.render import FrameFormat
+from tigas_render.gaussians import Gaussians
 from tigas_render.raster.base import Camera, PreparedScene, Rasterizer, one_gaussian
 from tigas_render.raster.cpu import layout as L
 from tigas_render.raster.cpu.binning import AHEAD, DIGIT, DIGITS, fill_lists, place_lists, sort_lists
@@ -20,7 +21,6 @@ from tigas_render.raster.cpu.scene import CpuScene, pack
 from tigas_render.raster.cpu.view import VIEW, fill_view
 from tigas_render.raster.cpu.workspace import Workspace
 from tigas_render.raster.host_image import FramebufferPool, HostImage
-from tigas_render.scenes.gaussians import Gaussians
 
 SLICES_PER_THREAD = 8
 """Pieces of work per thread while projecting and binning: enough to even out, few enough to count tiles in each."""

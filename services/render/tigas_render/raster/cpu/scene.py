@@ -9,10 +9,10 @@ import numpy as np
 from numba import prange
 from numpy.typing import NDArray
 
+from tigas_render.gaussians import Gaussians
 from tigas_render.raster.base import ALPHA_MIN, BASIS_CONSTANTS, PreparedScene
 from tigas_render.raster.cpu import layout as L
 from tigas_render.raster.cpu.kernel import kernel
-from tigas_render.scenes.gaussians import Gaussians
 
 Floats = NDArray[np.float32]
 HALF_MAX = 65504.0

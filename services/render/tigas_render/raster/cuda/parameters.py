@@ -7,7 +7,7 @@ import struct
 from typing import Final
 
 from tigas_common.pose import Intrinsics
-from tigas_common.wire import FrameFormat
+from tigas_common.wire.render import FrameFormat
 from tigas_render.raster.base import Camera
 from tigas_render.raster.cuda.layout import TileLayout
 from tigas_render.raster.cuda.scene import CHUNK, CudaScene

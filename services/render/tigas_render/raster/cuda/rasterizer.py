@@ -16,14 +16,14 @@ from numpy.typing import NDArray
 
 from tigas_common.errors import DeviceLost, OutOfDeviceMemory
 from tigas_common.pose import Intrinsics, Pose
-from tigas_common.wire import FrameFormat
+from tigas_common.wire.render import FrameFormat
 from tigas_render.encode.png import encode_png
+from tigas_render.gaussians import Gaussians
 from tigas_render.raster.base import Camera, Image, PreparedScene, Rasterizer, one_gaussian
 from tigas_render.raster.cuda.compiler import load_kernels
 from tigas_render.raster.cuda.nvjpeg import ALLOCATOR_FAILURE, NvJpeg
 from tigas_render.raster.cuda.scene import CudaScene, pack
 from tigas_render.raster.cuda.workspace import Workspace, make_stages
-from tigas_render.scenes.gaussians import Gaussians
 
 SIDES = (8, 16)
 """Tiles' sides that there are kernels for."""

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import torch
 
+from tigas_render.gaussians import Gaussians
 from tigas_render.raster.base import ALPHA_MIN, BASIS_CONSTANTS, PreparedScene
-from tigas_render.scenes.gaussians import Gaussians
 
 CHUNK = 256
 """Gaussians that are culled together; `frame.cuh` says the same."""

@@ -10,7 +10,7 @@ from cuda.bindings import driver
 from cuda.core import Device, Kernel, LaunchConfig, Stream, launch
 from cuda.core.graph import Graph
 
-from tigas_common.wire import FrameFormat
+from tigas_common.wire.render import FrameFormat
 from tigas_render.raster.base import Camera
 from tigas_render.raster.cuda.layout import TileLayout, tile_layout
 from tigas_render.raster.cuda.nvjpeg import JpegEncoder, NvJpeg

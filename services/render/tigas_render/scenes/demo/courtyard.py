@@ -8,7 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
-from tigas_common.wire import StartCamera
+from tigas_common.wire.render import StartCamera
+from tigas_render.gaussians import Gaussians
 from tigas_render.scenes.demo import layout
 from tigas_render.scenes.demo.arcade import arcade
 from tigas_render.scenes.demo.gallery import gallery
@@ -19,7 +20,6 @@ from tigas_render.scenes.demo.roofs import roofs, tower
 from tigas_render.scenes.demo.sky import landscape, sky
 from tigas_render.scenes.demo.surfels import Floats, Surfels, join
 from tigas_render.scenes.demo.water import jets, water
-from tigas_render.scenes.gaussians import Gaussians
 from tigas_render.scenes.metadata import SceneMetadata
 from tigas_render.scenes.source import SceneSource
 

@@ -8,10 +8,10 @@ from __future__ import annotations
 import numpy as np
 import torch
 
+from tigas_render.gaussians import Gaussians
 from tigas_render.scenes.demo import layout
 from tigas_render.scenes.demo.layout import SUN
 from tigas_render.scenes.demo.surfels import Bools, Floats, Surfels, unit
-from tigas_render.scenes.gaussians import Gaussians
 
 SUN_COLOUR = np.array([3.3, 2.6, 1.75], np.float32)
 SKY_COLOUR = np.array([0.52, 0.66, 0.95], np.float32)

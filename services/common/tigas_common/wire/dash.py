@@ -1,0 +1,153 @@
+"""What travels between the packager and those who watch its streams."""
+
+from __future__ import annotations
+
+import math
+from typing import Self
+
+from pydantic import Field, model_validator
+
+from tigas_common.wire.model import MAX_PIXELS, MAX_SIDE, Coordinate, Point, WireModel
+
+Quaternion = tuple[Coordinate, Coordinate, Coordinate, Coordinate]
+MAX_REPRESENTATIONS = 8
+
+
+class RepresentationRequest(WireModel):
+    """One representation that a session wants."""
+
+    rung: int = Field(ge=0, le=255)
+    """The rung of the render service's ladder whose resolution it has."""
+    bitrate_kbps: int | None = Field(default=None, ge=50, le=100_000)
+    """Left out, it follows from the resolution and the frame rate."""
+
+
+class SessionRequest(WireModel):
+    """A stream for one viewer."""
+
+    scene: str = Field(max_length=256)
+    position: Point
+    """The first pose: the camera's centre, in scene units."""
+    quaternion: Quaternion
+    """Camera to world, [x, y, z, w]."""
+    fx: float = Field(gt=0, le=1e6)
+    fy: float = Field(gt=0, le=1e6)
+    cx: float = Field(ge=-1e6, le=1e6)
+    cy: float = Field(ge=-1e6, le=1e6)
+    width: int = Field(ge=16, le=MAX_SIDE)
+    height: int = Field(ge=16, le=MAX_SIDE)
+    """fx, fy, cx, cy are in pixels for this viewport."""
+    representations: tuple[RepresentationRequest, ...] | None = Field(
+        default=None, min_length=1, max_length=MAX_REPRESENTATIONS
+    )
+    """Left out: every rung that fits into the viewport, and the best of them at three times the bitrate, too."""
+    frame_rate: int = Field(default=30, ge=1, le=60)
+    """Frames a second."""
+    segment_s: float = Field(default=1.0, ge=0.2, le=10)
+    """A segment's duration, which is also the distance of keyframes."""
+    frames_per_chunk: int = Field(default=1, ge=1, le=600)
+    target_latency_ms: int = Field(default=200, ge=50, le=10_000)
+    """How far behind the newest pose players are told to stay."""
+    stamp: bool = False
+    """Draw the pose's number into the frames: a test of what is measured."""
+
+    @model_validator(mode="after")
+    def _check(self) -> Self:
+        if not any(self.quaternion):
+            raise ValueError("a quaternion of length zero is no rotation")
+        if self.width * self.height > MAX_PIXELS:
+            raise ValueError(f"a viewport has at most {MAX_PIXELS} pixels")
+        if self.frames_per_chunk > self.frames_per_segment:
+            raise ValueError(f"a chunk cannot have more frames than a segment ({self.frames_per_segment})")
+        return self
+
+    @property
+    def frames_per_segment(self) -> int:
+        """A whole number, so that segments and keyframes coincide."""
+        return max(1, math.floor(self.segment_s * self.frame_rate + 0.5))
+
+
+class PoseUpdate(WireModel):
+    """The viewer's newest pose. The lens may change with it; for the viewport of the session."""
+
+    seq: int = Field(ge=0, lt=2**32)
+    """The viewer's own number for this pose."""
+    position: Point
+    quaternion: Quaternion
+    fx: float | None = Field(default=None, gt=0, le=1e6)
+    fy: float | None = Field(default=None, gt=0, le=1e6)
+    cx: float | None = Field(default=None, ge=-1e6, le=1e6)
+    cy: float | None = Field(default=None, ge=-1e6, le=1e6)
+
+    @model_validator(mode="after")
+    def _check(self) -> Self:
+        if not any(self.quaternion):
+            raise ValueError("a quaternion of length zero is no rotation")
+        return self
+
+
+class FrameShown(WireModel):
+    """Which pose a frame of the stream shows: maps media time to poses."""
+
+    frame: int
+    """Counted from 0."""
+    media_time_s: float
+    """When it starts, on the media timeline."""
+    pose: int
+    """The `seq` of the pose that it was rendered from."""
+
+
+class RepresentationInfo(WireModel):
+    """One representation of a session."""
+
+    id: str
+    """Such as r2-1414: rung and kilobits a second."""
+    rung: int
+    width: int
+    height: int
+    """Pixels; even, as yuv420p asks for."""
+    bitrate_kbps: int
+    codecs: str
+    """As in RFC 6381."""
+
+
+class StreamInfo(WireModel):
+    """What a stream is."""
+
+    representations: tuple[RepresentationInfo, ...]
+    frame_rate: int
+    segment_s: float
+    frames_per_chunk: int
+    target_latency_ms: int
+
+
+class SessionInfo(StreamInfo):
+    """A session that was opened; its paths are relative to the packager's root."""
+
+    id: str
+    manifest: str
+    poses: str
+    """The path of the WebSocket that takes PoseUpdates and sends FrameShown."""
+
+
+class SessionStatus(WireModel):
+    """How a session does."""
+
+    id: str
+    scene: str
+    age_s: float
+    frames: int
+    """Frames in the stream so far."""
+    repeated: int
+    """Of these, those that repeat the one before, because no new one came in time."""
+    dropped: int
+    """Frames that were left out to stay with the clock; others last longer in their place."""
+    poses: int
+    """Pose updates heard."""
+    render_failures: int
+    """Requests that the render service did not answer with a frame."""
+    render_problem: str | None
+    """Why it gives no frames at present, in one sentence."""
+    encoder_failures: int
+    watchers: int
+    """Open pose sockets."""

@@ -1,0 +1,23 @@
+"""What every wire model is made of: its base class, coordinates, and the limits of a picture's size."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from pydantic import BaseModel, ConfigDict, Field
+
+MAX_SIDE = 8192
+"""The longest side of a viewport or frame, in pixels."""
+MAX_PIXELS = 16_777_216
+"""The most pixels in a viewport or frame."""
+
+Angle = Annotated[float, Field(ge=-1e6, le=1e6)]
+Coordinate = Annotated[float, Field(ge=-1e9, le=1e9)]
+Point = tuple[Coordinate, Coordinate, Coordinate]
+Unit = Annotated[float, Field(ge=0, le=1)]
+
+
+class WireModel(BaseModel):
+    """Immutable, refuses unknown fields, NaN, infinities and values of another type."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)

@@ -1,0 +1,191 @@
+"""What travels between a client and the render service."""
+
+from __future__ import annotations
+
+import math
+from typing import Literal, Self
+
+from pydantic import Field, model_validator
+
+from tigas_common.pose import Intrinsics, Pose
+from tigas_common.wire.model import MAX_PIXELS, MAX_SIDE, Angle, Coordinate, Point, Unit, WireModel
+
+FrameFormat = Literal["jpeg", "png", "yuv420p"]
+
+
+class Rung(WireModel):
+    """One level of the quality ladder; its number is its place in the ladder, 0 the best."""
+
+    name: str
+    width: int = Field(ge=16, le=MAX_SIDE)
+    """Pixels, at the reference aspect ratio: a viewport of another shape gets as many pixels in its own shape."""
+    height: int = Field(ge=16, le=MAX_SIDE)
+    quality: int = Field(ge=1, le=100)
+    """JPEG quality."""
+    expected_kb: float = Field(gt=0)
+    """Expected size of a frame, in kilobytes (1000 bytes)."""
+
+    def size_for(self, width: int, height: int) -> tuple[int, int]:
+        """Width and height in pixels for a viewport: the rung's own number of pixels in the viewport's own shape.
+
+        A viewport with the rung's aspect ratio gets exactly the rung's resolution; pixels are square in every shape.
+        """
+        scale = math.sqrt(self.width * self.height / (width * height))
+        return min(MAX_SIDE, max(1, round(width * scale))), min(MAX_SIDE, max(1, round(height * scale)))
+
+
+DEFAULT_LADDER = (
+    Rung(name="High", width=1280, height=720, quality=90, expected_kb=240),
+    Rung(name="Medium-High", width=960, height=540, quality=65, expected_kb=55),
+    Rung(name="Medium-Low", width=640, height=360, quality=35, expected_kb=20),
+    Rung(name="Low", width=320, height=180, quality=10, expected_kb=7),
+)
+"""The ladder of the paper."""
+
+
+class RenderRequest(WireModel):
+    """One view to render. The pose is either Euler angles and `translation`, or `position` and `quaternion`."""
+
+    scene: str = Field(max_length=256)
+    seq: int = Field(default=0, ge=0, lt=2**32)
+    """The client's own number for this request; the answer carries it."""
+
+    azimuth: Angle | None = None
+    """Degrees, positive to the right."""
+    elevation: Angle | None = None
+    """Degrees, positive upwards."""
+    roll: Angle | None = None
+    """Degrees, positive clockwise."""
+    translation: Point | None = None
+    """The camera's centre, in scene units."""
+    position: Point | None = None
+    """The camera's centre, in scene units."""
+    quaternion: tuple[Coordinate, Coordinate, Coordinate, Coordinate] | None = None
+    """Camera to world, [x, y, z, w]."""
+
+    fx: float = Field(gt=0, le=1e6)
+    fy: float = Field(gt=0, le=1e6)
+    cx: float = Field(ge=-1e6, le=1e6)
+    cy: float = Field(ge=-1e6, le=1e6)
+    width: int = Field(ge=1, le=MAX_SIDE)
+    height: int = Field(ge=1, le=MAX_SIDE)
+    """fx, fy, cx, cy are in pixels for this viewport."""
+
+    profile: int | None = Field(default=None, ge=0, le=255)
+    """The rung of the ladder; left out, the frame has the viewport's own resolution and the best rung's quality."""
+    format: FrameFormat = "jpeg"
+    deadline_ms: float | None = Field(default=None, gt=0, le=60_000)
+    """How long after its arrival the frame is still of use, in milliseconds."""
+    stamp: int | None = Field(default=None, ge=0, lt=2**24)
+    """A number to draw into the frame, for tests that read from a screen which request it shows."""
+
+    @model_validator(mode="after")
+    def _check(self) -> Self:
+        euler = (self.azimuth, self.elevation, self.translation)
+        quaternion = (self.position, self.quaternion)
+        uses_euler = any(value is not None for value in (*euler, self.roll))
+        if uses_euler == any(value is not None for value in quaternion):
+            raise ValueError("give either azimuth, elevation and translation, or position and quaternion")
+        if None in (euler if uses_euler else quaternion):
+            raise ValueError(
+                "azimuth, elevation and translation go together"
+                if uses_euler
+                else "position and quaternion go together"
+            )
+        if self.quaternion is not None and not any(self.quaternion):
+            raise ValueError("a quaternion of length zero is no rotation")
+        if self.width * self.height > MAX_PIXELS:
+            raise ValueError(f"a viewport has at most {MAX_PIXELS} pixels")
+        return self
+
+    @property
+    def pose(self) -> Pose:
+        """The camera-to-world transform."""
+        if self.position is not None and self.quaternion is not None:
+            return Pose.from_quaternion(self.position, self.quaternion)
+        assert self.azimuth is not None
+        assert self.elevation is not None
+        assert self.translation is not None
+        return Pose.from_euler(self.azimuth, self.elevation, self.roll or 0.0, self.translation)
+
+    @property
+    def intrinsics(self) -> Intrinsics:
+        """The intrinsics for the viewport."""
+        return Intrinsics(self.fx, self.fy, self.cx, self.cy, self.width, self.height)
+
+
+class ServerTiming(WireModel):
+    """Where the server's time went, in milliseconds."""
+
+    queue: float
+    render: float
+    encode: float
+
+
+class FrameHeader(WireModel):
+    """Goes before the body on WebTransport. From status 400 on, the body is a Problem and the rest is null."""
+
+    status: int
+    seq: int
+    content_type: str
+    width: int | None = None
+    height: int | None = None
+    profile: int | None = None
+    timing: ServerTiming | None = None
+
+
+class Problem(WireModel):
+    """Why a request failed (RFC 9457, application/problem+json)."""
+
+    type: str
+    """Stable: `tigas:` and a name, such as `tigas:unknown-scene`."""
+    title: str
+    status: int
+    detail: str
+
+
+class StartCamera(WireModel):
+    """Where a visitor enters the scene."""
+
+    position: Point
+    look_at: Point
+
+
+class SceneInfo(WireModel):
+    """What is known of a scene without loading it; `camera` is known once it was loaded, or from its scene.json."""
+
+    id: str
+    name: str
+    state: Literal["unloaded", "loading", "loaded", "broken"]
+    error: str | None
+    """One sentence, when the state is `broken`."""
+    gaussians: int | None
+    sh_degree: int | None
+    file_bytes: int
+    memory_bytes: int
+    """What it takes in memory now; 0 unless loaded."""
+    preview: str
+    """The preview's URL, relative to the server's root."""
+    up: Point
+    camera: StartCamera | None
+    background: tuple[Unit, Unit, Unit]
+    """RGB, 0 to 1."""
+
+
+class ServerConfig(WireModel):
+    """What the page needs to know of its server (`/config.json`)."""
+
+    version: str
+    commit: str | None = None
+    """Of its code, with `-dirty` if that was changed; null if it is unknown."""
+    device: str | None = None
+    """What it renders with: `cpu`, or the graphics processor's name."""
+    ladder: tuple[Rung, ...]
+    certificate_sha256: str | None
+    """Base64 of the SHA-256 of the certificate's DER, for `serverCertificateHashes`."""
+    webtransport_url: str | None
+    """Where to open the WebTransport session, fitted to the address that the page was opened under."""
+    https_url: str | None
+    """The same page as a secure context, for other devices on the network."""
+    services: dict[str, str]
+    """Other services by name, such as `dash`, with their base URLs."""

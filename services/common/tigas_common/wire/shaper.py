@@ -1,0 +1,117 @@
+"""What travels between the shaper and those who watch or change its link."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from pydantic import Field
+
+from tigas_common.wire.model import WireModel
+
+MAX_RATE_KBPS = 1e8
+MAX_DELAY_MS = 60_000.0
+MAX_DURATION_MS = 30 * 24 * 3600 * 1000
+"""Of a trace."""
+
+PlaybackMode = Literal["constant", "playing", "paused", "ended"]
+"""What a link does with a trace; `constant` has none."""
+Backend = Literal["netem", "relay"]
+"""What makes delay, jitter and loss: the kernel's netem, or our own relay."""
+
+
+class LinkSetting(WireModel):
+    """What a link does to packets."""
+
+    down_kbps: float = Field(ge=0, le=MAX_RATE_KBPS)
+    """Towards the client, kbit/s of whole Ethernet frames; 0 is an outage."""
+    up_kbps: float = Field(ge=0, le=MAX_RATE_KBPS)
+    delay_ms: float = Field(default=0.0, ge=0, le=MAX_DELAY_MS)
+    """One way, in each direction."""
+    jitter_ms: float = Field(default=0.0, ge=0, le=MAX_DELAY_MS)
+    loss_pct: float = Field(default=0.0, ge=0, le=100)
+
+
+class StartRequest(WireModel):
+    """Play a trace from its start."""
+
+    trace: str = Field(max_length=100)
+    loop: bool = True
+    delay_ms: float | None = Field(default=None, ge=0, le=MAX_DELAY_MS)
+    """One way, in each direction, in place of the trace's own delay and jitter; null keeps these."""
+
+
+class SeekRequest(WireModel):
+    """Go to a position in the trace."""
+
+    position_ms: float = Field(ge=0, le=MAX_DURATION_MS)
+
+
+class LoopRequest(WireModel):
+    """Whether to start again at the end."""
+
+    loop: bool
+
+
+class TraceSummary(WireModel):
+    """A trace in the list. Where `error` is not null, the trace cannot be played and the rest is zero."""
+
+    name: str
+    uploaded: bool
+    """Kept in memory until the shaper stops, rather than in its directory."""
+    duration_ms: int = 0
+    steps: int = 0
+    mean_down_kbps: float = 0.0
+    min_down_kbps: float = 0.0
+    max_down_kbps: float = 0.0
+    mean_up_kbps: float = 0.0
+    outages: int = 0
+    """How often nothing passes towards the client."""
+    error: str | None = None
+
+
+class TraceList(WireModel):
+    """Every trace that there is."""
+
+    traces: tuple[TraceSummary, ...]
+
+
+class TracePoints(WireModel):
+    """A trace to be drawn, as means over spans of time."""
+
+    name: str
+    duration_ms: int
+    times_ms: tuple[float, ...]
+    """Where each span starts; the last one ends at the end of the trace."""
+    down_kbps: tuple[float, ...]
+    up_kbps: tuple[float, ...]
+
+
+class DirectionStatus(WireModel):
+    """One direction, as tc counts it: bytes of whole Ethernet frames."""
+
+    target_kbps: float
+    delivered_kbps: float
+    """Since the sample before."""
+    queue_bytes: int
+    queue_ms: float
+    """How long the queue takes to drain at the target rate; in an outage, at the last one before."""
+    drops: int
+    """Packets lost because the queue was full, since the shaper was started."""
+
+
+class ShaperStatus(WireModel):
+    """The link at one moment, and what plays on it."""
+
+    time_ms: float
+    """Of the shaper's own steady clock."""
+    mode: PlaybackMode
+    trace: str | None
+    position_ms: float | None
+    duration_ms: int | None
+    loop: bool
+    link: LinkSetting
+    down: DirectionStatus
+    up: DirectionStatus
+    backend: Backend
+    closed: str | None
+    """Why nothing passes any more, in one sentence; null while the link works."""

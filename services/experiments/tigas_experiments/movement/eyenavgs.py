@@ -1,0 +1,157 @@
+"""Recordings of EyeNavGS (Ding et al. 2025, arXiv:2506.02380): people with a headset, walking through captured scenes.
+
+Its two sites name and order their columns differently. Rows alternate between the eyes, each with its own time; a pose
+is an eye's, in a right-handed frame with y up and −z ahead, in the scene's unit, and not levelled. Ours is OpenCV's: y
+down, z ahead. Positions and rotations are both turned by 180° about x.
+"""
+
+from __future__ import annotations
+
+import csv
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from tigas_experiments.movement.errors import MovementError
+from tigas_experiments.movement.placing import level
+from tigas_experiments.movement.table import Floats, Table, read_text
+from tigas_experiments.movement.trace import (
+    MAX_COORDINATE,
+    MAX_DURATION_MS,
+    TOO_FAR,
+    MovementTrace,
+    between,
+    unit_quaternions,
+)
+
+Eye = Literal["left", "right", "middle"]
+Quaternion = tuple[float, float, float, float]
+
+VIEWS = {"left": 0, "right": 1}
+TIMES = ("timestep", "Timestamp")
+"""As NTHU and Rutgers call it; milliseconds."""
+POSE = ("PositionX", "PositionY", "PositionZ", "QuaternionX", "QuaternionY", "QuaternionZ", "QuaternionW")
+FLIP = np.array((1.0, -1.0, -1.0))
+"""Of a position, and of a rotation's axis: the frame is turned by 180° about x."""
+MOST_LEFT_OUT = 0.01
+SOURCE = "EyeNavGS (Ding et al. 2025, arXiv:2506.02380)"
+
+
+@dataclass(frozen=True, slots=True)
+class SceneSettings:
+    """What scene_setting.csv says of a scene."""
+
+    scale: float
+    """The scene's units a metre."""
+    level: Quaternion
+    """x, y, z, w: levels a vector of the recording's frame."""
+
+
+def read_eyes(path: Path, eye: Eye) -> MovementTrace:
+    """One eye's way, or the middle of both: OpenCV's axes, the scene's own frame and unit. Raises MovementError."""
+    table = Table(read_text(path), str(path))
+    time = next((column for column in TIMES if column in table.columns), None)
+    if time is None:
+        raise MovementError(f"{path} is no recording of EyeNavGS: it has no column {' or '.join(TIMES)}.")
+    values = table.numbers(("ViewIndex", time, *POSE))
+    views, times, positions = values[:, 0], values[:, 1], values[:, 2:5]
+    table.refuse(~np.isin(views, list(VIEWS.values())), "has a ViewIndex that is neither 0 nor 1")
+    table.refuse(np.abs(times - times[0]) > MAX_DURATION_MS, "comes more than a day after the first")
+    table.refuse(np.abs(positions).max(axis=1) > MAX_COORDINATE, TOO_FAR)
+    quaternions, notes = unit_quaternions(table, values[:, 5:])
+    quaternions[:, :3] *= FLIP
+    ways = {}
+    for side, view in VIEWS.items():
+        if eye not in (side, "middle"):
+            continue
+        mine = views == view
+        if not mine.any():
+            raise MovementError(f"{path} has no rows of the {side} eye.")
+        # a clock that stood still or went back: the rows that come later than all before them
+        latest = np.maximum.accumulate(times[mine])
+        kept = np.diff(latest, prepend=-np.inf) > 0
+        if left_out := int((~kept).sum()):
+            if left_out > MOST_LEFT_OUT * len(kept):
+                raise MovementError(f"{path} is in no order of time: {left_out:,} of {len(kept):,} rows run back.")
+            notes.append(f"Rows of the {side} eye that are no later than one before them were left out: {left_out:,}.")
+        ways[side] = MovementTrace(
+            times[mine][kept], positions[mine][kept] * FLIP, quaternions[mine][kept], "scene", "scene"
+        )
+    way = _middle(ways["left"], ways["right"], str(path)) if eye == "middle" else ways[eye]
+    return replace(way, times_ms=way.times_ms - way.times_ms[0], notes=(*notes, *way.gap_notes()))
+
+
+def in_its_scene(way: MovementTrace, up: Sequence[float]) -> MovementTrace:
+    """The way in the levelled frame of the scene that it was recorded in, whose up axis is `up`."""
+    return _turned(way, level(up).inv())
+
+
+def from_the_start(way: MovementTrace, settings: SceneSettings) -> MovementTrace:
+    """The way as a walk through any scene: level, in metres, from the origin, at first with z ahead."""
+    x, y, z, w = settings.level
+    walk = _turned(way, Rotation.from_quat((x, -y, -z, w)))
+    ahead = Rotation.from_quat(walk.quaternions[0]).apply((0, 0, 1))
+    walk = _turned(
+        replace(walk, positions=(walk.positions - walk.positions[0]) / settings.scale),
+        Rotation.from_rotvec((0, -math.atan2(ahead[0], ahead[2]), 0)),
+    )
+    return replace(walk, anchor="start", unit="m")
+
+
+def read_settings(path: Path, scene: str) -> SceneSettings:
+    """A site's scene_setting.csv. Raises MovementError."""
+    try:
+        rows = list(csv.DictReader(read_text(path).splitlines()))
+    except csv.Error as error:
+        raise MovementError(f"{path} is no table of scenes: {error}.") from None
+    row = next((row for row in rows if row.get("Scene_Name") == scene), None)
+    if row is None:
+        known = ", ".join(str(row.get("Scene_Name"))[:40] for row in rows[:50])
+        raise MovementError(f"{path} says nothing of the scene {scene!r}; it knows {known or 'none'}.")
+    try:
+        return settings(float(row["Scale"]), [float(part) for part in row["Quaternion"].split(",")])
+    except (KeyError, TypeError, ValueError, AttributeError):
+        raise MovementError(f"{path}: the scene {scene!r} has no Scale and Quaternion that are numbers.") from None
+
+
+def settings(scale: float, level: Sequence[float]) -> SceneSettings:
+    """Checked settings. Raises ValueError with one sentence."""
+    if not (math.isfinite(scale) and scale > 0):
+        raise ValueError("a scale is a positive number")
+    length = math.hypot(*level)
+    if len(level) != 4 or not (math.isfinite(length) and length > 0):
+        raise ValueError("a level is four numbers x,y,z,w that are a rotation")
+    x, y, z, w = (part / length for part in level)
+    return SceneSettings(scale, (x, y, z, w))
+
+
+def scene_of(path: Path) -> str:
+    """The scene's name, from that of a recording: user3_train.csv."""
+    return path.stem.partition("_")[2]
+
+
+def _middle(left: MovementTrace, right: MovementTrace, name: str) -> MovementTrace:
+    """Between the eyes, at the left one's times as far as there is a right one."""
+    times = left.times_ms[(left.times_ms >= right.times_ms[0]) & (left.times_ms <= right.times_ms[-1])]
+    if not len(times):
+        raise MovementError(f"{name} has no time at which both eyes were recorded.")
+    (left_positions, left_quaternions), (right_positions, right_quaternions) = (
+        left.poses_at(times),
+        right.poses_at(times),
+    )
+    middle = between(Rotation.from_quat(left_quaternions), Rotation.from_quat(right_quaternions), 0.5)
+    positions: Floats = (left_positions + right_positions) / 2
+    return replace(left, times_ms=times, positions=positions, quaternions=middle.as_quat())
+
+
+def _turned(way: MovementTrace, rotation: Rotation) -> MovementTrace:
+    return replace(
+        way,
+        positions=rotation.apply(way.positions),
+        quaternions=(rotation * Rotation.from_quat(way.quaternions)).as_quat(),
+    )

@@ -1,0 +1,127 @@
+"""Movements that a seed decides: the same for the same arguments, and a longer one begins with the shorter one.
+
+All are in metres, begin at the origin looking along z, and know nothing of the scene; docs/movement.md says what each
+is for. What a scene's start camera looks at is `VIEW_M` ahead.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from random import Random
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from tigas_experiments.movement.placing import VIEW_M
+from tigas_experiments.movement.table import Floats
+from tigas_experiments.movement.trace import MovementTrace
+
+RATE_HZ = 60
+NECK_TO_EYES = (0.0, -0.075, 0.0805)
+"""Metres in the head's frame, y down; the default of Oculus's SDK: eyes do not turn about themselves."""
+ORBIT_S = 40.0
+"""Once round; 0.6 m/s."""
+
+Wave = Callable[[Floats], Floats]
+Movement = Callable[[Floats, Random], tuple[Floats, Rotation]]
+"""Positions [N, 3] and rotations [N] at times [N] in seconds, of chances."""
+
+
+def generate(kind: str, duration_s: float, seed: int) -> MovementTrace:
+    """A movement of one of `KINDS`, at least so long. Raises KeyError."""
+    times = np.arange(math.ceil(duration_s * RATE_HZ) + 1) / RATE_HZ
+    positions, rotations = KINDS[kind](times, Random(seed))
+    comments = {
+        "description": DESCRIPTIONS[kind],
+        "command": f"tigas movement make {kind} --seconds {duration_s:g} --seed {seed}",
+    }
+    return MovementTrace(times * 1000, positions, rotations.as_quat(), "start", "m", comments)
+
+
+def stroll(times: Floats, chance: Random) -> tuple[Floats, Rotation]:
+    """A person who looks around while walking to and fro: sums of slow sines."""
+    yaw, pitch = _wave(chance, 50, 5, 11), _wave(chance, 8, 4, 9)
+    aside, ahead = _wave(chance, 0.12 * VIEW_M, 8, 13), _wave(chance, 0.2 * VIEW_M, 9, 17)
+    positions = np.column_stack((aside(times), np.zeros_like(times), ahead(times)))
+    return positions, _turned(yaw(times), pitch(times))
+
+
+def look_around(times: Floats, chance: Random) -> tuple[Floats, Rotation]:
+    """A person who stands and looks about, tilting the head a little."""
+    yaw, pitch, roll = _wave(chance, 80, 7, 13), _wave(chance, 15, 5, 11), _wave(chance, 4, 6, 10)
+    return _standing(_turned(yaw(times), pitch(times), roll(times)))
+
+
+def quick_turns(times: Floats, chance: Random) -> tuple[Floats, Rotation]:
+    """A person who stands and turns from one thing to another: stillness, then 30° to 150° at once.
+
+    A turn of A degrees takes 0.3 s + A / 300°/s and follows the minimum-jerk profile 10τ³ − 15τ⁴ + 6τ⁵ (Flash and
+    Hogan, J. Neuroscience 5, 1985), whose peak is 1.875 times its mean: 140 to 350°/s.
+    """
+    begins, lasts, yaws, pitches = [0.0], [1.0], [0.0], [0.0]  # the stillness at the beginning is a turn by nothing
+    end = 0.0
+    while end <= times[-1]:
+        begin = end + chance.uniform(0.5, 2)
+        angle = chance.uniform(30, 150)
+        begins.append(begin)
+        lasts.append(0.3 + angle / 300)
+        yaws.append(yaws[-1] + (angle if chance.random() < 0.5 else -angle))
+        pitches.append(chance.uniform(-15, 15))
+        end = begin + lasts[-1]
+    turn = np.searchsorted(begins, times, side="right") - 1
+    tau = np.clip((times - np.take(begins, turn)) / np.take(lasts, turn), 0, 1)
+    share = tau**3 * (10 - 15 * tau + 6 * tau**2)
+    yaw, pitch = (
+        np.take(angles, np.maximum(turn - 1, 0)) * (1 - share) + np.take(angles, turn) * share
+        for angles in (yaws, pitches)
+    )
+    return _standing(_turned(yaw, pitch))
+
+
+def orbit(times: Floats, chance: Random) -> tuple[Floats, Rotation]:
+    """A person who walks round what the start camera looks at and faces it, now nearer, now higher."""
+    turning = chance.choice((-1, 1)) * math.tau / (ORBIT_S * chance.uniform(0.8, 1.2))
+    distance = VIEW_M + _wave(chance, 0.25, 9, 17)(times)
+    lower = _wave(chance, 0.1, 7, 12)(times)
+    yaw = turning * times
+    positions = np.column_stack((-distance * np.sin(yaw), lower, VIEW_M - distance * np.cos(yaw)))
+    return positions, _turned(np.degrees(yaw), np.degrees(np.arctan2(lower, distance)))
+
+
+KINDS: Mapping[str, Movement] = {
+    "stroll": stroll,
+    "look-around": look_around,
+    "quick-turns": quick_turns,
+    "orbit": orbit,
+}
+DESCRIPTIONS = {
+    "stroll": "Walks to and fro, looking around",
+    "look-around": "Stands and looks about",
+    "quick-turns": "Stands, and turns quickly from one thing to another",
+    "orbit": "Walks round what the start camera looks at",
+}
+
+
+def _wave(chance: Random, amplitude: float, *periods_s: float) -> Wave:
+    """A sum of slow sines that is 0 at the beginning; chance decides periods, within a fifth, and phases."""
+    parts = [(amplitude / len(periods_s), period * chance.uniform(0.8, 1.2), chance.random()) for period in periods_s]
+
+    def at(times: Floats) -> Floats:
+        total = np.zeros_like(times)
+        for size, period, phase in parts:
+            total += size * (np.sin(math.tau * (times / period + phase)) - math.sin(math.tau * phase))
+        return total
+
+    return at
+
+
+def _turned(yaw: Floats, pitch: Floats, roll: Floats | None = None) -> Rotation:
+    """R = Ry(yaw) · Rx(pitch) · Rz(roll) of degrees [N]: to the right, upwards, clockwise."""
+    angles = np.column_stack((yaw, pitch, np.zeros_like(yaw) if roll is None else roll))
+    return Rotation.from_euler("YXZ", angles, degrees=True)
+
+
+def _standing(rotations: Rotation) -> tuple[Floats, Rotation]:
+    """The eyes of a head that turns about its neck."""
+    return rotations.apply(NECK_TO_EYES) - np.array(NECK_TO_EYES), rotations

@@ -1,0 +1,181 @@
+"""Movement traces: poses of a camera with their own time stamps, and their CSV (docs/movement.md)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Literal, TypeVar, get_args
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.spatial.transform import Rotation
+
+from tigas_experiments.movement.errors import MovementError
+from tigas_experiments.movement.points import Point
+from tigas_experiments.movement.table import Floats, Table, read_text
+
+COLUMNS = ("t_ms", "x", "y", "z", "qx", "qy", "qz", "qw")
+MAX_DURATION_MS = 86_400_000.0
+MAX_COORDINATE = 1e6
+TOO_FAR = f"is farther away than {MAX_COORDINATE:,.0f}"
+LENGTHS = (0.1, 10.0)
+"""Of a quaternion: within these it is taken for a rotation whose numbers were rounded or scaled."""
+ROUNDED = 0.01
+"""A quaternion may be so much longer or shorter than 1 before it is worth a note."""
+GAP_MS = 100.0
+"""A longer step between poses is called a gap: eyes notice when a movement is made up for so long."""
+
+Anchor = Literal["start", "scene"]
+Unit = Literal["m", "scene"]
+T = TypeVar("T", bound=str)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class MovementTrace:
+    """A movement in a levelled frame: y points down, along gravity; x and z lie on the floor."""
+
+    times_ms: Floats
+    """[N], growing; the first is 0."""
+    positions: Floats
+    """[N, 3], of the camera's centre."""
+    quaternions: Floats
+    """[N, 4], x, y, z, w, of length 1: camera to world."""
+    anchor: Anchor
+    """`start`: it begins at the origin, looking along z: a scene's start camera. `scene`: it is absolute."""
+    unit: Unit
+    """Of the positions: metres, or the scene's own."""
+    comments: Mapping[str, str] = field(default_factory=dict)
+    """What else the file says of itself."""
+    notes: tuple[str, ...] = ()
+    """What was repaired when it was read, a sentence each."""
+
+    @classmethod
+    def read(cls, path: Path) -> MovementTrace:
+        """Read a file. Raises MovementError."""
+        return cls.parse(read_text(path), str(path))
+
+    @classmethod
+    def parse(cls, text: str, name: str) -> MovementTrace:
+        """Read the text of a file, which messages call `name`. Raises MovementError."""
+        table = Table(text, name)
+        if "ViewIndex" in table.columns:
+            raise MovementError(f"{name} is a recording of EyeNavGS; `tigas movement import` makes a movement of it.")
+        comments = dict(table.comments)
+        anchor = _choice(comments.pop("anchor", "scene"), get_args(Anchor), name, "anchor")
+        unit = _choice(comments.pop("unit", "scene"), get_args(Unit), name, "unit")
+        if (anchor, unit) == ("scene", "m"):
+            raise MovementError(
+                f"{name}: `anchor: scene` is in the scene's own unit; only `anchor: start` may be in m."
+            )
+        values = table.numbers(COLUMNS)
+        notes = []
+        if unknown := [column for column in table.columns if column not in COLUMNS]:
+            notes.append(f"Columns that a movement does not have were ignored: {', '.join(unknown)[:200]}.")
+        times = values[:, 0] - values[0, 0]
+        steps = np.diff(times, prepend=-1.0)
+        table.refuse(steps < 0, "is earlier than the one before it")
+        table.refuse(times > MAX_DURATION_MS, "comes more than a day after the first")
+        table.refuse(np.abs(values[:, 1:4]).max(axis=1) > MAX_COORDINATE, TOO_FAR)
+        quaternions, scaled = unit_quaternions(table, values[:, 4:])
+        kept = steps != 0
+        if same := int((~kept).sum()):
+            notes.append(f"Rows that have the time of the row before them were left out: {same:,}.")
+        trace = cls(times[kept], values[kept, 1:4], quaternions[kept], anchor, unit, comments)
+        return replace(trace, notes=(*notes, *scaled, *trace.gap_notes()))
+
+    def text(self) -> str:
+        """The file: microseconds, and six decimals of everything else."""
+        comments = {"anchor": self.anchor, "unit": self.unit, **self.comments}
+        head = [f"# {key}: {' '.join(value.split())}" for key, value in comments.items()]
+        # adding 0 turns −0 into 0
+        times = (np.round(self.times_ms, 3) + 0.0).tolist()
+        poses = (np.round(np.hstack((self.positions, self.quaternions)), 6) + 0.0).tolist()
+        rows = (",".join(map(_cell, (at, *pose))) for at, pose in zip(times, poses, strict=True))
+        return "\n".join((*head, ",".join(COLUMNS), *rows, ""))
+
+    @property
+    def duration_ms(self) -> float:
+        """From the first pose to the last."""
+        return float(self.times_ms[-1])
+
+    @property
+    def description(self) -> str:
+        """What the file says that it is, or nothing."""
+        return self.comments.get("description", "")
+
+    @property
+    def gaps_ms(self) -> Floats:
+        """The lengths of the steps that are gaps."""
+        steps = np.diff(self.times_ms)
+        return steps[steps > GAP_MS]
+
+    def gap_notes(self) -> list[str]:
+        """A sentence on its gaps, if it has any."""
+        gaps = self.gaps_ms
+        if not len(gaps):
+            return []
+        count = "One gap" if len(gaps) == 1 else f"{len(gaps):,} gaps"
+        return [f"{count} between poses, up to {gaps.max():,.0f} ms long, will be played straight across."]
+
+    @property
+    def points(self) -> list[Point]:
+        """All poses, in the trace's own frame and unit."""
+        return as_points(self.times_ms, self.positions, self.quaternions)
+
+    def pose_at(self, t_ms: float) -> Point:
+        """The pose at a time: straight between positions, along the arc between rotations; the ends hold."""
+        return as_points([t_ms], *self.poses_at([t_ms]))[0]
+
+    def poses_at(self, times_ms: ArrayLike) -> tuple[Floats, Floats]:
+        """Positions [M, 3] and quaternions [M, 4] at times [M], as `pose_at` says."""
+        at = np.asarray(times_ms, np.float64)
+        after = np.clip(np.searchsorted(self.times_ms, at, side="right"), 0, len(self.times_ms) - 1)
+        before = np.maximum(after - 1, 0)
+        span = self.times_ms[after] - self.times_ms[before]
+        share = np.clip((at - self.times_ms[before]) / np.where(span > 0, span, 1), 0, 1)[:, None]
+        positions = self.positions[before] + share * (self.positions[after] - self.positions[before])
+        first, second = Rotation.from_quat(self.quaternions[before]), Rotation.from_quat(self.quaternions[after])
+        return positions, between(first, second, share).as_quat()
+
+    def until(self, t_ms: float) -> MovementTrace:
+        """Its beginning: up to the first pose at or after a time."""
+        count = int(np.searchsorted(self.times_ms, t_ms)) + 1
+        return replace(
+            self,
+            times_ms=self.times_ms[:count],
+            positions=self.positions[:count],
+            quaternions=self.quaternions[:count],
+        )
+
+
+def unit_quaternions(table: Table, quaternions: Floats) -> tuple[Floats, list[str]]:
+    """Rotations [N, 4] of length 1, one for each row of a table, and a note if they were not. Raises MovementError."""
+    lengths = np.linalg.norm(quaternions, axis=1)
+    low, high = LENGTHS
+    table.refuse((lengths < low) | (lengths > high), "has a quaternion that is no rotation: its length is not 1")
+    scaled = int((np.abs(lengths - 1) > ROUNDED).sum())
+    notes = [f"Quaternions that did not have the length 1 were scaled to it: {scaled:,}."] if scaled else []
+    return quaternions / lengths[:, None], notes
+
+
+def between(first: Rotation, second: Rotation, share: ArrayLike) -> Rotation:
+    """Spherical linear interpolation (Shoemake 1985), the shorter way; shares [N, 1] from 0, the first, to 1."""
+    return first * Rotation.from_rotvec((first.inv() * second).as_rotvec() * share)
+
+
+def as_points(times_ms: ArrayLike, positions: Floats, quaternions: Floats) -> list[Point]:
+    """Poses as they are handed on. `times_ms` [N], `positions` [N, 3], `quaternions` [N, 4]."""
+    rows = zip(np.asarray(times_ms, np.float64).tolist(), positions.tolist(), quaternions.tolist(), strict=True)
+    return [Point(t_ms=at, position=position, quaternion=quaternion) for at, position, quaternion in rows]
+
+
+def _cell(value: float) -> str:
+    return f"{value:.6f}".rstrip("0").rstrip(".")
+
+
+def _choice(value: str, known: tuple[T, ...], name: str, key: str) -> T:
+    for one in known:
+        if value == one:
+            return one
+    raise MovementError(f"{name}: its {key} is {value[:30]!r}, and not {' or '.join(known)}.")

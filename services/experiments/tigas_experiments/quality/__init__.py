@@ -1,0 +1,1 @@
+"""Shown pictures against ground truth."""

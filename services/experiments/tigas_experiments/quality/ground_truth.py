@@ -1,0 +1,83 @@
+"""Ground truth: the render service's own PNG of a pose, at the viewport's resolution."""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from collections.abc import Sequence
+
+import httpx
+
+from tigas_common.wire.render import RenderRequest
+from tigas_experiments.quality.picture import BrokenPicture, Picture, compare, decode
+from tigas_experiments.records.folder import CaptureQuality
+from tigas_experiments.records.recording import Capture, Input, Lens
+from tigas_experiments.run.errors import RunFailed
+
+TIMEOUT_S = 60
+
+
+def pose_of(inputs: Sequence[Input], pose: int) -> Input | None:
+    """The input that made this pose."""
+    index = bisect_right([entry.pose for entry in inputs], pose) - 1
+    return inputs[index] if index >= 0 and inputs[index].pose == pose else None
+
+
+def pose_at(inputs: Sequence[Input], at: float) -> Input | None:
+    """The newest input at a time; None before the first."""
+    index = bisect_right([entry.at for entry in inputs], at) - 1
+    return inputs[index] if index >= 0 else None
+
+
+class Truth:
+    """Renders poses of one scene through one lens; remembers the last picture. Raises RunFailed."""
+
+    def __init__(self, http: httpx.AsyncClient, scene: str, lens: Lens) -> None:
+        self._http = http
+        self._scene = scene
+        self._lens = lens
+        self._last: tuple[int, Picture] | None = None
+
+    async def picture(self, pose: Input) -> Picture:
+        """Ground truth of a pose."""
+        if self._last is None or self._last[0] != pose.pose:
+            self._last = (pose.pose, await self._render(pose))
+        return self._last[1]
+
+    async def judge(self, shown: bytes, capture: Capture, inputs: Sequence[Input]) -> CaptureQuality | None:
+        """A capture against ground truth; None if its pose is not of this run. Raises BrokenPicture, too."""
+        own, current = pose_of(inputs, capture.pose), pose_at(inputs, capture.at)
+        if own is None or current is None:
+            return None
+        picture = decode(shown)
+        return CaptureQuality(
+            at=capture.at,
+            pose=capture.pose,
+            rung=capture.rung,
+            picture=compare(picture, await self.picture(own)),
+            view=compare(picture, await self.picture(current)),
+        )
+
+    async def _render(self, pose: Input) -> Picture:
+        lens = self._lens
+        request = RenderRequest(
+            scene=self._scene,
+            position=pose.position,
+            quaternion=pose.quaternion,
+            fx=lens.fx,
+            fy=lens.fy,
+            cx=lens.cx,
+            cy=lens.cy,
+            width=lens.width,
+            height=lens.height,
+            format="png",
+        )
+        try:
+            answer = await self._http.post("/render", content=request.model_dump_json(exclude_none=True))
+        except httpx.HTTPError as error:
+            raise RunFailed(f"Ground truth could not be rendered: {error or type(error).__name__}") from None
+        if not answer.is_success:
+            raise RunFailed(f"Ground truth could not be rendered: the service answered {answer.status_code}.")
+        try:
+            return decode(answer.content)
+        except BrokenPicture as error:
+            raise RunFailed(f"Ground truth could not be rendered: {error}") from None

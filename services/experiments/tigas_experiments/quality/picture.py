@@ -1,0 +1,73 @@
+"""How a shown picture differs from ground truth: PSNR and SSIM of 8-bit RGB, at the viewport's resolution."""
+
+from __future__ import annotations
+
+import io
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image, UnidentifiedImageError
+
+from tigas_common.wire.model import MAX_PIXELS, WireModel
+
+Picture = NDArray[np.uint8]
+"""[height, width, 3], RGB."""
+MAX_PSNR_DB = 100.0
+"""Stands for the infinite PSNR of equal pictures."""
+
+
+class BrokenPicture(Exception):
+    """Why a picture cannot be compared, in one sentence."""
+
+
+class Quality(WireModel):
+    """A picture against another one."""
+
+    psnr_db: float
+    ssim: float
+
+
+def decode(data: bytes) -> Picture:
+    """A PNG or JPEG as RGB. Raises BrokenPicture."""
+    try:
+        with Image.open(io.BytesIO(data)) as image:
+            if image.width * image.height > MAX_PIXELS:
+                raise BrokenPicture(f"A picture has {image.width}×{image.height} pixels; the limit is {MAX_PIXELS}.")
+            return np.asarray(image.convert("RGB"))
+    except (UnidentifiedImageError, OSError, ValueError, SyntaxError) as error:
+        raise BrokenPicture(f"A picture cannot be read: {error}.") from None
+
+
+def encode(picture: Picture) -> bytes:
+    """A picture as PNG."""
+    buffer = io.BytesIO()
+    Image.fromarray(picture).save(buffer, "PNG")
+    return buffer.getvalue()
+
+
+def enlarged(picture: Picture, width: int, height: int) -> Picture:
+    """As a browser shows it on a stage of this size: bilinear."""
+    if picture.shape[:2] == (height, width):
+        return picture
+    return np.asarray(Image.fromarray(picture).resize((width, height), Image.Resampling.BILINEAR))
+
+
+def compare(shown: Picture, truth: Picture) -> Quality:
+    """`shown`, scaled to the size of `truth`, against it.
+
+    SSIM as Wang et al. 2004 (IEEE TIP 13) with their Gaussian weights (σ = 1.5), mean over channels; PSNR over all
+    channels. Raises BrokenPicture if the pictures are too small.
+    """
+    from skimage.metrics import structural_similarity  # heavy, and most who read figures compute none
+
+    height, width = truth.shape[:2]
+    if min(height, width) < 11:
+        raise BrokenPicture("A picture of less than 11 pixels on a side has no SSIM.")
+    shown = enlarged(shown, width, height)
+    error = float(np.mean(np.square(shown.astype(np.float32) - truth)))
+    psnr = min(MAX_PSNR_DB, 10 * math.log10(255**2 / error)) if error else MAX_PSNR_DB
+    ssim = structural_similarity(  # type: ignore[no-untyped-call]
+        shown, truth, channel_axis=2, gaussian_weights=True, sigma=1.5, use_sample_covariance=False
+    )
+    return Quality(psnr_db=psnr, ssim=float(ssim))

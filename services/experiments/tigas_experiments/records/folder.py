@@ -1,0 +1,288 @@
+"""One folder a run.
+
+    run.json         the configuration, versions, machine, load, and whether the run is complete
+    inputs.ndjson    poses that the viewer sampled        frames.ndjson   frames that were on the screen
+    replies.ndjson   frames that came (if any did)        traffic.ndjson  what the page received
+    link.ndjson      what the shaper told of its link     load.ndjson     the machine's load
+    captures/        pictures that were shown, as PNG     captures.ndjson which frames these are
+    quality.ndjson   how they compare with ground truth
+    moment.json      one of them, beside which captures/view.png shows what the viewer should have seen then
+
+A run is complete when its run.json says so, which is written last: whatever happens before leaves an incomplete run.
+
+The runs of an experiment lie in one folder, as runs/<slug>, beside experiment.json, which says what was planned.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import Annotated, Literal, TypeVar
+
+from pydantic import AfterValidator, BaseModel, Field, JsonValue, StringConstraints, ValidationError
+
+from tigas_common.parsing import sentence
+from tigas_common.wire.model import WireModel
+from tigas_experiments.quality.picture import Quality
+from tigas_experiments.records.configuration import Configuration
+from tigas_experiments.records.load import Load, LoadSample
+from tigas_experiments.records.machine import Machine, Server
+from tigas_experiments.records.recording import (
+    BrokenRecording,
+    Input,
+    Recording,
+    RecordingHead,
+    Reply,
+    ShownFrame,
+    Traffic,
+)
+
+MAX_FILE_BYTES = 256_000_000
+Entry = TypeVar("Entry", bound=BaseModel)
+
+
+def _printable(text: str) -> str:
+    if not text.isprintable():
+        raise ValueError("a name is one line of text")
+    return text
+
+
+ExperimentName = Annotated[
+    str, StringConstraints(strip_whitespace=True, min_length=1, max_length=100), AfterValidator(_printable)
+]
+
+
+def _finite(plan: dict[str, JsonValue]) -> dict[str, JsonValue]:
+    try:
+        json.dumps(plan, allow_nan=False)
+    except ValueError:
+        raise ValueError("its numbers must be finite") from None
+    return plan
+
+
+Plan = Annotated[dict[str, JsonValue], AfterValidator(_finite)]
+"""What an experiment was asked for; any JSON object."""
+
+
+class ExperimentRecord(WireModel):
+    """experiment.json."""
+
+    name: ExperimentName
+    created: str
+    """ISO 8601, UTC."""
+    source: Literal["command", "page"]
+    plan: Plan
+    """As it was given."""
+    planned: int | None = Field(default=None, ge=0)
+    """How many runs it has when it is complete; unknown of early ones."""
+
+
+def write_experiment(folder: Path, record: ExperimentRecord) -> None:
+    """Make an experiment's folder, if it is not there, and say in it what is planned. Raises OSError."""
+    (folder / "runs").mkdir(parents=True, exist_ok=True)
+    _replace(folder / "experiment.json", record)
+
+
+def read_experiment(folder: Path) -> ExperimentRecord:
+    """What write_experiment wrote. Raises BrokenRecording."""
+    return _read_one(folder / "experiment.json", ExperimentRecord)
+
+
+class LinkSample(WireModel):
+    """The link at one moment of a run."""
+
+    at: float
+    """ms since the run's start."""
+    position_ms: float | None
+    """Of the trace."""
+    target_kbps: float
+    delivered_kbps: float
+    queue_ms: float
+    drops: int
+    up_delivered_kbps: float
+
+
+class CaptureQuality(WireModel):
+    """What a person saw at one moment, judged twice."""
+
+    at: float
+    pose: int
+    rung: int | None
+    picture: Quality
+    """Against the very pose that the frame was rendered from: what resolution and compression cost."""
+    view: Quality
+    """Against the pose that the viewer had at that moment: what lateness costs, too."""
+
+
+class Moment(WireModel):
+    """One capture beside which ground truth was kept."""
+
+    at: float
+    capture: int
+
+
+class InputDigests(WireModel):
+    """SHA-256 of the files that a run was made from, in hexadecimal digits; None for what is no file."""
+
+    movement: str | None
+    trace: str | None
+
+
+class RunRecord(WireModel):
+    """run.json."""
+
+    status: Literal["running", "complete", "failed"]
+    problem: str | None
+    """Why it failed."""
+    configuration: Configuration
+    inputs_sha256: InputDigests | None = None
+    """Unknown of runs that a page made, and of early ones."""
+    machine: Machine
+    started: str
+    """ISO 8601, UTC."""
+    server: Server | None = None
+    """Unknown of runs that a page made, and of early ones."""
+    browser: str | None = None
+    backend: str | None = None
+    """What made the link's delay: netem or relay."""
+    scene_bytes: int | None = None
+    """Of the scene's file: what a viewer that renders for itself would have to download."""
+    points_sha256: str | None = None
+    """Digest of the poses that the page was given: equal inputs have equal ones."""
+    load: Load | None = None
+    recording: RecordingHead | None = None
+
+
+class StoredRun:
+    """A run that was written, read back. Each property reads its file; they raise BrokenRecording."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self.record = _read_one(folder / "run.json", RunRecord)
+
+    def inputs(self) -> list[Input]:
+        """Poses that were sampled."""
+        return _read_lines(self.folder / "inputs.ndjson", Input)
+
+    def frames(self) -> list[ShownFrame]:
+        """Frames that were shown."""
+        return _read_lines(self.folder / "frames.ndjson", ShownFrame)
+
+    def replies(self) -> list[Reply]:
+        """Frames that came; empty for DASH, and where nobody recorded them."""
+        path = self.folder / "replies.ndjson"
+        return _read_lines(path, Reply) if path.exists() else []
+
+    def traffic(self) -> list[Traffic]:
+        """What was received."""
+        return _read_lines(self.folder / "traffic.ndjson", Traffic)
+
+    def link(self) -> list[LinkSample]:
+        """What the link did; empty for an unshaped run."""
+        return _read_lines(self.folder / "link.ndjson", LinkSample)
+
+    def load(self) -> list[LoadSample]:
+        """How busy the machine was."""
+        return _read_lines(self.folder / "load.ndjson", LoadSample)
+
+    def quality(self) -> list[CaptureQuality]:
+        """How the kept pictures compare with ground truth."""
+        return _read_lines(self.folder / "quality.ndjson", CaptureQuality)
+
+    def moment(self) -> tuple[float, bytes, bytes] | None:
+        """When (ms), what was on the screen, and the view that the viewer had then, both as PNG; None without."""
+        if not (self.folder / "moment.json").exists():
+            return None
+        moment = _read_one(self.folder / "moment.json", Moment)
+        shown, view = _capture(self.folder, moment.capture), self.folder / "captures" / "view.png"
+        try:
+            return moment.at, shown.read_bytes(), view.read_bytes()
+        except OSError as error:
+            raise BrokenRecording(f"{error.filename} cannot be read: {error.strerror}.") from None
+
+
+class RunWriter:
+    """Writes a run's folder. Raises OSError, such as when the disk is full."""
+
+    def __init__(self, folder: Path, record: RunRecord) -> None:
+        self.folder = folder
+        self._record = record
+        (folder / "captures").mkdir(parents=True)
+        _replace(folder / "run.json", record)
+
+    def recording(self, recording: Recording) -> None:
+        """What the page recorded."""
+        self._lines("inputs", recording.inputs)
+        self._lines("frames", recording.frames)
+        if recording.replies:
+            self._lines("replies", recording.replies)
+        self._lines("traffic", recording.traffic)
+        self._lines("captures", recording.captures)
+
+    def surroundings(self, link: Iterable[LinkSample], load: Sequence[LoadSample]) -> None:
+        """What happened around it."""
+        self._lines("link", link)
+        self._lines("load", load)
+
+    def capture(self, index: int, png: bytes) -> None:
+        """One picture."""
+        _capture(self.folder, index).write_bytes(png)
+
+    def moment(self, moment: Moment, view: bytes) -> None:
+        """Ground truth of what the viewer should have seen at a capture's time."""
+        (self.folder / "captures" / "view.png").write_bytes(view)
+        (self.folder / "moment.json").write_text(moment.model_dump_json() + "\n", encoding="utf-8")
+
+    def quality(self, entries: Iterable[CaptureQuality]) -> None:
+        """How the pictures compare with ground truth."""
+        self._lines("quality", entries)
+
+    def close(self, **changes: object) -> RunRecord:
+        """The last word: the record with changes."""
+        self._record = self._record.model_copy(update=changes)
+        _replace(self.folder / "run.json", self._record)
+        return self._record
+
+    def _lines(self, name: str, entries: Iterable[BaseModel]) -> None:
+        with (self.folder / f"{name}.ndjson").open("w", encoding="utf-8") as file:
+            file.writelines(f"{entry.model_dump_json()}\n" for entry in entries)
+
+
+def _replace(path: Path, record: BaseModel) -> None:
+    """Write a record whole: whoever reads meanwhile sees the old one or the new one."""
+    new = path.with_name(f"{path.name}.new")
+    new.write_text(record.model_dump_json(indent=2) + "\n", encoding="utf-8")
+    new.replace(path)
+
+
+def _capture(folder: Path, index: int) -> Path:
+    return folder / "captures" / f"{index:04}.png"
+
+
+def _read(path: Path) -> str:
+    try:
+        if path.stat().st_size > MAX_FILE_BYTES:
+            raise BrokenRecording(f"{path} has more than {MAX_FILE_BYTES} bytes.")
+        return path.read_text(encoding="utf-8")
+    except OSError as error:
+        raise BrokenRecording(f"{path} cannot be read: {error.strerror or error}.") from None
+    except UnicodeDecodeError:
+        raise BrokenRecording(f"{path} is no text.") from None
+
+
+def _read_one(path: Path, model: type[Entry]) -> Entry:
+    try:
+        return model.model_validate_json(_read(path))
+    except ValidationError as error:
+        raise BrokenRecording(f"{path} is broken: {sentence(error)}") from None
+
+
+def _read_lines(path: Path, model: type[Entry]) -> list[Entry]:
+    entries = []
+    for number, line in enumerate(_read(path).splitlines(), 1):
+        try:
+            entries.append(model.model_validate_json(line))
+        except ValidationError as error:
+            raise BrokenRecording(f"{path}, line {number}: {sentence(error)}") from None
+    return entries

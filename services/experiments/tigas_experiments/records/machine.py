@@ -1,0 +1,76 @@
+"""What a figure depends on beside its configuration: versions, machines, and what served the frames."""
+
+from __future__ import annotations
+
+import platform
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Self
+
+import psutil
+
+from tigas_common.commit import this_commit
+from tigas_common.wire.model import WireModel
+from tigas_common.wire.render import Rung, ServerConfig
+
+PACKAGES = ("aioquic", "av", "numba", "playwright", "scikit-image")
+
+
+class Machine(WireModel):
+    """Where a run was made: the lab's own."""
+
+    system: str
+    processor: str
+    processors: int
+    memory_gb: float
+    python: str
+    tigas: str
+    commit: str | None
+    """Of the lab's code, with `-dirty` if it was changed; None if it is unknown."""
+    packages: dict[str, str]
+
+
+class Server(WireModel):
+    """The render service that a run was made with, which may be another machine's, as it says of itself."""
+
+    version: str
+    commit: str | None
+    """Of its code."""
+    device: str | None
+    """What it renders with."""
+    ladder: tuple[Rung, ...]
+
+    @classmethod
+    def of(cls, config: ServerConfig) -> Self:
+        """From what it tells its pages."""
+        return cls(version=config.version, commit=config.commit, device=config.device, ladder=config.ladder)
+
+
+def this_machine() -> Machine:
+    """As it is now."""
+    return Machine(
+        system=f"{platform.system()} {platform.release()} {platform.machine()}",
+        processor=_processor(),
+        processors=psutil.cpu_count() or 1,
+        memory_gb=round(psutil.virtual_memory().total / 1e9, 1),
+        python=platform.python_version(),
+        tigas=_version("tigas") or "unknown",
+        commit=this_commit(),
+        packages={name: found for name in PACKAGES if (found := _version(name))},
+    )
+
+
+def _version(package: str) -> str | None:
+    try:
+        return version(package)
+    except PackageNotFoundError:
+        return None
+
+
+def _processor() -> str:
+    try:
+        lines = Path("/proc/cpuinfo").read_text(errors="replace").splitlines()
+    except OSError:
+        return platform.processor() or "unknown"
+    names = (line.split(":", 1)[1].strip() for line in lines if line.startswith("model name") and ":" in line)
+    return next(names, platform.processor() or "unknown")

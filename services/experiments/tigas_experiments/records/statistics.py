@@ -1,0 +1,234 @@
+"""Figures of a run from its records, with the definitions that docs/compare.md states. Pure: records in, figures out.
+
+Every mode is measured from the same two lists, the poses that the rig sampled and the frames that were on the screen,
+so that no player's own idea of latency or stall enters.
+"""
+
+from __future__ import annotations
+
+import math
+from bisect import bisect_right
+from collections import deque
+from collections.abc import Iterator, Sequence
+from itertools import pairwise
+
+from tigas_common.wire.model import WireModel
+from tigas_experiments.records.recording import Input, Reply, ShownFrame, Traffic
+
+INTERACTIVE_MS = 100.0
+"""The motion-to-photon latency that counts as immediate."""
+FREEZE_MS, FREEZE_HISTORY = 150.0, 30
+"""As W3C webrtc-stats has them."""
+
+
+class Latencies(WireModel):
+    """Motion-to-photon latency, in ms. None: that share of the inputs was never answered, or there are none."""
+
+    inputs: int
+    unanswered: int
+    """Inputs that no frame ever showed, although recording went on for seconds."""
+    p50: float | None
+    p95: float | None
+    p99: float | None
+    share_interactive: float | None
+    """Of all inputs, those shown within INTERACTIVE_MS, 0 to 1."""
+
+
+class Responses(WireModel):
+    """From the sample of a frame's own pose to that frame on the screen, in ms; None without frames."""
+
+    frames: int
+    """New views of poses that were sampled during the run."""
+    mean: float | None
+    p50: float | None
+    p95: float | None
+
+
+class ReplyTimes(WireModel):
+    """From asking for a frame to its last byte, in ms; None without replies."""
+
+    replies: int
+    """To what was asked for during the run."""
+    mean: float | None
+    p50: float | None
+    p95: float | None
+
+
+class Freezes(WireModel):
+    """Times at which the picture stood although the viewer moved."""
+
+    count: int
+    total_ms: float
+    longest_ms: float
+
+
+class Rates(WireModel):
+    """Frames over the movement's duration."""
+
+    shown: int
+    per_s: float
+    new_views: int
+    """Frames that show a later pose than any before: a video repeats frames, a frame per pose does not."""
+    new_views_per_s: float
+
+
+class Rungs(WireModel):
+    """Which rungs of the ladder were on the screen."""
+
+    share: dict[int, float]
+    """Rung → share of the time."""
+    switches: int
+
+    @property
+    def mean(self) -> float | None:
+        """Weighted by time; None if no rung was known."""
+        return sum(rung * share for rung, share in self.share.items()) if self.share else None
+
+
+def percentile(values: Sequence[float], rank: float) -> float | None:
+    """The nearest-rank percentile (rank 0 to 1), as the page computes it; None without values."""
+    ordered = sorted(values)
+    return ordered[max(0, math.ceil(rank * len(ordered)) - 1)] if ordered else None
+
+
+def answers(inputs: Sequence[Input], frames: Sequence[ShownFrame]) -> list[float]:
+    """For each input, ms until the first frame of its pose or of a later one was on the screen; inf if none came."""
+    latencies: list[float] = []
+    frame, newest = 0, -1
+    for entry in inputs:  # poses and times grow, so the answering frame never goes back
+        while frame < len(frames) and (newest := max(newest, frames[frame].pose)) < entry.pose:
+            frame += 1
+        latencies.append(frames[frame].at - entry.at if frame < len(frames) else math.inf)
+    return latencies
+
+
+def latencies(inputs: Sequence[Input], frames: Sequence[ShownFrame]) -> Latencies:
+    """Percentiles over all inputs, unanswered ones counted as slower than any."""
+    values = answers(inputs, frames)
+    interactive = sum(value <= INTERACTIVE_MS for value in values)
+    return Latencies(
+        inputs=len(values),
+        unanswered=sum(map(math.isinf, values)),
+        p50=_finite(percentile(values, 0.5)),
+        p95=_finite(percentile(values, 0.95)),
+        p99=_finite(percentile(values, 0.99)),
+        share_interactive=interactive / len(values) if values else None,
+    )
+
+
+def new_views(frames: Sequence[ShownFrame]) -> list[ShownFrame]:
+    """The frames that show a later pose than any before them."""
+    found: list[ShownFrame] = []
+    for frame in frames:
+        if not found or frame.pose > found[-1].pose:
+            found.append(frame)
+    return found
+
+
+def response_times(inputs: Sequence[Input], frames: Sequence[ShownFrame]) -> list[tuple[float, float]]:
+    """For each new view of a sampled pose: when it was on the screen, and how long after its pose's sample, in ms."""
+    sampled = {entry.pose: entry.at for entry in inputs}
+    return [(frame.at, frame.at - sampled[frame.pose]) for frame in new_views(frames) if frame.pose in sampled]
+
+
+def responses(inputs: Sequence[Input], frames: Sequence[ShownFrame]) -> Responses:
+    """Over the frames, where `latencies` is over the inputs: what no frame was asked for does not count here."""
+    values = [ms for _, ms in response_times(inputs, frames)]
+    return Responses(
+        frames=len(values),
+        mean=_mean(values),
+        p50=percentile(values, 0.5),
+        p95=percentile(values, 0.95),
+    )
+
+
+def reply_times(replies: Sequence[Reply]) -> ReplyTimes:
+    """Without the page's part: its wait to ask, decoding and the screen."""
+    values = [reply.time_ms for reply in replies if reply.asked_at >= 0]
+    return ReplyTimes(
+        replies=len(values), mean=_mean(values), p50=percentile(values, 0.5), p95=percentile(values, 0.95)
+    )
+
+
+def freezes(inputs: Sequence[Input], frames: Sequence[ShownFrame], ended_ms: float) -> Freezes:
+    """Gaps between new views that W3C webrtc-stats would count in `freezeCount`: at least max(3δ, δ + 150 ms) long,
+    δ the mean of the last 30 gaps. Time in which the viewer stood still does not count; nor does constant latency.
+    """
+    gaps: deque[float] = deque(maxlen=FREEZE_HISTORY)
+    long: list[float] = []
+    for gap in _gaps(inputs, new_views(frames), ended_ms):
+        mean = sum(gaps) / len(gaps) if gaps else 0.0
+        if gap >= max(3 * mean, mean + FREEZE_MS):
+            long.append(gap)
+        gaps.append(gap)
+    return Freezes(count=len(long), total_ms=sum(long), longest_ms=max(long, default=0.0))
+
+
+def _gaps(inputs: Sequence[Input], views: Sequence[ShownFrame], ended_ms: float) -> Iterator[float]:
+    """From each view of the run to the next, in ms, less the time for which the viewer stood still after its pose."""
+    if not inputs:
+        return
+    poses = [entry.pose for entry in inputs]
+    own = [view for view in views if view.pose >= poses[0]]
+    ends = [*(view.at for view in own), ended_ms][1:]
+    for view, until in zip(own, ends, strict=True):
+        following = bisect_right(poses, view.pose)
+        if following == len(inputs):
+            return  # nothing newer was asked for
+        yield max(0.0, until - view.at - (inputs[following].at - inputs[following - 1].at))
+    if not own:
+        yield ended_ms - inputs[0].at
+
+
+def rates(frames: Sequence[ShownFrame], duration_ms: float) -> Rates:
+    """How many frames, and how many that show something new, while the movement lasted."""
+    during = [frame for frame in frames if 0 <= frame.at <= duration_ms]
+    new = len(new_views(during))
+    seconds = duration_ms / 1000
+    return Rates(shown=len(during), per_s=len(during) / seconds, new_views=new, new_views_per_s=new / seconds)
+
+
+def rungs(frames: Sequence[ShownFrame], duration_ms: float) -> Rungs:
+    """Each rung's share of the time that a frame of a known rung was on the screen, until the movement's end."""
+    known = [(frame.at, frame.rung) for frame in frames if frame.rung is not None and frame.at <= duration_ms]
+    lasted: dict[int, float] = {}
+    for (at, rung), (until, _) in pairwise([*known, (duration_ms, 0)]):
+        lasted[rung] = lasted.get(rung, 0.0) + until - at
+    total = sum(lasted.values())
+    return Rungs(
+        share={rung: time / total for rung, time in sorted(lasted.items())} if total > 0 else {},
+        switches=sum(before != after for (_, before), (_, after) in pairwise(known)),
+    )
+
+
+def mean_height(frames: Sequence[ShownFrame], duration_ms: float) -> float | None:
+    """Height in pixels of what was on the screen until the movement's end, weighted by time; None without frames."""
+    shown = [(frame.at, frame.height) for frame in frames if frame.at < duration_ms]
+    if not shown:
+        return None
+    lasted = [until - at for (at, _), (until, _) in pairwise([*shown, (duration_ms, 0)])]
+    return sum(time * height for time, (_, height) in zip(lasted, shown, strict=True)) / sum(lasted)
+
+
+def received_kbps(traffic: Sequence[Traffic], duration_ms: float) -> float | None:
+    """Mean rate at which the page received frames or segments until the movement's end; None if it did not count."""
+    during = [entry for entry in traffic if entry.at <= duration_ms]
+    if len(during) < 2 or during[-1].at <= during[0].at:
+        return None
+    return (during[-1].bytes - during[0].bytes) * 8 / (during[-1].at - during[0].at)
+
+
+def mean_over_time(points: Sequence[tuple[float, float]]) -> float | None:
+    """The mean of (ms, value since the point before), weighted by time; None with less than two points."""
+    span = points[-1][0] - points[0][0] if len(points) > 1 else 0.0
+    if span <= 0:
+        return None
+    return sum(value * (at - before) for (before, _), (at, value) in pairwise(points)) / span
+
+
+def _mean(values: Sequence[float]) -> float | None:
+    return sum(values) / len(values) if values else None
+
+
+def _finite(value: float | None) -> float | None:
+    return None if value is None or math.isinf(value) else value

@@ -1,0 +1,149 @@
+"""The figures of one run, from its folder."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from tigas_common.wire.model import WireModel
+from tigas_experiments.records import statistics
+from tigas_experiments.records.folder import CaptureQuality, LinkSample, RunRecord, StoredRun
+from tigas_experiments.records.recording import BrokenRecording, Input, RecordingHead, Reply, ShownFrame, Traffic
+from tigas_experiments.records.statistics import Freezes, Latencies, Rates, ReplyTimes, Responses, Rungs
+
+
+class QualityFigures(WireModel):
+    """Over the kept pictures of a run."""
+
+    pictures: int
+    picture_psnr_db: float
+    """Mean, against the pose that each was rendered from."""
+    picture_ssim: float
+    view_psnr_db: float
+    """Mean, against the pose that the viewer had when it was on the screen."""
+    view_ssim: float
+
+
+class Figures(WireModel):
+    """What a complete run says."""
+
+    latencies: Latencies
+    responses: Responses
+    reply_times: ReplyTimes
+    frames: Rates
+    freezes: Freezes
+    rungs: Rungs
+    mean_height: float | None
+    """Of the frames shown, weighted by time, in pixels."""
+    received_kbps: float | None
+    """By the page: frames or segments."""
+    delivered_kbps: float | None
+    """By the link towards the client: everything, with headers."""
+    sent_kbps: float | None
+    """By the link from the client."""
+    target_kbps: float | None
+    """The link's rate towards the client, mean."""
+    trace_start_ms: float | None
+    """The trace's position when the run began."""
+    drops: int | None
+    quality: QualityFigures | None
+
+
+class Summary(WireModel):
+    """A run with its figures, or with the reason why there are none."""
+
+    folder: str
+    record: RunRecord
+    figures: Figures | None
+    problem: str | None
+
+
+@dataclass(frozen=True, slots=True)
+class Records:
+    """What was recorded in a complete run, read once."""
+
+    head: RecordingHead
+    inputs: list[Input]
+    frames: list[ShownFrame]
+    replies: list[Reply]
+    traffic: list[Traffic]
+    link: list[LinkSample]
+    """While the movement lasted."""
+    quality: list[CaptureQuality]
+
+    @classmethod
+    def of(cls, stored: StoredRun) -> Records:
+        """Raises BrokenRecording."""
+        head = stored.record.recording
+        if head is None:
+            raise BrokenRecording(f"{stored.folder / 'run.json'} says nothing of the recording.")
+        return cls(
+            head=head,
+            inputs=stored.inputs(),
+            frames=stored.frames(),
+            replies=stored.replies(),
+            traffic=stored.traffic(),
+            link=[sample for sample in stored.link() if 0 <= sample.at <= head.duration_ms],
+            quality=stored.quality(),
+        )
+
+
+def summarise(folder: Path) -> Summary:
+    """Read a run's folder. Raises BrokenRecording if not even run.json can be read."""
+    return read(folder)[0]
+
+
+def read(folder: Path) -> tuple[Summary, Records | None]:
+    """A run's summary, with its records where there are figures. Raises BrokenRecording as `summarise` does."""
+    stored = StoredRun(folder)
+    record = stored.record
+    if record.status != "complete":
+        reason = record.problem or "The run is incomplete: it was never ended."
+        return Summary(folder=folder.name, record=record, figures=None, problem=reason), None
+    try:
+        records = Records.of(stored)
+    except BrokenRecording as error:
+        return Summary(folder=folder.name, record=record, figures=None, problem=str(error)), None
+    return Summary(folder=folder.name, record=record, figures=figures(records), problem=None), records
+
+
+def figures(records: Records) -> Figures:
+    """All figures of a complete run."""
+    inputs, frames, link, duration = records.inputs, records.frames, records.link, records.head.duration_ms
+    return Figures(
+        latencies=statistics.latencies(inputs, frames),
+        responses=statistics.responses(inputs, frames),
+        reply_times=statistics.reply_times(records.replies),
+        frames=statistics.rates(frames, duration),
+        freezes=statistics.freezes(inputs, frames, records.head.ended_ms),
+        rungs=statistics.rungs(frames, duration),
+        mean_height=statistics.mean_height(frames, duration),
+        received_kbps=statistics.received_kbps(records.traffic, duration),
+        delivered_kbps=statistics.mean_over_time([(sample.at, sample.delivered_kbps) for sample in link]),
+        sent_kbps=statistics.mean_over_time([(sample.at, sample.up_delivered_kbps) for sample in link]),
+        target_kbps=statistics.mean_over_time([(sample.at, sample.target_kbps) for sample in link]),
+        trace_start_ms=_trace_start(link),
+        drops=link[-1].drops - link[0].drops if link else None,
+        quality=_quality(records.quality),
+    )
+
+
+def _trace_start(link: list[LinkSample]) -> float | None:
+    first = next((sample for sample in link if sample.position_ms is not None), None)
+    return None if first is None or first.position_ms is None else first.position_ms - first.at
+
+
+def _quality(entries: list[CaptureQuality]) -> QualityFigures | None:
+    if not entries:
+        return None
+
+    def mean(values: list[float]) -> float:
+        return sum(values) / len(values)
+
+    return QualityFigures(
+        pictures=len(entries),
+        picture_psnr_db=mean([entry.picture.psnr_db for entry in entries]),
+        picture_ssim=mean([entry.picture.ssim for entry in entries]),
+        view_psnr_db=mean([entry.view.psnr_db for entry in entries]),
+        view_ssim=mean([entry.view.ssim for entry in entries]),
+    )

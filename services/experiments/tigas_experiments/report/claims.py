@@ -1,0 +1,168 @@
+"""The paper's claims, and our own, held against the runs where they apply."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+from tigas_experiments.report.metrics import (
+    HEIGHT,
+    IN_TIME,
+    NEW_VIEWS,
+    REPLY_P95,
+    RESPONSE_P95,
+    SWITCHES,
+    VIEW_SSIM,
+    Metric,
+)
+from tigas_experiments.report.results import Group, Results
+from tigas_experiments.report.variants import CONTROLLER_TITLES
+
+Verdict = Literal["holds", "does not hold", "no data"]
+RESPONSE_MS, RESPONSE_RTT_MS = 100.0, 50.0
+RESPONSES = {REPLY_P95: "from asking to the last byte", RESPONSE_P95: "from the pose to the screen"}
+"""The paper's, which runs without replies do not have, and the longer one that all have."""
+FRAMES_PER_S, FRAMES_RTT_MS = 25.0, 300.0
+
+
+@dataclass(frozen=True, slots=True)
+class Claim:
+    """One, and what the runs say of it."""
+
+    text: str
+    whose: Literal["the paper's", "ours"]
+    verdict: Verdict
+    figures: str
+    """What the verdict rests on."""
+
+
+Cell = dict[str, Group]
+"""Controller → its runs, over one network at one round trip."""
+
+
+def claims(results: Results) -> list[Claim]:
+    """All of them, with `no data` where the runs say nothing."""
+    cells: dict[tuple[str, float | None], Cell] = {}
+    for group in results.groups:
+        condition = group.condition
+        cells.setdefault((condition.network, condition.rtt_ms), {})[condition.variant.name] = group
+    return [
+        _fewer_switches(list(cells.values()), "lol+"),
+        _fewer_switches(list(cells.values()), "l2a"),
+        *_each_network(
+            cells,
+            lambda rtt: rtt <= RESPONSE_RTT_MS,
+            {
+                metric: f"Latency's p95 response, {span}, is under 100 ms at round trips of up to 50 ms"
+                for metric, span in RESPONSES.items()
+            },
+            lambda value: value < RESPONSE_MS,
+        ),
+        *_each_network(
+            cells,
+            lambda rtt: rtt == FRAMES_RTT_MS,
+            {NEW_VIEWS: "Latency shows at least 25 new views a second at a round trip of 300 ms"},
+            lambda value: value >= FRAMES_PER_S,
+        ),
+        _budget(list(cells.values()), HEIGHT, "at an equal or greater height"),
+        _budget(list(cells.values()), VIEW_SSIM, "at an equal or better SSIM of the view"),
+    ]
+
+
+def _fewer_switches(cells: Sequence[Cell], other: str) -> Claim:
+    title = CONTROLLER_TITLES[other]
+    text = f"Latency changes its profile less often than {title}"
+    both = [cell for cell in cells if _pairs([cell], "latency", other, SWITCHES)]
+    if not both:
+        return Claim(text, "the paper's", "no data", "There are no runs of both over the same network.")
+    pairs = _pairs(both, "latency", other, SWITCHES)
+    ours, theirs = (sum(pair[side] for pair in pairs) / len(pairs) for side in (0, 1))
+    fewer = sum(a < b for a, b in pairs)
+    figures = (
+        f"Latency {SWITCHES.text(ours)}, {title} {SWITCHES.text(theirs)} a minute; "
+        f"less often at {fewer} of {len(pairs)} networks and round trips."
+    )
+    return Claim(text, "the paper's", _verdict(ours < theirs), figures + _saturated(both, "latency", other))
+
+
+def _each_network(
+    cells: dict[tuple[str, float | None], Cell],
+    applies: Callable[[float], bool],
+    texts: Mapping[Metric, str],
+    holds: Callable[[float], bool],
+) -> list[Claim]:
+    """A claim over Latency alone: one row for each network that has runs at such a round trip.
+
+    It is judged by the first of the figures that all of its runs have, or by the last.
+    """
+    *_, last = texts
+    found: list[Claim] = []
+    for network in dict.fromkeys(network for network, _ in cells):
+        at = {rtt: cell for (name, rtt), cell in cells.items() if name == network and rtt is not None and applies(rtt)}
+        groups = [cell["latency"] for cell in at.values() if "latency" in cell]
+        metric = next((metric for metric in texts if all(group.has(metric) for group in groups)), last)
+        values = {rtt: value for rtt, cell in at.items() if (value := _mean(cell, "latency", metric)) is not None}
+        if not values:
+            continue
+        parts = []
+        for rtt, value in values.items():
+            others = [
+                f"{group.variant.title} {metric.text(other)}"
+                for name, group in at[rtt].items()
+                if name != "latency" and (other := _mean(at[rtt], name, metric)) is not None
+            ]
+            beside = f" ({', '.join(others)})" if others else ""
+            parts.append(f"{metric.with_unit(value)} at {rtt:g} ms{beside}")
+        figures = f"{'; '.join(parts)}.{_saturated(list(at.values()), 'latency')}"
+        verdict = _verdict(all(map(holds, values.values())))
+        found.append(Claim(f"{texts[metric]}, over {network}", "the paper's", verdict, figures))
+    nothing = "There are no runs of Latency at such a known round trip."
+    return found or [Claim(next(iter(texts.values())), "the paper's", "no data", nothing)]
+
+
+def _budget(cells: Sequence[Cell], quality: Metric, words: str) -> Claim:
+    text = f"Budget has more inputs within 100 ms than Latency, {words}"
+    both = [
+        cell
+        for cell in cells
+        if _pairs([cell], "budget", "latency", IN_TIME) and _pairs([cell], "budget", "latency", quality)
+    ]
+    if not both:
+        return Claim(text, "ours", "no data", "There are no runs of both over the same network that have the figure.")
+    shares, qualities = (_pairs(both, "budget", "latency", metric) for metric in (IN_TIME, quality))
+    (in_time, theirs), (good, their_quality) = (
+        tuple(sum(pair[side] for pair in pairs) / len(pairs) for side in (0, 1)) for pairs in (shares, qualities)
+    )
+    won = sum(a > b and c >= d for (a, b), (c, d) in zip(shares, qualities, strict=True))
+    figures = (
+        f"Budget {IN_TIME.with_unit(in_time)} at {quality.with_unit(good)}, Latency {IN_TIME.with_unit(theirs)} at "
+        f"{quality.with_unit(their_quality)}; both are so at {won} of {len(both)} networks and round trips."
+    )
+    verdict = _verdict(in_time > theirs and good >= their_quality)
+    return Claim(text, "ours", verdict, figures + _saturated(both, "budget", "latency"))
+
+
+def _pairs(cells: Sequence[Cell], one: str, other: str, metric: Metric) -> list[tuple[float, float]]:
+    """Means of both, in the cells that have both."""
+    means = [(_mean(cell, one, metric), _mean(cell, other, metric)) for cell in cells]
+    return [(a, b) for a, b in means if a is not None and b is not None]
+
+
+def _mean(cell: Cell, name: str, metric: Metric) -> float | None:
+    spread = cell[name].spread(metric) if name in cell else None
+    return None if spread is None else spread.mean
+
+
+def _verdict(holds: bool) -> Verdict:
+    return "holds" if holds else "does not hold"
+
+
+def _saturated(cells: Sequence[Cell], *names: str) -> str:
+    """What the figures owe to the machine."""
+    runs = [run for cell in cells for name in names if name in cell for run in cell[name].runs]
+    saturated = sum(run.saturated for run in runs)
+    if not saturated:
+        return ""
+    which = "all of these" if saturated == len(runs) else f"{saturated} of these {len(runs)}"
+    return f" Processors were saturated in {which} runs."

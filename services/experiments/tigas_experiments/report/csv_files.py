@@ -1,0 +1,107 @@
+"""The figures for other programs: runs.csv with a row for each run, groups.csv with a row for each condition.
+
+An empty cell is a figure that there is not; `inf` is a time that never came.
+"""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import Any
+
+from tigas_experiments.records.folder import RunRecord
+from tigas_experiments.report.metrics import METRICS
+from tigas_experiments.report.results import Condition, Failure, Group, Results, Run
+
+Row = dict[str, Any]
+
+
+def write_csv(results: Results, folder: Path) -> list[Path]:
+    """Both files. Raises OSError."""
+    runs = [*map(_run, results.runs), *map(_failure, results.failures)]
+    files = {
+        "runs.csv": sorted(runs, key=lambda row: str(row["folder"])),
+        "groups.csv": [_group(group) for group in results.groups],
+    }
+    return [_write(folder / name, rows) for name, rows in files.items()]
+
+
+def _run(run: Run) -> Row:
+    figures = {metric.name: metric.of(run.record, run.figures) for metric in METRICS}
+    shares = {f"profile_{rung}_pct": 100 * share for rung, share in run.figures.rungs.share.items()}
+    return {"folder": run.folder, "status": "complete", "problem": "", **_record(run.record), **figures, **shares}
+
+
+def _failure(failure: Failure) -> Row:
+    record = failure.record
+    status = record.status if record is not None and record.status != "complete" else "broken"
+    return {
+        "folder": failure.folder,
+        "status": status,
+        "problem": failure.reason,
+        **(_record(record) if record else {}),
+    }
+
+
+def _record(record: RunRecord) -> Row:
+    condition = Condition.of(record)
+    load = record.load
+    return {
+        "network": condition.network,
+        "rtt_ms": condition.rtt_ms,
+        "controller": condition.variant.name,
+        **_flat("configuration", record.configuration.model_dump(mode="json")),
+        "started": record.started,
+        "tigas": record.machine.tigas,
+        "commit": record.machine.commit,
+        "browser": record.browser,
+        "link_made_by": record.backend,
+        "scene_bytes": record.scene_bytes,
+        "processors": record.machine.processors,
+        "processors_busy_pct": None if load is None else 100 * load.cpu_mean,
+        "saturated_pct": None if load is None else 100 * load.saturated_share,
+        "saturated": None if load is None else load.saturated,
+    }
+
+
+def _group(group: Group) -> Row:
+    condition = group.condition
+    configurations = [run.record.configuration for run in group.runs]
+    row: Row = {
+        "network": condition.network,
+        "rtt_ms": condition.rtt_ms,
+        "mode": condition.variant.mode,
+        "controller": condition.variant.name,
+        "runs": len(group.runs),
+        "runs_saturated": sum(run.saturated for run in group.runs),
+        "scenes": _names(configuration.scene for configuration in configurations),
+        "movements": _names(Path(configuration.movement).name for configuration in configurations),
+    }
+    for metric in METRICS:
+        spread = group.spread(metric)
+        row[f"{metric.name}_mean"] = spread and spread.mean
+        row[f"{metric.name}_min"] = spread and spread.low
+        row[f"{metric.name}_max"] = spread and spread.high
+        row[f"{metric.name}_ci95"] = spread and spread.ci95
+    return row
+
+
+def _names(names: Iterable[str]) -> str:
+    return " ".join(sorted(set(names)))
+
+
+def _flat(prefix: str, value: Any) -> Row:
+    """Nested fields as columns of their own: configuration_network_link_down_kbps."""
+    if isinstance(value, dict):
+        return {name: cell for key, inner in value.items() for name, cell in _flat(f"{prefix}_{key}", inner).items()}
+    return {prefix: value}
+
+
+def _write(path: Path, rows: Sequence[Row]) -> Path:
+    columns = list(dict.fromkeys(name for row in rows for name in row))
+    with path.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.DictWriter(file, columns, lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(rows)
+    return path

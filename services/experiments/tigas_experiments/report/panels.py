@@ -1,0 +1,75 @@
+"""The panels of an experiment's figure: their places, axes and legend."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
+
+from tigas_experiments.report.drawing import interactive_limit, legend_entries, plain_log
+from tigas_experiments.report.metrics import IN_TIME, PROFILE, Metric
+from tigas_experiments.report.results import Group
+
+PANEL_IN, HEIGHT_IN = 3.5, 2.5
+"""Of one panel, inches."""
+ALONE = 2.0
+"""How many times as wide a panel is that has no other beside it."""
+LEGEND_IN = 1.25
+"""What an entry of a legend takes."""
+MOST_COLUMNS = 3
+LOGARITHMIC_FROM = 8.0
+"""Times that differ by more than this factor need a logarithmic axis."""
+
+
+def panel_grid(count: int, *, width: float = 0.0, share: bool = False) -> tuple[Figure, list[Axes]]:
+    """A figure with so many panels, `width` times PANEL_IN wide; with `share`, all have the same axes."""
+    columns = min(count, MOST_COLUMNS)
+    width = width or (ALONE if count == 1 else 1.0)
+    rows = math.ceil(count / columns)
+    figure = Figure(figsize=(width * PANEL_IN * columns, HEIGHT_IN * rows + 0.3), layout="constrained")
+    grid = figure.subplots(rows, columns, squeeze=False, sharex=share, sharey=share).flatten().tolist()
+    for spare in grid[count:]:
+        spare.remove()
+    return figure, grid[:count]
+
+
+def add_legend(figure: Figure, panels: Sequence[Axes]) -> None:
+    """One above all panels."""
+    entries = legend_entries(panels)
+    if entries:
+        columns = max(2, int(figure.get_figwidth() / LEGEND_IN))
+        figure.legend(entries.values(), entries.keys(), loc="outside upper left", ncols=columns, fontsize=8)
+
+
+def label_lowest(panels: Sequence[Axes]) -> None:
+    """Of panels above one another, the lowest says what all of them have from left to right."""
+    for panel in panels[: max(0, len(panels) - MOST_COLUMNS)]:
+        panel.tick_params(labelbottom=False)
+        panel.set_xlabel("")
+
+
+def metric_axis(axes: Axes, metric: Metric, values: Sequence[float]) -> None:
+    """Name a panel after its figure, and let its vertical axis reach over the values."""
+    better = {"low": "lower is better", "high": "higher is better", None: ""}[metric.better]
+    axes.set_title(metric.heading + (f" ({better})" if better and metric is not PROFILE else ""))
+    finite = [value for value in values if math.isfinite(value)]
+    if metric.unit == "ms" and finite and min(finite) > 0 and max(finite) / min(finite) > LOGARITHMIC_FROM:
+        plain_log(axes, finite)
+    else:
+        axes.set_ylim(bottom=0)
+    if metric is PROFILE:
+        axes.yaxis.set_major_locator(MaxNLocator(integer=True))
+        axes.set_ylim(max([1.0, *finite]) + 0.2, -0.2)
+    elif metric is IN_TIME:
+        axes.set_ylim(0, 102)
+    if metric.unit == "ms":
+        interactive_limit(axes)
+
+
+def extent(groups: Sequence[Group], metric: Metric) -> list[float]:
+    """What an axis has to reach over."""
+    spreads = [spread for group in groups if (spread := group.spread(metric))]
+    return [value for spread in spreads for value in (spread.low, spread.high)]

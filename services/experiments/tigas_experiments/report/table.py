@@ -1,0 +1,106 @@
+"""The table of figures, the same for the terminal, Markdown and HTML."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from itertools import groupby
+
+from tigas_experiments.records.configuration import MODE_NAMES
+from tigas_experiments.records.summary import Summary
+from tigas_experiments.report import metrics
+from tigas_experiments.report.metrics import NONE, Metric
+
+
+@dataclass(frozen=True, slots=True)
+class Column:
+    """One figure of a run."""
+
+    group: str
+    title: str
+    metric: Metric
+    short: str | None = None
+    """Its heading in the Markdown table, which has the most important ones alone."""
+
+    @property
+    def heading(self) -> str:
+        """By itself."""
+        heading = f"{self.group}: {self.title}"
+        return f"{heading}, {self.metric.unit}" if self.metric.unit else heading
+
+    def cell(self, summary: Summary) -> str:
+        """Of a run, without the unit."""
+        if summary.figures is None:
+            return NONE
+        return self.metric.text(self.metric.of(summary.record, summary.figures))
+
+
+LATENCY, FRAMES, BANDWIDTH = "Motion-to-photon", "Frames", "Bandwidth"
+PICTURE, VIEW = "Picture", "View"
+COLUMNS = (
+    Column(LATENCY, "p50", metrics.PHOTON_P50, "p50, ms"),
+    Column(LATENCY, "p95", metrics.PHOTON_P95, "p95, ms"),
+    Column(LATENCY, "p99", metrics.PHOTON_P99, "p99, ms"),
+    Column(LATENCY, "within 100 ms", metrics.IN_TIME, "within 100 ms, %"),
+    Column(FRAMES, "new views", metrics.NEW_VIEWS, "new views/s"),
+    Column(FRAMES, "freezes", metrics.FREEZES, "freezes/min"),
+    Column(FRAMES, "frozen", metrics.FROZEN, "frozen, s"),
+    Column(FRAMES, "height", metrics.HEIGHT, "height, px"),
+    Column(BANDWIDTH, "received", metrics.RECEIVED, "Mbit/s"),
+    Column(BANDWIDTH, "over the link", metrics.OVER_LINK),
+    Column(PICTURE, "SSIM", metrics.PICTURE_SSIM, "SSIM of the picture"),
+    Column(PICTURE, "PSNR", metrics.PICTURE_PSNR),
+    Column(VIEW, "SSIM", metrics.VIEW_SSIM, "SSIM of the view"),
+    Column(VIEW, "PSNR", metrics.VIEW_PSNR),
+)
+
+
+def groups() -> list[tuple[str, int]]:
+    """The columns' groups, and how many columns each has."""
+    return [(name, len(list(members))) for name, members in groupby(COLUMNS, lambda column: column.group)]
+
+
+def label(summary: Summary) -> str:
+    """The run within its network."""
+    configuration = summary.record.configuration
+    name = MODE_NAMES[configuration.mode]
+    if configuration.mode == "stateless":
+        profile = configuration.profile
+        name += f", rung {profile}" if isinstance(profile, int) else f", {profile}"
+    return f"{name} ({configuration.repeat + 1})" if configuration.repeat else name
+
+
+def network_name(summary: Summary) -> str:
+    """The run's network, with the round trip that was put in place of a trace's own."""
+    network = summary.record.configuration.network
+    return network.name if network.rtt_ms is None else f"{network.name}, {network.rtt_ms:g} ms round trip"
+
+
+def cells(summary: Summary) -> list[str]:
+    """One per column; all empty without figures."""
+    return [column.cell(summary) for column in COLUMNS]
+
+
+def by_network(summaries: Iterable[Summary]) -> dict[str, list[Summary]]:
+    """In the order in which they were made."""
+    found: dict[str, list[Summary]] = {}
+    for summary in summaries:
+        found.setdefault(network_name(summary), []).append(summary)
+    return found
+
+
+def markdown(summaries: Iterable[Summary]) -> str:
+    """One table for all networks, with the most important figures; the first three are motion-to-photon latencies."""
+    chosen = [column for column in COLUMNS if column.short]
+    lines = [
+        "| network | mode | " + " | ".join(column.short or "" for column in chosen) + " |",
+        "|---|---|" + "---:|" * len(chosen),
+    ]
+    for network, runs in by_network(summaries).items():
+        for run in runs:
+            if run.figures is None:
+                row = [f"no result: {run.problem}", *[""] * (len(chosen) - 1)]
+            else:
+                row = [column.cell(run) for column in chosen]
+            lines.append(f"| {network} | {label(run)} | " + " | ".join(cell.replace("|", "\\|") for cell in row) + " |")
+    return "\n".join(lines) + "\n"

@@ -1,0 +1,105 @@
+"""What an experiment compares: controllers, fixed rungs, DASH's presets; each has one name and one look throughout."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Any
+
+from tigas_experiments.records.configuration import MODE_NAMES, MODES, Configuration, Mode
+from tigas_experiments.report.drawing import LineStyle
+
+CONTROLLER_TITLES = {"latency": "Latency", "budget": "Budget", "lol+": "LoL+", "l2a": "L2A"}
+"""As the page has them; a controller of one's own is called by its name."""
+MARKERS = ("o", "s", "^", "D", "v", "P", "X", "*")
+
+
+@dataclass(frozen=True, slots=True)
+class Look:
+    """How its lines and points are drawn: colour, dashes and marker each tell it apart."""
+
+    colour: str
+    dashes: LineStyle
+    marker: str
+
+    @property
+    def line(self) -> dict[str, Any]:
+        """As matplotlib takes them for a line."""
+        return {"color": self.colour, "linestyle": self.dashes}
+
+
+KNOWN_LOOKS = {
+    "latency": Look("#cc79a7", "-", "s"),
+    "budget": Look("#0072b2", "-", "o"),
+    "lol+": Look("#e69f00", "-", "^"),
+    "l2a": Look("#56b4e9", "-", "v"),
+    "dash-typical": Look("#d55e00", "--", "X"),
+    "dash-tuned": Look("#009e73", "--", "P"),
+}
+"""Okabe and Ito's colours, which people with colour blindness tell apart."""
+OTHER_COLOURS = ("#999933", "#882255", "#44aa99", "#ddcc77")
+FIXED_COLOUR = "#7b8490"
+FIXED_DASHES: tuple[LineStyle, ...] = (":", "-.", "--", "-")
+
+
+@dataclass(frozen=True, slots=True)
+class Variant:
+    """One of them."""
+
+    mode: Mode
+    profile: int | str | None
+    """None in the modes that have none."""
+
+    @classmethod
+    def of(cls, configuration: Configuration) -> Variant:
+        """Of a run."""
+        mode = configuration.mode
+        return cls(mode, configuration.profile if mode == "stateless" else None)
+
+    @property
+    def name(self) -> str:
+        """For programs: `latency`, `profile-2`, `dash-tuned`."""
+        if isinstance(self.profile, int):
+            return f"profile-{self.profile}"
+        return self.profile or self.mode
+
+    @property
+    def title(self) -> str:
+        """For people."""
+        if isinstance(self.profile, int):
+            return f"Profile {self.profile}"
+        if self.profile is not None:
+            return CONTROLLER_TITLES.get(self.profile, self.profile)
+        return MODE_NAMES[self.mode].replace(",", "")  # in lists, too
+
+
+def in_order(variants: Iterable[Variant]) -> list[Variant]:
+    """Each once: the known controllers, one's own, fixed rungs, DASH."""
+    known = list(CONTROLLER_TITLES)
+
+    def place(variant: Variant) -> tuple[int, int, str]:
+        profile = variant.profile
+        if isinstance(profile, int):
+            return 2, profile, ""
+        if profile is None:
+            return 3, MODES.index(variant.mode), ""
+        return (0, known.index(profile), "") if profile in known else (1, 0, profile)
+
+    return sorted(set(variants), key=place)
+
+
+def looks(variants: Iterable[Variant]) -> dict[Variant, Look]:
+    """One for each; the known ones' are the same in every report."""
+    found: dict[Variant, Look] = {}
+    others = 0
+    for variant in in_order(variants):
+        known = KNOWN_LOOKS.get(variant.name) if not isinstance(variant.profile, int) else None
+        if known is not None:
+            found[variant] = known
+        elif isinstance(variant.profile, int):
+            rung = variant.profile
+            found[variant] = Look(FIXED_COLOUR, FIXED_DASHES[rung % len(FIXED_DASHES)], MARKERS[rung % len(MARKERS)])
+        else:
+            found[variant] = Look(OTHER_COLOURS[others % len(OTHER_COLOURS)], "-", MARKERS[-1 - others % len(MARKERS)])
+            others += 1
+    return found

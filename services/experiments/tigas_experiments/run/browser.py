@@ -1,0 +1,155 @@
+"""Headless Chromium with the viewer in it, and the viewer's bridge for scripts (`window.tigas`, web/README.md)."""
+
+from __future__ import annotations
+
+import asyncio
+import base64
+import contextlib
+import json
+import os
+import shutil
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from typing import Any
+from urllib.parse import quote
+
+from playwright.async_api import Browser, BrowserContext, Error, Page, async_playwright
+
+from tigas_common.errors import StartError
+from tigas_experiments.records.recording import Recording
+from tigas_experiments.run.errors import RunFailed
+
+NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome")
+ARGUMENTS = (
+    "--headless=new",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-default-apps",
+    "--disable-sync",
+    "--no-first-run",
+    "--mute-audio",
+    "--autoplay-policy=no-user-gesture-required",
+    "--disable-renderer-backgrounding",
+    "--disable-background-timer-throttling",
+    "--disable-backgrounding-occluded-windows",
+)
+READY_MS = 60_000
+"""How long the viewer may take from being opened to its first frame."""
+ANSWER_S = 60
+"""How long a page may take to answer; one whose processes hang never does."""
+CLOSE_S = 10
+
+
+def find_chromium() -> str:
+    """The browser's path. Raises StartError."""
+    for name in NAMES:
+        if path := shutil.which(name):
+            return path
+    raise StartError("No Chromium or Chrome is installed: sudo apt-get install chromium")
+
+
+@asynccontextmanager
+async def chromium() -> AsyncIterator[Browser]:
+    """A headless browser for as long as the context lasts. Raises StartError."""
+    path = find_chromium()
+    # As root it has no sandbox to go into.
+    arguments = [*ARGUMENTS, *(["--no-sandbox"] if os.geteuid() == 0 else [])]
+    async with async_playwright() as playwright:
+        try:
+            browser = await playwright.chromium.launch(
+                executable_path=path, args=arguments, handle_sigint=False, handle_sigterm=False
+            )
+        except Error as error:
+            raise StartError(f"{path} does not start: {_first_line(error)}") from None
+        try:
+            yield browser
+        finally:
+            await _closed(browser)
+
+
+async def responds(browser: Browser) -> bool:
+    """Whether it lives, and what speaks to it does; Playwright does not notice that its own process has died."""
+    try:
+        async with asyncio.timeout(CLOSE_S):
+            session = await browser.new_browser_cdp_session()
+            await session.send("Browser.getVersion")
+            await session.detach()
+    except (Error, TimeoutError):
+        return False
+    return True
+
+
+class Viewer:
+    """A viewer's page. Every failure is a RunFailed with one sentence."""
+
+    def __init__(self, page: Page) -> None:
+        self._page = page
+
+    async def prepare(self, settings: dict[str, Any], pose: object) -> None:
+        """Change settings, stand at a pose, and wait until a frame of it is on the screen."""
+        await self._call("settings", settings)
+        await self._call("stand", pose)
+        try:
+            await self._page.wait_for_function("() => window.tigas?.state().ready === true", timeout=READY_MS)
+        except Error:
+            said = await self._state()
+            raise RunFailed(f"The viewer showed no frame within {READY_MS // 1000} s: {said}") from None
+
+    async def record(self, plan: dict[str, Any], patience_s: float) -> Recording:
+        """Play a movement and record it. Raises BrokenRecording, too."""
+        return Recording.parse(await self._call("run", plan, patience_s))
+
+    async def capture(self, index: int) -> bytes:
+        """One kept picture, as PNG; it is given up by the page then."""
+        picture = await self._call("capture", index)
+        if not isinstance(picture, str):
+            raise RunFailed(f"The viewer gave no picture {index}.")
+        return base64.b64decode(picture)
+
+    async def _call(self, name: str, argument: object, patience_s: float = ANSWER_S) -> Any:
+        # As text, both ways: a structured clone of thousands of small objects takes seconds.
+        script = "async ([name, argument]) => JSON.stringify((await window.tigas[name](JSON.parse(argument))) ?? null)"
+        try:
+            async with asyncio.timeout(patience_s):
+                answer = await self._page.evaluate(script, [name, json.dumps(argument)])
+        except TimeoutError:
+            raise RunFailed(f"The viewer did not answer within {patience_s:g} s ({name}).") from None
+        except Error as error:
+            raise RunFailed(f"The viewer failed: {_first_line(error)}") from None
+        return answer if name == "run" else json.loads(answer)
+
+    async def _state(self) -> str:
+        try:
+            return json.dumps(await self._call("state", None))
+        except RunFailed as error:
+            return str(error)
+
+
+@asynccontextmanager
+async def viewer(browser: Browser, url: str, scene: str, width: int, height: int) -> AsyncIterator[Viewer]:
+    """The viewer of a scene in a fresh context: no settings, cache or storage of earlier runs. Raises RunFailed."""
+    try:
+        context = await browser.new_context(viewport={"width": width, "height": height}, ignore_https_errors=True)
+    except Error as error:
+        raise RunFailed(f"The browser opens no page: {_first_line(error)}") from None
+    try:
+        try:
+            page = await context.new_page()
+            await page.goto(f"{url}/#/scene/{quote(scene, safe='')}", timeout=READY_MS)
+            await page.wait_for_function("() => window.tigas !== undefined", timeout=READY_MS)
+        except Error as error:
+            raise RunFailed(f"The viewer at {url} could not be opened: {_first_line(error)}") from None
+        yield Viewer(page)
+    finally:
+        await _closed(context)
+
+
+async def _closed(what: Browser | BrowserContext) -> None:
+    """It is, or it is so dead that it does not answer."""
+    with contextlib.suppress(Error, TimeoutError):
+        async with asyncio.timeout(CLOSE_S):
+            await what.close()
+
+
+def _first_line(error: Error) -> str:
+    return error.message.strip().splitlines()[0] if error.message.strip() else "no reason given"

@@ -1,0 +1,96 @@
+"""The commands `tigas experiment …`."""
+
+from __future__ import annotations
+
+import asyncio
+import shlex
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from tigas_common.cli import in_a_sentence
+from tigas_common.errors import StartError
+
+experiment = typer.Typer(
+    help="Experiments: a matrix of runs from one file (docs/experiments.md).", no_args_is_help=True
+)
+
+File = Annotated[Path, typer.Argument(help="The experiment's file, TOML.")]
+Out = Annotated[Path | None, typer.Option(help="Folder for the runs.", show_default="results/NAME")]
+
+
+@experiment.command("plan")
+def plan(file: File, out: Out = None) -> None:
+    """List the runs of an experiment, which of them are complete, and how long the others take."""
+    from tigas_experiments.run.matrix import Experiment
+    from tigas_experiments.run.plan import lasting
+
+    with in_a_sentence(StartError, OSError):
+        planned = Experiment.read(file, out)
+        missing = planned.missing()
+        todo = {run.slug for run in missing}
+        for run in planned.runs:
+            typer.echo(f"{'missing ' if run.slug in todo else 'complete'}  {run.slug}")
+        typer.echo(f"{len(planned.runs)} runs, {len(missing)} missing, which take about {lasting(missing)} (h:mm:ss).")
+
+
+@experiment.command("import")
+def import_(
+    file: Annotated[Path, typer.Argument(help="What the page saved, JSON.")],
+    out: Annotated[Path | None, typer.Option(help="Folder for the runs.", show_default="results/FILE")] = None,
+) -> None:
+    """Make a folder of what the page saved because no store kept it, and report on it."""
+    from tigas_experiments.report.cli import report
+    from tigas_experiments.store.saved import import_saved
+
+    folder = out or Path("results", file.stem)
+    with in_a_sentence(StartError, OSError):
+        import_saved(file, folder)
+        report(folder)
+
+
+@experiment.command("run")
+def run(
+    file: File,
+    out: Out = None,
+    url: Annotated[str | None, typer.Option(help="Measure running services instead of starting the lab.")] = None,
+    scenes: Annotated[Path | None, typer.Option(help="The lab's models directory: one folder a scene.")] = None,
+    traces: Annotated[Path | None, typer.Option(help="The lab's directory of network traces.")] = None,
+) -> None:
+    """Make the runs of an experiment that are missing. Interrupted, it goes on when it is started again."""
+    from rich.console import Console
+
+    from tigas_experiments.report.cli import report
+    from tigas_experiments.run.matrix import Experiment, make_missing_runs, reserved
+    from tigas_experiments.run.plan import lasting
+    from tigas_experiments.run.progress import progress
+    from tigas_experiments.run.signals import end_as_ctrl_c
+
+    def say(text: str) -> None:
+        console.print(text, highlight=False, markup=False, soft_wrap=True)
+
+    end_as_ctrl_c()
+    console = Console(stderr=True)
+    again = shlex.join(["tigas", *sys.argv[1:]])
+    with in_a_sentence(StartError, OSError):
+        made = Experiment.read(file, out)
+        with reserved(made):
+            missing = made.missing()
+            if missing:
+                say(f"{len(missing)} of {len(made.runs)} runs, about {lasting(missing)} (h:mm:ss), into {made.out}")
+                try:
+                    with progress(made.runs, len(missing), console) as listener:
+                        asyncio.run(make_missing_runs(made, url, scenes, traces, listener))
+                except KeyboardInterrupt:
+                    say(f"Interrupted. To go on: {again}")
+                    raise typer.Exit(130) from None
+            incomplete = made.missing()
+        if incomplete:
+            say(f"{len(incomplete)} of {len(made.runs)} runs are incomplete. To repeat them: {again}")
+        else:
+            say(f"All {len(made.runs)} runs are complete.")
+        report(made.out)
+    if incomplete:
+        raise typer.Exit(1)

@@ -1,0 +1,81 @@
+"""What a run is made from: the poses in the scene's own frame, and the files that its configuration names."""
+
+from __future__ import annotations
+
+import hashlib
+from functools import lru_cache
+from pathlib import Path
+
+from tigas_common.errors import StartError
+from tigas_common.wire.render import SceneInfo
+from tigas_experiments.movement.generated import KINDS, generate
+from tigas_experiments.movement.placing import placed
+from tigas_experiments.movement.points import Point
+from tigas_experiments.movement.trace import MovementTrace
+from tigas_experiments.records.configuration import Configuration, Network
+from tigas_experiments.records.folder import InputDigests
+
+
+class Inputs:
+    """The files that configurations name, whose paths are relative to a directory.
+
+    Methods raise StartError with one sentence where a file is missing, or is none of its kind.
+    """
+
+    def __init__(self, directory: Path) -> None:
+        self._directory = directory
+
+    def points(self, configuration: Configuration, scene: SceneInfo) -> list[Point]:
+        """The poses of a run, from 0 ms to its end or just after it."""
+        return placed(self._movement(configuration), scene)
+
+    def network(self, network: Network) -> Network:
+        """The same, with a path to its trace's file that can be opened."""
+        if network.trace_file is None:
+            return network
+        return network.model_copy(update={"trace_file": self._directory / network.trace_file})
+
+    def digests(self, configuration: Configuration) -> InputDigests:
+        """Of the files as they are now. What the shaper knows by name is no file."""
+        movement, trace = self._movement_file(configuration.movement), self.network(configuration.network).trace_file
+        return InputDigests(
+            movement=None if movement is None else _sha256(movement), trace=None if trace is None else _sha256(trace)
+        )
+
+    def _movement(self, configuration: Configuration) -> MovementTrace:
+        """Generated, or from a file; as much as the run needs."""
+        name, duration_s = configuration.movement, configuration.duration_s
+        path = self._movement_file(name)
+        if path is None:
+            return generate(name, duration_s, configuration.seed)
+        trace = MovementTrace.read(path)
+        if trace.duration_ms < duration_s * 1000:
+            raise StartError(
+                f"The movement {name} lasts {trace.duration_ms / 1000:.1f} s, less than a run's {duration_s:g} s: "
+                "choose a shorter duration."
+            )
+        return trace.until(duration_s * 1000)
+
+    def _movement_file(self, name: str) -> Path | None:
+        """None for a generated movement."""
+        if name in KINDS:
+            return None
+        path = self._directory / name
+        if not path.is_file():
+            raise StartError(f"There is no movement {name!r}: neither a file nor one of {', '.join(KINDS)}.")
+        return path
+
+
+def _sha256(path: Path) -> str:
+    try:
+        told = path.stat()
+        return _digest(path, told.st_mtime_ns, told.st_size)
+    except OSError as error:
+        raise StartError(f"{path} cannot be read: {error.strerror or error}.") from None
+
+
+@lru_cache(1000)
+def _digest(path: Path, _modified_ns: int, _size: int) -> str:
+    """Many runs share a file."""
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()

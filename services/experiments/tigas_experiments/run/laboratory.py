@@ -1,0 +1,165 @@
+"""What runs are made with, kept from run to run: the services, one browser, and the inputs.
+
+Starting these takes far longer than what is new in each run, a context of the browser. What has died is started again
+for the next run.
+"""
+
+from __future__ import annotations
+
+from collections.abc import AsyncIterator, Awaitable, Callable, Sequence
+from contextlib import AbstractAsyncContextManager, AsyncExitStack, asynccontextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Generic, TypeVar
+
+from playwright.async_api import Browser
+
+from tigas_common.errors import StartError
+from tigas_common.wire.render import SceneInfo
+from tigas_experiments.movement.points import Point
+from tigas_experiments.records.configuration import Configuration, Network
+from tigas_experiments.records.folder import InputDigests
+from tigas_experiments.records.machine import Machine, this_machine
+from tigas_experiments.run.browser import chromium, find_chromium, responds, viewer
+from tigas_experiments.run.errors import RunFailed
+from tigas_experiments.run.inputs import Inputs
+from tigas_experiments.run.link import held
+from tigas_experiments.run.lock import exclusive, services_lock
+from tigas_experiments.run.targets import LAB_URL, Target, alive, lab_target, load_scene, url_target
+
+Resource = TypeVar("Resource")
+
+
+@dataclass(frozen=True, slots=True)
+class Bench:
+    """What one run is made with."""
+
+    target: Target
+    browser: Browser
+    scene: SceneInfo
+    points: Sequence[Point]
+    network: Network
+    """With a path to its trace's file that can be opened."""
+    digests: InputDigests
+
+
+class Kept(Generic[Resource]):
+    """Something that is opened when it is first asked for, and opened again when it has died."""
+
+    def __init__(
+        self,
+        opened: Callable[[], AbstractAsyncContextManager[Resource]],
+        lives: Callable[[Resource], Awaitable[bool]],
+    ) -> None:
+        self._opened = opened
+        self._lives = lives
+        self._stack = AsyncExitStack()
+        self._now: Resource | None = None
+
+    async def get(self) -> Resource:
+        """One that lives. Raises what opening raises."""
+        if self._now is not None and not await self._lives(self._now):
+            await self.close()
+        if self._now is None:
+            self._now = await self._stack.enter_async_context(self._opened())
+        return self._now
+
+    async def close(self) -> None:
+        """Until it is asked for again."""
+        self._now = None
+        await self._stack.aclose()
+
+
+class Laboratory:
+    """Services and a browser for many runs, one at a time."""
+
+    def __init__(self, target: Kept[Target], browser: Kept[Browser], machine: Machine, inputs: Inputs) -> None:
+        self._target = target
+        self._browser = browser
+        self._inputs = inputs
+        self._points: dict[tuple[object, ...], Sequence[Point]] = {}
+        self.machine = machine
+
+    async def check(self, runs: Sequence[Configuration]) -> None:
+        """Find out before the first run whether all that the runs need can be had. Raises StartError with one sentence.
+
+        Services and browser, scenes, movements and networks, packager, rungs and controllers.
+        """
+        await self._browser.get()
+        target = await self._target.get()
+        _check_services(runs, target)
+        for configuration in {_inputs(run): run for run in runs}.values():
+            await self.bench(configuration)
+        for network in {run.network: None for run in runs}:
+            try:
+                async with held(target, self._inputs.network(network)):
+                    pass
+            except RunFailed as error:
+                raise StartError(str(error)) from None
+        controllers = {run.profile for run in runs if run.mode == "stateless" and isinstance(run.profile, str)}
+        if controllers:
+            await self._ask_the_page(runs[0], sorted(controllers))
+
+    async def bench(self, configuration: Configuration) -> Bench:
+        """What a run needs; the scene is loaded. Raises StartError."""
+        target = await self._target.get()
+        scene = await load_scene(target.url, configuration.scene)
+        digests = self._inputs.digests(configuration)
+        key = (*_inputs(configuration), digests.movement)
+        if key not in self._points:
+            self._points[key] = self._inputs.points(configuration, scene)
+        network = self._inputs.network(configuration.network)
+        return Bench(target, await self._browser.get(), scene, self._points[key], network, digests)
+
+    async def _ask_the_page(self, run: Configuration, controllers: Sequence[str]) -> None:
+        """Whether it has them: it alone knows. Raises StartError."""
+        bench = await self.bench(run)
+        try:
+            async with viewer(bench.browser, bench.target.url, bench.scene.id, run.width, run.height) as page:
+                for controller in controllers:
+                    try:
+                        await page.prepare({"controller": controller}, bench.points[0])
+                    except RunFailed as error:
+                        raise StartError(f"The controller {controller!r} cannot be measured: {error}") from None
+        except RunFailed as error:
+            raise StartError(str(error)) from None
+
+
+@asynccontextmanager
+async def laboratory(
+    url: str | None, scenes: Path | None, traces: Path | None, inputs: Inputs
+) -> AsyncIterator[Laboratory]:
+    """For as long as the context lasts, and for nobody else meanwhile. Raises StartError.
+
+    The services at `url`, or the lab's, which is started when it is first needed; `scenes` and `traces` are its
+    directories.
+    """
+    find_chromium()
+    where = url or LAB_URL
+
+    with exclusive(services_lock(where), f"Another experiment uses the services at {where}; wait until it has ended."):
+        target = Kept(lambda: lab_target(scenes, traces) if url is None else url_target(url), alive)
+        browser = Kept(chromium, responds)
+        try:
+            yield Laboratory(target, browser, this_machine(), inputs)
+        finally:
+            try:
+                await browser.close()
+            finally:
+                await target.close()
+
+
+def _check_services(runs: Sequence[Configuration], target: Target) -> None:
+    """Whether they have what the runs name. Raises StartError."""
+    rungs = len(target.config.ladder)
+    for run in runs:
+        if run.mode != "stateless":
+            if target.dash is None:
+                raise StartError(f"There is no packager behind {target.url}, so {run.mode} cannot be measured.")
+        elif isinstance(run.profile, int) and run.profile >= rungs:
+            raise StartError(f"There is no rung {run.profile}: the ladder at {target.url} has {rungs}, counted from 0.")
+
+
+def _inputs(configuration: Configuration) -> tuple[object, ...]:
+    """What decides the poses."""
+    return configuration.scene, configuration.movement, configuration.seed, configuration.duration_s

@@ -1,0 +1,126 @@
+"""The link of a run: held at its network's first state, watched while the run lasts, and fast again afterwards."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+from collections.abc import AsyncIterator, Iterable
+from contextlib import asynccontextmanager
+from dataclasses import dataclass
+from time import time
+
+from tigas_experiments.records.configuration import Network
+from tigas_experiments.records.folder import LinkSample
+from tigas_experiments.run.errors import RunFailed
+from tigas_experiments.run.shaper_client import LinkStatus, ShaperClient
+from tigas_experiments.run.targets import Target
+
+JUMP_MS = 500
+"""A trace so far from where time has brought it was moved; less may pass between the shaper's looks at its clock."""
+
+
+@dataclass(frozen=True, slots=True)
+class HeldLink:
+    """A link that is a run's own, for as long as nobody else touches it."""
+
+    shaper: ShaperClient
+    network: Network
+    first: LinkStatus
+    """How it was when it was first held."""
+
+    async def play(self) -> None:
+        """Play the network's trace, if it is one, from where a run begins. Raises RunFailed."""
+        if self.network.is_trace:
+            await self.shaper.play(self.network)
+
+    def left_alone(self, seen: Iterable[LinkStatus]) -> bool:
+        """Whether the link did what its network does by itself; `seen` begins before the trace was played."""
+        playing: LinkStatus | None = None
+        for status in seen:
+            if status.trace != self.first.trace:
+                return False
+            if not self.network.is_trace:
+                if status.link != self.first.link:
+                    return False
+                continue
+            if self.network.rtt_ms is not None and status.link.get("delay_ms") != self.first.link.get("delay_ms"):
+                return False
+            if playing is None and status.mode == "paused":
+                continue
+            playing = playing or status
+            if status.mode != "playing" or _jump_ms(playing, status) > JUMP_MS:
+                return False
+        return True
+
+
+@asynccontextmanager
+async def held(target: Target, network: Network) -> AsyncIterator[HeldLink | None]:
+    """A network, held at its first state; afterwards the shaper's own fast link. Raises RunFailed.
+
+    None where there is no shaper, and none is needed.
+    """
+    if target.shaper is None:
+        if network.shaped:
+            raise RunFailed(f"There is no shaper behind {target.url}, so the network must be `unshaped`.")
+        yield None
+        return
+    shaper = ShaperClient(target.shaper, target.url)
+    try:
+        yield HeldLink(shaper, network, await (shaper.hold(network) if network.shaped else shaper.release()))
+    finally:
+        with contextlib.suppress(RunFailed):
+            await shaper.release()
+        await shaper.close()
+
+
+@asynccontextmanager
+async def watching_link(link: HeldLink | None) -> AsyncIterator[list[tuple[float, LinkStatus]]]:
+    """(unix ms, status) of the link, for as long as the context lasts.
+
+    Raises RunFailed in the end if it was closed, or if somebody else changed it.
+    """
+    seen: list[tuple[float, LinkStatus]] = []
+    if link is None:
+        yield seen
+        return
+
+    async def watch() -> None:
+        async for status in link.shaper.watch():
+            seen.append((time() * 1000, status))
+
+    task = asyncio.create_task(watch())
+    try:
+        yield seen
+    finally:
+        task.cancel()
+        await asyncio.wait([task])
+        # Asked for in any case: asyncio prints an exception that nobody asks for.
+        error = None if task.cancelled() else task.exception()
+    if error is not None:
+        raise error
+    if closed := next((status.closed for _, status in seen if status.closed), None):
+        raise RunFailed(f"The link was closed during the run: {closed}")
+    if not link.left_alone(status for _, status in seen):
+        raise RunFailed("Somebody else changed the link during the run.")
+
+
+def link_sample(status: LinkStatus, at: float) -> LinkSample:
+    """What a run keeps of a status; `at` is in ms since the run's start."""
+    return LinkSample(
+        at=at,
+        position_ms=status.position_ms,
+        target_kbps=status.down.target_kbps,
+        delivered_kbps=status.down.delivered_kbps,
+        queue_ms=status.down.queue_ms,
+        drops=status.down.drops,
+        up_delivered_kbps=status.up.delivered_kbps,
+    )
+
+
+def _jump_ms(earlier: LinkStatus, later: LinkStatus) -> float:
+    """How far a trace is from where time alone would have brought it; at its end it starts again."""
+    if earlier.position_ms is None or later.position_ms is None or not later.duration_ms:
+        return 0.0
+    half = later.duration_ms / 2
+    moved = later.position_ms - earlier.position_ms - (later.time_ms - earlier.time_ms)
+    return abs((moved + half) % later.duration_ms - half)

@@ -1,0 +1,148 @@
+"""Makes an experiment's runs, those that are missing, and never gives up the others for one that fails."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from itertools import count
+from pathlib import Path
+
+from tigas_common.errors import StartError
+from tigas_experiments.records.configuration import Configuration
+from tigas_experiments.records.folder import (
+    ExperimentRecord,
+    InputDigests,
+    RunRecord,
+    StoredRun,
+    read_experiment,
+    write_experiment,
+)
+from tigas_experiments.records.recording import BrokenRecording
+from tigas_experiments.run.inputs import Inputs
+from tigas_experiments.run.laboratory import Laboratory, laboratory
+from tigas_experiments.run.lock import EXPERIMENT, exclusive
+from tigas_experiments.run.measure import run
+from tigas_experiments.run.plan import Plan
+
+GIVE_UP_AFTER = 5
+"""So many failures in a row are no coincidence."""
+RUNS, EARLIER = "runs", "earlier"
+
+
+@dataclass(frozen=True, slots=True)
+class Listener:
+    """Who wants to know how it goes."""
+
+    begins: Callable[[Configuration], None]
+    stage: Callable[[str], None]
+    """What is going on in this run."""
+    finished: Callable[[RunRecord], None]
+
+
+@dataclass(frozen=True, slots=True)
+class Experiment:
+    """Runs, what they are made from, and the folder that they belong into."""
+
+    plan: Plan
+    runs: Sequence[Configuration]
+    inputs: Inputs
+    out: Path
+
+    @classmethod
+    def read(cls, file: Path, out: Path | None) -> Experiment:
+        """An experiment's file; its folder is results/NAME if it is not said. Raises StartError."""
+        plan = Plan.read(file)
+        return cls(plan, plan.runs(file.parent), Inputs(file.parent), out or Path("results", plan.name))
+
+    def folder(self, configuration: Configuration) -> Path:
+        """Of a run."""
+        return self.out / RUNS / configuration.slug
+
+    def missing(self) -> list[Configuration]:
+        """The runs that have no complete folder with their configuration and inputs. Raises StartError."""
+        return [run for run in self.runs if not _is_complete(self.folder(run), run, self.inputs.digests(run))]
+
+    def strangers(self) -> list[str]:
+        """Folders of runs that are not of this experiment."""
+        known = {run.slug for run in self.runs}
+        runs = self.out / RUNS
+        return sorted(path.name for path in runs.iterdir() if path.name not in known) if runs.is_dir() else []
+
+
+async def make_missing_runs(
+    experiment: Experiment, url: str | None, scenes: Path | None, traces: Path | None, listener: Listener
+) -> None:
+    """Make the runs that are missing, against the services at a URL or the lab's.
+
+    Raises StartError if nothing can be begun, or if GIVE_UP_AFTER runs have failed in a row, and OSError.
+    """
+    async with laboratory(url, scenes, traces, experiment.inputs) as lab:
+        listener.stage("starts the services")
+        missing = experiment.missing()
+        await lab.check(missing)
+        _say_what_is_planned(experiment)
+        await _make(experiment, missing, lab, listener)
+
+
+@contextmanager
+def reserved(experiment: Experiment) -> Iterator[None]:
+    """The folder, for nobody else as long as the context lasts. Raises StartError and OSError."""
+    experiment.out.mkdir(parents=True, exist_ok=True)
+    busy = f"Another experiment is writing into {experiment.out}; wait until it has ended, or choose another --out."
+    with exclusive(experiment.out / EXPERIMENT, busy):
+        if strangers := experiment.strangers():
+            raise StartError(
+                f"{experiment.out} has {len(strangers)} runs that are not of this experiment, such as {strangers[0]}; "
+                "choose another --out, or remove them."
+            )
+        yield
+
+
+async def _make(experiment: Experiment, missing: Sequence[Configuration], lab: Laboratory, listener: Listener) -> None:
+    failures = 0
+    for configuration in missing:
+        listener.begins(configuration)
+        folder = experiment.folder(configuration)
+        _set_aside(folder, experiment.out / EARLIER)
+        record = await run(lab, configuration, folder, listener.stage)
+        listener.finished(record)
+        failures = 0 if record.status == "complete" else failures + 1
+        if failures == GIVE_UP_AFTER:
+            raise StartError(
+                f"{failures} runs in a row failed, so the others are not tried; the same command goes on. The last one "
+                f"failed for this: {record.problem}"
+            )
+
+
+def _is_complete(folder: Path, configuration: Configuration, inputs: InputDigests) -> bool:
+    try:
+        record = StoredRun(folder).record
+    except BrokenRecording:
+        return False
+    same_inputs = record.inputs_sha256 in (None, inputs)  # early records say nothing of theirs
+    return record.status == "complete" and same_inputs and record.configuration.asks_for_the_same(configuration)
+
+
+def _set_aside(folder: Path, earlier: Path) -> None:
+    """Keep what is there from an earlier attempt where no report reads it."""
+    if folder.exists():
+        earlier.mkdir(exist_ok=True)
+        folder.rename(next(path for number in count(1) if not (path := earlier / f"{folder.name}.{number}").exists()))
+
+
+def _say_what_is_planned(experiment: Experiment) -> None:
+    """experiment.json; resumed, it keeps the time at which it was begun."""
+    try:
+        created = read_experiment(experiment.out).created
+    except BrokenRecording:
+        created = datetime.now(UTC).isoformat(timespec="seconds")
+    record = ExperimentRecord(
+        name=experiment.plan.name,
+        created=created,
+        source="command",
+        plan=experiment.plan.model_dump(mode="json", exclude_none=True),
+        planned=len(experiment.runs),
+    )
+    write_experiment(experiment.out, record)

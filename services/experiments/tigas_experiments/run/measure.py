@@ -1,0 +1,141 @@
+"""One run: a configuration in, a folder of records out. Comparisons and experiments are lists of these."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+from collections.abc import Callable, Sequence
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+import httpx
+
+from tigas_common.errors import StartError
+from tigas_experiments.movement.points import Point, digest
+from tigas_experiments.quality import ground_truth as truth
+from tigas_experiments.quality.picture import BrokenPicture, encode
+from tigas_experiments.records.configuration import Configuration, Mode
+from tigas_experiments.records.folder import CaptureQuality, Moment, RunRecord, RunWriter
+from tigas_experiments.records.load import Load, watching_load
+from tigas_experiments.records.machine import Server
+from tigas_experiments.records.recording import BrokenRecording, Recording
+from tigas_experiments.run.browser import Viewer, viewer
+from tigas_experiments.run.errors import RunFailed
+from tigas_experiments.run.laboratory import Bench, Laboratory
+from tigas_experiments.run.link import held, link_sample, watching_link
+from tigas_experiments.run.targets import alive
+
+DRAIN_S = 30
+"""How much longer than its movement a recording may take."""
+
+
+async def run(
+    laboratory: Laboratory, configuration: Configuration, folder: Path, stage: Callable[[str], None]
+) -> RunRecord:
+    """Make one run, write its folder, and return its record. A run that fails is marked, and raises nothing.
+
+    `stage` hears what is going on. If it is cancelled, the run is marked, too. On a full disk a mark may be impossible:
+    a run whose run.json says "running", or that has none, is as incomplete as one that is marked.
+    """
+    record = RunRecord(
+        status="running",
+        problem=None,
+        configuration=configuration,
+        machine=laboratory.machine,
+        started=datetime.now(UTC).isoformat(timespec="seconds"),
+    )
+    writer: RunWriter | None = None
+
+    def failed(problem: str) -> RunRecord:
+        with contextlib.suppress(OSError):
+            if writer is not None:
+                return writer.close(status="failed", problem=problem)
+        return record.model_copy(update={"status": "failed", "problem": problem})
+
+    try:
+        writer = RunWriter(folder, record)
+        stage("prepares")
+        return await _measure(await laboratory.bench(configuration), configuration, writer, stage)
+    except (StartError, RunFailed, BrokenRecording) as error:
+        return failed(str(error))
+    except OSError as error:
+        return failed(f"The run could not be written: {error}")
+    except BaseException:
+        failed("The run was stopped before its end.")
+        raise
+
+
+async def _measure(
+    bench: Bench, configuration: Configuration, writer: RunWriter, stage: Callable[[str], None]
+) -> RunRecord:
+    stage("opens the viewer")
+    url = bench.target.url
+    async with viewer(bench.browser, url, bench.scene.id, configuration.width, configuration.height) as page:
+        async with held(bench.target, bench.network) as link:
+            await page.prepare(page_settings(configuration), bench.points[0])
+            stage("warms up")
+            await asyncio.sleep(configuration.warm_up_s)
+            stage("measures")
+            async with watching_load() as load, watching_link(link) as seen:
+                if link is not None:
+                    await link.play()
+                recording = await _record(page, configuration, bench.points)
+        writer.recording(recording)
+        if not await alive(bench.target):  # a page whose frames stop coming plays on to the end
+            raise RunFailed("A service ended, or was started again, during the run.")
+        start = recording.started_unix_ms
+        during = [sample for sample in load if 0 <= sample.unix_ms - start <= recording.ended_ms]
+        writer.surroundings([link_sample(status, at - start) for at, status in seen], during)
+        stage("compares with ground truth")
+        writer.quality(await _judge(page, url, recording, writer))
+        return writer.close(
+            status="complete" if recording.complete else "failed",
+            problem=None if recording.complete else "The movement was not played to its end.",
+            browser=bench.browser.version,
+            backend=seen[-1][1].backend if seen else None,
+            inputs_sha256=bench.digests,
+            server=Server.of(bench.target.config),
+            scene_bytes=bench.scene.file_bytes,
+            points_sha256=digest(bench.points),
+            load=Load.of(during),
+            recording=recording.head,
+        )
+
+
+def page_settings(configuration: Configuration) -> dict[str, Any]:
+    """The viewer's settings: everything that is not said here has its default."""
+    profile = configuration.profile
+    chosen = {"controller": "fixed", "profile": profile} if isinstance(profile, int) else {"controller": profile}
+    modes: dict[Mode, dict[str, Any]] = {
+        "stateless": {"mode": "stateless", **chosen},
+        "dash-typical": {"mode": "dash", "dashPreset": "typical"},
+        "dash-tuned": {"mode": "dash", "dashPreset": "tuned"},
+    }
+    # Nothing beside the picture, so that the stage is the viewport; no second request for a view that stands still.
+    return {**modes[configuration.mode], "seed": configuration.seed, "sidebar": False, "hud": False, "refine": False}
+
+
+async def _record(page: Viewer, configuration: Configuration, points: Sequence[Point]) -> Recording:
+    duration_ms = configuration.duration_s * 1000
+    plan = {"points": points, "duration_ms": duration_ms, "capture_every_ms": configuration.capture_every_ms}
+    return await page.record(plan, patience_s=configuration.duration_s + DRAIN_S)
+
+
+async def _judge(page: Viewer, url: str, recording: Recording, writer: RunWriter) -> list[CaptureQuality]:
+    """Fetch the kept pictures one by one and compare them."""
+    judged: list[CaptureQuality] = []
+    async with httpx.AsyncClient(base_url=url, timeout=truth.TIMEOUT_S, trust_env=False, verify=False) as http:
+        ground = truth.Truth(http, recording.scene, recording.lens)
+        for index, capture in enumerate(recording.captures):
+            png = await page.capture(index)
+            writer.capture(index, png)
+            try:
+                quality = await ground.judge(png, capture, recording.inputs)
+            except BrokenPicture as error:
+                raise RunFailed(f"Picture {index} of the run cannot be compared: {error}") from None
+            if quality is not None:
+                judged.append(quality)
+            if index == len(recording.captures) // 2 and (current := truth.pose_at(recording.inputs, capture.at)):
+                writer.moment(Moment(at=capture.at, capture=index), encode(await ground.picture(current)))
+    return judged

@@ -1,0 +1,204 @@
+"""An experiment's file: TOML that says what to vary, and the runs that follow from it (docs/experiments.md)."""
+
+from __future__ import annotations
+
+import json
+import math
+import tomllib
+from collections.abc import Sequence
+from datetime import timedelta
+from itertools import product
+from pathlib import Path
+from typing import Annotated, Any, Self, TypeVar
+
+from pydantic import AfterValidator, Field, ValidationError
+
+from tigas_common.errors import StartError
+from tigas_common.parsing import sentence
+from tigas_common.wire.model import WireModel
+from tigas_experiments.records.configuration import (
+    MAX_OFFSET_S,
+    MAX_RTT_MS,
+    Configuration,
+    Mode,
+    Network,
+    capture_interval_ms,
+    parse_viewport,
+)
+from tigas_experiments.records.folder import ExperimentName
+
+MAX_BYTES = 100_000
+"""Of a file."""
+MAX_RUNS = 10_000
+MAX_S = 31 * 86_400
+"""An experiment that would take longer is a mistake."""
+OVERHEAD_S = 2.0
+"""What a run takes beside its warm-up and its movement, about."""
+
+Value = TypeVar("Value")
+
+
+def _no_path(name: str) -> str:
+    if name in (".", "..") or not name.isprintable() or any(separator in name for separator in "/\\"):
+        raise ValueError(f"{name!r} must not be a path")
+    return name
+
+
+def _several(values: tuple[Value, ...]) -> tuple[Value, ...]:
+    if not values:
+        raise ValueError("there must be at least one")
+    for index, value in enumerate(values):
+        if value in values[:index]:
+            raise ValueError(f"{value!r} is there twice")
+    return values
+
+
+def _rung(controller: int | str) -> int | str:
+    return int(controller) if isinstance(controller, str) and controller.isdecimal() else controller
+
+
+Name = Annotated[str, Field(min_length=1, max_length=100), AfterValidator(_no_path)]
+Controller = Annotated[int | Annotated[str, Field(min_length=1, max_length=40)], AfterValidator(_rung)]
+Text = Annotated[str, Field(min_length=1, max_length=1000)]
+Several = Annotated[tuple[Value, ...], AfterValidator(_several)]
+
+
+class Plan(WireModel):
+    """What an experiment's file says."""
+
+    name: Annotated[ExperimentName, AfterValidator(_no_path)]
+    scenes: Several[Name]
+    movements: Several[Text]
+    """Movement traces' files, and names of generated movements."""
+    networks: Several[Text]
+    """As `tigas compare --network` takes them."""
+    rtts_ms: Several[Annotated[float, Field(ge=0, le=MAX_RTT_MS)]] | None = None
+    """Round trips in place of the networks' own; without them, each network keeps its own."""
+    modes: Several[Mode] = ("stateless",)
+    controllers: Several[Controller] = ("budget",)
+    """Of the mode `stateless`: controllers' names, and fixed rungs of the ladder."""
+    repeats: int = Field(default=1, ge=1, le=1000)
+    duration_s: float = 20.0
+    viewport: str = "640x360"
+    seed: int = 1
+    """Of generated movements, and of the controllers' random numbers; the same in each repeat."""
+    capture_every_s: float = Field(default=0.0, ge=0)
+    warm_up_s: float = 3.0
+    trace_offset_s: float = Field(default=0.0, ge=0, le=MAX_OFFSET_S)
+    """The position that network traces begin at."""
+
+    @classmethod
+    def read(cls, path: Path) -> Self:
+        """An experiment's file. Raises StartError with one sentence."""
+        try:
+            if path.stat().st_size > MAX_BYTES:
+                raise StartError(f"{path} has more than {MAX_BYTES} bytes, so it is no experiment's file.")
+            data = tomllib.loads(path.read_text(encoding="utf-8"))
+        except OSError as error:
+            raise StartError(f"{path} cannot be read: {error.strerror or error}.") from None
+        except (UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+            raise StartError(f"{path} is no TOML: {error}.") from None
+        return cls.of(data, str(path))
+
+    @classmethod
+    def of(cls, data: dict[str, Any], source: str) -> Self:
+        """What a file held. Raises StartError with one sentence."""
+        if unknown := [key for key in data if key not in cls.model_fields]:
+            raise StartError(f"{source}: there is no {unknown[0]!r}, only {', '.join(cls.model_fields)}.")
+        try:
+            # By way of JSON: a list of TOML's is a tuple of ours, and nothing else is bent to fit.
+            return cls.model_validate_json(json.dumps(data, default=str))
+        except ValidationError as error:
+            raise StartError(f"{source}: {sentence(error)}") from None
+
+    def runs(self, directory: Path) -> list[Configuration]:
+        """All runs, in the order in which they are to be made; paths are relative to `directory`, and stay as they are.
+
+        Repeats go outermost, so that an experiment that was interrupted has as many runs of each kind, and controllers
+        innermost, so that a machine that drifts does so for all of them. Raises StartError with one sentence.
+        """
+        profiles = self._profiles()
+        count = self.repeats * math.prod(
+            map(len, (self.scenes, self.movements, self.networks, self.rtts_ms or (0,), profiles))
+        )
+        if count > MAX_RUNS:
+            raise StartError(f"{self.name} would have {count} runs; the limit is {MAX_RUNS}.")
+        for movement in self.movements:
+            _check_movement(movement, directory)
+        try:
+            width, height = parse_viewport(self.viewport)
+            networks = self._networks(directory)
+            runs = [
+                Configuration(
+                    scene=scene,
+                    movement=movement,
+                    network=network,
+                    mode=mode,
+                    profile=profile,
+                    duration_s=self.duration_s,
+                    width=width,
+                    height=height,
+                    seed=self.seed,
+                    repeat=repeat,
+                    capture_every_ms=capture_interval_ms(self.capture_every_s, self.duration_s),
+                    warm_up_s=self.warm_up_s,
+                )
+                for repeat, scene, movement, network, (mode, profile) in product(
+                    range(self.repeats), self.scenes, self.movements, networks, profiles
+                )
+            ]
+        except ValidationError as error:
+            raise StartError(f"{self.name}: {sentence(error)}") from None
+        except ValueError as error:
+            raise StartError(f"{self.name}: {error}.") from None
+        if seconds(runs) > MAX_S:
+            raise StartError(f"{self.name} would take {lasting(runs)}; the limit is {MAX_S // 86_400} days.")
+        _check_folders(runs)
+        return runs
+
+    def _profiles(self) -> list[tuple[Mode, int | str]]:
+        """Each mode, with each controller where it has one."""
+        return [
+            (mode, controller)
+            for mode in self.modes
+            for controller in (
+                self.controllers if mode == "stateless" else (Configuration.model_fields["profile"].default,)
+            )
+        ]
+
+    def _networks(self, directory: Path) -> list[Network]:
+        networks = [Network.parse(text, directory) for text in self.networks]
+        if self.rtts_ms is not None:
+            networks = [network.with_rtt(rtt) for network in networks for rtt in self.rtts_ms]
+        offset = {"offset_s": self.trace_offset_s}
+        return [network.model_copy(update=offset) if network.is_trace else network for network in networks]
+
+
+def seconds(runs: Sequence[Configuration]) -> float:
+    """How long runs take, about."""
+    return sum(run.warm_up_s + run.duration_s + OVERHEAD_S for run in runs)
+
+
+def lasting(runs: Sequence[Configuration]) -> str:
+    """How long runs take, about, for people: hours, minutes and seconds."""
+    return str(timedelta(seconds=round(seconds(runs))))
+
+
+def _check_movement(text: str, directory: Path) -> None:
+    """Raises StartError for the path of a file that is not there. A name may be that of a generated movement."""
+    path = directory / text
+    if not path.is_file() and (Path(text).name != text or Path(text).suffix):
+        raise StartError(f"There is no movement's file {str(path)!r}.")
+
+
+def _check_folders(runs: Sequence[Configuration]) -> None:
+    folders: dict[str, Configuration] = {}
+    for run in runs:
+        other = folders.setdefault(run.slug.lower(), run)
+        if other is not run:
+            differ = [
+                f"{getattr(other, name)!r} and {getattr(run, name)!r}"
+                for name in ("scene", "movement", "profile")
+                if getattr(other, name) != getattr(run, name)
+            ] or [f"{other.network.name!r} and {run.network.name!r}"]
+            raise StartError(f"{differ[0]} would get the same folders, {run.slug}: give one of them another name.")

@@ -1,0 +1,135 @@
+"""The shaper's API (docs/network.md), as far as runs need it. The lab never imports the shaper."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import math
+from collections.abc import AsyncIterator
+from pathlib import Path
+from typing import Any
+
+import httpx
+from pydantic import BaseModel, ConfigDict, ValidationError
+
+from tigas_common.parsing import sentence
+from tigas_experiments.records.configuration import Network
+from tigas_experiments.run.errors import RunFailed
+
+TIMEOUT_S = 10
+UPLOAD_TIMEOUT_S = 60
+
+
+class Direction(BaseModel):
+    """One direction of the link; fields of a newer shaper are ignored."""
+
+    model_config = ConfigDict(frozen=True, allow_inf_nan=False)
+
+    target_kbps: float
+    delivered_kbps: float
+    """Since the sample before."""
+    queue_ms: float
+    drops: int
+
+
+class LinkStatus(BaseModel):
+    """What the shaper tells of its link."""
+
+    model_config = ConfigDict(frozen=True, allow_inf_nan=False)
+
+    time_ms: float
+    """Of the shaper's own steady clock."""
+    mode: str
+    trace: str | None
+    position_ms: float | None
+    duration_ms: float | None = None
+    """Of the trace."""
+    down: Direction
+    up: Direction
+    link: dict[str, float]
+    backend: str
+    closed: str | None
+
+
+class ShaperClient:
+    """A shaper at a URL. Every failure is a RunFailed with one sentence."""
+
+    def __init__(self, url: str, origin: str) -> None:
+        self.url = url.rstrip("/")
+        self._http = httpx.AsyncClient(
+            base_url=self.url, headers={"Origin": origin}, timeout=TIMEOUT_S, trust_env=False
+        )
+
+    async def close(self) -> None:
+        """Give up the connections."""
+        await self._http.aclose()
+
+    async def hold(self, network: Network) -> LinkStatus:
+        """Put the network's first state in force, and keep it."""
+        if network.link is not None:
+            return await self._post("/link", network.link.model_dump())
+        name = network.name
+        if network.trace_file is not None:
+            name = await self._upload(network.trace_file)
+        delay_ms = None if network.rtt_ms is None else network.rtt_ms / 2
+        playing = await self._post("/start", {"trace": name, "loop": True, "delay_ms": delay_ms})
+        if network.offset_s * 1000 >= (playing.duration_ms or math.inf):
+            raise RunFailed(f"The trace {name} is shorter than {network.offset_s:g} s, so no run can begin there.")
+        await self._post("/pause", {})
+        return await self._seek(network)
+
+    async def play(self, network: Network) -> None:
+        """Play the held trace from where a run begins."""
+        await self._seek(network)
+        await self._post("/resume", {})
+
+    async def release(self) -> LinkStatus:
+        """Back to the shaper's own constant rate, which is fast."""
+        return await self._post("/stop", {})
+
+    async def watch(self) -> AsyncIterator[LinkStatus]:
+        """The link about five times a second."""
+        try:
+            async with self._http.stream("GET", "/events", timeout=httpx.Timeout(TIMEOUT_S, read=None)) as answer:
+                async for line in answer.aiter_lines():
+                    if line.startswith("data:"):
+                        yield self._status(json.loads(line.removeprefix("data:")))
+        except (httpx.HTTPError, json.JSONDecodeError) as error:
+            raise RunFailed(f"The shaper at {self.url} stopped telling of its link ({_reason(error)}).") from None
+
+    async def _seek(self, network: Network) -> LinkStatus:
+        return await self._post("/seek", {"position_ms": network.offset_s * 1000})
+
+    def _status(self, data: Any) -> LinkStatus:
+        try:
+            return LinkStatus.model_validate(data)
+        except ValidationError as error:
+            raise RunFailed(f"The shaper at {self.url} tells of its link in other words: {sentence(error)}") from None
+
+    async def _upload(self, path: Path) -> str:
+        try:
+            data = await asyncio.to_thread(path.read_bytes)
+        except OSError as error:
+            raise RunFailed(f"{path} cannot be read: {error.strerror or error}.") from None
+        answer = await self._send("POST", "/traces", params={"name": path.name}, content=data, timeout=UPLOAD_TIMEOUT_S)
+        if not isinstance(answer, dict) or not isinstance(answer.get("name"), str):
+            raise RunFailed(f"The shaper at {self.url} took {path.name} and does not say as what.")
+        return str(answer["name"])
+
+    async def _post(self, path: str, body: dict[str, Any]) -> LinkStatus:
+        return self._status(await self._send("POST", path, json=body))
+
+    async def _send(self, method: str, path: str, **arguments: Any) -> Any:
+        try:
+            answer = await self._http.request(method, path, **arguments)
+            told = answer.json() if answer.is_success or "json" in answer.headers.get("content-type", "") else None
+        except (httpx.HTTPError, ValueError) as error:
+            raise RunFailed(f"The shaper at {self.url} does not answer ({_reason(error)}).") from None
+        if answer.is_success:
+            return told
+        detail = told.get("detail") if isinstance(told, dict) else None
+        raise RunFailed(f"The shaper refused {path}: {detail or answer.status_code}")
+
+
+def _reason(error: Exception) -> str:
+    return str(error) or type(error).__name__

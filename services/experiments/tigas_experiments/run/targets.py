@@ -1,0 +1,176 @@
+"""The services that runs are made against: the lab on this machine, started for it, or running ones, given by URL."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from urllib.parse import quote, urlsplit
+
+import httpx
+from pydantic import ValidationError
+
+from tigas_common.errors import StartError
+from tigas_common.wire.render import SceneInfo, ServerConfig
+
+LAB_URL = "http://localhost:8080"
+START_S = 120
+"""The first start on a machine compiles the rasteriser."""
+STOP_S = 15
+ANSWER_S = 10
+"""On a busy machine."""
+LOAD_S = 300
+
+
+@dataclass(frozen=True, slots=True)
+class Target:
+    """Where the page is, and what it leads to."""
+
+    url: str
+    """Without a slash at its end; also the page's origin."""
+    config: ServerConfig
+
+    @property
+    def shaper(self) -> str | None:
+        """The shaper's URL."""
+        return self.config.services.get("shaper")
+
+    @property
+    def dash(self) -> str | None:
+        """The packager's URL."""
+        return self.config.services.get("dash")
+
+
+@asynccontextmanager
+async def lab_target(scenes: Path | None, traces: Path | None) -> AsyncIterator[Target]:
+    """The namespace lab, for as long as the context lasts. Raises StartError."""
+    await asyncio.to_thread(_check)
+    if await _serves(LAB_URL):
+        raise StartError(f"Something serves {LAB_URL} already; stop it, or measure it with --url {LAB_URL}.")
+    options = [*(("--scenes", str(scenes)) if scenes else ()), *(("--traces", str(traces)) if traces else ())]
+    # A session of its own: Ctrl+C reaches us alone, so that runs end before their services. If we die, it ends, too.
+    process = subprocess.Popen(  # noqa: ASYNC220 - starting takes no time
+        ["setpriv", "--pdeathsig", "TERM", *_tigas("lab", "up"), *options],
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+        start_new_session=True,
+        env=os.environ | {"PYTHONUNBUFFERED": "1"},
+    )
+    log = asyncio.create_task(asyncio.to_thread(_last_words, process))
+    try:
+        yield await _ready(process, log)
+    finally:
+        process.send_signal(signal.SIGTERM)
+        await asyncio.shield(asyncio.to_thread(_ended, process))
+
+
+@asynccontextmanager
+async def url_target(url: str) -> AsyncIterator[Target]:
+    """Running services. Raises StartError."""
+    parts = urlsplit(url)
+    if parts.scheme not in ("http", "https") or not parts.hostname:
+        raise StartError(f"{url!r} is no URL of a viewer, such as {LAB_URL}.")
+    base = f"{parts.scheme}://{parts.netloc}"
+    yield Target(base, await read_config(base))
+
+
+async def read_config(url: str) -> ServerConfig:
+    """What the services at a URL say of themselves. Raises StartError."""
+    async with httpx.AsyncClient(timeout=ANSWER_S, trust_env=False, verify=False) as http:
+        try:
+            return ServerConfig.model_validate_json((await http.get(f"{url}/config.json")).content)
+        except (httpx.HTTPError, ValidationError):
+            raise StartError(f"No TIGAS render service answers at {url}.") from None
+
+
+async def alive(target: Target) -> bool:
+    """Whether all services answer, the shaper's link works, and the render service is the one that it was.
+
+    One that was started again has another certificate, which its configuration tells.
+    """
+    try:
+        config = await read_config(target.url)
+    except StartError:
+        return False
+    services = (target.url, target.shaper, target.dash)
+    return config == target.config and all([await _serves(url, ANSWER_S) for url in services if url is not None])
+
+
+async def load_scene(url: str, scene: str) -> SceneInfo:
+    """A scene's description, once it is loaded. Raises StartError."""
+    async with httpx.AsyncClient(timeout=LOAD_S, trust_env=False, verify=False) as http:
+        try:
+            answer = await http.post(f"{url}/scenes/{quote(scene, safe='')}/load")
+            if answer.is_success:
+                return SceneInfo.model_validate_json(answer.content)
+            told = answer.json()
+        except (httpx.HTTPError, ValueError) as error:
+            raise StartError(
+                f"The scene {scene!r} cannot be loaded from {url}: {error or type(error).__name__}"
+            ) from None
+    detail = told.get("detail") if isinstance(told, dict) else None
+    raise StartError(f"The scene {scene!r} cannot be loaded: {detail or answer.status_code}")
+
+
+def _tigas(*arguments: str) -> list[str]:
+    return [sys.executable, "-m", "tigas_common", *arguments]
+
+
+def _check() -> None:
+    advice = "give running services with --url instead"
+    run = subprocess.run(_tigas("lab", "check"), capture_output=True, text=True)
+    if run.returncode:
+        reason = run.stderr.strip().splitlines()
+        raise StartError(f"{reason[-1] if reason else 'The lab cannot be started.'} Or {advice}.")
+    if shutil.which("setpriv") is None:
+        raise StartError(f"The lab needs setpriv: sudo apt-get install util-linux, or {advice}.")
+
+
+async def _ready(process: subprocess.Popen[bytes], log: asyncio.Task[str]) -> Target:
+    end = time.monotonic() + START_S
+    while time.monotonic() < end:
+        if process.poll() is not None:
+            raise StartError(f"The lab did not start: {await log or 'it gave no reason'}")
+        if await _serves(LAB_URL):
+            target = Target(LAB_URL, await read_config(LAB_URL))
+            if await alive(target):
+                return target
+        await asyncio.sleep(0.3)
+    raise StartError(f"The lab's services did not answer within {START_S} s.")
+
+
+async def _serves(url: str, patience_s: float = 2) -> bool:
+    async with httpx.AsyncClient(timeout=patience_s, trust_env=False, verify=False) as http:
+        with contextlib.suppress(httpx.HTTPError):
+            return (await http.get(f"{url.rstrip('/')}/healthz")).is_success
+    return False
+
+
+def _last_words(process: subprocess.Popen[bytes]) -> str:
+    """The last line that it wrote to its error output, once it has ended."""
+    assert process.stderr is not None
+    last = ""
+    with process.stderr as stream:
+        for line in stream:
+            last = line.decode(errors="replace").strip() or last
+    return last
+
+
+def _ended(process: subprocess.Popen[bytes]) -> None:
+    try:
+        process.wait(STOP_S)
+    except subprocess.TimeoutExpired:
+        os.killpg(process.pid, signal.SIGKILL)
+        process.wait()
+    if process.returncode < 0:  # it was killed, and has removed nothing
+        subprocess.run(_tigas("lab", "down"), capture_output=True)

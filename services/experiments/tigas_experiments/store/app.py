@@ -1,0 +1,192 @@
+"""The store's HTTP interface: Starlette routes, nothing else. Any page may read; `origins` says which may change."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from datetime import UTC, datetime
+from pathlib import Path
+from urllib.parse import quote
+
+from starlette.applications import Starlette
+from starlette.middleware import Middleware
+from starlette.middleware.cors import CORSMiddleware
+from starlette.requests import ClientDisconnect, Request
+from starlette.responses import JSONResponse, Response, StreamingResponse
+from starlette.routing import Route
+
+from tigas_common.errors import BodyTooLarge, InvalidRequest
+from tigas_common.problems import EXCEPTION_HANDLERS, json_response, read_body
+from tigas_experiments.records.load import LoadSample
+from tigas_experiments.records.machine import Machine
+from tigas_experiments.records.recording import MAX_BYTES
+from tigas_experiments.store.apart import Apart
+from tigas_experiments.store.archive import archive
+from tigas_experiments.store.errors import storage_explained
+from tigas_experiments.store.experiments import Experiments
+from tigas_experiments.store.intake import take_in
+from tigas_experiments.store.movements import Movements
+from tigas_experiments.store.origins import OriginCheck
+from tigas_experiments.store.reports import Reports
+from tigas_experiments.store.wire import ExperimentCreated
+from tigas_experiments.store.workspace import Workspace
+
+MAX_PLAN_BYTES = 64 * 1024
+SILENCE_S = 30.0
+"""An upload of which nothing comes for so long is given up."""
+NO_STORE = {"Cache-Control": "no-store"}
+# A report needs nothing but itself, and must not act as a page of the store.
+REPORT_HEADERS = NO_STORE | {
+    "Content-Security-Policy": "default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'; "
+    "img-src data:; font-src data:; sandbox allow-scripts allow-popups allow-downloads"
+}
+
+
+@dataclass(frozen=True)
+class Store:
+    """What the routes work with; its caller's to open and close."""
+
+    workspace: Workspace
+    experiments: Experiments
+    reports: Reports
+    movements: Movements
+    load: Sequence[LoadSample]
+    """Of this machine, as far back as a run may last; grows by itself."""
+    machine: Machine
+    apart: Apart
+    one_at_a_time: asyncio.Lock = field(default_factory=asyncio.Lock)
+    """Runs are checked in turn: a long one takes much memory."""
+
+
+def create_app(store: Store, origins: Sequence[str]) -> Starlette:
+    """The application over a store."""
+    app = Starlette(
+        routes=[
+            Route("/experiments", create, methods=["POST"]),
+            Route("/experiments", experiments),
+            Route("/experiments/{id}", remove, methods=["DELETE"]),
+            Route("/experiments/{id}", experiment),
+            Route("/experiments/{id}/runs", add_run, methods=["POST"]),
+            Route("/experiments/{id}/zip", download),
+            Route("/experiments/{id}/report", report),
+            Route("/movements", movements),
+            Route("/movements/{name}", movement),
+            Route("/healthz", healthz),
+        ],
+        middleware=[
+            Middleware(
+                CORSMiddleware, allow_origins=["*"], allow_methods=["GET", "POST", "DELETE"], allow_headers=["*"]
+            ),
+            Middleware(OriginCheck, allowed=origins),
+        ],
+        exception_handlers=EXCEPTION_HANDLERS,
+    )
+    app.state.store = store
+    return app
+
+
+async def experiments(request: Request) -> Response:
+    """All experiments."""
+    return json_response(await asyncio.to_thread(_store(request).experiments.all))
+
+
+async def create(request: Request) -> Response:
+    """Begin an experiment."""
+    body = await read_body(request, MAX_PLAN_BYTES)
+    made = await asyncio.to_thread(_store(request).experiments.create, body, datetime.now(UTC))
+    return _created(json_response(ExperimentCreated(id=made)), made)
+
+
+async def experiment(request: Request) -> Response:
+    """An experiment and its runs."""
+    return json_response(await asyncio.to_thread(_store(request).experiments.get, request.path_params["id"]))
+
+
+async def remove(request: Request) -> Response:
+    """Remove an experiment and everything in its folder."""
+    await asyncio.to_thread(_store(request).experiments.remove, request.path_params["id"])
+    return Response(status_code=204)
+
+
+async def add_run(request: Request) -> Response:
+    """Keep a run that has ended."""
+    store, name = _store(request), request.path_params["id"]
+    await asyncio.to_thread(store.experiments.find, name)
+    with storage_explained(), store.workspace.folder() as folder:
+        body = folder / "body.json"
+        await _receive(request, body)
+        run = folder / "run"
+        async with store.one_at_a_time:
+            summary = await store.apart(take_in, body, run, tuple(store.load), store.machine)
+        row = await asyncio.to_thread(store.experiments.add_run, name, run, summary)
+    return _created(json_response(row), name)
+
+
+async def download(request: Request) -> Response:
+    """An experiment's folder as a ZIP."""
+    name = request.path_params["id"]
+    folder, _ = await asyncio.to_thread(_store(request).experiments.find, name)
+    headers = {"Content-Disposition": f"attachment; filename*=UTF-8''{quote(name)}.zip"}
+    return StreamingResponse(_archived(folder), media_type="application/zip", headers=NO_STORE | headers)
+
+
+async def report(request: Request) -> Response:
+    """An experiment's report, newly made if runs came or went."""
+    html = await _store(request).reports.html(request.path_params["id"])
+    return Response(html, media_type="text/html", headers=REPORT_HEADERS)
+
+
+async def movements(request: Request) -> Response:
+    """All movement traces."""
+    return json_response(await asyncio.to_thread(_store(request).movements.all))
+
+
+async def movement(request: Request) -> Response:
+    """A movement trace's file."""
+    text = await asyncio.to_thread(_store(request).movements.text, request.path_params["name"])
+    return Response(text, media_type="text/csv", headers=NO_STORE)
+
+
+async def healthz(request: Request) -> Response:
+    """Whether the service runs."""
+    return JSONResponse({"status": "ok"})
+
+
+async def _receive(request: Request, path: Path) -> None:
+    """Write the body into a file. Raises BodyTooLarge, InvalidRequest if it stops before its end, and OSError."""
+    size, parts, too_large = 0, aiter(request.stream()), BodyTooLarge(f"The body is larger than {MAX_BYTES} bytes.")
+    if int(request.headers.get("content-length", 0)) > MAX_BYTES:
+        raise too_large
+    with path.open("wb") as file:
+        while True:
+            try:
+                async with asyncio.timeout(SILENCE_S):
+                    part = await anext(parts, None)
+            except TimeoutError:
+                raise InvalidRequest(f"Nothing of the body came for {SILENCE_S:g} seconds.") from None
+            except ClientDisconnect:
+                raise InvalidRequest("The client left before its request was complete.") from None
+            if part is None:
+                return
+            size += len(part)
+            if size > MAX_BYTES:
+                raise too_large
+            await asyncio.to_thread(file.write, part)
+
+
+def _archived(folder: Path) -> Iterator[bytes]:
+    """Breaks off where the archive cannot be finished, so that nobody takes the part for the whole."""
+    with storage_explained():
+        yield from archive(folder)
+
+
+def _created(answer: Response, experiment: str) -> Response:
+    answer.status_code = 201
+    answer.headers["Location"] = f"/experiments/{quote(experiment)}"
+    return answer
+
+
+def _store(request: Request) -> Store:
+    store: Store = request.app.state.store
+    return store

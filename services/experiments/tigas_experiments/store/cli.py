@@ -1,0 +1,38 @@
+"""The command `tigas store`. Heavy imports wait until it runs."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from tigas_common.cli import in_a_sentence
+from tigas_common.settings import load_settings
+
+
+def store(
+    results: Annotated[Path | None, typer.Option(help="Directory of experiments, one folder each. [results]")] = None,
+    movements: Annotated[Path | None, typer.Option(help="Directory of movement traces. [traces/movement]")] = None,
+    http: Annotated[str | None, typer.Option(metavar="HOST:PORT", help="API. [127.0.0.1:8091]")] = None,
+    origins: Annotated[
+        list[str] | None,
+        typer.Option("--origin", metavar="URL", help="Page on another host that may change experiments. Repeat."),
+    ] = None,
+) -> None:
+    """Keep experiments that were made in the page, and give reports and archives of all.
+
+    Settings are also read from [store] in tigas.toml (or the file that TIGAS_CONFIG names) and from TIGAS_STORE_*.
+    """
+    flags = dict(locals())
+    from tigas_common.errors import StartError
+    from tigas_experiments.store.main import serve
+    from tigas_experiments.store.settings import StoreSettings
+
+    settings = load_settings(StoreSettings, flags)
+    logging.basicConfig(format="%(asctime)s %(levelname)s %(message)s", level=logging.WARNING, stream=sys.stdout)
+    with in_a_sentence(StartError):
+        asyncio.run(serve(settings))

@@ -1,0 +1,196 @@
+"""Experiments as folders of one directory, those of commands among them: found, begun, added to and removed.
+
+Everything here blocks; the application calls it in threads. An experiment's id is its folder's name. Links are not
+followed, so that nothing outside the directory can be reached.
+"""
+
+from __future__ import annotations
+
+import errno
+import itertools
+import re
+from collections.abc import Callable, Iterator
+from contextlib import nullcontext
+from datetime import UTC, datetime
+from functools import lru_cache
+from pathlib import Path
+from typing import TypeVar
+
+from tigas_common.errors import StartError
+from tigas_experiments.records.folder import ExperimentRecord, RunRecord, StoredRun, read_experiment, write_experiment
+from tigas_experiments.records.recording import BrokenRecording
+from tigas_experiments.records.summary import Summary, summarise
+from tigas_experiments.run.lock import EXPERIMENT, exclusive
+from tigas_experiments.store.errors import ExperimentInUse, UnknownExperiment, storage_explained
+from tigas_experiments.store.intake import parsed
+from tigas_experiments.store.wire import Experiment, ExperimentList, ExperimentRequest, ExperimentSummary, RunRow
+from tigas_experiments.store.workspace import Workspace
+
+CACHED_RUNS = 10_000
+T = TypeVar("T")
+TAKEN = (errno.EEXIST, errno.ENOTEMPTY, errno.ENOTDIR)
+"""What the system says where a folder cannot be put because something is there."""
+
+
+class Experiments:
+    """All experiments in a directory."""
+
+    def __init__(self, results: Path, workspace: Workspace) -> None:
+        self._results = results.resolve()
+        self._workspace = workspace
+
+    def all(self) -> ExperimentList:
+        """Those whose experiment.json can be read."""
+        found = []
+        with storage_explained():
+            folders = [path for path in self._results.iterdir() if _is_folder(path)]
+        for folder in folders:
+            try:
+                record = read_experiment(folder)
+            except BrokenRecording:
+                continue
+            runs = list(_read(_record, folder))
+            found.append(
+                ExperimentSummary(
+                    id=folder.name,
+                    name=record.name,
+                    created=record.created,
+                    source=record.source,
+                    planned=record.planned,
+                    runs=len(runs),
+                    complete=sum(run.status == "complete" for run in runs),
+                )
+            )
+        return ExperimentList(experiments=tuple(sorted(found, key=lambda one: (one.created, one.id), reverse=True)))
+
+    def get(self, experiment: str) -> Experiment:
+        """One with its runs. Raises UnknownExperiment."""
+        folder, record = self.find(experiment)
+        runs = [RunRow.of(run) for run in _read(_summary, folder)]
+        return Experiment(
+            id=experiment,
+            name=record.name,
+            created=record.created,
+            source=record.source,
+            plan=record.plan,
+            complete=sum(run.status == "complete" for run in runs),
+            runs=tuple(runs),
+        )
+
+    def find(self, experiment: str) -> tuple[Path, ExperimentRecord]:
+        """Its folder and what is said there. Raises UnknownExperiment."""
+        folder = self._results / experiment
+        # Compared as a name, since as a path it could lead anywhere.
+        if folder.name != experiment or not _is_folder(folder):
+            raise UnknownExperiment(f"There is no experiment {experiment[:100]!r}.")
+        try:
+            return folder, read_experiment(folder)
+        except BrokenRecording:
+            raise UnknownExperiment(f"The folder {experiment} has no experiment.json that can be read.") from None
+
+    def create(self, body: bytes, now: datetime) -> str:
+        """Begin one; its id. Raises InvalidRequest and DiskFull."""
+        request = parsed(ExperimentRequest, body)
+        slug = re.sub(r"[^A-Za-z0-9.-]+", "-", request.name).strip(".-")[:60] or "experiment"
+        created = now.astimezone(UTC)
+        record = ExperimentRecord(
+            name=request.name,
+            created=created.isoformat(timespec="seconds"),
+            source="page",
+            plan=request.plan,
+            planned=request.planned,
+        )
+        with storage_explained(), self._workspace.folder() as folder:
+            made = folder / "experiment"
+            write_experiment(made, record)
+            return _placed(made, self._results, f"{slug}-{created:%Y%m%d-%H%M%S}")
+
+    def add_run(self, experiment: str, made: Path, summary: Summary) -> RunRow:
+        """Keep a run that lies in the workspace as a whole. Raises UnknownExperiment and ExperimentInUse."""
+        parent, record = self.find(experiment)
+        if record.source == "command":  # which would refuse to go on with runs that it does not know
+            raise ExperimentInUse(f"The experiment {experiment} is a command's; begin one of the page's own.")
+        runs = parent / "runs"
+        with storage_explained():
+            try:
+                runs.mkdir(exist_ok=True)
+                if not _is_folder(runs):
+                    raise UnknownExperiment(f"The experiment {experiment} has no folder for runs.")
+                name = _placed(made, runs, summary.record.configuration.slug)
+            except FileNotFoundError:
+                raise UnknownExperiment(f"The experiment {experiment} was removed meanwhile.") from None
+        return RunRow.of(summary.model_copy(update={"folder": name}))
+
+    def remove(self, experiment: str) -> None:
+        """Remove one. Raises UnknownExperiment and ExperimentInUse."""
+        folder, _ = self.find(experiment)
+        lock = folder / EXPERIMENT
+        with storage_explained():
+            try:
+                with exclusive(lock, "") if lock.exists() else nullcontext():
+                    self._workspace.remove(folder)
+            except StartError:
+                raise ExperimentInUse(f"A command is making the experiment {experiment}; end it first.") from None
+            except FileNotFoundError:
+                raise UnknownExperiment(f"The experiment {experiment} was removed meanwhile.") from None
+
+
+def made_runs(folder: Path) -> list[Path]:
+    """The folders of an experiment's runs, by name; none if it was removed meanwhile."""
+    runs = folder / "runs"
+    if not _is_folder(runs):
+        return []
+    try:
+        return sorted(path for path in runs.iterdir() if _is_folder(path))
+    except FileNotFoundError:
+        return []
+
+
+def version(run: Path) -> tuple[int, ...] | None:
+    """Differs whenever the run was written again; None if it says nothing of itself."""
+    try:
+        told = (run / "run.json").lstat()
+    except OSError:
+        return None
+    return told.st_mtime_ns, told.st_size, told.st_ino
+
+
+def _read(reader: Callable[[Path, tuple[int, ...]], T], folder: Path) -> Iterator[T]:
+    """What a reader says of an experiment's runs, of those that say something of themselves."""
+    for run in made_runs(folder):
+        if (written := version(run)) is not None:
+            try:
+                yield reader(run, written)
+            except BrokenRecording:
+                continue
+
+
+@lru_cache(CACHED_RUNS)
+def _record(run: Path, _written: tuple[int, ...]) -> RunRecord:
+    return StoredRun(run).record
+
+
+@lru_cache(CACHED_RUNS)
+def _summary(run: Path, _written: tuple[int, ...]) -> Summary:
+    return summarise(run)
+
+
+def _is_folder(path: Path) -> bool:
+    try:
+        return path.is_dir() and not path.is_symlink() and not path.name.startswith(".")
+    except (OSError, ValueError):  # a name that no file system takes
+        return False
+
+
+def _placed(made: Path, parent: Path, name: str) -> str:
+    """Move a folder to its place, under the first name that is free. Raises OSError."""
+    for number in itertools.count(1):
+        chosen = name if number == 1 else f"{name}_{number}"
+        try:
+            made.rename(parent / chosen)
+        except OSError as error:
+            if error.errno not in TAKEN:
+                raise
+        else:
+            return chosen
+    raise AssertionError

@@ -1,0 +1,41 @@
+"""Wires the store together: settings in, API up, until told to stop."""
+
+from __future__ import annotations
+
+import asyncio
+from contextlib import AsyncExitStack
+
+from tigas_common.runner import explained, serve_http, until_stopped
+from tigas_experiments.records.load import EVERY_S, watching_load
+from tigas_experiments.records.machine import this_machine
+from tigas_experiments.store.apart import in_a_process
+from tigas_experiments.store.app import Store, create_app
+from tigas_experiments.store.experiments import Experiments
+from tigas_experiments.store.movements import Movements
+from tigas_experiments.store.reports import Reports
+from tigas_experiments.store.settings import StoreSettings
+from tigas_experiments.store.workspace import Workspace
+
+REMEMBERED_S = 3 * 3600
+"""The machine's load is: longer than the longest run and its upload."""
+
+
+async def serve(settings: StoreSettings) -> None:
+    """Run the store until SIGINT or SIGTERM. Raises StartError."""
+    async with AsyncExitStack() as stack:
+        workspace = stack.enter_context(Workspace.opened(settings.results))
+        load = await stack.enter_async_context(watching_load(keep=int(REMEMBERED_S / EVERY_S)))
+        experiments = Experiments(settings.results, workspace)
+        store = Store(
+            workspace=workspace,
+            experiments=experiments,
+            reports=Reports(experiments, workspace, in_a_process),
+            movements=Movements(settings.movements),
+            load=load,
+            machine=await asyncio.to_thread(this_machine),
+            apart=in_a_process,
+        )
+        with explained(settings.http, "--http"):
+            port = await stack.enter_async_context(serve_http(create_app(store, settings.origins), settings.http))
+        print(f"Experiments in {settings.results} on http://{settings.http.reachable_host}:{port}/", flush=True)
+        await until_stopped()

@@ -1,0 +1,60 @@
+"""Movement traces of a directory, which the page plays."""
+
+from __future__ import annotations
+
+import logging
+from functools import lru_cache
+from pathlib import Path
+
+from tigas_experiments.movement.errors import MovementError
+from tigas_experiments.movement.trace import MovementTrace
+from tigas_experiments.store.errors import UnknownMovement, storage_explained
+from tigas_experiments.store.wire import Movement, MovementList
+
+logger = logging.getLogger(__name__)
+
+
+class Movements:
+    """The files NAME.csv of a directory that is read anew each time; files that are no movements are not among them."""
+
+    def __init__(self, directory: Path) -> None:
+        self._directory = directory
+
+    def all(self) -> MovementList:
+        """What they are."""
+        found = []
+        for path in sorted(self._directory.glob("*.csv")):
+            try:
+                found.append(_described(path))
+            except UnknownMovement as error:
+                logger.warning("%s", error.detail)
+        return MovementList(movements=tuple(found))
+
+    def text(self, name: str) -> bytes:
+        """The file. Raises UnknownMovement."""
+        path = self._directory / f"{name}.csv"
+        # Looked for among the names that there are: as a path it could lead anywhere.
+        if path not in self._directory.glob("*.csv"):
+            raise UnknownMovement(f"There is no movement {name[:100]!r}.")
+        _described(path)
+        with storage_explained():
+            return path.read_bytes()
+
+
+def _described(path: Path) -> Movement:
+    try:
+        told = path.stat()
+    except OSError as error:
+        raise UnknownMovement(f"The movement {path} cannot be read: {error.strerror or error}.") from None
+    return _read(path, told.st_mtime_ns, told.st_size)
+
+
+@lru_cache(1000)
+def _read(path: Path, _modified_ns: int, _size: int) -> Movement:
+    try:
+        trace = MovementTrace.read(path)
+    except MovementError as error:
+        raise UnknownMovement(str(error)) from None
+    return Movement(
+        name=path.stem, duration_ms=trace.duration_ms, anchor=trace.anchor, description=trace.description[:1000]
+    )

@@ -1,0 +1,72 @@
+"""Reports of experiments, made when somebody asks and kept until a run comes or goes."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from tigas_common.errors import StartError
+from tigas_experiments.store.apart import Apart
+from tigas_experiments.store.errors import NothingToReport, UnknownExperiment, storage_explained
+from tigas_experiments.store.experiments import Experiments, made_runs, version
+from tigas_experiments.store.workspace import Workspace
+
+REPORT = "report.html"
+Versions = tuple[tuple[str, tuple[int, ...] | None], ...]
+
+
+class Reports:
+    """One at a time, since each takes a processor."""
+
+    def __init__(self, experiments: Experiments, workspace: Workspace, apart: Apart) -> None:
+        self._experiments = experiments
+        self._workspace = workspace
+        self._apart = apart
+        self._one_at_a_time = asyncio.Lock()
+        self._made: dict[str, Versions] = {}
+        """Of which runs the report in an experiment's folder is."""
+
+    async def html(self, experiment: str) -> bytes:
+        """The report, which is in the experiment's folder, too, with all its files. It may take seconds.
+
+        Raises UnknownExperiment, NothingToReport and DiskFull.
+        """
+        async with self._one_at_a_time:
+            folder, _ = await asyncio.to_thread(self._experiments.find, experiment)
+            runs = await asyncio.to_thread(made_runs, folder)
+            if not runs:
+                raise NothingToReport("The experiment has no runs yet.")
+            versions = tuple((run.name, version(run)) for run in runs)
+            with storage_explained(), _still_there(experiment):
+                if self._made.get(experiment) != versions or not (folder / REPORT).is_file():
+                    with self._workspace.folder() as made:
+                        await self._apart(draw, folder, made)
+                        await asyncio.to_thread(_move, made, folder)
+                    self._made[experiment] = versions
+                return await asyncio.to_thread((folder / REPORT).read_bytes)
+
+
+@contextmanager
+def _still_there(experiment: str) -> Iterator[None]:
+    try:
+        yield
+    except FileNotFoundError:
+        raise UnknownExperiment(f"The experiment {experiment} was removed meanwhile.") from None
+
+
+def draw(folder: Path, out: Path) -> None:
+    """Write the files of an experiment's report into a folder. Raises NothingToReport and DiskFull."""
+    from tigas_experiments.report.experiment import write_experiment_report  # heavy, and of no use but where it draws
+
+    with storage_explained():
+        try:
+            write_experiment_report(folder, out)
+        except StartError as error:
+            raise NothingToReport(str(error)) from None
+
+
+def _move(made: Path, folder: Path) -> None:
+    for path in made.iterdir():
+        path.replace(folder / path.name)

@@ -1,0 +1,155 @@
+"""What travels between the store and the page."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import pairwise
+from typing import Literal, Self
+
+from pydantic import Field, model_validator
+
+from tigas_common.wire.model import WireModel
+from tigas_experiments.records.configuration import Configuration
+from tigas_experiments.records.folder import ExperimentName, LinkSample, Plan
+from tigas_experiments.records.recording import Recording
+from tigas_experiments.records.summary import Figures, Summary
+
+AROUND_MS = 600_000
+"""What is recorded lies at most so long before a run's start or after its movement's end."""
+MOST_KBPS = 1e9
+MOST_BYTES = 10**15
+LATEST_UNIX_MS = 4e12
+"""In the year 2096."""
+
+
+class ExperimentRequest(WireModel):
+    """An experiment that a page begins."""
+
+    name: ExperimentName
+    plan: Plan
+    planned: int | None = Field(default=None, ge=0)
+    """How many runs it is to have."""
+
+
+class ExperimentCreated(WireModel):
+    """The answer to it."""
+
+    id: str
+
+
+class RunUpload(WireModel):
+    """One run, after it has ended. Figures can be computed of whatever is valid here."""
+
+    configuration: Configuration
+    recording: Recording
+    link: tuple[LinkSample, ...]
+    """What the shaper told of its link meanwhile; none without one."""
+    scene_bytes: int | None = Field(default=None, ge=0, le=MOST_BYTES)
+    """Of the scene's file; None if unknown."""
+
+    @model_validator(mode="after")
+    def _check(self) -> Self:
+        for problem in self._problems():
+            raise ValueError(problem)
+        return self
+
+    def _problems(self) -> Iterator[str]:
+        configuration, recording = self.configuration, self.recording
+        if recording.scene != configuration.scene:
+            yield f"the recording is of the scene {recording.scene!r}, not of {configuration.scene!r}"
+        if recording.mode != configuration.mode.partition("-")[0]:
+            yield f"the recording is of the mode {recording.mode}, not of {configuration.mode}"
+        if abs(recording.duration_ms - configuration.duration_s * 1000) > 1:
+            yield f"the recording lasts {recording.duration_ms:g} ms, not {configuration.duration_s:g} s"
+        if not 0 <= recording.started_unix_ms <= LATEST_UNIX_MS:
+            yield "the recording started at no time of this century"
+        if recording.traffic and max(entry.bytes for entry in recording.traffic) > MOST_BYTES:
+            yield "nobody receives so many bytes"
+        link = self.link
+        if any(later.at < earlier.at or later.drops < earlier.drops for earlier, later in pairwise(link)):
+            yield "the times and the drops of link must not go back"
+        rates = (rate for at in link for rate in (at.target_kbps, at.delivered_kbps, at.up_delivered_kbps))
+        if not all(0 <= rate <= MOST_KBPS for rate in rates):
+            yield f"the rates of link must be 0 to {MOST_KBPS:g} kbit/s"
+        last = recording.duration_ms + AROUND_MS
+        lists = (recording.inputs, recording.frames, recording.replies, recording.traffic, link)
+        for entries in lists:  # in the order of time
+            if entries and not -AROUND_MS <= entries[0].at <= entries[-1].at <= last:
+                yield "something was recorded long before the run or long after it"
+        if recording.ended_ms > last:
+            yield "the recording ended long after the run"
+
+
+class RunRow(WireModel):
+    """One run of an experiment."""
+
+    folder: str
+    status: Literal["running", "complete", "failed"]
+    """A run that was killed says `running` for ever."""
+    problem: str | None
+    """Why there are no figures."""
+    configuration: Configuration
+    figures: Figures | None
+
+    @classmethod
+    def of(cls, summary: Summary) -> RunRow:
+        """From what its folder says."""
+        record = summary.record
+        return cls(
+            folder=summary.folder,
+            status=record.status,
+            problem=summary.problem,
+            configuration=record.configuration,
+            figures=summary.figures,
+        )
+
+
+class ExperimentSummary(WireModel):
+    """One experiment in the list."""
+
+    id: str
+    name: str
+    created: str
+    """ISO 8601, UTC."""
+    source: Literal["command", "page"]
+    planned: int | None = None
+    """How many runs it has when it is complete; null if it does not say."""
+    runs: int
+    """That were made, whatever became of them."""
+    complete: int
+    """Of these."""
+
+
+class ExperimentList(WireModel):
+    """All experiments, the newest first."""
+
+    experiments: tuple[ExperimentSummary, ...]
+
+
+class Experiment(WireModel):
+    """One experiment and its runs."""
+
+    id: str
+    name: str
+    created: str
+    source: Literal["command", "page"]
+    plan: Plan
+    """As it was given."""
+    complete: int
+    runs: tuple[RunRow, ...]
+
+
+class Movement(WireModel):
+    """A movement trace."""
+
+    name: str
+    duration_ms: float = Field(ge=0)
+    anchor: Literal["start", "scene"]
+    """Placed at the scene's start camera, or absolute in the scene."""
+    description: str
+
+
+class MovementList(WireModel):
+    """All movement traces, by name."""
+
+    movements: tuple[Movement, ...]

@@ -1,1 +1,0 @@
-"""Experiments: a matrix of runs, made one after the other, which go on where they were interrupted."""

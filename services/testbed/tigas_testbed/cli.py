@@ -1,0 +1,75 @@
+"""The commands `tigas lab up`, `down` and `exec`."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import threading
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from tigas_common.cli import in_a_sentence
+from tigas_common.errors import StartError
+
+lab = typer.Typer(help="The lab on this machine, in network namespaces: no Docker needed.", no_args_is_help=True)
+
+
+@lab.command("up")
+def up(
+    scenes: Annotated[Path | None, typer.Option(help="Models directory: one folder a scene.")] = None,
+    traces: Annotated[Path | None, typer.Option(help="Directory of network traces.")] = None,
+    trace: Annotated[str | None, typer.Option(help="Trace to play from the start.")] = None,
+) -> None:
+    """Start the render service behind the shaped link, until Ctrl+C; then open http://localhost:8080."""
+    from tigas_testbed.services import run_lab
+
+    stop = threading.Event()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda *_: stop.set())
+    with in_a_sentence(StartError, subprocess.CalledProcessError):
+        run_lab(scenes=scenes, traces=traces, trace=trace, stop=stop)
+
+
+@lab.command("check")
+def check() -> None:
+    """Say whether this machine can run the lab: nothing if it can, one sentence and status 1 if not."""
+    from tigas_testbed.namespaces import check_rights
+
+    with in_a_sentence(StartError, subprocess.CalledProcessError):
+        check_rights()
+
+
+@lab.command("down")
+def down() -> None:
+    """End a lab, or remove what one that was killed left behind."""
+    from tigas_testbed.namespaces import Lab, check_rights
+    from tigas_testbed.services import NAME
+
+    with in_a_sentence(StartError, subprocess.CalledProcessError):
+        check_rights()
+        Lab(NAME).remove()
+
+
+@lab.command("exec", context_settings={"ignore_unknown_options": True, "allow_interspersed_args": False})
+def exec_(
+    role: Annotated[str, typer.Argument(help="client, gateway or service.")],
+    command: Annotated[list[str], typer.Argument(help="What to run there, such as: chromium http://localhost:8080")],
+) -> None:
+    """Run a command inside the lab, such as a browser at the client."""
+    from tigas_testbed.namespaces import ROLES, Lab, check_rights
+    from tigas_testbed.services import NAME
+
+    with in_a_sentence(StartError, subprocess.CalledProcessError):
+        check_rights()
+        found = next((known for known in ROLES if known == role), None)
+        if found is None:
+            raise StartError(f"There is no {role!r} in the lab, only {', '.join(ROLES)}.")
+        if not Lab(NAME).exists():
+            raise StartError("The lab is not up: start it with `tigas lab up`.")
+        argv = Lab(NAME).command(found, command)
+        sys.stdout.flush()
+        os.execvp(argv[0], argv)

@@ -1,0 +1,204 @@
+"""Three network namespaces, joined like this; the gateway forwards and shapes, everything else only uses it.
+
+    host ─────── client ─────────── gateway ─────────── service
+     host 198.18.0.1  host 198.18.0.2
+                     access 198.18.1.2  access 198.18.1.1
+                                        service 198.18.2.1  service 198.18.2.2
+
+198.18.0.0/15 is set aside for such benches (RFC 2544), so that it collides with no real network. Both ends of a veth
+pair have the name of what they lead to. The host has its own pair only if the lab is to be reached from there.
+
+In the client, and on the host, the lab's ports on 127.0.0.1 lead to the gateway (nftables DNAT): a browser opens
+`http://localhost:8080`, which is a secure context, and its traffic crosses the shaped link.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import signal
+import socket
+import subprocess
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, contextmanager, suppress
+from dataclasses import dataclass
+from typing import Literal
+
+from tigas_common.capabilities import CAP_NET_ADMIN, CAP_SYS_ADMIN, holds
+from tigas_common.errors import StartError
+
+PREFIX = "tigas-"
+Role = Literal["client", "gateway", "service"]
+ROLES: tuple[Role, ...] = ("client", "gateway", "service")
+HOST_ADDRESS, CLIENT_HOST_ADDRESS = "198.18.0.1", "198.18.0.2"
+CLIENT_ADDRESS, GATEWAY_ADDRESS = "198.18.1.2", "198.18.1.1"
+GATEWAY_SERVICE_ADDRESS, SERVICE_ADDRESS = "198.18.2.1", "198.18.2.2"
+TOOLS = {"ip": "iproute2", "nft": "nftables", "ethtool": "ethtool", "sysctl": "procps"}
+"""Commands that the lab runs, and the Debian packages that they are in."""
+_NAME = re.compile(r"[a-z0-9]{1,20}")
+
+
+@dataclass(frozen=True, slots=True)
+class LocalPort:
+    """A port on 127.0.0.1 of the client, and of the host, that leads to the same port of the gateway."""
+
+    protocol: Literal["tcp", "udp"]
+    port: int
+
+
+class Lab:
+    """The namespaces of a running lab."""
+
+    def __init__(self, name: str) -> None:
+        if not _NAME.fullmatch(name):
+            raise ValueError(f"a lab's name is 1 to 20 small letters and digits, not {name!r}")
+        self.name = name
+
+    def namespace(self, role: Role) -> str:
+        """The name that `ip netns` knows it by."""
+        return f"{PREFIX}{self.name}-{role}"
+
+    def command(self, role: Role, argv: Sequence[str]) -> list[str]:
+        """A command line that runs another one in a namespace, and ends it when its parent ends."""
+        return ["ip", "netns", "exec", self.namespace(role), "setpriv", "--pdeathsig", "KILL", *argv]
+
+    def exists(self) -> bool:
+        """Whether its namespaces are there."""
+        return self.namespace("gateway") in _namespaces()
+
+    def processes(self, role: Role) -> list[int]:
+        """The processes in a namespace, by their ids."""
+        return [int(pid) for pid in _output("ip", "netns", "pids", self.namespace(role)).split()]
+
+    @contextmanager
+    def up(self, ports: Sequence[LocalPort] = (), *, host: bool = False) -> Iterator[Lab]:
+        """The lab for as long as the context lasts; `host` joins the machine itself to the client's side.
+
+        A lab of the same name that was left behind is removed first. Raises StartError.
+        """
+        with ExitStack() as stack:
+            stack.enter_context(_lock(self.name))
+            self.remove()
+            stack.callback(self.remove)
+            self._build(ports, host=host)
+            yield self
+
+    def remove(self) -> None:
+        """End what runs in its namespaces and remove them, and what leads to them from the host."""
+        existing = _namespaces()
+        for role in ROLES:
+            namespace = self.namespace(role)
+            if namespace in existing:
+                for pid in self.processes(role):
+                    with suppress(ProcessLookupError):
+                        os.kill(pid, signal.SIGKILL)
+                subprocess.run(("ip", "netns", "del", namespace), check=True)
+        subprocess.run(("nft", "delete", "table", "ip", self._table), stderr=subprocess.DEVNULL)
+
+    @property
+    def _table(self) -> str:
+        return f"tigas_lab_{self.name}"
+
+    def _build(self, ports: Sequence[LocalPort], *, host: bool) -> None:
+        client, gateway, service = map(self.namespace, ROLES)
+        try:
+            for namespace in (client, gateway, service):
+                _run("ip", "netns", "add", namespace)
+                _run("ip", "-n", namespace, "link", "set", "lo", "up")
+            _veth((client, "access", CLIENT_ADDRESS), (gateway, "access", GATEWAY_ADDRESS))
+            _veth((gateway, "service", GATEWAY_SERVICE_ADDRESS), (service, "service", SERVICE_ADDRESS))
+            # Whole packets: a super-packet would burst through the link as one.
+            for namespace, interface in ((client, "access"), (service, "service")):
+                _run(*_in(namespace), "ethtool", "-K", interface, "tso", "off", "gso", "off",
+                     "tx-udp-segmentation", "off")  # fmt: skip
+            _localhost(_in(client), "access", CLIENT_ADDRESS, self._table, ports)
+            if host:
+                inside = f"{PREFIX}{self.name}"[:15]
+                _veth((client, "host", CLIENT_HOST_ADDRESS), (None, inside, HOST_ADDRESS))
+                _run("ip", "route", "add", f"{GATEWAY_ADDRESS}/32", "via", CLIENT_HOST_ADDRESS)
+                _run(*_in(client), "sysctl", "-qw", "net.ipv4.ip_forward=1")
+                _localhost((), inside, HOST_ADDRESS, self._table, ports)
+        except FileNotFoundError as error:
+            raise StartError(f"The lab needs {error.filename}: install iproute2, nftables and ethtool.") from None
+        except subprocess.CalledProcessError as error:
+            reason = " ".join(error.stderr.split()) if error.stderr else "no reason given"
+            raise StartError(f"The lab cannot be built: {' '.join(error.cmd)} failed ({reason}).") from None
+
+
+def sweep(kind: str) -> None:
+    """Remove every lab whose name begins with `kind` and whose process has ended. Raises StartError."""
+    pattern = re.compile(f"{PREFIX}({kind}[a-z0-9]*)-client")
+    for namespace in _namespaces():
+        if match := pattern.fullmatch(namespace):
+            try:
+                with _lock(match[1]):
+                    Lab(match[1]).remove()
+            except StartError:
+                continue  # it is in use
+
+
+def check_rights() -> None:
+    """Raises StartError if this process cannot make network namespaces, or lacks a tool for it."""
+    if os.geteuid() != 0 or not holds(CAP_NET_ADMIN, CAP_SYS_ADMIN):
+        raise StartError("The lab makes network namespaces, which needs root: run it with sudo.")
+    if missing := [package for tool, package in TOOLS.items() if shutil.which(tool) is None]:
+        raise StartError(f"The lab needs more tools: sudo apt-get install {' '.join(missing)}")
+
+
+@contextmanager
+def _lock(name: str) -> Iterator[None]:
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as lock:
+        try:
+            lock.bind(f"\0tigas-lab-{name}")
+        except OSError:
+            raise StartError("The lab is already up; `tigas lab down` ends it.") from None
+        yield
+
+
+def _localhost(inside: Sequence[str], interface: str, address: str, table: str, ports: Sequence[LocalPort]) -> None:
+    """Lead ports of 127.0.0.1 to the gateway, by way of an interface with an address."""
+    if not ports:
+        return
+    _run(*inside, "sysctl", "-qw", f"net.ipv4.conf.{interface}.route_localnet=1")
+    rules = [
+        f"table ip {table} {{",
+        "chain out { type nat hook output priority -100;",
+        *(f"ip daddr 127.0.0.1 {p.protocol} dport {p.port} dnat to {GATEWAY_ADDRESS}" for p in ports),
+        "}",
+        "chain leave { type nat hook postrouting priority srcnat;",
+        f'oifname "{interface}" ip saddr != {address} snat to {address}',
+        "}",
+        "}",
+    ]
+    _run(*inside, "nft", "-f", "-", text="\n".join(rules))
+
+
+def _veth(*ends: tuple[str | None, str, str]) -> None:
+    """A veth pair between two (namespace, interface, address), up and with its addresses; None is the host's own."""
+    (first, name, _), (second, peer_name, _) = ends
+    peer = ["peer", "name", peer_name]
+    _run(*_ip(first), "link", "add", name, "type", "veth", *peer, "netns", second or str(os.getpid()))
+    for namespace, interface, address in ends:
+        _run(*_ip(namespace), "addr", "add", f"{address}/24", "dev", interface)
+        _run(*_ip(namespace), "link", "set", interface, "up")
+
+
+def _ip(namespace: str | None) -> tuple[str, ...]:
+    return ("ip", "-n", namespace) if namespace else ("ip",)
+
+
+def _in(namespace: str) -> tuple[str, ...]:
+    return ("ip", "netns", "exec", namespace)
+
+
+def _namespaces() -> list[str]:
+    return [line.split()[0] for line in _output("ip", "netns", "list").splitlines()]
+
+
+def _run(*argv: str, text: str | None = None) -> None:
+    subprocess.run(argv, check=True, capture_output=True, text=True, input=text)
+
+
+def _output(*argv: str) -> str:
+    return subprocess.run(argv, check=True, capture_output=True, text=True).stdout

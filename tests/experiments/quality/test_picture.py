@@ -1,0 +1,51 @@
+"""Picture quality: known answers, and pictures that are none."""
+
+from __future__ import annotations
+
+import io
+import math
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from tests.experiments.made_up import png
+from tigas_experiments.quality.picture import MAX_PSNR_DB, BrokenPicture, compare, decode
+
+
+def test_equal_pictures() -> None:
+    picture = decode(png())
+    quality = compare(picture, picture)
+    assert (quality.psnr_db, quality.ssim) == (MAX_PSNR_DB, pytest.approx(1))
+
+
+def test_psnr_of_a_known_error() -> None:
+    truth = np.full((32, 32, 3), 100, np.uint8)
+    assert compare(truth + np.uint8(10), truth).psnr_db == pytest.approx(10 * math.log10(255**2 / 100))
+
+
+def test_ssim_falls_with_structure_and_not_with_a_shift_of_brightness() -> None:
+    random = np.random.default_rng(1)
+    truth = random.integers(60, 190, (64, 64, 3), np.uint8)
+    noise = np.clip(truth + random.integers(-40, 41, truth.shape), 0, 255).astype(np.uint8)
+    assert compare(truth + np.uint8(20), truth).ssim > 0.95
+    assert compare(noise, truth).ssim < 0.9
+
+
+def test_a_smaller_frame_is_shown_as_large_as_the_viewport() -> None:
+    truth = decode(png(width=128, height=72))
+    small = np.asarray(Image.fromarray(truth).resize((64, 36), Image.Resampling.BOX))
+    assert compare(small, truth).psnr_db > 30
+
+
+@pytest.mark.parametrize("data", [b"", b"\x89PNG\r\n\x1a\nrubbish", png()[:60], b"GIF89a"])
+def test_what_is_no_picture(data: bytes) -> None:
+    with pytest.raises(BrokenPicture, match="cannot be read"):
+        decode(data)
+
+
+def test_a_picture_of_too_many_pixels() -> None:
+    buffer = io.BytesIO()
+    Image.new("1", (8192, 4096)).save(buffer, "PNG")
+    with pytest.raises(BrokenPicture, match="8192×4096"):
+        decode(buffer.getvalue())

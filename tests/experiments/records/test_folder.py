@@ -1,0 +1,160 @@
+"""Run folders: what is written comes back, and what is broken is said in a sentence."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+
+import pytest
+
+from tests.experiments.made_up import recording, reply, write_run
+from tigas_experiments.records.folder import ExperimentRecord, RunWriter, StoredRun, read_experiment, write_experiment
+from tigas_experiments.records.recording import BrokenRecording, Recording
+from tigas_experiments.records.summary import summarise
+
+
+def test_what_is_written_comes_back(tmp_path: Path) -> None:
+    stored = StoredRun(write_run(tmp_path / "run"))
+    assert stored.record.status == "complete"
+    assert [entry.pose for entry in stored.inputs()] == list(range(1, 51))
+    assert [frame.at for frame in stored.frames()][:2] == [40, 60]
+    assert stored.quality()[0].view.ssim == 0.6
+    figures = summarise(tmp_path / "run").figures
+    assert figures is not None
+    assert (figures.latencies.p50, figures.latencies.share_interactive) == (40, 1.0)
+    assert (figures.received_kbps, figures.delivered_kbps, figures.target_kbps) == (1000, 5000, 20_000)
+    assert figures.trace_start_ms == 12
+
+
+def test_replies_come_back_and_may_be_missing(tmp_path: Path) -> None:
+    folder = write_run(tmp_path / "run")
+    assert StoredRun(folder).replies() == []
+    entry = reply(20, 35, pose=7).model_dump(mode="json")
+    made = Recording.parse(json.dumps(recording(replies=[entry])))
+    RunWriter(tmp_path / "other", StoredRun(folder).record).recording(made)
+    (stored,) = StoredRun(tmp_path / "other").replies()
+    assert stored.model_dump(mode="json") == entry
+    assert stored.time_ms == 35
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"asked_at": 60},
+        {"first_byte_at": 19},
+        {"at": 700_000, "first_byte_at": 30},
+        {"bytes": -1},
+        {"throughput_kbps": -1},
+        {"pose": None},
+    ],
+)
+def test_replies_that_cannot_be_are_refused(changes: dict[str, object]) -> None:
+    entry = reply(20, 35).model_dump(mode="json")
+    with pytest.raises(BrokenRecording, match=r"replies\.0"):
+        Recording.parse(json.dumps(recording(replies=[entry | changes])))
+
+
+@pytest.mark.parametrize("length", [0, 1, 30, -2])
+def test_a_file_that_breaks_off_costs_its_run_alone(tmp_path: Path, length: int) -> None:
+    path = write_run(tmp_path / "run") / "frames.ndjson"
+    whole = path.read_text()
+    path.write_text(whole[:length])
+    summary = summarise(tmp_path / "run")
+    if length == 0:  # no frame was ever shown
+        assert summary.figures
+        assert summary.figures.latencies.p50 is None
+        return
+    assert summary.figures is None
+    assert summary.problem is not None
+    assert "frames.ndjson, line " in summary.problem
+
+
+@pytest.mark.parametrize("name", ["inputs.ndjson", "frames.ndjson", "link.ndjson", "quality.ndjson", "traffic.ndjson"])
+@pytest.mark.parametrize("content", [b"\xff\xfe", b"[1]\n", b'{"at": NaN}\n', b'{"at": 1e999}\n', None])
+def test_a_hostile_file_gets_a_sentence(tmp_path: Path, name: str, content: bytes | None) -> None:
+    path = write_run(tmp_path / "run") / name
+    path.unlink()
+    if content is not None:
+        path.write_bytes(content)
+    problem = summarise(tmp_path / "run").problem
+    assert problem is not None
+    assert name in problem
+
+
+@pytest.mark.parametrize("content", ["", "{", '{"status": "complete"}', "[]"])
+def test_a_broken_record_is_no_run(tmp_path: Path, content: str) -> None:
+    (write_run(tmp_path / "run") / "run.json").write_text(content)
+    with pytest.raises(BrokenRecording, match=r"run\.json is broken"):
+        StoredRun(tmp_path / "run")
+
+
+def test_a_run_that_was_killed_is_incomplete(tmp_path: Path) -> None:
+    path = write_run(tmp_path / "run") / "run.json"
+    path.write_text(json.dumps(json.loads(path.read_text()) | {"status": "running"}))
+    summary = summarise(tmp_path / "run")
+    assert summary.figures is None
+    assert summary.problem == "The run is incomplete: it was never ended."
+
+
+@pytest.mark.parametrize(
+    ("changes", "sentence"),
+    [
+        ({"inputs": [{"at": 0, "pose": 2, "position": [0, 0], "quaternion": [0, 0, 0, 1]}]}, "inputs.0.position"),
+        ({"frames": [{"at": float("nan")}]}, "frames.0"),
+        ({"mode": "magic"}, "mode"),
+        ({"duration_ms": -1}, "duration_ms"),
+        ({"surprise": 1}, "surprise"),
+    ],
+)
+def test_what_a_page_must_not_say(changes: dict[str, object], sentence: str) -> None:
+    with pytest.raises(BrokenRecording, match=sentence):
+        Recording.parse(json.dumps(recording(**changes)))
+
+
+def test_poses_and_times_must_grow() -> None:
+    made = recording()
+    backwards = [made["inputs"][1], made["inputs"][0]]
+    with pytest.raises(BrokenRecording, match="must grow"):
+        Recording.parse(json.dumps(made | {"inputs": backwards}))
+    frames = [made["frames"][1], made["frames"][0]]
+    with pytest.raises(BrokenRecording, match="times of frames"):
+        Recording.parse(json.dumps(made | {"frames": frames}))
+
+
+def test_an_experiment_says_what_was_planned(tmp_path: Path) -> None:
+    plan = {"modes": ["stateless"], "rtts_ms": [20, 50.5], "seed": None}
+    record = ExperimentRecord(
+        name="Größe & <b>", created="2026-01-01T00:00:00+00:00", source="page", plan=plan, planned=12
+    )
+    write_experiment(tmp_path / "made", record)
+    assert read_experiment(tmp_path / "made") == record
+    write_experiment(tmp_path / "made", record)  # a resumed experiment says it again
+    assert sorted(path.name for path in (tmp_path / "made").iterdir()) == ["experiment.json", "runs"]
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"name": " "},
+        {"name": "a\nb"},
+        {"name": "x" * 101},
+        {"source": "cat"},
+        {"plan": [1]},
+        {"more": 1},
+        {"planned": -1},
+        {"plan": {"a": [math.nan]}},
+    ],
+)
+def test_a_broken_experiment_gets_a_sentence(tmp_path: Path, changes: dict[str, object]) -> None:
+    record = {"name": "a", "created": "2026-01-01T00:00:00+00:00", "source": "page", "plan": {}}
+    (tmp_path / "experiment.json").write_text(json.dumps(record))
+    assert read_experiment(tmp_path).planned is None, "as early ones are"
+    (tmp_path / "experiment.json").write_text(json.dumps(record | changes))
+    with pytest.raises(BrokenRecording, match=r"experiment\.json is broken"):
+        read_experiment(tmp_path)
+
+
+def test_a_page_that_was_closed_says_nothing() -> None:
+    with pytest.raises(BrokenRecording):
+        Recording.parse("null")

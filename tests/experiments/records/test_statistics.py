@@ -1,0 +1,109 @@
+"""Figures against records worked by hand."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from tests.experiments.made_up import frame, inputs, late, reply
+from tigas_experiments.records import statistics
+from tigas_experiments.records.recording import Traffic
+
+
+@pytest.mark.parametrize(
+    ("values", "rank", "expected"),
+    [([], 0.5, None), ([7.0], 0.99, 7.0), ([4.0, 1.0, 3.0, 2.0], 0.5, 2.0), (list(range(1, 101)), 0.95, 95)],
+)
+def test_percentiles_are_nearest_rank(values: list[float], rank: float, expected: float | None) -> None:
+    assert statistics.percentile(values, rank) == expected
+
+
+def test_an_input_is_answered_by_the_first_frame_of_its_pose_or_a_later_one() -> None:
+    sampled = inputs(4, every_ms=10)  # poses 1 to 4 at 0, 10, 20, 30 ms
+    shown = [frame(25, 0), frame(50, 2), frame(60, 1), frame(90, 3)]
+    assert statistics.answers(sampled, shown) == [50, 40, 70, math.inf]
+
+
+def test_a_frame_of_an_older_pose_answers_nothing() -> None:
+    assert statistics.answers(inputs(1, first=7), [frame(10, 6)]) == [math.inf]
+
+
+def test_unanswered_inputs_are_slower_than_any() -> None:
+    sampled = inputs(10)
+    found = statistics.latencies(sampled, late(sampled[:9], 40))
+    assert (found.inputs, found.unanswered, found.p50, found.p95) == (10, 1, 40, None)
+    assert found.share_interactive == 0.9
+
+
+def test_nobody_moved() -> None:
+    found = statistics.latencies([], [frame(10, 1)])
+    assert (found.inputs, found.p50, found.share_interactive) == (0, None, None)
+
+
+def test_a_response_is_a_frame_s_own_age_and_skips_what_no_frame_was_asked_for() -> None:
+    sampled = inputs(4, every_ms=10)  # poses 1 to 4 at 0, 10, 20, 30 ms
+    shown = [frame(5, 0), frame(50, 2), frame(60, 2), frame(70, 1), frame(130, 4), frame(200, 9)]
+    assert statistics.response_times(sampled, shown) == [(50, 40), (130, 100)]
+    assert statistics.responses(sampled, shown) == statistics.Responses(frames=2, mean=70, p50=40, p95=100)
+    assert statistics.responses(sampled, []).mean is None
+
+
+def test_a_reply_takes_from_being_asked_for_to_its_last_byte() -> None:
+    found = statistics.reply_times([reply(-1, 500), reply(0, 30), reply(40, 50), reply(70, 100)])
+    assert found == statistics.ReplyTimes(replies=3, mean=60, p50=50, p95=100), "the first was asked for before the run"
+    assert statistics.reply_times([]).p95 is None
+
+
+def test_constant_latency_is_no_freeze_however_long() -> None:
+    sampled = inputs(100)
+    before = [frame(at, 0) for at in range(10, 2000, 20)]  # the pose of the time before the run
+    assert statistics.freezes(sampled, [*before, *late(sampled, 2000)], 4000).count == 0
+
+
+def test_standing_still_is_no_freeze() -> None:
+    sampled = [*inputs(50), *inputs(50, start=5000, first=51)]
+    assert statistics.freezes(sampled, late(sampled, 80), 6100).count == 0
+
+
+def test_a_gap_while_the_viewer_moves_is_a_freeze() -> None:
+    sampled = inputs(100)
+    shown = late(sampled, 40)
+    held = [frame(1400, entry.pose) if 500 <= entry.at < 1360 else f for entry, f in zip(sampled, shown, strict=True)]
+    found = statistics.freezes(sampled, held, 2100)
+    # The last view before came at 520 ms, of the input at 480 ms; the next input was due 20 ms later.
+    assert found == statistics.Freezes(count=1, total_ms=1400 - 520 - 20, longest_ms=860)
+
+
+def test_a_picture_that_never_comes_back_is_a_freeze_until_the_end() -> None:
+    sampled = inputs(100)
+    found = statistics.freezes(sampled, late(sampled[:50], 40), 6000)
+    assert (found.count, found.total_ms) == (1, 6000 - (980 + 40) - 20)
+    assert statistics.freezes(sampled, [], 6000).total_ms == 6000
+
+
+def test_a_repeated_frame_is_no_new_view() -> None:
+    shown = [frame(10, 1), frame(20, 1), frame(30, 2), frame(40, 2), frame(1500, 3)]
+    found = statistics.rates(shown, 1000)
+    assert (found.shown, found.new_views, found.new_views_per_s) == (4, 2, 2.0)
+
+
+def test_rungs_and_height_are_weighted_by_time() -> None:
+    shown = [frame(0, 1, rung=2, height=360), frame(750, 2, rung=0, height=720)]
+    assert statistics.rungs(shown, 1000) == statistics.Rungs(share={0: 0.25, 2: 0.75}, switches=1)
+    assert statistics.mean_height(shown, 1000) == 0.75 * 360 + 0.25 * 720
+    assert statistics.rungs(shown, 1000).mean == 1.5
+    unknown = statistics.rungs([frame(0, 1, rung=None)], 1000)
+    assert (unknown.share, unknown.mean) == ({}, None)
+    assert statistics.mean_height([], 1000) is None
+
+
+def test_received_rate() -> None:
+    traffic = [Traffic(at=0, bytes=1000), Traffic(at=1000, bytes=126_000), Traffic(at=2000, bytes=10**9)]
+    assert statistics.received_kbps(traffic, 1500) == 1000
+    assert statistics.received_kbps(traffic[:1], 1500) is None
+
+
+def test_mean_over_time_weights_by_how_long_a_sample_covers() -> None:
+    assert statistics.mean_over_time([(0, 99), (100, 10), (400, 20)]) == (100 * 10 + 300 * 20) / 400
+    assert statistics.mean_over_time([(0, 5)]) is None

@@ -1,0 +1,84 @@
+"""`window.tigas` in a real browser: the pictures that it keeps are of the poses that it says."""
+
+from __future__ import annotations
+
+import asyncio
+import io
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from tests.experiments.conftest import Services
+from tigas_experiments.records.recording import Recording
+from tigas_experiments.run.browser import Viewer, chromium
+from tigas_experiments.run.errors import RunFailed
+from tigas_render.raster.stamp import read_stamp
+
+TURN = [
+    {"t_ms": t, "position": [0, 0, 0], "quaternion": [0, np.sin(t / 4000), 0, np.cos(t / 4000)]}
+    for t in range(0, 2500, 50)
+]
+
+
+def recorded(url: str, settings: dict[str, Any]) -> tuple[Recording, list[int | None]]:
+    """A run whose frames carry their pose's number, and the numbers that its pictures show."""
+
+    async def run() -> tuple[Recording, list[int | None]]:
+        async with chromium() as browser:
+            page = await browser.new_page(viewport={"width": 640, "height": 360})
+            await page.goto(f"{url}#/scene/pebbles?stamp")
+            await page.wait_for_function("() => window.tigas !== undefined")
+            viewer = Viewer(page)
+            with pytest.raises(RunFailed):
+                await viewer.prepare({"seed": -1}, TURN[0])
+            await viewer.prepare({"seed": 7, **settings, "hud": False, "sidebar": False, "refine": False}, TURN[0])
+            recording = await viewer.record({"points": TURN, "duration_ms": 2000, "capture_every_ms": 100}, 30)
+            pictures = [await viewer.capture(index) for index in range(len(recording.captures))]
+            with pytest.raises(RunFailed, match="there is no picture 0"):
+                await viewer.capture(0)
+            return recording, [stamped(png) for png in pictures]
+
+    return asyncio.run(run())
+
+
+def stamped(png: bytes) -> int | None:
+    """The number in a picture; None if there is none."""
+    with Image.open(io.BytesIO(png)) as image:
+        return read_stamp(np.asarray(image.convert("RGB")))
+
+
+@pytest.mark.parametrize(
+    "settings",
+    [{"mode": "stateless", "controller": "fixed", "profile": 2}, {"mode": "dash", "dashPreset": "tuned"}],
+    ids=["stateless", "dash"],
+)
+def test_pictures_show_the_poses_that_they_are_said_to_show(services: Services, settings: dict[str, Any]) -> None:
+    recording, numbers = recorded(services.url, settings)
+    said = [capture.pose for capture in recording.captures]
+    print([(a, b) for a, b in zip(said, numbers, strict=True)])
+    assert len(said) > 10
+    following = {a.pose: b.pose for a, b in pairwise(recording.frames)}
+    for pose, number in zip(said, numbers, strict=True):
+        assert number in (pose, following.get(pose)), "a picture is of its frame, or of the one after it"
+    if settings["mode"] == "stateless":
+        assert numbers == said
+        check_replies(recording)
+    else:
+        assert recording.replies == ()
+
+
+def check_replies(recording: Recording) -> None:
+    """Every frame that was shown had come before, of the rung that was asked for."""
+    came = {reply.pose: reply for reply in recording.replies}
+    shown = [frame for frame in recording.frames if frame.pose >= recording.inputs[0].pose]
+    assert len(shown) > 10
+    for frame in shown:
+        reply = came[frame.pose]
+        assert (reply.asked_rung, reply.rung) == (2, frame.rung)
+        assert reply.asked_at < reply.first_byte_at <= reply.at < frame.at
+        assert reply.server is not None
+        assert 0 < reply.server.render < reply.time_ms
+    assert recording.replies[-1].throughput_kbps

@@ -1,0 +1,193 @@
+"""`tigas compare` as a person uses it, in a real browser against real services."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import statistics
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import httpx
+import psutil
+import pytest
+
+from tests.experiments.conftest import Services
+from tigas_experiments.records.folder import StoredRun
+
+PATIENCE_S = 90
+SHORT = ("--scene", "pebbles", "--duration", "2", "--warm-up", "0.5", "--viewport", "320x180", "--profile", "3")
+
+
+def compare(*arguments: str) -> subprocess.Popen[str]:
+    """Start it, in a process group of its own, as a terminal would."""
+    return subprocess.Popen(
+        [str(Path(sys.executable).with_name("tigas")), "compare", *arguments],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+        env=os.environ | {"COLUMNS": "120"},
+    )
+
+
+def finished(process: subprocess.Popen[str]) -> tuple[int, str, str]:
+    """Status, output and error output, once it has ended."""
+    try:
+        output, errors = process.communicate(timeout=PATIENCE_S)
+    finally:
+        process.kill()
+    return process.returncode, output, errors
+
+
+def report(out: Path) -> list[dict[str, Any]]:
+    """The runs of a report."""
+    runs: list[dict[str, Any]] = json.loads((out / "report.json").read_text())["runs"]
+    return runs
+
+
+def told_by_the_page(run: StoredRun) -> float:
+    """The median of the latencies that the page itself took for its frames'."""
+    first = run.inputs()[0].pose
+    return statistics.median(latency for f in run.frames() if f.pose >= first for latency in f.latencies)
+
+
+def test_every_mode_is_measured_over_the_same_link_and_movement(services: Services, out: Path) -> None:
+    asked = len(services.shaper.asked)
+    status, output, errors = finished(
+        compare("--url", services.url, "--network", "20mbit,20ms-rtt", "--out", str(out), *SHORT)
+    )
+    assert status == 0, errors
+    assert "within 100 ms" in output
+    link = {"down_kbps": 20_000, "up_kbps": 10_000, "delay_ms": 10, "jitter_ms": 0, "loss_pct": 0}
+    assert services.shaper.asked[asked:] == [("/link", link), ("/stop", {})] * 4, "once before the first of three runs"
+    runs = report(out)
+    assert [run["record"]["configuration"]["mode"] for run in runs] == ["stateless", "dash-typical", "dash-tuned"]
+    for run in runs:
+        figures = run["figures"]
+        assert figures["latencies"]["inputs"] > 30, "the browser sampled the movement"
+        assert figures["latencies"]["unanswered"] == 0
+        assert 0 < figures["latencies"]["p50"] <= figures["latencies"]["p95"]
+        assert figures["frames"]["new_views"] > 5
+        assert figures["received_kbps"] > 10
+        assert figures["target_kbps"] == 20_000
+        assert figures["quality"]["pictures"] == 1
+        assert figures["quality"]["picture_ssim"] > 0.5
+        assert figures["quality"]["picture_psnr_db"] > figures["quality"]["view_psnr_db"], "lateness costs"
+        assert run["record"]["load"]["processors"] == psutil.cpu_count()
+    streams = [run["record"]["recording"]["dash"] for run in runs]
+    assert streams[0] is None
+    assert [one["target_latency_ms"] for one in streams[1:]] == [1000, 120]
+    for stream in streams[1:]:
+        assert stream["player"].startswith("dash.js 5")
+        assert stream["representations"]
+        assert all(one["bitrate_kbps"] > 100 and one["codecs"].startswith("avc1.") for one in stream["representations"])
+        assert f"{stream['player']}; 30 frames/s" in (out / "report.html").read_text(), "what can be cited"
+    stateless, typical, _ = (run["figures"]["latencies"]["p50"] for run in runs)
+    assert typical > 500 > stateless, "a stream that aims at a second's latency has about that"
+    stored = [StoredRun(out / "runs" / run["folder"]) for run in runs]
+    for run, records in zip(runs, stored, strict=True):
+        assert run["figures"]["latencies"]["p50"] == pytest.approx(told_by_the_page(records), abs=20)
+    ends = [records.inputs()[-1].position for records in stored]
+    assert ends[0] == pytest.approx(ends[1], abs=1e-6)
+    assert ends[0] == pytest.approx(ends[2], abs=1e-6)
+    assert list((out / "runs" / runs[0]["folder"] / "captures").glob("*.png"))
+    assert (out / "report.html").stat().st_size > 50_000
+
+
+@pytest.mark.parametrize(
+    "end_it",
+    [
+        pytest.param(lambda process: os.killpg(process.pid, signal.SIGINT), id="Ctrl+C"),
+        pytest.param(subprocess.Popen.terminate, id="SIGTERM"),
+    ],
+)
+def test_who_ends_it_ends_everything_and_keeps_what_was_finished(
+    services: Services, out: Path, end_it: Callable[[subprocess.Popen[str]], None]
+) -> None:
+    modes = ("--modes", "stateless,stateless")
+    process = compare("--url", services.url, "--network", "unshaped", *modes, "--out", str(out), *SHORT)
+    end = time.monotonic() + PATIENCE_S
+    while len(list((out / "runs").glob("*"))) < 2:
+        assert time.monotonic() < end, "the second run never began"
+        assert process.poll() is None
+        time.sleep(0.05)
+    children = psutil.Process(process.pid).children(recursive=True)
+    end_it(process)
+    status, _, _ = finished(process)
+    assert status != 0
+    _, alive = psutil.wait_procs(children, timeout=10)
+    assert alive == []
+    first, second = report(out)
+    assert first["figures"]["latencies"]["inputs"] > 30
+    assert second["figures"] is None
+    assert second["problem"] == "The run was stopped before its end."
+
+
+def test_a_run_that_somebody_else_spoils_is_named(services: Services, out: Path) -> None:
+    held = ("/link", {"down_kbps": 20_000, "up_kbps": 10_000, "delay_ms": 10, "jitter_ms": 0, "loss_pct": 0})
+    asked = len(services.shaper.asked)
+    arguments = ("--url", services.url, "--modes", "stateless,stateless", "--out", str(out))
+    process = compare(*arguments, "--network", "20mbit,20ms-rtt", *SHORT)
+    end = time.monotonic() + PATIENCE_S
+    while services.shaper.asked[asked:].count(held) < 2:  # the first time, it is only tried
+        assert time.monotonic() < end, "the first run never began"
+        assert process.poll() is None
+        time.sleep(0.05)
+    httpx.post(f"{services.shaper.url}/link", json={"down_kbps": 1000, "up_kbps": 1000}).raise_for_status()
+    status, _, errors = finished(process)
+    assert status == 1
+    assert "Somebody else changed the link during the run." in " ".join(errors.split())
+    run, other = report(out)
+    assert other["figures"], "the others go on"
+    assert (run["figures"], run["problem"]) == (None, "Somebody else changed the link during the run.")
+
+
+@pytest.mark.parametrize(
+    ("wrong", "sentence"),
+    [
+        (("--network", "no-such-trace"), "The shaper refused /start: "),
+        (("--scene", "no-such-scene"), "The scene 'no-such-scene' cannot be loaded"),
+        (("--profile", "4"), "There is no rung 4: the ladder at"),
+        (("--profile", "magic"), "The controller 'magic' cannot be measured: The viewer failed"),
+    ],
+)
+def test_what_cannot_be_had_is_said_before_anything_is_measured(
+    services: Services, out: Path, wrong: tuple[str, str], sentence: str
+) -> None:
+    networks = ("--network", "unshaped")
+    status, _, errors = finished(compare("--url", services.url, "--out", str(out), *networks, *SHORT, *wrong))
+    assert status == 1
+    assert sentence in " ".join(errors.split())
+    assert not out.exists()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "sentence"),
+    [
+        (("--url", "http://127.0.0.1:9"), "No TIGAS render service answers at http://127.0.0.1:9."),
+        (("--url", "nonsense"), "'nonsense' is no URL of a viewer"),
+        (("--network", "20mbit,fast"), "is no part of a link"),
+        (("--modes", "magic"), "mode: input should be"),
+        (("--viewport", "big"), "is not WIDTHxHEIGHT"),
+        (("--out", "."), ". exists already"),
+    ],
+)
+def test_nonsense_gets_one_sentence(out: Path, arguments: tuple[str, str], sentence: str) -> None:
+    status, _, errors = finished(compare("--url", "http://127.0.0.1:9", "--out", str(out), *arguments))
+    assert status in (1, 2)
+    assert sentence in " ".join(errors.replace("│", " ").split())
+    assert "Traceback" not in errors
+    assert not out.exists()
+
+
+def test_without_a_browser_it_says_what_to_install(out: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("PATH", str(out.parent))
+    status, _, errors = finished(compare("--url", "http://127.0.0.1:9", "--out", str(out)))
+    assert status == 1
+    assert "No Chromium or Chrome is installed: sudo apt-get install chromium" in errors

@@ -1,0 +1,76 @@
+"""`tigas compare` over the real link of the namespace lab: what it starts, measures and leaves behind."""
+
+from __future__ import annotations
+
+import signal
+import subprocess
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import psutil
+import pytest
+
+from tests.experiments.run.test_compare import compare, finished, report
+from tests.testbed.conftest import _missing
+from tests.web.conftest import CHROMIUM, STATIC
+from tigas_common.errors import StartError
+from tigas_experiments.records.folder import StoredRun
+from tigas_testbed.namespaces import Lab
+from tigas_testbed.services import NAME
+
+SHORT = ("--duration", "3", "--warm-up", "2", "--modes", "stateless", "--viewport", "320x180", "--profile", "2")
+
+
+@pytest.fixture(autouse=True)
+def lab() -> Iterator[None]:
+    """Skips where the lab cannot be had; in the end nothing of it may be left."""
+    missing = _missing() or (not STATIC.exists() and "the web client is not built") or (not CHROMIUM and "no Chromium")
+    if missing:
+        pytest.skip(str(missing))
+    try:
+        with Lab(NAME).up():
+            pass
+    except StartError as error:
+        pytest.skip(f"a lab is in use on this machine: {error}")
+    if any(c.laddr and c.laddr.port == 8080 and c.status == psutil.CONN_LISTEN for c in psutil.net_connections("tcp")):
+        pytest.skip("something else serves port 8080 on this machine")
+    yield
+    assert not Lab(NAME).exists()
+    links = subprocess.run(("ip", "-br", "link"), check=True, capture_output=True, text=True).stdout
+    assert "tigas-lab" not in links
+
+
+def test_a_trace_s_file_is_played_and_frames_cross_the_link(tmp_path: Path) -> None:
+    trace = tmp_path / "slow.csv"
+    trace.write_text(
+        "t_ms,down_kbps,up_kbps,delay_ms,jitter_ms,loss_pct\n0,6000,6000,40,0,0\n2000,3000,,,,\n60000,,,,,\n"
+    )
+    out = tmp_path / "out"
+    status, _, errors = finished(compare("--network", str(trace), "--out", str(out), *SHORT))
+    assert status == 0, errors
+    (run,) = report(out)
+    figures = run["figures"]
+    assert figures["latencies"]["p50"] > 80, "a round trip of 80 ms"
+    assert 3000 < figures["target_kbps"] < 6000
+    assert 500 < figures["delivered_kbps"] < 6000
+    assert figures["delivered_kbps"] > figures["received_kbps"], "headers cross the link, too"
+    assert abs(figures["trace_start_ms"]) < 500, "the trace starts with the movement"
+    assert run["record"]["backend"] in ("netem", "relay")
+    stored = StoredRun(out / "runs" / run["folder"])
+    assert {sample.target_kbps for sample in stored.link()} == {6000, 3000}
+
+
+def test_even_after_a_kill_nothing_is_left(tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    process = compare("--network", "20mbit,20ms-rtt", "--out", str(out), *SHORT, "--duration", "60")
+    end = time.monotonic() + 90
+    while not list(out.glob("runs/*/run.json")):
+        assert time.monotonic() < end, "the run never began"
+        assert process.poll() is None
+        time.sleep(0.1)
+    children = psutil.Process(process.pid).children(recursive=True)
+    process.send_signal(signal.SIGKILL)
+    process.communicate()
+    _, alive = psutil.wait_procs(children, timeout=20)
+    assert alive == []

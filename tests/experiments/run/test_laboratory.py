@@ -1,0 +1,188 @@
+"""What runs share: kept while it lives, started again when it has died, and for one experiment at a time."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager, nullcontext
+from pathlib import Path
+from stat import S_IMODE
+from typing import Any
+
+import pytest
+
+from tests.experiments.made_up import MACHINE, SERVER, configuration
+from tests.experiments.movement.scenes import scene
+from tigas_common.errors import StartError
+from tigas_experiments.records.configuration import Configuration, Network
+from tigas_experiments.run import laboratory as module
+from tigas_experiments.run.errors import RunFailed
+from tigas_experiments.run.inputs import Inputs
+from tigas_experiments.run.laboratory import Kept, Laboratory, laboratory
+from tigas_experiments.run.lock import exclusive, services_lock
+from tigas_experiments.run.targets import Target
+
+
+class Counted:
+    """Something that is opened and closed, and may die."""
+
+    def __init__(self) -> None:
+        self.opened = 0
+        self.closed = 0
+        self.alive = True
+
+    @asynccontextmanager
+    async def open(self) -> AsyncIterator[int]:
+        self.opened += 1
+        yield self.opened
+        self.closed += 1
+
+    async def lives(self, _: int) -> bool:
+        return self.alive
+
+
+def test_a_resource_is_opened_once_and_again_when_it_has_died() -> None:
+    async def use() -> None:
+        counted = Counted()
+        kept = Kept(counted.open, counted.lives)
+        assert [await kept.get(), await kept.get()] == [1, 1]
+        counted.alive = False
+        assert await kept.get() == 2
+        assert counted.closed == 1, "the dead one was tidied up"
+        await kept.close()
+        await kept.close()
+        assert (counted.opened, counted.closed) == (2, 2)
+
+    asyncio.run(use())
+
+
+def test_one_holder_at_a_time(tmp_path: Path) -> None:
+    lock = tmp_path / "lock"
+    with exclusive(lock, "no"), pytest.raises(StartError, match=r"^not you$"), exclusive(lock, "not you"):
+        pass
+    with exclusive(lock, "no"):
+        pass
+    assert S_IMODE(lock.stat().st_mode) == 0o666, "what root has left behind keeps nobody out"
+
+
+@pytest.mark.parametrize("url", ["http://localhost:99999", "http://[::1"])
+def test_what_is_no_url_is_told_in_a_sentence(url: str) -> None:
+    with pytest.raises(StartError, match=r"is no URL: .+\.$"):
+        services_lock(url)
+
+
+def test_services_are_the_same_whatever_they_are_called() -> None:
+    assert services_lock("http://localhost:8080") == services_lock("http://127.0.0.1:8080/")
+    assert services_lock("http://localhost:8080") != services_lock("http://localhost:8081")
+    assert "/" not in services_lock("http://a..%2fb/../c").name
+
+
+def test_another_experiment_s_services_are_left_alone() -> None:
+    async def open_it() -> None:
+        async with laboratory("http://127.0.0.1:9", None, None, Inputs(Path())):
+            pass
+
+    with (
+        exclusive(services_lock("http://127.0.0.1:9"), ""),
+        pytest.raises(StartError, match=r"^Another experiment uses the services"),
+    ):
+        asyncio.run(open_it())
+
+
+REFUSED = "The viewer failed: controller cannot be that"
+
+
+def kept(resource: Any) -> Kept[Any]:
+    """Something that lives for ever."""
+
+    async def lives(_: object) -> bool:
+        return True
+
+    return Kept(lambda: nullcontext(resource), lives)
+
+
+class World:
+    """Services without a shaper, whose page knows two controllers."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch, **services: str) -> None:
+        self.target = Target("http://127.0.0.1:9", SERVER.model_copy(update={"services": services}))
+        self.asked: list[str] = []
+        self.pages = 0
+        monkeypatch.setattr(module, "viewer", self.viewer)
+        monkeypatch.setattr(module, "load_scene", self.load_scene)
+
+    @asynccontextmanager
+    async def viewer(self, *_: object) -> AsyncIterator[World]:
+        self.pages += 1
+        yield self
+
+    async def load_scene(self, *_: object) -> object:
+        return scene()
+
+    async def prepare(self, settings: dict[str, str], pose: object) -> None:
+        self.asked.append(settings["controller"])
+        if settings["controller"] not in ("budget", "latency"):
+            raise RunFailed(REFUSED)
+
+    def laboratory(self, directory: Path = Path()) -> Laboratory:
+        return Laboratory(kept(self.target), kept(None), MACHINE, Inputs(directory))
+
+    def check(self, *runs: Configuration) -> None:
+        asyncio.run(self.laboratory().check(runs))
+
+
+def unshaped(**changes: Any) -> Configuration:
+    """A run without a link."""
+    return configuration(**changes, network=Network(name="unshaped"))
+
+
+def test_each_controller_is_asked_for_once_before_the_first_run(monkeypatch: pytest.MonkeyPatch) -> None:
+    world = World(monkeypatch, dash="http://127.0.0.1:9")
+    wanted = [unshaped(profile=profile, repeat=repeat) for profile in ("budget", "latency", 3) for repeat in (0, 1)]
+    world.check(*wanted, unshaped(mode="dash-tuned", profile="unused"))
+    assert (world.asked, world.pages) == (["budget", "latency"], 1)
+
+
+@pytest.mark.parametrize(
+    ("changes", "sentence"),
+    [
+        ({"profile": "magic"}, f"The controller 'magic' cannot be measured: {REFUSED}"),
+        ({"profile": 4}, "There is no rung 4: the ladder at http://127.0.0.1:9 has 4, counted from 0."),
+        ({"mode": "dash-tuned"}, "There is no packager behind http://127.0.0.1:9, so dash-tuned cannot be measured."),
+    ],
+)
+def test_what_the_services_do_not_have_is_said_before_the_first_run(
+    monkeypatch: pytest.MonkeyPatch, changes: dict[str, Any], sentence: str
+) -> None:
+    with pytest.raises(StartError) as error:
+        World(monkeypatch).check(unshaped(), unshaped(**changes))
+    assert str(error.value) == sentence
+
+
+def test_a_page_that_cannot_be_opened_is_said_before_the_first_run(monkeypatch: pytest.MonkeyPatch) -> None:
+    world = World(monkeypatch)
+
+    @asynccontextmanager
+    async def viewer(*_: object) -> AsyncIterator[World]:
+        raise RunFailed("The viewer could not be opened.")
+        yield world
+
+    monkeypatch.setattr(module, "viewer", viewer)
+    with pytest.raises(StartError, match=r"^The viewer could not be opened\.$"):
+        world.check(unshaped())
+
+
+def test_a_movement_that_was_edited_meanwhile_is_read_again(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    path, lab = tmp_path / "walk.csv", World(monkeypatch).laboratory(tmp_path)
+    rows = "t_ms,x,y,z,qx,qy,qz,qw\n0,{x},0,0,0,0,0,1\n2000,{x},0,0,0,0,0,1\n"
+    wanted = unshaped(movement="walk.csv")
+
+    async def use() -> None:
+        path.write_text(rows.format(x=1))
+        first = await lab.bench(wanted)
+        path.write_text(rows.format(x=22))
+        second = await lab.bench(wanted)
+        assert [bench.points[0]["position"][0] for bench in (first, second)] == [1, 22]
+        assert first.digests != second.digests
+
+    asyncio.run(use())

@@ -1,0 +1,130 @@
+"""A run's link: held, watched, and given up when somebody else touches it."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Iterator
+from typing import Any
+
+import httpx
+import pytest
+
+from tests.experiments.made_up import SERVER
+from tests.experiments.store.conftest import until
+from tests.web.fake_shaper import FakeShaper
+from tigas_experiments.records.configuration import Network
+from tigas_experiments.run.errors import RunFailed
+from tigas_experiments.run.link import HeldLink, held, watching_link
+from tigas_experiments.run.shaper_client import LinkStatus, ShaperClient
+from tigas_experiments.run.targets import Target
+
+DURATION_MS = 30_000
+LINK = {"down_kbps": 5000.0, "up_kbps": 1000.0, "delay_ms": 25.0, "jitter_ms": 0.0, "loss_pct": 0.0}
+
+
+def status(at_ms: float, position_ms: float | None = None, **changes: Any) -> LinkStatus:
+    """At a time; without a position, of a link that is constant."""
+    lane = {"target_kbps": 5000, "delivered_kbps": 4000, "queue_ms": 1, "drops": 0}
+    trace = {} if position_ms is None else {"mode": "playing", "trace": "bus", "duration_ms": DURATION_MS}
+    fields = {"mode": "constant", "trace": None, "duration_ms": None, "backend": "netem", "closed": None, **trace}
+    told = {"time_ms": at_ms, "position_ms": position_ms, "down": lane, "up": lane, "link": LINK}
+    return LinkStatus.model_validate({**fields, **told, **changes})
+
+
+def played(begin_ms: float, **at: dict[str, Any]) -> list[LinkStatus]:
+    """A trace that waits for 400 ms and is then played for two seconds; with changes of the n-th status, `_n`."""
+    told = [status(200.0 * n, begin_ms, mode="paused") for n in (0, 1)]
+    told += [status(200.0 * n, (begin_ms + 200 * (n - 2)) % DURATION_MS) for n in range(2, 12)]
+    return [each.model_copy(update=at.get(f"_{n}", {})) for n, each in enumerate(told)]
+
+
+def left_alone(network: Network, seen: list[LinkStatus]) -> bool:
+    """Judged as a run judges it, which was held as the first one says."""
+    return HeldLink(ShaperClient("http://127.0.0.1:9", ""), network, seen[0]).left_alone(seen)
+
+
+BUS = Network(name="bus")
+
+
+@pytest.mark.parametrize("begin_ms", [0.0, 12_000.0, DURATION_MS - 500.0], ids=["start", "middle", "over the end"])
+def test_a_trace_that_plays_is_left_alone(begin_ms: float) -> None:
+    assert left_alone(BUS, played(begin_ms))
+    assert left_alone(BUS, played(begin_ms, _7={"link": LINK | {"delay_ms": 80.0}})), "the trace's own delay"
+
+
+@pytest.mark.parametrize(
+    ("network", "changes"),
+    [
+        (BUS, {"_7": {"trace": "train"}}),
+        (BUS, {"_11": {"trace": None, "mode": "constant"}}),
+        (BUS, {"_7": {"mode": "paused"}}),
+        (BUS, {"_11": {"mode": "ended"}}),
+        (BUS, {"_11": {"position_ms": 9000.0}}),
+        (BUS, {"_11": {"position_ms": 0.0}}),
+        (BUS.with_rtt(50), {"_7": {"link": LINK | {"delay_ms": 80.0}}}),
+    ],
+)
+def test_a_trace_that_somebody_else_changed_is_noticed(network: Network, changes: dict[str, Any]) -> None:
+    assert left_alone(network, played(12_000))
+    assert not left_alone(network, played(12_000, **changes))
+
+
+@pytest.mark.parametrize(
+    "change", [{"link": LINK | {"down_kbps": 6000.0}}, {"link": LINK | {"delay_ms": 26.0}}, {"trace": "bus"}]
+)
+@pytest.mark.parametrize("name", ["5mbit,1mbit-up,50ms-rtt", "unshaped"])
+def test_a_constant_link_that_somebody_else_changed_is_noticed(name: str, change: dict[str, Any]) -> None:
+    seen = [status(at) for at in (0, 200, 400)]
+    assert left_alone(Network.parse(name), seen)
+    assert not left_alone(Network.parse(name), [*seen, seen[-1].model_copy(update=change)])
+
+
+@pytest.fixture(scope="module")
+def shaper() -> Iterator[FakeShaper]:
+    """Which only pretends to shape."""
+    with FakeShaper() as made:
+        yield made
+
+
+def watched(shaper: FakeShaper, network: str, somebody: tuple[str, dict[str, Any]] | None) -> None:
+    """A run's link from its beginning to its end; in the middle somebody else may ask for something."""
+
+    async def run() -> None:
+        target = Target("http://127.0.0.1:9", SERVER.model_copy(update={"services": {"shaper": shaper.url}}))
+        async with held(target, Network.parse(network)) as link, watching_link(link) as seen:
+            assert link is not None
+            await link.play()
+            for request in (somebody, None):
+                known = len(seen)
+                await until(lambda known=known: len(seen) >= known + 2)  # type: ignore[misc]
+                if request is not None:
+                    async with httpx.AsyncClient(base_url=shaper.url) as http:
+                        assert (await http.post(request[0], json=request[1])).is_success
+
+    asyncio.run(run())
+
+
+@pytest.mark.parametrize("network", ["20mbit,20ms-rtt", "unshaped", "stairs", "stairs,50ms-rtt"])
+def test_a_link_of_ones_own_is_held_and_released(shaper: FakeShaper, network: str) -> None:
+    watched(shaper, network, None)
+    assert shaper.asked[-1] == ("/stop", {})
+
+
+@pytest.mark.parametrize(
+    ("network", "request_"),
+    [
+        ("20mbit,20ms-rtt", ("/link", {"down_kbps": 20_000, "up_kbps": 10_000, "delay_ms": 50})),
+        ("unshaped", ("/start", {"trace": "tunnel"})),
+        ("stairs", ("/start", {"trace": "tunnel"})),
+        ("stairs,50ms-rtt", ("/start", {"trace": "stairs", "delay_ms": 80})),
+        ("stairs", ("/pause", {})),
+        ("stairs", ("/seek", {"position_ms": 9000})),
+        ("stairs", ("/stop", {})),
+    ],
+)
+def test_who_else_touches_the_link_spoils_the_run(
+    shaper: FakeShaper, network: str, request_: tuple[str, dict[str, Any]]
+) -> None:
+    with pytest.raises(RunFailed, match=r"^Somebody else changed the link during the run\.$"):
+        watched(shaper, network, request_)
+    assert shaper.asked[-1] == ("/stop", {}), "it is fast again all the same"

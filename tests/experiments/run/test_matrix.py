@@ -1,0 +1,308 @@
+"""Experiments that are interrupted in every way: what is complete stays, and only what is missing is made again.
+
+The measuring itself is a stub here; `test_experiment.py` does it in a real browser.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import errno
+import json
+import signal
+from collections.abc import AsyncIterator, Callable
+from contextlib import asynccontextmanager
+from pathlib import Path
+from typing import Any
+
+import pytest
+from typer.testing import CliRunner, Result
+
+from tests.experiments.made_up import MACHINE
+from tests.experiments.run.test_plan import toml
+from tigas_common.errors import StartError
+from tigas_experiments.records.configuration import Configuration
+from tigas_experiments.records.folder import RunRecord, RunWriter, read_experiment
+from tigas_experiments.report import cli as report_module
+from tigas_experiments.run import matrix as runner
+from tigas_experiments.run import measure as run_module
+from tigas_experiments.run.cli import experiment
+from tigas_experiments.run.errors import RunFailed
+from tigas_experiments.run.inputs import Inputs
+from tigas_experiments.run.lock import exclusive
+
+Happening = Callable[[RunWriter], None]
+
+
+class Stub:
+    """A laboratory in which happens what a test wants to happen, run by run; afterwards all goes well."""
+
+    machine = MACHINE
+    inputs: Inputs
+
+    def __init__(self) -> None:
+        self.happenings: list[Happening | None] = []
+        self.made: list[str] = []
+        self.checked = 0
+        self.reported: list[Path] = []
+
+    async def check(self, runs: list[Configuration]) -> None:
+        self.checked += 1
+
+    async def bench(self, configuration: Configuration) -> None:
+        self.made.append(configuration.slug)
+
+    async def measure(self, _: object, configuration: Configuration, writer: RunWriter, stage: object) -> RunRecord:
+        happening = self.happenings.pop(0) if self.happenings else None
+        if happening is not None:
+            happening(writer)
+            await asyncio.sleep(60)  # interrupted
+        return writer.close(status="complete", inputs_sha256=self.inputs.digests(configuration))
+
+
+@pytest.fixture
+def stub(monkeypatch: pytest.MonkeyPatch) -> Stub:
+    """In place of services and browser."""
+    made = Stub()
+
+    @asynccontextmanager
+    async def laboratory(url: object, scenes: object, traces: object, inputs: Inputs) -> AsyncIterator[Stub]:
+        made.inputs = inputs
+        yield made
+
+    monkeypatch.setattr(runner, "laboratory", laboratory)
+    monkeypatch.setattr(run_module, "_measure", made.measure)
+    monkeypatch.setattr(report_module, "report", made.reported.append)
+    return made
+
+
+@pytest.fixture
+def file(tmp_path: Path) -> Path:
+    """An experiment of six runs."""
+    path = tmp_path / "small.toml"
+    path.write_text(toml(controllers=["latency", "l2a", 0], repeats=2))
+    return path
+
+
+def tigas(command: str, file: Path, *arguments: str) -> Result:
+    """`tigas experiment COMMAND FILE --out out`, beside the file."""
+    return CliRunner().invoke(experiment, [command, str(file), "--out", str(file.parent / "out"), *arguments])
+
+
+def status(file: Path) -> dict[str, str]:
+    """Of each run: its status, or its problem."""
+    found = {}
+    for path in (file.parent / "out" / "runs").glob("*/run.json"):
+        record = json.loads(path.read_text())
+        found[path.parent.name] = record["problem"] or record["status"]
+    return found
+
+
+def fails(writer: RunWriter) -> None:
+    """As a browser that was closed."""
+    raise RunFailed("The viewer failed: Target closed")
+
+
+def test_a_second_run_makes_nothing_again(stub: Stub, file: Path) -> None:
+    result = tigas("run", file)
+    assert result.exit_code == 0, result.output
+    assert len(stub.made) == 6
+    assert set(status(file).values()) == {"complete"}
+    record = read_experiment(file.parent / "out")
+    assert (record.name, record.source, record.plan["repeats"], record.planned) == ("small", "command", 2, 6)
+    again = tigas("run", file)
+    assert again.exit_code == 0
+    assert "All 6 runs are complete" in again.output
+    assert (len(stub.made), stub.checked) == (6, 1), "nothing is even started"
+    assert stub.reported == [file.parent / "out"] * 2
+    assert read_experiment(file.parent / "out") == record
+
+
+def test_a_run_that_fails_is_marked_and_alone_repeated(stub: Stub, file: Path) -> None:
+    stub.happenings = [None, fails]
+    result = tigas("run", file)
+    assert result.exit_code == 1
+    assert "1 of 6 runs are incomplete. To repeat them: tigas" in result.output
+    assert "l2a_0: The viewer failed: Target closed" in result.output
+    failed = stub.made[1]
+    assert status(file)[failed] == "The viewer failed: Target closed"
+    assert list(status(file).values()).count("complete") == 5, "the others go on"
+    assert f"missing   {failed}" in tigas("plan", file).output
+    assert tigas("run", file).exit_code == 0
+    assert stub.made[6:] == [failed]
+    kept = json.loads((file.parent / "out" / "earlier" / f"{failed}.1" / "run.json").read_text())
+    assert kept["status"] == "failed", "the attempt is kept where no report reads it"
+
+
+@pytest.mark.parametrize(
+    "content", ["", '{"status": "comp', '{"status": "running"}', "[]", None], ids=lambda text: text or repr(text)
+)
+def test_a_truncated_record_is_repeated(stub: Stub, file: Path, content: str | None) -> None:
+    tigas("run", file)
+    path = file.parent / "out" / "runs" / stub.made[2] / "run.json"
+    path.unlink()
+    if content is not None:
+        path.write_text(content)
+    assert tigas("run", file).exit_code == 0
+    assert stub.made[6:] == [stub.made[2]]
+
+
+def test_a_run_that_was_killed_is_repeated(stub: Stub, file: Path) -> None:
+    tigas("run", file)
+    path = file.parent / "out" / "runs" / stub.made[5] / "run.json"
+    path.write_text(path.read_text().replace('"complete"', '"running"'))
+    tigas("run", file)
+    assert stub.made[6:] == [stub.made[5]]
+
+
+def test_other_configurations_are_made_again_and_the_old_ones_kept(stub: Stub, file: Path) -> None:
+    tigas("run", file)
+    file.write_text(toml(controllers=["latency", "l2a", 0], repeats=2, duration_s=30))
+    assert tigas("run", file).exit_code == 0
+    assert stub.made[6:] == stub.made[:6]
+    assert len(list((file.parent / "out" / "earlier").iterdir())) == 6
+
+
+@pytest.fixture
+def of_files(tmp_path: Path) -> Path:
+    """An experiment of four runs: a movement's file and a generated one, over a trace's file and a constant link."""
+    folder = tmp_path / "study"
+    folder.mkdir()
+    (folder / "walk.csv").write_text("a walk")
+    (folder / "bus.csv").write_text("a bus")
+    path = folder / "small.toml"
+    path.write_text(toml(movements=["walk.csv", "stroll"], networks=["bus.csv", "20mbit"]))
+    return path
+
+
+def test_a_folder_that_moved_has_all_its_runs(stub: Stub, of_files: Path) -> None:
+    assert tigas("run", of_files).exit_code == 0
+    moved = of_files.parent.rename(of_files.parent.with_name("moved")) / of_files.name
+    assert "4 runs, 0 missing" in tigas("plan", moved).output
+
+
+@pytest.mark.parametrize("name", ["walk", "bus"])
+def test_what_was_made_from_another_file_is_made_again(stub: Stub, of_files: Path, name: str) -> None:
+    tigas("run", of_files)
+    (of_files.parent / f"{name}.csv").write_text("another")
+    assert tigas("run", of_files).exit_code == 0
+    assert len(stub.made) == 6
+    assert all(name in slug for slug in stub.made[4:])
+    assert len(list((of_files.parent / "out" / "earlier").iterdir())) == 2
+    assert "4 runs, 0 missing" in tigas("plan", of_files).output
+
+
+def test_runs_of_old_that_say_nothing_of_their_inputs_are_complete(stub: Stub, of_files: Path) -> None:
+    tigas("run", of_files)
+    for path in (of_files.parent / "out" / "runs").glob("*/run.json"):
+        record = json.loads(path.read_text())
+        del record["inputs_sha256"], record["server"]
+        configuration = record["configuration"]
+        if configuration["movement"] == "walk.csv":
+            configuration["movement"] = "/then/walk.csv"  # the whole path
+        if configuration["network"]["trace_file"]:
+            configuration["network"]["trace_file"] = "/then/bus.csv"
+        path.write_text(json.dumps(record))
+    assert "4 runs, 0 missing" in tigas("plan", of_files).output
+
+
+def test_an_experiment_may_grow_but_not_become_another(stub: Stub, file: Path) -> None:
+    tigas("run", file)
+    file.write_text(toml(controllers=["latency", "l2a", 0, "lol+"], repeats=2))
+    assert tigas("run", file).exit_code == 0
+    assert len(stub.made) == 8
+    before = status(file)
+    file.write_text(toml(controllers=["latency"], repeats=2))
+    result = tigas("run", file)
+    assert result.exit_code == 1
+    assert "has 6 runs that are not of this experiment, such as courtyard_stroll_4g-bus_stateless-0_0" in result.output
+    assert status(file) == before
+
+
+def test_ctrl_c_marks_the_run_and_says_how_to_go_on(stub: Stub, file: Path) -> None:
+    for number in (signal.SIGINT, signal.SIGTERM):
+        stub.made.clear()
+        signal.signal(signal.SIGINT, signal.SIG_IGN)  # as a shell does for a script's background jobs
+        stub.happenings = [None, lambda _, number=number: signal.raise_signal(number)]  # type: ignore[misc]
+        result = tigas("run", file)
+        assert result.exit_code == 130, result.output
+        assert "Interrupted. To go on: tigas" in result.output
+        assert status(file)[stub.made[1]] == "The run was stopped before its end."
+        assert len(stub.made) == 2
+    stub.made.clear()
+    assert tigas("run", file).exit_code == 0
+    assert len(stub.made) == 4
+
+
+def test_many_failures_in_a_row_end_it(stub: Stub, file: Path) -> None:
+    stub.happenings = [fails] * 6
+    result = tigas("run", file)
+    assert result.exit_code == 1
+    assert len(stub.made) == runner.GIVE_UP_AFTER == 5
+    assert "5 runs in a row failed, so the others are not tried; the same command goes on." in result.output
+    assert result.output.endswith("this: The viewer failed: Target closed\n")
+    file.write_text(toml(controllers=["latency", "l2a", 0], repeats=4))
+    stub.happenings = [fails, fails, None] * 4
+    assert "8 of 12 runs are incomplete" in tigas("run", file).output, "failures among others do not"
+
+
+@pytest.mark.parametrize("mark", [True, False], ids=["a mark fits", "no mark fits"])
+def test_a_full_disk_costs_its_runs_alone(stub: Stub, file: Path, monkeypatch: pytest.MonkeyPatch, mark: bool) -> None:
+    full = OSError(errno.ENOSPC, "No space left on device")
+
+    def out_of_space(writer: RunWriter) -> None:
+        if not mark:
+            monkeypatch.setattr(writer, "close", lambda **_: (_ for _ in ()).throw(full))
+        raise full
+
+    stub.happenings = [None, out_of_space]
+    result = tigas("run", file)
+    assert result.exit_code == 1
+    assert "could not be written: [Errno 28] No space left on device" in result.output
+    assert "Traceback" not in result.output
+    assert "complete" not in status(file)[stub.made[1]]
+    assert len(stub.made) == 6
+    assert tigas("run", file).exit_code == 0
+    assert stub.made[6:] == [stub.made[1]]
+
+
+def test_a_disk_that_is_full_from_the_start(stub: Stub, file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def no_room(*_: object) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    with monkeypatch.context() as patched:
+        patched.setattr(RunWriter, "__init__", no_room)
+        result = tigas("run", file)
+    assert result.exit_code == 1
+    assert "5 runs in a row failed" in result.output
+    assert tigas("run", file).exit_code == 0
+
+
+def test_two_experiments_do_not_share_a_folder(stub: Stub, file: Path) -> None:
+    out = file.parent / "out"
+    out.mkdir()
+    with exclusive(out / ".lock", ""):
+        result = tigas("run", file)
+    assert result.exit_code == 1
+    assert "Another experiment is writing into" in result.output
+    assert stub.made == []
+    assert [path.name for path in out.iterdir()] == [".lock"]
+
+
+def test_what_cannot_be_begun_changes_nothing(stub: Stub, file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    async def check(_: object) -> None:
+        raise StartError("The scene 'courtyard' cannot be loaded: no.")
+
+    monkeypatch.setattr(stub, "check", check)
+    result = tigas("run", file)
+    assert result.exit_code == 1
+    assert "cannot be loaded" in result.output
+    assert [path.name for path in (file.parent / "out").iterdir()] == [".lock"]
+
+
+def test_nonsense_gets_one_sentence(file: Path, stub: Stub) -> None:
+    file.write_text("scenes = 1")
+    for command in ("plan", "run"):
+        result: Any = tigas(command, file)
+        assert result.exit_code == 1
+        assert "Traceback" not in result.output
+        assert not (file.parent / "out").exists()

@@ -1,0 +1,129 @@
+"""One run with a page that is made up: what its record says, and what makes it fail."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from tests.experiments.made_up import MACHINE, SERVER, configuration, recording
+from tests.experiments.movement.scenes import scene
+from tigas_common.errors import StartError
+from tigas_experiments.movement.points import digest
+from tigas_experiments.records.configuration import Network
+from tigas_experiments.records.folder import InputDigests, RunRecord, StoredRun
+from tigas_experiments.records.machine import Server
+from tigas_experiments.records.recording import Recording
+from tigas_experiments.run import measure as run_module
+from tigas_experiments.run.inputs import Inputs
+from tigas_experiments.run.laboratory import Bench
+from tigas_experiments.run.targets import Target
+
+UNSHAPED = configuration(network=Network(name="unshaped"), warm_up_s=0.0)
+POINTS = Inputs(Path()).points(UNSHAPED, scene())
+DIGESTS = InputDigests(movement="a", trace="b")
+
+
+class World:
+    """A laboratory, its page and its services; a test changes what it wants to go wrong."""
+
+    machine = MACHINE
+
+    def __init__(self) -> None:
+        self.recording: dict[str, Any] = recording()
+        self.services_live = True
+        self.can_start = True
+        self.asked: dict[str, Any] = {}
+
+    async def bench(self, _: object) -> Bench:
+        if not self.can_start:
+            raise StartError("The lab did not start: no.")
+        return Bench(
+            target=Target("http://127.0.0.1:9", SERVER),
+            browser=SimpleNamespace(version="1"),  # type: ignore[arg-type]
+            scene=scene(),
+            points=POINTS,
+            network=UNSHAPED.network,
+            digests=DIGESTS,
+        )
+
+    async def prepare(self, settings: object, pose: object) -> None:
+        self.asked["pose"] = pose
+
+    async def record(self, plan: dict[str, Any], patience_s: float) -> Recording:
+        self.asked |= plan
+        return Recording.parse(json.dumps(self.recording))
+
+
+@pytest.fixture
+def world(monkeypatch: pytest.MonkeyPatch) -> World:
+    """In which all goes well."""
+    made = World()
+
+    @asynccontextmanager
+    async def viewer(*_: object) -> AsyncIterator[World]:
+        yield made
+
+    async def alive(_: object) -> bool:
+        return made.services_live
+
+    monkeypatch.setattr(run_module, "viewer", viewer)
+    monkeypatch.setattr(run_module, "alive", alive)
+    return made
+
+
+def run(world: World, folder: Path) -> RunRecord:
+    """Make it; what is returned is what was written."""
+    laboratory: Any = world
+    record = asyncio.run(run_module.run(laboratory, UNSHAPED, folder, lambda _: None))
+    assert StoredRun(folder).record == record
+    return record
+
+
+def test_the_record_says_which_poses_the_page_was_given(world: World, tmp_path: Path) -> None:
+    first, second = (run(world, tmp_path / name) for name in ("first", "second"))
+    assert first.status == "complete"
+    assert world.asked["pose"] == POINTS[0]
+    assert world.asked["points"] == POINTS
+    assert first.points_sha256 == second.points_sha256 == digest(POINTS)
+    assert first.scene_bytes == scene().file_bytes
+
+
+def test_the_record_says_what_it_was_made_from_and_with(world: World, tmp_path: Path) -> None:
+    record = run(world, tmp_path / "run")
+    assert record.inputs_sha256 == DIGESTS
+    assert record.server == Server(version="9", commit="abc", device="GPU", ladder=SERVER.ladder)
+
+
+def test_a_service_that_ended_meanwhile_costs_the_run(world: World, tmp_path: Path) -> None:
+    world.services_live = False
+    record = run(world, tmp_path / "run")
+    assert (record.status, record.problem) == ("failed", "A service ended, or was started again, during the run.")
+    assert StoredRun(tmp_path / "run").frames(), "what was recorded is kept"
+
+
+def test_services_that_do_not_start_again_cost_the_run(world: World, tmp_path: Path) -> None:
+    world.can_start = False
+    assert run(world, tmp_path / "run").problem == "The lab did not start: no."
+
+
+@pytest.mark.parametrize(
+    ("change", "sentence"),
+    [
+        ({"complete": False}, "not played to its end"),
+        ({"frames": [{}]}, "The page's recording cannot be used: frames.0"),
+    ],
+)
+def test_a_recording_that_is_none_costs_the_run(
+    world: World, tmp_path: Path, change: dict[str, Any], sentence: str
+) -> None:
+    world.recording |= change
+    record = run(world, tmp_path / "run")
+    assert record.status == "failed"
+    assert sentence in str(record.problem)

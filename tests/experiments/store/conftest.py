@@ -1,0 +1,103 @@
+"""A store on a free port, in this process, over an empty results directory."""
+
+from __future__ import annotations
+
+import asyncio
+import time
+from collections.abc import AsyncIterator, Callable, Sequence
+from contextlib import asynccontextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, TypeVar, TypeVarTuple
+
+import httpx
+import pytest
+
+from tests.experiments.made_up import MACHINE, configuration, recording, sample
+from tigas_common.address import Address
+from tigas_common.runner import serve_http
+from tigas_experiments.records.configuration import Mode
+from tigas_experiments.records.load import LoadSample
+from tigas_experiments.store.app import Store, create_app
+from tigas_experiments.store.experiments import Experiments
+from tigas_experiments.store.movements import Movements
+from tigas_experiments.store.reports import Reports
+from tigas_experiments.store.workspace import NAME, Workspace
+
+PATIENCE_S = 20
+SCENE_BYTES = 12_345
+T = TypeVar("T")
+Ts = TypeVarTuple("Ts")
+
+
+@dataclass
+class Running:
+    """A store, its directories, and a client of it."""
+
+    results: Path
+    movements: Path
+    http: httpx.AsyncClient
+    port: int
+
+    async def create(self, name: str = "abr") -> str:
+        """A new experiment's id."""
+        answer = await self.http.post("/experiments", json={"name": name, "plan": {"seed": 1}})
+        assert answer.status_code == 201, answer.text
+        return str(answer.json()["id"])
+
+    async def add(self, experiment: str, mode: Mode = "stateless", **changes: Any) -> dict[str, Any]:
+        """A new run's row."""
+        answer = await self.http.post(f"/experiments/{experiment}/runs", json=upload(mode, **changes))
+        assert answer.status_code == 201, answer.text
+        row: dict[str, Any] = answer.json()
+        return row
+
+    def kept(self) -> list[str]:
+        """Every file and folder, but for the lock."""
+        paths = (str(path.relative_to(self.results)) for path in self.results.rglob("*"))
+        return sorted(path for path in paths if path not in (NAME, f"{NAME}/lock"))
+
+
+def upload(mode: Mode = "stateless", *, repeat: int = 0, **changes: Any) -> dict[str, Any]:
+    """What the page sends after a run, with changes of the recording."""
+    return {
+        "configuration": configuration(mode, repeat=repeat).model_dump(mode="json"),
+        "recording": recording(mode=mode.partition("-")[0], **changes),
+        "link": [sample(at).model_dump() for at in (0.0, 500.0, 1000.0)],
+        "scene_bytes": SCENE_BYTES,
+    }
+
+
+async def until(condition: Callable[[], bool]) -> None:
+    """Wait for what is about to happen."""
+    deadline = time.monotonic() + PATIENCE_S
+    while not condition():
+        assert time.monotonic() < deadline, "it did not happen"
+        await asyncio.sleep(0.01)
+
+
+async def in_a_thread(function: Callable[[*Ts], T], *arguments: *Ts) -> T:
+    """Stands in for a process of its own, which takes seconds to start."""
+    return await asyncio.to_thread(function, *arguments)
+
+
+@asynccontextmanager
+async def running_store(directory: Path, load: Sequence[LoadSample] = ()) -> AsyncIterator[Running]:
+    """A store for as long as the context lasts."""
+    results, movements = directory / "results", directory / "movements"
+    movements.mkdir(exist_ok=True)
+    with Workspace.opened(results) as workspace:
+        experiments = Experiments(results, workspace)
+        reports = Reports(experiments, workspace, in_a_thread)
+        store = Store(workspace, experiments, reports, Movements(movements), load, MACHINE, in_a_thread)
+        async with (
+            serve_http(create_app(store, ["https://page.example"]), Address("127.0.0.1", 0)) as port,
+            httpx.AsyncClient(base_url=f"http://127.0.0.1:{port}", timeout=PATIENCE_S) as client,
+        ):
+            yield Running(results, movements, client, port)
+
+
+@pytest.fixture
+async def store(tmp_path: Path) -> AsyncIterator[Running]:
+    async with running_store(tmp_path) as running:
+        yield running

@@ -1,0 +1,189 @@
+"""Being inside a network namespace: sockets that are made there stay there, and so do threads."""
+
+from __future__ import annotations
+
+import ctypes
+import functools
+import os
+import socket
+import struct
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+import pytest
+
+from tigas_testbed.namespaces import Lab, Role
+
+_LIBC = ctypes.CDLL(None, use_errno=True)
+_CLONE_NEWNET = 0x40000000
+_SO_TIMESTAMPNS = 35
+BUSY = 0.15
+"""With a smaller share of free processor time, measurements mean nothing; the tests' own work leaves more than half."""
+LAYER_2 = 42
+"""Bytes that Ethernet, IP and UDP add to a datagram."""
+
+
+@contextmanager
+def inside(lab: Lab, role: Role) -> Iterator[None]:
+    """This thread is in a namespace of the lab for as long as the context lasts."""
+    with Path("/proc/thread-self/ns/net").open() as before:
+        with Path("/run/netns", lab.namespace(role)).open() as namespace:
+            _enter(namespace.fileno())
+        try:
+            yield
+        finally:
+            _enter(before.fileno())
+
+
+def _enter(namespace: int) -> None:
+    if _LIBC.setns(namespace, _CLONE_NEWNET):
+        raise OSError(ctypes.get_errno(), "setns")
+
+
+def udp(lab: Lab, role: Role, port: int = 0) -> socket.socket:
+    """A UDP socket in a namespace."""
+    with inside(lab, role):
+        made = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    made.bind(("0.0.0.0", port))
+    made.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 8_000_000)
+    made.settimeout(1)
+    return made
+
+
+@contextmanager
+def thread(work: Callable[[threading.Event], None]) -> Iterator[None]:
+    """Run `work` beside the test; it ends when its event is set."""
+    stop = threading.Event()
+    running = threading.Thread(target=work, args=(stop,))
+    running.start()
+    try:
+        yield
+    finally:
+        stop.set()
+        running.join()
+
+
+@contextmanager
+def echo_server(lab: Lab, port: int = 4433) -> Iterator[None]:
+    """Sends every datagram back, from the service."""
+    with udp(lab, "service", port) as server:
+
+        def echo(stop: threading.Event) -> None:
+            server.settimeout(0.1)
+            while not stop.is_set():
+                with suppress(TimeoutError):
+                    data, peer = server.recvfrom(2048)
+                    server.sendto(data, peer)
+
+        with thread(echo):
+            yield
+
+
+@contextmanager
+def flood(lab: Lab, peer: tuple[str, int], sender: socket.socket, rate_kbps: float, size: int) -> Iterator[None]:
+    """Sends datagrams of `size` bytes at a steady rate (as tc counts it) until the context ends."""
+    packet = bytes(size)
+    per_second = rate_kbps * 125 / (size + LAYER_2)
+
+    def send(stop: threading.Event) -> None:
+        start, sent = time.monotonic(), 0
+        while not stop.is_set():
+            due = int((time.monotonic() - start) * per_second)
+            for _ in range(min(due - sent, 200)):
+                with suppress(OSError):  # the sender's own buffer may be full
+                    sender.sendto(packet, peer)
+            sent = due
+            time.sleep(0.002)
+
+    with thread(send):
+        yield
+
+
+class Receiver:
+    """Collects the time (s, of time.monotonic) and size (bytes, layer 2) of every datagram, as the kernel saw them."""
+
+    def __init__(self, lab: Lab) -> None:
+        self.socket = udp(lab, "client")
+        self.socket.setsockopt(socket.SOL_SOCKET, _SO_TIMESTAMPNS, 1)
+        self.arrivals: list[tuple[float, int]] = []
+
+    @contextmanager
+    def collecting(self) -> Iterator[None]:
+        """Collect until the context ends."""
+        offset = time.clock_gettime(time.CLOCK_REALTIME) - time.monotonic()
+
+        def collect(stop: threading.Event) -> None:
+            self.socket.settimeout(0.1)
+            while not stop.is_set():
+                with suppress(TimeoutError):
+                    data, ancillary, _, _ = self.socket.recvmsg(2048, 64)
+                    seconds, nanoseconds = struct.unpack("qq", ancillary[0][2])
+                    self.arrivals.append((seconds + nanoseconds * 1e-9 - offset, len(data) + LAYER_2))
+
+        with thread(collect):
+            yield
+
+    def kbps(self, start: float, end: float) -> float:
+        """What arrived in a span of time, kbit/s."""
+        return sum(size for at, size in self.arrivals if start <= at < end) * 8e-3 / (end - start)
+
+
+def steady(test: Callable[..., None]) -> Callable[..., None]:
+    """Gives a measurement three attempts: on a busy machine one can be wrong, but a wrong link is wrong every time.
+
+    Skips if it still fails and other work left no processor time to measure with.
+    """
+
+    @functools.wraps(test)
+    def attempts(*arguments: object, **named: object) -> None:
+        for attempt in range(3):
+            _wait_for_quiet()
+            before = _processor_time()
+            try:
+                return test(*arguments, **named)
+            except AssertionError:
+                if attempt < 2:
+                    continue
+                free = _free_share(before)
+                if free < BUSY:
+                    pytest.skip(f"this machine is too busy to measure a link: {free:.0%} of its processors were free")
+                raise
+        return None
+
+    return attempts
+
+
+def _wait_for_quiet() -> None:
+    end = time.monotonic() + 10
+    while time.monotonic() < end:
+        before = _processor_time()
+        time.sleep(0.25)
+        if _free_share(before) > 0.5:
+            return
+
+
+def _processor_time() -> tuple[int, int]:
+    """Free, and in all, since the machine started."""
+    times = [int(part) for part in Path("/proc/stat").read_text().split("\n", 1)[0].split()[1:9]]
+    return times[3] + times[4], sum(times)
+
+
+def _free_share(before: tuple[int, int]) -> float:
+    free, everything = (now - then for now, then in zip(_processor_time(), before, strict=True))
+    return free / max(1, everything)
+
+
+def wait_until(condition: Callable[[], bool], timeout_s: float = 10.0) -> None:
+    """Wait for something that will be true soon; an AssertionError if it is not."""
+    end = time.monotonic() + timeout_s
+    while not condition():
+        assert time.monotonic() < end, f"{condition} was not true after {timeout_s} s"
+        time.sleep(0.02)
+
+
+def root() -> bool:
+    """Whether this process may make namespaces."""
+    return os.geteuid() == 0

@@ -1,0 +1,77 @@
+"""The page in a real browser at the client's end of the link, before the real render service."""
+
+from __future__ import annotations
+
+import shutil
+import socket
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from playwright.sync_api import Page, expect, sync_playwright
+
+from tests.testbed.inside import inside, wait_until
+from tests.testbed.shaper_process import ShaperProcess
+from tests.web.conftest import CHROMIUM_ARGS, DESKTOP, PATIENCE, STATIC
+from tests.web.scenes import write_scenes
+from tests.web.stage import SCENE, frames, wait_for_frames
+from tigas_shaper.trace import LinkState, NetworkTrace
+from tigas_testbed.namespaces import Lab
+from tigas_testbed.services import render_command, running
+
+OUTAGE_S = 5
+
+
+@pytest.fixture
+def render(lab: Lab, tmp_path: Path) -> Iterator[None]:
+    """The render service in its namespace."""
+    if not STATIC.exists():
+        pytest.skip("the web client is not built: cd web && npm ci && npm run build")
+    write_scenes(tmp_path)
+    with running(lab, "service", render_command(tmp_path)):
+        wait_until(lambda: listens(lab), 90)
+        yield
+
+
+def listens(lab: Lab) -> bool:
+    """Whether the page can be had."""
+    with inside(lab, "client"), socket.socket() as probe:
+        return probe.connect_ex(("127.0.0.1", 8080)) == 0
+
+
+@pytest.fixture
+def page(lab: Lab, render: None, tmp_path: Path) -> Iterator[Page]:
+    """A page in a browser that lives in the client's namespace."""
+    chromium = shutil.which("chromium")
+    if chromium is None:
+        pytest.skip("Chromium is not installed: sudo apt-get install chromium")
+    wrapper = tmp_path / "chromium"
+    wrapper.write_text(f'#!/bin/sh\nexec ip netns exec {lab.namespace("client")} {chromium} "$@"\n')
+    wrapper.chmod(0o755)
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=wrapper, args=CHROMIUM_ARGS)
+        made = browser.new_page(viewport=DESKTOP)
+        made.set_default_timeout(PATIENCE)
+        yield made
+        browser.close()
+
+
+def test_the_page_crosses_the_link_and_survives_an_outage(link: ShaperProcess, page: Page) -> None:
+    link.post("/link", down_kbps=10_000, up_kbps=5_000, delay_ms=10)
+    page.goto(f"http://localhost:8080/{SCENE}")
+    assert page.evaluate("isSecureContext")
+    expect(page.locator(".stage")).to_have_attribute("data-transport", "webtransport-streams", timeout=PATIENCE)
+    wait_for_frames(page)
+    outage = NetworkTrace("cut", (0, OUTAGE_S * 1000), (LinkState(0, 0), LinkState(10_000, 5_000, 10)), 60_000)
+    start = link.play(outage)
+    page.keyboard.down("ArrowRight")  # the view changes all the while, so that frames are always wanted
+    page.wait_for_timeout(1000)
+    shown = frames(page)
+    page.wait_for_timeout((start + OUTAGE_S - 0.1 - time.monotonic()) * 1000)
+    assert frames(page) == shown, "nothing passes in an outage"
+    page.wait_for_timeout((start + OUTAGE_S - time.monotonic()) * 1000)
+    wait_for_frames(page, shown + 10)
+    print(f"10 frames {time.monotonic() - start - OUTAGE_S:.1f} s after the outage")
+    expect(page.locator(".stage")).to_have_attribute("data-transport", "webtransport-streams", timeout=PATIENCE)
+    page.keyboard.up("ArrowRight")

@@ -1,0 +1,128 @@
+"""Starting, stopping, being killed, and losing what the link stands on."""
+
+from __future__ import annotations
+
+import json
+import signal
+import subprocess
+import time
+
+import pytest
+
+from tests.testbed.inside import echo_server, udp, wait_until
+from tests.testbed.shaper_process import ip_forward, left_behind, shaper
+from tigas_common.errors import StartError
+from tigas_testbed.namespaces import Lab, sweep
+from tigas_testbed.services import PORTS, shaper_command
+
+GATEWAY = ("198.18.1.1", 4433)
+
+
+def answers(lab: Lab) -> bool:
+    """Whether a datagram comes back from the service."""
+    with udp(lab, "client") as client:
+        client.settimeout(0.3)
+        client.sendto(b"ping", GATEWAY)
+        try:
+            return client.recv(16) == b"ping"
+        except (TimeoutError, ConnectionRefusedError):
+            return False
+
+
+def test_stopping_is_quick_and_leaves_nothing_behind(own_lab: Lab) -> None:
+    before = ip_forward(own_lab)
+    with echo_server(own_lab), shaper(own_lab) as running:
+        assert answers(own_lab)
+        assert left_behind(own_lab)
+        start = time.monotonic()
+        running.process.send_signal(signal.SIGTERM)
+        assert running.process.wait(10) == 0
+        print(f"stopped after {time.monotonic() - start:.2f} s")
+        assert left_behind(own_lab) == []
+        assert ip_forward(own_lab) == before
+        assert not answers(own_lab)
+
+
+def test_after_a_kill_nothing_passes_and_the_next_start_cleans_up(own_lab: Lab) -> None:
+    with echo_server(own_lab):
+        with shaper(own_lab) as first:
+            assert answers(own_lab)
+            first.process.kill()
+            first.process.wait()
+            wait_until(lambda: not answers(own_lab), 2)
+        with shaper(own_lab) as second:
+            second.post("/link", down_kbps=5_000, up_kbps=5_000)
+            assert answers(own_lab)
+            second.process.terminate()
+            second.process.wait()
+        assert left_behind(own_lab) == []
+
+
+def test_a_second_shaper_refuses_and_the_first_goes_on(own_lab: Lab) -> None:
+    with echo_server(own_lab), shaper(own_lab):
+        second = subprocess.run(own_lab.command("gateway", shaper_command()), capture_output=True, text=True)
+        assert second.returncode == 1
+        assert second.stderr.strip() == "Another shaper already runs on this network; stop it first."
+        assert answers(own_lab)
+
+
+@pytest.mark.parametrize("interface", ["access", "service", "tigas-down"])
+def test_an_interface_that_disappears_closes_the_link(own_lab: Lab, interface: str) -> None:
+    with echo_server(own_lab), shaper(own_lab) as running:
+        # The API stays in reach of this test when the access side is gone.
+        gone = own_lab.command("gateway", ["ip", "link", "del", interface])
+        status = own_lab.command("gateway", ["python3", "-c", STATUS])
+        assert answers(own_lab)
+        subprocess.run(gone, check=True)
+
+        def closed() -> str | None:
+            answer = subprocess.run(status, check=True, capture_output=True, text=True).stdout
+            reason: str | None = json.loads(answer)["closed"]
+            return reason
+
+        wait_until(lambda: closed() is not None, 5)
+        print(closed())
+        assert "nothing passes until the shaper is started again" in (closed() or "")
+        if interface == "tigas-down":
+            assert not answers(own_lab)
+            code, problem = running.request("POST", "/link", b'{"down_kbps": 1000, "up_kbps": 1000}')
+            assert (code, problem["type"]) == (503, "tigas:link-closed")
+            assert running.request("GET", "/healthz")[0] == 503
+        running.process.terminate()
+        assert running.process.wait(10) == 0
+
+
+STATUS = "import urllib.request as u; print(u.urlopen('http://127.0.0.1:8090/status').read().decode())"
+
+
+def test_wrong_settings_get_one_sentence(own_lab: Lab) -> None:
+    for change, sentence in (
+        (("--access", "nope0"), "There is no network interface nope0."),
+        (("--access", "x; rm -rf /"), "'x; rm -rf /' is not the name of a network interface."),
+        (("--service", "access"), "The clients and the services must be on different interfaces"),
+        (("--service", "10.99.0.0/16"), "No network interface has an address in 10.99.0.0/16."),
+        (("--forward", "tcp:99999=a:1"), "is not tcp:PORT=HOST:PORT"),
+        (("--traces", "/nowhere"), "The directory /nowhere does not exist"),
+        (("--trace", "nothing"), "There is no trace named 'nothing'."),
+    ):
+        command = own_lab.command("gateway", shaper_command(*change))
+        run = subprocess.run(command, capture_output=True, text=True)
+        assert run.returncode == 1, run
+        assert sentence in run.stderr
+        assert run.stderr.count("\n") == 1
+        assert left_behind(own_lab) == []
+
+
+def test_without_the_right_it_says_what_is_missing(own_lab: Lab) -> None:
+    command = own_lab.command("gateway", ["setpriv", "--bounding-set", "-net_admin", *shaper_command()])
+    run = subprocess.run(command, capture_output=True, text=True)
+    assert run.returncode == 1
+    assert "CAP_NET_ADMIN" in run.stderr
+    assert run.stderr.count("\n") == 1
+
+
+def test_a_lab_is_alone_with_its_name_and_sweeping_spares_it(own_lab: Lab) -> None:
+    with pytest.raises(StartError, match="already up"), Lab(own_lab.name).up(PORTS):
+        pass
+    sweep("t")
+    assert own_lab.exists()
