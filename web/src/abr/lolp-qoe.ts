@@ -1,3 +1,7 @@
+/**
+ * LoL+'s quality of experience of a segment, and its choice of the weights of the map's features by it. Constants are those
+ * of the authors' contribution to dash.js. Bitrates in bits per second, times in seconds.
+ */
 import { SEGMENT, TARGET_LATENCY } from "./segments";
 
 /** A buffer below this is low. */

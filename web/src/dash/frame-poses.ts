@@ -1,3 +1,7 @@
+/**
+ * Brings together what is told in two ways: the packager says which pose each frame of the stream shows, the browser says
+ * when a frame was presented. Either may come first.
+ */
 export class FramePoses<Presented> {
   /** Frames that nobody asks for any more are forgotten: as many are kept. */
   static readonly KEPT = 1200;

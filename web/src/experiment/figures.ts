@@ -1,3 +1,7 @@
+/**
+ * The figures of a run that the page shows, with the definitions of `docs/compare.md`: the twin of the store's
+ * (`tigas_lab/statistics.py`), for runs that no store keeps. Pure: a recording in, figures out.
+ */
 import type { Records } from "./recorder";
 
 export interface RunFigures {

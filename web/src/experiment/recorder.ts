@@ -1,3 +1,7 @@
+/**
+ * What the viewer records during a run. `services/lab/tigas_lab/recording.py` reads it; all times are milliseconds since the
+ * run's start. Pure: time comes in with what is recorded.
+ */
 import type { Reply } from "../stateless/player";
 import type { PresentedFrame } from "../view/presented";
 import type { NumberedPose } from "../view/rig";
