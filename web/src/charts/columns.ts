@@ -1,3 +1,4 @@
+/** The last minute of some quantities, in the columns that a chart draws. */
 /** Seconds. */
 export const SPAN = 60;
 /** No line is drawn across a longer time without samples, in seconds. */

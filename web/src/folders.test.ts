@@ -1,0 +1,55 @@
+/** Folders of the page may not import each other in a cycle, types included: each can be read without those above it. */
+import { alg, Graph } from "@dagrejs/graphlib";
+import { parseSync } from "vite";
+import { expect, test } from "vitest";
+
+/** The page's files by their paths, such as `./view/rig.ts`. */
+const SOURCES = import.meta.glob<string>("./**/*.{ts,tsx}", { query: "?raw", import: "default", eager: true });
+
+/** What a file imports, exports from elsewhere, or loads on demand, as paths without an ending. */
+function importsOf(path: string, source: string): string[] {
+  const { module } = parseSync(path, source);
+  return [
+    ...module.staticImports.map(({ moduleRequest }) => moduleRequest.value),
+    ...module.staticExports.flatMap(({ entries }) =>
+      entries.flatMap(({ moduleRequest }) => moduleRequest?.value ?? []),
+    ),
+    ...module.dynamicImports.map(({ moduleRequest: { start, end } }) => source.slice(start + 1, end - 1)),
+  ]
+    .filter((request) => request.startsWith("."))
+    .map((request) => new URL(request, `file:/${path}`).pathname.slice(1));
+}
+
+/** The cycles of folders, which `folderOf` tells of a path. */
+function cycles(folderOf: (path: string) => string, sources: Readonly<Record<string, string>> = SOURCES): string[][] {
+  const graph = new Graph();
+  for (const [path, source] of Object.entries(sources)) {
+    const from = folderOf(path.slice(2));
+    for (const imported of importsOf(path, source)) {
+      const to = folderOf(imported);
+      if (from !== to) graph.setEdge(from, to);
+    }
+  }
+  return alg.findCycles(graph);
+}
+
+const own = (path: string) => path.split("/").slice(0, -1).join("/");
+const top = (path: string) => path.split("/").slice(0, -1)[0] ?? "";
+
+test("no folder imports itself by way of others", () => {
+  expect(cycles(own)).toEqual([]);
+});
+
+test("nor does any with the folders that it holds", () => {
+  expect(cycles(top)).toEqual([]);
+});
+
+test.each([
+  ["a type", 'import type { B } from "../b/b"'],
+  ["a name that is a type", 'import { type B } from "../b/b"'],
+  ["what is passed on", 'export { B } from "../b/b"'],
+  ["what is loaded on demand", 'await import("../b/b")'],
+])("%s counts", (_, source) => {
+  const sources = { "./a/a.ts": source, "./b/b.ts": 'import { a } from "../a/a"' };
+  expect(cycles(own, sources).map((cycle) => cycle.toSorted())).toEqual([["a", "b"]]);
+});
