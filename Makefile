@@ -36,7 +36,7 @@ demo: .venv/.ready $(STATIC)
 		trap 'kill $$(jobs -p) 2>/dev/null; wait' EXIT; trap 'exit 130' INT TERM; \
 		$(VENV)/tigas dash & \
 		$(VENV)/tigas store & \
-		TIGAS_RENDER_SERVICES='{"dash": ":8081", "store": ":8091"}' $(VENV)/tigas render $(if $(SCENES),--scenes $(SCENES)) $(ARGS) & \
+		TIGAS_RENDER_SERVICES="$$($(VENV)/python -m tigas_common.topology)" $(VENV)/tigas render $(if $(SCENES),--scenes $(SCENES)) $(ARGS) & \
 		wait $$!; \
 	fi
 

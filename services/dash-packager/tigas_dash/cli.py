@@ -11,11 +11,12 @@ import typer
 
 from tigas_common.cli import in_a_sentence
 from tigas_common.settings import load_settings
+from tigas_common.topology import DASH, PAGE
 
 
 def dash(
-    render: Annotated[str | None, typer.Option(metavar="URL", help="Render service. [http://127.0.0.1:8080]")] = None,
-    http: Annotated[str | None, typer.Option(metavar="HOST:PORT", help="Streams and API. [127.0.0.1:8081]")] = None,
+    render: Annotated[str | None, typer.Option(metavar="URL", help=f"Render service. [http://{PAGE.loopback}]")] = None,
+    http: Annotated[str | None, typer.Option(metavar="HOST:PORT", help=f"Streams and API. [{DASH.loopback}]")] = None,
     max_sessions: Annotated[int | None, typer.Option(help="Streams that are encoded at a time. [4]")] = None,
     idle_s: Annotated[
         float | None, typer.Option(help="Ends a stream that nobody has watched for so long. [15]")

@@ -7,8 +7,8 @@ from typing import ClassVar, Literal
 from pydantic import Field
 from pydantic_settings import SettingsConfigDict
 
-from tigas_common.address import Address
 from tigas_common.settings import Listen, ServiceSettings
+from tigas_common.topology import DASH, PAGE
 
 
 class DashSettings(ServiceSettings):
@@ -17,9 +17,9 @@ class DashSettings(ServiceSettings):
     model_config = SettingsConfigDict(env_prefix="TIGAS_DASH_", extra="forbid", frozen=True)
     table: ClassVar[str] = "dash"
 
-    render: str = Field(default="http://127.0.0.1:8080", pattern=r"^https?://[^/]+/?$")
+    render: str = Field(default=f"http://{PAGE.loopback}", pattern=r"^https?://[^/]+/?$")
     """Where the render service is."""
-    http: Listen = Address("127.0.0.1", 8081)
+    http: Listen = DASH.loopback
     """Where streams are served."""
     max_sessions: int = Field(default=4, ge=1, le=1000)
     """How many streams are encoded at a time."""

@@ -12,19 +12,21 @@ import typer
 from tigas_common.cli import in_a_sentence
 from tigas_common.errors import StartError, TigasError
 from tigas_common.settings import load_settings
+from tigas_common.topology import PAGE, WEBTRANSPORT
 
 scene = typer.Typer(help="Look at and make scene files.", no_args_is_help=True)
 
 
 def render(
     scenes: Annotated[Path | None, typer.Option(help="Models directory: one folder a scene.")] = None,
-    http: Annotated[str | None, typer.Option(metavar="HOST:PORT", help="Page and API. [127.0.0.1:8080]")] = None,
+    http: Annotated[str | None, typer.Option(metavar="HOST:PORT", help=f"Page and API. [{PAGE.loopback}]")] = None,
     https: Annotated[
         str | None,
         typer.Option(metavar="HOST:PORT", help="The same over HTTPS, for phones and other devices. [off]"),
     ] = None,
     quic: Annotated[
-        str | None, typer.Option(metavar="HOST:PORT", help="HTTP/3 and WebTransport, or 'off'. [[::]:4433]")
+        str | None,
+        typer.Option(metavar="HOST:PORT", help=f"HTTP/3 and WebTransport, or 'off'. [[::]:{WEBTRANSPORT.number}]"),
     ] = None,
     device: Annotated[str | None, typer.Option(metavar="auto|cpu|cuda[:N]", help="Where to rasterise. [auto]")] = None,
     congestion_control: Annotated[str | None, typer.Option(metavar="reno|cubic", help="QUIC's. [reno]")] = None,

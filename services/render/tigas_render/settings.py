@@ -11,6 +11,7 @@ from pydantic_settings import SettingsConfigDict
 
 from tigas_common.address import Address
 from tigas_common.settings import Listen, ListenOrOff, ServiceSettings
+from tigas_common.topology import PAGE, WEBTRANSPORT
 from tigas_common.wire.render import DEFAULT_LADDER, Rung
 
 
@@ -27,11 +28,11 @@ class RenderSettings(ServiceSettings):
 
     scenes: Path | None = None
     """The models directory: one folder a scene."""
-    http: Listen = Address("127.0.0.1", 8080)
+    http: Listen = PAGE.loopback
     """Where the page and the API are served over HTTP/1.1."""
     https: ListenOrOff = None
     """Where they are served over HTTPS too, for other devices on the network."""
-    quic: ListenOrOff = Address("::", 4433)
+    quic: ListenOrOff = Address("::", WEBTRANSPORT.number)
     """Where HTTP/3 and WebTransport are served; `off` for neither."""
     device: str = Field(default="auto", pattern=r"^(auto|cpu|cuda(:\d{1,3})?)$")
     """Where scenes are rendered: `cpu`, `cuda`, `cuda:N` for one GPU of several, or whatever is fastest."""

@@ -11,6 +11,7 @@ from typing import Annotated
 import typer
 
 from tigas_common.settings import load_settings
+from tigas_common.topology import PAGE_ORIGINS, SHAPER
 
 
 def shaper(
@@ -26,10 +27,10 @@ def shaper(
     ] = None,
     traces: Annotated[Path | None, typer.Option(help="Directory of network traces.")] = None,
     trace: Annotated[str | None, typer.Option(help="Trace to play from the start.")] = None,
-    http: Annotated[str | None, typer.Option(metavar="HOST:PORT", help="API. [127.0.0.1:8090]")] = None,
+    http: Annotated[str | None, typer.Option(metavar="HOST:PORT", help=f"API. [{SHAPER.loopback}]")] = None,
     origins: Annotated[
         list[str] | None,
-        typer.Option("--origin", metavar="URL", help="Page that may change the link. Repeat. [http://localhost:8080]"),
+        typer.Option("--origin", metavar="URL", help=f"Page that may change the link. Repeat. [{PAGE_ORIGINS[0]}]"),
     ] = None,
     down_kbps: Annotated[float | None, typer.Option(help="Rate to the clients when no trace plays. [100000]")] = None,
     up_kbps: Annotated[float | None, typer.Option(help="Rate from the clients when no trace plays. [100000]")] = None,

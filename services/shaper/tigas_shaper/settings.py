@@ -8,8 +8,8 @@ from typing import ClassVar, Literal
 from pydantic import Field
 from pydantic_settings import SettingsConfigDict
 
-from tigas_common.address import Address
 from tigas_common.settings import Listen, ServiceSettings
+from tigas_common.topology import PAGE_ORIGINS, SHAPER
 from tigas_common.wire.shaper import MAX_RATE_KBPS
 
 
@@ -29,9 +29,9 @@ class ShaperSettings(ServiceSettings):
     """A directory of network traces."""
     trace: str | None = None
     """The trace to play from the start; without it the link is constant."""
-    http: Listen = Address("127.0.0.1", 8090)
+    http: Listen = SHAPER.loopback
     """Where the API is served."""
-    origins: tuple[str, ...] = ("http://localhost:8080", "http://127.0.0.1:8080")
+    origins: tuple[str, ...] = PAGE_ORIGINS
     """The pages that may change the link, as browsers name them in `Origin`."""
     down_kbps: float = Field(default=100_000, gt=0, le=MAX_RATE_KBPS)
     """The rate towards the clients while no trace plays, kbit/s."""

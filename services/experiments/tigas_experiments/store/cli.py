@@ -12,12 +12,13 @@ import typer
 
 from tigas_common.cli import in_a_sentence
 from tigas_common.settings import load_settings
+from tigas_common.topology import STORE
 
 
 def store(
     results: Annotated[Path | None, typer.Option(help="Directory of experiments, one folder each. [results]")] = None,
     movements: Annotated[Path | None, typer.Option(help="Directory of movement traces. [traces/movement]")] = None,
-    http: Annotated[str | None, typer.Option(metavar="HOST:PORT", help="API. [127.0.0.1:8091]")] = None,
+    http: Annotated[str | None, typer.Option(metavar="HOST:PORT", help=f"API. [{STORE.loopback}]")] = None,
     origins: Annotated[
         list[str] | None,
         typer.Option("--origin", metavar="URL", help="Page on another host that may change experiments. Repeat."),

@@ -7,8 +7,8 @@ from typing import ClassVar
 
 from pydantic_settings import SettingsConfigDict
 
-from tigas_common.address import Address
 from tigas_common.settings import Listen, ServiceSettings
+from tigas_common.topology import STORE
 
 
 class StoreSettings(ServiceSettings):
@@ -21,7 +21,7 @@ class StoreSettings(ServiceSettings):
     """The directory of experiments, one folder each; made if it is not there."""
     movements: Path = Path("traces/movement")
     """The directory of movement traces."""
-    http: Listen = Address("127.0.0.1", 8091)
+    http: Listen = STORE.loopback
     """Where the API is served."""
     origins: tuple[str, ...] = ()
     """Pages on other hosts that may change experiments, as browsers name them in `Origin`."""

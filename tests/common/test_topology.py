@@ -1,0 +1,69 @@
+"""What cannot import the topology says the same: compose.yaml and the images."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+
+from tigas_common.topology import DASH, PAGE, PAGE_HTTPS, SHAPER, STORE, WEBTRANSPORT, Port, page_services
+
+ROOT = Path(__file__).parents[2]
+COMPOSE: dict[str, Any] = yaml.safe_load((ROOT / "compose.yaml").read_text())["services"]
+BEHIND_THE_SHAPER = {
+    PAGE: "render",
+    PAGE_HTTPS: "render",
+    WEBTRANSPORT: "render",
+    DASH: "dash-packager",
+    STORE: "store",
+}
+
+
+def address(service: str) -> str:
+    """A service's address in the network that the shaper forwards to."""
+    found: str = COMPOSE[service]["networks"]["services"]["ipv4_address"]
+    return found
+
+
+def test_compose_forwards_every_service() -> None:
+    forwards = json.loads(COMPOSE["shaper"]["environment"]["TIGAS_SHAPER_FORWARD"])
+    expected = {f"{p.protocol}:{p.number}={address(name)}:{p.number}" for p, name in BEHIND_THE_SHAPER.items()}
+    assert set(forwards) == expected
+
+
+def test_compose_publishes_ports_of_the_shaper_alone_and_its_api_on_this_host_only() -> None:
+    published = {f"{p.number}:{p.number}{'/udp' if p.protocol == 'udp' else ''}" for p in BEHIND_THE_SHAPER}
+    assert set(COMPOSE["shaper"]["ports"]) == published | {f"{SHAPER.loopback}:{SHAPER.number}"}
+    assert {name for name, service in COMPOSE.items() if "ports" in service} == {"shaper"}
+
+
+def test_compose_tells_the_services_where_the_others_are() -> None:
+    assert COMPOSE["render"]["environment"]["TIGAS_RENDER_SERVICES"] == page_services(shaped=True)
+    assert COMPOSE["dash-packager"]["environment"]["TIGAS_DASH_RENDER"] == f"http://{address('render')}:{PAGE.number}"
+
+
+@pytest.mark.parametrize(
+    ("service", "listens"),
+    [
+        ("render", {"TIGAS_RENDER_HTTP": PAGE, "TIGAS_RENDER_HTTPS": PAGE_HTTPS, "TIGAS_RENDER_QUIC": WEBTRANSPORT}),
+        ("dash-packager", {"TIGAS_DASH_HTTP": DASH}),
+        ("store", {"TIGAS_STORE_HTTP": STORE}),
+        ("shaper", {"TIGAS_SHAPER_HTTP": SHAPER}),
+    ],
+)
+def test_an_image_listens_where_it_is_looked_for(service: str, listens: dict[str, Port]) -> None:
+    image = (ROOT / COMPOSE[service]["build"]["dockerfile"]).read_text()
+    assert dict(re.findall(r"(TIGAS_\w+)=(\S+:\d+)", image)) == {
+        name: str(port.everywhere) for name, port in listens.items()
+    }
+    exposed = re.search(r"^EXPOSE (.*)$", image, re.MULTILINE)
+    assert exposed
+    assert exposed[1].split() == [
+        f"{port.number}{'/udp' if port.protocol == 'udp' else ''}" for port in listens.values()
+    ]
+    http = next(iter(listens.values()))
+    assert f"http://{http.loopback}/healthz" in image
