@@ -45,7 +45,7 @@ async function main() {
   const [
     { simulate },
     { parseTrace },
-    { contender },
+    { controllerFactory },
     { table, overTraces },
     { PAPER_LADDER },
     { PaperEndpoints },
@@ -54,7 +54,7 @@ async function main() {
     [
       "simulator/simulate",
       "simulator/trace",
-      "simulator/contenders",
+      "simulator/controllers",
       "simulator/report",
       "abr/ladder",
       "simulator/endpoints",
@@ -70,7 +70,9 @@ async function main() {
       : MeasuredEndpoints.parse(measured, PAPER_LADDER.length);
   const factories = await Promise.all(
     values.controller.map(async (name) =>
-      name.endsWith(".ts") ? [basename(name, ".ts"), (await load(resolve(name))).default] : [name, contender(name)],
+      name.endsWith(".ts")
+        ? [basename(name, ".ts"), (await load(resolve(name))).default]
+        : [name, controllerFactory(name)],
     ),
   );
   const roundTrips = values.rtt?.map((text) => number("--rtt", text)) ?? [null];

@@ -1,7 +1,7 @@
 import { beforeEach, expect, test } from "vitest";
 import { BudgetController } from "./budget";
+import { type ObservationOptions, observation } from "./fake-observation";
 import { PAPER_LADDER } from "./ladder";
-import { observation, type Told } from "./observations";
 
 const BYTES = [240_000, 55_000, 20_000, 7000];
 let subject: BudgetController;
@@ -13,7 +13,10 @@ beforeEach(() => {
 });
 
 /** Frames for so many milliseconds, one each 20: a round trip, 10 ms in the server, and their transmission. */
-function hear(duration: number, { trip = 20, queue = 0, throughput = 20e6, ...told }: Told & Trip): number {
+function hear(
+  duration: number,
+  { trip = 20, queue = 0, throughput = 20e6, ...told }: ObservationOptions & Trip,
+): number {
   for (const until = now + duration; now < until; now += 20) {
     const profile = subject.decide();
     const bytes = BYTES[profile] ?? 0;

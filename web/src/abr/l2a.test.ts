@@ -1,14 +1,14 @@
 import { expect, test } from "vitest";
-import { L2aController, primed, step } from "./l2a";
+import { observation } from "./fake-observation";
+import { initialState, L2aController, step } from "./l2a";
 import { PAPER_LADDER } from "./ladder";
-import { observation } from "./observations";
 
 // Worked by hand from the published update: horizon 4, VL = 4^0.99, alpha = 2 VL, a segment of 0.5 s, so that the first
 // step's gain V / (2 alpha) * (Q + VL) is exactly 0.25.
 const VL = 4 ** 0.99;
 
 test("a step on a link that carries all bitrates", () => {
-  const { w, q, choice } = step(primed(2, 0), [1, 2], 4);
+  const { w, q, choice } = step(initialState(2, 0), [1, 2], 4);
   // load 0.25 and 0.5: w = project(1 + 0.0625, 0 + 0.125)
   expect(w[0]).toBeCloseTo(0.96875, 12);
   expect(w[1]).toBeCloseTo(0.03125, 12);
@@ -18,7 +18,7 @@ test("a step on a link that carries all bitrates", () => {
 });
 
 test("a step on a link that does not carry the bitrate in use: its probability falls, and Q reacts", () => {
-  const { w, q, choice } = step(primed(2, 1), [1, 2], 1);
+  const { w, q, choice } = step(initialState(2, 1), [1, 2], 1);
   // load 1 and 2: w = project(0 + 0.25, 1 - 0.5); Q = VL - 0.5 + 0.5 (1.625 - 0.375), then twice that
   expect(w[0]).toBeCloseTo(0.375, 12);
   expect(w[1]).toBeCloseTo(0.625, 12);

@@ -23,7 +23,7 @@ const REACT = 2;
 const MIN_DURATION = 2;
 
 /** The state after a step; bitrates ascend. */
-export interface Learned {
+export interface LearnerState {
   readonly w: readonly number[];
   readonly q: number;
   /** The index of the chosen bitrate. */
@@ -31,19 +31,19 @@ export interface Learned {
 }
 
 /** The state at the end of start-up. */
-export function primed(count: number, choice: number): Learned {
+export function initialState(count: number, choice: number): LearnerState {
   return { w: Array.from({ length: count }, (_, i) => (i === choice ? 1 : 0)), q: VL, choice };
 }
 
 /** One segment: what was learned, all bitrates (ascending) and the last segment's throughput, in the same unit. */
-export function step(before: Learned, rates: readonly number[], throughput: number): Learned {
+export function step(before: LearnerState, rates: readonly number[], throughput: number): LearnerState {
   const load = rates.map((rate) => rate / throughput);
   const gain = (SEGMENT / (2 * ALPHA)) * (before.q + VL);
   const w = projectToSimplex(before.w.map((p, i) => p + (at(load, i) > 1 ? -1 : 1) * gain * at(load, i)));
   const change = w.map((p, i) => p - at(before.w, i));
   const q = Math.max(0, before.q - SEGMENT + SEGMENT * (dot(load, w) + dot(load, change)));
-  const wished = dot(rates, w);
-  let choice = nearest(rates, wished);
+  const expected = dot(rates, w);
+  let choice = nearest(rates, expected);
   if (choice > before.choice && at(load, before.choice + 1) <= 1) choice = before.choice + 1;
   return { w, q: at(load, choice) >= 1 ? REACT * Math.max(VL, q) : q, choice };
 }
@@ -51,7 +51,7 @@ export function step(before: Learned, rates: readonly number[], throughput: numb
 export class L2aController implements Controller {
   readonly #sizes: FrameSizes;
   readonly #count: number;
-  #learned: Learned | undefined;
+  #state: LearnerState | undefined;
   #choice = 0;
 
   constructor({ ladder }: Pick<ControllerContext, "ladder">) {
@@ -68,16 +68,16 @@ export class L2aController implements Controller {
     this.#sizes.observe(profile, arrival.bytes);
     if (throughput === null) return;
     const rates = bitrates(this.#sizes, this.#count);
-    if (this.#learned === undefined) {
+    if (this.#state === undefined) {
       this.#choice = Math.max(
         0,
         rates.findLastIndex((rate) => rate <= SAFETY * throughput),
       );
-      if (bufferOf(observation) > 0) this.#learned = primed(this.#count, this.#choice);
+      if (bufferOf(observation) > 0) this.#state = initialState(this.#count, this.#choice);
       return;
     }
-    this.#learned = step(this.#learned, rates, lastThroughput(observation) ?? throughput);
-    this.#choice = this.#learned.choice;
+    this.#state = step(this.#state, rates, lastThroughput(observation) ?? throughput);
+    this.#choice = this.#state.choice;
   }
 }
 
@@ -95,9 +95,9 @@ function dot(a: readonly number[], b: readonly number[]): number {
   return a.reduce((sum, value, i) => sum + value * at(b, i), 0);
 }
 
-function nearest(values: readonly number[], wished: number): number {
+function nearest(values: readonly number[], expected: number): number {
   return values.reduce(
-    (best, value, i) => (Math.abs(value - wished) < Math.abs(at(values, best) - wished) ? i : best),
+    (best, value, i) => (Math.abs(value - expected) < Math.abs(at(values, best) - expected) ? i : best),
     0,
   );
 }

@@ -1,7 +1,7 @@
 import { beforeEach, expect, test } from "vitest";
+import { type ObservationOptions, observation } from "./fake-observation";
 import { PAPER_LADDER } from "./ladder";
 import { LatencyController } from "./latency";
-import { observation, type Told } from "./observations";
 
 const BYTES = [240_000, 55_000, 20_000, 7000];
 let subject: LatencyController;
@@ -11,7 +11,7 @@ beforeEach(() => {
 });
 
 /** Frames of the rung in use, as large as the ladder says. */
-function hear(count: number, told: Told): number[] {
+function hear(count: number, told: ObservationOptions): number[] {
   return Array.from({ length: count }, () => {
     const profile = subject.decide();
     subject.observe(observation({ profile, bytes: BYTES[profile] ?? 0, ...told }));

@@ -32,7 +32,7 @@ export function nextBuffer(buffer: number, download: number): number {
   return download > SEGMENT ? buffer - SEGMENT : buffer + SEGMENT - download;
 }
 
-export interface WeightQuestion {
+export interface WeightSearch {
   readonly rates: readonly number[];
   /** What the map has learned of each rate's latency. */
   readonly latencies: readonly number[];
@@ -47,7 +47,7 @@ export interface WeightQuestion {
  * published search goes through all 5⁴ vectors; its QoE depends on two of the four weights, and the first best wins, so the
  * other two are always the first option.
  */
-export function bestWeights(question: WeightQuestion): Weights | null {
+export function bestWeights(question: WeightSearch): Weights | null {
   const { rates, latencies, throughput, buffer, latency, previousLatency } = question;
   if (latency > TARGET_LATENCY + Math.abs(latency - previousLatency)) return null;
   let best: Weights | null = null;

@@ -1,7 +1,7 @@
 import { beforeEach, expect, test } from "vitest";
+import { type ObservationOptions, observation } from "./fake-observation";
 import { PAPER_LADDER } from "./ladder";
 import { LolpController } from "./lolp";
-import { observation, type Told } from "./observations";
 import { seeded } from "./random";
 
 const BYTES = [240_000, 55_000, 20_000, 7000];
@@ -11,7 +11,7 @@ beforeEach(() => {
   subject = new LolpController({ ladder: PAPER_LADDER, random: seeded(1) });
 });
 
-function hear(count: number, told: Told): number {
+function hear(count: number, told: ObservationOptions): number {
   for (let i = 0; i < count; i++) {
     const profile = subject.decide();
     subject.observe(observation({ profile, bytes: BYTES[profile] ?? 0, ...told }));

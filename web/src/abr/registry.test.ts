@@ -1,6 +1,6 @@
 import { expect, test } from "vitest";
+import { observation } from "./fake-observation";
 import { PAPER_LADDER } from "./ladder";
-import { observation } from "./observations";
 import { seeded } from "./random";
 import { CONTROLLER_NAMES, CONTROLLERS } from "./registry";
 

@@ -1,11 +1,11 @@
 import { expect, test } from "vitest";
-import { append, noColumns, SPAN } from "./columns";
+import { append, noColumns, SPAN_S } from "./columns";
 
 test("remembers one minute", () => {
   let columns = noColumns(2);
   for (let t = 0; t <= 100; t++) columns = append(columns, t, [t, t * 2]);
   const [times, first, second] = columns;
-  expect(times).toHaveLength(SPAN + 1);
+  expect(times).toHaveLength(SPAN_S + 1);
   expect(times.at(0)).toBe(40);
   expect(first?.at(0)).toBe(40);
   expect(second?.at(-1)).toBe(200);

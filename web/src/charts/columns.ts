@@ -1,6 +1,6 @@
 /** The last minute of some quantities, in the columns that a chart draws. */
 /** Seconds. */
-export const SPAN = 60;
+export const SPAN_S = 60;
 /** No line is drawn across a longer time without samples, in seconds. */
 const GAP = 2;
 
@@ -17,7 +17,7 @@ export function append(columns: Columns, time: number, values: Column): Columns 
   const [times, ...series] = columns;
   const last = times.at(-1);
   const broken = last !== undefined && time - last > GAP;
-  const kept = times.findIndex((at) => at >= time - SPAN);
+  const kept = times.findIndex((at) => at >= time - SPAN_S);
   const from = kept < 0 ? times.length : kept;
   return [
     [...times.slice(from), ...(broken ? [time - GAP / 2] : []), time],

@@ -1,9 +1,9 @@
 import { expect, test } from "vitest";
-import { BINS, histogram } from "./histogram";
+import { histogram, LATENCY_BINS_MS } from "./histogram";
 
 /** The bins that hold something: where they begin (rounded), and how much. */
 function filled(values: readonly number[]): [from: number, percent: number | null][] {
-  return histogram(values).flatMap((percent, i) => (percent ? [[Math.round(BINS[i] ?? 0), percent]] : []));
+  return histogram(values).flatMap((percent, i) => (percent ? [[Math.round(LATENCY_BINS_MS[i] ?? 0), percent]] : []));
 }
 
 test("values are counted in the bin that they lie in, as a share of all", () => {

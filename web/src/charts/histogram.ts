@@ -1,19 +1,24 @@
 /** How latencies are distributed, over bins that are equally wide on a logarithmic axis: 40 ms and 2 s fit beside each other. */
 
 /** The axis, in milliseconds. */
-export const AXIS = [10, 5000] as const;
+export const LATENCY_RANGE_MS = [10, 5000] as const;
 const BINS_PER_DECADE = 12;
-const COUNT = Math.ceil(Math.log10(AXIS[1] / AXIS[0]) * BINS_PER_DECADE);
+const COUNT = Math.ceil(Math.log10(LATENCY_RANGE_MS[1] / LATENCY_RANGE_MS[0]) * BINS_PER_DECADE);
 
 /** Where each bin begins, in milliseconds. */
-export const BINS: readonly number[] = Array.from({ length: COUNT }, (_, i) => AXIS[0] * 10 ** (i / BINS_PER_DECADE));
+export const LATENCY_BINS_MS: readonly number[] = Array.from(
+  { length: COUNT },
+  (_, i) => LATENCY_RANGE_MS[0] * 10 ** (i / BINS_PER_DECADE),
+);
 
 /** Percent of the values in each bin; what is off the axis counts at its end. All null without values. */
 export function histogram(values: readonly number[]): readonly (number | null)[] {
-  if (values.length === 0) return BINS.map(() => null);
-  const counts = BINS.map(() => 0);
+  if (values.length === 0) return LATENCY_BINS_MS.map(() => null);
+  const counts = LATENCY_BINS_MS.map(() => 0);
   for (const value of values) {
-    const bin = Math.floor(Math.log10(Math.max(value, AXIS[0]) / AXIS[0]) * BINS_PER_DECADE + 1e-9);
+    const bin = Math.floor(
+      Math.log10(Math.max(value, LATENCY_RANGE_MS[0]) / LATENCY_RANGE_MS[0]) * BINS_PER_DECADE + 1e-9,
+    );
     const place = Math.min(COUNT - 1, bin);
     counts[place] = (counts[place] ?? 0) + 1;
   }

@@ -1,6 +1,6 @@
 import { expect, test } from "vitest";
 import { NO_FIGURES } from "../view/meter";
-import { BINS } from "./histogram";
+import { LATENCY_BINS_MS } from "./histogram";
 import { ComparisonHistory } from "./history";
 
 const FIGURES = {
@@ -10,7 +10,7 @@ const FIGURES = {
   picture: { rung: 2, width: 640, height: 360 },
 };
 /** The index of the bin that a latency falls in. */
-const bin = (latency: number) => BINS.filter((from) => from <= latency).length - 1;
+const bin = (latency: number) => LATENCY_BINS_MS.filter((from) => from <= latency).length - 1;
 
 test("samples become columns, one for each side; a side that is not shown has none", () => {
   const history = new ComparisonHistory();

@@ -3,8 +3,8 @@ import { signal } from "@preact/signals";
 import type { Figures } from "../view/meter";
 import type { PresentedFrame, Side } from "../view/presented";
 import { TimeWindow } from "../view/window";
-import { append, type Columns, noColumns, SPAN } from "./columns";
-import { BINS, histogram } from "./histogram";
+import { append, type Columns, noColumns, SPAN_S } from "./columns";
+import { histogram, LATENCY_BINS_MS } from "./histogram";
 
 /** Both sides, in the order of the columns. */
 export const SIDES = ["stateless", "dash"] as const satisfies readonly Side[];
@@ -16,7 +16,7 @@ const MBIT = 1e6;
 
 export class ComparisonHistory {
   /** Percent of the last minute's inputs over latency (not over time). */
-  readonly latency = signal<Columns>([BINS, ...SIDES.map(() => histogram([]))]);
+  readonly latency = signal<Columns>([LATENCY_BINS_MS, ...SIDES.map(() => histogram([]))]);
   /** Mbit/s. */
   readonly bandwidth = signal(noColumns(SIDES.length));
   /** Seconds stalled since the side began. */
@@ -24,8 +24,8 @@ export class ComparisonHistory {
   /** Lines of pixels in the picture. */
   readonly lines = signal(noColumns(SIDES.length));
   readonly #latencies: Readonly<Record<Side, TimeWindow>> = {
-    stateless: new TimeWindow(SPAN * 1000),
-    dash: new TimeWindow(SPAN * 1000),
+    stateless: new TimeWindow(SPAN_S * 1000),
+    dash: new TimeWindow(SPAN_S * 1000),
   };
 
   presented({ side, at, latencies }: Pick<PresentedFrame, "side" | "at" | "latencies">): void {
@@ -40,7 +40,7 @@ export class ComparisonHistory {
         return of && value(of);
       });
     const add = (columns: Columns, values: (number | null)[]) => append(columns, now / 1000, values);
-    this.latency.value = [BINS, ...SIDES.map((side) => histogram(this.#latencies[side].values(now)))];
+    this.latency.value = [LATENCY_BINS_MS, ...SIDES.map((side) => histogram(this.#latencies[side].values(now)))];
     this.bandwidth.value = add(
       this.bandwidth.peek(),
       both(({ bandwidth }) => bandwidth / MBIT),

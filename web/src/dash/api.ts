@@ -40,7 +40,7 @@ export interface PoseSocket {
 }
 
 /** Opens the pose socket; `onFrame` hears which pose each frame shows, `onClose` why there will be no more. */
-export function openPoses(
+export function openPoseSocket(
   base: string,
   { poses }: SessionInfo,
   onFrame: (frame: FrameShown) => void,

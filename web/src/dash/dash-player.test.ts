@@ -6,11 +6,11 @@ import type { PresentedFrame } from "../view/presented";
 import { Rig } from "../view/rig";
 import type { FrameShown, PoseUpdate, SessionInfo } from "../wire/dash";
 import type { SceneInfo } from "../wire/render";
-import { endSession, openPoses, openSession } from "./api";
+import { endSession, openPoseSocket, openSession } from "./api";
 import { DashPlayer } from "./dash-player";
 import { TUNED } from "./presets";
 import { playStream } from "./stream";
-import { type StreamEvents, Unplayable } from "./streaming";
+import { type StreamEvents, StreamUnsupported } from "./streaming";
 
 vi.mock("./api");
 vi.mock("./stream", () => ({ playStream: vi.fn() })); // the real one loads a player that needs a browser
@@ -56,7 +56,7 @@ beforeEach(() => {
   rig.sample(0);
   vi.resetAllMocks();
   vi.mocked(openSession).mockResolvedValue(SESSION);
-  vi.mocked(openPoses).mockImplementation((_, __, onFrame, onClose) => {
+  vi.mocked(openPoseSocket).mockImplementation((_, __, onFrame, onClose) => {
     announce = onFrame;
     hangUp = onClose;
     return { send: (pose) => told.push(pose) > 0, close: () => undefined };
@@ -173,7 +173,7 @@ test("what may pass is tried again, and a stream that ends is opened anew", asyn
 
 test.each([
   [new ApiError("There is no scene “attic”.", false), "There is no scene “attic”."],
-  [new Unplayable("No Media Source Extensions."), "No Media Source Extensions."],
+  [new StreamUnsupported("No Media Source Extensions."), "No Media Source Extensions."],
 ])("what will not pass is said, and not tried again", async (error, message) => {
   vi.mocked(openSession).mockRejectedValue(error);
   open();

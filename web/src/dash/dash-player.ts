@@ -10,10 +10,10 @@ import type { PresentedFrame } from "../view/presented";
 import type { Rig } from "../view/rig";
 import type { FrameShown, SessionInfo, SessionRequest } from "../wire/dash";
 import type { PlayedStream } from "../wire/store";
-import { endSession, openPoses, openSession, type PoseSocket } from "./api";
+import { endSession, openPoseSocket, openSession, type PoseSocket } from "./api";
 import { FramePoses } from "./frame-poses";
 import type { DashSetup } from "./presets";
-import { type PlayStream, type Stream, StreamEnded, Unplayable } from "./streaming";
+import { type PlayStream, type Stream, StreamEnded, StreamUnsupported } from "./streaming";
 
 export interface DashStats extends Figures {
   /** Behind the live edge, in milliseconds, as dash.js counts. */
@@ -79,12 +79,12 @@ export class DashPlayer {
     this.#meter = new Meter("dash", options.onPresented);
     this.#viewport = options.rig.viewport.peek();
     void this.#run(this.#visit.signal);
-    this.#look();
-    document.addEventListener("visibilitychange", this.#look);
+    this.#visibilityChanged();
+    document.addEventListener("visibilitychange", this.#visibilityChanged);
   }
 
   dispose(): void {
-    document.removeEventListener("visibilitychange", this.#look);
+    document.removeEventListener("visibilitychange", this.#visibilityChanged);
     clearTimeout(this.#hiding);
     this.#visit.abort();
     this.#leave();
@@ -123,7 +123,7 @@ export class DashPlayer {
     if (this.#poses?.send({ ...pose, ...lens })) this.#sent = { seq: pose.seq, lens };
   }
 
-  readonly #look = (): void => {
+  readonly #visibilityChanged = (): void => {
     clearTimeout(this.#hiding);
     if (document.hidden) this.#hiding = setTimeout(() => this.#pause(), HIDDEN_FOR);
     else if (this.#visit.signal.aborted) {
@@ -158,7 +158,7 @@ export class DashPlayer {
     } catch (error) {
       if (signal.aborted) return;
       this.#leave();
-      const known = error instanceof ApiError || error instanceof Unplayable;
+      const known = error instanceof ApiError || error instanceof StreamUnsupported;
       this.phase.value = { kind: "failed", message: known ? error.message : "The DASH stream cannot be played here." };
     }
   }
@@ -207,7 +207,7 @@ export class DashPlayer {
       const frames = new FramePoses<Shown>((pose, shown) => this.#present(session, pose, shown));
       this.#sent = undefined;
       this.#meter.reset();
-      this.#poses = openPoses(
+      this.#poses = openPoseSocket(
         base,
         session,
         ({ frame, pose }: FrameShown) => frames.told(frame, pose),

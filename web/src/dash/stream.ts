@@ -5,12 +5,12 @@ import {
   type MediaPlayerErrorEvent,
   supportsMediaSource,
 } from "dashjs";
-import { type PlayStream, Unplayable } from "./streaming";
+import { type PlayStream, StreamUnsupported } from "./streaming";
 
 /** dash.js in its defaults: target latency and playback rates come from the manifest's ServiceDescription. */
 export const playStream: PlayStream = (video, manifest, events) => {
   if (!supportsMediaSource())
-    throw new Unplayable("This browser cannot play DASH streams: it has no Media Source Extensions.");
+    throw new StreamUnsupported("This browser cannot play DASH streams: it has no Media Source Extensions.");
   const player = MediaPlayer().create();
   player.updateSettings({
     debug: { logLevel: 0 },

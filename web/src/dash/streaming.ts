@@ -19,7 +19,7 @@ export interface Stream {
 export type PlayStream = (video: HTMLVideoElement, manifest: string, events: StreamEvents) => Stream;
 
 /** This browser can play no stream at all. */
-export class Unplayable extends Error {}
+export class StreamUnsupported extends Error {}
 
 /** The stream ended before it began. */
 export class StreamEnded extends Error {}

@@ -1,20 +1,20 @@
 /** Conducts an experiment in the viewer, and gives everything back afterwards: settings, camera and link. */
-import { borrowed, settings } from "../state/app";
+import { settings, settingsOverridden } from "../state/app";
 import type { Experiment } from "./experiment";
-import type { Bench } from "./measure";
+import type { MeasurementContext } from "./measure";
 import { playsTrace } from "./plan";
 
-export async function conduct(experiment: Experiment, { runner, shaper }: Bench): Promise<void> {
+export async function conduct(experiment: Experiment, { runner, shaper }: MeasurementContext): Promise<void> {
   const person = settings.peek();
   const abandon = () => playsTrace(experiment.plan.network) && shaper?.api.abandon();
   addEventListener("pagehide", abandon);
-  borrowed.value = true;
+  settingsOverridden.value = true;
   try {
     await experiment.conduct();
   } finally {
     removeEventListener("pagehide", abandon);
     settings.value = person;
-    borrowed.value = false;
+    settingsOverridden.value = false;
     runner.release();
   }
 }

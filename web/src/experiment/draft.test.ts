@@ -12,7 +12,7 @@ const DRAFT: Draft = {
   repeats: "3",
   duration: "20",
   locked: true,
-  exports: false,
+  exportAtEnd: false,
 };
 const PRESENT = constantLink({ down_kbps: 20_000, up_kbps: 5000, delay_ms: 10 });
 const parsed = (more: Partial<Draft> = {}, present: Network | string = PRESENT) =>

@@ -1,5 +1,5 @@
 /** What a person has filled in to set up an experiment: from a draft to a plan, or a sentence that says what is wrong. Pure. */
-import { type ExperimentPlan, MOST_REPEATS, type Network, type Profile, type RunMode } from "./plan";
+import { type ExperimentPlan, MAX_REPEATS, type Network, type Profile, type RunMode } from "./plan";
 
 export interface Draft {
   readonly name: string;
@@ -16,14 +16,14 @@ export interface Draft {
   /** A person's input is ignored during the runs. */
   readonly locked: boolean;
   /** Save everything when the last run has ended. */
-  readonly exports: boolean;
+  readonly exportAtEnd: boolean;
 }
 
 /** As the store and the shaper have them. */
 const LIMITS = {
   name: 100,
   rtt: { label: "Round trip", unit: "ms", min: 0, max: 120_000, whole: false },
-  repeats: { label: "Runs of each", unit: "", min: 1, max: MOST_REPEATS, whole: true },
+  repeats: { label: "Runs of each", unit: "", min: 1, max: MAX_REPEATS, whole: true },
   duration: { label: "Each run lasts", unit: "s", min: 1, max: 7200, whole: false },
 } as const;
 

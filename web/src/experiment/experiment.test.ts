@@ -1,7 +1,7 @@
 import { beforeEach, expect, test, vi } from "vitest";
 import { ApiError } from "../http/problem";
 import { RunFailed } from "./errors";
-import { Experiment, type Hands } from "./experiment";
+import { Experiment, type ExperimentDependencies } from "./experiment";
 import { type ExperimentPlan, type PlannedRun, runsOf, UNSHAPED } from "./plan";
 import type { Measured } from "./results";
 import type { StoreApi } from "./store-api";
@@ -42,12 +42,12 @@ function measured(run: PlannedRun): Measured {
 
 let time: number;
 let made: PlannedRun[];
-let hands: Hands & { measure: Hands["measure"] };
+let dependencies: ExperimentDependencies & { measure: ExperimentDependencies["measure"] };
 
 beforeEach(() => {
   time = 0;
   made = [];
-  hands = {
+  dependencies = {
     measure: async (run, stage) => {
       stage("Plays the movement");
       made.push(run);
@@ -59,8 +59,8 @@ beforeEach(() => {
   };
 });
 
-const conducted = async (more: Partial<Hands> = {}): Promise<Experiment> => {
-  const experiment = new Experiment(PLAN, "2026-01-01T00:00:00Z", { ...hands, ...more });
+const conducted = async (more: Partial<ExperimentDependencies> = {}): Promise<Experiment> => {
+  const experiment = new Experiment(PLAN, "2026-01-01T00:00:00Z", { ...dependencies, ...more });
   await experiment.conduct();
   return experiment;
 };
@@ -78,10 +78,10 @@ test("makes all runs, keeps them where there is no store, and marks those of a h
 });
 
 test("a run that fails is marked with its sentence, and the others go on", async () => {
-  const measure: Hands["measure"] = async (run, stage, signal) => {
+  const measure: ExperimentDependencies["measure"] = async (run, stage, signal) => {
     if (run.profile === "latency" && run.repeat === 0) throw new RunFailed("No frame came.");
     if (run.profile === "budget" && run.repeat === 0) throw new TypeError("x is not a function");
-    return hands.measure(run, stage, signal);
+    return dependencies.measure(run, stage, signal);
   };
   const { results } = await conducted({ measure });
   expect(results.value.map(({ status, problem }) => [status, problem])).toEqual([
@@ -94,13 +94,13 @@ test("a run that fails is marked with its sentence, and the others go on", async
 
 test("cancelling ends the present run, keeps what was finished, and makes no other", async () => {
   const experiment = new Experiment(PLAN, "", {
-    ...hands,
+    ...dependencies,
     measure: async (run, stage, signal) => {
       if (made.length === 1) {
         experiment.cancel();
         signal.throwIfAborted();
       }
-      return hands.measure(run, stage, signal);
+      return dependencies.measure(run, stage, signal);
     },
   });
   await experiment.conduct();
@@ -120,7 +120,7 @@ test("the store's figures are shown, and what it has is not kept here", async ()
   const { id, results } = await conducted({ store: { create: async () => "e1", add } });
   expect(id.value).toBe("e1");
   expect(add).toHaveBeenCalledTimes(4);
-  expect(results.value[3]).toMatchObject({ unstored: null, answers: [{ at: 5, latency: 40 }] });
+  expect(results.value[3]).toMatchObject({ unstored: null, inputLatencies: [{ at: 5, latency: 40 }] });
   expect(results.value[3]?.figures).toEqual({
     p50: 41,
     p95: 42,
@@ -193,7 +193,7 @@ test("an experiment that the store has gets the runs that are missing there, and
   const missing = runsOf(PLAN).slice(2);
   const create = vi.fn();
   const add = vi.fn(async () => ({ figures: null }) as never);
-  const experiment = new Experiment(PLAN, "", { ...hands, store: { create, add } }, { id: "e1", runs: missing });
+  const experiment = new Experiment(PLAN, "", { ...dependencies, store: { create, add } }, { id: "e1", runs: missing });
   await experiment.conduct();
   expect(made).toEqual(missing);
   expect(create).not.toHaveBeenCalled();
@@ -203,11 +203,11 @@ test("an experiment that the store has gets the runs that are missing there, and
 test("the time left follows what runs were seen to take", async () => {
   const ends: (number | undefined)[] = [];
   const experiment = new Experiment(PLAN, "", {
-    ...hands,
+    ...dependencies,
     measure: async (run, stage, signal) => {
       stage("Connects");
       ends.push(experiment.progress.value?.endsAt);
-      return hands.measure(run, stage, signal);
+      return dependencies.measure(run, stage, signal);
     },
   });
   await experiment.conduct();

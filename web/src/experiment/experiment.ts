@@ -7,10 +7,10 @@ import { computed, signal } from "@preact/signals";
 import { ApiError } from "../http/problem";
 import { ShaperError } from "../network/api";
 import { RunFailed } from "./errors";
-import { answers, figures } from "./figures";
+import { figures, inputLatencies } from "./figures";
 import { type ExperimentPlan, type PlannedRun, runsOf, timeFor } from "./plan";
 import type { Measured, RunResult } from "./results";
-import { type StoreApi, shownFigures } from "./store-api";
+import { type StoreApi, toRunFigures } from "./store-api";
 
 export interface Progress {
   /** Counted from one. */
@@ -25,14 +25,14 @@ export interface Progress {
 }
 
 /** What remains of an experiment that the store has. */
-export interface Remainder {
+export interface ResumedExperiment {
   /** The store's name for it. */
   readonly id: string;
   /** The runs that are missing there. */
   readonly runs: readonly PlannedRun[];
 }
 
-export interface Hands {
+export interface ExperimentDependencies {
   /** Makes a run; rejects with what failed, or with the reason of `signal`. */
   readonly measure: (run: PlannedRun, stage: (what: string) => void, signal: AbortSignal) => Promise<Measured>;
   readonly store: Pick<StoreApi, "create" | "add"> | null;
@@ -56,18 +56,23 @@ export class Experiment {
   /** It would be lost with the page. */
   readonly unsaved = computed(() => !this.saved.value && this.results.value.some(({ unstored }) => unstored !== null));
   readonly #runs: readonly PlannedRun[];
-  readonly #hands: Hands;
+  readonly #dependencies: ExperimentDependencies;
   readonly #cancelled = new AbortController();
   /** What each run took beside its warm-up and movement, in milliseconds. */
   readonly #overheads: number[] = [];
 
   /** All runs of the plan, unless some of them were made before. */
-  constructor(plan: ExperimentPlan, created: string, hands: Hands, remainder?: Remainder) {
+  constructor(
+    plan: ExperimentPlan,
+    created: string,
+    dependencies: ExperimentDependencies,
+    resumed?: ResumedExperiment,
+  ) {
     this.plan = plan;
     this.created = created;
-    this.#runs = remainder?.runs ?? runsOf(plan);
-    this.id.value = remainder?.id ?? null;
-    this.#hands = hands;
+    this.#runs = resumed?.runs ?? runsOf(plan);
+    this.id.value = resumed?.id ?? null;
+    this.#dependencies = dependencies;
   }
 
   get cancelled(): boolean {
@@ -82,7 +87,7 @@ export class Experiment {
   /** Makes all runs; rejects never. */
   async conduct(): Promise<void> {
     const runs = this.#runs;
-    const { now } = this.#hands;
+    const { now } = this.#dependencies;
     const startedAt = now();
     const stageOf = (index: number) => {
       const endsAt = now() + this.#timeFor(runs.length - index);
@@ -114,7 +119,7 @@ export class Experiment {
   }
 
   async #begin(): Promise<void> {
-    const { store } = this.#hands;
+    const { store } = this.#dependencies;
     if (store === null || this.id.value !== null) return;
     try {
       this.id.value = await store.create(this.plan);
@@ -127,9 +132,9 @@ export class Experiment {
   async #make(run: PlannedRun, stage: (what: string) => void): Promise<RunResult> {
     let measured: Measured;
     try {
-      measured = await this.#hands.measure(run, stage, this.#cancelled.signal);
+      measured = await this.#dependencies.measure(run, stage, this.#cancelled.signal);
     } catch (error) {
-      const nothing = { run, figures: null, answers: [], hidden: false, unstored: null };
+      const nothing = { run, figures: null, inputLatencies: [], hidden: false, unstored: null };
       if (this.cancelled) return { ...nothing, status: "cancelled", problem: "It was cancelled before its end." };
       return { ...nothing, status: "failed", problem: sentence(error) };
     }
@@ -138,7 +143,7 @@ export class Experiment {
     return {
       run,
       status: "complete",
-      answers: answers(recording),
+      inputLatencies: inputLatencies(recording),
       hidden: recording.hidden,
       figures: figures(recording),
       ...(await this.#stored(measured)),
@@ -147,11 +152,11 @@ export class Experiment {
 
   /** The store's figures, if it takes the run; otherwise the run stays here. */
   async #stored(measured: Measured): Promise<Pick<RunResult, "problem" | "unstored"> & Partial<RunResult>> {
-    const { store } = this.#hands;
+    const { store } = this.#dependencies;
     if (store === null || this.id.value === null) return { problem: null, unstored: measured };
     try {
       const { figures: known } = await store.add(this.id.value, measured);
-      return { problem: null, unstored: null, ...(known && { figures: shownFigures(known) }) };
+      return { problem: null, unstored: null, ...(known && { figures: toRunFigures(known) }) };
     } catch (error) {
       return { problem: `It is not stored: ${sentence(error)}`, unstored: measured };
     }

@@ -1,6 +1,6 @@
 import { expect, test } from "vitest";
 import golden from "../../../tests/experiments/records/figures.golden.json";
-import { answers, figures, percentile } from "./figures";
+import { figures, inputLatencies, percentile } from "./figures";
 
 interface Case {
   readonly duration_ms: number;
@@ -24,7 +24,12 @@ const frame = (at: number, pose: number, rung: number | null = 0, height = 360) 
 test("an input is answered by the first frame of its pose or of a later one", () => {
   const inputs = [input(0, 1), input(10, 2), input(20, 3), input(30, 9)];
   const frames = [frame(5, 0), frame(40, 2), frame(60, 1), frame(90, 4)];
-  expect(answers({ inputs, frames }).map(({ latency }) => latency)).toEqual([40, 30, 70, Number.POSITIVE_INFINITY]);
+  expect(inputLatencies({ inputs, frames }).map(({ latency }) => latency)).toEqual([
+    40,
+    30,
+    70,
+    Number.POSITIVE_INFINITY,
+  ]);
 });
 
 test.each(Object.entries(golden as unknown as Readonly<Record<string, Case>>))(

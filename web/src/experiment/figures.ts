@@ -21,7 +21,7 @@ export interface RunFigures {
 }
 
 /** An input, and how long it took until it was on the screen, both in milliseconds; infinite if no frame ever showed it. */
-export interface Answer {
+export interface InputLatency {
   readonly at: number;
   readonly latency: number;
 }
@@ -30,7 +30,7 @@ export interface Answer {
 export const INTERACTIVE = 100;
 
 /** For each input, the first frame of its pose or of a later one. */
-export function answers({ inputs, frames }: Pick<Records, "inputs" | "frames">): Answer[] {
+export function inputLatencies({ inputs, frames }: Pick<Records, "inputs" | "frames">): InputLatency[] {
   let next = 0;
   let newest = -1;
   return inputs.map(({ at, pose }) => {
@@ -47,7 +47,7 @@ export function figures(
   recording: Pick<Records, "inputs" | "frames" | "traffic"> & { readonly duration_ms: number },
 ): RunFigures {
   const { frames, traffic, duration_ms } = recording;
-  const latencies = answers(recording).map(({ latency }) => latency);
+  const latencies = inputLatencies(recording).map(({ latency }) => latency);
   const during = frames.filter(({ at }) => at >= 0 && at <= duration_ms);
   const rungs = during.flatMap(({ rung }) => rung ?? []);
   return {

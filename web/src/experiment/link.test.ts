@@ -1,7 +1,7 @@
 import { expect, test } from "vitest";
 import type { Shaper } from "../network/shaper";
 import type { ShaperStatus } from "../wire/shaper";
-import { linkFor, linkTrouble, presentNetwork } from "./link";
+import { linkFor, linkProblem, presentNetwork } from "./link";
 import { constantLink, UNSHAPED } from "./plan";
 
 const LINK = { down_kbps: 8000, up_kbps: 4000, delay_ms: 40, jitter_ms: 0, loss_pct: 0 };
@@ -49,12 +49,12 @@ test.each<[string, Partial<ShaperStatus>, string | null]>([
     "The link was closed during the run: The interface has gone.",
   ],
 ])("a trace that %s", (_, change, said) => {
-  expect(linkTrouble(BUS, PLAYING, { ...PLAYING, time_ms: 1200, ...change })).toBe(said);
+  expect(linkProblem(BUS, PLAYING, { ...PLAYING, time_ms: 1200, ...change })).toBe(said);
 });
 
 test("a trace's own delay may change", () => {
   const later = { ...PLAYING, time_ms: 1200, position_ms: 12_200, link: { ...LINK, delay_ms: 10 } };
-  expect(linkTrouble({ ...BUS, rtt_ms: null }, PLAYING, later)).toBeNull();
+  expect(linkProblem({ ...BUS, rtt_ms: null }, PLAYING, later)).toBeNull();
 });
 
 test.each<[string, Partial<ShaperStatus>, string | null]>([
@@ -63,14 +63,14 @@ test.each<[string, Partial<ShaperStatus>, string | null]>([
   ["has another rate", { link: { ...LINK, up_kbps: 5000 } }, CHANGED],
   ["is that of a trace which plays", PLAYING, CHANGED],
 ])("a link as it is that %s", (_, change, said) => {
-  expect(linkTrouble(AS_IT_IS, CONSTANT, { ...CONSTANT, ...change, time_ms: 1200 })).toBe(said);
+  expect(linkProblem(AS_IT_IS, CONSTANT, { ...CONSTANT, ...change, time_ms: 1200 })).toBe(said);
 });
 
-const shaper = (status: ShaperStatus | null, silent: string | null = null) =>
+const shaper = (status: ShaperStatus | null, connectionError: string | null = null) =>
   ({
     api: {},
     status: { value: status, peek: () => status },
-    silent: { value: silent, peek: () => silent },
+    connectionError: { value: connectionError, peek: () => connectionError },
   }) as unknown as Shaper;
 
 test("the link as it is has the shaper's present conditions", () => {

@@ -7,7 +7,7 @@ import { RunFailed } from "./errors";
 import { constantLink, type Network, type PlannedRun, playsTrace, UNSHAPED } from "./plan";
 
 /** What was seen of a link: when (performance.now), and how it was. */
-export type Seen = readonly { readonly at: number; readonly status: ShaperStatus }[];
+export type LinkHistory = readonly { readonly at: number; readonly status: ShaperStatus }[];
 
 export interface RunLink {
   /** Put the network's first state in force, and keep it. */
@@ -26,7 +26,7 @@ const CONDITIONS = ["down_kbps", "up_kbps", "delay_ms", "jitter_ms", "loss_pct"]
 export function presentNetwork(shaper: Shaper | null): Network | string {
   if (shaper === null) return UNSHAPED;
   const status = shaper.status.value;
-  if (status === null) return shaper.silent.value ?? "The shaper has not told of its link yet.";
+  if (status === null) return shaper.connectionError.value ?? "The shaper has not told of its link yet.";
   if (status.mode === "playing") {
     return `The trace ${status.trace} plays on the link: choose it as the network, or stop it first.`;
   }
@@ -41,7 +41,8 @@ export function linkFor(shaper: Shaper | null, { network }: Pick<PlannedRun, "ne
   if (!playsTrace(network)) {
     const present = () => {
       const status = shaper.status.peek();
-      if (status === null) throw new RunFailed(shaper.silent.peek() ?? "The shaper has not told of its link yet.");
+      if (status === null)
+        throw new RunFailed(shaper.connectionError.peek() ?? "The shaper has not told of its link yet.");
       if (isAsked(network, status)) return status;
       throw new RunFailed(`The link is not ${network.name} any more, as it was when the experiment began.`);
     };
@@ -65,7 +66,7 @@ export function linkFor(shaper: Shaper | null, { network }: Pick<PlannedRun, "ne
 }
 
 /** What is wrong with the link of a run at one status after another, in one sentence; null if it is what was asked for. */
-export function linkTrouble(network: Network, before: ShaperStatus, status: ShaperStatus): string | null {
+export function linkProblem(network: Network, before: ShaperStatus, status: ShaperStatus): string | null {
   if (status.closed !== null) return `The link was closed during the run: ${status.closed}`;
   const undisturbed = isAsked(network, status) && (!playsTrace(network) || goesOn(before, status));
   return undisturbed ? null : "Somebody else changed the link during the run.";
@@ -75,18 +76,18 @@ export function linkTrouble(network: Network, before: ShaperStatus, status: Shap
 export function watchLink(
   shaper: Shaper | null,
   now: () => number,
-): { readonly seen: Seen; readonly stop: () => void } {
-  const seen: { at: number; status: ShaperStatus }[] = [];
+): { readonly history: LinkHistory; readonly stop: () => void } {
+  const history: { at: number; status: ShaperStatus }[] = [];
   const stop = effect(() => {
     const status = shaper?.status.value;
-    if (status) seen.push({ at: now(), status });
+    if (status) history.push({ at: now(), status });
   });
-  return { seen, stop };
+  return { history, stop };
 }
 
 /** What was seen while a run lasted, on its own clock. */
-export function linkSamples(seen: Seen, startedAt: number, endedAt: number): LinkSample[] {
-  return seen
+export function linkSamples(history: LinkHistory, startedAt: number, endedAt: number): LinkSample[] {
+  return history
     .filter(({ at }) => at >= startedAt && at <= endedAt)
     .map(({ at, status: { position_ms, down, up } }) => ({
       at: at - startedAt,

@@ -1,23 +1,23 @@
 /** Makes one run in this very page: settings, network, first pose, warm-up, movement. */
 import { effect } from "@preact/signals";
 import { sleep } from "../async/sleep";
-import type { PosePoint } from "../movement/playback";
+import type { TimedPose } from "../movement/playback";
 import type { Shaper } from "../network/shaper";
 import { settings } from "../state/app";
 import type { ViewerSession } from "../viewer/session";
 import type { ShaperStatus } from "../wire/shaper";
 import { RunFailed } from "./errors";
-import { linkFor, linkSamples, linkTrouble, watchLink } from "./link";
+import { linkFor, linkProblem, linkSamples, watchLink } from "./link";
 import { type PlannedRun, settingsFor } from "./plan";
 import type { Measured } from "./results";
 import type { Runner } from "./runner";
 
-export interface Bench {
+export interface MeasurementContext {
   readonly session: ViewerSession;
   readonly runner: Runner;
   readonly shaper: Shaper | null;
   /** The movement, in the scene's own frame. */
-  readonly points: readonly PosePoint[];
+  readonly points: readonly TimedPose[];
 }
 
 /** How long the viewer may take to show the first pose, in milliseconds. */
@@ -32,7 +32,7 @@ const HIDDEN = "The page was hidden, so that not all of the run could be shown."
  * Afterwards the link is the shaper's own again, and the camera stands at the movement's first pose.
  */
 export async function measure(
-  { session, runner, shaper, points }: Bench,
+  { session, runner, shaper, points }: MeasurementContext,
   run: PlannedRun,
   stage: (what: string) => void,
   signal: AbortSignal,
@@ -43,21 +43,21 @@ export async function measure(
   runner.stand(first);
   try {
     stage("Connects");
-    await beginAnew(session, runner, signal);
+    await reconnect(session, runner, signal);
     stage("Waits for the first view");
     await link.hold();
     runner.settings(settingsFor(run));
-    const asked = decisive();
-    await until(
+    const asked = decisiveSettings();
+    await waitUntil(
       () => runner.state().ready,
       READY_WITHIN,
-      () => silence(session),
+      () => whyNoFrame(session),
       signal,
     );
     stage("Warms up");
     await sleep(run.warm_up_s * 1000, signal);
     stage("Plays the movement");
-    await until(visible, READY_WITHIN, () => HIDDEN, signal);
+    await waitUntil(visible, READY_WITHIN, () => HIDDEN, signal);
     const played = await link.play();
     const trouble = watchForTrouble(session, shaper, run, asked, played);
     const watch = watchLink(shaper, () => performance.now());
@@ -69,14 +69,14 @@ export async function measure(
         throw new RunFailed(recording.hidden ? HIDDEN : "The movement was not played to its end without a pause.");
       }
       if (recording.frames.length === 0) throw new RunFailed("No frame came during the run.");
-      if (played !== null && performance.now() - (watch.seen.at(-1)?.at ?? 0) > SILENCE) {
+      if (played !== null && performance.now() - (watch.history.at(-1)?.at ?? 0) > SILENCE) {
         throw new RunFailed("The shaper fell silent during the run.");
       }
       const startedAt = recording.started_unix_ms - performance.timeOrigin;
       return {
         configuration,
         recording,
-        link: linkSamples(watch.seen, startedAt, startedAt + recording.ended_ms),
+        link: linkSamples(watch.history, startedAt, startedAt + recording.ended_ms),
         scene_bytes: session.scene.peek()?.file_bytes ?? null,
       };
     } finally {
@@ -91,13 +91,13 @@ export async function measure(
 }
 
 /** A new connection, no stream, and a controller that has learnt nothing: a run knows nothing of those before it. */
-async function beginAnew(session: ViewerSession, runner: Runner, signal: AbortSignal): Promise<void> {
+async function reconnect(session: ViewerSession, runner: Runner, signal: AbortSignal): Promise<void> {
   runner.settings({ mode: "stateless", controller: "fixed" });
   session.retry();
-  await until(
+  await waitUntil(
     () => session.phase.peek().kind === "playing",
     READY_WITHIN,
-    () => silence(session),
+    () => whyNoFrame(session),
     signal,
   );
 }
@@ -118,12 +118,13 @@ function watchForTrouble(
     const stream = session.dash.value?.phase.value;
     if (session.phase.value.kind !== "playing") return "The connection was lost during the run.";
     if (run.mode !== "stateless" && stream?.kind !== "playing") return "The DASH stream was lost during the run.";
-    if (decisive() !== asked || lens() !== before) return "Settings or the window's size were changed during the run.";
+    if (decisiveSettings() !== asked || lens() !== before)
+      return "Settings or the window's size were changed during the run.";
     const status = shaper?.status.value ?? null;
     if (known === null) return null; // without a shaper
-    if (status === null) return shaper?.silent.value ?? null;
+    if (status === null) return shaper?.connectionError.value ?? null;
     if (status.time_ms <= known.time_ms) return null; // told before the link was as it was asked for
-    const said = linkTrouble(run.network, known, status);
+    const said = linkProblem(run.network, known, status);
     known = status;
     return said;
   };
@@ -135,7 +136,7 @@ function watchForTrouble(
 }
 
 /** The settings that decide what is measured, as text. */
-function decisive(): string {
+function decisiveSettings(): string {
   const { transport, mode, dashPreset, dashCustom, controller, profile, refine } = settings.value;
   return JSON.stringify([transport, mode, dashPreset, dashCustom, controller, profile, refine]);
 }
@@ -145,14 +146,19 @@ function visible(): boolean {
 }
 
 /** Why no frame comes, as far as the viewer knows. */
-function silence(session: ViewerSession): string {
+function whyNoFrame(session: ViewerSession): string {
   if (!visible()) return HIDDEN;
   const phases = [session.phase.peek(), session.dash.peek()?.phase.peek()];
   const said = phases.flatMap((phase) => (phase && "message" in phase ? phase.message : []));
   return said[0] ?? `No frame came within ${READY_WITHIN / 1000} s.`;
 }
 
-async function until(done: () => boolean, within: number, otherwise: () => string, signal: AbortSignal): Promise<void> {
+async function waitUntil(
+  done: () => boolean,
+  within: number,
+  otherwise: () => string,
+  signal: AbortSignal,
+): Promise<void> {
   const limit = performance.now() + within;
   while (!done()) {
     if (performance.now() > limit) throw new RunFailed(otherwise());

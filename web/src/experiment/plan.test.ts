@@ -2,7 +2,7 @@ import { expect, test } from "vitest";
 import { DEFAULT_SETTINGS, validSettings } from "../state/settings";
 import type { RunRow } from "../wire/store";
 import {
-  conditionOf,
+  conditionLabel,
   constantLink,
   type ExperimentPlan,
   missingRuns,
@@ -26,7 +26,7 @@ const PLAN: ExperimentPlan = {
 };
 
 test("repeats all of them, not each of them, and multiplies only the stateless mode by the controllers", () => {
-  const runs = runsOf(PLAN).map((run) => [run.repeat, conditionOf(run)]);
+  const runs = runsOf(PLAN).map((run) => [run.repeat, conditionLabel(run)]);
   const once = ["Latency", "Budget", "Fixed: profile 1", "DASH, tuned"];
   expect(runs).toEqual([...once.map((name) => [0, name]), ...once.map((name) => [1, name])]);
 });
@@ -81,7 +81,7 @@ test("what is missing are the runs that are not complete, in the plan's order", 
   expect(missingRuns(PLAN, [...rows, { ...rows[2], status: "complete" } as RunRow])).toEqual([]);
 });
 
-test.each(runsOf(PLAN).map((run) => [conditionOf(run), run] as const))("%s has settings that exist", (_, run) => {
+test.each(runsOf(PLAN).map((run) => [conditionLabel(run), run] as const))("%s has settings that exist", (_, run) => {
   const settings = settingsFor(run);
   expect(validSettings({ ...DEFAULT_SETTINGS, ...settings })).toMatchObject(settings);
 });
@@ -92,5 +92,7 @@ test("estimates from what runs were seen to take", () => {
 });
 
 test("a fixed profile has the ladder's name", () => {
-  expect(conditionOf({ mode: "stateless", profile: 1 }, [{ name: "High" }, { name: "Medium" }])).toBe("Fixed: Medium");
+  expect(conditionLabel({ mode: "stateless", profile: 1 }, [{ name: "High" }, { name: "Medium" }])).toBe(
+    "Fixed: Medium",
+  );
 });

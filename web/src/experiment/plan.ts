@@ -62,7 +62,7 @@ export function playsTrace({ name, link }: Network): boolean {
   return link === null && name !== UNSHAPED.name;
 }
 
-export const MOST_REPEATS = 100;
+export const MAX_REPEATS = 100;
 const Plan = v.object({
   name: v.string(),
   scene: v.string(),
@@ -73,7 +73,7 @@ const Plan = v.object({
   /** Of the mode `stateless`. */
   profiles: v.pipe(v.array(v.union([v.picklist(CONTROLLER_NAMES), v.number()])), v.readonly()),
   /** Runs of each controller, and of each DASH mode. */
-  repeats: v.pipe(v.number(), v.integer(), v.maxValue(MOST_REPEATS)),
+  repeats: v.pipe(v.number(), v.integer(), v.maxValue(MAX_REPEATS)),
   duration_s: v.number(),
   warm_up_s: v.number(),
 });
@@ -92,7 +92,7 @@ export interface PlannedRun extends Omit<Required<Configuration>, "width" | "hei
 }
 
 /** What `tigas_lab.configuration` has where no controller chooses: equal runs have equal configurations. */
-const UNUSED: Profile = "budget";
+const NO_CONTROLLER: Profile = "budget";
 /** What a run takes beside its warm-up and its movement, before any was made: connecting, the first view, storing. In ms. */
 const OVERHEAD = 5000;
 
@@ -112,7 +112,7 @@ export function runsOf(plan: ExperimentPlan): PlannedRun[] {
   };
   return Array.from({ length: plan.repeats }, (_, repeat) =>
     plan.modes.flatMap((mode) => {
-      const profiles = mode === "stateless" ? plan.profiles : [UNUSED];
+      const profiles = mode === "stateless" ? plan.profiles : [NO_CONTROLLER];
       return profiles.map((profile) => ({ ...shared, mode, profile, repeat }));
     }),
   ).flat();
@@ -128,7 +128,7 @@ export function missingRuns(plan: ExperimentPlan, stored: readonly RunRow[]): Pl
 }
 
 /** What a run compares: its controller, or its way to stream. Rungs have the ladder's names, where it is known. */
-export function conditionOf(
+export function conditionLabel(
   { mode, profile }: Pick<PlannedRun, "mode" | "profile">,
   ladder: readonly { readonly name: string }[] = [],
 ): string {

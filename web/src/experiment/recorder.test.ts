@@ -1,5 +1,5 @@
 import { expect, test } from "vitest";
-import type { Reply } from "../stateless/player";
+import type { Reply } from "../stateless/stateless-player";
 import type { PresentedFrame } from "../view/presented";
 import { Recorder, type RecorderStart } from "./recorder";
 

@@ -2,7 +2,7 @@
  * What the viewer records during a run. `services/lab/tigas_lab/recording.py` reads it; all times are milliseconds since the
  * run's start. Pure: time comes in with what is recorded.
  */
-import type { Reply } from "../stateless/player";
+import type { Reply } from "../stateless/stateless-player";
 import type { PresentedFrame } from "../view/presented";
 import type { NumberedPose } from "../view/rig";
 import type { ServerTiming } from "../wire/render";

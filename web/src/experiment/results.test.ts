@@ -1,8 +1,8 @@
 import { expect, test } from "vitest";
-import { BINS } from "../charts/histogram";
+import { LATENCY_BINS_MS } from "../charts/histogram";
 import type { RunFigures } from "./figures";
 import { type ExperimentPlan, runsOf, UNSHAPED } from "./plan";
-import { distribution, overTime, type RunResult, rowsOf, toJson } from "./results";
+import { cumulativeDistribution, medianOverTime, type RunResult, summarize, toJson } from "./results";
 
 const PLAN: ExperimentPlan = {
   name: "two",
@@ -32,7 +32,7 @@ const result = (run: typeof first, more: Partial<RunResult> = {}): RunResult => 
     status: "complete",
     problem: null,
     figures: FIGURES,
-    answers: [],
+    inputLatencies: [],
     hidden: false,
     unstored: null,
     ...more,
@@ -40,7 +40,7 @@ const result = (run: typeof first, more: Partial<RunResult> = {}): RunResult => 
 };
 
 test("one row per controller and mode: the mean of its complete runs, and how many there are", () => {
-  const rows = rowsOf([
+  const rows = summarize([
     result(first),
     result(dash, { status: "failed", problem: "No frame came.", figures: null }),
     result(second, { figures: { ...FIGURES, p50: 60, p95: null } }),
@@ -54,22 +54,22 @@ test("one row per controller and mode: the mean of its complete runs, and how ma
 });
 
 test("the distribution counts inputs that were never answered among all", () => {
-  const answers = [20, 30, 3000, Number.POSITIVE_INFINITY].map((latency) => ({ at: 0, latency }));
-  const [limits, shares] = distribution([result(first, { answers })]);
-  expect(limits).toBe(BINS);
-  const within = (limit: number) => shares?.[BINS.findLastIndex((bin) => bin <= limit)];
+  const inputLatencies = [20, 30, 3000, Number.POSITIVE_INFINITY].map((latency) => ({ at: 0, latency }));
+  const [limits, shares] = cumulativeDistribution([result(first, { inputLatencies })]);
+  expect(limits).toBe(LATENCY_BINS_MS);
+  const within = (limit: number) => shares?.[LATENCY_BINS_MS.findLastIndex((bin) => bin <= limit)];
   expect([within(15), within(100), within(4900)]).toEqual([0, 50, 75]);
 });
 
 test("the latency over time is the median of half a second; nothing where nothing moved", () => {
-  const answers = [
+  const inputLatencies = [
     { at: 0, latency: 10 },
     { at: 100, latency: 50 },
     { at: 400, latency: 20 },
     { at: 1200, latency: Number.POSITIVE_INFINITY },
     { at: 1600, latency: 70 },
   ];
-  expect(overTime([result(first, { answers }), result(dash)])).toEqual([
+  expect(medianOverTime([result(first, { inputLatencies }), result(dash)])).toEqual([
     [0.25, 0.75, 1.25, 1.75],
     [20, null, null, 70],
     [null, null, null, null],
@@ -77,8 +77,8 @@ test("the latency over time is the median of half a second; nothing where nothin
 });
 
 test("nothing measured is nothing to plot", () => {
-  expect(overTime([])).toEqual([[]]);
-  expect(distribution([])).toEqual([BINS]);
+  expect(medianOverTime([])).toEqual([[]]);
+  expect(cumulativeDistribution([])).toEqual([LATENCY_BINS_MS]);
 });
 
 test("what is downloaded holds the plan, every run, and all that no store has", () => {

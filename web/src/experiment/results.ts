@@ -1,10 +1,10 @@
 /** What became of an experiment's runs, and what they say of each controller and mode. Pure. */
 
 import type { Columns } from "../charts/columns";
-import { BINS } from "../charts/histogram";
+import { LATENCY_BINS_MS } from "../charts/histogram";
 import type { Configuration, LinkSample } from "../wire/store";
-import { type Answer, percentile, type RunFigures } from "./figures";
-import { conditionOf, type ExperimentPlan, type PlannedRun } from "./plan";
+import { type InputLatency, percentile, type RunFigures } from "./figures";
+import { conditionLabel, type ExperimentPlan, type PlannedRun } from "./plan";
 import type { Recording } from "./runner";
 
 /** A run as it was measured. */
@@ -22,7 +22,7 @@ export interface RunResult {
   /** Why it failed, or why the store does not have it, in one sentence. */
   readonly problem: string | null;
   readonly figures: RunFigures | null;
-  readonly answers: readonly Answer[];
+  readonly inputLatencies: readonly InputLatency[];
   /** The page was hidden at some time, so that the browser may have held frames back. */
   readonly hidden: boolean;
   /** All that was measured, for as long as no store has it. */
@@ -30,7 +30,7 @@ export interface RunResult {
 }
 
 /** One controller or mode: means over its complete runs. */
-export interface Row {
+export interface ConditionSummary {
   /** The first of its runs. */
   readonly run: PlannedRun;
   readonly runs: number;
@@ -39,7 +39,7 @@ export interface Row {
 }
 
 /** One row per controller or mode, in the order in which they ran first. */
-export function rowsOf(results: readonly RunResult[]): Row[] {
+export function summarize(results: readonly RunResult[]): ConditionSummary[] {
   return byCondition(results).map((runs) => {
     const complete = runs.flatMap(({ figures }) => figures ?? []);
     const mean = (name: keyof RunFigures) => meanOf(complete.map((figures) => figures[name]));
@@ -61,23 +61,25 @@ export function rowsOf(results: readonly RunResult[]): Row[] {
 }
 
 /** Percent of each condition's inputs that were on the screen within a time (ms); all runs of a condition together. */
-export function distribution(results: readonly RunResult[]): Columns {
+export function cumulativeDistribution(results: readonly RunResult[]): Columns {
   const columns = byCondition(results).map((runs) => {
-    const latencies = runs.flatMap(({ answers }) => answers.map(({ latency }) => latency));
-    if (latencies.length === 0) return BINS.map(() => null);
-    return BINS.map((limit) => (100 * latencies.filter((latency) => latency <= limit).length) / latencies.length);
+    const latencies = runs.flatMap(({ inputLatencies }) => inputLatencies.map(({ latency }) => latency));
+    if (latencies.length === 0) return LATENCY_BINS_MS.map(() => null);
+    return LATENCY_BINS_MS.map(
+      (limit) => (100 * latencies.filter((latency) => latency <= limit).length) / latencies.length,
+    );
   });
-  return [BINS, ...columns];
+  return [LATENCY_BINS_MS, ...columns];
 }
 
 /** Width of a bin of `overTime`, in milliseconds. */
 const BIN = 500;
 
 /** The median latency (ms) of each condition's inputs over the time of the movement (s), in bins of half a second. */
-export function overTime(results: readonly RunResult[]): Columns {
+export function medianOverTime(results: readonly RunResult[]): Columns {
   const conditions = byCondition(results).map((runs) =>
     grouped(
-      runs.flatMap(({ answers }) => answers),
+      runs.flatMap(({ inputLatencies }) => inputLatencies),
       binOf,
     ),
   );
@@ -101,7 +103,7 @@ export function toJson(plan: ExperimentPlan, created: string, results: readonly 
 
 /** By controller or mode, in the order in which they ran first. */
 function byCondition(results: readonly RunResult[]): NonEmpty<RunResult>[] {
-  return [...grouped(results, ({ run }) => conditionOf(run)).values()];
+  return [...grouped(results, ({ run }) => conditionLabel(run)).values()];
 }
 
 type NonEmpty<T> = [T, ...T[]];
@@ -117,7 +119,7 @@ function grouped<K, V>(values: readonly V[], keyOf: (value: V) => K): Map<K, Non
   return groups;
 }
 
-function binOf({ at }: Answer): number {
+function binOf({ at }: InputLatency): number {
   return Math.max(0, Math.floor(at / BIN));
 }
 

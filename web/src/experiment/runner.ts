@@ -3,8 +3,8 @@
  * Whatever a run records stays in the page until the run has ended, so that nothing but the viewer's own traffic crosses the link.
  */
 
-import { type PosePoint, poseAt } from "../movement/playback";
-import { change, settings } from "../state/app";
+import { poseAt, type TimedPose } from "../movement/playback";
+import { changeSettings, settings } from "../state/app";
 import { type Mode, type Settings, validSettings } from "../state/settings";
 import type { ScenePose } from "../view/camera";
 import type { Intrinsics, Viewport } from "../view/intrinsics";
@@ -15,7 +15,7 @@ import { Recorder, type Records } from "./recorder";
 
 export interface RunPlan {
   /** In the order of time, in the scene's own frame. */
-  readonly points: readonly PosePoint[];
+  readonly points: readonly TimedPose[];
   readonly duration_ms: number;
   /** How often a picture is kept; 0 keeps none. */
   readonly capture_every_ms: number;
@@ -77,7 +77,7 @@ export class Runner {
   /** Changes settings; the rest stays. Throws if one does not exist or make sense: nothing is measured by mistake. */
   settings(part: Partial<Settings>): void {
     const before = settings.peek();
-    change(validSettings({ ...before, ...part }));
+    changeSettings(validSettings({ ...before, ...part }));
     const { mode, dashPreset } = settings.peek();
     if (mode !== before.mode || dashPreset !== before.dashPreset) this.#shown = 0; // other frames are waited for
   }

@@ -1,6 +1,6 @@
 import { afterEach, beforeEach, expect, test, vi } from "vitest";
 import { ApiError } from "../http/problem";
-import { storeSilence } from "../http/reach";
+import { storeUnreachable } from "../http/reach";
 import { type ExperimentPlan, UNSHAPED } from "./plan";
 import type { Measured } from "./results";
 import { StoreApi } from "./store-api";
@@ -81,5 +81,5 @@ test.each([
   ["http://localhost:8091", "https://localhost:8443/", /^The store at http:\/\/localhost:8091 does not answer/],
   ["lab 8091", "https://lab:8443/", /^The store at lab 8091 does not answer/],
 ])("what keeps a page from the store at %s", (base, page, sentence) => {
-  expect(storeSilence(base, page)).toMatch(sentence);
+  expect(storeUnreachable(base, page)).toMatch(sentence);
 });

@@ -1,7 +1,7 @@
 /** The store of experiments (`docs/store.md`). Every failure is an ApiError with one sentence to show. */
 
 import { ApiError, readProblem } from "../http/problem";
-import { storeSilence } from "../http/reach";
+import { storeUnreachable } from "../http/reach";
 import type {
   ExperimentCreated,
   ExperimentList,
@@ -72,14 +72,14 @@ export class StoreApi {
       });
       if (answer.ok) return (await answer.json()) as T;
     } catch {
-      throw new ApiError(storeSilence(this.base, location.href), true);
+      throw new ApiError(storeUnreachable(this.base, location.href), true);
     }
     throw new ApiError((await readProblem(answer)).detail, false);
   }
 }
 
 /** The figures that the page shows, from all that the store knows. */
-export function shownFigures({ latencies, frames, mean_height, rungs, received_kbps }: Figures): RunFigures {
+export function toRunFigures({ latencies, frames, mean_height, rungs, received_kbps }: Figures): RunFigures {
   return {
     p50: latencies.p50,
     p95: latencies.p95,

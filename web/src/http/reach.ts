@@ -9,14 +9,14 @@ export function mixedContent(base: string, page: string): boolean {
 }
 
 /** Why a page at `page` cannot talk to a shaper at `base`, in one sentence; null if it can. */
-export function obstacle(base: string, page: string): string | null {
+export function shaperObstacle(base: string, page: string): string | null {
   if (!URL.canParse(base)) return `The shaper's address is not a URL: ${base}.`;
   if (!mixedContent(base, page)) return null;
   return "Browsers do not let a secure page use a shaper over plain HTTP: open this page over http:// to change the link.";
 }
 
 /** Why a page at `page` hears nothing of the store at `base`, in one sentence. */
-export function storeSilence(base: string, page: string): string {
+export function storeUnreachable(base: string, page: string): string {
   if (URL.canParse(base) && mixedContent(base, page)) {
     return "Browsers do not let a secure page use a store over plain HTTP: open this page over http:// to use it.";
   }

@@ -1,5 +1,5 @@
 /** Listens to keyboard, mouse, touch and wheel, and keeps what they ask for until the next animation frame samples it. */
-import type { Sample } from "../view/motion";
+import type { InputSample } from "../view/motion";
 import { NO_NUDGE } from "../view/motion";
 import { look, pinch, sum, wheel } from "./gestures";
 import { Glide } from "./glide";
@@ -46,7 +46,7 @@ export class StageInput {
   }
 
   /** What was asked since the last sample, `elapsed` milliseconds ago. */
-  sample(elapsed: number): Sample {
+  sample(elapsed: number): InputSample {
     const glided = this.#glide.take(elapsed, !this.#reducedMotion.matches);
     const nudge = glided === 0 ? this.#nudge : sum(this.#nudge, { ...NO_NUDGE, forward: glided });
     this.#nudge = NO_NUDGE;

@@ -4,8 +4,8 @@
  */
 import { computed, effect, type ReadonlySignal, type Signal, signal, untracked } from "@preact/signals";
 import type { NumberedPose, PoseSource, Rig } from "../view/rig";
-import { levelled, MAX_POINTS, MovementError, type MovementTrace, placed } from "./movement";
-import { type PosePoint, poseAt } from "./playback";
+import { MAX_POINTS, MovementError, type MovementTrace, placeInScene, toLevelFrame } from "./movement";
+import { poseAt, type TimedPose } from "./playback";
 
 export interface NamedMovement {
   readonly name: string;
@@ -38,8 +38,8 @@ export class MovementDeck {
   readonly #position = signal(0);
   readonly #cleanups: (() => void)[];
   #opening = new AbortController();
-  #points: readonly PosePoint[] = [];
-  #recorded: PosePoint[] = [];
+  #points: readonly TimedPose[] = [];
+  #recorded: TimedPose[] = [];
   #startedAt = 0;
   /** Where the movement is, to the microsecond. */
   #at = 0;
@@ -147,7 +147,7 @@ export class MovementDeck {
     const movement = chosen.peek();
     if (!scene || !movement || this.busy.peek() || this.#state.peek() === "recording") return;
     if (!this.#driving) {
-      this.#points = placed(movement.trace, scene);
+      this.#points = placeInScene(movement.trace, scene);
       this.#sampledAt = null;
       this.#shown = -1;
     }
@@ -181,7 +181,7 @@ export class MovementDeck {
     if (this.#recorded.length === 0) this.#startedAt = at;
     const t_ms = at - this.#startedAt;
     if (t_ms <= (this.#recorded.at(-1)?.t_ms ?? -1)) return; // a coarse clock
-    this.#recorded.push({ t_ms, ...levelled({ position, quaternion }, scene) });
+    this.#recorded.push({ t_ms, ...toLevelFrame({ position, quaternion }, scene) });
     this.#tell(t_ms);
     if (this.#recorded.length === MAX_POINTS) this.#keep();
   }

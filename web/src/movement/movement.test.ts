@@ -2,7 +2,15 @@ import { describe, expect, test } from "vitest";
 import golden from "../../../tests/experiments/movement/golden.json";
 import { angleBetween, type Quaternion } from "../view/vector";
 import type { SceneInfo } from "../wire/render";
-import { levelled, MAX_BYTES, MovementError, placed, readMovement, readMovementFile, writeMovement } from "./movement";
+import {
+  MAX_BYTES,
+  MovementError,
+  placeInScene,
+  readMovement,
+  readMovementFile,
+  toLevelFrame,
+  writeMovement,
+} from "./movement";
 
 const HEADER = "t_ms,x,y,z,qx,qy,qz,qw\n";
 const POSE = "0,1,2,3,0,0,0,1\n";
@@ -24,7 +32,7 @@ function expectSameTurn(actual: Quaternion, expected: readonly number[], digits:
 
 describe("as the lab reads and places movements", () => {
   test.each(PLACED)("%s; %s", (movement, scene, expected) => {
-    const points = placed(readMovement(MOVEMENTS[movement] ?? ""), SCENES[scene] as Place);
+    const points = placeInScene(readMovement(MOVEMENTS[movement] ?? ""), SCENES[scene] as Place);
     expect(points.map(({ t_ms }) => t_ms)).toEqual(expected.map(({ t_ms }) => t_ms));
     for (const [i, { position, quaternion }] of points.entries()) {
       expectClose(position, expected[i]?.position ?? []);
@@ -89,12 +97,12 @@ describe("writing", () => {
     ] as const;
     const points = seen.map(({ t_ms, position, quaternion }) => ({
       t_ms,
-      ...levelled({ position: [...position], quaternion: [...quaternion] }, scene),
+      ...toLevelFrame({ position: [...position], quaternion: [...quaternion] }, scene),
     }));
     const comments = new Map([["scene", " my\nscene "]]);
     const trace = readMovement(writeMovement({ anchor: "scene", unit: "scene", comments, points, duration: 16.667 }));
     expect(trace.comments.get("scene")).toBe("my scene");
-    for (const [i, point] of placed(trace, scene).entries()) {
+    for (const [i, point] of placeInScene(trace, scene).entries()) {
       expect(point.t_ms).toBe(seen[i]?.t_ms);
       expectClose(point.position, seen[i]?.position ?? [], 5);
       expectSameTurn(point.quaternion, seen[i]?.quaternion ?? [], 3);

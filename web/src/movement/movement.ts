@@ -6,7 +6,7 @@
 import { levelFor, orientation, type ScenePose, startCamera } from "../view/camera";
 import { add, conjugate, multiply, rotate, subtract } from "../view/vector";
 import type { SceneInfo, StartCamera } from "../wire/render";
-import type { PosePoint } from "./playback";
+import type { TimedPose } from "./playback";
 
 /** `start`: begins at the origin looking along z, which is the scene's start camera. `scene`: in the scene's levelled frame. */
 export const ANCHORS = ["start", "scene"] as const;
@@ -21,7 +21,7 @@ export interface MovementTrace {
   /** What else the file says of itself, by key. */
   readonly comments: ReadonlyMap<string, string>;
   /** In a levelled frame; times grow from 0, rotations have the length one. Never empty. */
-  readonly points: readonly PosePoint[];
+  readonly points: readonly TimedPose[];
   /** From the first pose to the last, in milliseconds. */
   readonly duration: number;
 }
@@ -89,10 +89,10 @@ export async function readMovementFile(file: File): Promise<MovementTrace> {
  * The movement in a scene's own frame and unit. Anchored at the start it begins where the start camera stands, turned by its
  * azimuth (not by its elevation: a movement looks level before it looks up or down); in a scene without one, at the origin.
  */
-export function placed(
+export function placeInScene(
   { anchor, unit, points }: Pick<MovementTrace, "anchor" | "unit" | "points">,
   scene: Pick<SceneInfo, "camera" | "up">,
-): PosePoint[] {
+): TimedPose[] {
   const level = levelFor(scene.up);
   const { position: origin, azimuth } = startCamera(anchor === "start" ? scene : { ...scene, camera: null });
   const rotation = multiply(level, orientation(azimuth, 0));
@@ -106,7 +106,7 @@ export function placed(
 }
 
 /** A pose of the scene's own frame in its levelled frame: what a trace anchored to the scene holds. */
-export function levelled({ position, quaternion }: ScenePose, scene: Pick<SceneInfo, "up">): ScenePose {
+export function toLevelFrame({ position, quaternion }: ScenePose, scene: Pick<SceneInfo, "up">): ScenePose {
   const toLevel = conjugate(levelFor(scene.up));
   return { position: [...rotate(toLevel, position)], quaternion: [...multiply(toLevel, quaternion)] };
 }
@@ -138,7 +138,7 @@ function contentOf(text: string, name: string): Line[] {
   return lines;
 }
 
-function readPoints(lines: readonly Line[], columns: readonly string[], name: string): PosePoint[] {
+function readPoints(lines: readonly Line[], columns: readonly string[], name: string): TimedPose[] {
   if (columns.includes("ViewIndex")) {
     throw new MovementError(`${name} is a recording of EyeNavGS; “tigas movement import” makes a movement of it.`);
   }
@@ -150,7 +150,7 @@ function readPoints(lines: readonly Line[], columns: readonly string[], name: st
   const [, ...rows] = lines.filter(([, content]) => !content.startsWith("#"));
   if (rows.length === 0) throw new MovementError(`${name} has no poses.`);
   if (rows.length > MAX_POINTS) throw new MovementError(`${name} has more than ${MAX_POINTS} rows.`);
-  const points: PosePoint[] = [];
+  const points: TimedPose[] = [];
   let start: number | undefined;
   for (const [line, content] of rows) {
     const refuse = (what: string) => new MovementError(`${name}, line ${line}: the row ${what}.`);

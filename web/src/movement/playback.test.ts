@@ -1,8 +1,8 @@
 import { expect, test } from "vitest";
-import { type PosePoint, poseAt } from "./playback";
+import { poseAt, type TimedPose } from "./playback";
 
 const HALF = Math.SQRT1_2;
-const at = (t_ms: number, x: number, quaternion: PosePoint["quaternion"] = [0, 0, 0, 1]): PosePoint => ({
+const at = (t_ms: number, x: number, quaternion: TimedPose["quaternion"] = [0, 0, 0, 1]): TimedPose => ({
   t_ms,
   position: [x, 0, 0],
   quaternion,

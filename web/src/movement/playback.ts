@@ -2,18 +2,18 @@
 import type { ScenePose } from "../view/camera";
 
 /** A pose at a time, in the scene's own frame. */
-export interface PosePoint extends ScenePose {
+export interface TimedPose extends ScenePose {
   /** Since the movement's start, in milliseconds. */
   readonly t_ms: number;
 }
 
 /** The pose at a time; before the first point and after the last, that point's. `points` are in the order of time. */
-export function poseAt(points: readonly PosePoint[], t: number): ScenePose {
+export function poseAt(points: readonly TimedPose[], t: number): ScenePose {
   let low = 0;
   let high = points.length;
   while (low < high) {
     const middle = (low + high) >> 1;
-    if ((points[middle] as PosePoint).t_ms <= t) low = middle + 1;
+    if ((points[middle] as TimedPose).t_ms <= t) low = middle + 1;
     else high = middle;
   }
   const before = points[Math.max(0, low - 1)];

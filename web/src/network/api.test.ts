@@ -1,5 +1,5 @@
 import { afterEach, expect, test, vi } from "vitest";
-import { obstacle } from "../http/reach";
+import { shaperObstacle } from "../http/reach";
 import { ShaperApi, ShaperError } from "./api";
 
 afterEach(() => {
@@ -61,6 +61,6 @@ test.each([
   ["http://localhost.example:8090", "https://lab:8443/", /secure page/],
   ["lab 8090", "http://lab:8080/", /not a URL: lab 8090/],
 ])("what keeps a page from %s", (base, page, sentence) => {
-  if (sentence) expect(obstacle(base, page)).toMatch(sentence);
-  else expect(obstacle(base, page)).toBeNull();
+  if (sentence) expect(shaperObstacle(base, page)).toMatch(sentence);
+  else expect(shaperObstacle(base, page)).toBeNull();
 });

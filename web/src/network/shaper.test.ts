@@ -63,7 +63,7 @@ test("a shaper that goes says so; one that refuses to be watched is asked again"
   events.readyState = 0;
   events.onerror();
   expect(subject.status.value).toBeNull();
-  expect(subject.silent.value).toContain("does not answer");
+  expect(subject.connectionError.value).toContain("does not answer");
   vi.advanceTimersByTime(10_000);
   expect(FakeEvents.all).toHaveLength(1);
   events.readyState = FakeEvents.CLOSED;
@@ -87,10 +87,10 @@ test("a refused action leaves the status and says why, until one succeeds", asyn
   const problem = { type: "tigas:x", title: "", status: 409, detail: "No trace is playing." };
   vi.stubGlobal("fetch", async () => Response.json(problem, { status: 409 }));
   await subject.act((api) => api.pause());
-  expect(subject.refusal.value).toBe("No trace is playing.");
+  expect(subject.actionError.value).toBe("No trace is playing.");
   expect(subject.status.value).toEqual(status);
   vi.stubGlobal("fetch", async () => Response.json({ ...status, loop: true }));
   await subject.act((api) => api.loop(true));
-  expect(subject.refusal.value).toBeNull();
+  expect(subject.actionError.value).toBeNull();
   expect(subject.status.value?.loop).toBe(true);
 });

@@ -2,7 +2,7 @@
 
 import { signal } from "@preact/signals";
 import { append, noColumns } from "../charts/columns";
-import { obstacle } from "../http/reach";
+import { shaperObstacle } from "../http/reach";
 import type { ShaperStatus, TracePoints, TraceSummary } from "../wire/shaper";
 import { ShaperApi, ShaperError } from "./api";
 import { rates } from "./series";
@@ -19,9 +19,9 @@ export class Shaper {
   readonly status = signal<ShaperStatus | null>(null);
   readonly rates = signal(noColumns(2));
   /** Why the link cannot be seen, in one sentence. */
-  readonly silent = signal<string | null>(null);
+  readonly connectionError = signal<string | null>(null);
   /** Why the last thing that a person asked for was not done. */
-  readonly refusal = signal<string | null>(null);
+  readonly actionError = signal<string | null>(null);
   readonly #now: () => number;
   #events: EventSource | undefined;
   #retry: ReturnType<typeof setTimeout> | undefined;
@@ -31,18 +31,18 @@ export class Shaper {
   constructor(base: string, page: string, now: () => number) {
     this.api = new ShaperApi(base);
     this.#now = now;
-    this.silent.value = obstacle(base, page);
-    if (this.silent.value === null) this.#watch();
+    this.connectionError.value = shaperObstacle(base, page);
+    if (this.connectionError.value === null) this.#watch();
   }
 
   /** Does what a person asked for, or says why not. */
   async act(ask: (api: ShaperApi) => Promise<ShaperStatus>): Promise<void> {
     try {
       this.status.value = await ask(this.api);
-      this.refusal.value = null;
+      this.actionError.value = null;
     } catch (error) {
       if (!(error instanceof ShaperError)) throw error;
-      this.refusal.value = error.message;
+      this.actionError.value = error.message;
     }
   }
 
@@ -56,7 +56,7 @@ export class Shaper {
     const events = new EventSource(`${this.api.base}/events`);
     this.#events = events;
     events.onopen = () => {
-      this.silent.value = null;
+      this.connectionError.value = null;
       void this.#list();
     };
     events.onmessage = ({ data }: MessageEvent<string>) => {
@@ -66,7 +66,7 @@ export class Shaper {
     };
     events.onerror = () => {
       this.status.value = null;
-      this.silent.value = this.api.silence;
+      this.connectionError.value = this.api.silence;
       if (events.readyState !== EventSource.CLOSED) return;
       this.#retry = setTimeout(() => this.#watch(), RETRY);
     };
@@ -83,7 +83,7 @@ export class Shaper {
       }
     } catch (error) {
       if (!(error instanceof ShaperError)) throw error;
-      this.refusal.value = error.message;
+      this.actionError.value = error.message;
     }
   }
 }

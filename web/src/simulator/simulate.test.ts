@@ -1,6 +1,6 @@
 import { expect, test } from "vitest";
 import { PAPER_LADDER } from "../abr/ladder";
-import { contender } from "./contenders";
+import { controllerFactory } from "./controllers";
 import { PaperEndpoints } from "./endpoints";
 import { overTraces, table } from "./report";
 import { simulate } from "./simulate";
@@ -9,7 +9,7 @@ import { parseTrace } from "./trace";
 function visit(controller: string, rate: number | string, options: { seed?: number; roundTrip?: number } = {}) {
   const trace = parseTrace(typeof rate === "string" ? rate : `t_ms,down_kbps\n0,${rate * 1000}\n`);
   return simulate({
-    controller: contender(controller),
+    controller: controllerFactory(controller),
     trace,
     ladder: PAPER_LADDER,
     duration: 20_000,
@@ -88,7 +88,7 @@ test("a table of runs, and of their mean over traces", async () => {
 });
 
 test("an unknown controller is refused with a sentence", () => {
-  expect(() => contender("bola")).toThrow(/no controller/);
-  expect(() => contender("fixed:best")).toThrow(/no controller/);
-  expect(() => contender("latency@0")).toThrow(/no controller/);
+  expect(() => controllerFactory("bola")).toThrow(/no controller/);
+  expect(() => controllerFactory("fixed:best")).toThrow(/no controller/);
+  expect(() => controllerFactory("latency@0")).toThrow(/no controller/);
 });

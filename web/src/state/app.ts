@@ -9,7 +9,7 @@ import { DEFAULT_SETTINGS, loadSettings, type Settings, saveSettings } from "./s
 
 export const settings = signal<Settings>(DEFAULT_SETTINGS);
 /** While an experiment has settings of its own, those are not kept: a page that is closed then opens as the person had it. */
-export const borrowed = signal(false);
+export const settingsOverridden = signal(false);
 export const route = signal<Route>({ page: "scenes" });
 export const config = signal<ServerConfig | null>(null);
 /** Null until the server has answered. */
@@ -17,7 +17,7 @@ export const scenes = signal<readonly SceneInfo[] | null>(null);
 /** Why the list of scenes is missing or old, or null. */
 export const scenesError = signal<string | null>(null);
 
-export function change(part: Partial<Settings>): void {
+export function changeSettings(part: Partial<Settings>): void {
   settings.value = { ...settings.value, ...part };
 }
 
@@ -25,7 +25,7 @@ export function change(part: Partial<Settings>): void {
 export function start(): void {
   settings.value = loadSettings(localStorage);
   effect(() => {
-    if (!borrowed.value) saveSettings(localStorage, settings.value);
+    if (!settingsOverridden.value) saveSettings(localStorage, settings.value);
   });
   effect(() => {
     document.documentElement.dataset.theme = settings.value.theme;
@@ -38,7 +38,7 @@ export function start(): void {
 }
 
 /** Asks the server for its configuration and scenes; `scan` has it look at its directory again. */
-export async function refresh({ scan = false } = {}): Promise<void> {
+export async function refreshScenes({ scan = false } = {}): Promise<void> {
   try {
     const [newConfig, newScenes] = await Promise.all([fetchConfig(), fetchScenes({ scan })]);
     config.value = newConfig;
@@ -49,20 +49,20 @@ export async function refresh({ scan = false } = {}): Promise<void> {
   }
 }
 
-export async function setLoaded(scene: SceneInfo, loaded: boolean): Promise<void> {
-  if (loaded) put({ ...scene, state: "loading" });
+export async function setSceneLoaded(scene: SceneInfo, loaded: boolean): Promise<void> {
+  if (loaded) replaceScene({ ...scene, state: "loading" });
   try {
-    put(await (loaded ? loadScene(scene.id) : unloadScene(scene.id)));
+    replaceScene(await (loaded ? loadScene(scene.id) : unloadScene(scene.id)));
     scenesError.value = null;
   } catch (error) {
-    put(scene);
-    await refresh();
+    replaceScene(scene);
+    await refreshScenes();
     scenesError.value = sentence(error);
   }
 }
 
 /** Puts what is newly known of a scene into the list. */
-export function put(scene: SceneInfo): void {
+export function replaceScene(scene: SceneInfo): void {
   scenes.value = scenes.value?.map((other) => (other.id === scene.id ? scene : other)) ?? null;
 }
 

@@ -1,7 +1,7 @@
 import { beforeEach, describe, expect, test } from "vitest";
 import { FakeTransport, settle } from "../transport/fake";
 import { FrameDropped, RequestProblem } from "../transport/transport";
-import { FramePipeline, type View } from "./pipeline";
+import { FramePipeline, type ViewRequest } from "./pipeline";
 
 let now: number;
 let transport: FakeTransport;
@@ -26,7 +26,7 @@ function pipeline(decode?: () => Promise<ImageBitmap>): FramePipeline {
   });
 }
 
-function view(x: number, profile = 0): View {
+function view(x: number, profile = 0): ViewRequest {
   const pose = { position: [x, 0, 0], quaternion: [0, 0, 0, 1] } as const;
   return {
     scene: "s",
@@ -46,7 +46,7 @@ const problem = (type: string) => new RequestProblem({ type, title: "", status: 
 const sent = () => transport.requests.map(({ request }) => request.position?.[0]);
 
 /** One animation frame later, with everything settled that can be. */
-async function frame(subject: FramePipeline, wanted: View): Promise<number | undefined> {
+async function frame(subject: FramePipeline, wanted: ViewRequest): Promise<number | undefined> {
   await settle();
   now += 16;
   subject.want(wanted, 0);

@@ -11,7 +11,7 @@ import type { FrameHeader, RenderRequest } from "../wire/render";
 import { InFlightLimit } from "./in-flight-limit";
 
 /** What to show: a request without its number. */
-export type View = Omit<RenderRequest, "seq">;
+export type ViewRequest = Omit<RenderRequest, "seq">;
 
 export interface DecodedFrame {
   readonly seq: number;
@@ -25,7 +25,7 @@ export interface DecodedFrame {
 
 export interface PipelineEvents {
   /** A frame came of a view of pose number `pose`; it may still be decoding. */
-  replied(reply: FrameReply, view: View, pose: number): void;
+  replied(reply: FrameReply, view: ViewRequest, pose: number): void;
   /** A refusal that concerns the person: not one of a frame that came too late. */
   refused(problem: RequestProblem): void;
   /** Transmission time of so many bytes in milliseconds, 0 if unknown. */
@@ -79,7 +79,7 @@ export class FramePipeline {
   }
 
   /** Take the newest view, of pose number `pose`, and ask for it if there is room. */
-  want(view: View, pose: number): void {
+  want(view: ViewRequest, pose: number): void {
     const key = JSON.stringify(view);
     if (key !== this.#key) {
       this.#key = key;
@@ -126,7 +126,7 @@ export class FramePipeline {
     this.#ready = undefined;
   }
 
-  async #send(view: View, pose: number): Promise<void> {
+  async #send(view: ViewRequest, pose: number): Promise<void> {
     const seq = this.#seq++;
     const alone = this.#inFlight.size === 0;
     const abort = new AbortController();

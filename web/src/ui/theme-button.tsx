@@ -1,6 +1,6 @@
 /** Switches between the system's theme, light and dark. */
 import { Monitor, Moon, Sun } from "lucide";
-import { change, settings } from "../state/app";
+import { changeSettings, settings } from "../state/app";
 import type { Settings } from "../state/settings";
 import { IconButton } from "./icon-button";
 
@@ -11,6 +11,10 @@ const NAMES = { system: "as the system", light: "light", dark: "dark" };
 export function ThemeButton() {
   const { theme } = settings.value;
   return (
-    <IconButton icon={ICONS[theme]} label={`Theme: ${NAMES[theme]}`} onClick={() => change({ theme: NEXT[theme] })} />
+    <IconButton
+      icon={ICONS[theme]}
+      label={`Theme: ${NAMES[theme]}`}
+      onClick={() => changeSettings({ theme: NEXT[theme] })}
+    />
   );
 }

@@ -2,7 +2,7 @@
 import { useSignal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
 import { MovementError } from "../movement/movement";
-import { type ListedMovement, listMovements } from "../movement/movements";
+import { type ListedMovement, listMovements } from "../movement/stored-movements";
 
 interface StoredMovements {
   /** Empty without a store, and while it is silent. */

@@ -31,7 +31,7 @@ export interface Nudge {
 export const NO_NUDGE: Nudge = { turnRight: 0, turnUp: 0, forward: 0, right: 0, up: 0 };
 
 /** What was asked since the last sample. */
-export interface Sample {
+export interface InputSample {
   readonly axes: Axes;
   readonly nudge: Nudge;
 }

@@ -7,7 +7,7 @@ import { computed, type ReadonlySignal, signal } from "@preact/signals";
 import type { SceneInfo } from "../wire/render";
 import { type Camera, fromScene, levelFor, type ScenePose, startCamera, toScene } from "./camera";
 import { defaultIntrinsics, type Intrinsics, type Viewport, viewportFor } from "./intrinsics";
-import type { Sample } from "./motion";
+import type { InputSample } from "./motion";
 import { type Speeds, step, suggestedSpeed } from "./motion";
 import { angleBetween } from "./vector";
 
@@ -24,7 +24,7 @@ export type SampleListener = (pose: NumberedPose, at: number) => void;
 
 export interface RigOptions {
   /** What was asked since the last sample, so many milliseconds ago. */
-  readonly sampleInput: (elapsed: number) => Sample;
+  readonly sampleInput: (elapsed: number) => InputSample;
   /** Degrees a second. */
   readonly turnSpeed: () => number;
 }
@@ -146,7 +146,7 @@ export class Rig {
     return pose;
   }
 
-  #walked({ axes, nudge }: Sample, elapsed: number): ScenePose | null {
+  #walked({ axes, nudge }: InputSample, elapsed: number): ScenePose | null {
     if (!this.#scene) return null;
     const speeds: Speeds = { turn: this.#options.turnSpeed(), move: this.moveSpeed.value };
     this.#camera = step(this.#camera, axes, nudge, speeds, elapsed);

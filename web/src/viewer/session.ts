@@ -9,9 +9,9 @@ import { StageInput } from "../input/stage-input";
 import { MovementDeck } from "../movement/movement-deck";
 import { fetchConfig, loadScene } from "../state/api";
 import { config, settings } from "../state/app";
-import { adapting } from "../stateless/adapting";
 import { Decoder } from "../stateless/decoder";
-import { Player, type Reply } from "../stateless/player";
+import { selectedController } from "../stateless/selected-controller";
+import { type Reply, StatelessPlayer } from "../stateless/stateless-player";
 import { type Connected, connect } from "../transport/connect";
 import { type ConnectionState, maintainConnection } from "../transport/connection";
 import type { PresentedFrame } from "../view/presented";
@@ -42,7 +42,7 @@ export class ViewerSession {
   readonly connected = signal<Connected | null>(null);
   readonly rig: Rig;
   readonly movement: MovementDeck;
-  readonly player: Player;
+  readonly stateless: StatelessPlayer;
   /** The DASH side; null in stateless mode, and where there is no packager. */
   readonly dash = signal<DashPlayer | null>(null);
   readonly input: StageInput;
@@ -54,7 +54,7 @@ export class ViewerSession {
   readonly #decoder = new Decoder(
     new Worker(new URL("../stateless/decode.worker.ts", import.meta.url), { type: "module", name: "decoder" }),
   );
-  readonly #controller = adapting(this.seed);
+  readonly #controller = selectedController(this.seed);
   readonly #listeners = new Set<(frame: PresentedFrame) => void>();
   readonly #replyListeners = new Set<(reply: Reply) => void>();
   #loading: Promise<SceneInfo> | undefined;
@@ -75,7 +75,7 @@ export class ViewerSession {
       turnSpeed: () => settings.value.turnSpeed,
     });
     this.movement = new MovementDeck(this.rig);
-    this.player = new Player({
+    this.stateless = new StatelessPlayer({
       canvas: stage.canvas,
       rig: this.rig,
       decoder: this.#decoder,
@@ -122,7 +122,7 @@ export class ViewerSession {
     for (const cleanup of this.#cleanups) cleanup();
     this.movement.dispose();
     this.input.dispose();
-    this.player.dispose();
+    this.stateless.dispose();
     this.#decoder.dispose();
   }
 
@@ -139,8 +139,8 @@ export class ViewerSession {
     this.#animation = requestAnimationFrame(this.#tick);
     const time = now();
     const moved = this.rig.sample(time);
-    if (settings.peek().mode === "dash") this.player.rest();
-    else this.player.tick(time, moved);
+    if (settings.peek().mode === "dash") this.stateless.suspend();
+    else this.stateless.tick(time, moved);
     this.dash.peek()?.tick(time, moved);
   };
 
@@ -234,7 +234,7 @@ export class ViewerSession {
 
   #heard(state: ConnectionState, signal: AbortSignal): void {
     this.connected.value = state.status === "connected" ? state : null;
-    if (state.status !== "connected") this.player.attach(null);
+    if (state.status !== "connected") this.stateless.attach(null);
     if (state.status === "connecting") this.phase.value = { kind: "connecting" };
     else if (state.status === "lost") this.phase.value = { kind: "lost", message: state.reason };
     else void this.#play(state, signal);
@@ -264,7 +264,7 @@ export class ViewerSession {
       this.scene.value = scene;
     }
     if (this.connected.value?.transport !== connected.transport) return; // it was lost meanwhile
-    this.player.attach(connected);
+    this.stateless.attach(connected);
     this.phase.value = { kind: "playing" };
   }
 }

@@ -3,9 +3,9 @@ import { effect, type ReadonlySignal } from "@preact/signals";
 import uPlot from "uplot";
 import "uplot/dist/uPlot.min.css";
 import type { Columns } from "../../charts/columns";
-import { AXIS } from "../../charts/histogram";
+import { LATENCY_RANGE_MS } from "../../charts/histogram";
 import { INTERACTIVE } from "../../experiment/figures";
-import { FONT, HEIGHT, inks } from "./live-plot";
+import { chartColours, FONT, HEIGHT } from "./live-plot";
 
 const TICKS = [10, 30, 100, 300, 1000, 3000];
 
@@ -22,7 +22,7 @@ export function plotDistribution(
   legend: HTMLElement,
   columns: ReadonlySignal<Columns>,
 ): () => void {
-  const { swatch, text, grid } = inks(place, legend);
+  const { swatch, text, grid } = chartColours(place, legend);
   const bars = uPlot.paths.stepped?.({ align: 1 });
   const series = (i: number): uPlot.Series => ({
     width: 1.5,
@@ -39,7 +39,7 @@ export function plotDistribution(
       cursor: { show: false },
       legend: { show: false },
       scales: {
-        x: { time: false, distr: 3, range: [...AXIS] },
+        x: { time: false, distr: 3, range: [...LATENCY_RANGE_MS] },
         y: { range: (_, __, max) => [0, Math.max(20, max ?? 0)] },
       },
       axes: [

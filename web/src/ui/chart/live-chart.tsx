@@ -13,8 +13,8 @@ interface Props {
 
 export function LiveChart({ name, quantities, columns }: Props) {
   const load = useCallback(async () => {
-    const { plot } = await import("./live-plot");
-    return (place: HTMLElement, legend: HTMLElement) => plot(place, legend, quantities, columns);
+    const { plotLive } = await import("./live-plot");
+    return (place: HTMLElement, legend: HTMLElement) => plotLive(place, legend, quantities, columns);
   }, [quantities, columns]);
   const latest = columns.value.slice(1).map((column) => column.at(-1) ?? null);
   return (

@@ -2,7 +2,7 @@
 import { effect, type ReadonlySignal } from "@preact/signals";
 import uPlot from "uplot";
 import "uplot/dist/uPlot.min.css";
-import { type Columns, SPAN } from "../../charts/columns";
+import { type Columns, SPAN_S } from "../../charts/columns";
 
 export interface Quantity {
   readonly label: string;
@@ -19,13 +19,13 @@ export const FONT = "11px system-ui, sans-serif";
 const steps = uPlot.paths.stepped?.({ align: 1 });
 
 /** Draws into `place` until the function that it returns is called. Colours are those of the legend's swatches. */
-export function plot(
+export function plotLive(
   place: HTMLElement,
   legend: HTMLElement,
   quantities: readonly Quantity[],
   columns: ReadonlySignal<Columns>,
 ): () => void {
-  const { swatch, text, grid } = inks(place, legend);
+  const { swatch, text, grid } = chartColours(place, legend);
   const sides = [...new Set(quantities.map(({ axis }) => axis))];
   const chart = new uPlot(
     {
@@ -35,8 +35,10 @@ export function plot(
       cursor: { show: false },
       legend: { show: false },
       scales: {
-        x: { time: false, range: (_, __, max) => [max - SPAN, max] },
-        ...Object.fromEntries(sides.map((side) => [side, { range: (_: uPlot, __: number, max: number) => room(max) }])),
+        x: { time: false, range: (_, __, max) => [max - SPAN_S, max] },
+        ...Object.fromEntries(
+          sides.map((side) => [side, { range: (_: uPlot, __: number, max: number) => paddedRange(max) }]),
+        ),
       },
       axes: [
         {
@@ -46,8 +48,8 @@ export function plot(
           gap: 4,
           grid: { show: false },
           ticks: { show: false },
-          splits: (_, __, ___, max) => [max - SPAN, max - SPAN / 2, max],
-          values: () => [`−${SPAN} s`, `−${SPAN / 2} s`, "now"],
+          splits: (_, __, ___, max) => [max - SPAN_S, max - SPAN_S / 2, max],
+          values: () => [`−${SPAN_S} s`, `−${SPAN_S / 2} s`, "now"],
         },
         ...sides.map(
           (side): uPlot.Axis => ({
@@ -91,7 +93,7 @@ export function plot(
 }
 
 /** Where a chart's colours come from. They are asked for anew at each drawing, so that it follows the theme. */
-export function inks(place: HTMLElement, legend: HTMLElement) {
+export function chartColours(place: HTMLElement, legend: HTMLElement) {
   const swatches = [...legend.querySelectorAll(".swatch")];
   return {
     swatch: (i: number) => getComputedStyle(swatches[i] ?? place),
@@ -101,6 +103,6 @@ export function inks(place: HTMLElement, legend: HTMLElement) {
 }
 
 /** From zero to a little above the highest value. */
-function room(max: number | null): [number, number] {
+function paddedRange(max: number | null): [number, number] {
   return [0, Math.max(1, (max ?? 0) * 1.1)];
 }

@@ -2,7 +2,7 @@
 import { useSignal } from "@preact/signals";
 import { RefreshCw, Search } from "lucide";
 import { useEffect, useRef } from "preact/hooks";
-import { config, refresh, scenes, scenesError } from "../../state/app";
+import { config, refreshScenes, scenes, scenesError } from "../../state/app";
 import { EXPERIMENTS } from "../../state/route";
 import { Icon } from "../icon";
 import { IconButton } from "../icon-button";
@@ -22,10 +22,10 @@ export function Dashboard() {
 
   useEffect(() => {
     document.title = "Scenes · TIGAS";
-    void refresh();
+    void refreshScenes();
     const timer = setInterval(() => {
       const waiting = scenesError.value !== null || scenes.value?.some(({ state }) => state === "loading");
-      if (waiting) void refresh();
+      if (waiting) void refreshScenes();
     }, REFRESH_EVERY);
     const focusSearch = (event: KeyboardEvent) => {
       if (event.key !== "/" || event.target instanceof HTMLInputElement) return;
@@ -41,7 +41,7 @@ export function Dashboard() {
 
   const rescan = async () => {
     scanning.value = true;
-    await refresh({ scan: true });
+    await refreshScenes({ scan: true });
     scanning.value = false;
   };
 

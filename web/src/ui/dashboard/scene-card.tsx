@@ -1,7 +1,7 @@
 /** One scene in the list: its picture, what is known of it, and whether it is in memory. */
 import { useSignal } from "@preact/signals";
 import { ImageOff } from "lucide";
-import { setLoaded } from "../../state/app";
+import { setSceneLoaded } from "../../state/app";
 import { sceneHash } from "../../state/route";
 import type { SceneInfo } from "../../wire/render";
 import { bytes, count } from "../format";
@@ -43,7 +43,7 @@ function LoadButton({ scene }: { scene: SceneInfo }) {
       class="quiet-button"
       aria-label={`${verb}: ${scene.name}`}
       disabled={scene.state === "loading"}
-      onClick={() => void setLoaded(scene, !loaded)}
+      onClick={() => void setSceneLoaded(scene, !loaded)}
     >
       {verb}
     </button>

@@ -1,15 +1,15 @@
 /** Goes on with an experiment that the store has and that lacks runs: says how many, and has its movement chosen again if need be. */
 import { useSignal } from "@preact/signals";
 import type { TargetedSubmitEvent } from "preact";
-import type { Remainder } from "../../experiment/experiment";
+import type { ResumedExperiment } from "../../experiment/experiment";
 import { type ExperimentPlan, runsOf, timeFor } from "../../experiment/plan";
 import { MovementError } from "../../movement/movement";
-import type { PosePoint } from "../../movement/playback";
+import type { TimedPose } from "../../movement/playback";
 import type { ViewerSession } from "../../viewer/session";
 import { clock } from "../format";
 import { MovementChoice, useMovementOpening, useMovements } from "./experiment-movement";
 
-export interface Unfinished extends Remainder {
+export interface UnfinishedExperiment extends ResumedExperiment {
   readonly plan: ExperimentPlan;
 }
 
@@ -17,9 +17,9 @@ interface Props {
   readonly session: ViewerSession;
   /** The store's URL. */
   readonly store: string | undefined;
-  readonly unfinished: Unfinished;
+  readonly unfinished: UnfinishedExperiment;
   /** With the movement in the scene's own frame. */
-  readonly onStart: (points: readonly PosePoint[]) => void;
+  readonly onStart: (points: readonly TimedPose[]) => void;
 }
 
 export function ExperimentContinue({ session, store, unfinished: { plan, runs }, onStart }: Props) {

@@ -6,7 +6,7 @@ import type { ComponentChildren } from "preact";
 import { useEffect, useRef } from "preact/hooks";
 import { conduct } from "../../experiment/conduct";
 import type { Draft } from "../../experiment/draft";
-import { Experiment, type Hands } from "../../experiment/experiment";
+import { Experiment, type ExperimentDependencies } from "../../experiment/experiment";
 import { measure } from "../../experiment/measure";
 import { toJson } from "../../experiment/results";
 import type { Runner } from "../../experiment/runner";
@@ -16,7 +16,7 @@ import { config } from "../../state/app";
 import type { ViewerSession } from "../../viewer/session";
 import { IconButton } from "../icon-button";
 import { download, fileName, save } from "../save";
-import { ExperimentContinue, type Unfinished } from "./experiment-continue";
+import { ExperimentContinue, type UnfinishedExperiment } from "./experiment-continue";
 import type { ExperimentSetup } from "./experiment-form";
 import { ExperimentForm } from "./experiment-form";
 import { ExperimentProgress } from "./experiment-progress";
@@ -34,14 +34,14 @@ interface Props {
 /** The last one, for as long as the page is open: its results outlast a visit to a scene. */
 const experiment = signal<Experiment | null>(null);
 /** What a person wants to go on with, in its own scene. */
-const unfinished = signal<Unfinished | null>(null);
+const unfinished = signal<UnfinishedExperiment | null>(null);
 /** It is under way, or not saved. */
 export const experimentAtRisk = computed(
   () => experiment.value !== null && (experiment.value.progress.value !== null || experiment.value.unsaved.value),
 );
 
 /** Goes on with an experiment of the store as soon as its scene is opened; results that are not saved are shown first. */
-export function continueExperiment(wanted: Unfinished): void {
+export function continueExperiment(wanted: UnfinishedExperiment): void {
   if (!experimentAtRisk.peek()) experiment.value = null;
   unfinished.value = wanted;
 }
@@ -55,28 +55,28 @@ export function ExperimentDialog({ session, runner, open, locked }: Props) {
   const rest = unfinished.value?.plan.scene === session.scene.value?.id ? unfinished.value : null;
   useEffect(() => () => experiment.peek()?.cancel(), []);
   useEffect(() => {
-    if (open.value) draft.value ??= firstDraft(session);
+    if (open.value) draft.value ??= initialDraft(session);
   }, [open.value, draft, session]);
   useEffect(() => {
     if (rest) open.value = true;
   }, [rest, open]);
 
-  const start = async ({ plan, points, locked: lock, exports, remainder }: ExperimentSetup) => {
-    const bench = { session, runner, shaper, points };
-    const hands: Hands = {
-      measure: (run, stage, signal) => measure(bench, run, stage, signal),
+  const start = async ({ plan, points, locked: lock, exportAtEnd, resumed }: ExperimentSetup) => {
+    const context = { session, runner, shaper, points };
+    const dependencies: ExperimentDependencies = {
+      measure: (run, stage, signal) => measure(context, run, stage, signal),
       store,
       now: () => performance.now(),
     };
-    const current = new Experiment(plan, new Date().toISOString(), hands, remainder);
+    const current = new Experiment(plan, new Date().toISOString(), dependencies, resumed);
     unfinished.value = null;
     experiment.value = current;
     open.value = false;
     locked.value = lock;
-    await conduct(current, bench);
+    await conduct(current, context);
     locked.value = false;
     open.value = true;
-    if (exports) exported(current, store);
+    if (exportAtEnd) exportResults(current, store);
   };
   const shown = experiment.value ?? rest;
   const close = () => {
@@ -91,7 +91,7 @@ export function ExperimentDialog({ session, runner, open, locked }: Props) {
           <ExperimentResults
             experiment={experiment.value}
             store={store}
-            onExport={() => experiment.value && exported(experiment.value, store)}
+            onExport={() => experiment.value && exportResults(experiment.value, store)}
             onAgain={() => {
               experiment.value = null;
             }}
@@ -102,7 +102,9 @@ export function ExperimentDialog({ session, runner, open, locked }: Props) {
             session={session}
             store={base}
             unfinished={rest}
-            onStart={(points) => void start({ plan: rest.plan, points, locked: true, exports: false, remainder: rest })}
+            onStart={(points) =>
+              void start({ plan: rest.plan, points, locked: true, exportAtEnd: false, resumed: rest })
+            }
           />
         )}
         {experiment.value === null && rest === null && draft.value !== null && (
@@ -124,7 +126,7 @@ export function ExperimentDialog({ session, runner, open, locked }: Props) {
 }
 
 /** What is filled in before a person does. */
-function firstDraft({ scene, movement }: ViewerSession): Draft {
+function initialDraft({ scene, movement }: ViewerSession): Draft {
   const chosen = movement.movement.peek();
   return {
     name: scene.peek()?.name ?? "",
@@ -136,7 +138,7 @@ function firstDraft({ scene, movement }: ViewerSession): Draft {
     repeats: "1",
     duration: "20",
     locked: true,
-    exports: false,
+    exportAtEnd: false,
   };
 }
 
@@ -181,7 +183,7 @@ function useShaper(base: string | undefined, wanted: boolean): Shaper | null {
 }
 
 /** Saves the store's archive, and in a file of its own whatever the store does not have. */
-function exported({ plan, created, results, id, saved }: Experiment, store: StoreApi | null): void {
+function exportResults({ plan, created, results, id, saved }: Experiment, store: StoreApi | null): void {
   const kept = id.peek();
   if (results.peek().some(({ unstored }) => unstored !== null) || kept === null) {
     const json = toJson(plan, created, results.peek());

@@ -4,10 +4,10 @@ import { useSignal } from "@preact/signals";
 import type { ComponentChildren, TargetedSubmitEvent } from "preact";
 import { CONTROLLER_NAMES } from "../../abr/registry";
 import { type Draft, parseDraft, toggled } from "../../experiment/draft";
-import type { Remainder } from "../../experiment/experiment";
+import type { ResumedExperiment } from "../../experiment/experiment";
 import { presentNetwork } from "../../experiment/link";
 import {
-  conditionOf,
+  conditionLabel,
   type ExperimentPlan,
   type Profile,
   RUN_MODE_NAMES,
@@ -17,7 +17,7 @@ import {
   UNSHAPED,
 } from "../../experiment/plan";
 import { MovementError } from "../../movement/movement";
-import type { PosePoint } from "../../movement/playback";
+import type { TimedPose } from "../../movement/playback";
 import type { Shaper } from "../../network/shaper";
 import { config, settings } from "../../state/app";
 import { EXPERIMENTS } from "../../state/route";
@@ -30,11 +30,11 @@ import { MovementChoice, useMovementOpening, useMovements } from "./experiment-m
 export interface ExperimentSetup {
   readonly plan: ExperimentPlan;
   /** The movement, in the scene's own frame. */
-  readonly points: readonly PosePoint[];
+  readonly points: readonly TimedPose[];
   readonly locked: boolean;
-  readonly exports: boolean;
+  readonly exportAtEnd: boolean;
   /** What is missing of an experiment that was begun before. */
-  readonly remainder?: Remainder;
+  readonly resumed?: ResumedExperiment;
 }
 
 interface Props {
@@ -62,19 +62,19 @@ export function ExperimentForm({ session, shaper, store, draft, onDraft, onStart
     const parsed = parseDraft(draft, scene?.id ?? "", presentNetwork(shaper));
     problems.value = "problems" in parsed ? parsed.problems : [];
     if (scene === null) problems.value = [...problems.value, "The scene is not there yet."];
-    const { movement, locked, exports } = draft;
+    const { movement, locked, exportAtEnd } = draft;
     if (!("plan" in parsed) || scene === null || movement === null) return;
     try {
       const opened = await opening.open(movement, scene);
       if (opened === null) return;
-      onStart({ plan: { ...parsed.plan, movement: opened.name }, points: opened.points, locked, exports });
+      onStart({ plan: { ...parsed.plan, movement: opened.name }, points: opened.points, locked, exportAtEnd });
     } catch (error) {
       if (!(error instanceof MovementError)) throw error;
       problems.value = [error.message];
     }
   };
 
-  const { name, repeats, duration, locked, exports } = draft;
+  const { name, repeats, duration, locked, exportAtEnd } = draft;
   return (
     <form class="experiment-form" noValidate onSubmit={(event) => void submit(event)}>
       <TextField label="Name" value={name} wide onValue={(typed) => set({ name: typed })} />
@@ -87,7 +87,7 @@ export function ExperimentForm({ session, shaper, store, draft, onDraft, onStart
         }}
       />
       <NetworkChoice shaper={shaper} draft={draft} onChange={set} />
-      <Compared draft={draft} onChange={set} />
+      <ConditionChoice draft={draft} onChange={set} />
       <TextField label="Runs of each" numeric value={repeats} onValue={(typed) => set({ repeats: typed })} />
       <TextField
         label="Each run lasts"
@@ -99,7 +99,7 @@ export function ExperimentForm({ session, shaper, store, draft, onDraft, onStart
       <Check checked={locked} onChange={() => set({ locked: !locked })}>
         Lock input: keys, pointers and buttons rest while it runs
       </Check>
-      <Check checked={exports} onChange={() => set({ exports: !exports })}>
+      <Check checked={exportAtEnd} onChange={() => set({ exportAtEnd: !exportAtEnd })}>
         Save all files at the end
       </Check>
       <footer>
@@ -139,7 +139,7 @@ function NetworkChoice({ shaper, draft, onChange }: PartProps & { readonly shape
         label="Network"
         value={draft.trace ?? ""}
         onValue={(value) => onChange({ trace: value === "" ? null : value })}
-        note={shaper?.silent.value ?? (shaper === null ? "There is no shaper behind this page." : undefined)}
+        note={shaper?.connectionError.value ?? (shaper === null ? "There is no shaper behind this page." : undefined)}
       >
         <option value="">The link as it is</option>
         {!known && <option value={draft.trace ?? ""}>{draft.trace}</option>}
@@ -162,7 +162,7 @@ function NetworkChoice({ shaper, draft, onChange }: PartProps & { readonly shape
   );
 }
 
-function Compared({ draft, onChange }: PartProps) {
+function ConditionChoice({ draft, onChange }: PartProps) {
   const ladder = config.value?.ladder ?? [];
   const streams = Boolean(config.value?.services.dash);
   const rung = Math.min(settings.value.profile, ladder.length - 1);
@@ -192,7 +192,7 @@ function Compared({ draft, onChange }: PartProps) {
             checked={draft.profiles.includes(profile)}
             onChange={() => onChange({ profiles: toggled(draft.profiles, profile, profiles) })}
           >
-            {conditionOf({ mode: "stateless", profile }, ladder)}
+            {conditionLabel({ mode: "stateless", profile }, ladder)}
           </Check>
         ))}
       </fieldset>

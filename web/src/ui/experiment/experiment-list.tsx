@@ -6,7 +6,7 @@ import { useEffect } from "preact/hooks";
 import { missingRuns, readPlan } from "../../experiment/plan";
 import { StoreApi } from "../../experiment/store-api";
 import { ApiError } from "../../http/problem";
-import { config, refresh } from "../../state/app";
+import { config, refreshScenes } from "../../state/app";
 import { sceneHash } from "../../state/route";
 import type { ExperimentSummary } from "../../wire/store";
 import { Icon } from "../icon";
@@ -17,7 +17,7 @@ export function ExperimentList() {
   const base = config.value?.services.store;
   useEffect(() => {
     document.title = "Experiments · TIGAS";
-    void refresh();
+    void refreshScenes();
   }, []);
   return (
     <div class="dashboard">
@@ -35,13 +35,13 @@ export function ExperimentList() {
         <div class="page-head">
           <h1>Experiments</h1>
         </div>
-        {base ? <Kept base={base} /> : config.value && <p>This server has no store of experiments.</p>}
+        {base ? <StoredExperiments base={base} /> : config.value && <p>This server has no store of experiments.</p>}
       </main>
     </div>
   );
 }
 
-function Kept({ base }: { base: string }) {
+function StoredExperiments({ base }: { base: string }) {
   const list = useSignal<readonly ExperimentSummary[] | null>(null);
   const problem = useSignal<string | null>(null);
   const store = new StoreApi(base);

@@ -3,10 +3,10 @@
 import { useSignal } from "@preact/signals";
 import { FolderOpen } from "lucide";
 import { useEffect, useMemo, useRef } from "preact/hooks";
-import { MovementError, placed, readMovementFile } from "../../movement/movement";
+import { MovementError, placeInScene, readMovementFile } from "../../movement/movement";
 import { addFile, movements, type NamedMovement } from "../../movement/movement-deck";
-import { fetchMovement } from "../../movement/movements";
-import type { PosePoint } from "../../movement/playback";
+import type { TimedPose } from "../../movement/playback";
+import { fetchMovement } from "../../movement/stored-movements";
 import type { SceneInfo } from "../../wire/render";
 import { clock } from "../format";
 import { Icon } from "../icon";
@@ -35,7 +35,7 @@ export function useMovements(store: string | undefined): { listed: readonly List
 export interface OpenedMovement {
   readonly name: string;
   /** In the scene's own frame. */
-  readonly points: readonly PosePoint[];
+  readonly points: readonly TimedPose[];
 }
 
 /** Opens the movement of a form. Whoever closes the form while a movement is on its way wants none. */
@@ -48,7 +48,7 @@ export function useMovementOpening(store: string | undefined) {
     busy.value = true;
     try {
       const { name, trace } = await movementOf(key, store, closing.signal);
-      return { name, points: placed(trace, scene) };
+      return { name, points: placeInScene(trace, scene) };
     } catch (error) {
       if (closing.signal.aborted) return null;
       throw error;

@@ -2,9 +2,9 @@
 import uPlot from "uplot";
 import "uplot/dist/uPlot.min.css";
 import type { Columns } from "../../charts/columns";
-import { AXIS } from "../../charts/histogram";
+import { LATENCY_RANGE_MS } from "../../charts/histogram";
 import { drawLimit, logAxis } from "../chart/distribution-plot";
-import { FONT, inks } from "../chart/live-plot";
+import { chartColours, FONT } from "../chart/live-plot";
 
 /** The share of inputs that were shown within a time, or the latency over the time of the movement. */
 export type ChartKind = "distribution" | "time";
@@ -13,7 +13,7 @@ const HEIGHT = 190;
 
 /** Draws into `place` until the function that it returns is called. Colours are those of the legend's swatches. */
 export function plotResults(place: HTMLElement, legend: HTMLElement, kind: ChartKind, columns: Columns): () => void {
-  const { swatch, text, grid } = inks(place, legend);
+  const { swatch, text, grid } = chartColours(place, legend);
   const axis: uPlot.Axis = { stroke: text, font: FONT, gap: 4, ticks: { show: false } };
   const chart = new uPlot(
     {
@@ -24,8 +24,11 @@ export function plotResults(place: HTMLElement, legend: HTMLElement, kind: Chart
       legend: { show: false },
       scales:
         kind === "distribution"
-          ? { x: { time: false, distr: 3, range: [...AXIS] }, y: { range: [0, 100] } }
-          : { x: { time: false }, y: { distr: 3, range: (_, __, max) => [AXIS[0], Math.max(300, (max ?? 0) * 1.2)] } },
+          ? { x: { time: false, distr: 3, range: [...LATENCY_RANGE_MS] }, y: { range: [0, 100] } }
+          : {
+              x: { time: false },
+              y: { distr: 3, range: (_, __, max) => [LATENCY_RANGE_MS[0], Math.max(300, (max ?? 0) * 1.2)] },
+            },
       axes: [
         kind === "distribution"
           ? { ...axis, ...logAxis, size: 24, grid: { show: false } }

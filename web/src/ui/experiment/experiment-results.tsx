@@ -6,8 +6,14 @@ import type { RefObject } from "preact";
 import { useMemo, useRef } from "preact/hooks";
 import type { Experiment } from "../../experiment/experiment";
 import { INTERACTIVE } from "../../experiment/figures";
-import { conditionOf } from "../../experiment/plan";
-import { distribution, overTime, type Row, type RunResult, rowsOf } from "../../experiment/results";
+import { conditionLabel } from "../../experiment/plan";
+import {
+  type ConditionSummary,
+  cumulativeDistribution,
+  medianOverTime,
+  type RunResult,
+  summarize,
+} from "../../experiment/results";
 import type { StoreApi } from "../../experiment/store-api";
 import { config } from "../../state/app";
 import { EXPERIMENTS } from "../../state/route";
@@ -24,8 +30,11 @@ interface Props {
 export function ExperimentResults({ experiment, store, onExport, onAgain }: Props) {
   const legend = useRef<HTMLTableElement>(null);
   const results = experiment.results.value;
-  const columns = useMemo(() => ({ distribution: distribution(results), time: overTime(results) }), [results]);
-  const measured = results.some(({ answers }) => answers.length > 0);
+  const columns = useMemo(
+    () => ({ distribution: cumulativeDistribution(results), time: medianOverTime(results) }),
+    [results],
+  );
+  const measured = results.some(({ inputLatencies }) => inputLatencies.length > 0);
   const id = experiment.id.value;
   const running = experiment.progress.value !== null;
   const storing = useSignal(false);
@@ -42,7 +51,7 @@ export function ExperimentResults({ experiment, store, onExport, onAgain }: Prop
           {experiment.notice.value}
         </p>
       )}
-      <Figures rows={rowsOf(results)} legend={legend} />
+      <Figures rows={summarize(results)} legend={legend} />
       {measured && (
         <div class="experiment-charts">
           <ExperimentChart kind="distribution" columns={columns.distribution} legend={legend} />
@@ -89,7 +98,7 @@ const COLUMNS = [
   { title: "Received", unit: "Mbit/s", of: "received", digits: 1, factor: 1e-6 },
 ] as const;
 
-function Figures({ rows, legend }: { rows: readonly Row[]; legend: RefObject<HTMLTableElement | null> }) {
+function Figures({ rows, legend }: { rows: readonly ConditionSummary[]; legend: RefObject<HTMLTableElement | null> }) {
   return (
     <div class="experiment-table">
       <table ref={legend}>
@@ -109,10 +118,10 @@ function Figures({ rows, legend }: { rows: readonly Row[]; legend: RefObject<HTM
         </thead>
         <tbody>
           {rows.map(({ run, runs, complete, figures }, i) => (
-            <tr key={conditionOf(run)}>
+            <tr key={conditionLabel(run)}>
               <th scope="row">
                 <i class="swatch" data-series={i} />
-                {conditionOf(run, config.value?.ladder)}
+                {conditionLabel(run, config.value?.ladder)}
               </th>
               <td>{complete === runs ? runs : `${complete} of ${runs}`}</td>
               {COLUMNS.map(({ of, digits, factor }) => (
@@ -132,7 +141,7 @@ function Figures({ rows, legend }: { rows: readonly Row[]; legend: RefObject<HTM
 function Remarks({ results }: { results: readonly RunResult[] }) {
   const remarks = results.flatMap(({ run, problem, hidden }, i) => {
     const said = [problem, hidden ? "The page was hidden, so that the browser may have held frames back." : null];
-    const name = conditionOf(run, config.value?.ladder);
+    const name = conditionLabel(run, config.value?.ladder);
     return said.flatMap((sentence) => (sentence === null ? [] : `Run ${i + 1}, ${name}: ${sentence}`));
   });
   if (remarks.length === 0) return null;

@@ -37,13 +37,13 @@ export function NetworkPanel({ base, session }: { base: string; session: ViewerS
 function Link({ shaper, session }: { shaper: Shaper; session: ViewerSession }) {
   const frameColumns = useFrames(session);
   const status = shaper.status.value;
-  const silent = shaper.silent.value;
-  if (silent) return <Notice>{silent}</Notice>;
+  const connectionError = shaper.connectionError.value;
+  if (connectionError) return <Notice>{connectionError}</Notice>;
   if (!status) return <p class="muted small">Asking the shaper …</p>;
   return (
     <div class="network">
       {status.closed && <Notice>{status.closed}</Notice>}
-      {shaper.refusal.value && <Notice>{shaper.refusal.value}</Notice>}
+      {shaper.actionError.value && <Notice>{shaper.actionError.value}</Notice>}
       <LiveChart name="Rate towards this page" quantities={RATES} columns={shaper.rates} />
       <Directions status={status} />
       <LiveChart name="Our frames" quantities={FRAMES} columns={frameColumns} />
@@ -63,13 +63,13 @@ function Notice({ children }: { children: string }) {
 
 function Playing({ shaper, status }: { shaper: Shaper; status: ShaperStatus }) {
   const picked = useSignal<string | null>(null);
-  const wish = useSignal(true);
+  const loopAtStart = useSignal(true);
   const traces = shaper.traces.value;
   const chosen = picked.value ?? status.trace ?? traces.find(({ error }) => !error)?.name ?? null;
-  const loop = status.trace === null ? wish.value : status.loop;
+  const loop = status.trace === null ? loopAtStart.value : status.loop;
   const paused = status.mode === "paused";
   const setLoop = () => {
-    wish.value = !loop;
+    loopAtStart.value = !loop;
     if (status.trace !== null) void shaper.act((api) => api.loop(!loop));
   };
   return (
@@ -113,7 +113,7 @@ function Playing({ shaper, status }: { shaper: Shaper; status: ShaperStatus }) {
         Start again at the end
       </label>
       <p class="muted small" data-network="mode">
-        {saying(status)}
+        {describe(status)}
       </p>
     </>
   );
@@ -155,9 +155,9 @@ function Direction({ name, of }: { name: string; of: DirectionStatus }) {
 function useFrames(session: ViewerSession): Signal<ReturnType<typeof noColumns>> {
   const columns = useSignal(noColumns(2));
   useEffect(() => {
-    let shown = session.player.stats.peek().shown;
+    let shown = session.stateless.stats.peek().shown;
     return effect(() => {
-      const stats = session.player.stats.value;
+      const stats = session.stateless.stats.value;
       columns.value = append(columns.peek(), performance.now() / 1000, frames(stats, shown));
       shown = stats.shown;
     });
@@ -165,7 +165,7 @@ function useFrames(session: ViewerSession): Signal<ReturnType<typeof noColumns>>
   return columns;
 }
 
-function saying({ mode, trace, position_ms, duration_ms, backend, link }: ShaperStatus): string {
+function describe({ mode, trace, position_ms, duration_ms, backend, link }: ShaperStatus): string {
   const place = `${trace ?? ""}, ${clock(position_ms ?? 0)} of ${clock(duration_ms ?? 0)}`;
   const state = {
     constant: "A constant link",

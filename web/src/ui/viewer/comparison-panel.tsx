@@ -47,7 +47,7 @@ function useHistory(session: ViewerSession): ComparisonHistory | null {
     current.value = history;
     const stop = session.onPresented((frame) => history.presented(frame));
     const timer = setInterval(() => {
-      const stateless = settings.peek().mode === "dash" ? null : session.player.stats.peek();
+      const stateless = settings.peek().mode === "dash" ? null : session.stateless.stats.peek();
       history.sample({ stateless, dash: session.dash.peek()?.stats.peek() ?? null }, performance.now());
     }, STATS_EVERY);
     return () => {

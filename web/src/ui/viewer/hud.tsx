@@ -1,7 +1,7 @@
 /** Measurements over the stage. The numbers carry `data-stat`, so that scripts and tests can read them. */
 import { ChevronDown, ChevronUp } from "lucide";
 import type { ComponentChildren } from "preact";
-import { change, config, settings } from "../../state/app";
+import { changeSettings, config, settings } from "../../state/app";
 import type { Stats } from "../../stateless/stats";
 import type { ViewerSession } from "../../viewer/session";
 import { bitrate, bytes } from "../format";
@@ -11,7 +11,7 @@ import { TRANSPORT_NAMES } from "./names";
 const NONE = "–";
 
 export function Hud({ session, wide }: { session: ViewerSession; wide: boolean }) {
-  const stats = session.player.stats.value;
+  const stats = session.stateless.stats.value;
   const details = settings.value.hudDetails ?? wide;
   const fallback = session.connected.value?.fallback;
   return (
@@ -30,7 +30,7 @@ export function Hud({ session, wide }: { session: ViewerSession; wide: boolean }
           aria-expanded={details}
           aria-label={details ? "Fewer measurements" : "More measurements"}
           title={details ? "Fewer measurements" : "More measurements"}
-          onClick={() => change({ hudDetails: !details })}
+          onClick={() => changeSettings({ hudDetails: !details })}
         >
           <Icon of={details ? ChevronDown : ChevronUp} />
         </button>

@@ -2,7 +2,7 @@
 
 import type { ComponentChildren } from "preact";
 import { type DashSetup, PRESETS, type Preset, setupFor } from "../../dash/presets";
-import { change, config, settings } from "../../state/app";
+import { changeSettings, config, settings } from "../../state/app";
 import { MODES } from "../../state/settings";
 import type { ViewerSession } from "../../viewer/session";
 import { ComparisonPanel } from "./comparison-panel";
@@ -18,7 +18,7 @@ export function ModePanel({ session }: { session: ViewerSession }) {
     <>
       <Segments name="mode" label="Mode">
         {MODES.map((each) => (
-          <Segment key={each} name="mode" checked={mode === each} onChoose={() => change({ mode: each })}>
+          <Segment key={each} name="mode" checked={mode === each} onChoose={() => changeSettings({ mode: each })}>
             {MODE_NAMES[each]}
           </Segment>
         ))}
@@ -38,7 +38,7 @@ export function ModePanel({ session }: { session: ViewerSession }) {
                 key={preset}
                 name="preset"
                 checked={preset === dashPreset}
-                onChoose={() => change({ dashPreset: preset })}
+                onChoose={() => changeSettings({ dashPreset: preset })}
               >
                 {PRESET_NAMES[preset]}
               </Segment>
@@ -83,7 +83,7 @@ function Custom({ setup }: { setup: DashSetup }) {
       max={max}
       value={setup[name]}
       onValue={(value) =>
-        change({ dashCustom: { ...setup, [name]: name === "segment_s" ? value : Math.round(value) } })
+        changeSettings({ dashCustom: { ...setup, [name]: name === "segment_s" ? value : Math.round(value) } })
       }
     />
   );

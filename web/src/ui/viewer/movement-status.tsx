@@ -2,7 +2,7 @@
 import { Circle, Pause, Play, Route, Square } from "lucide";
 import { useEffect } from "preact/hooks";
 import type { MovementDeck } from "../../movement/movement-deck";
-import { change } from "../../state/app";
+import { changeSettings } from "../../state/app";
 import { clock } from "../format";
 import { Icon } from "../icon";
 import { IconButton } from "../icon-button";
@@ -67,7 +67,7 @@ function useDrop(deck: MovementDeck): void {
         const [file] = event.dataTransfer?.files ?? [];
         if (!hasFile(event) || !file) return;
         event.preventDefault(); // the browser would show the file instead of the page
-        change({ sidebar: true });
+        changeSettings({ sidebar: true });
         void openFile(deck, file);
       },
       { signal },

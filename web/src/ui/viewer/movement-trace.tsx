@@ -11,7 +11,7 @@ import {
   type NamedMovement,
   unsaved,
 } from "../../movement/movement-deck";
-import { fetchMovement, type ListedMovement } from "../../movement/movements";
+import { fetchMovement, type ListedMovement } from "../../movement/stored-movements";
 import { config } from "../../state/app";
 import type { SceneInfo } from "../../wire/render";
 import { clock } from "../format";
@@ -59,7 +59,7 @@ export function MovementTrace({ deck, scene }: Props) {
         </label>
       )}
       <p class="muted small" data-movement={deck.state.value}>
-        {saying(deck)}
+        {describe(deck)}
       </p>
       {movement?.origin === "recording" && (
         <button type="button" class="quiet-button with-icon" onClick={() => saveCsv(movement)}>
@@ -205,7 +205,7 @@ function Buttons({ deck, ready }: { deck: MovementDeck; ready: boolean }) {
   );
 }
 
-function saying(deck: MovementDeck): string {
+function describe(deck: MovementDeck): string {
   const states = {
     playing: "The movement has the camera, and your input waits. Stop or Esc gives it back, where it is then.",
     paused: "Paused: the camera stays, and your input waits. Stop or Esc gives it back, where it is then.",

@@ -18,7 +18,7 @@ export function SideFigures({ session, mode }: { session: ViewerSession; mode: M
     <div class="sides">
       {mode === "side-by-side" && (
         <div class="side">
-          <SideHud side="stateless" title="Stateless" figures={session.player.stats.value} />
+          <SideHud side="stateless" title="Stateless" figures={session.stateless.stats.value} />
         </div>
       )}
       <div class="side">

@@ -2,7 +2,7 @@
 import { ChevronDown, X } from "lucide";
 import type { ComponentChildren } from "preact";
 import { CONTROLLER_NAMES, CONTROLLERS, type ControllerName } from "../../abr/registry";
-import { change, config, settings } from "../../state/app";
+import { changeSettings, config, settings } from "../../state/app";
 import type { TransportChoice } from "../../transport/connect";
 import type { Intrinsics } from "../../view/intrinsics";
 import type { ViewerSession } from "../../viewer/session";
@@ -73,7 +73,7 @@ function Section({
 function Quality({ session }: { session: ViewerSession }) {
   const ladder = config.value?.ladder ?? [];
   const { controller, profile, refine } = settings.value;
-  const { frame } = session.player.stats.value;
+  const { frame } = session.stateless.stats.value;
   const adapts = controller !== "fixed";
   const chosen = adapts ? frame?.profile : Math.min(profile, Math.max(0, ladder.length - 1));
   return (
@@ -82,7 +82,7 @@ function Quality({ session }: { session: ViewerSession }) {
         <select
           aria-label="Adaptation"
           value={controller}
-          onChange={(event) => change({ controller: event.currentTarget.value as ControllerName | "fixed" })}
+          onChange={(event) => changeSettings({ controller: event.currentTarget.value as ControllerName | "fixed" })}
         >
           {CONTROLLER_NAMES.map((name) => (
             <option key={name} value={name}>
@@ -97,7 +97,12 @@ function Quality({ session }: { session: ViewerSession }) {
         <legend class="visually-hidden">Profile</legend>
         {ladder.map((rung, index) => (
           <label key={rung.name}>
-            <input type="radio" name="profile" checked={index === chosen} onChange={() => change({ profile: index })} />
+            <input
+              type="radio"
+              name="profile"
+              checked={index === chosen}
+              onChange={() => changeSettings({ profile: index })}
+            />
             <span>{rung.name}</span>
             <span class="muted">
               {rung.width} × {rung.height} · q{rung.quality}
@@ -106,7 +111,7 @@ function Quality({ session }: { session: ViewerSession }) {
         ))}
       </fieldset>
       <label class="check">
-        <input type="checkbox" checked={refine} onChange={() => change({ refine: !refine })} />
+        <input type="checkbox" checked={refine} onChange={() => changeSettings({ refine: !refine })} />
         Refine when still
       </label>
       <p class="readout">
@@ -135,7 +140,7 @@ function Movement({ session, onReset }: Pick<Props, "session" | "onReset">) {
           min={1}
           max={720}
           value={settings.value.turnSpeed}
-          onValue={(turnSpeed) => change({ turnSpeed })}
+          onValue={(turnSpeed) => changeSettings({ turnSpeed })}
         />
         <NumberField
           label="Move"
@@ -203,7 +208,7 @@ function Transport() {
         <select
           aria-label="Transport"
           value={settings.value.transport}
-          onChange={(event) => change({ transport: event.currentTarget.value as TransportChoice })}
+          onChange={(event) => changeSettings({ transport: event.currentTarget.value as TransportChoice })}
         >
           {Object.entries(TRANSPORT_NAMES).map(([kind, name]) => (
             <option key={kind} value={kind}>

@@ -9,7 +9,7 @@ import { Icon } from "../icon";
 export function StageMessage({ session }: { session: ViewerSession }) {
   const phase = session.phase.value;
   const { mode } = settings.value;
-  const problem = mode === "dash" ? null : session.player.problem.value;
+  const problem = mode === "dash" ? null : session.stateless.problem.value;
   const { message, kind } = { message: null, ...phase };
   return (
     <div class="stage-message" role="status">

@@ -4,7 +4,7 @@ import { useSignal } from "@preact/signals";
 import { useEffect, useRef } from "preact/hooks";
 import { offerBridge } from "../../experiment/bridge";
 import { Runner } from "../../experiment/runner";
-import { change, settings } from "../../state/app";
+import { changeSettings, settings } from "../../state/app";
 import { MODES } from "../../state/settings";
 import { ViewerSession } from "../../viewer/session";
 import { ExperimentDialog } from "../experiment/experiment-dialog";
@@ -43,15 +43,15 @@ export function Viewer({ sceneId, stamp }: Props) {
     const place = { element: stage.current, canvas: canvas.current, video: video.current };
     const current = new ViewerSession(sceneId, place, stamp);
     session.value = current;
-    const hands = new Runner(current);
-    runner.value = hands;
-    const withdraw = offerBridge(hands);
+    const movementRunner = new Runner(current);
+    runner.value = movementRunner;
+    const withdraw = offerBridge(movementRunner);
     stage.current.focus({ preventScroll: true });
     return () => {
       session.value = null;
       runner.value = null;
       withdraw();
-      hands.dispose();
+      movementRunner.dispose();
       current.dispose();
     };
   }, [sceneId, stamp, session, runner]);
@@ -62,10 +62,10 @@ export function Viewer({ sceneId, stamp }: Props) {
     help: () => {
       help.value = !help.value;
     },
-    hud: () => change({ hud: !hud }),
-    sidebar: () => change({ sidebar: !sidebarOpen }),
+    hud: () => changeSettings({ hud: !hud }),
+    sidebar: () => changeSettings({ sidebar: !sidebarOpen }),
     reset: () => session.value?.rig.resetCamera(),
-    mode: () => change({ mode: MODES[(MODES.indexOf(mode) + 1) % MODES.length] ?? "stateless" }),
+    mode: () => changeSettings({ mode: MODES[(MODES.indexOf(mode) + 1) % MODES.length] ?? "stateless" }),
     experiment: () => {
       experiment.value = !experiment.value;
     },
@@ -92,9 +92,9 @@ export function Viewer({ sceneId, stamp }: Props) {
           role="application"
           aria-label={`${name}: arrow keys turn, W A S D walk, Space and Shift rise and sink, H shows help`}
           data-phase={phase}
-          data-transport={live?.player.stats.value.transport}
-          data-frames={live?.player.stats.value.shown}
-          data-settled={live?.player.stats.value.settled}
+          data-transport={live?.stateless.stats.value.transport}
+          data-frames={live?.stateless.stats.value.shown}
+          data-settled={live?.stateless.stats.value.settled}
           data-mode={mode}
           data-dash={live?.dash.value?.phase.value.kind ?? "off"}
           data-dash-frames={live?.dash.value?.stats.value.shown}

@@ -4,7 +4,7 @@ import { PAPER_LADDER } from "../abr/ladder";
 import { CONTROLLERS } from "../abr/registry";
 import { config, settings } from "../state/app";
 import { DEFAULT_SETTINGS } from "../state/settings";
-import { adapting } from "./adapting";
+import { selectedController } from "./selected-controller";
 
 const create = vi.spyOn(CONTROLLERS["lol+"], "create");
 const configured = (ladder = PAPER_LADDER) => ({ ladder: structuredClone(ladder) }) as never;
@@ -22,7 +22,7 @@ afterEach(() => {
 
 test("a seed decides a controller's random numbers", () => {
   const numbers = (seed: number) => {
-    adapting(signal(seed)).value;
+    selectedController(signal(seed)).value;
     const random = create.mock.lastCall?.[0].random ?? Math.random;
     return [random(), random(), random()];
   };
@@ -33,7 +33,7 @@ test("a seed decides a controller's random numbers", () => {
 
 test("a controller stays for as long as choice, ladder and seed do", () => {
   const seed = signal(1);
-  const controller = adapting(seed);
+  const controller = selectedController(seed);
   const first = controller.value;
   config.value = configured();
   settings.value = { ...settings.value, refine: false };
@@ -47,7 +47,7 @@ test("a controller stays for as long as choice, ladder and seed do", () => {
 
 test("the rung that a person chose, or the last of a shorter ladder", () => {
   settings.value = { ...DEFAULT_SETTINGS, controller: "fixed", profile: 9 };
-  expect(adapting(signal(1)).value.decide()).toBe(3);
+  expect(selectedController(signal(1)).value.decide()).toBe(3);
   config.value = null;
-  expect(adapting(signal(1)).value.decide()).toBe(0);
+  expect(selectedController(signal(1)).value.decide()).toBe(0);
 });

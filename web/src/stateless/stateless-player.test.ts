@@ -4,7 +4,7 @@ import { FakeTransport, settle } from "../transport/fake";
 import { NO_NUDGE } from "../view/motion";
 import { Rig } from "../view/rig";
 import type { SceneInfo } from "../wire/render";
-import { Player, type Reply } from "./player";
+import { type Reply, StatelessPlayer } from "./stateless-player";
 
 const SCENE: SceneInfo = {
   id: "courtyard",
@@ -30,7 +30,7 @@ let drawn: unknown[];
 let replies: Reply[];
 let transport: FakeTransport;
 let rig: Rig;
-let player: Player;
+let player: StatelessPlayer;
 
 beforeEach(() => {
   now = 1000;
@@ -42,7 +42,7 @@ beforeEach(() => {
   transport = new FakeTransport(() => now);
   const canvas = { getContext: () => ({ transferFromImageBitmap: (bitmap: unknown) => drawn.push(bitmap) }) };
   rig = new Rig({ sampleInput: () => ({ axes, nudge: NO_NUDGE }), turnSpeed: () => 60 });
-  player = new Player({
+  player = new StatelessPlayer({
     canvas: canvas as unknown as HTMLCanvasElement,
     rig,
     decoder: { decode: async () => ({ close: () => undefined }) as ImageBitmap },

@@ -1,7 +1,7 @@
 /** Observations for tests: a frame of so many bytes, on a link and a server as told. */
 import type { Observation } from "./controller";
 
-export interface Told {
+export interface ObservationOptions {
   readonly profile?: number;
   readonly bytes?: number;
   /** Request to last byte, in milliseconds. */
@@ -14,8 +14,8 @@ export interface Told {
   readonly at?: number;
 }
 
-export function observation(told: Told = {}): Observation {
-  const { profile = 3, bytes = 7000, response = 50, throughput = 20e6, server = 10, turning = 0, at = 0 } = told;
+export function observation(options: ObservationOptions = {}): Observation {
+  const { profile = 3, bytes = 7000, response = 50, throughput = 20e6, server = 10, turning = 0, at = 0 } = options;
   const duration = throughput === null ? 0 : (bytes * 8000) / throughput;
   const arrival = {
     sentAt: at - response,

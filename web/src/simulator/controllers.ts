@@ -5,7 +5,7 @@ import { LatencyController } from "../abr/latency";
 import { CONTROLLER_NAMES, CONTROLLERS, type ControllerName } from "../abr/registry";
 
 /** Throws an Error with one sentence if there is no such controller. */
-export function contender(name: string): ControllerFactory {
+export function controllerFactory(name: string): ControllerFactory {
   if (isControllerName(name)) return CONTROLLERS[name].create;
   const [kind, text] = name.split(/[:@]/);
   const value = Number(text);

@@ -1,6 +1,6 @@
 import { afterEach, beforeEach, expect, test, vi } from "vitest";
 import { MovementError } from "./movement";
-import { fetchMovement, listMovements } from "./movements";
+import { fetchMovement, listMovements } from "./stored-movements";
 
 afterEach(() => {
   vi.unstubAllGlobals();

@@ -2,7 +2,7 @@
 
 import * as v from "valibot";
 import { readProblem } from "../http/problem";
-import { storeSilence } from "../http/reach";
+import { storeUnreachable } from "../http/reach";
 import type { Movement as ListedMovement } from "../wire/store";
 import { ANCHORS, MovementError, readMovement } from "./movement";
 import type { NamedMovement } from "./movement-deck";
@@ -47,7 +47,7 @@ async function ask<T>(
     if (answer.ok) return await read(answer);
   } catch (error) {
     if (signal?.aborted) throw error;
-    throw new MovementError(storeSilence(base, location.href));
+    throw new MovementError(storeUnreachable(base, location.href));
   }
   throw new MovementError((await readProblem(answer)).detail);
 }

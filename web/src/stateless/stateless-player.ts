@@ -8,7 +8,7 @@ import type { PresentedFrame } from "../view/presented";
 import type { Rig } from "../view/rig";
 import type { SceneInfo } from "../wire/render";
 import type { Decoder } from "./decoder";
-import { type DecodedFrame, FramePipeline, type View } from "./pipeline";
+import { type DecodedFrame, FramePipeline, type ViewRequest } from "./pipeline";
 import { NO_STATS, type Stats, StatsRecorder } from "./stats";
 
 /** A frame that came: what controllers hear of it, and what was asked for. */
@@ -19,7 +19,7 @@ export interface Reply extends Observation {
   readonly asked: number | null;
 }
 
-export interface PlayerOptions {
+export interface StatelessPlayerOptions {
   readonly canvas: HTMLCanvasElement;
   readonly rig: Rig;
   readonly decoder: Pick<Decoder, "decode">;
@@ -39,11 +39,11 @@ export interface PlayerOptions {
 /** The camera stands still when nothing moved it for this long, in milliseconds. */
 const STILL_AFTER = 300;
 
-export class Player {
+export class StatelessPlayer {
   readonly stats = signal<Stats>(NO_STATS);
   /** Why the server refuses frames at the moment, or null. */
   readonly problem = signal<string | null>(null);
-  readonly #options: PlayerOptions;
+  readonly #options: StatelessPlayerOptions;
   readonly #context: ImageBitmapRenderingContext;
   #meter: Meter;
   #recorder = new StatsRecorder();
@@ -53,7 +53,7 @@ export class Player {
   #presenting: DecodedFrame | undefined;
   #publishedAt = 0;
 
-  constructor(options: PlayerOptions) {
+  constructor(options: StatelessPlayerOptions) {
     this.#options = options;
     const context = options.canvas.getContext("bitmaprenderer");
     if (context === null) throw new Error("this browser cannot draw decoded images");
@@ -110,7 +110,7 @@ export class Player {
   }
 
   /** Instead of `tick`, while another mode shows the scene: what was asked for is awaited no longer. */
-  rest(): void {
+  suspend(): void {
     this.#meter.reset();
     this.#presenting = undefined;
   }
@@ -150,7 +150,7 @@ export class Player {
     this.#presenting = undefined;
   }
 
-  #view(scene: SceneInfo, now: number): View {
+  #view(scene: SceneInfo, now: number): ViewRequest {
     const { rig, refine, stamp, controller } = this.#options;
     const still = now - rig.changedAt > STILL_AFTER;
     this.#refining = refine() && still && (this.#refining || this.#pipeline?.settled === true);

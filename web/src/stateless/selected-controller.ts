@@ -11,7 +11,7 @@ import type { Rung } from "../wire/render";
  * Made anew only when the choice, the ladder or the seed changes: a controller learns as it goes. Its random numbers follow
  * from the seed, so that a run can be made again.
  */
-export function adapting(seed: ReadonlySignal<number>): ReadonlySignal<Controller> {
+export function selectedController(seed: ReadonlySignal<number>): ReadonlySignal<Controller> {
   const ladder = computed(() => JSON.stringify(config.value?.ladder ?? [])); // the configuration is read again and again
   const name = computed(() => settings.value.controller);
   const chosen = computed(() => settings.value.profile);
