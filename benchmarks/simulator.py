@@ -32,13 +32,15 @@ from matplotlib.figure import Figure
 from prometheus_client.parser import text_string_to_metric_families
 
 from tigas_common.errors import StartError, TigasError
+from tigas_common.wire.recording import Input, Lens
 from tigas_common.wire.render import DEFAULT_LADDER, RenderRequest
-from tigas_experiments.records.configuration import Configuration, Network
+from tigas_common.wire.run import Configuration, Network
 from tigas_experiments.records.folder import StoredRun
-from tigas_experiments.records.recording import BrokenRecording, Input, Lens
+from tigas_experiments.records.recording import BrokenRecording
 from tigas_experiments.records.summary import Records, figures
 from tigas_experiments.run.laboratory import laboratory
 from tigas_experiments.run.measure import run
+from tigas_experiments.run.parsing import parse_network
 from tigas_experiments.run.targets import LAB_URL
 from tigas_shaper.csv_format import format_csv
 from tigas_shaper.importers import load_trace
@@ -352,7 +354,7 @@ def main() -> int:
 
 def converted(text: str, folder: Path) -> Network:
     """A network of a trace's file, as the simulator reads it: in the project's own format. Raises ValueError."""
-    network = Network.parse(text)
+    network = parse_network(text)
     if network.trace_file is None:
         raise ValueError(f"{text!r} is no trace's file.")
     trace = load_trace(network.trace_file)

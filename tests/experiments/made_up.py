@@ -11,13 +11,14 @@ import numpy as np
 from PIL import Image
 
 from tigas_common.wire.dash import RepresentationInfo
+from tigas_common.wire.recording import Input, Lens, LinkSample, PlayedStream, Recording, Reply, ShownFrame, Traffic
 from tigas_common.wire.render import DEFAULT_LADDER, ServerConfig, ServerTiming
+from tigas_common.wire.run import Configuration, Mode, Network
+from tigas_common.wire.shaper import LinkSetting
 from tigas_experiments.quality.picture import Quality
-from tigas_experiments.records.configuration import Configuration, ConstantLink, Mode, Network
-from tigas_experiments.records.folder import CaptureQuality, LinkSample, Moment, RunRecord, RunWriter
+from tigas_experiments.records.folder import CaptureQuality, Moment, RunRecord, RunWriter
 from tigas_experiments.records.load import Load, LoadSample
 from tigas_experiments.records.machine import Machine
-from tigas_experiments.records.recording import Input, Lens, PlayedStream, Recording, Reply, ShownFrame, Traffic
 
 MACHINE = Machine(
     system="Linux 6",
@@ -39,7 +40,7 @@ SERVER = ServerConfig(
     https_url=None,
     services={},
 )
-LINK = Network(name="20mbit,20ms-rtt", link=ConstantLink(down_kbps=20_000, delay_ms=10))
+LINK = Network(name="20mbit,20ms-rtt", link=LinkSetting(down_kbps=20_000, up_kbps=10_000, delay_ms=10))
 LENS = Lens(width=64, height=36, fx=30, fy=30, cx=32, cy=18)
 STREAM = PlayedStream(
     player="dash.js 5.0",

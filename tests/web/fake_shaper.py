@@ -129,7 +129,7 @@ class FakeShaper:
             case "/loop":
                 player.set_loop(parse(LoopRequest, body).loop)
             case "/link":
-                player.constant(parse(LinkSetting, body).state)
+                player.constant(LinkState(**parse(LinkSetting, body).model_dump()))
         return json_response(self._now())
 
     def _now(self) -> ShaperStatus:

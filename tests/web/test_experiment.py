@@ -16,7 +16,8 @@ from tests.web.experiments import WALK, PageLab, fill, page_lab
 from tests.web.fake_shaper import FakeShaper
 from tests.web.server import RenderServer
 from tests.web.stage import SCENE, frames, wait_for_frames
-from tigas_experiments.records.configuration import Network
+from tigas_common.wire.run import Network
+from tigas_experiments.run.parsing import parse_network
 
 pytest.importorskip("tigas_shaper")
 
@@ -225,4 +226,4 @@ def test_an_experiment_whose_page_was_closed_is_incomplete_and_gets_the_run_that
     assert {profile: run["status"] for profile, run in runs.items()} == {"latency": "complete", "budget": "complete"}
     for run in runs.values():
         network = Network.model_validate(run["configuration"]["network"])
-        assert network == Network.parse("100mbit,50mbit-up"), "the link as it was"
+        assert network == parse_network("100mbit,50mbit-up"), "the link as it was"

@@ -4,21 +4,17 @@ import { existsSync, readFileSync, writeFileSync } from "node:fs";
 import { fileURLToPath } from "node:url";
 import { compile } from "json-schema-to-typescript";
 
-/** The generated files, `src/wire/NAME.ts`: the Python module that prints each one's schema, and its source. */
-const GENERATED = {
-  render: { schema: ["tigas_common.wire.schema", "render"], source: "services/common/tigas_common/wire/render.py" },
-  dash: { schema: ["tigas_common.wire.schema", "dash"], source: "services/common/tigas_common/wire/dash.py" },
-  shaper: { schema: ["tigas_common.wire.schema", "shaper"], source: "services/common/tigas_common/wire/shaper.py" },
-  store: { schema: ["tigas_experiments.store.schema"], source: "services/experiments/tigas_experiments/store/wire.py" },
-};
+/** `src/wire/NAME.ts` is generated from `wire/NAME.py`, whose schema `tigas_common.wire.schema` prints. */
+const NAMES = ["render", "dash", "shaper", "store"];
 
 const venv = fileURLToPath(new URL("../../.venv/bin/python", import.meta.url));
 const python = process.env.PYTHON ?? (existsSync(venv) ? venv : "python3");
 
-for (const [name, { schema, source }] of Object.entries(GENERATED)) {
+for (const name of NAMES) {
+  const source = `services/common/tigas_common/wire/${name}.py`;
   const file = `src/wire/${name}.ts`;
   const target = fileURLToPath(new URL(`../${file}`, import.meta.url));
-  const generated = await compile(readSchema(schema), name, {
+  const generated = await compile(readSchema(name), name, {
     additionalProperties: false,
     bannerComment: `// Generated from ${source} by \`npm run wire\`. Do not edit.`,
   });
@@ -31,8 +27,9 @@ for (const [name, { schema, source }] of Object.entries(GENERATED)) {
 }
 
 // Pydantic writes draft 2020-12, the generator reads draft 4: a tuple's members are called `items` there.
-function readSchema(module) {
-  return JSON.parse(execFileSync(python, ["-m", ...module], { encoding: "utf8" }), (_, value) =>
+function readSchema(name) {
+  const json = execFileSync(python, ["-m", "tigas_common.wire.schema", name], { encoding: "utf8" });
+  return JSON.parse(json, (_, value) =>
     value?.prefixItems ? { ...value, items: value.prefixItems, prefixItems: undefined } : value,
   );
 }

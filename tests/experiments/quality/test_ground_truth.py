@@ -8,8 +8,8 @@ import httpx
 import pytest
 
 from tests.experiments.made_up import LENS, inputs, png
+from tigas_common.wire.recording import Capture
 from tigas_experiments.quality.ground_truth import Truth
-from tigas_experiments.records.recording import Capture
 from tigas_experiments.run.errors import RunFailed
 
 pytestmark = pytest.mark.anyio

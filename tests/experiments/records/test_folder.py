@@ -10,7 +10,7 @@ import pytest
 
 from tests.experiments.made_up import recording, reply, write_run
 from tigas_experiments.records.folder import ExperimentRecord, RunWriter, StoredRun, read_experiment, write_experiment
-from tigas_experiments.records.recording import BrokenRecording, Recording
+from tigas_experiments.records.recording import BrokenRecording, parse_recording
 from tigas_experiments.records.summary import summarise
 
 
@@ -31,7 +31,7 @@ def test_replies_come_back_and_may_be_missing(tmp_path: Path) -> None:
     folder = write_run(tmp_path / "run")
     assert StoredRun(folder).replies() == []
     entry = reply(20, 35, pose=7).model_dump(mode="json")
-    made = Recording.parse(json.dumps(recording(replies=[entry])))
+    made = parse_recording(json.dumps(recording(replies=[entry])))
     RunWriter(tmp_path / "other", StoredRun(folder).record).recording(made)
     (stored,) = StoredRun(tmp_path / "other").replies()
     assert stored.model_dump(mode="json") == entry
@@ -52,7 +52,7 @@ def test_replies_come_back_and_may_be_missing(tmp_path: Path) -> None:
 def test_replies_that_cannot_be_are_refused(changes: dict[str, object]) -> None:
     entry = reply(20, 35).model_dump(mode="json")
     with pytest.raises(BrokenRecording, match=r"replies\.0"):
-        Recording.parse(json.dumps(recording(replies=[entry | changes])))
+        parse_recording(json.dumps(recording(replies=[entry | changes])))
 
 
 @pytest.mark.parametrize("length", [0, 1, 30, -2])
@@ -109,17 +109,17 @@ def test_a_run_that_was_killed_is_incomplete(tmp_path: Path) -> None:
 )
 def test_what_a_page_must_not_say(changes: dict[str, object], sentence: str) -> None:
     with pytest.raises(BrokenRecording, match=sentence):
-        Recording.parse(json.dumps(recording(**changes)))
+        parse_recording(json.dumps(recording(**changes)))
 
 
 def test_poses_and_times_must_grow() -> None:
     made = recording()
     backwards = [made["inputs"][1], made["inputs"][0]]
     with pytest.raises(BrokenRecording, match="must grow"):
-        Recording.parse(json.dumps(made | {"inputs": backwards}))
+        parse_recording(json.dumps(made | {"inputs": backwards}))
     frames = [made["frames"][1], made["frames"][0]]
     with pytest.raises(BrokenRecording, match="times of frames"):
-        Recording.parse(json.dumps(made | {"frames": frames}))
+        parse_recording(json.dumps(made | {"frames": frames}))
 
 
 def test_an_experiment_says_what_was_planned(tmp_path: Path) -> None:
@@ -157,4 +157,4 @@ def test_a_broken_experiment_gets_a_sentence(tmp_path: Path, changes: dict[str, 
 
 def test_a_page_that_was_closed_says_nothing() -> None:
     with pytest.raises(BrokenRecording):
-        Recording.parse("null")
+        parse_recording("null")

@@ -7,8 +7,8 @@ import math
 import pytest
 
 from tests.experiments.made_up import frame, inputs, late, reply
+from tigas_common.wire.recording import Traffic
 from tigas_experiments.records import statistics
-from tigas_experiments.records.recording import Traffic
 
 
 @pytest.mark.parametrize(

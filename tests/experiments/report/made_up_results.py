@@ -13,11 +13,11 @@ from pathlib import Path
 from typing import Any
 
 from tests.experiments.made_up import LENS, MACHINE, inputs, reply
+from tigas_common.wire.recording import LinkSample, Recording, ShownFrame, Traffic
+from tigas_common.wire.run import Configuration, Mode, Network
 from tigas_experiments.quality.picture import Quality
-from tigas_experiments.records.configuration import Configuration, Mode, Network
-from tigas_experiments.records.folder import CaptureQuality, LinkSample, RunRecord, RunWriter
+from tigas_experiments.records.folder import CaptureQuality, RunRecord, RunWriter
 from tigas_experiments.records.load import Load, LoadSample
-from tigas_experiments.records.recording import Recording, ShownFrame, Traffic
 
 STEP_MS = 20.0
 """Between inputs: 50 a second."""

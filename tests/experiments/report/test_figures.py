@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from tests.experiments.report.made_up_results import write_large, write_run
-from tigas_experiments.records.configuration import Configuration, Mode
+from tigas_common.wire.run import Configuration, Mode
 from tigas_experiments.report import experiment
 from tigas_experiments.report.drawing import distribution, for_a_page
 from tigas_experiments.report.experiment import Listener, write_experiment_report

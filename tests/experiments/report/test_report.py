@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from tests.experiments.made_up import write_run
-from tigas_experiments.records.configuration import Network
+from tigas_common.wire.run import Network
 from tigas_experiments.records.summary import summarise
 from tigas_experiments.report.page import warnings, write_report
 from tigas_experiments.report.table import markdown

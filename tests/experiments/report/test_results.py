@@ -10,7 +10,8 @@ from pathlib import Path
 import pytest
 
 from tests.experiments.report.made_up_results import SCENE_BYTES, write_run
-from tigas_experiments.records.configuration import ConstantLink, Network
+from tigas_common.wire.run import Network
+from tigas_common.wire.shaper import LinkSetting
 from tigas_experiments.records.folder import ExperimentRecord, write_experiment
 from tigas_experiments.report.csv_files import write_csv
 from tigas_experiments.report.experiment import cell, warnings, write_experiment_report
@@ -134,9 +135,13 @@ def test_the_mean_of_equal_values_is_one_of_them() -> None:
     [
         (Network(name="4g-bus", rtt_ms=50.0), "4g-bus", 50.0),
         (Network(name="4g-bus"), "4g-bus", None),
-        (Network(name="20mbit,50ms-rtt", link=ConstantLink(down_kbps=20_000, delay_ms=25)), "20mbit", 50.0),
         (
-            Network(name="20mbit, 50ms-rtt, 1%-loss", link=ConstantLink(down_kbps=20_000, delay_ms=25)),
+            Network(name="20mbit,50ms-rtt", link=LinkSetting(down_kbps=20_000, up_kbps=10_000, delay_ms=25)),
+            "20mbit",
+            50.0,
+        ),
+        (
+            Network(name="20mbit, 50ms-rtt, 1%-loss", link=LinkSetting(down_kbps=20_000, up_kbps=10_000, delay_ms=25)),
             "20mbit,1%-loss",
             50,
         ),

@@ -14,8 +14,8 @@ from tests.experiments.movement.scenes import scene
 from tigas_common.errors import StartError
 from tigas_common.pose import Pose
 from tigas_common.wire.render import SceneInfo, StartCamera
+from tigas_common.wire.run import Configuration, Network
 from tigas_experiments.movement.points import Point
-from tigas_experiments.records.configuration import Configuration, Network
 from tigas_experiments.run.inputs import Inputs
 
 HEADER = "t_ms,x,y,z,qx,qy,qz,qw\n"

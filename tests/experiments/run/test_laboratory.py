@@ -14,7 +14,7 @@ import pytest
 from tests.experiments.made_up import MACHINE, SERVER, configuration
 from tests.experiments.movement.scenes import scene
 from tigas_common.errors import StartError
-from tigas_experiments.records.configuration import Configuration, Network
+from tigas_common.wire.run import Configuration, Network
 from tigas_experiments.run import laboratory as module
 from tigas_experiments.run.errors import RunFailed
 from tigas_experiments.run.inputs import Inputs

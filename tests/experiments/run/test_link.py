@@ -12,9 +12,10 @@ import pytest
 from tests.experiments.made_up import SERVER
 from tests.experiments.store.conftest import until
 from tests.web.fake_shaper import FakeShaper
-from tigas_experiments.records.configuration import Network
+from tigas_common.wire.run import Network
 from tigas_experiments.run.errors import RunFailed
 from tigas_experiments.run.link import HeldLink, held, watching_link
+from tigas_experiments.run.parsing import parse_network
 from tigas_experiments.run.shaper_client import LinkStatus, ShaperClient
 from tigas_experiments.run.targets import Target
 
@@ -75,8 +76,8 @@ def test_a_trace_that_somebody_else_changed_is_noticed(network: Network, changes
 @pytest.mark.parametrize("name", ["5mbit,1mbit-up,50ms-rtt", "unshaped"])
 def test_a_constant_link_that_somebody_else_changed_is_noticed(name: str, change: dict[str, Any]) -> None:
     seen = [status(at) for at in (0, 200, 400)]
-    assert left_alone(Network.parse(name), seen)
-    assert not left_alone(Network.parse(name), [*seen, seen[-1].model_copy(update=change)])
+    assert left_alone(parse_network(name), seen)
+    assert not left_alone(parse_network(name), [*seen, seen[-1].model_copy(update=change)])
 
 
 @pytest.fixture(scope="module")
@@ -91,7 +92,7 @@ def watched(shaper: FakeShaper, network: str, somebody: tuple[str, dict[str, Any
 
     async def run() -> None:
         target = Target("http://127.0.0.1:9", SERVER.model_copy(update={"services": {"shaper": shaper.url}}))
-        async with held(target, Network.parse(network)) as link, watching_link(link) as seen:
+        async with held(target, parse_network(network)) as link, watching_link(link) as seen:
             assert link is not None
             await link.play()
             for request in (somebody, None):

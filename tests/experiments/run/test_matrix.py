@@ -20,7 +20,7 @@ from typer.testing import CliRunner, Result
 from tests.experiments.made_up import MACHINE
 from tests.experiments.run.test_plan import toml
 from tigas_common.errors import StartError
-from tigas_experiments.records.configuration import Configuration
+from tigas_common.wire.run import Configuration
 from tigas_experiments.records.folder import RunRecord, RunWriter, read_experiment
 from tigas_experiments.report import cli as report_module
 from tigas_experiments.run import matrix as runner

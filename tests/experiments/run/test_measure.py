@@ -15,11 +15,12 @@ import pytest
 from tests.experiments.made_up import MACHINE, SERVER, configuration, recording
 from tests.experiments.movement.scenes import scene
 from tigas_common.errors import StartError
+from tigas_common.wire.recording import Recording
+from tigas_common.wire.run import Network
 from tigas_experiments.movement.points import digest
-from tigas_experiments.records.configuration import Network
 from tigas_experiments.records.folder import InputDigests, RunRecord, StoredRun
 from tigas_experiments.records.machine import Server
-from tigas_experiments.records.recording import Recording
+from tigas_experiments.records.recording import parse_recording
 from tigas_experiments.run import measure as run_module
 from tigas_experiments.run.inputs import Inputs
 from tigas_experiments.run.laboratory import Bench
@@ -58,7 +59,7 @@ class World:
 
     async def record(self, plan: dict[str, Any], patience_s: float) -> Recording:
         self.asked |= plan
-        return Recording.parse(json.dumps(self.recording))
+        return parse_recording(json.dumps(self.recording))
 
 
 @pytest.fixture

@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from tigas_common.errors import StartError
-from tigas_experiments.records.configuration import Configuration
+from tigas_common.wire.run import Configuration
 from tigas_experiments.run.inputs import Inputs
 from tigas_experiments.run.plan import Plan, lasting, seconds
 

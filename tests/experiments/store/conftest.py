@@ -16,7 +16,7 @@ import pytest
 from tests.experiments.made_up import MACHINE, configuration, recording, sample
 from tigas_common.address import Address
 from tigas_common.runner import serve_http
-from tigas_experiments.records.configuration import Mode
+from tigas_common.wire.run import Mode
 from tigas_experiments.records.load import LoadSample
 from tigas_experiments.store.app import Store, create_app
 from tigas_experiments.store.experiments import Experiments

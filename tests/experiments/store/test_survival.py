@@ -20,9 +20,9 @@ from tests.experiments.store.conftest import Running, running_store, until, uplo
 from tests.experiments.store.test_hostile import head
 from tests.web.server import Store
 from tigas_common.errors import InvalidRequest, Overloaded, StartError
+from tigas_common.wire.store import ExperimentRequest
 from tigas_experiments.store.apart import in_a_process
 from tigas_experiments.store.intake import parsed
-from tigas_experiments.store.wire import ExperimentRequest
 from tigas_experiments.store.workspace import NAME, Workspace
 
 pytestmark = pytest.mark.anyio

@@ -1,4 +1,4 @@
-// Generated from services/experiments/tigas_experiments/store/wire.py by `npm run wire`. Do not edit.
+// Generated from services/common/tigas_common/wire/store.py by `npm run wire`. Do not edit.
 
 export type JsonValue = unknown;
 
@@ -55,17 +55,17 @@ export interface Configuration {
  */
 export interface Network {
   name: string;
-  link?: ConstantLink | null;
+  link?: LinkSetting | null;
   trace_file?: string | null;
   rtt_ms?: number | null;
   offset_s?: number;
 }
 /**
- * A link that does not change; the same as the shaper's LinkSetting.
+ * What a link does to packets.
  */
-export interface ConstantLink {
+export interface LinkSetting {
   down_kbps: number;
-  up_kbps?: number;
+  up_kbps: number;
   delay_ms?: number;
   jitter_ms?: number;
   loss_pct?: number;

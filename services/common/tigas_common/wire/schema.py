@@ -12,7 +12,7 @@ from typing import Any, Literal
 
 from pydantic.json_schema import models_json_schema
 
-from tigas_common.wire import dash, render, shaper
+from tigas_common.wire import dash, render, shaper, store
 from tigas_common.wire.model import WireModel
 
 
@@ -57,6 +57,18 @@ def schemas() -> dict[str, dict[str, Any]]:
             "All messages between the shaper and the page.",
             requests=[shaper.StartRequest, shaper.SeekRequest, shaper.LoopRequest, shaper.LinkSetting],
             answers=[shaper.TraceList, shaper.TracePoints, shaper.ShaperStatus],
+        ),
+        "store": messages_schema(
+            "StoreWire",
+            "All messages between the experiments' store and the page.",
+            requests=[store.ExperimentRequest, store.RunUpload],
+            answers=[
+                store.ExperimentCreated,
+                store.ExperimentList,
+                store.Experiment,
+                store.RunRow,
+                store.MovementList,
+            ],
         ),
     }
 

@@ -7,10 +7,10 @@ from collections.abc import Sequence
 
 import httpx
 
+from tigas_common.wire.recording import Capture, Input, Lens
 from tigas_common.wire.render import RenderRequest
 from tigas_experiments.quality.picture import BrokenPicture, Picture, compare, decode
 from tigas_experiments.records.folder import CaptureQuality
-from tigas_experiments.records.recording import Capture, Input, Lens
 from tigas_experiments.run.errors import RunFailed
 
 TIMEOUT_S = 60

@@ -15,54 +15,24 @@ The runs of an experiment lie in one folder, as runs/<slug>, beside experiment.j
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import Annotated, Literal, TypeVar
+from typing import Literal, TypeVar
 
-from pydantic import AfterValidator, BaseModel, Field, JsonValue, StringConstraints, ValidationError
+from pydantic import BaseModel, Field, ValidationError
 
 from tigas_common.parsing import sentence
 from tigas_common.wire.model import WireModel
+from tigas_common.wire.recording import Input, LinkSample, Recording, RecordingHead, Reply, ShownFrame, Traffic
+from tigas_common.wire.run import Configuration
+from tigas_common.wire.store import ExperimentName, Plan
 from tigas_experiments.quality.picture import Quality
-from tigas_experiments.records.configuration import Configuration
 from tigas_experiments.records.load import Load, LoadSample
 from tigas_experiments.records.machine import Machine, Server
-from tigas_experiments.records.recording import (
-    BrokenRecording,
-    Input,
-    Recording,
-    RecordingHead,
-    Reply,
-    ShownFrame,
-    Traffic,
-)
+from tigas_experiments.records.recording import BrokenRecording
 
 MAX_FILE_BYTES = 256_000_000
 Entry = TypeVar("Entry", bound=BaseModel)
-
-
-def _printable(text: str) -> str:
-    if not text.isprintable():
-        raise ValueError("a name is one line of text")
-    return text
-
-
-ExperimentName = Annotated[
-    str, StringConstraints(strip_whitespace=True, min_length=1, max_length=100), AfterValidator(_printable)
-]
-
-
-def _finite(plan: dict[str, JsonValue]) -> dict[str, JsonValue]:
-    try:
-        json.dumps(plan, allow_nan=False)
-    except ValueError:
-        raise ValueError("its numbers must be finite") from None
-    return plan
-
-
-Plan = Annotated[dict[str, JsonValue], AfterValidator(_finite)]
-"""What an experiment was asked for; any JSON object."""
 
 
 class ExperimentRecord(WireModel):
@@ -87,20 +57,6 @@ def write_experiment(folder: Path, record: ExperimentRecord) -> None:
 def read_experiment(folder: Path) -> ExperimentRecord:
     """What write_experiment wrote. Raises BrokenRecording."""
     return _read_one(folder / "experiment.json", ExperimentRecord)
-
-
-class LinkSample(WireModel):
-    """The link at one moment of a run."""
-
-    at: float
-    """ms since the run's start."""
-    position_ms: float | None
-    """Of the trace."""
-    target_kbps: float
-    delivered_kbps: float
-    queue_ms: float
-    drops: int
-    up_delivered_kbps: float
 
 
 class CaptureQuality(WireModel):

@@ -1,196 +1,22 @@
-"""What the viewer records during a run, as the page hands it over (`web/src/experiment/recorder.ts` has its twin).
-
-All times are milliseconds since the run's start, on the page's own clock.
-"""
+"""Reads a recording that the page hands over, and says what is wrong with one."""
 
 from __future__ import annotations
 
-from itertools import pairwise
-from typing import Literal, Self
-
-from pydantic import Field, ValidationError, model_validator
+from pydantic import ValidationError
 
 from tigas_common.parsing import sentence
-from tigas_common.pose import Pose
-from tigas_common.wire.dash import StreamInfo
-from tigas_common.wire.model import MAX_SIDE, Coordinate, Point, WireModel
-from tigas_common.wire.render import ServerTiming
-
-MAX_BYTES = 256_000_000
-"""A longer recording is refused."""
-LONGEST_REPLY_MS = 600_000.0
-"""No frame takes longer from being asked for to its last byte."""
-PlayedMode = Literal["stateless", "dash", "side-by-side"]
+from tigas_common.wire.recording import MAX_BYTES, Recording
 
 
 class BrokenRecording(Exception):
     """Why a recording cannot be used, in one sentence."""
 
 
-class Input(WireModel):
-    """A pose that the rig sampled, because it differs from the one before."""
-
-    at: float
-    pose: int = Field(ge=0)
-    """Its number; grows with each change."""
-    position: Point
-    quaternion: tuple[Coordinate, Coordinate, Coordinate, Coordinate]
-    """Camera to world, [x, y, z, w], in the scene's own frame."""
-
-    @property
-    def camera(self) -> Pose:
-        """Raises ValueError if the quaternion is zero."""
-        return Pose.from_quaternion(self.position, self.quaternion)
-
-
-class ShownFrame(WireModel):
-    """A frame that was on the screen."""
-
-    side: Literal["stateless", "dash"]
-    at: float
-    """When it was on the screen."""
-    pose: int
-    """The number of the pose that it was rendered from."""
-    latencies: tuple[float, ...]
-    """What the page itself took for the motion-to-photon latency of each input that this frame shows first."""
-    rung: int | None
-    """Of the ladder."""
-    width: int = Field(ge=0, le=MAX_SIDE)
-    height: int = Field(ge=0, le=MAX_SIDE)
-
-
-class Reply(WireModel):
-    """A frame that came in the mode `stateless`, whether or not it was shown. What was overtaken has none."""
-
-    at: float
-    """When its last byte came."""
-    asked_at: float
-    first_byte_at: float
-    pose: int
-    """The number of the pose that it was rendered from."""
-    asked_rung: int | None
-    """Of the ladder; None if the server was to choose."""
-    rung: int | None
-    """The one that it has."""
-    bytes: int = Field(ge=0, le=MAX_BYTES)
-    server: ServerTiming | None
-    """Where the server's time went."""
-    throughput_kbps: float | None = Field(ge=0)
-    """The page's estimate of the link after this reply; None while unknown."""
-
-    @property
-    def time_ms(self) -> float:
-        """From being asked for to the last byte."""
-        return self.at - self.asked_at
-
-    @model_validator(mode="after")
-    def _check(self) -> Self:
-        if not self.asked_at <= self.first_byte_at <= self.at <= self.asked_at + LONGEST_REPLY_MS:
-            raise ValueError("the times of a reply must follow one another, within ten minutes")
-        return self
-
-
-class Capture(WireModel):
-    """A frame whose picture was kept."""
-
-    at: float
-    pose: int
-    rung: int | None
-    width: int = Field(gt=0, le=MAX_SIDE)
-    height: int = Field(gt=0, le=MAX_SIDE)
-
-
-class Lens(WireModel):
-    """The viewport and its intrinsics, in its pixels."""
-
-    width: int = Field(ge=1, le=MAX_SIDE)
-    height: int = Field(ge=1, le=MAX_SIDE)
-    fx: float = Field(gt=0)
-    fy: float = Field(gt=0)
-    cx: float
-    cy: float
-
-
-class Traffic(WireModel):
-    """What the page had received by then."""
-
-    at: float
-    bytes: int = Field(ge=0)
-    """Of frames or segments, since the run's start; headers of the transport are not in it."""
-
-
-class PlayedStream(StreamInfo):
-    """The stream of the modes with DASH, as the packager made it, and who played it."""
-
-    player: str = Field(max_length=100)
-    """Its name and version."""
-
-    @property
-    def summary(self) -> str:
-        """All of it in one line."""
-        representations = ", ".join(
-            f"{one.width}×{one.height} at {one.bitrate_kbps} kbit/s ({one.codecs})" for one in self.representations
-        )
-        return (
-            f"{self.player}; {self.frame_rate} frames/s, segments of {self.segment_s:g} s, chunks of "
-            f"{self.frames_per_chunk}, target {self.target_latency_ms} ms; {representations}"
-        )
-
-
-class RecordingHead(WireModel):
-    """All but the long lists."""
-
-    scene: str
-    mode: PlayedMode
-    transport: str | None
-    """How frames came: the page's transport, or `dash`."""
-    dash: PlayedStream | None = None
-    """None without DASH, before it played, and in early recordings."""
-    user_agent: str
-    lens: Lens
-    started_unix_ms: float
-    """The run's start, on the machine's clock."""
-    duration_ms: float = Field(gt=0)
-    """How long the movement lasts."""
-    ended_ms: float = Field(ge=0)
-    """When recording ended: the last view was on the screen, or nobody waited for it any longer."""
-    complete: bool
-    """The movement was played to its end."""
-    hidden: bool
-    """The page was hidden at some time, so that a browser may have held frames back."""
-
-
-class Recording(RecordingHead):
-    """One run, as the viewer saw it."""
-
-    inputs: tuple[Input, ...]
-    frames: tuple[ShownFrame, ...]
-    replies: tuple[Reply, ...] = ()
-    """None of DASH."""
-    captures: tuple[Capture, ...]
-    traffic: tuple[Traffic, ...]
-
-    @model_validator(mode="after")
-    def _check(self) -> Self:
-        if any(later.pose <= earlier.pose for earlier, later in pairwise(self.inputs)):
-            raise ValueError("the numbers of poses must grow")
-        for name in ("inputs", "frames", "replies", "traffic"):
-            times = [entry.at for entry in getattr(self, name)]
-            if any(later < earlier for earlier, later in pairwise(times)):
-                raise ValueError(f"the times of {name} must not go back")
-        return self
-
-    @property
-    def head(self) -> RecordingHead:
-        """Without the lists."""
-        return RecordingHead.model_validate(self.model_dump(include=set(RecordingHead.model_fields)))
-
-    @classmethod
-    def parse(cls, text: str | bytes) -> Recording:
-        """Read one from the page's JSON. Raises BrokenRecording."""
-        if len(text) > MAX_BYTES:
-            raise BrokenRecording(f"The recording has {len(text)} bytes; the limit is {MAX_BYTES}.")
-        try:
-            return cls.model_validate_json(text)
-        except ValidationError as error:
-            raise BrokenRecording(f"The page's recording cannot be used: {sentence(error)}") from None
+def parse_recording(text: str | bytes) -> Recording:
+    """Read one from the page's JSON. Raises BrokenRecording."""
+    if len(text) > MAX_BYTES:
+        raise BrokenRecording(f"The recording has {len(text)} bytes; the limit is {MAX_BYTES}.")
+    try:
+        return Recording.model_validate_json(text)
+    except ValidationError as error:
+        raise BrokenRecording(f"The page's recording cannot be used: {sentence(error)}") from None

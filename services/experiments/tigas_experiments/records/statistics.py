@@ -12,77 +12,11 @@ from collections import deque
 from collections.abc import Iterator, Sequence
 from itertools import pairwise
 
-from tigas_common.wire.model import WireModel
-from tigas_experiments.records.recording import Input, Reply, ShownFrame, Traffic
+from tigas_common.wire.figures import INTERACTIVE_MS, Freezes, Latencies, Rates, ReplyTimes, Responses, Rungs
+from tigas_common.wire.recording import Input, Reply, ShownFrame, Traffic
 
-INTERACTIVE_MS = 100.0
-"""The motion-to-photon latency that counts as immediate."""
 FREEZE_MS, FREEZE_HISTORY = 150.0, 30
 """As W3C webrtc-stats has them."""
-
-
-class Latencies(WireModel):
-    """Motion-to-photon latency, in ms. None: that share of the inputs was never answered, or there are none."""
-
-    inputs: int
-    unanswered: int
-    """Inputs that no frame ever showed, although recording went on for seconds."""
-    p50: float | None
-    p95: float | None
-    p99: float | None
-    share_interactive: float | None
-    """Of all inputs, those shown within INTERACTIVE_MS, 0 to 1."""
-
-
-class Responses(WireModel):
-    """From the sample of a frame's own pose to that frame on the screen, in ms; None without frames."""
-
-    frames: int
-    """New views of poses that were sampled during the run."""
-    mean: float | None
-    p50: float | None
-    p95: float | None
-
-
-class ReplyTimes(WireModel):
-    """From asking for a frame to its last byte, in ms; None without replies."""
-
-    replies: int
-    """To what was asked for during the run."""
-    mean: float | None
-    p50: float | None
-    p95: float | None
-
-
-class Freezes(WireModel):
-    """Times at which the picture stood although the viewer moved."""
-
-    count: int
-    total_ms: float
-    longest_ms: float
-
-
-class Rates(WireModel):
-    """Frames over the movement's duration."""
-
-    shown: int
-    per_s: float
-    new_views: int
-    """Frames that show a later pose than any before: a video repeats frames, a frame per pose does not."""
-    new_views_per_s: float
-
-
-class Rungs(WireModel):
-    """Which rungs of the ladder were on the screen."""
-
-    share: dict[int, float]
-    """Rung → share of the time."""
-    switches: int
-
-    @property
-    def mean(self) -> float | None:
-        """Weighted by time; None if no rung was known."""
-        return sum(rung * share for rung, share in self.share.items()) if self.share else None
 
 
 def percentile(values: Sequence[float], rank: float) -> float | None:

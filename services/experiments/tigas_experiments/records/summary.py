@@ -5,48 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
+from tigas_common.wire.figures import Figures, QualityFigures
 from tigas_common.wire.model import WireModel
+from tigas_common.wire.recording import Input, LinkSample, RecordingHead, Reply, ShownFrame, Traffic
 from tigas_experiments.records import statistics
-from tigas_experiments.records.folder import CaptureQuality, LinkSample, RunRecord, StoredRun
-from tigas_experiments.records.recording import BrokenRecording, Input, RecordingHead, Reply, ShownFrame, Traffic
-from tigas_experiments.records.statistics import Freezes, Latencies, Rates, ReplyTimes, Responses, Rungs
-
-
-class QualityFigures(WireModel):
-    """Over the kept pictures of a run."""
-
-    pictures: int
-    picture_psnr_db: float
-    """Mean, against the pose that each was rendered from."""
-    picture_ssim: float
-    view_psnr_db: float
-    """Mean, against the pose that the viewer had when it was on the screen."""
-    view_ssim: float
-
-
-class Figures(WireModel):
-    """What a complete run says."""
-
-    latencies: Latencies
-    responses: Responses
-    reply_times: ReplyTimes
-    frames: Rates
-    freezes: Freezes
-    rungs: Rungs
-    mean_height: float | None
-    """Of the frames shown, weighted by time, in pixels."""
-    received_kbps: float | None
-    """By the page: frames or segments."""
-    delivered_kbps: float | None
-    """By the link towards the client: everything, with headers."""
-    sent_kbps: float | None
-    """By the link from the client."""
-    target_kbps: float | None
-    """The link's rate towards the client, mean."""
-    trace_start_ms: float | None
-    """The trace's position when the run began."""
-    drops: int | None
-    quality: QualityFigures | None
+from tigas_experiments.records.folder import CaptureQuality, RunRecord, StoredRun
+from tigas_experiments.records.recording import BrokenRecording
 
 
 class Summary(WireModel):

@@ -15,7 +15,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from tigas_experiments.records.statistics import INTERACTIVE_MS
+from tigas_common.wire.figures import INTERACTIVE_MS
 
 LineStyle = Literal["-", "--", ":", "-."]
 INK, QUIET, GRID, AREA, PAPER = "#1c2430", "#8a929c", "#e4e7eb", "#eef0f3", "#ffffff"

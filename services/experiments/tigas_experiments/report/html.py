@@ -7,7 +7,7 @@ from pathlib import Path
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
-from tigas_experiments.records.configuration import MODE_NAMES
+from tigas_common.wire.run import MODE_NAMES
 from tigas_experiments.records.folder import RunRecord
 
 

@@ -7,8 +7,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal
 
+from tigas_common.wire.figures import Figures, QualityFigures
 from tigas_experiments.records.folder import RunRecord
-from tigas_experiments.records.summary import Figures, QualityFigures
 
 Value = float | None
 NEVER = "never"

@@ -11,8 +11,8 @@ from pathlib import Path
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from tigas_experiments.records.folder import LinkSample, StoredRun
-from tigas_experiments.records.recording import ShownFrame, Traffic
+from tigas_common.wire.recording import LinkSample, ShownFrame, Traffic
+from tigas_experiments.records.folder import StoredRun
 from tigas_experiments.records.statistics import answers
 from tigas_experiments.report.drawing import (
     AREA,

@@ -13,11 +13,12 @@ from numpy.typing import NDArray
 from scipy.stats import t
 
 from tigas_common.errors import StartError
+from tigas_common.wire.figures import Figures
+from tigas_common.wire.run import Network
 from tigas_experiments.records import statistics
-from tigas_experiments.records.configuration import Network
 from tigas_experiments.records.folder import RunRecord, read_experiment
 from tigas_experiments.records.recording import BrokenRecording
-from tigas_experiments.records.summary import Figures, Records, Summary, read
+from tigas_experiments.records.summary import Records, Summary, read
 from tigas_experiments.report.metrics import Metric, Value
 from tigas_experiments.report.variants import Variant, in_order
 

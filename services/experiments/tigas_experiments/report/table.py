@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from itertools import groupby
 
-from tigas_experiments.records.configuration import MODE_NAMES
+from tigas_common.wire.run import MODE_NAMES
 from tigas_experiments.records.summary import Summary
 from tigas_experiments.report import metrics
 from tigas_experiments.report.metrics import NONE, Metric

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
-from tigas_experiments.records.configuration import MODE_NAMES, MODES, Configuration, Mode
+from tigas_common.wire.run import MODE_NAMES, MODES, Configuration, Mode
 from tigas_experiments.report.drawing import LineStyle
 
 CONTROLLER_TITLES = {"latency": "Latency", "budget": "Budget", "lol+": "LoL+", "l2a": "L2A"}

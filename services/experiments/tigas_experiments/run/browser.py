@@ -16,7 +16,8 @@ from urllib.parse import quote
 from playwright.async_api import Browser, BrowserContext, Error, Page, async_playwright
 
 from tigas_common.errors import StartError
-from tigas_experiments.records.recording import Recording
+from tigas_common.wire.recording import Recording
+from tigas_experiments.records.recording import parse_recording
 from tigas_experiments.run.errors import RunFailed
 
 NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome")
@@ -97,7 +98,7 @@ class Viewer:
 
     async def record(self, plan: dict[str, Any], patience_s: float) -> Recording:
         """Play a movement and record it. Raises BrokenRecording, too."""
-        return Recording.parse(await self._call("run", plan, patience_s))
+        return parse_recording(await self._call("run", plan, patience_s))
 
     async def capture(self, index: int) -> bytes:
         """One kept picture, as PNG; it is given up by the page then."""

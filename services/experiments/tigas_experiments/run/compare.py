@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 
-from tigas_experiments.records.configuration import Configuration
+from tigas_common.wire.run import Configuration
 from tigas_experiments.records.folder import RunRecord
 from tigas_experiments.report.page import ReportData, write_report
 from tigas_experiments.run.inputs import Inputs

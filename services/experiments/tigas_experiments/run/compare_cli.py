@@ -14,7 +14,8 @@ from pydantic import ValidationError
 from tigas_common.cli import in_a_sentence
 from tigas_common.errors import StartError
 from tigas_common.parsing import sentence
-from tigas_experiments.records.configuration import MODES, Configuration, Network, capture_interval_ms, parse_viewport
+from tigas_common.wire.run import MODES, Configuration, Network
+from tigas_experiments.run.parsing import capture_interval_ms, parse_network, parse_viewport
 
 DEFAULT_NETWORK = "20mbit,20ms-rtt"
 DEFAULT_PROFILE = "budget"
@@ -101,7 +102,7 @@ def compare(
 
 def _network(text: str) -> Network:
     try:
-        return Network.parse(text)
+        return parse_network(text)
     except ValidationError as error:
         raise typer.BadParameter(f"{text!r}: {sentence(error)}", param_hint="--network") from None
     except ValueError as error:

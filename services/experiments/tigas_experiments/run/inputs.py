@@ -8,11 +8,11 @@ from pathlib import Path
 
 from tigas_common.errors import StartError
 from tigas_common.wire.render import SceneInfo
+from tigas_common.wire.run import Configuration, Network
 from tigas_experiments.movement.generated import KINDS, generate
 from tigas_experiments.movement.placing import placed
 from tigas_experiments.movement.points import Point
 from tigas_experiments.movement.trace import MovementTrace
-from tigas_experiments.records.configuration import Configuration, Network
 from tigas_experiments.records.folder import InputDigests
 
 

@@ -16,8 +16,8 @@ from playwright.async_api import Browser
 
 from tigas_common.errors import StartError
 from tigas_common.wire.render import SceneInfo
+from tigas_common.wire.run import Configuration, Network
 from tigas_experiments.movement.points import Point
-from tigas_experiments.records.configuration import Configuration, Network
 from tigas_experiments.records.folder import InputDigests
 from tigas_experiments.records.machine import Machine, this_machine
 from tigas_experiments.run.browser import chromium, find_chromium, responds, viewer

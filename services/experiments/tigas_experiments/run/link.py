@@ -9,8 +9,8 @@ from contextlib import asynccontextmanager
 from dataclasses import dataclass
 from time import time
 
-from tigas_experiments.records.configuration import Network
-from tigas_experiments.records.folder import LinkSample
+from tigas_common.wire.recording import LinkSample
+from tigas_common.wire.run import Network
 from tigas_experiments.run.errors import RunFailed
 from tigas_experiments.run.shaper_client import LinkStatus, ShaperClient
 from tigas_experiments.run.targets import Target

@@ -10,7 +10,7 @@ from itertools import count
 from pathlib import Path
 
 from tigas_common.errors import StartError
-from tigas_experiments.records.configuration import Configuration
+from tigas_common.wire.run import Configuration
 from tigas_experiments.records.folder import (
     ExperimentRecord,
     InputDigests,

@@ -12,14 +12,15 @@ from typing import Any
 import httpx
 
 from tigas_common.errors import StartError
+from tigas_common.wire.recording import Recording
+from tigas_common.wire.run import Configuration, Mode
 from tigas_experiments.movement.points import Point, digest
 from tigas_experiments.quality import ground_truth as truth
 from tigas_experiments.quality.picture import BrokenPicture, encode
-from tigas_experiments.records.configuration import Configuration, Mode
 from tigas_experiments.records.folder import CaptureQuality, Moment, RunRecord, RunWriter
 from tigas_experiments.records.load import Load, watching_load
 from tigas_experiments.records.machine import Server
-from tigas_experiments.records.recording import BrokenRecording, Recording
+from tigas_experiments.records.recording import BrokenRecording
 from tigas_experiments.run.browser import Viewer, viewer
 from tigas_experiments.run.errors import RunFailed
 from tigas_experiments.run.laboratory import Bench, Laboratory

@@ -16,16 +16,9 @@ from pydantic import AfterValidator, Field, ValidationError
 from tigas_common.errors import StartError
 from tigas_common.parsing import sentence
 from tigas_common.wire.model import WireModel
-from tigas_experiments.records.configuration import (
-    MAX_OFFSET_S,
-    MAX_RTT_MS,
-    Configuration,
-    Mode,
-    Network,
-    capture_interval_ms,
-    parse_viewport,
-)
-from tigas_experiments.records.folder import ExperimentName
+from tigas_common.wire.run import MAX_OFFSET_S, MAX_RTT_MS, Configuration, Mode, Network
+from tigas_common.wire.store import ExperimentName
+from tigas_experiments.run.parsing import capture_interval_ms, parse_network, parse_viewport
 
 MAX_BYTES = 100_000
 """Of a file."""
@@ -167,7 +160,7 @@ class Plan(WireModel):
         ]
 
     def _networks(self, directory: Path) -> list[Network]:
-        networks = [Network.parse(text, directory) for text in self.networks]
+        networks = [parse_network(text, directory) for text in self.networks]
         if self.rtts_ms is not None:
             networks = [network.with_rtt(rtt) for network in networks for rtt in self.rtts_ms]
         offset = {"offset_s": self.trace_offset_s}

@@ -17,7 +17,7 @@ from rich.progress import (
     TimeRemainingColumn,
 )
 
-from tigas_experiments.records.configuration import Configuration
+from tigas_common.wire.run import Configuration
 from tigas_experiments.records.folder import RunRecord
 from tigas_experiments.run.matrix import Listener
 

@@ -13,7 +13,7 @@ import httpx
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from tigas_common.parsing import sentence
-from tigas_experiments.records.configuration import Network
+from tigas_common.wire.run import Network
 from tigas_experiments.run.errors import RunFailed
 
 TIMEOUT_S = 10

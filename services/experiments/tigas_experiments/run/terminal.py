@@ -10,7 +10,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
-from tigas_experiments.records.configuration import Configuration
+from tigas_common.wire.run import Configuration
 from tigas_experiments.records.folder import RunRecord
 from tigas_experiments.report.page import ReportData, warnings
 from tigas_experiments.report.table import COLUMNS, by_network, cells, label

@@ -18,9 +18,10 @@ from starlette.routing import Route
 
 from tigas_common.errors import BodyTooLarge, InvalidRequest
 from tigas_common.problems import EXCEPTION_HANDLERS, json_response, read_body
+from tigas_common.wire.recording import MAX_BYTES
+from tigas_common.wire.store import ExperimentCreated
 from tigas_experiments.records.load import LoadSample
 from tigas_experiments.records.machine import Machine
-from tigas_experiments.records.recording import MAX_BYTES
 from tigas_experiments.store.apart import Apart
 from tigas_experiments.store.archive import archive
 from tigas_experiments.store.errors import storage_explained
@@ -29,7 +30,6 @@ from tigas_experiments.store.intake import take_in
 from tigas_experiments.store.movements import Movements
 from tigas_experiments.store.origins import OriginCheck
 from tigas_experiments.store.reports import Reports
-from tigas_experiments.store.wire import ExperimentCreated
 from tigas_experiments.store.workspace import Workspace
 
 MAX_PLAN_BYTES = 64 * 1024

@@ -17,13 +17,13 @@ from pathlib import Path
 from typing import TypeVar
 
 from tigas_common.errors import StartError
+from tigas_common.wire.store import Experiment, ExperimentList, ExperimentRequest, ExperimentSummary, RunRow
 from tigas_experiments.records.folder import ExperimentRecord, RunRecord, StoredRun, read_experiment, write_experiment
 from tigas_experiments.records.recording import BrokenRecording
 from tigas_experiments.records.summary import Summary, summarise
 from tigas_experiments.run.lock import EXPERIMENT, exclusive
 from tigas_experiments.store.errors import ExperimentInUse, UnknownExperiment, storage_explained
 from tigas_experiments.store.intake import parsed
-from tigas_experiments.store.wire import Experiment, ExperimentList, ExperimentRequest, ExperimentSummary, RunRow
 from tigas_experiments.store.workspace import Workspace
 
 CACHED_RUNS = 10_000
@@ -66,7 +66,7 @@ class Experiments:
     def get(self, experiment: str) -> Experiment:
         """One with its runs. Raises UnknownExperiment."""
         folder, record = self.find(experiment)
-        runs = [RunRow.of(run) for run in _read(_summary, folder)]
+        runs = [_row(run) for run in _read(_summary, folder)]
         return Experiment(
             id=experiment,
             name=record.name,
@@ -119,7 +119,7 @@ class Experiments:
                 name = _placed(made, runs, summary.record.configuration.slug)
             except FileNotFoundError:
                 raise UnknownExperiment(f"The experiment {experiment} was removed meanwhile.") from None
-        return RunRow.of(summary.model_copy(update={"folder": name}))
+        return _row(summary.model_copy(update={"folder": name}))
 
     def remove(self, experiment: str) -> None:
         """Remove one. Raises UnknownExperiment and ExperimentInUse."""
@@ -173,6 +173,17 @@ def _record(run: Path, _written: tuple[int, ...]) -> RunRecord:
 @lru_cache(CACHED_RUNS)
 def _summary(run: Path, _written: tuple[int, ...]) -> Summary:
     return summarise(run)
+
+
+def _row(summary: Summary) -> RunRow:
+    record = summary.record
+    return RunRow(
+        folder=summary.folder,
+        status=record.status,
+        problem=summary.problem,
+        configuration=record.configuration,
+        figures=summary.figures,
+    )
 
 
 def _is_folder(path: Path) -> bool:

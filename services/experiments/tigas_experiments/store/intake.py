@@ -11,12 +11,12 @@ from pydantic import BaseModel, ValidationError
 
 from tigas_common.errors import InvalidRequest
 from tigas_common.parsing import sentence
+from tigas_common.wire.store import RunUpload
 from tigas_experiments.records.folder import RunRecord, RunWriter
 from tigas_experiments.records.load import Load, LoadSample
 from tigas_experiments.records.machine import Machine
 from tigas_experiments.records.summary import Summary, summarise
 from tigas_experiments.store.errors import storage_explained
-from tigas_experiments.store.wire import RunUpload
 from tigas_experiments.store.workspace import to_disk
 
 Model = TypeVar("Model", bound=BaseModel)

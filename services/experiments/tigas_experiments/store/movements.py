@@ -6,10 +6,10 @@ import logging
 from functools import lru_cache
 from pathlib import Path
 
+from tigas_common.wire.store import Movement, MovementList
 from tigas_experiments.movement.errors import MovementError
 from tigas_experiments.movement.trace import MovementTrace
 from tigas_experiments.store.errors import UnknownMovement, storage_explained
-from tigas_experiments.store.wire import Movement, MovementList
 
 logger = logging.getLogger(__name__)
 

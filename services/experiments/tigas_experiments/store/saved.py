@@ -12,10 +12,10 @@ from pydantic import JsonValue, ValidationError
 from tigas_common.errors import StartError
 from tigas_common.parsing import sentence
 from tigas_common.wire.model import WireModel
-from tigas_experiments.records.folder import ExperimentName, ExperimentRecord, Plan, write_experiment
+from tigas_common.wire.store import ExperimentName, Plan, RunUpload
+from tigas_experiments.records.folder import ExperimentRecord, write_experiment
 from tigas_experiments.records.machine import this_machine
 from tigas_experiments.store.intake import write_run
-from tigas_experiments.store.wire import RunUpload
 
 
 class SavedExperiment(WireModel):

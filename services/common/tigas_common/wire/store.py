@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator
 from itertools import pairwise
-from typing import Literal, Self
+from typing import Annotated, Literal, Self
 
-from pydantic import Field, model_validator
+from pydantic import AfterValidator, Field, JsonValue, StringConstraints, model_validator
 
+from tigas_common.wire.figures import Figures
 from tigas_common.wire.model import WireModel
-from tigas_experiments.records.configuration import Configuration
-from tigas_experiments.records.folder import ExperimentName, LinkSample, Plan
-from tigas_experiments.records.recording import Recording
-from tigas_experiments.records.summary import Figures, Summary
+from tigas_common.wire.recording import LinkSample, Recording
+from tigas_common.wire.run import Configuration
 
 AROUND_MS = 600_000
 """What is recorded lies at most so long before a run's start or after its movement's end."""
@@ -20,6 +20,29 @@ MOST_KBPS = 1e9
 MOST_BYTES = 10**15
 LATEST_UNIX_MS = 4e12
 """In the year 2096."""
+
+
+def _printable(text: str) -> str:
+    if not text.isprintable():
+        raise ValueError("a name is one line of text")
+    return text
+
+
+ExperimentName = Annotated[
+    str, StringConstraints(strip_whitespace=True, min_length=1, max_length=100), AfterValidator(_printable)
+]
+
+
+def _finite(plan: dict[str, JsonValue]) -> dict[str, JsonValue]:
+    try:
+        json.dumps(plan, allow_nan=False)
+    except ValueError:
+        raise ValueError("its numbers must be finite") from None
+    return plan
+
+
+Plan = Annotated[dict[str, JsonValue], AfterValidator(_finite)]
+"""What an experiment was asked for; any JSON object."""
 
 
 class ExperimentRequest(WireModel):
@@ -90,18 +113,6 @@ class RunRow(WireModel):
     """Why there are no figures."""
     configuration: Configuration
     figures: Figures | None
-
-    @classmethod
-    def of(cls, summary: Summary) -> RunRow:
-        """From what its folder says."""
-        record = summary.record
-        return cls(
-            folder=summary.folder,
-            status=record.status,
-            problem=summary.problem,
-            configuration=record.configuration,
-            figures=summary.figures,
-        )
 
 
 class ExperimentSummary(WireModel):

@@ -9,6 +9,7 @@ from typing import Literal, Self
 from pydantic import Field, model_validator
 
 from tigas_common.wire.model import MAX_SIDE, WireModel
+from tigas_common.wire.shaper import LinkSetting
 
 Mode = Literal["stateless", "dash-typical", "dash-tuned"]
 """One JPEG per pose; DASH as live services ship it; DASH as low as it holds."""
@@ -18,33 +19,16 @@ MODE_NAMES: dict[Mode, str] = {
     "dash-typical": "DASH, typical",
     "dash-tuned": "DASH, tuned",
 }
-UP_KBPS = 10_000.0
-"""The uplink of a constant link that says nothing of it."""
 UNSHAPED = "unshaped"
 MAX_RTT_MS = 120_000.0
 MAX_OFFSET_S = 86_400.0
-MOST_PICTURES = 120
-"""Of a run: they lie in the page's memory until it has ended."""
-_PART = re.compile(r"(?P<value>\d+(?:\.\d+)?)(?P<unit>mbit-up|kbit-up|mbit|kbit|ms-rtt|ms-jitter|%-loss)")
-_OVERRIDE = re.compile(r"(?P<trace>.+),(?P<rtt>\d+(?:\.\d+)?)ms-rtt")
-
-
-class ConstantLink(WireModel):
-    """A link that does not change; the same as the shaper's LinkSetting."""
-
-    down_kbps: float = Field(ge=0)
-    up_kbps: float = Field(default=UP_KBPS, ge=0)
-    delay_ms: float = Field(default=0.0, ge=0)
-    """One way, in each direction."""
-    jitter_ms: float = Field(default=0.0, ge=0)
-    loss_pct: float = Field(default=0.0, ge=0, le=100)
 
 
 class Network(WireModel):
     """The network of a run: a constant link, a trace (of the shaper's, or from a file), or none of these."""
 
     name: str = Field(min_length=1, max_length=100)
-    link: ConstantLink | None = None
+    link: LinkSetting | None = None
     trace_file: Path | None = None
     """The trace's file, as a person named it; without it, the shaper knows the trace by its name."""
     rtt_ms: float | None = Field(default=None, ge=0, le=MAX_RTT_MS)
@@ -84,25 +68,6 @@ class Network(WireModel):
         others = [part for part in self.name.split(",") if not part.strip().endswith("ms-rtt")]
         link = self.link.model_copy(update={"delay_ms": rtt_ms / 2})
         return Network(name=",".join([*others, f"{rtt_ms:g}ms-rtt"]), link=link)
-
-    @classmethod
-    def parse(cls, text: str, directory: Path = Path()) -> Network:
-        """Read what a person wrote: `20mbit,20ms-rtt`, `unshaped`, or a trace (file or name), or `TRACE,100ms-rtt`.
-
-        A file's path is relative to `directory`, and kept as it was written. Raises ValueError with one sentence.
-        """
-        if text == UNSHAPED:
-            return cls(name=UNSHAPED)
-        if _PART.match(text):
-            return cls(name=text, link=_constant(text))
-        override = _OVERRIDE.fullmatch(text)
-        trace, rtt_ms = (override["trace"], float(override["rtt"])) if override else (text, None)
-        path = Path(trace)
-        if (directory / path).is_file():
-            return cls(name=path.name[:100], trace_file=path, rtt_ms=rtt_ms)
-        if path.name != trace or path.suffix:
-            raise ValueError(f"there is no trace file {trace!r}")
-        return cls(name=trace, rtt_ms=rtt_ms)
 
 
 class Configuration(WireModel):
@@ -150,44 +115,3 @@ class Configuration(WireModel):
             network = f"{network[:30]}-{self.network.rtt_ms:g}ms"
         parts = (self.scene, Path(self.movement).stem, network, mode, f"{self.repeat}")
         return "_".join(re.sub(r"[^A-Za-z0-9.-]+", "-", part).strip(".-")[:40] or "x" for part in parts)
-
-
-def capture_interval_ms(every_s: float, duration_s: float) -> float:
-    """How often a frame is kept, for one in so many seconds, but at most MOST_PICTURES a run; 0 keeps none."""
-    return max(every_s, duration_s / MOST_PICTURES) * 1000 if every_s else 0.0
-
-
-def parse_viewport(text: str) -> tuple[int, int]:
-    """Width and height from `640x360`. Raises ValueError with one sentence."""
-    width, _, height = text.partition("x")
-    if not width.isdecimal() or not height.isdecimal():
-        raise ValueError(f"{text!r} is not WIDTHxHEIGHT, such as 1280x720")
-    return int(width), int(height)
-
-
-def _constant(text: str) -> ConstantLink:
-    fields: dict[str, float] = {}
-    for part in text.split(","):
-        found = _PART.fullmatch(part.strip())
-        if found is None:
-            raise ValueError(
-                f"{part.strip()!r} is no part of a link, such as 20mbit, 5mbit-up, 20ms-rtt, 2ms-jitter or 0.1%-loss"
-            )
-        name, factor = _UNITS[found["unit"]]
-        if name in fields:
-            raise ValueError(f"{text!r} says {found['unit']} twice")
-        fields[name] = float(found["value"]) * factor
-    if "down_kbps" not in fields:
-        raise ValueError(f"{text!r} says no rate, such as 20mbit")
-    return ConstantLink(**fields)
-
-
-_UNITS = {
-    "mbit": ("down_kbps", 1000.0),
-    "kbit": ("down_kbps", 1.0),
-    "mbit-up": ("up_kbps", 1000.0),
-    "kbit-up": ("up_kbps", 1.0),
-    "ms-rtt": ("delay_ms", 0.5),
-    "ms-jitter": ("jitter_ms", 1.0),
-    "%-loss": ("loss_pct", 1.0),
-}

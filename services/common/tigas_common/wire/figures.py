@@ -1,0 +1,109 @@
+"""The figures of one run."""
+
+from __future__ import annotations
+
+from tigas_common.wire.model import WireModel
+
+INTERACTIVE_MS = 100.0
+"""The motion-to-photon latency that counts as immediate."""
+
+
+class Latencies(WireModel):
+    """Motion-to-photon latency, in ms. None: that share of the inputs was never answered, or there are none."""
+
+    inputs: int
+    unanswered: int
+    """Inputs that no frame ever showed, although recording went on for seconds."""
+    p50: float | None
+    p95: float | None
+    p99: float | None
+    share_interactive: float | None
+    """Of all inputs, those shown within INTERACTIVE_MS, 0 to 1."""
+
+
+class Responses(WireModel):
+    """From the sample of a frame's own pose to that frame on the screen, in ms; None without frames."""
+
+    frames: int
+    """New views of poses that were sampled during the run."""
+    mean: float | None
+    p50: float | None
+    p95: float | None
+
+
+class ReplyTimes(WireModel):
+    """From asking for a frame to its last byte, in ms; None without replies."""
+
+    replies: int
+    """To what was asked for during the run."""
+    mean: float | None
+    p50: float | None
+    p95: float | None
+
+
+class Freezes(WireModel):
+    """Times at which the picture stood although the viewer moved."""
+
+    count: int
+    total_ms: float
+    longest_ms: float
+
+
+class Rates(WireModel):
+    """Frames over the movement's duration."""
+
+    shown: int
+    per_s: float
+    new_views: int
+    """Frames that show a later pose than any before: a video repeats frames, a frame per pose does not."""
+    new_views_per_s: float
+
+
+class Rungs(WireModel):
+    """Which rungs of the ladder were on the screen."""
+
+    share: dict[int, float]
+    """Rung → share of the time."""
+    switches: int
+
+    @property
+    def mean(self) -> float | None:
+        """Weighted by time; None if no rung was known."""
+        return sum(rung * share for rung, share in self.share.items()) if self.share else None
+
+
+class QualityFigures(WireModel):
+    """Over the kept pictures of a run."""
+
+    pictures: int
+    picture_psnr_db: float
+    """Mean, against the pose that each was rendered from."""
+    picture_ssim: float
+    view_psnr_db: float
+    """Mean, against the pose that the viewer had when it was on the screen."""
+    view_ssim: float
+
+
+class Figures(WireModel):
+    """What a complete run says."""
+
+    latencies: Latencies
+    responses: Responses
+    reply_times: ReplyTimes
+    frames: Rates
+    freezes: Freezes
+    rungs: Rungs
+    mean_height: float | None
+    """Of the frames shown, weighted by time, in pixels."""
+    received_kbps: float | None
+    """By the page: frames or segments."""
+    delivered_kbps: float | None
+    """By the link towards the client: everything, with headers."""
+    sent_kbps: float | None
+    """By the link from the client."""
+    target_kbps: float | None
+    """The link's rate towards the client, mean."""
+    trace_start_ms: float | None
+    """The trace's position when the run began."""
+    drops: int | None
+    quality: QualityFigures | None

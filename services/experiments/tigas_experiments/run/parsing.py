@@ -1,0 +1,74 @@
+"""What a person writes of a run, in a file or as an option, as what it means."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+from tigas_common.wire.run import UNSHAPED, Network
+from tigas_common.wire.shaper import LinkSetting
+
+UP_KBPS = 10_000.0
+"""The uplink of a constant link that says nothing of it."""
+MOST_PICTURES = 120
+"""Of a run: they lie in the page's memory until it has ended."""
+_PART = re.compile(r"(?P<value>\d+(?:\.\d+)?)(?P<unit>mbit-up|kbit-up|mbit|kbit|ms-rtt|ms-jitter|%-loss)")
+_UNITS = {
+    "mbit": ("down_kbps", 1000.0),
+    "kbit": ("down_kbps", 1.0),
+    "mbit-up": ("up_kbps", 1000.0),
+    "kbit-up": ("up_kbps", 1.0),
+    "ms-rtt": ("delay_ms", 0.5),
+    "ms-jitter": ("jitter_ms", 1.0),
+    "%-loss": ("loss_pct", 1.0),
+}
+_OVERRIDE = re.compile(r"(?P<trace>.+),(?P<rtt>\d+(?:\.\d+)?)ms-rtt")
+
+
+def parse_network(text: str, directory: Path = Path()) -> Network:
+    """Read what a person wrote: `20mbit,20ms-rtt`, `unshaped`, or a trace (file or name), or `TRACE,100ms-rtt`.
+
+    A file's path is relative to `directory`, and kept as it was written. Raises ValueError with one sentence.
+    """
+    if text == UNSHAPED:
+        return Network(name=UNSHAPED)
+    if _PART.match(text):
+        return Network(name=text, link=_constant(text))
+    override = _OVERRIDE.fullmatch(text)
+    trace, rtt_ms = (override["trace"], float(override["rtt"])) if override else (text, None)
+    path = Path(trace)
+    if (directory / path).is_file():
+        return Network(name=path.name[:100], trace_file=path, rtt_ms=rtt_ms)
+    if path.name != trace or path.suffix:
+        raise ValueError(f"there is no trace file {trace!r}")
+    return Network(name=trace, rtt_ms=rtt_ms)
+
+
+def parse_viewport(text: str) -> tuple[int, int]:
+    """Width and height from `640x360`. Raises ValueError with one sentence."""
+    width, _, height = text.partition("x")
+    if not width.isdecimal() or not height.isdecimal():
+        raise ValueError(f"{text!r} is not WIDTHxHEIGHT, such as 1280x720")
+    return int(width), int(height)
+
+
+def capture_interval_ms(every_s: float, duration_s: float) -> float:
+    """How often a frame is kept, for one in so many seconds, but at most MOST_PICTURES a run; 0 keeps none."""
+    return max(every_s, duration_s / MOST_PICTURES) * 1000 if every_s else 0.0
+
+
+def _constant(text: str) -> LinkSetting:
+    fields: dict[str, float] = {}
+    for part in text.split(","):
+        found = _PART.fullmatch(part.strip())
+        if found is None:
+            raise ValueError(
+                f"{part.strip()!r} is no part of a link, such as 20mbit, 5mbit-up, 20ms-rtt, 2ms-jitter or 0.1%-loss"
+            )
+        name, factor = _UNITS[found["unit"]]
+        if name in fields:
+            raise ValueError(f"{text!r} says {found['unit']} twice")
+        fields[name] = float(found["value"]) * factor
+    if "down_kbps" not in fields:
+        raise ValueError(f"{text!r} says no rate, such as 20mbit")
+    return LinkSetting(**{"up_kbps": UP_KBPS, **fields})

@@ -1,0 +1,49 @@
+"""A run's configuration: what is refused, which are equal, and what their folders are called."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from pydantic import ValidationError
+
+from tests.experiments.made_up import configuration
+from tigas_common.wire.run import Configuration, Network
+from tigas_common.wire.shaper import LinkSetting
+
+
+@pytest.mark.parametrize(
+    "network", [Network(name="unshaped"), Network(name="20mbit", link=LinkSetting(down_kbps=20_000, up_kbps=10_000))]
+)
+def test_only_a_trace_begins_elsewhere(network: Network) -> None:
+    fields = network.model_dump() | {"offset_s": 5.0}
+    with pytest.raises(ValidationError, match="only a trace can begin at another position"):
+        Network.model_validate(fields)
+
+
+def test_a_folder_that_moves_is_no_other_run() -> None:
+    def walk(folder: str, name: str = "walk.csv", trace: str = "bus.csv", **changes: object) -> Configuration:
+        network = Network(name=trace, trace_file=Path(folder, trace))
+        return configuration(movement=f"{folder}/{name}", network=network, **changes)
+
+    here = walk("walks")
+    assert here.asks_for_the_same(walk("/elsewhere/walks"))
+    for other in (walk("walks", "run.csv"), walk("walks", trace="tram.csv"), walk("walks", seed=2)):
+        assert not here.asks_for_the_same(other)
+
+
+def test_a_folder_name_is_safe_whatever_the_names() -> None:
+    slug = configuration(scene="../../etc/passwd", movement="/a/b c.csv", network=Network(name="x/../y")).slug
+    assert slug == "etc-passwd_b-c_x-..-y_stateless-budget_0"
+    assert "/" not in slug
+
+
+def test_a_long_name_leaves_room_for_the_round_trip() -> None:
+    network = Network(name="t" * 100)
+    assert configuration(network=network.with_rtt(20)).slug != configuration(network=network.with_rtt(200)).slug
+
+
+@pytest.mark.parametrize("change", [{"duration_s": 0}, {"width": 1}, {"profile": -1}, {"duration_s": float("nan")}])
+def test_absurd_configurations_are_refused(change: dict[str, float]) -> None:
+    with pytest.raises(ValidationError):
+        configuration(**change)

@@ -1,0 +1,68 @@
+"""What a person writes of a run, and what becomes of it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from tigas_common.wire.run import Network
+from tigas_common.wire.shaper import LinkSetting
+from tigas_experiments.run.parsing import parse_network
+
+
+@pytest.mark.parametrize(
+    ("text", "link"),
+    [
+        ("20mbit,20ms-rtt", LinkSetting(down_kbps=20_000, up_kbps=10_000, delay_ms=10)),
+        ("1.5mbit,500kbit-up", LinkSetting(down_kbps=1500, up_kbps=500)),
+        (
+            "800kbit, 5mbit-up, 2ms-jitter, 0.5%-loss",
+            LinkSetting(down_kbps=800, up_kbps=5000, jitter_ms=2, loss_pct=0.5),
+        ),
+    ],
+)
+def test_constant_links(text: str, link: LinkSetting) -> None:
+    assert parse_network(text) == Network(name=text, link=link)
+
+
+def test_traces_by_name_and_by_file(tmp_path: Path) -> None:
+    path = tmp_path / "bus.json"
+    path.touch()
+    assert parse_network(str(path)) == Network(name="bus.json", trace_file=path)
+    assert parse_network("4g-bus") == Network(name="4g-bus")
+    assert parse_network("4g-bus,100ms-rtt") == Network(name="4g-bus", rtt_ms=100)
+    assert parse_network(f"{path},50ms-rtt") == Network(name="bus.json", trace_file=path, rtt_ms=50)
+    assert parse_network("20mbit,50ms-rtt").round_trip_ms == parse_network("4g-bus,50ms-rtt").round_trip_ms == 50
+    assert not parse_network("unshaped").shaped
+
+
+def test_a_file_s_path_is_relative_to_where_it_was_written(tmp_path: Path) -> None:
+    (tmp_path / "bus.csv").touch()
+    assert parse_network("bus.csv,20ms-rtt", tmp_path).trace_file == Path("bus.csv")
+
+
+def test_the_same_rates_at_another_round_trip() -> None:
+    for text in ("4g-bus", "20mbit,5ms-rtt,1%-loss", "20mbit"):
+        assert parse_network(text).with_rtt(300).round_trip_ms == 300
+    other = parse_network("20mbit,5ms-rtt,1%-loss").with_rtt(300)
+    assert other == parse_network("20mbit,1%-loss,300ms-rtt"), "its name says it, too"
+    with pytest.raises(ValueError, match="has the round trip that it has"):
+        parse_network("unshaped").with_rtt(20)
+
+
+@pytest.mark.parametrize(
+    ("text", "sentence"),
+    [
+        ("20mbit,fast", "'fast' is no part of a link"),
+        ("20ms-rtt,5ms-jitter", "says no rate"),
+        ("20mbit,10mbit", "says mbit twice"),
+        ("gone.csv", "there is no trace file 'gone.csv'"),
+        ("../up/x", "there is no trace file"),
+        ("20mbit,200%-loss", "less than or equal to 100"),
+        ("", "at least 1 character"),
+    ],
+)
+def test_nonsense_gets_a_sentence(text: str, sentence: str) -> None:
+    with pytest.raises(ValueError, match=sentence):
+        parse_network(text)
