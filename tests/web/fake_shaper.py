@@ -8,6 +8,7 @@ import socket
 import threading
 import time
 from collections.abc import AsyncIterator
+from dataclasses import asdict
 from typing import Any, Self
 
 import uvicorn
@@ -145,7 +146,7 @@ class FakeShaper:
             position_ms=player.position_ms,
             duration_ms=player.trace.duration_ms if player.trace else None,
             loop=player.loop,
-            link=LinkSetting.of(state),
+            link=LinkSetting(**asdict(state)),
             down=down,
             up=up,
             backend="netem",

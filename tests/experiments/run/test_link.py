@@ -13,33 +13,42 @@ from tests.experiments.made_up import SERVER
 from tests.experiments.store.conftest import until
 from tests.web.fake_shaper import FakeShaper
 from tigas_common.wire.run import Network
+from tigas_common.wire.shaper import DirectionStatus, LinkSetting, ShaperStatus
 from tigas_experiments.run.errors import RunFailed
 from tigas_experiments.run.link import HeldLink, held, watching_link
 from tigas_experiments.run.parsing import parse_network
-from tigas_experiments.run.shaper_client import LinkStatus, ShaperClient
+from tigas_experiments.run.shaper_client import ShaperClient
 from tigas_experiments.run.targets import Target
 
 DURATION_MS = 30_000
-LINK = {"down_kbps": 5000.0, "up_kbps": 1000.0, "delay_ms": 25.0, "jitter_ms": 0.0, "loss_pct": 0.0}
+LINK = LinkSetting(down_kbps=5000, up_kbps=1000, delay_ms=25)
 
 
-def status(at_ms: float, position_ms: float | None = None, **changes: Any) -> LinkStatus:
+def status(at_ms: float, position_ms: float | None = None, **changes: Any) -> ShaperStatus:
     """At a time; without a position, of a link that is constant."""
-    lane = {"target_kbps": 5000, "delivered_kbps": 4000, "queue_ms": 1, "drops": 0}
+    lane = DirectionStatus(target_kbps=5000, delivered_kbps=4000, queue_bytes=600, queue_ms=1, drops=0)
     trace = {} if position_ms is None else {"mode": "playing", "trace": "bus", "duration_ms": DURATION_MS}
-    fields = {"mode": "constant", "trace": None, "duration_ms": None, "backend": "netem", "closed": None, **trace}
+    fields = {
+        "mode": "constant",
+        "trace": None,
+        "duration_ms": None,
+        "loop": True,
+        "backend": "netem",
+        "closed": None,
+        **trace,
+    }
     told = {"time_ms": at_ms, "position_ms": position_ms, "down": lane, "up": lane, "link": LINK}
-    return LinkStatus.model_validate({**fields, **told, **changes})
+    return ShaperStatus.model_validate({**fields, **told, **changes})
 
 
-def played(begin_ms: float, **at: dict[str, Any]) -> list[LinkStatus]:
+def played(begin_ms: float, **at: dict[str, Any]) -> list[ShaperStatus]:
     """A trace that waits for 400 ms and is then played for two seconds; with changes of the n-th status, `_n`."""
     told = [status(200.0 * n, begin_ms, mode="paused") for n in (0, 1)]
     told += [status(200.0 * n, (begin_ms + 200 * (n - 2)) % DURATION_MS) for n in range(2, 12)]
     return [each.model_copy(update=at.get(f"_{n}", {})) for n, each in enumerate(told)]
 
 
-def left_alone(network: Network, seen: list[LinkStatus]) -> bool:
+def left_alone(network: Network, seen: list[ShaperStatus]) -> bool:
     """Judged as a run judges it, which was held as the first one says."""
     return HeldLink(ShaperClient("http://127.0.0.1:9", ""), network, seen[0]).left_alone(seen)
 
@@ -50,7 +59,9 @@ BUS = Network(name="bus")
 @pytest.mark.parametrize("begin_ms", [0.0, 12_000.0, DURATION_MS - 500.0], ids=["start", "middle", "over the end"])
 def test_a_trace_that_plays_is_left_alone(begin_ms: float) -> None:
     assert left_alone(BUS, played(begin_ms))
-    assert left_alone(BUS, played(begin_ms, _7={"link": LINK | {"delay_ms": 80.0}})), "the trace's own delay"
+    assert left_alone(BUS, played(begin_ms, _7={"link": LINK.model_copy(update={"delay_ms": 80.0})})), (
+        "the trace's own delay"
+    )
 
 
 @pytest.mark.parametrize(
@@ -62,7 +73,7 @@ def test_a_trace_that_plays_is_left_alone(begin_ms: float) -> None:
         (BUS, {"_11": {"mode": "ended"}}),
         (BUS, {"_11": {"position_ms": 9000.0}}),
         (BUS, {"_11": {"position_ms": 0.0}}),
-        (BUS.with_rtt(50), {"_7": {"link": LINK | {"delay_ms": 80.0}}}),
+        (BUS.with_rtt(50), {"_7": {"link": LINK.model_copy(update={"delay_ms": 80.0})}}),
     ],
 )
 def test_a_trace_that_somebody_else_changed_is_noticed(network: Network, changes: dict[str, Any]) -> None:
@@ -71,7 +82,12 @@ def test_a_trace_that_somebody_else_changed_is_noticed(network: Network, changes
 
 
 @pytest.mark.parametrize(
-    "change", [{"link": LINK | {"down_kbps": 6000.0}}, {"link": LINK | {"delay_ms": 26.0}}, {"trace": "bus"}]
+    "change",
+    [
+        {"link": LINK.model_copy(update={"down_kbps": 6000.0})},
+        {"link": LINK.model_copy(update={"delay_ms": 26.0})},
+        {"trace": "bus"},
+    ],
 )
 @pytest.mark.parametrize("name", ["5mbit,1mbit-up,50ms-rtt", "unshaped"])
 def test_a_constant_link_that_somebody_else_changed_is_noticed(name: str, change: dict[str, Any]) -> None:

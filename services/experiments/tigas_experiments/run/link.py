@@ -11,8 +11,9 @@ from time import time
 
 from tigas_common.wire.recording import LinkSample
 from tigas_common.wire.run import Network
+from tigas_common.wire.shaper import ShaperStatus
 from tigas_experiments.run.errors import RunFailed
-from tigas_experiments.run.shaper_client import LinkStatus, ShaperClient
+from tigas_experiments.run.shaper_client import ShaperClient
 from tigas_experiments.run.targets import Target
 
 JUMP_MS = 500
@@ -25,7 +26,7 @@ class HeldLink:
 
     shaper: ShaperClient
     network: Network
-    first: LinkStatus
+    first: ShaperStatus
     """How it was when it was first held."""
 
     async def play(self) -> None:
@@ -33,9 +34,9 @@ class HeldLink:
         if self.network.is_trace:
             await self.shaper.play(self.network)
 
-    def left_alone(self, seen: Iterable[LinkStatus]) -> bool:
+    def left_alone(self, seen: Iterable[ShaperStatus]) -> bool:
         """Whether the link did what its network does by itself; `seen` begins before the trace was played."""
-        playing: LinkStatus | None = None
+        playing: ShaperStatus | None = None
         for status in seen:
             if status.trace != self.first.trace:
                 return False
@@ -43,7 +44,7 @@ class HeldLink:
                 if status.link != self.first.link:
                     return False
                 continue
-            if self.network.rtt_ms is not None and status.link.get("delay_ms") != self.first.link.get("delay_ms"):
+            if self.network.rtt_ms is not None and status.link.delay_ms != self.first.link.delay_ms:
                 return False
             if playing is None and status.mode == "paused":
                 continue
@@ -74,12 +75,12 @@ async def held(target: Target, network: Network) -> AsyncIterator[HeldLink | Non
 
 
 @asynccontextmanager
-async def watching_link(link: HeldLink | None) -> AsyncIterator[list[tuple[float, LinkStatus]]]:
+async def watching_link(link: HeldLink | None) -> AsyncIterator[list[tuple[float, ShaperStatus]]]:
     """(unix ms, status) of the link, for as long as the context lasts.
 
     Raises RunFailed in the end if it was closed, or if somebody else changed it.
     """
-    seen: list[tuple[float, LinkStatus]] = []
+    seen: list[tuple[float, ShaperStatus]] = []
     if link is None:
         yield seen
         return
@@ -104,7 +105,7 @@ async def watching_link(link: HeldLink | None) -> AsyncIterator[list[tuple[float
         raise RunFailed("Somebody else changed the link during the run.")
 
 
-def link_sample(status: LinkStatus, at: float) -> LinkSample:
+def link_sample(status: ShaperStatus, at: float) -> LinkSample:
     """What a run keeps of a status; `at` is in ms since the run's start."""
     return LinkSample(
         at=at,
@@ -117,7 +118,7 @@ def link_sample(status: LinkStatus, at: float) -> LinkSample:
     )
 
 
-def _jump_ms(earlier: LinkStatus, later: LinkStatus) -> float:
+def _jump_ms(earlier: ShaperStatus, later: ShaperStatus) -> float:
     """How far a trace is from where time alone would have brought it; at its end it starts again."""
     if earlier.position_ms is None or later.position_ms is None or not later.duration_ms:
         return 0.0

@@ -1,4 +1,4 @@
-"""The shaper's API (docs/network.md), as far as runs need it. The lab never imports the shaper."""
+"""The shaper's API (docs/network.md), as far as runs need it."""
 
 from __future__ import annotations
 
@@ -10,45 +10,15 @@ from pathlib import Path
 from typing import Any
 
 import httpx
-from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic import ValidationError
 
 from tigas_common.parsing import sentence
 from tigas_common.wire.run import Network
+from tigas_common.wire.shaper import ShaperStatus
 from tigas_experiments.run.errors import RunFailed
 
 TIMEOUT_S = 10
 UPLOAD_TIMEOUT_S = 60
-
-
-class Direction(BaseModel):
-    """One direction of the link; fields of a newer shaper are ignored."""
-
-    model_config = ConfigDict(frozen=True, allow_inf_nan=False)
-
-    target_kbps: float
-    delivered_kbps: float
-    """Since the sample before."""
-    queue_ms: float
-    drops: int
-
-
-class LinkStatus(BaseModel):
-    """What the shaper tells of its link."""
-
-    model_config = ConfigDict(frozen=True, allow_inf_nan=False)
-
-    time_ms: float
-    """Of the shaper's own steady clock."""
-    mode: str
-    trace: str | None
-    position_ms: float | None
-    duration_ms: float | None = None
-    """Of the trace."""
-    down: Direction
-    up: Direction
-    link: dict[str, float]
-    backend: str
-    closed: str | None
 
 
 class ShaperClient:
@@ -64,7 +34,7 @@ class ShaperClient:
         """Give up the connections."""
         await self._http.aclose()
 
-    async def hold(self, network: Network) -> LinkStatus:
+    async def hold(self, network: Network) -> ShaperStatus:
         """Put the network's first state in force, and keep it."""
         if network.link is not None:
             return await self._post("/link", network.link.model_dump())
@@ -83,11 +53,11 @@ class ShaperClient:
         await self._seek(network)
         await self._post("/resume", {})
 
-    async def release(self) -> LinkStatus:
+    async def release(self) -> ShaperStatus:
         """Back to the shaper's own constant rate, which is fast."""
         return await self._post("/stop", {})
 
-    async def watch(self) -> AsyncIterator[LinkStatus]:
+    async def watch(self) -> AsyncIterator[ShaperStatus]:
         """The link about five times a second."""
         try:
             async with self._http.stream("GET", "/events", timeout=httpx.Timeout(TIMEOUT_S, read=None)) as answer:
@@ -97,12 +67,12 @@ class ShaperClient:
         except (httpx.HTTPError, json.JSONDecodeError) as error:
             raise RunFailed(f"The shaper at {self.url} stopped telling of its link ({_reason(error)}).") from None
 
-    async def _seek(self, network: Network) -> LinkStatus:
+    async def _seek(self, network: Network) -> ShaperStatus:
         return await self._post("/seek", {"position_ms": network.offset_s * 1000})
 
-    def _status(self, data: Any) -> LinkStatus:
+    def _status(self, data: Any) -> ShaperStatus:
         try:
-            return LinkStatus.model_validate(data)
+            return ShaperStatus.model_validate(data, extra="ignore")  # of a newer shaper
         except ValidationError as error:
             raise RunFailed(f"The shaper at {self.url} tells of its link in other words: {sentence(error)}") from None
 
@@ -116,7 +86,7 @@ class ShaperClient:
             raise RunFailed(f"The shaper at {self.url} took {path.name} and does not say as what.")
         return str(answer["name"])
 
-    async def _post(self, path: str, body: dict[str, Any]) -> LinkStatus:
+    async def _post(self, path: str, body: dict[str, Any]) -> ShaperStatus:
         return self._status(await self._send("POST", path, json=body))
 
     async def _send(self, method: str, path: str, **arguments: Any) -> Any:
