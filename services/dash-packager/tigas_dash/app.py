@@ -9,14 +9,13 @@ import asyncio
 from collections.abc import AsyncIterator
 
 from starlette.applications import Starlette
-from starlette.middleware import Middleware
-from starlette.middleware.cors import CORSMiddleware
 from starlette.requests import Request
 from starlette.responses import JSONResponse, PlainTextResponse, Response, StreamingResponse
 from starlette.routing import Route, WebSocketRoute
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from tigas_common.errors import TigasError, problem
+from tigas_common.origins import cross_origin
 from tigas_common.parsing import MAX_BODY, parse
 from tigas_common.problems import EXCEPTION_HANDLERS, json_response, read_body
 from tigas_common.wire.dash import FrameShown, PoseUpdate, SessionRequest
@@ -47,7 +46,7 @@ def create_app(sessions: Sessions) -> Starlette:
             Route("/time", time),
             Route("/healthz", healthz),
         ],
-        middleware=[Middleware(CORSMiddleware, allow_origins=["*"], allow_methods=["GET", "POST", "DELETE"])],
+        middleware=[cross_origin()],
         exception_handlers=EXCEPTION_HANDLERS,
     )
     app.state.sessions = sessions

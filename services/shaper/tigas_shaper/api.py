@@ -11,17 +11,16 @@ from collections.abc import AsyncIterator, Sequence
 
 from starlette.applications import Starlette
 from starlette.middleware import Middleware
-from starlette.middleware.cors import CORSMiddleware
 from starlette.requests import Request
 from starlette.responses import JSONResponse, Response, StreamingResponse
 from starlette.routing import Route
-from starlette.types import ASGIApp, Receive, Scope, Send
 
 from tigas_common.errors import Overloaded
+from tigas_common.origins import OriginCheck, OriginPolicy, cross_origin
 from tigas_common.parsing import MAX_BODY, Model, parse
-from tigas_common.problems import EXCEPTION_HANDLERS, json_response, on_error, read_body
+from tigas_common.problems import EXCEPTION_HANDLERS, json_response, read_body
 from tigas_common.wire.shaper import LinkSetting, LoopRequest, SeekRequest, StartRequest, TraceList
-from tigas_shaper.errors import ForeignOrigin, LinkClosed
+from tigas_shaper.errors import LinkClosed
 from tigas_shaper.library import MAX_UPLOAD_BYTES, points, summary
 from tigas_shaper.service import Shaper
 from tigas_shaper.trace import LinkState
@@ -48,33 +47,14 @@ def create_app(shaper: Shaper, origins: Sequence[str]) -> Starlette:
             Route("/healthz", healthz),
         ],
         middleware=[
-            Middleware(CORSMiddleware, allow_origins=origins, allow_methods=["GET", "POST"], allow_headers=["*"]),
-            Middleware(OriginCheck, origins=origins),
+            cross_origin(readers=origins),
+            Middleware(OriginCheck, policy=OriginPolicy(origins)),
         ],
         exception_handlers=EXCEPTION_HANDLERS,
     )
     app.state.shaper = shaper
     app.state.watchers = 0
     return app
-
-
-class OriginCheck:
-    """Refuses requests that change something unless an allowed page sent them."""
-
-    def __init__(self, app: ASGIApp, origins: Sequence[str]) -> None:
-        self._app = app
-        self._origins = frozenset(origins)
-
-    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        if scope["type"] != "http" or scope["method"] in ("GET", "HEAD", "OPTIONS"):
-            return await self._app(scope, receive, send)
-        request = Request(scope)
-        origin = request.headers.get("origin")
-        if origin in self._origins:
-            return await self._app(scope, receive, send)
-        said = f"not {origin[:100]}" if origin else "but it says none"
-        error = ForeignOrigin(f"A request that changes the link must have an allowed Origin, {said}.")
-        return await (await on_error(request, error))(scope, receive, send)
 
 
 async def traces(request: Request) -> Response:

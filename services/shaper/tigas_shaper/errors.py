@@ -27,9 +27,3 @@ class NothingPlays(TigasError):
     """There is no trace to pause, resume, seek or loop."""
 
     status, type, title = 409, "nothing-plays", "No trace is playing"
-
-
-class ForeignOrigin(TigasError):
-    """A page that is not the lab's, or a tool that did not say who it is, tried to change the link."""
-
-    status, type, title = 403, "foreign-origin", "Only the lab's page may change the link"

@@ -11,12 +11,12 @@ from urllib.parse import quote
 
 from starlette.applications import Starlette
 from starlette.middleware import Middleware
-from starlette.middleware.cors import CORSMiddleware
 from starlette.requests import ClientDisconnect, Request
 from starlette.responses import JSONResponse, Response, StreamingResponse
 from starlette.routing import Route
 
 from tigas_common.errors import BodyTooLarge, InvalidRequest
+from tigas_common.origins import OriginCheck, OriginPolicy, cross_origin
 from tigas_common.problems import EXCEPTION_HANDLERS, json_response, read_body
 from tigas_common.wire.recording import MAX_BYTES
 from tigas_common.wire.store import ExperimentCreated
@@ -28,7 +28,6 @@ from tigas_experiments.store.errors import storage_explained
 from tigas_experiments.store.experiments import Experiments
 from tigas_experiments.store.intake import take_in
 from tigas_experiments.store.movements import Movements
-from tigas_experiments.store.origins import OriginCheck
 from tigas_experiments.store.reports import Reports
 from tigas_experiments.store.workspace import Workspace
 
@@ -75,10 +74,8 @@ def create_app(store: Store, origins: Sequence[str]) -> Starlette:
             Route("/healthz", healthz),
         ],
         middleware=[
-            Middleware(
-                CORSMiddleware, allow_origins=["*"], allow_methods=["GET", "POST", "DELETE"], allow_headers=["*"]
-            ),
-            Middleware(OriginCheck, allowed=origins),
+            cross_origin(),
+            Middleware(OriginCheck, policy=OriginPolicy(origins, own_host=True, programs=True)),
         ],
         exception_handlers=EXCEPTION_HANDLERS,
     )

@@ -33,12 +33,6 @@ class NothingToReport(TigasError):
     status, type, title = 409, "no-runs", "The experiment has no runs"
 
 
-class ForeignOrigin(TigasError):
-    """A page of another host asked for a change."""
-
-    status, type, title = 403, "foreign-origin", "Only the lab's page may change experiments"
-
-
 class DiskFull(TigasError):
     """Nothing more can be kept."""
 
