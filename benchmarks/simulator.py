@@ -313,7 +313,9 @@ def plot(pairs: Sequence[tuple[Configuration, dict[str, float], dict[str, float]
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("networks", nargs="*", default=NETWORKS, metavar="NETWORK")
-    parser.add_argument("--controllers", nargs="+", default=["latency", "budget", "2"], metavar="NAME|RUNG")
+    parser.add_argument(
+        "--controllers", nargs="+", default=["latency", "latency-transfer", "budget", "2"], metavar="NAME|RUNG"
+    )
     parser.add_argument("--seconds", type=float, default=20)
     parser.add_argument("--out", type=Path, default=Path("results/simulator"))
     parser.add_argument(

@@ -6,8 +6,9 @@ import { parseArgs } from "node:util";
 import { runnerImport } from "vite";
 
 const USAGE = `npm run abr-sim -- [options] TRACE.csv...
-  --controller NAME   latency, budget, lol+, l2a, fixed:RUNG, latency@MS (another target), or a file of your own
-                      whose default export makes a controller; may be repeated [latency, budget, lol+, l2a]
+  --controller NAME   latency, latency-transfer, budget, lol+, l2a, fixed:RUNG, latency@MS and latency-transfer@MS
+                      (another target), or a file of your own whose default export makes a controller; may be
+                      repeated [all of the first five]
   --rtt MS            round trip in place of the traces' own delay; may be repeated
   --seconds N         how long each visit lasts [each trace once]
   --render MS         the server's time for a frame [11, the paper's RTX 2060 Super]
@@ -29,7 +30,7 @@ async function main() {
   const { values, positionals } = parseArgs({
     allowPositionals: true,
     options: {
-      controller: { type: "string", multiple: true, default: ["latency", "budget", "lol+", "l2a"] },
+      controller: { type: "string", multiple: true, default: ["latency", "latency-transfer", "budget", "lol+", "l2a"] },
       rtt: { type: "string", multiple: true },
       seconds: { type: "string" },
       render: { type: "string" },

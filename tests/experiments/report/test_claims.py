@@ -103,3 +103,15 @@ def test_budget_must_win_both(tmp_path: Path) -> None:
 def test_a_verdict_says_what_it_owes_to_the_machine(tmp_path: Path) -> None:
     said = found(tmp_path, {"delay_ms": 300, "busy": 1.0}, {"delay_ms": 300, "repeat": 1})
     assert said["response"].figures == "300 ms at 20 ms. Processors were saturated in 1 of these 2 runs."
+
+
+def test_each_reading_of_latency_that_has_runs_is_judged_by_itself(tmp_path: Path) -> None:
+    write_run(tmp_path / "runs/0", "latency", rungs=(1,), delay_ms=40.0, rtt_ms=20.0)
+    write_run(tmp_path / "runs/1", "latency-transfer", rungs=(1, 2), hold=25, delay_ms=130.0, rtt_ms=20.0)
+    write_run(tmp_path / "runs/2", "lol+", rungs=(1, 2), hold=50, rtt_ms=20.0)
+    verdicts = {claim.text: claim.verdict for claim in claims(load(tmp_path))}
+    assert verdicts["Latency changes its profile less often than LoL+"] == "holds"
+    assert verdicts["Latency (transfer) changes its profile less often than LoL+"] == "does not hold"
+    responses = {text.split("'s")[0]: verdict for text, verdict in verdicts.items() if "p95 response" in text}
+    assert responses == {"Latency": "holds", "Latency (transfer)": "does not hold"}
+    assert "Budget has more inputs within 100 ms than Latency (transfer), at an equal or greater height" in verdicts

@@ -14,7 +14,7 @@ from tigas_common.wire.run import Configuration
 from tigas_experiments.run.inputs import Inputs
 from tigas_experiments.run.plan import Plan, lasting, seconds
 
-REPOSITORY = Path(__file__).parents[2]
+REPOSITORY = Path(__file__).parents[3]
 SMALL: dict[str, Any] = {"name": "small", "scenes": ["courtyard"], "movements": ["stroll"], "networks": ["4g-bus"]}
 
 

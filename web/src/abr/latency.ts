@@ -1,12 +1,15 @@
 /**
- * The paper's controller, *Latency*: the completion time of a frame of rung ℓ is T(ℓ) = S(ℓ) / throughput, with S(ℓ) the
- * rung's expected size. One rung up if the next one's T is at most T_TARGET; one rung down if the current one's T is above
- * T_MARGIN; either only when HOLD frames in a row agree, except that a fast turn goes down at once.
+ * The paper's controller, *Latency*: the completion time of a frame of rung ℓ is T(ℓ) = S(ℓ) / r, with S(ℓ) the rung's
+ * expected size and r the throughput. One rung up if the next one's T is at most T_TARGET; one rung down if the current one's
+ * T is above T_MARGIN; either only when HOLD frames in a row agree, except that a fast turn goes down at once.
  *
- * T counts the bytes' time on the link alone, as published: neither round trip nor server nor queue.
+ * The paper leaves open what Δt is in r = S / Δt: it is "the download duration", of a request whose "start/end times" are
+ * recorded. Both readings are here. *Per request* takes the words as they stand, from asking to the last byte, so that round
+ * trip, server and waiting count; *per transfer* takes first to last byte, so that the link alone counts.
  */
-import type { Controller, ControllerContext, Observation } from "./controller";
+import { type Controller, type ControllerContext, type Observation, responseTime } from "./controller";
 import { FrameSizes } from "./sizes";
+import { RecentAverage } from "./throughput";
 
 /** The longest completion time to go up to, in milliseconds; from the paper. */
 const T_TARGET = 100;
@@ -17,7 +20,26 @@ const HOLD = 3;
 /** A faster turn is rapid panning, in degrees a second; the paper gives no number. */
 export const RAPID_PANNING = 90;
 
+/** Hears of every frame; says the throughput in bits per second, or null while it is unknown. */
+export type ThroughputReading = (observation: Observation) => number | null;
+
+/** A frame's own bytes over the time from asking for it to its last byte: the average of the last five. */
+export function perRequest(): ThroughputReading {
+  const average = new RecentAverage();
+  return (observation) => {
+    const duration = responseTime(observation);
+    if (duration > 0 && observation.arrival.bytes > 0) average.add((observation.arrival.bytes * 8000) / duration);
+    return average.value;
+  };
+}
+
+/** What all requests received between a frame's first and last byte: the page's own estimate (throughput.ts). */
+export function perTransfer(): ThroughputReading {
+  return ({ throughput }) => throughput;
+}
+
 export class LatencyController implements Controller {
+  readonly #throughput: ThroughputReading;
   readonly #sizes: FrameSizes;
   readonly #lowest: number;
   readonly #target: number;
@@ -28,7 +50,8 @@ export class LatencyController implements Controller {
   #agreeing = 0;
 
   /** `target` in milliseconds: another T_TARGET, for comparisons at equal quality; T_MARGIN keeps its proportion. */
-  constructor({ ladder }: Pick<ControllerContext, "ladder">, target: number = T_TARGET) {
+  constructor({ ladder }: Pick<ControllerContext, "ladder">, throughput: ThroughputReading, target: number = T_TARGET) {
+    this.#throughput = throughput;
     this.#sizes = new FrameSizes(ladder);
     this.#lowest = ladder.length - 1;
     this.#rung = this.#lowest;
@@ -40,13 +63,14 @@ export class LatencyController implements Controller {
     return this.#rung;
   }
 
-  observe({ profile, arrival, throughput, turning }: Observation): void {
-    this.#sizes.observe(profile, arrival.bytes);
+  observe(observation: Observation): void {
+    this.#sizes.observe(observation.profile, observation.arrival.bytes);
+    const throughput = this.#throughput(observation);
     if (throughput === null) return;
     const wanted = this.#wants(throughput);
     this.#agreeing = wanted === this.#wanted ? this.#agreeing + 1 : 1;
     this.#wanted = wanted;
-    const atOnce = wanted === 1 && turning > RAPID_PANNING;
+    const atOnce = wanted === 1 && observation.turning > RAPID_PANNING;
     if (wanted === 0 || (this.#agreeing < HOLD && !atOnce)) return;
     this.#rung += wanted;
     this.#wanted = 0;

@@ -7,7 +7,7 @@
 import { BudgetController } from "./budget";
 import type { ControllerFactory } from "./controller";
 import { L2aController } from "./l2a";
-import { LatencyController } from "./latency";
+import { LatencyController, perRequest, perTransfer } from "./latency";
 import { LolpController } from "./lolp";
 
 interface Entry {
@@ -17,7 +17,11 @@ interface Entry {
 }
 
 export const CONTROLLERS = {
-  latency: { title: "Latency", create: (context) => new LatencyController(context) },
+  latency: { title: "Latency", create: (context) => new LatencyController(context, perRequest()) },
+  "latency-transfer": {
+    title: "Latency (transfer)",
+    create: (context) => new LatencyController(context, perTransfer()),
+  },
   budget: { title: "Budget", create: (context) => new BudgetController(context) },
   "lol+": { title: "LoL+", create: (context) => new LolpController(context) },
   l2a: { title: "L2A", create: (context) => new L2aController(context) },

@@ -10,13 +10,30 @@
  */
 import type { Arrival } from "../transport/transport";
 
-const ALPHA = 0.3;
+/** How many measurements of a frame each make an estimate. */
 const SAMPLES = 5;
 /** Shorter measurements say more about the clock than about the link; they are added up until they are long enough (ms). */
 const MIN_DURATION = 2;
 
+/** The exponential moving average (α = 0.3) of the last five values, as the paper has it. */
+export class RecentAverage {
+  static readonly ALPHA = 0.3;
+  #values: number[] = [];
+
+  add(value: number): void {
+    this.#values = [...this.#values, value].slice(-SAMPLES);
+  }
+
+  /** Null before the first. */
+  get value(): number | null {
+    const [first, ...rest] = this.#values;
+    if (first === undefined) return null;
+    return rest.reduce((average, value) => RecentAverage.ALPHA * value + (1 - RecentAverage.ALPHA) * average, first);
+  }
+}
+
 export class ThroughputEstimator {
-  #samples: number[] = [];
+  readonly #average = new RecentAverage();
   #bytes = 0;
   #duration = 0;
   /** Frames that came too fast to measure, since the last measurement or bound, and all of their bytes. */
@@ -41,13 +58,11 @@ export class ThroughputEstimator {
 
   /** Bits per second, or null before the first measurement. */
   get bitsPerSecond(): number | null {
-    const [first, ...rest] = this.#samples;
-    if (first === undefined) return null;
-    return rest.reduce((average, sample) => ALPHA * sample + (1 - ALPHA) * average, first);
+    return this.#average.value;
   }
 
   #add(sample: number): void {
-    this.#samples = [...this.#samples, sample].slice(-SAMPLES);
+    this.#average.add(sample);
     this.#fast = 0;
     this.#fastBytes = 0;
   }

@@ -1,8 +1,13 @@
 /** What the simulator can be told to run: a controller of the registry, a fixed rung, or Latency with another target. */
 import type { ControllerFactory } from "../abr/controller";
 import { FixedController } from "../abr/fixed";
-import { LatencyController } from "../abr/latency";
+import { LatencyController, perRequest, perTransfer, type ThroughputReading } from "../abr/latency";
 import { CONTROLLER_NAMES, CONTROLLERS, type ControllerName } from "../abr/registry";
+
+const READINGS: Readonly<Record<string, () => ThroughputReading>> = {
+  latency: perRequest,
+  "latency-transfer": perTransfer,
+};
 
 /** Throws an Error with one sentence if there is no such controller. */
 export function controllerFactory(name: string): ControllerFactory {
@@ -12,8 +17,10 @@ export function controllerFactory(name: string): ControllerFactory {
   if (kind === "fixed" && Number.isInteger(value) && value >= 0) {
     return ({ ladder }) => new FixedController(Math.min(value, ladder.length - 1));
   }
-  if (kind === "latency" && value > 0) return (context) => new LatencyController(context, value);
-  throw new Error(`"${name}" is no controller; there are ${CONTROLLER_NAMES.join(", ")}, fixed:RUNG and latency@MS.`);
+  const reading = READINGS[kind ?? ""];
+  if (reading && value > 0) return (context) => new LatencyController(context, reading(), value);
+  const others = "fixed:RUNG, latency@MS and latency-transfer@MS";
+  throw new Error(`"${name}" is no controller; there are ${CONTROLLER_NAMES.join(", ")}, ${others}.`);
 }
 
 function isControllerName(name: string): name is ControllerName {

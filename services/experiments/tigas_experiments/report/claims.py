@@ -20,6 +20,8 @@ from tigas_experiments.report.results import Group, Results
 from tigas_experiments.report.variants import CONTROLLER_TITLES
 
 Verdict = Literal["holds", "does not hold", "no data"]
+READINGS = ("latency", "latency-transfer")
+"""Of the paper's controller (docs/abr.md): its words come first, the other is judged where it has runs."""
 RESPONSE_MS, RESPONSE_RTT_MS = 100.0, 50.0
 RESPONSES = {REPLY_P95: "from asking to the last byte", RESPONSE_P95: "from the pose to the screen"}
 """The paper's, which runs without replies do not have, and the longer one that all have."""
@@ -47,52 +49,64 @@ def claims(results: Results) -> list[Claim]:
     for group in results.groups:
         condition = group.condition
         cells.setdefault((condition.network, condition.rtt_ms), {})[condition.variant.name] = group
+    first, *others = READINGS
+    readings = [first, *(name for name in others if any(name in cell for cell in cells.values()))]
+    return [claim for reading in readings for claim in _of_reading(cells, reading)]
+
+
+def _of_reading(cells: dict[tuple[str, float | None], Cell], reading: str) -> list[Claim]:
+    """All that concern one reading of Latency."""
+    title = CONTROLLER_TITLES[reading]
+    every = list(cells.values())
     return [
-        _fewer_switches(list(cells.values()), "lol+"),
-        _fewer_switches(list(cells.values()), "l2a"),
+        _fewer_switches(every, reading, "lol+"),
+        _fewer_switches(every, reading, "l2a"),
         *_each_network(
             cells,
+            reading,
             lambda rtt: rtt <= RESPONSE_RTT_MS,
             {
-                metric: f"Latency's p95 response, {span}, is under 100 ms at round trips of up to 50 ms"
+                metric: f"{title}'s p95 response, {span}, is under 100 ms at round trips of up to 50 ms"
                 for metric, span in RESPONSES.items()
             },
             lambda value: value < RESPONSE_MS,
         ),
         *_each_network(
             cells,
+            reading,
             lambda rtt: rtt == FRAMES_RTT_MS,
-            {NEW_VIEWS: "Latency shows at least 25 new views a second at a round trip of 300 ms"},
+            {NEW_VIEWS: f"{title} shows at least 25 new views a second at a round trip of 300 ms"},
             lambda value: value >= FRAMES_PER_S,
         ),
-        _budget(list(cells.values()), HEIGHT, "at an equal or greater height"),
-        _budget(list(cells.values()), VIEW_SSIM, "at an equal or better SSIM of the view"),
+        _budget(every, reading, HEIGHT, "at an equal or greater height"),
+        _budget(every, reading, VIEW_SSIM, "at an equal or better SSIM of the view"),
     ]
 
 
-def _fewer_switches(cells: Sequence[Cell], other: str) -> Claim:
-    title = CONTROLLER_TITLES[other]
-    text = f"Latency changes its profile less often than {title}"
-    both = [cell for cell in cells if _pairs([cell], "latency", other, SWITCHES)]
+def _fewer_switches(cells: Sequence[Cell], reading: str, other: str) -> Claim:
+    own, title = CONTROLLER_TITLES[reading], CONTROLLER_TITLES[other]
+    text = f"{own} changes its profile less often than {title}"
+    both = [cell for cell in cells if _pairs([cell], reading, other, SWITCHES)]
     if not both:
         return Claim(text, "the paper's", "no data", "There are no runs of both over the same network.")
-    pairs = _pairs(both, "latency", other, SWITCHES)
+    pairs = _pairs(both, reading, other, SWITCHES)
     ours, theirs = (sum(pair[side] for pair in pairs) / len(pairs) for side in (0, 1))
     fewer = sum(a < b for a, b in pairs)
     figures = (
-        f"Latency {SWITCHES.text(ours)}, {title} {SWITCHES.text(theirs)} a minute; "
+        f"{own} {SWITCHES.text(ours)}, {title} {SWITCHES.text(theirs)} a minute; "
         f"less often at {fewer} of {len(pairs)} networks and round trips."
     )
-    return Claim(text, "the paper's", _verdict(ours < theirs), figures + _saturated(both, "latency", other))
+    return Claim(text, "the paper's", _verdict(ours < theirs), figures + _saturated(both, reading, other))
 
 
 def _each_network(
     cells: dict[tuple[str, float | None], Cell],
+    reading: str,
     applies: Callable[[float], bool],
     texts: Mapping[Metric, str],
     holds: Callable[[float], bool],
 ) -> list[Claim]:
-    """A claim over Latency alone: one row for each network that has runs at such a round trip.
+    """A claim over one reading of Latency alone: one row for each network that has runs at such a round trip.
 
     It is judged by the first of the figures that all of its runs have, or by the last.
     """
@@ -100,9 +114,9 @@ def _each_network(
     found: list[Claim] = []
     for network in dict.fromkeys(network for network, _ in cells):
         at = {rtt: cell for (name, rtt), cell in cells.items() if name == network and rtt is not None and applies(rtt)}
-        groups = [cell["latency"] for cell in at.values() if "latency" in cell]
+        groups = [cell[reading] for cell in at.values() if reading in cell]
         metric = next((metric for metric in texts if all(group.has(metric) for group in groups)), last)
-        values = {rtt: value for rtt, cell in at.items() if (value := _mean(cell, "latency", metric)) is not None}
+        values = {rtt: value for rtt, cell in at.items() if (value := _mean(cell, reading, metric)) is not None}
         if not values:
             continue
         parts = []
@@ -110,37 +124,38 @@ def _each_network(
             others = [
                 f"{group.variant.title} {metric.text(other)}"
                 for name, group in at[rtt].items()
-                if name != "latency" and (other := _mean(at[rtt], name, metric)) is not None
+                if name != reading and (other := _mean(at[rtt], name, metric)) is not None
             ]
             beside = f" ({', '.join(others)})" if others else ""
             parts.append(f"{metric.with_unit(value)} at {rtt:g} ms{beside}")
-        figures = f"{'; '.join(parts)}.{_saturated(list(at.values()), 'latency')}"
+        figures = f"{'; '.join(parts)}.{_saturated(list(at.values()), reading)}"
         verdict = _verdict(all(map(holds, values.values())))
         found.append(Claim(f"{texts[metric]}, over {network}", "the paper's", verdict, figures))
-    nothing = "There are no runs of Latency at such a known round trip."
+    nothing = f"There are no runs of {CONTROLLER_TITLES[reading]} at such a known round trip."
     return found or [Claim(next(iter(texts.values())), "the paper's", "no data", nothing)]
 
 
-def _budget(cells: Sequence[Cell], quality: Metric, words: str) -> Claim:
-    text = f"Budget has more inputs within 100 ms than Latency, {words}"
+def _budget(cells: Sequence[Cell], reading: str, quality: Metric, words: str) -> Claim:
+    title = CONTROLLER_TITLES[reading]
+    text = f"Budget has more inputs within 100 ms than {title}, {words}"
     both = [
         cell
         for cell in cells
-        if _pairs([cell], "budget", "latency", IN_TIME) and _pairs([cell], "budget", "latency", quality)
+        if _pairs([cell], "budget", reading, IN_TIME) and _pairs([cell], "budget", reading, quality)
     ]
     if not both:
         return Claim(text, "ours", "no data", "There are no runs of both over the same network that have the figure.")
-    shares, qualities = (_pairs(both, "budget", "latency", metric) for metric in (IN_TIME, quality))
+    shares, qualities = (_pairs(both, "budget", reading, metric) for metric in (IN_TIME, quality))
     (in_time, theirs), (good, their_quality) = (
         tuple(sum(pair[side] for pair in pairs) / len(pairs) for side in (0, 1)) for pairs in (shares, qualities)
     )
     won = sum(a > b and c >= d for (a, b), (c, d) in zip(shares, qualities, strict=True))
     figures = (
-        f"Budget {IN_TIME.with_unit(in_time)} at {quality.with_unit(good)}, Latency {IN_TIME.with_unit(theirs)} at "
+        f"Budget {IN_TIME.with_unit(in_time)} at {quality.with_unit(good)}, {title} {IN_TIME.with_unit(theirs)} at "
         f"{quality.with_unit(their_quality)}; both are so at {won} of {len(both)} networks and round trips."
     )
     verdict = _verdict(in_time > theirs and good >= their_quality)
-    return Claim(text, "ours", verdict, figures + _saturated(both, "budget", "latency"))
+    return Claim(text, "ours", verdict, figures + _saturated(both, "budget", reading))
 
 
 def _pairs(cells: Sequence[Cell], one: str, other: str, metric: Metric) -> list[tuple[float, float]]:

@@ -9,7 +9,13 @@ from typing import Any
 from tigas_common.wire.run import MODE_NAMES, MODES, Configuration, Mode
 from tigas_experiments.report.drawing import LineStyle
 
-CONTROLLER_TITLES = {"latency": "Latency", "budget": "Budget", "lol+": "LoL+", "l2a": "L2A"}
+CONTROLLER_TITLES = {
+    "latency": "Latency",
+    "latency-transfer": "Latency (transfer)",
+    "budget": "Budget",
+    "lol+": "LoL+",
+    "l2a": "L2A",
+}
 """As the page has them; a controller of one's own is called by its name."""
 MARKERS = ("o", "s", "^", "D", "v", "P", "X", "*")
 
@@ -30,6 +36,7 @@ class Look:
 
 KNOWN_LOOKS = {
     "latency": Look("#cc79a7", "-", "s"),
+    "latency-transfer": Look("#cc79a7", "--", "D"),
     "budget": Look("#0072b2", "-", "o"),
     "lol+": Look("#e69f00", "-", "^"),
     "l2a": Look("#56b4e9", "-", "v"),
