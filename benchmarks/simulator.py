@@ -42,8 +42,8 @@ from tigas_experiments.run.laboratory import laboratory
 from tigas_experiments.run.measure import run
 from tigas_experiments.run.parsing import parse_network
 from tigas_experiments.run.targets import LAB_URL
-from tigas_shaper.csv_format import format_csv
-from tigas_shaper.importers import load_trace
+from tigas_shaper.traces.csv_format import format_csv
+from tigas_shaper.traces.formats import load_trace
 
 ROOT = Path(__file__).parent.parent
 NETWORKS = [str(ROOT / "traces/network" / name) for name in ("4g-bus.csv", "dsl.csv,20ms-rtt", "step-down.csv")]

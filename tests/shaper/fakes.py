@@ -7,8 +7,8 @@ import heapq
 import itertools
 
 from tigas_shaper.errors import LinkClosed
-from tigas_shaper.link import Counters
-from tigas_shaper.trace import LinkState, NetworkTrace
+from tigas_shaper.link.link import Counters
+from tigas_shaper.traces.trace import LinkState, NetworkTrace
 
 
 class FakeTime:

@@ -13,11 +13,11 @@ import pytest
 
 from tests.shaper.fakes import FakeGateway, FakeLink, FakeTime, trace
 from tigas_shaper.api import create_app
-from tigas_shaper.csv_format import format_csv
-from tigas_shaper.library import MAX_UPLOAD_BYTES, MAX_UPLOADS, TraceLibrary
 from tigas_shaper.player import Player
 from tigas_shaper.service import Shaper
-from tigas_shaper.trace import LinkState
+from tigas_shaper.traces.csv_format import format_csv
+from tigas_shaper.traces.library import MAX_UPLOAD_BYTES, MAX_UPLOADS, TraceLibrary
+from tigas_shaper.traces.trace import LinkState
 
 pytestmark = pytest.mark.anyio
 PAGE = "http://localhost:8080"

@@ -7,7 +7,7 @@ import pytest
 from tests.shaper.fakes import FakeLink, FakeTime, trace
 from tigas_shaper.errors import LinkClosed, NothingPlays
 from tigas_shaper.player import Player
-from tigas_shaper.trace import LinkState
+from tigas_shaper.traces.trace import LinkState
 
 pytestmark = pytest.mark.anyio
 IDLE = LinkState(100_000, 50_000)

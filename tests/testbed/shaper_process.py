@@ -10,8 +10,8 @@ from contextlib import contextmanager, suppress
 from typing import Any
 
 from tests.testbed.inside import inside, wait_until
-from tigas_shaper.csv_format import format_csv
-from tigas_shaper.trace import NetworkTrace
+from tigas_shaper.traces.csv_format import format_csv
+from tigas_shaper.traces.trace import NetworkTrace
 from tigas_testbed.namespaces import GATEWAY_ADDRESS, Lab
 from tigas_testbed.services import shaper_command
 

@@ -16,7 +16,7 @@ from tests.testbed.shaper_process import ShaperProcess
 from tests.web.conftest import CHROMIUM_ARGS, DESKTOP, PATIENCE, STATIC
 from tests.web.scenes import write_scenes
 from tests.web.stage import SCENE, frames, wait_for_frames
-from tigas_shaper.trace import LinkState, NetworkTrace
+from tigas_shaper.traces.trace import LinkState, NetworkTrace
 from tigas_testbed.namespaces import Lab
 from tigas_testbed.services import render_command, running
 

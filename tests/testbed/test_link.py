@@ -14,7 +14,7 @@ import pytest
 
 from tests.testbed.inside import Receiver, echo_server, flood, steady, udp
 from tests.testbed.shaper_process import ShaperProcess
-from tigas_shaper.trace import LinkState, NetworkTrace
+from tigas_shaper.traces.trace import LinkState, NetworkTrace
 
 GATEWAY = ("198.18.1.1", 4433)
 SIZE = 1400

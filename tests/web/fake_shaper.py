@@ -30,9 +30,9 @@ from tigas_common.wire.shaper import (
     StartRequest,
     TraceList,
 )
-from tigas_shaper.library import points, summary
 from tigas_shaper.player import Player
-from tigas_shaper.trace import LinkState, NetworkTrace
+from tigas_shaper.traces.library import points, summary
+from tigas_shaper.traces.trace import LinkState, NetworkTrace
 
 TRACES = {
     trace.name: trace

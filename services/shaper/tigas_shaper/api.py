@@ -21,9 +21,9 @@ from tigas_common.parsing import MAX_BODY, Model, parse
 from tigas_common.problems import EXCEPTION_HANDLERS, json_response, read_body
 from tigas_common.wire.shaper import LinkSetting, LoopRequest, SeekRequest, StartRequest, TraceList
 from tigas_shaper.errors import LinkClosed
-from tigas_shaper.library import MAX_UPLOAD_BYTES, points, summary
 from tigas_shaper.service import Shaper
-from tigas_shaper.trace import LinkState
+from tigas_shaper.traces.library import MAX_UPLOAD_BYTES, points, summary
+from tigas_shaper.traces.trace import LinkState
 
 MAX_WATCHERS = 64
 

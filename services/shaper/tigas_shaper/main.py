@@ -15,8 +15,8 @@ from tigas_common.capabilities import CAP_NET_ADMIN, holds
 from tigas_common.errors import StartError, TigasError
 from tigas_common.runner import explained, serve_http, until_stopped
 from tigas_shaper.api import create_app
-from tigas_shaper.gateway import Forward
-from tigas_shaper.interfaces import Interface
+from tigas_shaper.link.gateway import Forward
+from tigas_shaper.link.interfaces import Interface
 from tigas_shaper.service import Shaper
 from tigas_shaper.settings import ShaperSettings
 

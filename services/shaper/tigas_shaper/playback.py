@@ -5,7 +5,7 @@ from __future__ import annotations
 from bisect import bisect_right
 from dataclasses import dataclass, replace
 
-from tigas_shaper.trace import LinkState, NetworkTrace
+from tigas_shaper.traces.trace import LinkState, NetworkTrace
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,9 +7,9 @@ from collections.abc import Awaitable, Callable
 
 from tigas_common.wire.shaper import PlaybackMode
 from tigas_shaper.errors import LinkClosed, NothingPlays
-from tigas_shaper.link import Link
+from tigas_shaper.link.link import Link
 from tigas_shaper.playback import Playback
-from tigas_shaper.trace import LinkState, NetworkTrace
+from tigas_shaper.traces.trace import LinkState, NetworkTrace
 
 
 class Player:

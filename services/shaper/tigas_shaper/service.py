@@ -10,16 +10,16 @@ from dataclasses import asdict
 
 from tigas_common.errors import StartError
 from tigas_common.wire.shaper import DirectionStatus, LinkSetting, ShaperStatus
-from tigas_shaper.channel import CommandError
-from tigas_shaper.delay import detect
 from tigas_shaper.errors import LinkClosed
-from tigas_shaper.gateway import Forward, Gateway, clean, only_one
-from tigas_shaper.interfaces import Interface
-from tigas_shaper.library import TraceLibrary
-from tigas_shaper.link import Counters, ShapedLink
+from tigas_shaper.link.channel import CommandError
+from tigas_shaper.link.delay import detect
+from tigas_shaper.link.gateway import Forward, Gateway, clean, only_one
+from tigas_shaper.link.interfaces import Interface
+from tigas_shaper.link.link import Counters, ShapedLink
 from tigas_shaper.player import Player
 from tigas_shaper.settings import ShaperSettings
-from tigas_shaper.trace import LinkState
+from tigas_shaper.traces.library import TraceLibrary
+from tigas_shaper.traces.trace import LinkState
 
 SAMPLE_S = 0.2
 """How often the link is looked at, in seconds."""

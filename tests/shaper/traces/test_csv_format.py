@@ -9,8 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tigas_common.wire.shaper import MAX_DURATION_MS
-from tigas_shaper.csv_format import format_csv, parse_csv
-from tigas_shaper.trace import LinkState, NetworkTrace, TraceError
+from tigas_shaper.traces.csv_format import format_csv, parse_csv
+from tigas_shaper.traces.trace import LinkState, NetworkTrace, TraceError
 
 HEADER = "t_ms,down_kbps,up_kbps,delay_ms,jitter_ms,loss_pct\n"
 

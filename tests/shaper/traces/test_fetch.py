@@ -16,11 +16,11 @@ from pathlib import Path
 import httpx
 import pytest
 
-from tigas_shaper import download as download_module
-from tigas_shaper import unpack as unpack_module
-from tigas_shaper.download import download
-from tigas_shaper.sources import FetchError, SourceFile, load_sources
-from tigas_shaper.unpack import unpack
+from tigas_shaper.traces import download as download_module
+from tigas_shaper.traces import unpack as unpack_module
+from tigas_shaper.traces.download import download
+from tigas_shaper.traces.sources import FetchError, SourceFile, load_sources
+from tigas_shaper.traces.unpack import unpack
 
 CONTENT = bytes(range(256)) * 4_000
 SHA256 = hashlib.sha256(CONTENT).hexdigest()

@@ -8,11 +8,11 @@ from statistics import correlation, fmean, pstdev
 import pytest
 
 from tests.shared_data import shared_file
-from tigas_shaper.generator import LinkModel, Regime, generate
-from tigas_shaper.importers import load_trace
-from tigas_shaper.own_traces import BUS_4G, DRIVING_5G, DSL, TRAIN_4G, own_traces, write_own_traces
-from tigas_shaper.summary import outages
-from tigas_shaper.trace import NetworkTrace
+from tigas_shaper.traces.formats import load_trace
+from tigas_shaper.traces.generator import LinkModel, Regime, generate
+from tigas_shaper.traces.own_traces import BUS_4G, DRIVING_5G, DSL, TRAIN_4G, own_traces, write_own_traces
+from tigas_shaper.traces.summary import outages
+from tigas_shaper.traces.trace import NetworkTrace
 
 KEPT = Path(__file__).parents[3] / "traces" / "network"
 HOUR_MS = 3_600_000

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from tigas_shaper.summary import outages, rate_summary
-from tigas_shaper.trace import LinkState, NetworkTrace
+from tigas_shaper.traces.summary import outages, rate_summary
+from tigas_shaper.traces.trace import LinkState, NetworkTrace
 
 
 def test_percentiles_and_mean_are_weighted_by_time() -> None:

@@ -7,7 +7,7 @@ import math
 import pytest
 
 from tigas_common.errors import problem
-from tigas_shaper.trace import MAX_STEPS, LinkState, NetworkTrace, TraceError
+from tigas_shaper.traces.trace import MAX_STEPS, LinkState, NetworkTrace, TraceError
 
 FAST, SLOW = LinkState(20_000, 5_000), LinkState(0, 1_000, 20, 5, 1.5)
 

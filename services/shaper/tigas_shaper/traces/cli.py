@@ -1,0 +1,195 @@
+"""The commands `tigas trace …`. Heavy imports wait until a command runs."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from tigas_common.cli import in_a_sentence
+from tigas_common.errors import TigasError
+from tigas_shaper.traces.combine import combine
+from tigas_shaper.traces.formats import FORMATS, load_trace
+from tigas_shaper.traces.text import DEFAULT_UP_KBPS
+from tigas_shaper.traces.trace import NetworkTrace
+
+if TYPE_CHECKING:
+    from tigas_shaper.traces.sources import Source
+
+trace = typer.Typer(help="Look at, convert, fetch and make network traces.", no_args_is_help=True)
+
+Recording = Annotated[Path, typer.Argument(help="A trace in any format that TIGAS reads, gzipped or not.")]
+UpKbps = Annotated[float, typer.Option(help="Uplink in kbit/s where the recording has none.")]
+Format = Annotated[
+    str | None, typer.Option(metavar="|".join(FORMATS), help="What the content is taken for. [recognised]")
+]
+
+
+@trace.command("import")
+def import_(
+    recording: Recording,
+    csv: Annotated[Path | None, typer.Argument(help="Where to write it. [NAME.csv]", show_default=False)] = None,
+    up: Annotated[
+        Path | None, typer.Option(help="A recording of the other direction, such as Mahimahi's .up file.")
+    ] = None,
+    up_kbps: UpKbps = DEFAULT_UP_KBPS,
+    format: Format = None,
+    force: Annotated[bool, typer.Option("--force", help="Replace a file that exists.")] = False,
+) -> None:
+    """Convert a recording to TIGAS's own CSV."""
+    from tigas_shaper.traces.csv_format import format_csv
+
+    with in_a_sentence(TigasError, OSError):
+        loaded = _load(recording, up_kbps, format)
+        if up:
+            loaded = combine(loaded, _load(up, up_kbps, format))
+        target = csv or Path(f"{loaded.name}.csv")
+        try:
+            with target.open("w" if force else "x", encoding="utf-8", newline="\n") as out:
+                out.write(format_csv(loaded))
+        except FileExistsError:
+            raise TigasError(f"{target} exists; --force replaces it.") from None
+    print(f"{target}: {len(loaded.times_ms):,} steps, {loaded.duration_ms / 1000:g} s, {_rate(loaded.mean_down_kbps)}")
+
+
+@trace.command("info")
+def info(recording: Recording, up_kbps: UpKbps = DEFAULT_UP_KBPS, format: Format = None) -> None:
+    """Print a trace's duration, rates and outages."""
+    from rich.console import Console
+    from rich.table import Table
+
+    from tigas_shaper.traces.summary import PERCENTILES, outages, rate_summary
+
+    with in_a_sentence(TigasError, OSError):
+        loaded = _load(recording, up_kbps, format)
+    gaps = outages(loaded)
+    facts = Table(show_header=False, box=None)
+    facts.add_row("name", loaded.name)
+    facts.add_row("duration", f"{loaded.duration_ms / 1000:g} s in {len(loaded.times_ms):,} steps")
+    facts.add_row(
+        "outages",
+        f"{len(gaps)}, together {sum(length for _, length in gaps) / 1000:g} s, "
+        f"the longest {max(length for _, length in gaps) / 1000:g} s"
+        if gaps
+        else "none",
+    )
+    for label, values in (
+        ("one-way delay", [state.delay_ms for state in loaded.states]),
+        ("jitter", [state.jitter_ms for state in loaded.states]),
+    ):
+        facts.add_row(label, _span(values, "ms"))
+    facts.add_row("loss", _span([state.loss_pct for state in loaded.states], "%"))
+
+    rates = Table(box=None)
+    rates.add_column("Mbit/s")
+    for heading in ("mean", "min", *(f"{percent} %" for percent in PERCENTILES), "max"):
+        rates.add_column("median" if heading == "50 %" else heading, justify="right")
+    for label, values in (
+        ("down", [state.down_kbps for state in loaded.states]),
+        ("up", [state.up_kbps for state in loaded.states]),
+    ):
+        summary = rate_summary(values, loaded.steps_ms)
+        row = (summary.mean, summary.minimum, *(summary.percentiles[p] for p in PERCENTILES), summary.maximum)
+        rates.add_row(label, *(f"{value / 1000:.2f}" for value in row))
+    console = Console()
+    console.print(facts)
+    console.print(rates)
+
+
+@trace.command("plot")
+def plot(
+    recording: Recording,
+    picture: Annotated[Path, typer.Argument(help="Where to write it: .png, .svg or .pdf.")],
+    up_kbps: UpKbps = DEFAULT_UP_KBPS,
+    format: Format = None,
+) -> None:
+    """Draw a trace."""
+    from tigas_shaper.traces.plot import plot_trace
+
+    with in_a_sentence(TigasError, OSError):
+        if picture.suffix.lower() not in (".png", ".svg", ".pdf"):
+            raise TigasError(f"{picture}: a picture ends in .png, .svg or .pdf.")
+        loaded = _load(recording, up_kbps, format)
+        try:
+            plot_trace(loaded, picture)
+        except ModuleNotFoundError:
+            raise TigasError("Drawing needs matplotlib: pip install 'tigas[traces]'.") from None
+    print(picture)
+
+
+@trace.command("generate")
+def generate(
+    directory: Annotated[Path, typer.Argument(help="Where to write them; existing ones are replaced.")],
+) -> None:
+    """Write TIGAS's own traces, as kept in traces/network."""
+    from tigas_shaper.traces.own_traces import write_own_traces
+
+    with in_a_sentence(TigasError, OSError):
+        for path in write_own_traces(directory):
+            print(path)
+
+
+@trace.command("fetch")
+def fetch(
+    name: Annotated[str | None, typer.Argument(help="A published set. [list them]", show_default=False)] = None,
+    to: Annotated[Path, typer.Option(help="Where to put it: a folder named after the set.")] = Path("traces/fetched"),
+    sources: Annotated[
+        Path | None, typer.Option(help="Another list of sets, in TOML. [the one that TIGAS brings]")
+    ] = None,
+) -> None:
+    """Download a published set of traces; an interrupted download goes on where it stopped."""
+    from tigas_shaper.traces.sources import load_sources
+
+    with in_a_sentence(TigasError, OSError):
+        known = load_sources(sources)
+        if name is None:
+            for key, source in known.items():
+                print(f"{key}: {source.title}\n    {source.page}\n    licence: {source.licence}")
+            return
+        if name not in known:
+            raise TigasError(f"There is no trace set {name!r}; there are {', '.join(known)}.")
+        source = known[name]
+        print(f"{source.title}\nlicence: {source.licence}\ncite: {source.cite}")
+        for path in _fetch_files(source, to / name):
+            print(path)
+
+
+def _fetch_files(source: Source, directory: Path) -> Iterator[Path]:
+    import httpx
+    from rich.progress import BarColumn, DownloadColumn, Progress, TaskID, TextColumn
+
+    from tigas_shaper.traces.download import download
+    from tigas_shaper.traces.unpack import unpack
+
+    columns = (TextColumn("{task.description}"), BarColumn(), DownloadColumn())
+    with httpx.Client(timeout=30) as client, Progress(*columns) as bars:
+        for file in source.files:
+            task = bars.add_task(file.name, total=None)
+
+            def show(done: int, total: int | None, task: TaskID = task) -> None:
+                bars.update(task, completed=done, total=total)
+
+            path = download(file, directory, client, show)
+            if file.sha256 is None:
+                bars.console.print(f"{file.name}: no checksum is known for it, so only the transfer was checked")
+            yield unpack(path) if path.suffix == ".zip" else path
+
+
+def _load(path: Path, up_kbps: float, format: str | None) -> NetworkTrace:
+    if format is not None and format not in FORMATS:
+        raise TigasError(f"There is no format {format!r}; there are {', '.join(FORMATS)}.")
+    try:
+        return load_trace(path, up_kbps=up_kbps, format=format)
+    except TigasError as error:
+        raise TigasError(f"{path}: {error.detail}") from None
+
+
+def _rate(kbps: float) -> str:
+    return f"{kbps / 1000:.2f} Mbit/s"
+
+
+def _span(values: list[float], unit: str) -> str:
+    low, high = min(values), max(values)
+    return f"{low:g} {unit}" if low == high else f"{low:g} to {high:g} {unit}"

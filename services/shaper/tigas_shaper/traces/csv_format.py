@@ -1,0 +1,103 @@
+"""Our own CSV: `t_ms,down_kbps,up_kbps,delay_ms,jitter_ms,loss_pct`, one line a change. docs/traces.md describes it.
+
+An empty cell means "as before". `t_ms` and `down_kbps` must be there; another column that is absent, or empty before
+its first value, has its default. A last line with nothing but a time marks the end, where the trace starts again;
+without it the last state lasts as long as the one before.
+"""
+
+from __future__ import annotations
+
+import csv
+import re
+
+from tigas_shaper.traces.builder import TraceBuilder
+from tigas_shaper.traces.text import DEFAULT_UP_KBPS, lines, number, shown
+from tigas_shaper.traces.trace import NetworkTrace, TraceError
+
+VALUES = {"down_kbps": 0.0, "up_kbps": DEFAULT_UP_KBPS, "delay_ms": 0.0, "jitter_ms": 0.0, "loss_pct": 0.0}
+"""The columns after `t_ms` and their defaults."""
+ONLY_STEP_MS = 1000
+"""How long the state of a file with one line lasts."""
+_TIME = re.compile(r"\d{1,15}", re.ASCII)
+
+
+def parse_csv(name: str, text: str, up_kbps: float = DEFAULT_UP_KBPS) -> NetworkTrace:
+    """A trace in our format; `up_kbps` is the uplink where the file says nothing of it. Raises TraceError."""
+    rows = lines(text)
+    first, header = next(rows)
+    columns = _cells(header)
+    _check_header(first, columns)
+    values = {**VALUES, "up_kbps": up_kbps}
+    builder = TraceBuilder(name)
+    start, lasts, pending = -1, ONLY_STEP_MS, 0  # `pending` is the line whose end is still to come
+    changed = True
+    for line, content in rows:
+        cells = _cells(content)
+        if len(cells) != len(columns):
+            raise TraceError(f"Line {line}: {len(columns)} cells are expected, not {len(cells)}.")
+        row = dict(zip(columns, cells, strict=True))
+        time = _time(row.pop("t_ms"), line, start)
+        if pending:
+            lasts = time - start
+            builder.add(pending, lasts, **values)
+        changed = False
+        for column, cell in row.items():
+            if cell:
+                values[column] = number(cell, line, column)
+                changed = True
+        if not pending and not row["down_kbps"]:
+            raise TraceError(f"Line {line}: the first line must give down_kbps.")
+        start, pending = time, line
+    if not pending:
+        raise TraceError("The file has a header and no line after it.")
+    if changed:
+        builder.add(pending, lasts, **values)
+    return builder.build()
+
+
+def format_csv(trace: NetworkTrace) -> str:
+    """The trace in our format; `parse_csv` gives back an equal one."""
+    out = [",".join(("t_ms", *VALUES))]
+    before: tuple[str, ...] = ("",) * len(VALUES)
+    for time, state in zip(trace.times_ms, trace.states, strict=True):
+        cells = tuple(_text(getattr(state, column)) for column in VALUES)
+        out.append(
+            ",".join((str(time), *("" if cell == last else cell for cell, last in zip(cells, before, strict=True))))
+        )
+        before = cells
+    out.append(f"{trace.duration_ms}{',' * len(VALUES)}")
+    return "\n".join(out) + "\n"
+
+
+def _check_header(line: int, columns: list[str]) -> None:
+    for column in ("t_ms", "down_kbps"):
+        if column not in columns:
+            raise TraceError(f"Line {line}: the header lacks {column}.")
+    for column in columns:
+        if column != "t_ms" and column not in VALUES:
+            raise TraceError(f"Line {line}: {shown(column)} is not a column of a trace: t_ms, {', '.join(VALUES)}.")
+        if columns.count(column) > 1:
+            raise TraceError(f"Line {line}: the header has {column} twice.")
+
+
+def _cells(content: str) -> list[str]:
+    try:
+        return [cell.strip() for cell in next(csv.reader([content], strict=True))]
+    except csv.Error:
+        return [content]  # a stray quote: the wrong number of cells, or not a number
+
+
+def _time(cell: str, line: int, before: int) -> int:
+    if not _TIME.fullmatch(cell):
+        raise TraceError(f"Line {line}: t_ms must be whole milliseconds from 0, not {shown(cell)}.")
+    time = int(cell)
+    if before < 0 and time != 0:
+        raise TraceError(f"Line {line}: the first t_ms must be 0, not {time}.")
+    if time <= before:
+        raise TraceError(f"Line {line}: t_ms must rise, but {time} comes after {before}.")
+    return time
+
+
+def _text(value: float) -> str:
+    """The shortest text that reads back as the same number."""
+    return str(int(value)) if value == int(value) else repr(value)

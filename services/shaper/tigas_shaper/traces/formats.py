@@ -1,0 +1,73 @@
+"""Reads traces in our own format and in those of published recordings; the content tells which, never the name."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from pathlib import Path, PurePath
+
+from tigas_shaper.traces.csv_format import parse_csv
+from tigas_shaper.traces.importers.column import holds_packet_times, parse_mahimahi, parse_plain
+from tigas_shaper.traces.importers.ghent import parse_ghent
+from tigas_shaper.traces.importers.irish import parse_irish
+from tigas_shaper.traces.importers.pensieve import parse_pensieve
+from tigas_shaper.traces.importers.sabre import parse_sabre
+from tigas_shaper.traces.text import DEFAULT_UP_KBPS, decode, lines, read_bounded, shown
+from tigas_shaper.traces.trace import NetworkTrace, TraceError
+
+FORMATS: dict[str, Callable[[str, str, float], NetworkTrace]] = {
+    "tigas": parse_csv,
+    "ghent-4g": parse_ghent,
+    "sabre": parse_sabre,
+    "mahimahi": parse_mahimahi,
+    "pensieve": parse_pensieve,
+    "irish-5g": parse_irish,
+    "plain": parse_plain,
+}
+"""Parsers by the name of their format; each takes a trace's name, the text, and the uplink where none is recorded."""
+
+_SUFFIXES = {".gz", ".csv", ".json", ".txt", ".log"}
+
+
+def load_trace(path: Path, *, up_kbps: float = DEFAULT_UP_KBPS, format: str | None = None) -> NetworkTrace:
+    """The trace in a file, named after it. Raises TraceError and OSError."""
+    return parse_trace(trace_name(path.name), read_bounded(path), up_kbps=up_kbps, format=format)
+
+
+def parse_trace(name: str, data: bytes, *, up_kbps: float = DEFAULT_UP_KBPS, format: str | None = None) -> NetworkTrace:
+    """The trace in a file's bytes, perhaps gzipped; `format` is one of FORMATS, recognised if None. Raises TraceError.
+
+    Takes time in proportion to the bytes, some ten seconds for the 64 MB that are the limit: not for an event loop.
+    """
+    text = decode(data)
+    return FORMATS[format or recognise(text)](name, text, up_kbps)
+
+
+def recognise(text: str) -> str:
+    """The format of a trace's text. Raises TraceError if it is none of ours."""
+    line, first = next(lines(text)) if text.lstrip()[:1] not in ("[", "{") else (1, "[")
+    if first == "[":
+        return "sabre"
+    if "," in first:
+        columns = {cell.strip() for cell in first.split(",")}
+        if "t_ms" in columns:
+            return "tigas"
+        if "DL_bitrate" in columns:
+            return "irish-5g"
+        raise TraceError(f"Line {line}: a comma-separated trace has t_ms and down_kbps, or DL_bitrate, in its header.")
+    words = first.split()
+    if len(words) == 1:
+        return "mahimahi" if holds_packet_times(text) else "plain"
+    if len(words) == 2:
+        return "pensieve"
+    if len(words) == 6:
+        return "ghent-4g"
+    raise TraceError(f"Line {line}: {shown(first)} is the beginning of no trace format that TIGAS reads.")
+
+
+def trace_name(filename: str) -> str:
+    """A valid name for the trace of a file: no folder, no suffix, and a hyphen for what a name cannot hold."""
+    path = PurePath(PurePath(filename).name)
+    while path.suffix.lower() in _SUFFIXES:
+        path = path.with_suffix("")
+    return re.sub(r"[^A-Za-z0-9._+=-]+", "-", path.name).lstrip("._+=-")[:100] or "trace"

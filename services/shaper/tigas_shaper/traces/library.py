@@ -1,0 +1,121 @@
+"""The traces that can be played: those of a directory, and those that were uploaded."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+from tigas_common.wire.shaper import TracePoints, TraceSummary
+from tigas_shaper.errors import TooManyTraces, UnknownTrace
+from tigas_shaper.traces.formats import load_trace, parse_trace, trace_name
+from tigas_shaper.traces.summary import outages
+from tigas_shaper.traces.trace import NetworkTrace, TraceError
+
+MAX_UPLOADS = 16
+MAX_UPLOAD_BYTES = 16_000_000
+POINTS = 600
+"""A trace is drawn with so many points at most."""
+
+
+class TraceLibrary:
+    """Traces by name; an uploaded one hides a file of its name. Reading is too slow for an event loop."""
+
+    def __init__(self, directory: Path | None) -> None:
+        self._directory = directory
+        self._uploads: dict[str, NetworkTrace] = {}
+        self._files: dict[tuple[Path, int, int], NetworkTrace | TraceError] = {}
+
+    def summaries(self) -> list[TraceSummary]:
+        """All traces, by name; files are looked for anew."""
+        found = {name: summary(trace, uploaded=True) for name, trace in self._uploads.items()}
+        for path in self._paths():
+            name = trace_name(path.name)
+            if name not in found:
+                trace = self._load(path)
+                found[name] = (
+                    TraceSummary(name=name, uploaded=False, error=trace.detail)
+                    if isinstance(trace, TraceError)
+                    else summary(trace, uploaded=False)
+                )
+        return [found[name] for name in sorted(found)]
+
+    def get(self, name: str) -> NetworkTrace:
+        """A trace. Raises UnknownTrace and TraceError."""
+        if name in self._uploads:
+            return self._uploads[name]
+        for path in self._paths():
+            if trace_name(path.name) == name:
+                trace = self._load(path)
+                if isinstance(trace, TraceError):
+                    raise trace
+                return trace
+        raise UnknownTrace(f"There is no trace named {name[:100]!r}.")
+
+    def add(self, filename: str, data: bytes) -> NetworkTrace:
+        """Keep an uploaded trace, in place of one of the same name. Raises TraceError and TooManyTraces."""
+        trace = parse_trace(trace_name(filename), data)
+        if trace.name not in self._uploads and len(self._uploads) >= MAX_UPLOADS:
+            raise TooManyTraces(f"{MAX_UPLOADS} uploaded traces are kept; restart the shaper, or use its directory.")
+        self._uploads[trace.name] = trace
+        return trace
+
+    def _paths(self) -> Iterator[Path]:
+        if self._directory is not None:
+            for path in sorted(self._directory.iterdir()):
+                if path.is_file() and not path.name.startswith((".", "README")):
+                    yield path
+
+    def _load(self, path: Path) -> NetworkTrace | TraceError:
+        stat = path.stat()
+        key = (path, stat.st_mtime_ns, stat.st_size)
+        if key not in self._files:
+            try:
+                self._files[key] = load_trace(path)
+            except TraceError as error:
+                self._files[key] = error
+            except OSError as error:
+                return TraceError(f"{path.name} cannot be read: {error.strerror or error}.")
+        return self._files[key]
+
+
+def summary(trace: NetworkTrace, *, uploaded: bool) -> TraceSummary:
+    """What the list says of a trace."""
+    down = [state.down_kbps for state in trace.states]
+    return TraceSummary(
+        name=trace.name,
+        uploaded=uploaded,
+        duration_ms=trace.duration_ms,
+        steps=len(trace.states),
+        mean_down_kbps=trace.mean_down_kbps,
+        min_down_kbps=min(down),
+        max_down_kbps=max(down),
+        mean_up_kbps=trace.mean_up_kbps,
+        outages=len(outages(trace)),
+    )
+
+
+def points(trace: NetworkTrace) -> TracePoints:
+    """A trace to be drawn: as it is if it is short, otherwise means over equal spans."""
+    if len(trace.states) <= POINTS:
+        return TracePoints(
+            name=trace.name,
+            duration_ms=trace.duration_ms,
+            times_ms=trace.times_ms,
+            down_kbps=tuple(state.down_kbps for state in trace.states),
+            up_kbps=tuple(state.up_kbps for state in trace.states),
+        )
+    span = trace.duration_ms / POINTS
+    down, up = [0.0] * POINTS, [0.0] * POINTS
+    for time, step, state in zip(trace.times_ms, trace.steps_ms, trace.states, strict=True):
+        end = time + step
+        for index in range(int(time / span), min(POINTS, int(end / span) + 1)):
+            overlap = max(0.0, min(end, (index + 1) * span) - max(time, index * span)) / span
+            down[index] += state.down_kbps * overlap
+            up[index] += state.up_kbps * overlap
+    return TracePoints(
+        name=trace.name,
+        duration_ms=trace.duration_ms,
+        times_ms=tuple(index * span for index in range(POINTS)),
+        down_kbps=tuple(down),
+        up_kbps=tuple(up),
+    )

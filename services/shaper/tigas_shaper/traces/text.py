@@ -1,0 +1,88 @@
+"""What readers of traces share: bounded reading, numbered lines, and cells as numbers.
+
+All of it raises TraceError with one sentence that names the line.
+"""
+
+from __future__ import annotations
+
+import gzip
+import io
+import math
+import re
+import zlib
+from collections.abc import Iterator
+from pathlib import Path
+
+from tigas_shaper.traces.trace import TraceError
+
+MAX_BYTES = 64_000_000
+"""Unpacked. The longest published recordings are a few megabytes."""
+MAX_LINE = 10_000
+"""Characters; bounds what splitting one hostile line can cost."""
+DEFAULT_UP_KBPS = 10_000.0
+"""The uplink where only the downlink was recorded: a usual 4G uplink, and far more than poses and ACKs need, so that
+the recorded direction stays the bottleneck."""
+
+_NUMBER = re.compile(r"[+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d+)?", re.ASCII)
+
+
+def read_bounded(path: Path) -> bytes:
+    """A file's bytes, or TraceError if there are too many; never reads more than the limit. Raises OSError."""
+    with path.open("rb") as file:
+        data = file.read(MAX_BYTES + 1)
+    if len(data) > MAX_BYTES:
+        raise _too_large()
+    return data
+
+
+def decode(data: bytes) -> str:
+    """The text of a trace file, unpacked if it is gzip."""
+    if data.startswith(b"\x1f\x8b"):
+        try:
+            # one byte over the limit is enough to know, so a bomb costs no more than the limit
+            data = gzip.GzipFile(fileobj=io.BytesIO(data)).read(MAX_BYTES + 1)
+        except (OSError, EOFError, zlib.error):
+            raise TraceError("The gzip file is damaged or cut short.") from None
+    if len(data) > MAX_BYTES:
+        raise _too_large()
+    try:
+        text = data.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        raise TraceError("The file is binary, not the text of a network trace.") from None
+    if "\0" in text:
+        raise TraceError("The file is binary, not the text of a network trace.")
+    if not text or text.isspace():
+        raise TraceError("The file is empty.")
+    return text
+
+
+def lines(text: str) -> Iterator[tuple[int, str]]:
+    """Number and content of each line that is not blank."""
+    for line, content in enumerate(io.StringIO(text, newline=None), 1):
+        if len(content) > MAX_LINE:
+            raise TraceError(f"Line {line} is longer than {MAX_LINE:,} characters.")
+        stripped = content.strip()
+        if stripped:
+            yield line, stripped
+
+
+def shown(cell: str) -> str:
+    """A cell as a message may repeat it."""
+    return repr(cell if len(cell) <= 30 else cell[:29] + "…")
+
+
+def number(cell: str, line: int, what: str) -> float:
+    """A cell as a finite number that is not negative. Plain decimal notation: not NaN, not 1_000, not other digits."""
+    cell = cell.strip()
+    if len(cell) > 40 or not _NUMBER.fullmatch(cell):
+        raise TraceError(f"Line {line}: {what} must be a number, not {shown(cell)}.")
+    value = float(cell)
+    if not math.isfinite(value):
+        raise TraceError(f"Line {line}: {what} is too large: {shown(cell)}.")
+    if value < 0:
+        raise TraceError(f"Line {line}: {what} must not be negative, but is {shown(cell)}.")
+    return value
+
+
+def _too_large() -> TraceError:
+    return TraceError(f"The file is larger than {MAX_BYTES // 1_000_000} MB, which no network trace needs to be.")

@@ -1,0 +1,41 @@
+"""Recordings in published formats, short enough to read, and what tests ask of them."""
+
+from __future__ import annotations
+
+import pytest
+
+from tigas_shaper.traces.formats import parse_trace
+from tigas_shaper.traces.trace import NetworkTrace, TraceError
+
+GHENT = "1450274031248 725 51.06 3.73 3263799 725\n1450274032248 1725 51.06 3.73 4226240 1000\n"
+SABRE = """[
+ {"duration_ms": 725, "bandwidth_kbps": 36014, "latency_ms": 20},
+ {"duration_ms": 1000, "bandwidth_kbps": 0}
+]
+"""
+IRISH = """Timestamp,Longitude,NetworkMode,DL_bitrate,UL_bitrate
+2019.12.16_14.23.30,-8.4,5G,-,7
+2019.12.16_14.23.32,-8.4,5G,100,66
+2019.12.16_14.23.32,-8.4,5G,300,36
+2019.12.16_14.23.33,-8.4,5G,-,36
+2019.12.16_14.23.37,-8.4,5G,50,-
+"""
+
+
+def read(text: str | bytes, **options: float) -> NetworkTrace:
+    """The trace in a text, in whatever format it is."""
+    return parse_trace("t", text.encode() if isinstance(text, str) else text, **options)
+
+
+def down(trace: NetworkTrace) -> list[float]:
+    """The rates towards the client."""
+    return [state.down_kbps for state in trace.states]
+
+
+def assert_refused(text: str | bytes, sentence: str) -> None:
+    """A text is refused with one short sentence, which holds this one."""
+    with pytest.raises(TraceError) as error:
+        read(text)
+    assert sentence in error.value.detail
+    assert "\n" not in error.value.detail
+    assert len(error.value.detail) < 250

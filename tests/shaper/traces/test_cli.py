@@ -1,0 +1,132 @@
+"""The commands `tigas trace …`, as a user runs them."""
+
+from __future__ import annotations
+
+import functools
+import hashlib
+import threading
+import xml.etree.ElementTree as ElementTree
+import zipfile
+from collections.abc import Iterator
+from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
+from importlib.metadata import entry_points
+from pathlib import Path
+
+import pytest
+from PIL import Image
+from typer.testing import CliRunner, Result
+
+from tigas_shaper.traces.cli import trace
+from tigas_shaper.traces.formats import load_trace
+from tigas_shaper.traces.own_traces import own_traces
+
+OWN = Path(__file__).parents[3] / "traces" / "network"
+
+
+def run(*arguments: str | Path) -> Result:
+    return CliRunner().invoke(trace, [str(argument) for argument in arguments])
+
+
+def test_tigas_finds_the_commands() -> None:
+    points = {point.name: point.value for point in entry_points(group="tigas.commands")}
+    assert points["trace"] == "tigas_shaper.traces.cli:trace"
+
+
+def test_import_writes_our_csv_and_combines_two_directions(tmp_path: Path) -> None:
+    down, up, out = tmp_path / "x.down", tmp_path / "x.up", tmp_path / "x.csv"
+    down.write_text("5000\n4000\n")
+    up.write_text("1000\n")
+    assert run("import", down, out, "--up", up).exit_code == 0
+    assert [(state.down_kbps, state.up_kbps) for state in load_trace(out).states] == [(5000, 1000), (4000, 1000)]
+
+
+def test_import_does_not_replace_a_file_unless_told_to(tmp_path: Path) -> None:
+    recording, out = tmp_path / "r.txt", tmp_path / "r.csv"
+    recording.write_text("5000\n")
+    out.write_text("mine")
+    result = run("import", recording, out)
+    assert (result.exit_code, out.read_text()) == (1, "mine")
+    assert "exists; --force replaces it" in result.output
+    assert run("import", recording, out, "--force", "--up-kbps", "7").exit_code == 0
+    assert load_trace(out).states[0].up_kbps == 7
+
+
+@pytest.mark.parametrize("command", ["import", "info", "plot"])
+def test_a_broken_file_is_named_with_one_sentence(command: str, tmp_path: Path) -> None:
+    broken = tmp_path / "broken.txt"
+    broken.write_text("5000\nfast\n")
+    out = tmp_path / "out.png"
+    result = run(command, broken, *([] if command == "info" else [out]))
+    assert result.exit_code == 1
+    assert f"{broken}: Line 2: each line of this file must be a number, not 'fast'." in result.output
+    assert not out.exists()
+    assert run("info", tmp_path / "absent").exit_code == 1
+    assert "There is no format 'x'" in run("info", broken, "--format", "x").output
+
+
+def test_info_prints_duration_rates_and_outages() -> None:
+    output = run("info", OWN / "outage.csv").output
+    assert "60 s in 5 steps" in output
+    assert "2, together 6 s, the longest 5 s" in output
+    assert "down  18.00  0.00  0.00  20.00" in " ".join(output.split()).replace(" ", "  ")
+
+
+def test_plot_draws_the_trace(tmp_path: Path) -> None:
+    png, svg = tmp_path / "t.png", tmp_path / "t.svg"
+    assert run("plot", OWN / "dsl.csv", png).exit_code == 0
+    with Image.open(png) as picture:
+        assert picture.width > 1000
+        assert len(picture.convert("RGB").getcolors(1 << 24) or ()) > 20
+    assert run("plot", OWN / "outage.csv", svg).exit_code == 0
+    assert ElementTree.parse(svg).getroot().tag.endswith("svg")
+    result = run("plot", OWN / "dsl.csv", tmp_path / "t.exe")
+    assert (result.exit_code, "ends in .png, .svg or .pdf" in result.output) == (1, True)
+
+
+def test_generate_writes_every_own_trace(tmp_path: Path) -> None:
+    assert run("generate", tmp_path / "made").exit_code == 0
+    assert {path.stem for path in (tmp_path / "made").iterdir()} == {own.name for own in own_traces()}
+
+
+@pytest.fixture
+def published(tmp_path: Path) -> Iterator[Path]:
+    """A list of one set, of a zip with a checksum and a log without, served from here."""
+    files = tmp_path / "served"
+    files.mkdir()
+    with zipfile.ZipFile(files / "logs.zip", "w") as archive:
+        archive.writestr("a.txt", "5000\n")
+    (files / "b.txt").write_text("5000\n")
+    digest = hashlib.sha256((files / "logs.zip").read_bytes()).hexdigest()
+
+    class Quiet(SimpleHTTPRequestHandler):
+        def log_message(self, *_: object) -> None:
+            pass
+
+    with ThreadingHTTPServer(("127.0.0.1", 0), functools.partial(Quiet, directory=str(files))) as http:
+        thread = threading.Thread(target=http.serve_forever, kwargs={"poll_interval": 0.01})
+        thread.start()
+        base = f"http://127.0.0.1:{http.server_port}"
+        sources = tmp_path / "sources.toml"
+        sources.write_text(
+            f'[mine]\ntitle = "My set"\npage = "p"\nlicence = "CC0"\ncite = "Me 2024"\n'
+            f'files = [{{ url = "{base}/logs.zip", sha256 = "{digest}" }}, {{ url = "{base}/b.txt" }}]\n'
+        )
+        yield sources
+        http.shutdown()
+        thread.join()
+
+
+def test_fetch_lists_downloads_unpacks_and_says_what_was_not_checked(published: Path, tmp_path: Path) -> None:
+    assert "mine: My set" in run("fetch", "--sources", published).output
+    result = run("fetch", "mine", "--sources", published, "--to", tmp_path / "to")
+    assert result.exit_code == 0, result.output
+    assert load_trace(tmp_path / "to" / "mine" / "logs" / "a.txt").mean_down_kbps == 5000
+    assert "cite: Me 2024" in result.output
+    assert "b.txt: no checksum is known for it" in result.output
+    assert "logs.zip: no checksum" not in result.output
+
+
+def test_fetch_of_an_unknown_set_names_those_that_there_are(published: Path) -> None:
+    result = run("fetch", "../x", "--sources", published)
+    assert result.exit_code == 1
+    assert "There is no trace set '../x'; there are mine." in result.output
