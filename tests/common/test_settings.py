@@ -46,9 +46,9 @@ def test_a_named_file_is_read_instead(tmp_path: Path, monkeypatch: pytest.Monkey
     [
         ("[example]\na = -1\n", "a: Input should be greater than 0"),
         ("[example]\nwheels = 4\n", "wheels"),
-        ("[example\n", "cannot be read"),
-        (None, "cannot be read"),
-        ("example = 3\n", "cannot be read"),
+        ("[example\n", "cannot be read: Expected"),
+        (None, "cannot be read: .*No such file or directory: .*mine.toml"),
+        ("example = 3\n", r"cannot be read: \[example\] is not a table"),
     ],
 )
 def test_a_wrong_file_is_explained(
@@ -60,6 +60,12 @@ def test_a_wrong_file_is_explained(
     monkeypatch.setenv("TIGAS_CONFIG", str(path))
     with pytest.raises(typer.BadParameter, match=says):
         load_settings(Example, {})
+
+
+def test_a_file_for_other_services_sets_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "tigas.toml").write_text("[other]\na = 2\n")
+    monkeypatch.chdir(tmp_path)
+    assert load_settings(Example, {}).a == 1
 
 
 @pytest.mark.parametrize(

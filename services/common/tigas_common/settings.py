@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+import errno
 import os
-import tomllib
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, TypeVar
 
 import typer
 from pydantic import BeforeValidator, ValidationError
-from pydantic.fields import FieldInfo
-from pydantic_settings import BaseSettings, NoDecode, PydanticBaseSettingsSource, SettingsConfigDict
+from pydantic_settings import (
+    BaseSettings,
+    NoDecode,
+    PydanticBaseSettingsSource,
+    SettingsConfigDict,
+    TomlConfigSettingsSource,
+)
 
 from tigas_common.address import Address
 
@@ -50,25 +55,21 @@ class ServiceSettings(BaseSettings):
         dotenv_settings: PydanticBaseSettingsSource,
         file_secret_settings: PydanticBaseSettingsSource,
     ) -> tuple[PydanticBaseSettingsSource, ...]:
-        return (init_settings, env_settings, _File(settings_cls))
+        return (init_settings, env_settings, *_from_file(settings_cls, cls.table))
 
 
-class _File(PydanticBaseSettingsSource):
-    """One service's table of the settings file."""
-
-    def get_field_value(self, field: FieldInfo, field_name: str) -> tuple[Any, str, bool]:
-        raise NotImplementedError
-
-    def __call__(self) -> dict[str, Any]:
-        named = os.environ.get(FILE_VARIABLE)
-        path = Path(named or "tigas.toml")
-        if named is None and not path.exists():
-            return {}
-        name = getattr(self.settings_cls, "table", "")
-        section = tomllib.loads(path.read_text()).get(name, {})
-        if not isinstance(section, dict):
-            raise ValueError(f"[{name}] is not a table")  # noqa: TRY004 - the caller explains ValueErrors
-        return section
+def _from_file(model: type[BaseSettings], table: str) -> tuple[TomlConfigSettingsSource, ...]:
+    """A table of the settings file; nothing if there is neither the file nor the table."""
+    named = os.environ.get(FILE_VARIABLE)
+    path = Path(named or "tigas.toml")
+    if named and not path.is_file():  # the library would take it for an empty one
+        raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), named)
+    try:
+        return (TomlConfigSettingsSource(model, path, toml_table_header=(table,)),)
+    except KeyError:  # the file configures other services
+        return ()
+    except AttributeError:
+        raise ValueError(f"[{table}] is not a table") from None
 
 
 def load_settings(model: type[Settings], flags: dict[str, Any]) -> Settings:
