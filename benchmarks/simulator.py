@@ -325,7 +325,7 @@ def main() -> int:
     (arguments.out / "traces").mkdir(parents=True, exist_ok=True)
     try:
         traces = arguments.out / "traces"
-        fast = Network(name="fast.csv", trace_file=traces / "fast.csv")
+        fast = Network(trace="fast.csv", trace_file=traces / "fast.csv")
         (traces / "fast.csv").write_text(FAST)
 
         def configuration(network: Network, profile: int | str, seconds: float) -> Configuration:
@@ -362,7 +362,7 @@ def converted(text: str, folder: Path) -> Network:
     trace = load_trace(network.trace_file)
     path = folder / f"{trace.name}.csv"
     path.write_text(format_csv(trace), encoding="utf-8")
-    return network.model_copy(update={"name": path.name, "trace_file": path})
+    return network.model_copy(update={"trace": path.name, "trace_file": path})
 
 
 if __name__ == "__main__":

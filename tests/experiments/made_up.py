@@ -40,7 +40,7 @@ SERVER = ServerConfig(
     https_url=None,
     services={},
 )
-LINK = Network(name="20mbit,20ms-rtt", link=LinkSetting(down_kbps=20_000, up_kbps=10_000, delay_ms=10))
+LINK = Network(link=LinkSetting(down_kbps=20_000, up_kbps=10_000, delay_ms=10))
 LENS = Lens(width=64, height=36, fx=30, fy=30, cx=32, cy=18)
 STREAM = PlayedStream(
     player="dash.js 5.0",

@@ -83,7 +83,7 @@ def test_two_controllers_are_compared_and_kept(open_page: OpenPage, lab: PageLab
     run = lab.runs(folder.name)["latency"]
     assert run["status"] == "complete"
     network = run["configuration"]["network"]
-    assert (network["name"], network["rtt_ms"]) == ("stairs", 80)
+    assert (network["trace"], network["rtt_ms"]) == ("stairs", 80)
     assert run["configuration"]["movement"] == "walk"
     assert (next(folder.glob("runs/*latency*")) / "link.ndjson").read_text().count("\n") > 2, "the link was not watched"
 

@@ -12,18 +12,47 @@ from tigas_common.wire.run import Configuration, Network
 from tigas_common.wire.shaper import LinkSetting
 
 
-@pytest.mark.parametrize(
-    "network", [Network(name="unshaped"), Network(name="20mbit", link=LinkSetting(down_kbps=20_000, up_kbps=10_000))]
-)
+@pytest.mark.parametrize("network", [Network(), Network(link=LinkSetting(down_kbps=20_000, up_kbps=10_000))])
 def test_only_a_trace_begins_elsewhere(network: Network) -> None:
     fields = network.model_dump() | {"offset_s": 5.0}
     with pytest.raises(ValidationError, match="only a trace can begin at another position"):
         Network.model_validate(fields)
 
 
+LOSSY = LinkSetting(down_kbps=20_000, up_kbps=10_000, delay_ms=25, loss_pct=1)
+
+
+@pytest.mark.parametrize(
+    ("network", "name", "rtt"),
+    [
+        (Network(trace="4g-bus", rtt_ms=50.0), "4g-bus", 50.0),
+        (Network(trace="4g-bus"), "4g-bus", None),
+        (Network(link=LOSSY), "20mbit,1%-loss", 50.0),
+        (Network(link=LOSSY.model_copy(update={"down_kbps": 800.0, "up_kbps": 0.0})), "0.8mbit,0mbit-up,1%-loss", 50.0),
+        (Network(), "unshaped", None),
+    ],
+)
+def test_a_network_s_name_leaves_out_its_round_trip(network: Network, name: str, rtt: float | None) -> None:
+    assert (network.name, network.round_trip_ms) == (name, rtt)
+
+
+@pytest.mark.parametrize(
+    ("fields", "sentence"),
+    [
+        ({"link": LOSSY, "trace": "4g-bus"}, "a constant link or a trace, not both"),
+        ({"trace_file": Path("bus.csv")}, "needs the trace's name"),
+        ({"link": LOSSY, "rtt_ms": 20.0}, "only a trace's round trip can be replaced"),
+        ({"rtt_ms": 20.0}, "only a trace's round trip can be replaced"),
+    ],
+)
+def test_a_network_is_one_thing(fields: dict[str, object], sentence: str) -> None:
+    with pytest.raises(ValidationError, match=sentence):
+        Network.model_validate(fields)
+
+
 def test_a_folder_that_moves_is_no_other_run() -> None:
     def walk(folder: str, name: str = "walk.csv", trace: str = "bus.csv", **changes: object) -> Configuration:
-        network = Network(name=trace, trace_file=Path(folder, trace))
+        network = Network(trace=trace, trace_file=Path(folder, trace))
         return configuration(movement=f"{folder}/{name}", network=network, **changes)
 
     here = walk("walks")
@@ -33,13 +62,13 @@ def test_a_folder_that_moves_is_no_other_run() -> None:
 
 
 def test_a_folder_name_is_safe_whatever_the_names() -> None:
-    slug = configuration(scene="../../etc/passwd", movement="/a/b c.csv", network=Network(name="x/../y")).slug
+    slug = configuration(scene="../../etc/passwd", movement="/a/b c.csv", network=Network(trace="x/../y")).slug
     assert slug == "etc-passwd_b-c_x-..-y_stateless-budget_0"
     assert "/" not in slug
 
 
 def test_a_long_name_leaves_room_for_the_round_trip() -> None:
-    network = Network(name="t" * 100)
+    network = Network(trace="t" * 100)
     assert configuration(network=network.with_rtt(20)).slug != configuration(network=network.with_rtt(200)).slug
 
 

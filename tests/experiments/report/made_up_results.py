@@ -94,7 +94,7 @@ def write_run(
         configuration=Configuration.model_validate(
             {
                 **configuration,
-                "network": Network(name=network, rtt_ms=rtt_ms),
+                "network": Network(trace=network, rtt_ms=rtt_ms),
                 "duration_s": seconds,
                 "width": 640,
                 "height": 360,

@@ -128,7 +128,7 @@ def test_a_controller_looks_the_same_in_every_report() -> None:
                 {
                     "scene": "s",
                     "movement": "stroll",
-                    "network": {"name": "x"},
+                    "network": {"trace": "x"},
                     "mode": mode,
                     "profile": profile,
                     "duration_s": 1.0,

@@ -18,7 +18,7 @@ from tigas_experiments.report.table import markdown
 @pytest.fixture
 def runs(tmp_path: Path) -> list[Path]:
     """Two modes over two networks."""
-    bus = Network(name="4g-<bus>")
+    bus = Network(trace="4g-<bus>")
     return [
         write_run(tmp_path / "1", "stateless", 40),
         write_run(tmp_path / "2", "dash-tuned", 140, busy=1.0),
@@ -98,13 +98,13 @@ def test_a_report_of_nothing_but_failures(runs: list[Path], tmp_path: Path) -> N
 
 def test_round_trips_over_one_trace_are_told_apart(tmp_path: Path) -> None:
     runs = [
-        write_run(tmp_path / f"{rtt:g}", "stateless", 40 + rtt, network=Network(name="4g-bus", rtt_ms=rtt))
+        write_run(tmp_path / f"{rtt:g}", "stateless", 40 + rtt, network=Network(trace="4g-bus", rtt_ms=rtt))
         for rtt in (20.0, 100.0)
     ]
     write_report(runs, tmp_path, "A walk", "tigas compare")
     text = text_of((tmp_path / "report.html").read_text())
-    assert "4g-bus, 20 ms round trip" in text
-    assert (tmp_path / "table.md").read_text().count("4g-bus, 100 ms round trip") == 1
+    assert "4g-bus,20ms-rtt" in text
+    assert (tmp_path / "table.md").read_text().count("4g-bus,100ms-rtt") == 1
 
 
 def test_a_markdown_table_has_a_row_for_each_run(runs: list[Path]) -> None:

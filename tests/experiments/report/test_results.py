@@ -10,13 +10,11 @@ from pathlib import Path
 import pytest
 
 from tests.experiments.report.made_up_results import SCENE_BYTES, write_run
-from tigas_common.wire.run import Network
-from tigas_common.wire.shaper import LinkSetting
 from tigas_experiments.records.folder import ExperimentRecord, write_experiment
 from tigas_experiments.report.csv_files import write_csv
 from tigas_experiments.report.experiment import cell, warnings, write_experiment_report
 from tigas_experiments.report.metrics import HEIGHT, IN_TIME, PHOTON_P50, PHOTON_P95, RESPONSE_MEAN
-from tigas_experiments.report.results import Spread, base_name, load
+from tigas_experiments.report.results import Spread, load
 
 
 def test_a_row_of_runs_csv_has_every_field_and_figure(tmp_path: Path) -> None:
@@ -34,7 +32,7 @@ def test_a_row_of_runs_csv_has_every_field_and_figure(tmp_path: Path) -> None:
         "controller": "budget",
         "configuration_scene": "courtyard",
         "configuration_movement": "stroll",
-        "configuration_network_name": "bus",
+        "configuration_network_trace": "bus",
         "configuration_mode": "stateless",
         "configuration_profile": "budget",
         "configuration_repeat": "2",
@@ -128,28 +126,6 @@ def test_the_mean_of_equal_values_is_one_of_them() -> None:
     spread = Spread.over([0.1] * 6)
     assert spread is not None
     assert spread.low == spread.mean == spread.high
-
-
-@pytest.mark.parametrize(
-    ("network", "name", "rtt"),
-    [
-        (Network(name="4g-bus", rtt_ms=50.0), "4g-bus", 50.0),
-        (Network(name="4g-bus"), "4g-bus", None),
-        (
-            Network(name="20mbit,50ms-rtt", link=LinkSetting(down_kbps=20_000, up_kbps=10_000, delay_ms=25)),
-            "20mbit",
-            50.0,
-        ),
-        (
-            Network(name="20mbit, 50ms-rtt, 1%-loss", link=LinkSetting(down_kbps=20_000, up_kbps=10_000, delay_ms=25)),
-            "20mbit,1%-loss",
-            50,
-        ),
-        (Network(name="unshaped"), "unshaped", None),
-    ],
-)
-def test_a_network_is_told_apart_from_its_round_trip(network: Network, name: str, rtt: float | None) -> None:
-    assert (base_name(network), network.round_trip_ms) == (name, rtt)
 
 
 def test_the_machine_is_named_where_it_was_the_bottleneck(tmp_path: Path) -> None:

@@ -99,15 +99,15 @@ def test_files_lie_where_the_directory_says(tmp_path: Path) -> None:
     (tmp_path / "walks" / "a.csv").write_text(HEADER + "0,1,2,3,0,0,0,1\n2000,1,2,3,0,0,0,1\n")
     inputs = Inputs(tmp_path)
     assert inputs.points(configuration(movement="walks/a.csv"), scene())[0]["position"] == [1, 2, 3]
-    bus = Network(name="bus.csv", trace_file=Path("bus.csv"))
+    bus = Network(trace="bus.csv", trace_file=Path("bus.csv"))
     assert inputs.network(bus).trace_file == tmp_path / "bus.csv"
-    assert inputs.network(Network(name="4g-bus")).trace_file is None
+    assert inputs.network(Network(trace="4g-bus")).trace_file is None
 
 
 def test_a_digest_tells_whether_a_file_is_what_it_was(tmp_path: Path) -> None:
     (tmp_path / "walk.csv").write_text("a")
     (tmp_path / "bus.csv").write_text("b")
-    run = configuration(movement="walk.csv", network=Network(name="bus.csv", trace_file=Path("bus.csv")))
+    run = configuration(movement="walk.csv", network=Network(trace="bus.csv", trace_file=Path("bus.csv")))
     inputs = Inputs(tmp_path)
     first = inputs.digests(run)
     assert first.movement == hashlib.sha256(b"a").hexdigest()
@@ -116,11 +116,11 @@ def test_a_digest_tells_whether_a_file_is_what_it_was(tmp_path: Path) -> None:
     (tmp_path / "walk.csv").write_text("another")
     assert inputs.digests(run).movement != first.movement
     assert inputs.digests(run).trace == first.trace
-    named = inputs.digests(configuration(movement="stroll", network=Network(name="4g-bus")))
+    named = inputs.digests(configuration(movement="stroll", network=Network(trace="4g-bus")))
     assert (named.movement, named.trace) == (None, None), "what is named is no file"
 
 
 def test_a_file_that_is_gone_is_named(tmp_path: Path) -> None:
-    gone = configuration(network=Network(name="bus.csv", trace_file=Path("bus.csv")))
+    gone = configuration(network=Network(trace="bus.csv", trace_file=Path("bus.csv")))
     with pytest.raises(StartError, match=r"bus\.csv cannot be read: No such file or directory\.$"):
         Inputs(tmp_path).digests(gone)

@@ -133,7 +133,7 @@ class World:
 
 def unshaped(**changes: Any) -> Configuration:
     """A run without a link."""
-    return configuration(**changes, network=Network(name="unshaped"))
+    return configuration(**changes, network=Network())
 
 
 def test_each_controller_is_asked_for_once_before_the_first_run(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -53,7 +53,7 @@ def left_alone(network: Network, seen: list[ShaperStatus]) -> bool:
     return HeldLink(ShaperClient("http://127.0.0.1:9", ""), network, seen[0]).left_alone(seen)
 
 
-BUS = Network(name="bus")
+BUS = Network(trace="bus")
 
 
 @pytest.mark.parametrize("begin_ms", [0.0, 12_000.0, DURATION_MS - 500.0], ids=["start", "middle", "over the end"])

@@ -26,7 +26,7 @@ from tigas_experiments.run.inputs import Inputs
 from tigas_experiments.run.laboratory import Bench
 from tigas_experiments.run.targets import Target
 
-UNSHAPED = configuration(network=Network(name="unshaped"), warm_up_s=0.0)
+UNSHAPED = configuration(network=Network(), warm_up_s=0.0)
 POINTS = Inputs(Path()).points(UNSHAPED, scene())
 DIGESTS = InputDigests(movement="a", trace="b")
 

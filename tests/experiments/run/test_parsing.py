@@ -23,16 +23,16 @@ from tigas_experiments.run.parsing import parse_network
     ],
 )
 def test_constant_links(text: str, link: LinkSetting) -> None:
-    assert parse_network(text) == Network(name=text, link=link)
+    assert parse_network(text) == Network(link=link)
 
 
 def test_traces_by_name_and_by_file(tmp_path: Path) -> None:
     path = tmp_path / "bus.json"
     path.touch()
-    assert parse_network(str(path)) == Network(name="bus.json", trace_file=path)
-    assert parse_network("4g-bus") == Network(name="4g-bus")
-    assert parse_network("4g-bus,100ms-rtt") == Network(name="4g-bus", rtt_ms=100)
-    assert parse_network(f"{path},50ms-rtt") == Network(name="bus.json", trace_file=path, rtt_ms=50)
+    assert parse_network(str(path)) == Network(trace="bus.json", trace_file=path)
+    assert parse_network("4g-bus") == Network(trace="4g-bus")
+    assert parse_network("4g-bus,100ms-rtt") == Network(trace="4g-bus", rtt_ms=100)
+    assert parse_network(f"{path},50ms-rtt") == Network(trace="bus.json", trace_file=path, rtt_ms=50)
     assert parse_network("20mbit,50ms-rtt").round_trip_ms == parse_network("4g-bus,50ms-rtt").round_trip_ms == 50
     assert not parse_network("unshaped").shaped
 
@@ -42,11 +42,19 @@ def test_a_file_s_path_is_relative_to_where_it_was_written(tmp_path: Path) -> No
     assert parse_network("bus.csv,20ms-rtt", tmp_path).trace_file == Path("bus.csv")
 
 
+@pytest.mark.parametrize(
+    "text",
+    ["unshaped", "20mbit", "20mbit,20ms-rtt", "1.5mbit,0.5mbit-up,2ms-jitter,0.1%-loss,24.5ms-rtt", "4g-bus,0ms-rtt"],
+)
+def test_a_network_s_label_is_what_a_person_writes(text: str) -> None:
+    assert parse_network(text).label == text
+
+
 def test_the_same_rates_at_another_round_trip() -> None:
     for text in ("4g-bus", "20mbit,5ms-rtt,1%-loss", "20mbit"):
         assert parse_network(text).with_rtt(300).round_trip_ms == 300
     other = parse_network("20mbit,5ms-rtt,1%-loss").with_rtt(300)
-    assert other == parse_network("20mbit,1%-loss,300ms-rtt"), "its name says it, too"
+    assert other == parse_network("20mbit,1%-loss,300ms-rtt")
     with pytest.raises(ValueError, match="has the round trip that it has"):
         parse_network("unshaped").with_rtt(20)
 

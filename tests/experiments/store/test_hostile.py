@@ -131,7 +131,7 @@ HOSTILE: list[tuple[dict[str, Any], str]] = [
     ({"scene_bytes": 10**400}, "scene_bytes"),
     ({"configuration.duration_s": 0}, "duration_s"),
     ({"configuration.mode": "dash"}, "mode"),
-    ({"configuration.network": {"name": "x" * 101}}, "network.name"),
+    ({"configuration.network": {"trace": "x" * 101}}, "network.trace"),
     ({"configuration.profile": 999}, "profile"),
 ]
 
@@ -176,7 +176,7 @@ async def test_text_that_breaks_off_is_no_run(store: Running) -> None:
 
 async def test_names_in_a_configuration_open_no_file(store: Running) -> None:
     experiment = await store.create()
-    network = {"name": "../../a/b\u2028", "trace_file": "../../etc/passwd"}
+    network = {"trace": "../../a/b\u2028", "trace_file": "../../etc/passwd"}
     sent = upload()
     sent["configuration"] |= {"movement": "../../../x", "network": network}
     answer = await store.http.post(f"/experiments/{experiment}/runs", json=sent)

@@ -2,11 +2,10 @@
 import { settings, settingsOverridden } from "../state/app";
 import type { Experiment } from "./experiment";
 import type { MeasurementContext } from "./measure";
-import { playsTrace } from "./plan";
 
 export async function conduct(experiment: Experiment, { runner, shaper }: MeasurementContext): Promise<void> {
   const person = settings.peek();
-  const abandon = () => playsTrace(experiment.plan.network) && shaper?.api.abandon();
+  const abandon = () => experiment.plan.network.trace !== null && shaper?.api.abandon();
   addEventListener("pagehide", abandon);
   settingsOverridden.value = true;
   try {

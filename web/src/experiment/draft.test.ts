@@ -24,7 +24,7 @@ test("a draft becomes a plan", () => {
       name: "bus",
       scene: "courtyard",
       movement: "stroll",
-      network: { name: "4g-bus", link: null, rtt_ms: 100 },
+      network: { link: null, trace: "4g-bus", rtt_ms: 100 },
       modes: ["stateless"],
       profiles: ["latency"],
       repeats: 3,
@@ -35,8 +35,8 @@ test("a draft becomes a plan", () => {
 });
 
 test.each([
-  ["without one, the trace keeps its own", { rtt: " " }, { name: "4g-bus", link: null, rtt_ms: null }],
-  ["none is even", { rtt: "0" }, { name: "4g-bus", link: null, rtt_ms: 0 }],
+  ["without one, the trace keeps its own", { rtt: " " }, { link: null, trace: "4g-bus", rtt_ms: null }],
+  ["none is even", { rtt: "0" }, { link: null, trace: "4g-bus", rtt_ms: 0 }],
   ["the link as it is has no other", { trace: null, rtt: "garbage" }, PRESENT],
 ])("round trip: %s", (_, more, network) => {
   expect(parsed(more)).toMatchObject({ plan: { network } });

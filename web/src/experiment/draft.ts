@@ -53,7 +53,7 @@ export function parseDraft(
   if (name === "") problems.push("The experiment needs a name.");
   if (name.length > LIMITS.name) problems.push(`The name must not be longer than ${LIMITS.name} characters.`);
   if (draft.movement === null) problems.push("Choose a movement.");
-  const network = draft.trace === null ? present : { name: draft.trace, link: null, rtt_ms: rtt() };
+  const network = draft.trace === null ? present : { link: null, trace: draft.trace, rtt_ms: rtt() };
   if (typeof network === "string") problems.push(network);
   if (draft.modes.length === 0) problems.push("Choose a mode.");
   if (draft.modes.includes("stateless") && draft.profiles.length === 0) problems.push("Choose a controller.");

@@ -27,7 +27,7 @@ const PLAYING: ShaperStatus = {
   duration_ms: 30_000,
   loop: true,
 };
-const BUS = { name: "bus", link: null, rtt_ms: 80 };
+const BUS = { link: null, trace: "bus", rtt_ms: 80 };
 const AS_IT_IS = constantLink(LINK);
 const CHANGED = "Somebody else changed the link during the run.";
 

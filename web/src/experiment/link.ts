@@ -4,7 +4,7 @@ import type { Shaper } from "../network/shaper";
 import type { LinkSetting, ShaperStatus } from "../wire/shaper";
 import type { LinkSample } from "../wire/store";
 import { RunFailed } from "./errors";
-import { constantLink, type Network, type PlannedRun, playsTrace, UNSHAPED } from "./plan";
+import { constantLink, type Network, networkLabel, type PlannedRun, UNSHAPED } from "./plan";
 
 /** What was seen of a link: when (performance.now), and how it was. */
 export type LinkHistory = readonly { readonly at: number; readonly status: ShaperStatus }[];
@@ -35,23 +35,24 @@ export function presentNetwork(shaper: Shaper | null): Network | string {
 
 /** A run's network; to the link as it is, nothing is done. */
 export function linkFor(shaper: Shaper | null, { network }: Pick<PlannedRun, "network">): RunLink {
-  if (network.name === UNSHAPED.name) return { hold: async () => {}, play: async () => null, release: async () => {} };
-  if (shaper === null) throw new RunFailed(`There is no shaper, so that the network cannot be ${network.name}.`);
+  const { link, trace, rtt_ms } = network;
+  if (link === null && trace === null) return { hold: async () => {}, play: async () => null, release: async () => {} };
+  if (shaper === null)
+    throw new RunFailed(`There is no shaper, so that the network cannot be ${networkLabel(network)}.`);
   const { api } = shaper;
-  if (!playsTrace(network)) {
+  if (trace === null) {
     const present = () => {
       const status = shaper.status.peek();
       if (status === null)
         throw new RunFailed(shaper.connectionError.peek() ?? "The shaper has not told of its link yet.");
       if (isAsked(network, status)) return status;
-      throw new RunFailed(`The link is not ${network.name} any more, as it was when the experiment began.`);
+      throw new RunFailed(`The link is not ${networkLabel(network)} any more, as it was when the experiment began.`);
     };
     return { hold: async () => void present(), play: async () => present(), release: async () => {} };
   }
   return {
     async hold() {
-      const delay_ms = network.rtt_ms === null ? null : network.rtt_ms / 2;
-      await api.start({ trace: network.name, loop: true, delay_ms });
+      await api.start({ trace, loop: true, delay_ms: rtt_ms === null ? null : rtt_ms / 2 });
       await api.pause();
       await api.seek(0);
     },
@@ -68,7 +69,7 @@ export function linkFor(shaper: Shaper | null, { network }: Pick<PlannedRun, "ne
 /** What is wrong with the link of a run at one status after another, in one sentence; null if it is what was asked for. */
 export function linkProblem(network: Network, before: ShaperStatus, status: ShaperStatus): string | null {
   if (status.closed !== null) return `The link was closed during the run: ${status.closed}`;
-  const undisturbed = isAsked(network, status) && (!playsTrace(network) || goesOn(before, status));
+  const undisturbed = isAsked(network, status) && (network.trace === null || goesOn(before, status));
   return undisturbed ? null : "Somebody else changed the link during the run.";
 }
 
@@ -100,10 +101,10 @@ export function linkSamples(history: LinkHistory, startedAt: number, endedAt: nu
     }));
 }
 
-function isAsked({ name, link, rtt_ms }: Network, status: ShaperStatus): boolean {
+function isAsked({ link, trace, rtt_ms }: Network, status: ShaperStatus): boolean {
   if (link !== null) return status.mode !== "playing" && same(link, status.link);
   const delayed = rtt_ms === null || status.link.delay_ms === rtt_ms / 2;
-  return status.mode === "playing" && status.trace === name && delayed;
+  return status.mode === "playing" && status.trace === trace && delayed;
 }
 
 function same(asked: LinkSetting, link: LinkSetting): boolean {

@@ -6,6 +6,7 @@ import {
   constantLink,
   type ExperimentPlan,
   missingRuns,
+  networkLabel,
   readPlan,
   runsOf,
   settingsFor,
@@ -17,7 +18,7 @@ const PLAN: ExperimentPlan = {
   name: "bus",
   scene: "courtyard",
   movement: "stroll",
-  network: { name: "4g-bus", link: null, rtt_ms: 100 },
+  network: { link: null, trace: "4g-bus", rtt_ms: 100 },
   modes: ["stateless", "dash-tuned"],
   profiles: ["latency", "budget", 1],
   repeats: 2,
@@ -35,7 +36,7 @@ test("a run says all that must be known to make it again", () => {
   expect(runsOf(PLAN)[0]).toEqual({
     scene: "courtyard",
     movement: "stroll",
-    network: { name: "4g-bus", link: null, rtt_ms: 100 },
+    network: { link: null, trace: "4g-bus", rtt_ms: 100 },
     mode: "stateless",
     profile: "latency",
     duration_s: 20,
@@ -52,11 +53,21 @@ test.each([
   [{ ...FAST, up_kbps: 10_000, delay_ms: 10 }, "100mbit,20ms-rtt"],
   [
     { down_kbps: 512, up_kbps: 0, delay_ms: 12.25, jitter_ms: 2, loss_pct: 0.1 },
-    "0.512mbit,0mbit-up,24.5ms-rtt,2ms-jitter,0.1%-loss",
+    "0.512mbit,0mbit-up,2ms-jitter,0.1%-loss,24.5ms-rtt",
   ],
   [{ down_kbps: 100_000 / 3, up_kbps: 10_000 }, "33.333mbit"],
-])("the constant link %j is called %s", (link, name) => {
-  expect(constantLink(link)).toEqual({ name, link: { delay_ms: 0, jitter_ms: 0, loss_pct: 0, ...link }, rtt_ms: null });
+])("the constant link %j is called %s", (link, label) => {
+  const network = constantLink(link);
+  expect(network).toEqual({ link: { delay_ms: 0, jitter_ms: 0, loss_pct: 0, ...link }, trace: null, rtt_ms: null });
+  expect(networkLabel(network)).toBe(label);
+});
+
+test.each([
+  [UNSHAPED, "unshaped"],
+  [{ link: null, trace: "4g-bus", rtt_ms: null }, "4g-bus"],
+  [{ link: null, trace: "4g-bus", rtt_ms: 100 }, "4g-bus,100ms-rtt"],
+])("the network %j is called %s", (network, label) => {
+  expect(networkLabel(network)).toBe(label);
 });
 
 test.each([PLAN, { ...PLAN, network: UNSHAPED }, { ...PLAN, network: constantLink(FAST) }])(

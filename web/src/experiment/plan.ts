@@ -29,37 +29,35 @@ const ConstantLink = v.object({
   loss_pct: v.number(),
 });
 const Network = v.object({
-  name: v.string(),
-  /** Null for a trace, and without a shaper. */
+  /** A constant link. */
   link: v.nullable(ConstantLink),
+  /** A trace of the shaper's, by name. */
+  trace: v.nullable(v.string()),
   /** Of a trace: in place of its own delay. */
   rtt_ms: v.nullable(v.number()),
 });
-/** A trace of the shaper's, at another round trip than its own if one is given; or the constant link that there is. */
+/** A trace of the shaper's, or the constant link that there is; neither where there is no shaper. */
 export type Network = Readonly<v.InferOutput<typeof Network>>;
 
 /** The link as it is, where there is no shaper. */
-export const UNSHAPED: Network = { name: "unshaped", link: null, rtt_ms: null };
+export const UNSHAPED: Network = { link: null, trace: null, rtt_ms: null };
 
-/** A constant link by the name that `tigas_lab.configuration` reads, such as `20mbit,20ms-rtt`: what is usual goes unsaid. */
 export function constantLink({ down_kbps, up_kbps, delay_ms = 0, jitter_ms = 0, loss_pct = 0 }: LinkSetting): Network {
-  const parts = [
-    { value: down_kbps / 1000, unit: "mbit", usual: null },
-    { value: up_kbps / 1000, unit: "mbit-up", usual: 10 },
-    { value: delay_ms * 2, unit: "ms-rtt", usual: 0 },
-    { value: jitter_ms, unit: "ms-jitter", usual: 0 },
-    { value: loss_pct, unit: "%-loss", usual: 0 },
-  ];
-  const said = parts.filter(({ value, usual }) => value !== usual);
-  return {
-    name: said.map(({ value, unit }) => `${Number(value.toFixed(3))}${unit}`).join(),
-    link: { down_kbps, up_kbps, delay_ms, jitter_ms, loss_pct },
-    rtt_ms: null,
-  };
+  return { link: { down_kbps, up_kbps, delay_ms, jitter_ms, loss_pct }, trace: null, rtt_ms: null };
 }
 
-export function playsTrace({ name, link }: Network): boolean {
-  return link === null && name !== UNSHAPED.name;
+/** A network as `tigas compare --network` reads it, such as `20mbit,20ms-rtt`: what is usual goes unsaid. */
+export function networkLabel({ link, trace, rtt_ms }: Network): string {
+  if (link === null) return [trace ?? "unshaped", ...(rtt_ms === null ? [] : [`${rtt_ms}ms-rtt`])].join();
+  const parts = [
+    { value: link.down_kbps / 1000, unit: "mbit", usual: null },
+    { value: link.up_kbps / 1000, unit: "mbit-up", usual: 10 },
+    { value: link.jitter_ms, unit: "ms-jitter", usual: 0 },
+    { value: link.loss_pct, unit: "%-loss", usual: 0 },
+    { value: link.delay_ms * 2, unit: "ms-rtt", usual: 0 },
+  ];
+  const said = parts.filter(({ value, usual }) => value !== usual);
+  return said.map(({ value, unit }) => `${Number(value.toFixed(3))}${unit}`).join();
 }
 
 export const MAX_REPEATS = 100;
@@ -91,7 +89,7 @@ export interface PlannedRun extends Omit<Required<Configuration>, "width" | "hei
   readonly profile: Profile;
 }
 
-/** What `tigas_lab.configuration` has where no controller chooses: equal runs have equal configurations. */
+/** What `Configuration` has where no controller chooses: equal runs have equal configurations. */
 const NO_CONTROLLER: Profile = "budget";
 /** What a run takes beside its warm-up and its movement, before any was made: connecting, the first view, storing. In ms. */
 const OVERHEAD = 5000;

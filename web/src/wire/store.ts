@@ -54,8 +54,8 @@ export interface Configuration {
  * The network of a run: a constant link, a trace (of the shaper's, or from a file), or none of these.
  */
 export interface Network {
-  name: string;
   link?: LinkSetting | null;
+  trace?: string | null;
   trace_file?: string | null;
   rtt_ms?: number | null;
   offset_s?: number;

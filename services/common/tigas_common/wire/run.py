@@ -20,6 +20,8 @@ MODE_NAMES: dict[Mode, str] = {
     "dash-tuned": "DASH, tuned",
 }
 UNSHAPED = "unshaped"
+USUAL_UP_KBPS = 10_000.0
+"""The uplink of a constant link that says nothing of it."""
 MAX_RTT_MS = 120_000.0
 MAX_OFFSET_S = 86_400.0
 
@@ -27,8 +29,10 @@ MAX_OFFSET_S = 86_400.0
 class Network(WireModel):
     """The network of a run: a constant link, a trace (of the shaper's, or from a file), or none of these."""
 
-    name: str = Field(min_length=1, max_length=100)
     link: LinkSetting | None = None
+    """A constant link."""
+    trace: str | None = Field(default=None, min_length=1, max_length=100)
+    """A trace's name: the shaper's own, or its file's."""
     trace_file: Path | None = None
     """The trace's file, as a person named it; without it, the shaper knows the trace by its name."""
     rtt_ms: float | None = Field(default=None, ge=0, le=MAX_RTT_MS)
@@ -38,11 +42,20 @@ class Network(WireModel):
 
     @model_validator(mode="after")
     def _check(self) -> Self:
-        if self.rtt_ms is not None and (self.link is not None or not self.shaped):
+        if self.link is not None and self.trace is not None:
+            raise ValueError("a network is a constant link or a trace, not both")
+        if self.trace is None and self.trace_file is not None:
+            raise ValueError("a trace's file needs the trace's name")
+        if self.trace is None and self.rtt_ms is not None:
             raise ValueError("only a trace's round trip can be replaced")
-        if self.offset_s and not self.is_trace:
+        if self.trace is None and self.offset_s:
             raise ValueError("only a trace can begin at another position")
         return self
+
+    @property
+    def shaped(self) -> bool:
+        """Whether it needs a shaper."""
+        return self.link is not None or self.trace is not None
 
     @property
     def round_trip_ms(self) -> float | None:
@@ -50,24 +63,23 @@ class Network(WireModel):
         return self.rtt_ms if self.link is None else 2 * self.link.delay_ms
 
     @property
-    def shaped(self) -> bool:
-        """Whether it needs a shaper."""
-        return self.name != UNSHAPED
+    def name(self) -> str:
+        """For people, without the round trip: `20mbit,0.1%-loss`, `4g-bus` or `unshaped`."""
+        return _rates(self.link) if self.link is not None else self.trace or UNSHAPED
 
     @property
-    def is_trace(self) -> bool:
-        """Whether a trace is played."""
-        return self.shaped and self.link is None
+    def label(self) -> str:
+        """For people, as `tigas compare --network` reads it: `20mbit,0.1%-loss,20ms-rtt` or `4g-bus,100ms-rtt`."""
+        rtt = self.round_trip_ms
+        return self.name if rtt is None or (rtt == 0 and self.trace is None) else f"{self.name},{rtt:g}ms-rtt"
 
     def with_rtt(self, rtt_ms: float) -> Network:
         """The same rates at another round trip. Raises ValueError."""
-        if not self.shaped:
+        if self.link is not None:
+            return self.model_copy(update={"link": self.link.model_copy(update={"delay_ms": rtt_ms / 2})})
+        if self.trace is None:
             raise ValueError("an unshaped network has the round trip that it has")
-        if self.link is None:
-            return self.model_copy(update={"rtt_ms": rtt_ms})
-        others = [part for part in self.name.split(",") if not part.strip().endswith("ms-rtt")]
-        link = self.link.model_copy(update={"delay_ms": rtt_ms / 2})
-        return Network(name=",".join([*others, f"{rtt_ms:g}ms-rtt"]), link=link)
+        return self.model_copy(update={"rtt_ms": rtt_ms})
 
 
 class Configuration(WireModel):
@@ -103,15 +115,25 @@ class Configuration(WireModel):
         return self._without_folders() == other._without_folders()
 
     def _without_folders(self) -> Configuration:
-        network = self.network.model_copy(update={"trace_file": None})  # its name says which file it was
+        network = self.network.model_copy(update={"trace_file": None})
         return self.model_copy(update={"movement": Path(self.movement).name, "network": network})
 
     @property
     def slug(self) -> str:
         """A name for its folder."""
         mode = f"{self.mode}-{self.profile}" if self.mode == "stateless" else self.mode
-        network = self.network.name
-        if self.network.rtt_ms is not None:
-            network = f"{network[:30]}-{self.network.rtt_ms:g}ms"
+        name, label = self.network.name, self.network.label
+        network = name[:30] + label.removeprefix(name)  # a long name leaves room for the round trip
         parts = (self.scene, Path(self.movement).stem, network, mode, f"{self.repeat}")
         return "_".join(re.sub(r"[^A-Za-z0-9.-]+", "-", part).strip(".-")[:40] or "x" for part in parts)
+
+
+def _rates(link: LinkSetting) -> str:
+    """All but the round trip; what is usual goes unsaid."""
+    parts = (
+        (link.down_kbps / 1000, "mbit", None),
+        (link.up_kbps / 1000, "mbit-up", USUAL_UP_KBPS / 1000),
+        (link.jitter_ms, "ms-jitter", 0),
+        (link.loss_pct, "%-loss", 0),
+    )
+    return ",".join(f"{value:g}{unit}" for value, unit, usual in parts if value != usual)

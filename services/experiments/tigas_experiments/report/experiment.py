@@ -161,7 +161,7 @@ def _pooled(results: Results) -> dict[str, list[str]]:
         "durations": sorted({f"{each.duration_s:g} s" for each in configurations}),
         "viewports": sorted({f"{each.width}×{each.height}" for each in configurations}),
         "places in the trace": sorted(
-            {f"{each.network.offset_s:g} s" for each in configurations if each.network.is_trace}
+            {f"{each.network.offset_s:g} s" for each in configurations if each.network.trace is not None}
         ),
     }
 

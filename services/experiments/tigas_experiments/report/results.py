@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,7 +13,6 @@ from scipy.stats import t
 
 from tigas_common.errors import StartError
 from tigas_common.wire.figures import Figures
-from tigas_common.wire.run import Network
 from tigas_experiments.records import statistics
 from tigas_experiments.records.folder import RunRecord, read_experiment
 from tigas_experiments.records.recording import BrokenRecording
@@ -23,7 +21,6 @@ from tigas_experiments.report.metrics import Metric, Value
 from tigas_experiments.report.variants import Variant, in_order
 
 Floats = NDArray[np.float64]
-_RTT_PART = re.compile(r"\d+(?:\.\d+)?ms-rtt")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -76,7 +73,7 @@ class Condition:
     def of(cls, record: RunRecord) -> Condition:
         """Of a run."""
         network = record.configuration.network
-        return cls(base_name(network), network.round_trip_ms, Variant.of(record.configuration))
+        return cls(network.name, network.round_trip_ms, Variant.of(record.configuration))
 
 
 @dataclass(frozen=True, slots=True)
@@ -216,14 +213,6 @@ def run_folders(folder: Path) -> list[Path]:
     if not found:
         raise StartError(f"{where} has no runs yet.")
     return found
-
-
-def base_name(network: Network) -> str:
-    """The network without its round trip, which is kept apart: `20mbit` of `20mbit,50ms-rtt`."""
-    if network.link is None:
-        return network.name
-    parts = [part.strip() for part in network.name.split(",")]
-    return ",".join(part for part in parts if not _RTT_PART.fullmatch(part)) or network.name
 
 
 def _groups(runs: Iterable[Run]) -> list[Group]:

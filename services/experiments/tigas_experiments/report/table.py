@@ -71,9 +71,8 @@ def label(summary: Summary) -> str:
 
 
 def network_name(summary: Summary) -> str:
-    """The run's network, with the round trip that was put in place of a trace's own."""
-    network = summary.record.configuration.network
-    return network.name if network.rtt_ms is None else f"{network.name}, {network.rtt_ms:g} ms round trip"
+    """The run's network, with its round trip where that is known."""
+    return summary.record.configuration.network.label
 
 
 def cells(summary: Summary) -> list[str]:

@@ -31,7 +31,7 @@ class HeldLink:
 
     async def play(self) -> None:
         """Play the network's trace, if it is one, from where a run begins. Raises RunFailed."""
-        if self.network.is_trace:
+        if self.network.trace is not None:
             await self.shaper.play(self.network)
 
     def left_alone(self, seen: Iterable[ShaperStatus]) -> bool:
@@ -40,7 +40,7 @@ class HeldLink:
         for status in seen:
             if status.trace != self.first.trace:
                 return False
-            if not self.network.is_trace:
+            if self.network.trace is None:
                 if status.link != self.first.link:
                     return False
                 continue

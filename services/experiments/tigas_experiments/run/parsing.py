@@ -5,11 +5,9 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-from tigas_common.wire.run import UNSHAPED, Network
+from tigas_common.wire.run import UNSHAPED, USUAL_UP_KBPS, Network
 from tigas_common.wire.shaper import LinkSetting
 
-UP_KBPS = 10_000.0
-"""The uplink of a constant link that says nothing of it."""
 MOST_PICTURES = 120
 """Of a run: they lie in the page's memory until it has ended."""
 _PART = re.compile(r"(?P<value>\d+(?:\.\d+)?)(?P<unit>mbit-up|kbit-up|mbit|kbit|ms-rtt|ms-jitter|%-loss)")
@@ -31,17 +29,17 @@ def parse_network(text: str, directory: Path = Path()) -> Network:
     A file's path is relative to `directory`, and kept as it was written. Raises ValueError with one sentence.
     """
     if text == UNSHAPED:
-        return Network(name=UNSHAPED)
+        return Network()
     if _PART.match(text):
-        return Network(name=text, link=_constant(text))
+        return Network(link=_constant(text))
     override = _OVERRIDE.fullmatch(text)
     trace, rtt_ms = (override["trace"], float(override["rtt"])) if override else (text, None)
     path = Path(trace)
     if (directory / path).is_file():
-        return Network(name=path.name[:100], trace_file=path, rtt_ms=rtt_ms)
+        return Network(trace=path.name[:100], trace_file=path, rtt_ms=rtt_ms)
     if path.name != trace or path.suffix:
         raise ValueError(f"there is no trace file {trace!r}")
-    return Network(name=trace, rtt_ms=rtt_ms)
+    return Network(trace=trace, rtt_ms=rtt_ms)
 
 
 def parse_viewport(text: str) -> tuple[int, int]:
@@ -71,4 +69,4 @@ def _constant(text: str) -> LinkSetting:
         fields[name] = float(found["value"]) * factor
     if "down_kbps" not in fields:
         raise ValueError(f"{text!r} says no rate, such as 20mbit")
-    return LinkSetting(**{"up_kbps": UP_KBPS, **fields})
+    return LinkSetting(**{"up_kbps": USUAL_UP_KBPS, **fields})

@@ -164,7 +164,7 @@ class Plan(WireModel):
         if self.rtts_ms is not None:
             networks = [network.with_rtt(rtt) for network in networks for rtt in self.rtts_ms]
         offset = {"offset_s": self.trace_offset_s}
-        return [network.model_copy(update=offset) if network.is_trace else network for network in networks]
+        return [network.model_copy(update=offset) if network.trace is not None else network for network in networks]
 
 
 def seconds(runs: Sequence[Configuration]) -> float:
@@ -193,5 +193,5 @@ def _check_folders(runs: Sequence[Configuration]) -> None:
                 f"{getattr(other, name)!r} and {getattr(run, name)!r}"
                 for name in ("scene", "movement", "profile")
                 if getattr(other, name) != getattr(run, name)
-            ] or [f"{other.network.name!r} and {run.network.name!r}"]
+            ] or [f"{other.network.label!r} and {run.network.label!r}"]
             raise StartError(f"{differ[0]} would get the same folders, {run.slug}: give one of them another name.")

@@ -38,9 +38,7 @@ class ShaperClient:
         """Put the network's first state in force, and keep it."""
         if network.link is not None:
             return await self._post("/link", network.link.model_dump())
-        name = network.name
-        if network.trace_file is not None:
-            name = await self._upload(network.trace_file)
+        name = network.trace if network.trace_file is None else await self._upload(network.trace_file)
         delay_ms = None if network.rtt_ms is None else network.rtt_ms / 2
         playing = await self._post("/start", {"trace": name, "loop": True, "delay_ms": delay_ms})
         if network.offset_s * 1000 >= (playing.duration_ms or math.inf):

@@ -32,7 +32,7 @@ def progress(runs: Sequence[Configuration]) -> Iterator[Listener]:
         done = 0
 
         def name() -> str:
-            return f"{runs[done].network.name}, {runs[done].mode}" if done < len(runs) else ""
+            return f"{runs[done].network.label}, {runs[done].mode}" if done < len(runs) else ""
 
         def stage(what: str) -> None:
             bar.update(task, description=f"{name()}: {what}")

@@ -2,7 +2,7 @@
 import { useSignal } from "@preact/signals";
 import type { TargetedSubmitEvent } from "preact";
 import type { ResumedExperiment } from "../../experiment/experiment";
-import { type ExperimentPlan, runsOf, timeFor } from "../../experiment/plan";
+import { type ExperimentPlan, networkLabel, runsOf, timeFor } from "../../experiment/plan";
 import { MovementError } from "../../movement/movement";
 import type { TimedPose } from "../../movement/playback";
 import type { ViewerSession } from "../../viewer/session";
@@ -52,7 +52,7 @@ export function ExperimentContinue({ session, store, unfinished: { plan, runs },
     <form class="experiment-form" noValidate onSubmit={(event) => void submit(event)}>
       <p data-wide>
         {runs.length} of {runsOf(plan).length} runs are missing, with the movement {plan.movement} over the network{" "}
-        {plan.network.name}.
+        {networkLabel(plan.network)}.
       </p>
       <MovementChoice
         list={list}
