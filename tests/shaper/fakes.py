@@ -6,9 +6,10 @@ import asyncio
 import heapq
 import itertools
 
+from tigas_common.wire.shaper import LinkSetting
 from tigas_shaper.errors import LinkClosed
 from tigas_shaper.link.link import Counters
-from tigas_shaper.traces.trace import LinkState, NetworkTrace
+from tigas_shaper.traces.trace import NetworkTrace
 
 
 class FakeTime:
@@ -53,12 +54,12 @@ class FakeLink:
         self.closed: str | None = None
         self.applied: list[tuple[float, float]] = []
         """Time (s) and rate towards the client of each change."""
-        self.states: list[LinkState] = []
+        self.states: list[LinkSetting] = []
         self.queues: list[tuple[float, float]] = []
         self.sent = 0
         self._time = time
 
-    def apply(self, state: LinkState) -> None:
+    def apply(self, state: LinkSetting) -> None:
         self._check()
         self.applied.append((round(self._time.now, 6), state.down_kbps))
         self.states.append(state)
@@ -89,5 +90,5 @@ class FakeGateway:
 
 def trace(*down: float, step_ms: int = 100, name: str = "made") -> NetworkTrace:
     """A trace of equal steps."""
-    states = tuple(LinkState(rate, 1_000) for rate in down)
+    states = tuple(LinkSetting(rate, 1_000) for rate in down)
     return NetworkTrace(name, tuple(range(0, step_ms * len(down), step_ms)), states, step_ms * len(down))

@@ -12,12 +12,12 @@ import httpx
 import pytest
 
 from tests.shaper.fakes import FakeGateway, FakeLink, FakeTime, trace
+from tigas_common.wire.shaper import LinkSetting
 from tigas_shaper.api import create_app
 from tigas_shaper.player import Player
 from tigas_shaper.service import Shaper
 from tigas_shaper.traces.csv_format import format_csv
 from tigas_shaper.traces.library import MAX_UPLOAD_BYTES, MAX_UPLOADS, TraceLibrary
-from tigas_shaper.traces.trace import LinkState
 
 pytestmark = pytest.mark.anyio
 PAGE = "http://localhost:8080"
@@ -43,7 +43,7 @@ def directory(tmp_path: Path) -> Path:
 
 @pytest.fixture
 def shaper(time: FakeTime, link: FakeLink, directory: Path) -> Shaper:
-    player = Player(link, LinkState(100_000, 50_000), clock=time.clock, sleep=time.sleep)
+    player = Player(link, LinkSetting(100_000, 50_000), clock=time.clock, sleep=time.sleep)
     return Shaper(link, FakeGateway(), player, TraceLibrary(directory))  # type: ignore[arg-type]
 
 

@@ -5,12 +5,12 @@ from __future__ import annotations
 import pytest
 
 from tests.shaper.fakes import FakeLink, FakeTime, trace
+from tigas_common.wire.shaper import LinkSetting
 from tigas_shaper.errors import LinkClosed, NothingPlays
 from tigas_shaper.player import Player
-from tigas_shaper.traces.trace import LinkState
 
 pytestmark = pytest.mark.anyio
-IDLE = LinkState(100_000, 50_000)
+IDLE = LinkSetting(100_000, 50_000)
 
 
 @pytest.fixture
@@ -79,7 +79,7 @@ async def test_another_trace_or_a_constant_link_takes_over(time: FakeTime, link:
     player.start(trace(10, 20, name="other"))
     await time.advance(0.1)
     assert player.state.down_kbps == 20
-    player.constant(LinkState(7, 8, delay_ms=9))
+    player.constant(LinkSetting(7, 8, delay_ms=9))
     link.applied.clear()
     await time.advance(5)
     assert link.applied == []

@@ -16,7 +16,8 @@ from tests.testbed.shaper_process import ShaperProcess
 from tests.web.conftest import CHROMIUM_ARGS, DESKTOP, PATIENCE, STATIC
 from tests.web.scenes import write_scenes
 from tests.web.stage import SCENE, frames, wait_for_frames
-from tigas_shaper.traces.trace import LinkState, NetworkTrace
+from tigas_common.wire.shaper import LinkSetting
+from tigas_shaper.traces.trace import NetworkTrace
 from tigas_testbed.namespaces import Lab
 from tigas_testbed.services import render_command, running
 
@@ -63,7 +64,7 @@ def test_the_page_crosses_the_link_and_survives_an_outage(link: ShaperProcess, p
     assert page.evaluate("isSecureContext")
     expect(page.locator(".stage")).to_have_attribute("data-transport", "webtransport-streams", timeout=PATIENCE)
     wait_for_frames(page)
-    outage = NetworkTrace("cut", (0, OUTAGE_S * 1000), (LinkState(0, 0), LinkState(10_000, 5_000, 10)), 60_000)
+    outage = NetworkTrace("cut", (0, OUTAGE_S * 1000), (LinkSetting(0, 0), LinkSetting(10_000, 5_000, 10)), 60_000)
     start = link.play(outage)
     page.keyboard.down("ArrowRight")  # the view changes all the while, so that frames are always wanted
     page.wait_for_timeout(1000)

@@ -14,7 +14,8 @@ import pytest
 
 from tests.testbed.inside import Receiver, echo_server, flood, steady, udp
 from tests.testbed.shaper_process import ShaperProcess
-from tigas_shaper.traces.trace import LinkState, NetworkTrace
+from tigas_common.wire.shaper import LinkSetting
+from tigas_shaper.traces.trace import NetworkTrace
 
 GATEWAY = ("198.18.1.1", 4433)
 SIZE = 1400
@@ -26,7 +27,7 @@ def trace(name: str, step_ms: int, down: list[float]) -> NetworkTrace:
     return NetworkTrace(
         name,
         tuple(range(0, step_ms * len(down), step_ms)),
-        tuple(LinkState(rate, 10_000) for rate in down),
+        tuple(LinkSetting(rate, 10_000) for rate in down),
         step_ms * len(down),
     )
 

@@ -8,7 +8,6 @@ import socket
 import threading
 import time
 from collections.abc import AsyncIterator
-from dataclasses import asdict
 from typing import Any, Self
 
 import uvicorn
@@ -32,23 +31,23 @@ from tigas_common.wire.shaper import (
 )
 from tigas_shaper.player import Player
 from tigas_shaper.traces.library import points, summary
-from tigas_shaper.traces.trace import LinkState, NetworkTrace
+from tigas_shaper.traces.trace import NetworkTrace
 
 TRACES = {
     trace.name: trace
     for trace in (
-        NetworkTrace("stairs", (0, 10_000, 20_000), tuple(LinkState(kbps, 4000) for kbps in (8e3, 2e4, 4e3)), 30_000),
-        NetworkTrace("tunnel", (0, 5000), (LinkState(12e3, 4000), LinkState(0, 0)), 8000),
+        NetworkTrace("stairs", (0, 10_000, 20_000), tuple(LinkSetting(kbps, 4000) for kbps in (8e3, 2e4, 4e3)), 30_000),
+        NetworkTrace("tunnel", (0, 5000), (LinkSetting(12e3, 4000), LinkSetting(0, 0)), 8000),
     )
 }
-IDLE = LinkState(down_kbps=100_000, up_kbps=50_000)
+IDLE = LinkSetting(down_kbps=100_000, up_kbps=50_000)
 EVERY_S = 0.2
 
 
 class _NoLink:
     """Carries nothing."""
 
-    def apply(self, state: LinkState) -> None:
+    def apply(self, state: LinkSetting) -> None:
         """Nobody is behind it."""
 
     def size_queues(self, down_kbps: float, up_kbps: float) -> None:
@@ -130,7 +129,7 @@ class FakeShaper:
             case "/loop":
                 player.set_loop(parse(LoopRequest, body).loop)
             case "/link":
-                player.constant(LinkState(**parse(LinkSetting, body).model_dump()))
+                player.constant(parse(LinkSetting, body))
         return json_response(self._now())
 
     def _now(self) -> ShaperStatus:
@@ -146,7 +145,7 @@ class FakeShaper:
             position_ms=player.position_ms,
             duration_ms=player.trace.duration_ms if player.trace else None,
             loop=player.loop,
-            link=LinkSetting(**asdict(state)),
+            link=state,
             down=down,
             up=up,
             backend="netem",

@@ -2,29 +2,31 @@
 
 from __future__ import annotations
 
-from typing import TypeVar
+from functools import cache
+from typing import Any, TypeVar
 
-from pydantic import BaseModel, ValidationError
+from pydantic import TypeAdapter, ValidationError
 
 from tigas_common.errors import BodyTooLarge, InvalidRequest
 
 MAX_BODY = 16 * 1024
 """The largest request body, in bytes."""
 
-Model = TypeVar("Model", bound=BaseModel)
+Message = TypeVar("Message")
 
 
-def parse(model: type[Model], body: bytes) -> Model:
-    """Read a model from JSON.
+def parse(kind: type[Message], body: bytes) -> Message:
+    """Read a message, a wire model or dataclass, from JSON.
 
     Raises BodyTooLarge over MAX_BODY bytes, and InvalidRequest naming the first field that is wrong.
     """
     if len(body) > MAX_BODY:
         raise BodyTooLarge(f"The body has {len(body)} bytes; the limit is {MAX_BODY}.")
     try:
-        return model.model_validate_json(body)
+        message: Message = _adapter(kind).validate_json(body)  # type: ignore[arg-type]
     except ValidationError as error:
         raise InvalidRequest(sentence(error)) from None
+    return message
 
 
 def sentence(error: ValidationError) -> str:
@@ -34,3 +36,8 @@ def sentence(error: ValidationError) -> str:
     what = first["msg"].removeprefix("Value error, ")
     what = what[:1].lower() + what[1:] if where else what[:1].upper() + what[1:]
     return f"{where}: {what}." if where else f"{what}."
+
+
+@cache
+def _adapter(kind: type[Any]) -> TypeAdapter[Any]:
+    return TypeAdapter(kind)

@@ -17,13 +17,12 @@ from starlette.routing import Route
 
 from tigas_common.errors import Overloaded
 from tigas_common.origins import OriginCheck, OriginPolicy, cross_origin
-from tigas_common.parsing import MAX_BODY, Model, parse
+from tigas_common.parsing import MAX_BODY, Message, parse
 from tigas_common.problems import EXCEPTION_HANDLERS, json_response, read_body
 from tigas_common.wire.shaper import LinkSetting, LoopRequest, SeekRequest, StartRequest, TraceList
 from tigas_shaper.errors import LinkClosed
 from tigas_shaper.service import Shaper
 from tigas_shaper.traces.library import MAX_UPLOAD_BYTES, points, summary
-from tigas_shaper.traces.trace import LinkState
 
 MAX_WATCHERS = 64
 
@@ -118,7 +117,7 @@ async def loop(request: Request) -> Response:
 
 async def link(request: Request) -> Response:
     """Keep one state."""
-    _shaper(request).player.constant(LinkState(**(await _read(request, LinkSetting)).model_dump()))
+    _shaper(request).player.constant(await _read(request, LinkSetting))
     return _status(request)
 
 
@@ -161,5 +160,5 @@ def _status(request: Request) -> Response:
     return json_response(_shaper(request).status())
 
 
-async def _read(request: Request, model: type[Model]) -> Model:
-    return parse(model, await read_body(request, MAX_BODY))
+async def _read(request: Request, kind: type[Message]) -> Message:
+    return parse(kind, await read_body(request, MAX_BODY))

@@ -5,7 +5,8 @@ from __future__ import annotations
 from bisect import bisect_right
 from dataclasses import dataclass, replace
 
-from tigas_shaper.traces.trace import LinkState, NetworkTrace
+from tigas_common.wire.shaper import LinkSetting
+from tigas_shaper.traces.trace import NetworkTrace
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,7 +29,7 @@ class Playback:
         """Whether it came to its end, where it stays."""
         return not self.loop and self._run_ms(now) >= self.trace.duration_ms
 
-    def state(self, now: float) -> LinkState:
+    def state(self, now: float) -> LinkSetting:
         """The state in force; after the end, the last one."""
         return self.trace.states[-1] if self.ended(now) else self.trace.at(self.position_ms(now))
 

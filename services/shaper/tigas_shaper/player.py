@@ -5,11 +5,11 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Awaitable, Callable
 
-from tigas_common.wire.shaper import PlaybackMode
+from tigas_common.wire.shaper import LinkSetting, PlaybackMode
 from tigas_shaper.errors import LinkClosed, NothingPlays
 from tigas_shaper.link.link import Link
 from tigas_shaper.playback import Playback
-from tigas_shaper.traces.trace import LinkState, NetworkTrace
+from tigas_shaper.traces.trace import NetworkTrace
 
 
 class Player:
@@ -21,7 +21,7 @@ class Player:
     def __init__(
         self,
         link: Link,
-        idle: LinkState,
+        idle: LinkSetting,
         *,
         clock: Callable[[], float],
         sleep: Callable[[float], Awaitable[None]] = asyncio.sleep,
@@ -35,7 +35,7 @@ class Player:
         self._stepping: asyncio.Task[None] | None = None
 
     @property
-    def state(self) -> LinkState:
+    def state(self) -> LinkSetting:
         """What is in force on the link."""
         return self._state
 
@@ -68,7 +68,7 @@ class Player:
         self._link.size_queues(trace.mean_down_kbps, trace.mean_up_kbps)
         self._go(Playback(trace, loop, since=self._clock()))
 
-    def constant(self, state: LinkState) -> None:
+    def constant(self, state: LinkSetting) -> None:
         """Keep one state, in place of what was going on."""
         self._halt()
         self._playback = None
@@ -122,7 +122,7 @@ class Player:
         except LinkClosed:
             return  # whoever watches the link tells the story
 
-    def _apply(self, state: LinkState) -> None:
+    def _apply(self, state: LinkSetting) -> None:
         self._link.apply(state)
         self._state = state
 

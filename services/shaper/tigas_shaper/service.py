@@ -6,7 +6,6 @@ import asyncio
 import time
 from collections.abc import AsyncIterator
 from contextlib import AsyncExitStack, asynccontextmanager
-from dataclasses import asdict
 
 from tigas_common.errors import StartError
 from tigas_common.wire.shaper import DirectionStatus, LinkSetting, ShaperStatus
@@ -19,7 +18,6 @@ from tigas_shaper.link.link import Counters, ShapedLink
 from tigas_shaper.player import Player
 from tigas_shaper.settings import ShaperSettings
 from tigas_shaper.traces.library import TraceLibrary
-from tigas_shaper.traces.trace import LinkState
 
 SAMPLE_S = 0.2
 """How often the link is looked at, in seconds."""
@@ -48,7 +46,7 @@ class Shaper:
         async with AsyncExitStack() as stack:
             stack.enter_context(only_one())
             await clean((access, service))
-            idle = LinkState(settings.down_kbps, settings.up_kbps)
+            idle = LinkSetting(settings.down_kbps, settings.up_kbps)
             backend = await detect() if settings.backend == "auto" else settings.backend
             try:
                 gateway = await stack.enter_async_context(Gateway.open(access, service, forwards))
@@ -90,7 +88,7 @@ class Shaper:
             position_ms=player.position_ms,
             duration_ms=player.trace.duration_ms if player.trace else None,
             loop=player.loop,
-            link=LinkSetting(**asdict(state)),
+            link=state,
             down=self._down.status(state.down_kbps),
             up=self._up.status(state.up_kbps),
             backend=self._link.backend,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -28,7 +29,7 @@ LOSSY = LinkSetting(down_kbps=20_000, up_kbps=10_000, delay_ms=25, loss_pct=1)
         (Network(trace="4g-bus", rtt_ms=50.0), "4g-bus", 50.0),
         (Network(trace="4g-bus"), "4g-bus", None),
         (Network(link=LOSSY), "20mbit,1%-loss", 50.0),
-        (Network(link=LOSSY.model_copy(update={"down_kbps": 800.0, "up_kbps": 0.0})), "0.8mbit,0mbit-up,1%-loss", 50.0),
+        (Network(link=replace(LOSSY, down_kbps=800.0, up_kbps=0.0)), "0.8mbit,0mbit-up,1%-loss", 50.0),
         (Network(), "unshaped", None),
     ],
 )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import Any
 
 import httpx
@@ -59,9 +60,7 @@ BUS = Network(trace="bus")
 @pytest.mark.parametrize("begin_ms", [0.0, 12_000.0, DURATION_MS - 500.0], ids=["start", "middle", "over the end"])
 def test_a_trace_that_plays_is_left_alone(begin_ms: float) -> None:
     assert left_alone(BUS, played(begin_ms))
-    assert left_alone(BUS, played(begin_ms, _7={"link": LINK.model_copy(update={"delay_ms": 80.0})})), (
-        "the trace's own delay"
-    )
+    assert left_alone(BUS, played(begin_ms, _7={"link": replace(LINK, delay_ms=80.0)})), "the trace's own delay"
 
 
 @pytest.mark.parametrize(
@@ -73,7 +72,7 @@ def test_a_trace_that_plays_is_left_alone(begin_ms: float) -> None:
         (BUS, {"_11": {"mode": "ended"}}),
         (BUS, {"_11": {"position_ms": 9000.0}}),
         (BUS, {"_11": {"position_ms": 0.0}}),
-        (BUS.with_rtt(50), {"_7": {"link": LINK.model_copy(update={"delay_ms": 80.0})}}),
+        (BUS.with_rtt(50), {"_7": {"link": replace(LINK, delay_ms=80.0)}}),
     ],
 )
 def test_a_trace_that_somebody_else_changed_is_noticed(network: Network, changes: dict[str, Any]) -> None:
@@ -84,8 +83,8 @@ def test_a_trace_that_somebody_else_changed_is_noticed(network: Network, changes
 @pytest.mark.parametrize(
     "change",
     [
-        {"link": LINK.model_copy(update={"down_kbps": 6000.0})},
-        {"link": LINK.model_copy(update={"delay_ms": 26.0})},
+        {"link": replace(LINK, down_kbps=6000.0)},
+        {"link": replace(LINK, delay_ms=26.0)},
         {"trace": "bus"},
     ],
 )

@@ -24,7 +24,7 @@ def test_too_many_steps_are_refused_by_line(monkeypatch: pytest.MonkeyPatch) -> 
 @pytest.mark.parametrize(
     ("text", "sentence"),
     [
-        ("5000\n\n\n3e8\n", "Line 4: down_kbps must be between 0 and 100000000"),
+        ("5000\n\n\n3e8\n", "Line 4: down_kbps: input should be less than or equal to 100000000."),
         ("0 1\n", "no step that lasts a millisecond"),
         ("0 1\n0.0001 1\n", "no step that lasts a millisecond"),
         ("0 1\n99999999 1\n", "Line 2: a trace may last 30 days"),

@@ -8,9 +8,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tigas_common.wire.shaper import MAX_DURATION_MS
+from tigas_common.wire.shaper import MAX_DURATION_MS, LinkSetting
 from tigas_shaper.traces.csv_format import format_csv, parse_csv
-from tigas_shaper.traces.trace import LinkState, NetworkTrace, TraceError
+from tigas_shaper.traces.trace import NetworkTrace, TraceError
 
 HEADER = "t_ms,down_kbps,up_kbps,delay_ms,jitter_ms,loss_pct\n"
 
@@ -20,7 +20,7 @@ def test_an_empty_cell_means_as_before_and_a_last_line_of_only_a_time_is_the_end
     assert trace == NetworkTrace(
         "t",
         (0, 500, 800),
-        (LinkState(5000, 1000, 20), LinkState(0, 1000, 20, 2.5), LinkState(0, 1000, 40, 2.5, 1)),
+        (LinkSetting(5000, 1000, 20), LinkSetting(0, 1000, 20, 2.5), LinkSetting(0, 1000, 40, 2.5, 1)),
         1000,
     )
 
@@ -32,7 +32,7 @@ def test_without_an_end_the_last_state_lasts_as_long_as_the_one_before() -> None
 
 def test_columns_may_be_absent_and_in_any_order() -> None:
     trace = parse_csv("t", "down_kbps,t_ms\n5000,0\n")
-    assert trace.states == (LinkState(5000, 10_000, 0, 0, 0),)
+    assert trace.states == (LinkSetting(5000, 10_000, 0, 0, 0),)
     assert parse_csv("t", "t_ms,down_kbps\n0,1\n", up_kbps=77).states[0].up_kbps == 77
 
 
@@ -62,8 +62,8 @@ def test_windows_line_ends_blank_lines_spaces_and_quotes_are_taken_as_meant() ->
         ("t_ms,down_kbps\n0,1_000\n", "Line 2: down_kbps must be a number"),
         ("t_ms,down_kbps\n0,٣\n", "Line 2: down_kbps must be a number"),
         ("t_ms,down_kbps\n0,-1\n", "Line 2: down_kbps must not be negative"),
-        ("t_ms,down_kbps\n0,2e8\n", "Line 2: down_kbps must be between 0 and 100000000"),
-        (HEADER + "0,1,1,0,0,101\n", "Line 2: loss_pct must be between 0 and 100"),
+        ("t_ms,down_kbps\n0,2e8\n", "Line 2: down_kbps: input should be less than or equal to 100000000."),
+        (HEADER + "0,1,1,0,0,101\n", "Line 2: loss_pct: input should be less than or equal to 100."),
         ("t_ms,down_kbps\n0,1,2\n", "Line 2: 2 cells are expected, not 3."),
         ("t_ms,down_kbps\n0\n", "Line 2: 2 cells are expected, not 1."),
         ('t_ms,down_kbps\n0,"1\n', "Line 2: 2 cells are expected, not 1."),
@@ -78,7 +78,7 @@ def test_a_fault_is_named_by_its_line(text: str, sentence: str) -> None:
 
 
 rates = st.floats(0, 1e8)
-states = st.builds(LinkState, rates, rates, st.floats(0, 60_000), st.floats(0, 60_000), st.floats(0, 100))
+states = st.builds(LinkSetting, rates, rates, st.floats(0, 60_000), st.floats(0, 60_000), st.floats(0, 100))
 
 
 @st.composite

@@ -10,9 +10,10 @@ from hypothesis import strategies as st
 
 from tests.shaper.traces.recordings import GHENT, IRISH, SABRE, assert_refused, down, read
 from tests.shared_data import shared_file
+from tigas_common.wire.shaper import LinkSetting
 from tigas_shaper.traces.formats import load_trace, parse_trace, recognise, trace_name
 from tigas_shaper.traces.text import decode
-from tigas_shaper.traces.trace import LinkState, NetworkTrace, TraceError
+from tigas_shaper.traces.trace import NetworkTrace, TraceError
 
 
 @pytest.mark.parametrize(
@@ -62,7 +63,7 @@ def test_any_bytes_become_a_trace_or_one_sentence(data: bytes) -> None:
 )
 def test_a_files_name_becomes_a_valid_name(filename: str, name: str) -> None:
     assert trace_name(filename) == name
-    NetworkTrace(name, (0,), (LinkState(1, 1),), 1)
+    NetworkTrace(name, (0,), (LinkSetting(1, 1),), 1)
 
 
 @pytest.mark.parametrize(

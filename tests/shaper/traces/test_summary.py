@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from tigas_common.wire.shaper import LinkSetting
 from tigas_shaper.traces.summary import outages, rate_summary
-from tigas_shaper.traces.trace import LinkState, NetworkTrace
+from tigas_shaper.traces.trace import NetworkTrace
 
 
 def test_percentiles_and_mean_are_weighted_by_time() -> None:
@@ -13,6 +14,6 @@ def test_percentiles_and_mean_are_weighted_by_time() -> None:
 
 
 def test_neighbouring_steps_at_0_are_one_outage() -> None:
-    up, off = LinkState(1, 1), LinkState(0, 1)
+    up, off = LinkSetting(1, 1), LinkSetting(0, 1)
     trace = NetworkTrace("t", (0, 10, 20, 50, 60), (off, off, up, up, off), 100)
     assert outages(trace) == [(0, 20), (60, 40)]

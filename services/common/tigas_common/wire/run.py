@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from pathlib import Path
 from typing import Literal, Self
 
@@ -76,7 +77,7 @@ class Network(WireModel):
     def with_rtt(self, rtt_ms: float) -> Network:
         """The same rates at another round trip. Raises ValueError."""
         if self.link is not None:
-            return self.model_copy(update={"link": self.link.model_copy(update={"delay_ms": rtt_ms / 2})})
+            return self.model_copy(update={"link": replace(self.link, delay_ms=rtt_ms / 2)})
         if self.trace is None:
             raise ValueError("an unshaped network has the round trip that it has")
         return self.model_copy(update={"rtt_ms": rtt_ms})

@@ -17,7 +17,7 @@ from tigas_common.wire.model import WireModel
 
 
 def messages_schema(
-    title: str, description: str, *, requests: Sequence[type[WireModel]], answers: Sequence[type[WireModel]]
+    title: str, description: str, *, requests: Sequence[type[Any]], answers: Sequence[type[WireModel]]
 ) -> dict[str, Any]:
     """An object with one property per message; what a client may leave out of a request is optional in it."""
     validation: Literal["validation"] = "validation"

@@ -6,6 +6,7 @@ import asyncio
 import json
 import math
 from collections.abc import AsyncIterator
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -37,7 +38,7 @@ class ShaperClient:
     async def hold(self, network: Network) -> ShaperStatus:
         """Put the network's first state in force, and keep it."""
         if network.link is not None:
-            return await self._post("/link", network.link.model_dump())
+            return await self._post("/link", asdict(network.link))
         name = network.trace if network.trace_file is None else await self._upload(network.trace_file)
         delay_ms = None if network.rtt_ms is None else network.rtt_ms / 2
         playing = await self._post("/start", {"trace": name, "loop": True, "delay_ms": delay_ms})

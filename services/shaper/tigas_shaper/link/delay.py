@@ -10,12 +10,11 @@ from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from typing import ClassVar
 
-from tigas_common.wire.shaper import Backend
+from tigas_common.wire.shaper import Backend, LinkSetting
 from tigas_shaper.link.channel import Channel, CommandError, attempt, run
 from tigas_shaper.link.direction import Direction
 from tigas_shaper.link.interfaces import Interface
 from tigas_shaper.link.relay import RelayState
-from tigas_shaper.traces.trace import LinkState
 
 _PROBE = Interface("tigas-probe")
 
@@ -26,7 +25,7 @@ class DelayStage(ABC):
     backend: ClassVar[Backend]
 
     @abstractmethod
-    def set(self, state: LinkState, *, blocked: bool) -> None:
+    def set(self, state: LinkSetting, *, blocked: bool) -> None:
         """Change delay, jitter and loss; when blocked, nothing passes. Raises CommandError."""
 
     @abstractmethod
@@ -57,7 +56,7 @@ class NetemStage(DelayStage):
             await attempt("tc", "qdisc", "del", "dev", direction.interface, "root", "handle", "2:")
             await attempt("ip", "link", "del", device)
 
-    def set(self, state: LinkState, *, blocked: bool) -> None:
+    def set(self, state: LinkSetting, *, blocked: bool) -> None:
         loss = 100.0 if blocked else state.loss_pct
         self._tc.write(self._direction.change_netem_line(state.delay_ms, state.jitter_ms, loss))
 
@@ -94,7 +93,7 @@ class RelayStage(DelayStage):
             process.stdin.close()
             await process.wait()
 
-    def set(self, state: LinkState, *, blocked: bool) -> None:
+    def set(self, state: LinkSetting, *, blocked: bool) -> None:
         self.check()
         assert self._process.stdin
         packed = RelayState(state.delay_ms / 1e3, state.jitter_ms / 1e3, state.loss_pct / 100, blocked).pack()

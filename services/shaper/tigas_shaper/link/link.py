@@ -8,13 +8,12 @@ from contextlib import AsyncExitStack, asynccontextmanager
 from dataclasses import dataclass
 from typing import Any, Protocol
 
-from tigas_common.wire.shaper import Backend
+from tigas_common.wire.shaper import Backend, LinkSetting
 from tigas_shaper.errors import LinkClosed
 from tigas_shaper.link.channel import Channel, CommandError, attempt
 from tigas_shaper.link.delay import STAGES, DelayStage
 from tigas_shaper.link.direction import FLOOR_KBPS, MIN_QUEUE, Direction, queue_bytes
 from tigas_shaper.link.interfaces import Interface
-from tigas_shaper.traces.trace import LinkState
 
 DOWN_DEVICE = Interface("tigas-down")
 UP_DEVICE = Interface("tigas-up")
@@ -36,7 +35,7 @@ class Counters:
 class Link(Protocol):
     """What a player plays on. Both methods raise LinkClosed."""
 
-    def apply(self, state: LinkState) -> None:
+    def apply(self, state: LinkSetting) -> None:
         """Change the link, now."""
 
     def size_queues(self, down_kbps: float, up_kbps: float) -> None:
@@ -60,7 +59,7 @@ class ShapedLink:
         cls,
         access: Interface,
         service: Interface,
-        state: LinkState,
+        state: LinkSetting,
         *,
         backend: Backend,
         queue_ms: float,
@@ -87,7 +86,7 @@ class ShapedLink:
             await link.counters()
             yield link
 
-    def apply(self, state: LinkState) -> None:
+    def apply(self, state: LinkSetting) -> None:
         with _Closing(self):
             self._down.apply(state, state.down_kbps)
             self._up.apply(state, state.up_kbps)
@@ -144,7 +143,7 @@ class _Lane:
         self._limit = queue_bytes(rate_kbps, self._queue_ms)
         self._tc.write(self._direction.change_queue_line(self._limit, blocked=self._blocked))
 
-    def apply(self, state: LinkState, rate_kbps: float) -> None:
+    def apply(self, state: LinkSetting, rate_kbps: float) -> None:
         blocked = rate_kbps == 0
         if not blocked and rate_kbps != self._rate:
             self._tc.write(self._direction.change_rate_line(rate_kbps))

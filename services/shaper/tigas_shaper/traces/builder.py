@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
-from tigas_common.wire.shaper import MAX_DURATION_MS
-from tigas_shaper.traces.trace import MAX_STEPS, LinkState, NetworkTrace, TraceError
+from pydantic import ValidationError
+
+from tigas_common.parsing import sentence
+from tigas_common.wire.shaper import MAX_DURATION_MS, LinkSetting
+from tigas_shaper.traces.trace import MAX_STEPS, NetworkTrace, TraceError
 
 
 class TraceBuilder:
@@ -12,7 +15,7 @@ class TraceBuilder:
     def __init__(self, name: str) -> None:
         self._name = name
         self._times: list[int] = []
-        self._states: list[LinkState] = []
+        self._states: list[LinkSetting] = []
         self._end = 0.0
 
     def add(
@@ -35,9 +38,11 @@ class TraceBuilder:
         if len(self._times) == MAX_STEPS:
             raise TraceError(f"Line {line}: a trace may have {MAX_STEPS:,} steps; this one has more.")
         try:
-            state = LinkState(down_kbps, up_kbps, delay_ms, jitter_ms, loss_pct)
-        except TraceError as error:
-            raise TraceError(f"Line {line}: {error.detail}") from None
+            state = LinkSetting(
+                down_kbps=down_kbps, up_kbps=up_kbps, delay_ms=delay_ms, jitter_ms=jitter_ms, loss_pct=loss_pct
+            )
+        except ValidationError as error:
+            raise TraceError(f"Line {line}: {sentence(error)}") from None
         self._times.append(start)
         self._states.append(state)
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 from bisect import bisect_right
 from dataclasses import replace
 
-from tigas_shaper.traces.trace import MAX_STEPS, LinkState, NetworkTrace, TraceError
+from tigas_common.wire.shaper import LinkSetting
+from tigas_shaper.traces.trace import MAX_STEPS, NetworkTrace, TraceError
 
 
 def combine(down: NetworkTrace, up: NetworkTrace) -> NetworkTrace:
@@ -14,7 +15,7 @@ def combine(down: NetworkTrace, up: NetworkTrace) -> NetworkTrace:
     Mahimahi, for one, publishes the two directions as two files. Raises TraceError.
     """
     times: list[int] = []
-    states: list[LinkState] = []
+    states: list[LinkSetting] = []
     time = 0
     while time < down.duration_ms:
         if len(times) == MAX_STEPS:

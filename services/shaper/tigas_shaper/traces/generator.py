@@ -12,7 +12,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from random import Random
 
-from tigas_shaper.traces.trace import LinkState, NetworkTrace
+from tigas_common.wire.shaper import LinkSetting
+from tigas_shaper.traces.trace import NetworkTrace
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,7 +59,7 @@ def generate(name: str, model: LinkModel, duration_ms: int, seed: int) -> Networ
     for _ in times:
         regime = model.regimes[current]
         states.append(
-            LinkState(
+            LinkSetting(
                 _rate(regime.down_kbps, regime.spread, down()),
                 _rate(regime.down_kbps * model.up_share, regime.spread, up()),
                 model.delay_ms,

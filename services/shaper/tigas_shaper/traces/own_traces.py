@@ -8,9 +8,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from tigas_common.wire.shaper import LinkSetting
 from tigas_shaper.traces.csv_format import format_csv
 from tigas_shaper.traces.generator import LinkModel, Regime, generate
-from tigas_shaper.traces.trace import LinkState, NetworkTrace
+from tigas_shaper.traces.trace import NetworkTrace
 
 UP_KBPS = 10_000
 """The shapes' uplink: out of the way of what they test. Nor have they delay or loss: only the rate changes."""
@@ -103,5 +104,5 @@ def _shape(name: str, steps: list[tuple[int, float]]) -> NetworkTrace:
     for duration, _ in steps:
         times.append(time)
         time += duration
-    states = tuple(LinkState(round(rate), UP_KBPS if rate else 0) for _, rate in steps)
+    states = tuple(LinkSetting(round(rate), UP_KBPS if rate else 0) for _, rate in steps)
     return NetworkTrace(name, tuple(times), states, time)

@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 import re
 from bisect import bisect_right
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 from tigas_common.errors import TigasError
-from tigas_common.wire.shaper import MAX_DELAY_MS, MAX_DURATION_MS, MAX_RATE_KBPS
+from tigas_common.wire.shaper import MAX_DURATION_MS, LinkSetting
 
 MAX_STEPS = 250_000
 """Seven hours at 100 ms, almost three days at 1 s. One step takes about 200 bytes of memory."""
@@ -22,40 +22,9 @@ class TraceError(TigasError):
     status, type, title = 422, "broken-trace", "The network trace cannot be used"
 
 
-@dataclass(frozen=True, slots=True)
-class LinkState:
-    """What a link does to packets. Raises TraceError for values that are negative, not finite or over their bound."""
-
-    down_kbps: float
-    """Rate towards the client, kbit/s (1000 bit/s), at most 1e8. 0 is an outage: nothing passes, packets wait."""
-    up_kbps: float
-    """Rate from the client, kbit/s; as above."""
-    delay_ms: float = 0.0
-    """One-way delay, added in each direction, at most 60 s. A round trip takes twice as long."""
-    jitter_ms: float = 0.0
-    """Variation of the delay, in each direction, at most 60 s."""
-    loss_pct: float = 0.0
-    """Packets lost at random in each direction, per cent."""
-
-    def __post_init__(self) -> None:
-        for name, bound in _BOUNDS:
-            value = getattr(self, name)
-            if not 0 <= value <= bound:  # NaN fails as well
-                raise TraceError(f"{name} must be between 0 and {bound:.0f}, not {value:g}.")
-
-
-_BOUNDS = tuple(
-    zip(
-        (field.name for field in fields(LinkState)),
-        (MAX_RATE_KBPS, MAX_RATE_KBPS, MAX_DELAY_MS, MAX_DELAY_MS, 100.0),
-        strict=True,
-    )
-)
-
-
 @dataclass(frozen=True)
 class NetworkTrace:
-    """The states of a link over time, to be played from the start and again from there at its end.
+    """What a link does over time, to be played from the start and again from there at its end.
 
     Raises TraceError where times do not start at 0 and rise, where lengths differ, or over the limits above.
     """
@@ -64,8 +33,8 @@ class NetworkTrace:
     """Letters, digits and any of . _ + = -, at most 100: safe in a file name and in a URL's path."""
     times_ms: tuple[int, ...]
     """Strictly increasing from 0."""
-    states: tuple[LinkState, ...]
-    """One a time: the state from that time on."""
+    states: tuple[LinkSetting, ...]
+    """One a time: what the link does from that time on."""
     duration_ms: int
     """The end of the last state, after the last time."""
 
@@ -90,12 +59,12 @@ class NetworkTrace:
         if self.duration_ms > MAX_DURATION_MS:
             raise TraceError(f"A trace may last 30 days; this one ends at {self.duration_ms} ms.")
 
-    def at(self, t_ms: float) -> LinkState:
+    def at(self, t_ms: float) -> LinkSetting:
         """The state in force `t_ms` after the start of playing; past the end the trace starts again."""
         return self.states[bisect_right(self.times_ms, t_ms % self.duration_ms) - 1]
 
     def with_delay(self, delay_ms: float) -> NetworkTrace:
-        """The same rates and losses at one constant delay (one way, ms), without jitter. Raises TraceError."""
+        """The same rates and losses at one constant delay (one way, ms), without jitter. Raises ValueError."""
         return replace(self, states=tuple(replace(state, delay_ms=delay_ms, jitter_ms=0.0) for state in self.states))
 
     @cached_property
@@ -117,8 +86,3 @@ class NetworkTrace:
     def _mean(self, values: tuple[float, ...]) -> float:
         weighted = (value * step for value, step in zip(values, self.steps_ms, strict=True))
         return math.fsum(weighted) / self.duration_ms
-
-
-def constant_trace(name: str, state: LinkState, duration_ms: int = 60_000) -> NetworkTrace:
-    """A trace that never changes."""
-    return NetworkTrace(name, (0,), (state,), duration_ms)

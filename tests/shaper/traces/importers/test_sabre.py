@@ -5,12 +5,12 @@ from __future__ import annotations
 import pytest
 
 from tests.shaper.traces.recordings import SABRE, assert_refused, read
-from tigas_shaper.traces.trace import LinkState
+from tigas_common.wire.shaper import LinkSetting
 
 
 def test_sabre_is_in_kbits_and_its_latency_is_a_round_trip() -> None:
     trace = read(SABRE)
-    assert trace.states == (LinkState(36014, 10_000, 10), LinkState(0, 10_000, 0))
+    assert trace.states == (LinkSetting(36014, 10_000, 10), LinkSetting(0, 10_000, 0))
     assert (trace.times_ms, trace.duration_ms) == ((0, 725), 1725)
 
 
