@@ -83,13 +83,28 @@ describe("asking for frames", () => {
     expect(sent()).toEqual([1, 4]);
   });
 
-  test("a change of profile alone asks for the view again", async () => {
+  test.each<Partial<ViewRequest>>([
+    { position: [0, 0, 1e-6] },
+    { quaternion: [0, 0, 1, 0] },
+    { fx: 2 },
+    { width: 3 },
+    { scene: "other" },
+    { profile: 3 },
+    { stamp: 1 },
+  ])("a change to %o alone asks for the view again", async (change) => {
     const subject = pipeline();
-    subject.want(view(1, 3), 0);
+    subject.want(view(0), 0);
     transport.requests[0]?.reply();
-    await frame(subject, view(1, 3));
-    await frame(subject, view(1, 0));
-    expect(transport.requests.map(({ request }) => request.profile)).toEqual([3, 0]);
+    await frame(subject, view(0));
+    for (const wanted of [{ ...view(0), ...change }, view(0)]) {
+      await frame(subject, wanted);
+      transport.requests.at(-1)?.reply();
+    }
+    expect(transport.requests.map(({ request: { seq: _, ...wanted } }) => wanted)).toEqual([
+      view(0),
+      { ...view(0), ...change },
+      view(0),
+    ]);
   });
 });
 

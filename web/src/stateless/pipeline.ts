@@ -59,7 +59,7 @@ export class FramePipeline {
   readonly #inFlight = new Map<number, Entry>();
   #seq = 0;
   #version = 0;
-  #key = "";
+  #wanted: ViewRequest | undefined;
   #shown: Pick<DecodedFrame, "seq" | "version"> = { seq: -1, version: 0 };
   #ready: DecodedFrame | undefined;
   #retryAt = Number.NEGATIVE_INFINITY;
@@ -80,9 +80,8 @@ export class FramePipeline {
 
   /** Take the newest view, of pose number `pose`, and ask for it if there is room. */
   want(view: ViewRequest, pose: number): void {
-    const key = JSON.stringify(view);
-    if (key !== this.#key) {
-      this.#key = key;
+    if (this.#wanted === undefined || !sameView(view, this.#wanted)) {
+      this.#wanted = view;
       this.#version++;
     }
     const covered = Math.max(this.#shown.version, this.#ready?.version ?? 0, ...this.#versionsInFlight());
@@ -175,4 +174,16 @@ export class FramePipeline {
   *#versionsInFlight(): Iterable<number> {
     for (const { version } of this.#inFlight.values()) yield version;
   }
+}
+
+/** Whether two views are the same, number by number: this is asked in every animation frame. */
+function sameView(a: ViewRequest, b: ViewRequest): boolean {
+  const names = Object.keys(a) as (keyof ViewRequest)[];
+  return names.length === Object.keys(b).length && names.every((name) => sameValue(a[name], b[name]));
+}
+
+function sameValue(a: unknown, b: unknown): boolean {
+  return Array.isArray(a) && Array.isArray(b)
+    ? a.length === b.length && a.every((value, i) => value === b[i])
+    : a === b;
 }
