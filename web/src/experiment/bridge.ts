@@ -2,7 +2,8 @@
 import * as v from "valibot";
 import type { Settings } from "../state/settings";
 import type { ScenePose } from "../view/camera";
-import type { Recording, Runner, RunnerState, RunPlan } from "./runner";
+import type { Recording } from "../wire/store";
+import type { Runner, RunnerState, RunPlan } from "./runner";
 
 const Numbers = <N extends number>(length: N) => v.pipe(v.array(v.pipe(v.number(), v.finite())), v.length(length));
 const Seed = v.pipe(v.number(), v.safeInteger(), v.minValue(0));

@@ -1,9 +1,9 @@
 import { beforeEach, expect, test, vi } from "vitest";
 import { ApiError } from "../http/problem";
+import type { Recording, RunUpload } from "../wire/store";
 import { RunFailed } from "./errors";
 import { Experiment, type ExperimentDependencies } from "./experiment";
 import { type ExperimentPlan, type PlannedRun, runsOf, UNSHAPED } from "./plan";
-import type { Measured } from "./results";
 import type { StoreApi } from "./store-api";
 
 const PLAN: ExperimentPlan = {
@@ -18,10 +18,10 @@ const PLAN: ExperimentPlan = {
   warm_up_s: 2,
 };
 
-function measured(run: PlannedRun): Measured {
-  const recording = {
+function measured(run: PlannedRun): RunUpload {
+  const recording: Recording = {
     scene: run.scene,
-    mode: "stateless" as const,
+    mode: "stateless",
     transport: "fetch",
     dash: null,
     user_agent: "",
@@ -32,7 +32,7 @@ function measured(run: PlannedRun): Measured {
     complete: true,
     hidden: run.repeat === 1,
     inputs: [{ at: 5, pose: 1, position: [0, 0, 0], quaternion: [0, 0, 0, 1] }],
-    frames: [{ side: "stateless" as const, at: 45, pose: 1, latencies: [40], rung: 0, width: 640, height: 360 }],
+    frames: [{ side: "stateless", at: 45, pose: 1, latencies: [40], rung: 0, width: 640, height: 360 }],
     replies: [],
     captures: [],
     traffic: [],

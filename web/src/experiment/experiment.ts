@@ -6,10 +6,11 @@
 import { computed, signal } from "@preact/signals";
 import { ApiError } from "../http/problem";
 import { ShaperError } from "../network/api";
+import type { RunUpload } from "../wire/store";
 import { RunFailed } from "./errors";
 import { figures, inputLatencies } from "./figures";
 import { type ExperimentPlan, type PlannedRun, runsOf, timeFor } from "./plan";
-import type { Measured, RunResult } from "./results";
+import type { RunResult } from "./results";
 import { type StoreApi, toRunFigures } from "./store-api";
 
 export interface Progress {
@@ -34,7 +35,7 @@ export interface ResumedExperiment {
 
 export interface ExperimentDependencies {
   /** Makes a run; rejects with what failed, or with the reason of `signal`. */
-  readonly measure: (run: PlannedRun, stage: (what: string) => void, signal: AbortSignal) => Promise<Measured>;
+  readonly measure: (run: PlannedRun, stage: (what: string) => void, signal: AbortSignal) => Promise<RunUpload>;
   readonly store: Pick<StoreApi, "create" | "add"> | null;
   /** In milliseconds. */
   readonly now: () => number;
@@ -130,7 +131,7 @@ export class Experiment {
   }
 
   async #make(run: PlannedRun, stage: (what: string) => void): Promise<RunResult> {
-    let measured: Measured;
+    let measured: RunUpload;
     try {
       measured = await this.#dependencies.measure(run, stage, this.#cancelled.signal);
     } catch (error) {
@@ -151,7 +152,7 @@ export class Experiment {
   }
 
   /** The store's figures, if it takes the run; otherwise the run stays here. */
-  async #stored(measured: Measured): Promise<Pick<RunResult, "problem" | "unstored"> & Partial<RunResult>> {
+  async #stored(measured: RunUpload): Promise<Pick<RunResult, "problem" | "unstored"> & Partial<RunResult>> {
     const { store } = this.#dependencies;
     if (store === null || this.id.value === null) return { problem: null, unstored: measured };
     try {

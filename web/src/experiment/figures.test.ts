@@ -1,5 +1,6 @@
 import { expect, test } from "vitest";
 import golden from "../../../tests/experiments/records/figures.golden.json";
+import type { Input } from "../wire/store";
 import { figures, inputLatencies, percentile } from "./figures";
 
 interface Case {
@@ -10,7 +11,7 @@ interface Case {
   readonly figures: Readonly<Record<string, number | null>>;
 }
 
-const input = (at: number, pose: number) => ({ at, pose, position: [0, 0, 0], quaternion: [0, 0, 0, 1] });
+const input = (at: number, pose: number): Input => ({ at, pose, position: [0, 0, 0], quaternion: [0, 0, 0, 1] });
 const frame = (at: number, pose: number, rung: number | null = 0, height = 360) => ({
   side: "stateless" as const,
   at,

@@ -1,8 +1,8 @@
 /**
  * The figures of a run that the page shows, with the definitions of `docs/compare.md`: the twin of the store's
- * (`tigas_lab/statistics.py`), for runs that no store keeps. Pure: a recording in, figures out.
+ * (`tigas_experiments/records/statistics.py`), for runs that no store keeps. Pure: a recording in, figures out.
  */
-import type { Records } from "./recorder";
+import type { RecordedEvents } from "./recorder";
 
 export interface RunFigures {
   /** Motion-to-photon latency in milliseconds; null: that share of the inputs was never answered, or nothing moved. */
@@ -30,7 +30,7 @@ export interface InputLatency {
 export const INTERACTIVE = 100;
 
 /** For each input, the first frame of its pose or of a later one. */
-export function inputLatencies({ inputs, frames }: Pick<Records, "inputs" | "frames">): InputLatency[] {
+export function inputLatencies({ inputs, frames }: Pick<RecordedEvents, "inputs" | "frames">): InputLatency[] {
   let next = 0;
   let newest = -1;
   return inputs.map(({ at, pose }) => {
@@ -44,7 +44,7 @@ export function inputLatencies({ inputs, frames }: Pick<Records, "inputs" | "fra
 }
 
 export function figures(
-  recording: Pick<Records, "inputs" | "frames" | "traffic"> & { readonly duration_ms: number },
+  recording: Pick<RecordedEvents, "inputs" | "frames" | "traffic"> & { readonly duration_ms: number },
 ): RunFigures {
   const { frames, traffic, duration_ms } = recording;
   const latencies = inputLatencies(recording).map(({ latency }) => latency);
@@ -70,7 +70,7 @@ export function percentile(values: readonly number[], rank: number): number | nu
   return value === undefined || !Number.isFinite(value) ? null : value;
 }
 
-function newViews(frames: Records["frames"]): number {
+function newViews(frames: RecordedEvents["frames"]): number {
   let newest = Number.NEGATIVE_INFINITY;
   return frames.filter(({ pose }) => {
     const later = pose > newest;
@@ -79,7 +79,7 @@ function newViews(frames: Records["frames"]): number {
   }).length;
 }
 
-function meanHeight(frames: Records["frames"], duration: number): number | null {
+function meanHeight(frames: RecordedEvents["frames"], duration: number): number | null {
   let sum = 0;
   let lasted = 0;
   frames.forEach(({ at, height }, i) => {
@@ -90,7 +90,7 @@ function meanHeight(frames: Records["frames"], duration: number): number | null 
   return lasted > 0 ? sum / lasted : null;
 }
 
-function rate(traffic: Records["traffic"]): number | null {
+function rate(traffic: RecordedEvents["traffic"]): number | null {
   const [first, last] = [traffic.at(0), traffic.at(-1)];
   if (first === undefined || last === undefined || last.at <= first.at) return null;
   return ((last.bytes - first.bytes) * 8000) / (last.at - first.at);

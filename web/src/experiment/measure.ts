@@ -6,10 +6,10 @@ import type { Shaper } from "../network/shaper";
 import { settings } from "../state/app";
 import type { ViewerSession } from "../viewer/session";
 import type { ShaperStatus } from "../wire/shaper";
+import type { RunUpload } from "../wire/store";
 import { RunFailed } from "./errors";
 import { linkFor, linkProblem, linkSamples, watchLink } from "./link";
 import { type PlannedRun, settingsFor } from "./plan";
-import type { Measured } from "./results";
 import type { Runner } from "./runner";
 
 export interface MeasurementContext {
@@ -36,7 +36,7 @@ export async function measure(
   run: PlannedRun,
   stage: (what: string) => void,
   signal: AbortSignal,
-): Promise<Measured> {
+): Promise<RunUpload> {
   const first = points[0];
   if (first === undefined) throw new RunFailed("The movement has no point.");
   const link = linkFor(shaper, run);

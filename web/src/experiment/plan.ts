@@ -21,21 +21,21 @@ export const RUN_MODE_NAMES: Readonly<Record<RunMode, string>> = {
 /** A controller's name, or a rung of the ladder, which then stays. */
 export type Profile = ControllerName | number;
 
-const ConstantLink = v.object({
+const Link = v.object({
   down_kbps: v.number(),
   up_kbps: v.number(),
   delay_ms: v.number(),
   jitter_ms: v.number(),
   loss_pct: v.number(),
-});
+}) satisfies v.GenericSchema<unknown, LinkSetting>;
 const Network = v.object({
   /** A constant link. */
-  link: v.nullable(ConstantLink),
+  link: v.nullable(Link),
   /** A trace of the shaper's, by name. */
   trace: v.nullable(v.string()),
   /** Of a trace: in place of its own delay. */
   rtt_ms: v.nullable(v.number()),
-});
+}) satisfies v.GenericSchema<unknown, Configuration["network"]>;
 /** A trace of the shaper's, or the constant link that there is; neither where there is no shaper. */
 export type Network = Readonly<v.InferOutput<typeof Network>>;
 

@@ -27,7 +27,7 @@ test("keeps each pose once, since the run's start", () => {
     [7, 1050],
   ] as const)
     recorder.sampled(posed(seq), at);
-  expect(recorder.records.inputs.map(({ at, pose }) => [at, pose])).toEqual([
+  expect(recorder.events.inputs.map(({ at, pose }) => [at, pose])).toEqual([
     [16, 6],
     [50, 7],
   ]);
@@ -38,14 +38,14 @@ test("puts frames in the order of time, and leaves out what was on the screen be
   recorder.presented(frame(990, 0));
   recorder.presented(frame(1060, 2));
   recorder.presented(frame(1040, 1));
-  expect(recorder.records.frames.map(({ at }) => at)).toEqual([40, 60]);
+  expect(recorder.events.frames.map(({ at }) => at)).toEqual([40, 60]);
 });
 
 test("keeps each reply in the order of time: what was asked for, and when and how it came", () => {
   const recorder = recorderFrom({ startedAt: 1000, pose: 0, received: 0, captureEvery: 0 });
   recorder.replied(reply(1030, 1070, { throughput: null, server: null, profile: null, asked: null }));
   recorder.replied(reply(990, 1040));
-  const [first, second] = recorder.records.replies;
+  const [first, second] = recorder.events.replies;
   expect(first).toEqual({
     at: 40,
     asked_at: -10,
@@ -86,7 +86,7 @@ test("counts what came in since the start", () => {
   const recorder = recorderFrom({ startedAt: 100, pose: 0, received: 7000, captureEvery: 0 });
   recorder.received(7000, 100);
   recorder.received(9500, 350);
-  expect(recorder.records.traffic).toEqual([
+  expect(recorder.events.traffic).toEqual([
     { at: 0, bytes: 0 },
     { at: 250, bytes: 2500 },
   ]);
@@ -95,5 +95,5 @@ test("counts what came in since the start", () => {
 test("a captured frame keeps its own size", () => {
   const recorder = recorderFrom({ startedAt: 100, pose: 0, received: 0, captureEvery: 1000 });
   recorder.captured(frame(1200, 9), { width: 320, height: 180 });
-  expect(recorder.records.captures).toEqual([{ at: 1100, pose: 9, rung: 2, width: 320, height: 180 }]);
+  expect(recorder.events.captures).toEqual([{ at: 1100, pose: 9, rung: 2, width: 320, height: 180 }]);
 });

@@ -1,59 +1,14 @@
 /**
- * What the viewer records during a run. `services/lab/tigas_lab/recording.py` reads it; all times are milliseconds since the
- * run's start. Pure: time comes in with what is recorded.
+ * What the viewer records during a run, as the store takes it; all times are milliseconds since the run's start. Pure: time comes in
+ * with what is recorded.
  */
 import type { Reply } from "../stateless/stateless-player";
 import type { PresentedFrame } from "../view/presented";
 import type { NumberedPose } from "../view/rig";
-import type { ServerTiming } from "../wire/render";
+import type { Recording } from "../wire/store";
 
-/** A pose that the rig sampled, because it differs from the one before. */
-export interface RecordedInput {
-  readonly at: number;
-  readonly pose: number;
-  readonly position: readonly number[];
-  readonly quaternion: readonly number[];
-}
-
-/** A frame that came in the stateless mode, whether or not it was shown. */
-export interface RecordedReply {
-  /** When its last byte came. */
-  readonly at: number;
-  readonly asked_at: number;
-  readonly first_byte_at: number;
-  readonly pose: number;
-  /** The rung that was asked for, and the one that it has; null where the server chooses, or does not say. */
-  readonly asked_rung: number | null;
-  readonly rung: number | null;
-  readonly bytes: number;
-  /** Milliseconds that the server spent; null where it does not say. */
-  readonly server: ServerTiming | null;
-  /** The page's estimate of the link after this reply; null while unknown. */
-  readonly throughput_kbps: number | null;
-}
-
-/** A frame whose picture was kept. */
-export interface RecordedCapture {
-  readonly at: number;
-  readonly pose: number;
-  readonly rung: number | null;
-  readonly width: number;
-  readonly height: number;
-}
-
-/** What had been received by then, in bytes since the run's start. */
-export interface RecordedTraffic {
-  readonly at: number;
-  readonly bytes: number;
-}
-
-export interface Records {
-  readonly inputs: readonly RecordedInput[];
-  readonly frames: readonly PresentedFrame[];
-  readonly replies: readonly RecordedReply[];
-  readonly captures: readonly RecordedCapture[];
-  readonly traffic: readonly RecordedTraffic[];
-}
+/** What happened during a run. */
+export type RecordedEvents = Required<Pick<Recording, "inputs" | "frames" | "replies" | "captures" | "traffic">>;
 
 export interface RecorderStart {
   /** On the page's clock. */
@@ -70,11 +25,11 @@ export interface RecorderStart {
 
 export class Recorder {
   readonly #start: RecorderStart;
-  readonly #inputs: RecordedInput[] = [];
-  readonly #frames: PresentedFrame[] = [];
-  readonly #replies: RecordedReply[] = [];
-  readonly #captures: RecordedCapture[] = [];
-  readonly #traffic: RecordedTraffic[] = [];
+  readonly #inputs: RecordedEvents["inputs"] = [];
+  readonly #frames: RecordedEvents["frames"] = [];
+  readonly #replies: RecordedEvents["replies"] = [];
+  readonly #captures: RecordedEvents["captures"] = [];
+  readonly #traffic: RecordedEvents["traffic"] = [];
   #pose: number;
   #shown: number;
   #captureAt: number;
@@ -97,7 +52,7 @@ export class Recorder {
   presented(frame: PresentedFrame): boolean {
     const at = frame.at - this.#start.startedAt;
     if (at < 0) return false;
-    this.#frames.push({ ...frame, at });
+    this.#frames.push({ ...frame, at, latencies: [...frame.latencies] });
     this.#shown = Math.max(this.#shown, frame.pose);
     const { captureEvery, duration } = this.#start;
     if (captureEvery === 0 || at < this.#captureAt || at >= duration) return false;
@@ -138,7 +93,7 @@ export class Recorder {
   }
 
   /** Everything, in the order of time: a video's frames are told of when they are decoded, not when they are shown. */
-  get records(): Records {
+  get events(): RecordedEvents {
     return {
       inputs: this.#inputs,
       frames: this.#frames.toSorted((a, b) => a.at - b.at),

@@ -2,19 +2,9 @@
 
 import type { Columns } from "../charts/columns";
 import { LATENCY_BINS_MS } from "../charts/histogram";
-import type { Configuration, LinkSample } from "../wire/store";
+import type { RunUpload } from "../wire/store";
 import { type InputLatency, percentile, type RunFigures } from "./figures";
 import { conditionLabel, type ExperimentPlan, type PlannedRun } from "./plan";
-import type { Recording } from "./runner";
-
-/** A run as it was measured. */
-export interface Measured {
-  readonly configuration: Configuration;
-  readonly recording: Recording;
-  readonly link: readonly LinkSample[];
-  /** Of the scene's file. */
-  readonly scene_bytes: number | null;
-}
 
 export interface RunResult {
   readonly run: PlannedRun;
@@ -26,7 +16,7 @@ export interface RunResult {
   /** The page was hidden at some time, so that the browser may have held frames back. */
   readonly hidden: boolean;
   /** All that was measured, for as long as no store has it. */
-  readonly unstored: Measured | null;
+  readonly unstored: RunUpload | null;
 }
 
 /** One controller or mode: means over its complete runs. */

@@ -7,11 +7,10 @@ import { poseAt, type TimedPose } from "../movement/playback";
 import { changeSettings, settings } from "../state/app";
 import { type Mode, type Settings, validSettings } from "../state/settings";
 import type { ScenePose } from "../view/camera";
-import type { Intrinsics, Viewport } from "../view/intrinsics";
 import type { PresentedFrame } from "../view/presented";
 import type { ViewerSession } from "../viewer/session";
-import type { PlayedStream } from "../wire/store";
-import { Recorder, type Records } from "./recorder";
+import type { Recording } from "../wire/store";
+import { Recorder } from "./recorder";
 
 export interface RunPlan {
   /** In the order of time, in the scene's own frame. */
@@ -28,23 +27,6 @@ export interface RunnerState {
   readonly mode: Mode;
   /** Frames shown since the mode was changed. */
   readonly shown: number;
-}
-
-export interface Recording extends Records {
-  readonly scene: string;
-  readonly mode: Mode;
-  readonly transport: string | null;
-  /** What the modes with DASH play. */
-  readonly dash: PlayedStream | null;
-  readonly user_agent: string;
-  readonly lens: Intrinsics & Viewport;
-  readonly started_unix_ms: number;
-  readonly duration_ms: number;
-  readonly ended_ms: number;
-  /** The movement was played to its end, without a pause. */
-  readonly complete: boolean;
-  /** The page was hidden at some time. */
-  readonly hidden: boolean;
 }
 
 /** When the movement has ended, its last pose is waited for this long, in milliseconds. */
@@ -103,7 +85,7 @@ export class Runner {
   }
 
   /** Play a movement and record it; one at a time. If `signal` is aborted, it rejects with its reason. */
-  async run({ points, duration_ms, capture_every_ms }: RunPlan, signal?: AbortSignal): Promise<Recording> {
+  async run({ points, duration_ms, capture_every_ms }: RunPlan, signal?: AbortSignal): Promise<Required<Recording>> {
     const { rig } = this.#session;
     const startedAt = await animationFrame();
     if (this.#recorder) throw new Error("a run is under way");
@@ -145,7 +127,7 @@ export class Runner {
         ended_ms: endedAt - startedAt,
         complete: sampledAt >= movedUntil && longestPause < PAUSE,
         hidden,
-        ...recorder.records,
+        ...recorder.events,
       };
     } finally {
       document.removeEventListener("visibilitychange", onVisibility);

@@ -1,8 +1,8 @@
 import { afterEach, beforeEach, expect, test, vi } from "vitest";
 import { ApiError } from "../http/problem";
 import { storeUnreachable } from "../http/reach";
+import type { RunUpload } from "../wire/store";
 import { type ExperimentPlan, UNSHAPED } from "./plan";
-import type { Measured } from "./results";
 import { StoreApi } from "./store-api";
 
 const PLAN: ExperimentPlan = {
@@ -58,7 +58,7 @@ test("an experiment is asked for and offered as a file by its id, whatever that 
 
 test("a large run may take long", async () => {
   answer(() => Response.json({}));
-  await store.add("two-1", { text: "x".repeat(12_500_000) } as unknown as Measured);
+  await store.add("two-1", { text: "x".repeat(12_500_000) } as unknown as RunUpload);
   await store.list();
   const [large = 0, small = 0] = limits;
   expect(large - small).toBeGreaterThanOrEqual(100_000);

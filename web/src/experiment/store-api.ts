@@ -5,14 +5,15 @@ import { storeUnreachable } from "../http/reach";
 import type {
   ExperimentCreated,
   ExperimentList,
+  ExperimentRequest,
   ExperimentSummary,
   Figures,
   RunRow,
+  RunUpload,
   Experiment as StoredExperiment,
 } from "../wire/store";
 import type { RunFigures } from "./figures";
 import { type ExperimentPlan, runsOf } from "./plan";
-import type { Measured } from "./results";
 
 /** The figures of a run take a moment; in milliseconds. */
 const TIMEOUT = 60_000;
@@ -29,14 +30,14 @@ export class StoreApi {
 
   /** Begins an experiment; its id. */
   async create(plan: ExperimentPlan): Promise<string> {
-    const request = { name: plan.name, plan, planned: runsOf(plan).length };
+    const request: ExperimentRequest = { name: plan.name, plan, planned: runsOf(plan).length };
     const { id } = await this.#json<ExperimentCreated>("experiments", request);
     return id;
   }
 
   /** Keeps one run. */
-  add(id: string, measured: Measured): Promise<RunRow> {
-    return this.#json(`${this.#path(id)}/runs`, measured);
+  add(id: string, run: RunUpload): Promise<RunRow> {
+    return this.#json(`${this.#path(id)}/runs`, run);
   }
 
   async list(): Promise<readonly ExperimentSummary[]> {

@@ -30,7 +30,7 @@ function expectSameTurn(actual: Quaternion, expected: readonly number[], digits:
   expect(angleBetween(actual, expected as unknown as Quaternion)).toBeCloseTo(0, digits);
 }
 
-describe("as the lab reads and places movements", () => {
+describe("as `tigas` reads and places movements", () => {
   test.each(PLACED)("%s; %s", (movement, scene, expected) => {
     const points = placeInScene(readMovement(MOVEMENTS[movement] ?? ""), SCENES[scene] as Place);
     expect(points.map(({ t_ms }) => t_ms)).toEqual(expected.map(({ t_ms }) => t_ms));

@@ -1,5 +1,5 @@
 /**
- * Movement traces: camera poses with their own time stamps, as CSV; the twin of `services/lab/tigas_lab/movement`, which takes
+ * Movement traces: camera poses with their own time stamps, as CSV; the twin of `tigas_experiments/movement`, which takes
  * and refuses the same texts. `docs/movement.md` describes the format: columns t_ms, x, y, z, qx, qy, qz, qw; camera to world,
  * in a levelled frame with OpenCV's axes (y points down, along gravity); lines `# key: value` before the header. Pure.
  */
@@ -29,7 +29,7 @@ export interface MovementTrace {
 /** Why a text is no movement, in one sentence. */
 export class MovementError extends Error {}
 
-/** Less than the lab reads, because a page may be on a phone: more than 90 minutes at 90 poses a second. */
+/** Less than `tigas` reads, because a page may be on a phone: more than 90 minutes at 90 poses a second. */
 export const MAX_BYTES = 64_000_000;
 export const MAX_POINTS = 500_000;
 const MAX_DURATION = 86_400_000;

@@ -1,8 +1,8 @@
-/** Draws a live chart with uPlot. Loaded on demand, so that a page without a shaper does not pay for it. */
+/** Draws the last minute of some quantities. Loaded on demand, so that a page without a shaper does not pay for it. */
 import { effect, type ReadonlySignal } from "@preact/signals";
-import uPlot from "uplot";
-import "uplot/dist/uPlot.min.css";
+import type uPlot from "uplot";
 import { type Columns, SPAN_S } from "../../charts/columns";
+import { createChart, filled } from "./uplot";
 
 export interface Quantity {
   readonly label: string;
@@ -14,91 +14,45 @@ export interface Quantity {
   readonly stepped?: boolean;
 }
 
-export const HEIGHT = 128;
-export const FONT = "11px system-ui, sans-serif";
-const steps = uPlot.paths.stepped?.({ align: 1 });
-
-/** Draws into `place` until the function that it returns is called. Colours are those of the legend's swatches. */
+/** Draws into `place` until the function that it returns is called. */
 export function plotLive(
   place: HTMLElement,
   legend: HTMLElement,
   quantities: readonly Quantity[],
   columns: ReadonlySignal<Columns>,
 ): () => void {
-  const { swatch, text, grid } = chartColours(place, legend);
   const sides = [...new Set(quantities.map(({ axis }) => axis))];
-  const chart = new uPlot(
-    {
-      width: place.clientWidth,
-      height: HEIGHT,
-      padding: [8, sides.includes("right") ? 0 : 12, 0, 0],
-      cursor: { show: false },
-      legend: { show: false },
-      scales: {
-        x: { time: false, range: (_, __, max) => [max - SPAN_S, max] },
-        ...Object.fromEntries(
-          sides.map((side) => [side, { range: (_: uPlot, __: number, max: number) => paddedRange(max) }]),
-        ),
-      },
-      axes: [
-        {
-          stroke: text,
-          font: FONT,
-          size: 24,
-          gap: 4,
-          grid: { show: false },
-          ticks: { show: false },
-          splits: (_, __, ___, max) => [max - SPAN_S, max - SPAN_S / 2, max],
-          values: () => [`−${SPAN_S} s`, `−${SPAN_S / 2} s`, "now"],
-        },
-        ...sides.map(
-          (side): uPlot.Axis => ({
-            scale: side,
-            side: side === "left" ? 3 : 1,
-            stroke: text,
-            font: FONT,
-            size: 36,
-            gap: 4,
-            space: 28,
-            grid: side === "left" ? grid : { show: false },
-            ticks: { show: false },
-          }),
-        ),
-      ],
-      series: [
-        {},
-        ...quantities.map(
-          ({ axis, stepped }, i): uPlot.Series => ({
-            scale: axis,
-            width: 1.5,
-            stroke: () => swatch(i).color,
-            fill: () => swatch(i).backgroundColor,
-            points: { show: false },
-            ...(stepped && steps && { paths: steps }),
-          }),
-        ),
-      ],
+  const valueScale: uPlot.Scale = { range: (_, __, max) => paddedRange(max) };
+  const { chart, dispose } = createChart(place, legend, columns.peek(), (colours) => ({
+    height: 128,
+    padding: [8, sides.includes("right") ? 0 : 12, 0, 0],
+    scales: {
+      x: { time: false, range: (_, __, max) => [max - SPAN_S, max] },
+      ...Object.fromEntries(sides.map((side) => [side, valueScale])),
     },
-    columns.peek() as uPlot.AlignedData,
-    place,
-  );
+    axes: [
+      {
+        size: 24,
+        grid: { show: false },
+        splits: (_, __, ___, max) => [max - SPAN_S, max - SPAN_S / 2, max],
+        values: () => [`−${SPAN_S} s`, `−${SPAN_S / 2} s`, "now"],
+      },
+      ...sides.map(
+        (side): uPlot.Axis => ({
+          scale: side,
+          side: side === "left" ? 3 : 1,
+          size: 36,
+          space: 28,
+          grid: side === "left" ? colours.grid : { show: false },
+        }),
+      ),
+    ],
+    series: quantities.map(({ axis, stepped = false }, i) => ({ ...filled(colours, i, stepped), scale: axis })),
+  }));
   const stopDrawing = effect(() => chart.setData(columns.value as uPlot.AlignedData));
-  const observer = new ResizeObserver(() => chart.setSize({ width: place.clientWidth, height: HEIGHT }));
-  observer.observe(place);
   return () => {
-    observer.disconnect();
     stopDrawing();
-    chart.destroy();
-  };
-}
-
-/** Where a chart's colours come from. They are asked for anew at each drawing, so that it follows the theme. */
-export function chartColours(place: HTMLElement, legend: HTMLElement) {
-  const swatches = [...legend.querySelectorAll(".swatch")];
-  return {
-    swatch: (i: number) => getComputedStyle(swatches[i] ?? place),
-    text: () => getComputedStyle(place).color,
-    grid: { stroke: () => getComputedStyle(place).borderTopColor, width: 1 },
+    dispose();
   };
 }
 

@@ -28,13 +28,13 @@ export function ExperimentContinue({ session, store, unfinished: { plan, runs },
   const list = useMovements(store);
   const opening = useMovementOpening(store);
   // A recording of an earlier visit had the names that this visit's have.
-  const known = list.listed.find(({ key, name }) => name === plan.movement && !key.startsWith("recording/"));
-  const movement = chosen.value ?? known?.key ?? null;
+  const known = list.listed.find(({ origin, name }) => name === plan.movement && origin !== "recording");
+  const movement = chosen.value === null ? known : list.listed.find(({ key }) => key === chosen.value);
 
   const submit = async (event: TargetedSubmitEvent<HTMLFormElement>) => {
     event.preventDefault();
     const scene = session.scene.value;
-    if (scene === null || movement === null || !movement.endsWith(`/${plan.movement}`)) {
+    if (scene === null || movement?.name !== plan.movement) {
       problem.value =
         scene === null ? "The scene is not there yet." : `Choose ${plan.movement}, the movement of the other runs.`;
       return;
@@ -56,7 +56,7 @@ export function ExperimentContinue({ session, store, unfinished: { plan, runs },
       </p>
       <MovementChoice
         list={list}
-        chosen={movement}
+        chosen={movement?.key ?? null}
         onChoose={(key) => {
           chosen.value = key;
           problem.value = null;

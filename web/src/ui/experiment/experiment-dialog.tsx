@@ -19,6 +19,7 @@ import { download, fileName, save } from "../save";
 import { ExperimentContinue, type UnfinishedExperiment } from "./experiment-continue";
 import type { ExperimentSetup } from "./experiment-form";
 import { ExperimentForm } from "./experiment-form";
+import { keyOf } from "./experiment-movement";
 import { ExperimentProgress } from "./experiment-progress";
 import { ExperimentResults } from "./experiment-results";
 
@@ -130,7 +131,7 @@ function initialDraft({ scene, movement }: ViewerSession): Draft {
   const chosen = movement.movement.peek();
   return {
     name: scene.peek()?.name ?? "",
-    movement: chosen && `${chosen.origin}/${chosen.name}`,
+    movement: chosen && keyOf(chosen),
     trace: null,
     rtt: "",
     modes: ["stateless"],

@@ -52,6 +52,7 @@ export function ExperimentForm({ session, shaper, store, draft, onDraft, onStart
   const opening = useMovementOpening(store);
   const list = useMovements(store);
   const scene = session.scene.value;
+  const movement = list.listed.find(({ key }) => key === draft.movement);
   const set = (part: Partial<Draft>) => {
     onDraft({ ...draft, ...part });
     problems.value = [];
@@ -59,15 +60,15 @@ export function ExperimentForm({ session, shaper, store, draft, onDraft, onStart
 
   const submit = async (event: TargetedSubmitEvent<HTMLFormElement>) => {
     event.preventDefault();
-    const parsed = parseDraft(draft, scene?.id ?? "", presentNetwork(shaper));
+    const parsed = parseDraft({ ...draft, movement: movement?.name ?? null }, scene?.id ?? "", presentNetwork(shaper));
     problems.value = "problems" in parsed ? parsed.problems : [];
     if (scene === null) problems.value = [...problems.value, "The scene is not there yet."];
-    const { movement, locked, exportAtEnd } = draft;
-    if (!("plan" in parsed) || scene === null || movement === null) return;
+    const { locked, exportAtEnd } = draft;
+    if (!("plan" in parsed) || scene === null || movement === undefined) return;
     try {
       const opened = await opening.open(movement, scene);
       if (opened === null) return;
-      onStart({ plan: { ...parsed.plan, movement: opened.name }, points: opened.points, locked, exportAtEnd });
+      onStart({ plan: parsed.plan, points: opened.points, locked, exportAtEnd });
     } catch (error) {
       if (!(error instanceof MovementError)) throw error;
       problems.value = [error.message];
@@ -109,7 +110,7 @@ export function ExperimentForm({ session, shaper, store, draft, onDraft, onStart
           ))}
         </div>
         <p class="muted small" data-experiment="estimate">
-          {estimate(draft, list.listed.find(({ key }) => key === draft.movement)?.duration)}
+          {estimate(draft, movement?.duration)}
           {!store && " There is no store: the results stay in this page until you save them."}
         </p>
         {store && (

@@ -13,23 +13,27 @@ import { Icon } from "../icon";
 import { useStoredMovements } from "../use-stored-movements";
 import { Select } from "./experiment-fields";
 
-export interface Listed {
+export interface ListedMovement extends Pick<NamedMovement, "origin" | "name"> {
   /** What the form knows it by. */
   readonly key: string;
-  readonly name: string;
   readonly duration: number;
 }
 
 /** The store's movements and this visit's, as far as they are known, and why the store's are not. */
-export function useMovements(store: string | undefined): { listed: readonly Listed[]; silence: string | null } {
+export function useMovements(store: string | undefined): { listed: readonly ListedMovement[]; silence: string | null } {
   const { stored, silence } = useStoredMovements(store);
-  const visit = movements.value.map(({ origin, name, trace }) => ({
-    key: `${origin}/${name}`,
-    name,
-    duration: trace.duration,
-  }));
-  const kept = stored.map(({ name, duration_ms }) => ({ key: `store/${name}`, name, duration: duration_ms }));
-  return { listed: [...kept, ...visit], silence };
+  const ofVisit = movements.value.map(({ origin, name, trace }) => listed({ origin, name }, trace.duration));
+  const ofStore = stored.map(({ name, duration_ms }) => listed({ origin: "store", name }, duration_ms));
+  return { listed: [...ofStore, ...ofVisit], silence };
+}
+
+/** What a form knows a movement by. */
+export function keyOf({ origin, name }: Pick<NamedMovement, "origin" | "name">): string {
+  return `${origin}/${name}`;
+}
+
+function listed({ origin, name }: Pick<NamedMovement, "origin" | "name">, duration: number): ListedMovement {
+  return { key: keyOf({ origin, name }), origin, name, duration };
 }
 
 export interface OpenedMovement {
@@ -44,10 +48,10 @@ export function useMovementOpening(store: string | undefined) {
   const closing = useMemo(() => new AbortController(), []);
   useEffect(() => () => closing.abort(), [closing]);
   /** Null if the form was closed meanwhile. Rejects with a MovementError. */
-  const open = async (key: string, scene: SceneInfo): Promise<OpenedMovement | null> => {
+  const open = async (movement: ListedMovement, scene: SceneInfo): Promise<OpenedMovement | null> => {
     busy.value = true;
     try {
-      const { name, trace } = await movementOf(key, store, closing.signal);
+      const { name, trace } = await movementOf(movement, store, closing.signal);
       return { name, points: placeInScene(trace, scene) };
     } catch (error) {
       if (closing.signal.aborted) return null;
@@ -59,11 +63,14 @@ export function useMovementOpening(store: string | undefined) {
   return { busy: busy.value, open };
 }
 
-/** The movement that a key names. Rejects with a MovementError, or because `signal` was aborted. */
-async function movementOf(key: string, store: string | undefined, signal: AbortSignal): Promise<NamedMovement> {
-  const found = movements.peek().find(({ origin, name }) => `${origin}/${name}` === key);
+/** A movement of the list. Rejects with a MovementError, or because `signal` was aborted. */
+async function movementOf(
+  { origin, name }: ListedMovement,
+  store: string | undefined,
+  signal: AbortSignal,
+): Promise<NamedMovement> {
+  const found = movements.peek().find((movement) => movement.origin === origin && movement.name === name);
   if (found) return found;
-  const name = key.slice(key.indexOf("/") + 1);
   if (store === undefined) throw new MovementError(`There is no movement ${name}.`);
   return fetchMovement(store, name, signal);
 }
@@ -79,8 +86,7 @@ export function MovementChoice({ list: { listed, silence }, chosen, onChoose, on
   const input = useRef<HTMLInputElement>(null);
   const open = async (file: File) => {
     try {
-      const { origin, name } = addFile(file.name, await readMovementFile(file));
-      onChoose(`${origin}/${name}`);
+      onChoose(keyOf(addFile(file.name, await readMovementFile(file))));
     } catch (error) {
       if (!(error instanceof MovementError)) throw error;
       onProblem(error.message);

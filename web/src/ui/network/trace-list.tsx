@@ -29,14 +29,14 @@ export function TraceList({ traces, plots, chosen, onChoose }: Props) {
             {name}
             <span class="muted">{error ?? `${bitrate(mean_down_kbps * 1000)} · ${clock(duration_ms)}`}</span>
           </span>
-          <Plot points={plots.get(name)} />
+          <TraceOutline points={plots.get(name)} />
         </label>
       ))}
     </fieldset>
   );
 }
 
-function Plot({ points }: { points: TracePoints | undefined }) {
+function TraceOutline({ points }: { points: TracePoints | undefined }) {
   const [width, height] = BOX;
   return (
     <svg class="trace-plot" aria-hidden="true" viewBox={`0 -1 ${width} ${height + 2}`} width={width} height={height}>
