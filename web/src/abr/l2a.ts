@@ -7,7 +7,7 @@
  * an overestimate) are those of the authors' contribution to dash.js. segments.ts says how frames stand for segments.
  */
 import type { Controller, ControllerContext, Observation } from "./controller";
-import { bitrates, bufferOf, SAFETY, SEGMENT } from "./segments";
+import { bitrates, FrameBuffer, SAFETY, SEGMENT } from "./segments";
 import { projectToSimplex } from "./simplex";
 import { FrameSizes } from "./sizes";
 
@@ -19,6 +19,8 @@ const VL = HORIZON ** 0.99;
 const ALPHA = Math.max(HORIZON, VL * Math.sqrt(HORIZON));
 /** How strongly Q reacts to an overestimate. */
 const REACT = 2;
+/** Q stops here. Doubled without end it overflows after a thousand frames that were too large for the link, for good. */
+const MAX_Q = 1e6;
 /** A shorter reception says more about the clock than about the link, in milliseconds. */
 const MIN_DURATION = 2;
 
@@ -45,12 +47,13 @@ export function step(before: LearnerState, rates: readonly number[], throughput:
   const expected = dot(rates, w);
   let choice = nearest(rates, expected);
   if (choice > before.choice && at(load, before.choice + 1) <= 1) choice = before.choice + 1;
-  return { w, q: at(load, choice) >= 1 ? REACT * Math.max(VL, q) : q, choice };
+  return { w, q: Math.min(MAX_Q, at(load, choice) >= 1 ? REACT * Math.max(VL, q) : q), choice };
 }
 
 export class L2aController implements Controller {
   readonly #sizes: FrameSizes;
   readonly #count: number;
+  readonly #buffer = new FrameBuffer();
   #state: LearnerState | undefined;
   #choice = 0;
 
@@ -63,9 +66,15 @@ export class L2aController implements Controller {
     return this.#count - 1 - this.#choice;
   }
 
+  /** Undefined during start-up. */
+  get learned(): LearnerState | undefined {
+    return this.#state;
+  }
+
   observe(observation: Observation): void {
     const { profile, arrival, throughput } = observation;
     this.#sizes.observe(profile, arrival.bytes);
+    const buffer = this.#buffer.level(observation);
     if (throughput === null) return;
     const rates = bitrates(this.#sizes, this.#count);
     if (this.#state === undefined) {
@@ -73,7 +82,7 @@ export class L2aController implements Controller {
         0,
         rates.findLastIndex((rate) => rate <= SAFETY * throughput),
       );
-      if (bufferOf(observation) > 0) this.#state = initialState(this.#count, this.#choice);
+      if (buffer > 0) this.#state = initialState(this.#count, this.#choice);
       return;
     }
     this.#state = step(this.#state, rates, lastThroughput(observation) ?? throughput);

@@ -2,7 +2,7 @@
  * LoL+'s quality of experience of a segment, and its choice of the weights of the map's features by it. Constants are those
  * of the authors' contribution to dash.js. Bitrates in bits per second, times in seconds.
  */
-import { SEGMENT, TARGET_LATENCY } from "./segments";
+import { SEGMENT } from "./segments";
 
 /** A buffer below this is low. */
 export const MIN_BUFFER = 0.3;
@@ -15,11 +15,14 @@ const LEAST_REBUFFERING = 1e-5;
 /** Weights of throughput, latency, rebuffering and switches. */
 export type Weights = readonly [number, number, number, number];
 
-/** The QoE of one segment, in kbit/s: reward for its bitrate, less penalties for rebuffering and latency. */
+/**
+ * The QoE of one segment: reward for its bitrate, less penalties for rebuffering and latency. As in dash.js the reward counts
+ * in bit/s and the penalties in kbit/s, so that a thousandth of their published weight is left.
+ */
 export function qoe(bitrate: number, rebuffering: number, latency: number, rates: readonly number[]): number {
   const [lowest, highest] = [Math.min(...rates) / 1000, Math.max(...rates) / 1000];
   const latencyPenalty = latency <= COMFORTABLE_LATENCY ? 0.05 * lowest : 0.1 * highest;
-  return (SEGMENT * bitrate) / 1000 - highest * rebuffering - latencyPenalty * latency;
+  return SEGMENT * bitrate - highest * rebuffering - latencyPenalty * latency;
 }
 
 /** How long a segment of a bitrate takes. */
@@ -38,18 +41,16 @@ export interface WeightSearch {
   readonly latencies: readonly number[];
   readonly throughput: number;
   readonly buffer: number;
-  readonly latency: number;
-  readonly previousLatency: number;
 }
 
 /**
- * The weights with which some neuron promises the highest QoE; null if none keeps latency and buffer within bounds. The
+ * The weights with which some neuron promises the highest QoE; null if all leave the buffer low. The published bound
+ * of the latency, the target and what it has changed by, is none in dash.js: it takes each latency for a change from zero. The
  * published search goes through all 5⁴ vectors; its QoE depends on two of the four weights, and the first best wins, so the
  * other two are always the first option.
  */
 export function bestWeights(question: WeightSearch): Weights | null {
-  const { rates, latencies, throughput, buffer, latency, previousLatency } = question;
-  if (latency > TARGET_LATENCY + Math.abs(latency - previousLatency)) return null;
+  const { rates, latencies, throughput, buffer } = question;
   let best: Weights | null = null;
   let highest = Number.NEGATIVE_INFINITY;
   for (const [i, rate] of rates.entries()) {
@@ -59,7 +60,7 @@ export function bestWeights(question: WeightSearch): Weights | null {
     const rebuffering = Math.max(LEAST_REBUFFERING, download - next);
     for (const forLatency of OPTIONS) {
       for (const forBuffer of OPTIONS) {
-        const value = qoe(rate, rebuffering / forBuffer, (latencies[i] ?? 0) / forLatency, rates);
+        const value = qoe(rate, (1 / forBuffer) * rebuffering, (1 / forLatency) * (latencies[i] ?? 0), rates);
         if (value > highest) {
           highest = value;
           best = [0.2, forLatency, forBuffer, 0.2];

@@ -14,7 +14,7 @@ export function distance(a: Features, b: Features, weights: Features = EQUAL): n
 }
 
 export class SelfOrganisingMap {
-  #neurons: Features[];
+  readonly #neurons: Features[];
 
   /** `throughputs`: the neurons' bitrates, normalised. */
   constructor(throughputs: readonly number[]) {
@@ -25,20 +25,22 @@ export class SelfOrganisingMap {
     return this.#neurons;
   }
 
-  /** Draw a neuron, and others as much as they are near to it, to a point. */
+  /**
+   * Draws a neuron, and others as much as they are near to it, to a point; one after the other as in dash.js, so that those
+   * behind the neuron see it where it has come to.
+   */
   learn(neuron: number, point: Features): void {
-    const centre = this.#neurons[neuron];
-    if (centre === undefined) return;
-    this.#neurons = this.#neurons.map((features): Features => {
+    for (const [i, features] of this.#neurons.entries()) {
+      const centre = this.#neurons[neuron] ?? features;
       const rate = LEARNING_RATE * Math.exp(-(distance(features, centre) ** 2) / (2 * NEIGHBOURHOOD ** 2));
       const [t, l, r, s] = features;
-      return [
+      this.#neurons[i] = [
         t + rate * (point[0] - t),
         l + rate * (point[1] - l),
         r + rate * (point[2] - r),
         s + rate * (point[3] - s),
       ];
-    });
+    }
   }
 }
 

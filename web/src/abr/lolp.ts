@@ -8,7 +8,7 @@
 import type { Controller, ControllerContext, Observation } from "./controller";
 import { bestWeights, downloadTime, MIN_BUFFER, nextBuffer } from "./lolp-qoe";
 import { distance, type Features, firstWeights, SelfOrganisingMap } from "./lolp-som";
-import { bitrates, bufferOf, latencyOf, SAFETY } from "./segments";
+import { bitrates, FrameBuffer, latencyOf, SAFETY } from "./segments";
 import { FrameSizes } from "./sizes";
 
 /** Latency is divided by this to be a feature. */
@@ -22,8 +22,8 @@ export class LolpController implements Controller {
   readonly #sizes: FrameSizes;
   readonly #count: number;
   readonly #map: SelfOrganisingMap;
+  readonly #buffer = new FrameBuffer();
   #weights: Features;
-  #previousLatency = 0;
   /** Index of the bitrate in use, 0 the lowest. */
   #current = 0;
 
@@ -40,19 +40,24 @@ export class LolpController implements Controller {
     return this.#count - 1 - this.#current;
   }
 
+  /** What the map has learned, the neuron of the lowest bitrate first, and the features' weights. */
+  get learned(): { readonly neurons: readonly Features[]; readonly weights: Features } {
+    return { neurons: this.#map.neurons, weights: this.#weights };
+  }
+
   observe(observation: Observation): void {
     this.#sizes.observe(observation.profile, observation.arrival.bytes);
+    const buffer = this.#buffer.level(observation);
     if (observation.throughput === null) return;
     const throughput = SAFETY * observation.throughput;
     const latency = latencyOf(observation);
-    const buffer = bufferOf(observation);
     const rates = bitrates(this.#sizes, this.#count);
     const download = downloadTime(rates[this.#current] ?? 0, throughput);
     if (buffer - download < MIN_BUFFER) {
       this.#shiftDown(rates, throughput);
       return;
     }
-    this.#weights = this.#chooseWeights(rates, throughput, buffer, latency) ?? this.#weights;
+    this.#weights = this.#chooseWeights(rates, throughput, buffer) ?? this.#weights;
     const target = this.#target(rates, throughput);
     const winner = this.#winner(rates, throughput, buffer, target);
     const change = Math.abs((rates[this.#current] ?? 0) - (rates[winner] ?? 0)) / norm(rates);
@@ -68,11 +73,9 @@ export class LolpController implements Controller {
     if (lower >= 0) this.#current = lower;
   }
 
-  #chooseWeights(rates: readonly number[], throughput: number, buffer: number, latency: number): Features | null {
+  #chooseWeights(rates: readonly number[], throughput: number, buffer: number): Features | null {
     const latencies = this.#map.neurons.map(([, learned]) => learned);
-    const previousLatency = this.#previousLatency;
-    this.#previousLatency = latency;
-    return bestWeights({ rates, latencies, throughput, buffer, latency, previousLatency });
+    return bestWeights({ rates, latencies, throughput, buffer });
   }
 
   /** The throughput as a feature: more than all bitrates together is as much as the highest neuron has. */
