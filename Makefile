@@ -66,13 +66,13 @@ compare: .venv/.ready $(STATIC)
 	@$(VENV)/tigas compare $(foreach network,$(NETWORKS),--network $(network)) --profile budget --profile 2 $(if $(SCENES),--scenes $(SCENES)) $(ARGS)
 
 bench: .venv/.ready $(STATIC)
-	@$(VENV)/python benchmarks/raster.py
-	@$(VENV)/python benchmarks/transport.py
-	@$(VENV)/python benchmarks/memory.py
-	@$(VENV)/python benchmarks/dash.py
+	@$(VENV)/python -m benchmarks.raster
+	@$(VENV)/python -m benchmarks.transport
+	@$(VENV)/python -m benchmarks.memory
+	@$(VENV)/python -m benchmarks.dash
 
 bench-gpu: .venv/.gpu
-	@$(VENV)/python benchmarks/gpu.py $(ARGS)
+	@$(VENV)/python -m benchmarks.gpu $(ARGS)
 
 gpu: .venv/.gpu
 

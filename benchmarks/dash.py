@@ -1,6 +1,6 @@
 """The packager before the real render service: does it keep its frame rate, how late are its chunks, does it grow?
 
-    python benchmarks/dash.py [--seconds 60] [--width 640] [--height 360]
+    python -m benchmarks.dash [--seconds 60] [--width 640] [--height 360]
 
 A viewer looks around in the demo scene; the best representation of the stream is read as a player reads it. A chunk's
 delay is counted from the tick that it belongs to (its media time on the wall clock) until its last byte was read here.

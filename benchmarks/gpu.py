@@ -1,6 +1,6 @@
 """The CUDA rasteriser on this machine: accuracy, time from pose to JPEG, stages, throughput, and gsplat beside it.
 
-    python benchmarks/gpu.py [--device cuda:0] [--seconds 5] [--gsplat]
+    python -m benchmarks.gpu [--device cuda:0] [--seconds 5] [--gsplat]
 
 Real scenes come from ../shared (or TIGAS_SHARED); without them the built-in demo scene takes their place. --gsplat adds
 what people would use otherwise, in the same run: gsplat, a copy to the host, and Pillow. It needs gsplat and nvcc.
@@ -11,7 +11,6 @@ from __future__ import annotations
 import argparse
 import io
 import json
-import math
 import os
 import statistics
 import subprocess
@@ -25,16 +24,18 @@ from pathlib import Path
 import numpy as np
 import torch
 import uvloop
-from gpu_load import View, throughput
 from PIL import Image as PillowImage
 
-from tigas_common.pose import Intrinsics, Pose
+from benchmarks.gpu_load import View, throughput
+from tests.render.raster.views import gsplat_frames, psnr
+from tigas_common.pose import Pose, Vector3
 from tigas_render.gaussians import Gaussians
 from tigas_render.raster.base import Camera, PreparedScene, Rasterizer
 from tigas_render.raster.cpu import CpuRasterizer
 from tigas_render.raster.cuda.rasterizer import CudaRasterizer
 from tigas_render.raster.cuda.scene import CudaScene
 from tigas_render.raster.devices import why_no_cuda
+from tigas_render.raster.host_image import Pixels
 from tigas_render.scenes.demo import DEMO_METADATA, demo_scene
 from tigas_render.scenes.ply import load_ply
 from tigas_render.scenes.start_camera import derive_camera
@@ -108,7 +109,7 @@ def load_scenes(folder: Path) -> dict[str, tuple[Gaussians, View]]:
         sources = [str(SHARED / "scenes" / file) for file in files]
         command = [sys.executable, str(SHARED / "tools" / "splat_convert.py"), str(ply), *sources, "--deg", degree]
         subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
-        where = {key: tuple(map(float, value)) for key, value in cameras[name].items()}
+        where: dict[str, Vector3] = cameras[name]
         scenes[name] = load_ply(ply), View(Pose.look_at(where["position"], where["look_at"], where["up"]))
         ply.unlink()
     return scenes
@@ -137,7 +138,9 @@ def accuracy(rasterizer: CudaRasterizer, scenes: dict[str, tuple[Gaussians, View
     if renders.exists():
         with np.load(renders) as reference:
             for name in SOURCES:
-                worst = min(gsplat_psnrs(rasterizer, scenes[name][0], reference, name))
+                scene = rasterizer.prepare(scenes[name][0])
+                views = gsplat_frames(reference, name)
+                worst = min(psnr(pixels(rasterizer, scene, camera), frame) for camera, frame in views)
                 print(f"  {name}: worst of gsplat's frames {worst:.1f}")
     demo, view = scenes["courtyard"]
     cpu = CpuRasterizer()
@@ -148,31 +151,15 @@ def accuracy(rasterizer: CudaRasterizer, scenes: dict[str, tuple[Gaussians, View
             sh[:, demo.sh.shape[1] :] = 0.1 * torch.randn(
                 sh[:, demo.sh.shape[1] :].shape, generator=torch.Generator().manual_seed(degree)
             )
-        scene = Gaussians(demo.means, demo.scales, demo.quaternions, demo.opacities, sh)
+        shaded = Gaussians(demo.means, demo.scales, demo.quaternions, demo.opacities, sh)
         camera = view.camera(1280, 720)
-        agreement = psnr(*(pixels(r, r.prepare(scene), camera) for r in (rasterizer, cpu)))
+        agreement = psnr(*(pixels(r, r.prepare(shaded), camera) for r in (rasterizer, cpu)))
         print(f"  courtyard, SH degree {degree}: against the CPU rasteriser {agreement:.1f}")
 
 
-def gsplat_psnrs(rasterizer: CudaRasterizer, gaussians: Gaussians, reference: object, name: str) -> list[float]:
-    frames, matrices, k = (reference[name + key] for key in ("", "_w2c", "_K"))  # type: ignore[index]
-    intrinsics = Intrinsics(float(k[0, 0]), float(k[1, 1]), float(k[0, 2]), float(k[1, 2]), 640, 360)
-    scene = rasterizer.prepare(gaussians)
-    found = []
-    for frame, matrix in zip(frames, matrices.astype(float), strict=True):
-        rotation = matrix[:3, :3].T
-        pose = Pose(tuple((-rotation @ matrix[:3, 3]).tolist()), tuple(map(tuple, rotation.tolist())))
-        found.append(psnr(pixels(rasterizer, scene, Camera(pose, intrinsics)), frame))
-    return found
-
-
-def pixels(rasterizer: Rasterizer, scene: PreparedScene, camera: Camera) -> np.ndarray:
+def pixels(rasterizer: Rasterizer, scene: PreparedScene, camera: Camera) -> Pixels:
     with rasterizer.render(scene, camera, "png") as image:
         return np.asarray(PillowImage.open(io.BytesIO(image.encode("png", 0))).convert("RGB"))
-
-
-def psnr(a: np.ndarray, b: np.ndarray) -> float:
-    return 10 * math.log10(255**2 / max(1e-9, float(np.mean((a.astype(float) - b) ** 2))))
 
 
 # --- latency ---
@@ -252,12 +239,12 @@ def copy_bandwidth() -> float:
 
 def device_time(work: Callable[[], object], stream: torch.cuda.Stream) -> float:
     """Microseconds that the device spends on what `work` queues on a stream."""
-    start, end = torch.cuda.Event(enable_timing=True), torch.cuda.Event(enable_timing=True)
+    start, end = (torch.cuda.Event(enable_timing=True) for _ in range(2))  # type: ignore[no-untyped-call]
     start.record(stream)
     work()
     end.record(stream)
     end.synchronize()
-    return 1000 * start.elapsed_time(end)
+    return 1000 * float(start.elapsed_time(end))
 
 
 def stages(
@@ -286,12 +273,12 @@ def stages_of_one(rasterizer: CudaRasterizer, name: str, scene: CudaScene, camer
     print(f"  {name:12} {width} x {height}: {line}  as a graph {whole:.0f}; nvJPEG {codec:.0f};", end="")
     print(f" {workspace.entries} entries, tiles of {side}")
     read = scene.padded * (28 + 8 * scene.sh.shape[0])
-    for stage, size in (
+    for name, size in (
         ("project", read + scene.padded * 44),
         ("bin", scene.padded * 44 + 8 * workspace.entries),
     ):
-        rate = size / (1e-6 * median[stage])
-        print(f"  {'':12} {stage}: {size / 1e6:.0f} MB if all is visible, {rate / 1e12:.2f} TB/s,", end="")
+        rate = size / (1e-6 * median[name])
+        print(f"  {'':12} {name}: {size / 1e6:.0f} MB if all is visible, {rate / 1e12:.2f} TB/s,", end="")
         print(f" {100 * rate / bandwidth:.0f} % of the copy's")
     rasterizer.give_back(workspace)
 

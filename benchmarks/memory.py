@@ -1,6 +1,6 @@
 """Resident memory of the server's process while frames go out: it must stay flat, over one connection and over many.
 
-    python benchmarks/memory.py [--frames 20000] [--connections 200] [--bytes 20000] [--seconds 300]
+    python -m benchmarks.memory [--frames 20000] [--connections 200] [--bytes 20000] [--seconds 300]
 
 The server answers from memory in a process of its own, so what grows is the transport's. Exits with 1 if resident
 memory grows by more than 20 MB after the warm-up.
@@ -22,7 +22,8 @@ from typing import Any
 
 import psutil
 import uvloop
-from aioquic.asyncio import QuicConnectionProtocol, connect
+from aioquic.asyncio.client import connect
+from aioquic.asyncio.protocol import QuicConnectionProtocol
 from aioquic.h3.connection import H3_ALPN, H3Connection
 from aioquic.h3.events import HeadersReceived
 from aioquic.quic.configuration import QuicConfiguration
@@ -78,7 +79,7 @@ async def serve(size: int) -> None:
 
 @contextlib.contextmanager
 def server_process(size: int) -> Iterator[tuple[int, psutil.Process]]:
-    command = [sys.executable, __file__, "--serve", "--bytes", str(size)]
+    command = [sys.executable, "-m", "benchmarks.memory", "--serve", "--bytes", str(size)]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
         assert process.stdout is not None
         try:

@@ -1,6 +1,6 @@
 """The CPU rasteriser: time per stage, frames/s per rung of the ladder, and how much faster it is than its slow twin.
 
-    python benchmarks/raster.py [NAME=PLY …] [--baseline cpu_baseline.py --cameras cameras.json]
+    python -m benchmarks.raster [NAME=PLY …] [--baseline cpu_baseline.py --cameras cameras.json]
 
 Without a scene it takes the built-in courtyard. Every time is the median of the frames. A baseline takes turns with
 ours in the same run; the ratio is between the best frame of each, which other work on the machine disturbs least.

@@ -1,6 +1,6 @@
 """The simulator of docs/abr.md against the namespace lab: the same controllers, movement and traces, in both.
 
-    sudo .venv/bin/python benchmarks/simulator.py [NETWORK ...] [--controllers NAME ...] [--out DIR] [--most N]
+    sudo .venv/bin/python -m benchmarks.simulator [NETWORK ...] [--controllers NAME ...] [--out DIR] [--most N]
 
 NETWORK is a trace's file in any format, or FILE,20ms-rtt, which replaces its delay. The lab's runs come first, each
 into a folder of its own; one that is complete is kept, so that what was interrupted goes on, and `--most` makes so many
@@ -38,6 +38,7 @@ from tigas_common.wire.run import Configuration, Network
 from tigas_experiments.records.folder import StoredRun
 from tigas_experiments.records.recording import BrokenRecording
 from tigas_experiments.records.summary import Records, figures
+from tigas_experiments.run.inputs import Inputs
 from tigas_experiments.run.laboratory import laboratory
 from tigas_experiments.run.measure import run
 from tigas_experiments.run.parsing import parse_network
@@ -126,7 +127,7 @@ async def measure(plan: Plan, most: int) -> None:
     """Make the runs that are missing, at most so many."""
     if not plan.missing and plan.views.exists():
         return
-    async with laboratory(None, None, None) as lab:
+    async with laboratory(None, None, None, Inputs(Path())) as lab:
         await lab.check(plan.runs)
         for configuration in plan.missing[:most]:
             folder = plan.folder(configuration)

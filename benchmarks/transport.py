@@ -1,6 +1,6 @@
 """200 KB frames to headless Chromium over WebTransport: our server against a stock aioquic server, in the same run.
 
-    python benchmarks/transport.py [--seconds 3] [--rounds 3] [--in-flight 1 4] [--servers ours stock]
+    python -m benchmarks.transport [--seconds 3] [--rounds 3] [--in-flight 1 4] [--servers ours stock]
 
 Both servers answer from memory, each in its own process, and take turns round by round. "Stock" is what aioquic's own
 examples do: a default QuicConfiguration (1200-byte datagrams) on asyncio's loop, `serve`, one `sendto` a packet.
@@ -23,7 +23,8 @@ from collections.abc import Iterator
 from datetime import UTC, datetime
 from typing import Any
 
-from aioquic.asyncio import QuicConnectionProtocol, serve
+from aioquic.asyncio.protocol import QuicConnectionProtocol
+from aioquic.asyncio.server import serve
 from aioquic.h3.connection import H3_ALPN, H3Connection
 from aioquic.h3.events import HeadersReceived, WebTransportStreamDataReceived
 from aioquic.quic.configuration import QuicConfiguration
@@ -172,7 +173,9 @@ def run_server(name: str) -> None:
 
 @contextlib.contextmanager
 def server_process(name: str) -> Iterator[dict[str, Any]]:
-    process = subprocess.Popen([sys.executable, __file__, "--serve", name], stdout=subprocess.PIPE, text=True)
+    process = subprocess.Popen(
+        [sys.executable, "-m", "benchmarks.transport", "--serve", name], stdout=subprocess.PIPE, text=True
+    )
     assert process.stdout is not None
     try:
         yield {**json.loads(process.stdout.readline()), "pid": process.pid}

@@ -142,7 +142,7 @@ def test_decodes_in_pyav_across_segments(stream: str) -> None:
         return data
 
     data = get("r3-500/init.mp4") + get("r3-500/1.m4s") + get("r3-500/2.m4s")
-    with av.open(io.BytesIO(data)) as container:
+    with av.open(io.BytesIO(data), "r") as container:
         frames = [(frame.time or 0.0, frame.duration * (frame.time_base or 0)) for frame in container.decode(video=0)]
     ends = [0.0, *(time + float(lasts) for time, lasts in frames)]
     assert ends == pytest.approx([*(time for time, _ in frames), 2.0])

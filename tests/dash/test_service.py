@@ -59,7 +59,7 @@ async def brightness(
     data = (await packager.http.get(f"{base}/init.mp4")).content + (
         await packager.http.get(f"{base}/{number}.m4s")
     ).content
-    with av.open(io.BytesIO(data)) as container:
+    with av.open(io.BytesIO(data), "r") as container:
         return {
             round(float(frame.time or 0) * 30): round(float(frame.to_ndarray()[: frame.height].mean()))
             for frame in container.decode(video=0)

@@ -105,7 +105,7 @@ async def samples(session: Session, representation: str, segments: Sequence[int]
     assert window is not None
     for number in segments:
         data += b"".join([part async for part in window.read(number)])
-    with av.open(io.BytesIO(data)) as container:
+    with av.open(io.BytesIO(data), "r") as container:
         ticks = container.streams.video[0].time_base * RATE  # type: ignore[operator]
         return [
             (round((one.pts or 0) * ticks), round((one.duration or 0) * ticks), one.is_keyframe)

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from pathlib import Path
+from unittest.mock import patch
 
 from tests.render.fakes import FakeRasterizer
 from tigas_common import cli
 from tigas_common.errors import DeviceLost
-from tigas_render import main
 from tigas_render.raster.base import Rasterizer
 
 REASON = "cuda:0 failed (an illegal memory access); restart the service."
@@ -18,5 +18,5 @@ def create_rasterizer(device: str, cache: Path) -> Rasterizer:
 
 
 if __name__ == "__main__":
-    main.create_rasterizer = create_rasterizer
-    cli.main()
+    with patch("tigas_render.main.create_rasterizer", create_rasterizer):
+        cli.main()

@@ -10,6 +10,7 @@ from contextlib import contextmanager, suppress
 from typing import Any
 
 from tests.testbed.inside import inside, wait_until
+from tigas_common.wire.shaper import ShaperStatus
 from tigas_shaper.traces.csv_format import format_csv
 from tigas_shaper.traces.trace import NetworkTrace
 from tigas_testbed.namespaces import GATEWAY_ADDRESS, Lab
@@ -39,24 +40,25 @@ class ShaperProcess:
         finally:
             connection.close()
 
-    def post(self, path: str, **body: Any) -> dict[str, Any]:
+    def post(self, path: str, **body: Any) -> ShaperStatus:
         """Change something, and return the new status."""
         status, answer = self.request("POST", path, json.dumps(body).encode())
         assert status == 200, answer
-        return answer
+        return ShaperStatus.model_validate(answer)
 
     def play(self, trace: NetworkTrace, *, loop: bool = False) -> float:
         """Play a trace, and return when it started (s, of time.monotonic)."""
         status, answer = self.request("POST", f"/traces?name={trace.name}", format_csv(trace).encode())
         assert status == 200, answer
-        answer = self.post("/start", trace=trace.name, loop=loop)
-        return (answer["time_ms"] - answer["position_ms"]) / 1e3
+        playing = self.post("/start", trace=trace.name, loop=loop)
+        assert playing.position_ms is not None
+        return (playing.time_ms - playing.position_ms) / 1e3
 
-    def status(self) -> dict[str, Any]:
+    def status(self) -> ShaperStatus:
         """As the API tells it."""
         status, answer = self.request("GET", "/status")
         assert status == 200
-        return answer
+        return ShaperStatus.model_validate(answer)
 
     def is_up(self) -> bool:
         """Whether it answers."""

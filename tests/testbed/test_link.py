@@ -39,9 +39,9 @@ def greeted(receiver: Receiver, server: socket.socket) -> tuple[str, int]:
         server.settimeout(0.05)
         with suppress(TimeoutError):
             while True:
-                data, peer = server.recvfrom(2048)
+                data, (host, port) = server.recvfrom(2048)
                 if data == b"hello":
-                    return peer
+                    return host, port
     raise AssertionError("no greeting crossed the link")
 
 
@@ -54,7 +54,7 @@ def delivered(link: ShaperProcess, played: NetworkTrace, rate_kbps: float) -> tu
             time.sleep(0.1)  # the queue is full when the trace starts
             start = link.play(played)
             time.sleep(start + played.duration_ms / 1e3 - time.monotonic())
-    assert link.status()["closed"] is None
+    assert link.status().closed is None
     return receiver, start
 
 
@@ -168,8 +168,8 @@ def test_a_client_that_floods_fills_its_own_direction_only(link: ShaperProcess) 
                 time.sleep(1.0)
             status = link.status()
     assert receiver.kbps(start, start + 1) == pytest.approx(20_000, rel=0.05)
-    assert status["up"]["drops"] > 0
-    assert status["up"]["queue_ms"] < 160
+    assert status.up.drops > 0
+    assert status.up.queue_ms < 160
 
 
 @steady

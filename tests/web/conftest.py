@@ -9,7 +9,15 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from playwright.sync_api import Browser, BrowserContext, ConsoleMessage, Page, expect, sync_playwright
+from playwright.sync_api import (
+    Browser,
+    BrowserContext,
+    ConsoleMessage,
+    Page,
+    ViewportSize,
+    expect,
+    sync_playwright,
+)
 
 from tests.web.scenes import write_scenes
 from tests.web.server import Packager, RenderServer
@@ -19,7 +27,7 @@ CHROMIUM = shutil.which("chromium")
 CHROMIUM_ARGS = ["--headless=new", "--no-sandbox", "--disable-background-networking", "--disable-component-update"]
 PATIENCE = 30_000
 """Milliseconds: how long a test waits for what must come, on a machine that may be busy."""
-DESKTOP = {"width": 1000, "height": 640}
+DESKTOP: ViewportSize = {"width": 1000, "height": 640}
 
 OpenPage = Callable[..., Page]
 

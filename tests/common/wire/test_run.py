@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 from pydantic import ValidationError
@@ -52,7 +53,7 @@ def test_a_network_is_one_thing(fields: dict[str, object], sentence: str) -> Non
 
 
 def test_a_folder_that_moves_is_no_other_run() -> None:
-    def walk(folder: str, name: str = "walk.csv", trace: str = "bus.csv", **changes: object) -> Configuration:
+    def walk(folder: str, name: str = "walk.csv", trace: str = "bus.csv", **changes: Any) -> Configuration:
         network = Network(trace=trace, trace_file=Path(folder, trace))
         return configuration(movement=f"{folder}/{name}", network=network, **changes)
 
@@ -74,6 +75,6 @@ def test_a_long_name_leaves_room_for_the_round_trip() -> None:
 
 
 @pytest.mark.parametrize("change", [{"duration_s": 0}, {"width": 1}, {"profile": -1}, {"duration_s": float("nan")}])
-def test_absurd_configurations_are_refused(change: dict[str, float]) -> None:
+def test_absurd_configurations_are_refused(change: dict[str, Any]) -> None:
     with pytest.raises(ValidationError):
         configuration(**change)

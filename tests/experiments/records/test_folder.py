@@ -7,6 +7,7 @@ import math
 from pathlib import Path
 
 import pytest
+from pydantic import JsonValue
 
 from tests.experiments.made_up import recording, reply, write_run
 from tigas_experiments.records.folder import ExperimentRecord, RunWriter, StoredRun, read_experiment, write_experiment
@@ -123,7 +124,7 @@ def test_poses_and_times_must_grow() -> None:
 
 
 def test_an_experiment_says_what_was_planned(tmp_path: Path) -> None:
-    plan = {"modes": ["stateless"], "rtts_ms": [20, 50.5], "seed": None}
+    plan: dict[str, JsonValue] = {"modes": ["stateless"], "rtts_ms": [20, 50.5], "seed": None}
     record = ExperimentRecord(
         name="Größe & <b>", created="2026-01-01T00:00:00+00:00", source="page", plan=plan, planned=12
     )

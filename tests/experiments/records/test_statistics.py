@@ -7,6 +7,7 @@ import math
 import pytest
 
 from tests.experiments.made_up import frame, inputs, late, reply
+from tigas_common.wire.figures import Freezes, ReplyTimes, Responses, Rungs
 from tigas_common.wire.recording import Traffic
 from tigas_experiments.records import statistics
 
@@ -45,13 +46,13 @@ def test_a_response_is_a_frame_s_own_age_and_skips_what_no_frame_was_asked_for()
     sampled = inputs(4, every_ms=10)  # poses 1 to 4 at 0, 10, 20, 30 ms
     shown = [frame(5, 0), frame(50, 2), frame(60, 2), frame(70, 1), frame(130, 4), frame(200, 9)]
     assert statistics.response_times(sampled, shown) == [(50, 40), (130, 100)]
-    assert statistics.responses(sampled, shown) == statistics.Responses(frames=2, mean=70, p50=40, p95=100)
+    assert statistics.responses(sampled, shown) == Responses(frames=2, mean=70, p50=40, p95=100)
     assert statistics.responses(sampled, []).mean is None
 
 
 def test_a_reply_takes_from_being_asked_for_to_its_last_byte() -> None:
     found = statistics.reply_times([reply(-1, 500), reply(0, 30), reply(40, 50), reply(70, 100)])
-    assert found == statistics.ReplyTimes(replies=3, mean=60, p50=50, p95=100), "the first was asked for before the run"
+    assert found == ReplyTimes(replies=3, mean=60, p50=50, p95=100), "the first was asked for before the run"
     assert statistics.reply_times([]).p95 is None
 
 
@@ -72,7 +73,7 @@ def test_a_gap_while_the_viewer_moves_is_a_freeze() -> None:
     held = [frame(1400, entry.pose) if 500 <= entry.at < 1360 else f for entry, f in zip(sampled, shown, strict=True)]
     found = statistics.freezes(sampled, held, 2100)
     # The last view before came at 520 ms, of the input at 480 ms; the next input was due 20 ms later.
-    assert found == statistics.Freezes(count=1, total_ms=1400 - 520 - 20, longest_ms=860)
+    assert found == Freezes(count=1, total_ms=1400 - 520 - 20, longest_ms=860)
 
 
 def test_a_picture_that_never_comes_back_is_a_freeze_until_the_end() -> None:
@@ -90,7 +91,7 @@ def test_a_repeated_frame_is_no_new_view() -> None:
 
 def test_rungs_and_height_are_weighted_by_time() -> None:
     shown = [frame(0, 1, rung=2, height=360), frame(750, 2, rung=0, height=720)]
-    assert statistics.rungs(shown, 1000) == statistics.Rungs(share={0: 0.25, 2: 0.75}, switches=1)
+    assert statistics.rungs(shown, 1000) == Rungs(share={0: 0.25, 2: 0.75}, switches=1)
     assert statistics.mean_height(shown, 1000) == 0.75 * 360 + 0.25 * 720
     assert statistics.rungs(shown, 1000).mean == 1.5
     unknown = statistics.rungs([frame(0, 1, rung=None)], 1000)

@@ -92,8 +92,7 @@ def test_a_download_takes_what_the_link_carries() -> None:
 
 
 def test_the_overview_names_the_best_and_the_worst(tmp_path: Path) -> None:
-    runs = [{"controller": "latency", "delay_ms": 130}, {"controller": "budget"}]
-    drawing = drawn(tmp_path, *runs).overview()
+    drawing = drawn(tmp_path, {"controller": "latency", "delay_ms": 130}, {"controller": "budget"}).overview()
     assert drawing is not None
     assert drawing.title == "Budget has the most inputs within 100 ms, 100.0 % on average; Latency the fewest, 0.0 %"
 

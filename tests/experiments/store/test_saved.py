@@ -15,7 +15,7 @@ from tigas_experiments.records.summary import summarise
 from tigas_experiments.report import cli as report_module
 from tigas_experiments.run.cli import experiment
 
-FAILED = {
+FAILED: dict[str, Any] = {
     "status": "failed",
     "problem": "The connection was lost during the run.",
     "configuration": {"scene": "courtyard", "mode": "stateless"},  # the page did not know how large its stage was

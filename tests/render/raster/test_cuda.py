@@ -13,9 +13,9 @@ import torch
 from numpy.typing import NDArray
 from PIL import Image as PillowImage
 
-from tests.render.raster.views import balls, camera, cloud, psnr
+from tests.render.raster.views import balls, camera, cloud, gsplat_frames, psnr
 from tests.shared_data import reference_scene_ply, shared_file
-from tigas_common.pose import Intrinsics, Pose
+from tigas_common.pose import Pose
 from tigas_render.encode.yuv420p import encode_yuv420p
 from tigas_render.gaussians import Gaussians
 from tigas_render.raster.base import Camera
@@ -164,14 +164,10 @@ def test_a_closed_image_gives_its_workspace_back_and_encodes_no_more(rasterizer:
 
 @pytest.mark.parametrize("name", ["guitar", "flowers", "narcissus"])
 def test_every_frame_of_gsplat_is_matched(rasterizer: CudaRasterizer, name: str) -> None:
-    with np.load(shared_file("reference", "gsplat_renders.npz")) as renders:
-        frames, world_to_camera, k = renders[name], renders[f"{name}_w2c"].astype(float), renders[f"{name}_K"]
     gaussians = load_ply(reference_scene_ply(name))
-    intrinsics = Intrinsics(float(k[0, 0]), float(k[1, 1]), float(k[0, 2]), float(k[1, 2]), 640, 360)
-    for frame, matrix in zip(frames, world_to_camera, strict=True):
-        rotation = matrix[:3, :3].T
-        pose = Pose(tuple((-rotation @ matrix[:3, 3]).tolist()), tuple(map(tuple, rotation.tolist())))
-        assert psnr(draw(rasterizer, gaussians, Camera(pose, intrinsics)), frame) >= 60
+    with np.load(shared_file("reference", "gsplat_renders.npz")) as renders:
+        for view, frame in gsplat_frames(renders, name):
+            assert psnr(draw(rasterizer, gaussians, view), frame) >= 60
 
 
 def test_the_reference_itself_agrees_with_its_host_image() -> None:

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator, Mapping
+from typing import Any, cast
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from tigas_common.pose import Intrinsics, Pose
+from tigas_common.pose import Intrinsics, Matrix3, Pose, Vector3
 from tigas_render.gaussians import Gaussians
 from tigas_render.raster.base import Camera, Image
 from tigas_render.raster.host_image import HostImage, Pixels
@@ -70,3 +72,14 @@ def psnr(a: NDArray[np.uint8], b: NDArray[np.uint8]) -> float:
     assert a.shape == b.shape
     error = np.mean((a.astype(np.float64) - b) ** 2)
     return math.inf if error == 0 else 10 * math.log10(255**2 / error)
+
+
+def gsplat_frames(renders: Mapping[str, NDArray[Any]], name: str) -> Iterator[tuple[Camera, Pixels]]:
+    """What gsplat drew of a captured scene on a GPU, 640×360, and from where; `renders` is the file of all of them."""
+    frames, matrices, k = renders[name], renders[f"{name}_w2c"].astype(float), renders[f"{name}_K"].tolist()
+    intrinsics = Intrinsics(k[0][0], k[1][1], k[0][2], k[1][2], 640, 360)
+    for frame, matrix in zip(frames, matrices, strict=True):
+        rotation = matrix[:3, :3].T
+        position, rows = (-rotation @ matrix[:3, 3]).tolist(), rotation.tolist()
+        pose = Pose(cast(Vector3, tuple(position)), cast(Matrix3, tuple(map(tuple, rows))))
+        yield Camera(pose, intrinsics), frame

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
+from numpy.typing import NDArray
 
 from tigas_common.pose import Pose
 from tigas_render.gaussians import Gaussians
@@ -35,7 +36,7 @@ def prepared(scene: Gaussians, rasterizer: Rasterizer) -> PreparedScene:
     return rasterizer.prepare(scene)
 
 
-def pixels(rasterizer: Rasterizer, prepared: PreparedScene, camera: Camera) -> np.ndarray:  # type: ignore[type-arg]
+def pixels(rasterizer: Rasterizer, prepared: PreparedScene, camera: Camera) -> NDArray[np.int16]:
     with rasterizer.render(prepared, camera) as image:
         assert isinstance(image, HostImage)
         return np.array(image.pixels, np.int16)

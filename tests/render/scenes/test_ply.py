@@ -19,9 +19,9 @@ from tigas_render.scenes.ply import BLOCK, load_ply, write_ply
 from tigas_render.scenes.ply_header import read_header
 
 
-def assert_same(a: Gaussians, b: Gaussians, **tolerance: float) -> None:
+def assert_same(a: Gaussians, b: Gaussians, rtol: float = 1e-5, atol: float = 1e-6) -> None:
     for name in ("means", "scales", "quaternions", "opacities", "sh"):
-        torch.testing.assert_close(getattr(a, name), getattr(b, name), **(tolerance or {"rtol": 1e-5, "atol": 1e-6}))
+        torch.testing.assert_close(getattr(a, name), getattr(b, name), rtol=rtol, atol=atol)
 
 
 def test_activations_are_applied(tmp_path: Path) -> None:

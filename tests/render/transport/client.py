@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from typing import Any
 
-from aioquic.asyncio import QuicConnectionProtocol
+from aioquic.asyncio.protocol import QuicConnectionProtocol
 from aioquic.h3.connection import H3_ALPN, H3Connection
 from aioquic.h3.events import DatagramReceived, DataReceived, HeadersReceived, WebTransportStreamDataReceived
 from aioquic.quic.configuration import QuicConfiguration
@@ -103,6 +103,18 @@ class Client(QuicConnectionProtocol):
             while not condition():
                 self._news.clear()
                 await self._news.wait()
+
+    async def handshaken(self) -> HandshakeCompleted:
+        await self.until(lambda: self.handshake)
+        assert self.handshake is not None
+        return self.handshake
+
+    @property
+    def address(self) -> tuple[str, int]:
+        """Its own host and port."""
+        assert self._transport is not None
+        host, port = self._transport.get_extra_info("sockname")[:2]
+        return host, port
 
     def vanish(self) -> None:
         """Go without a word."""

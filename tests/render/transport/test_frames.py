@@ -8,6 +8,7 @@ import random
 import struct
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
+from functools import partial
 
 import pytest
 
@@ -244,13 +245,17 @@ def assemble(datagrams: list[bytes]) -> dict[int, bytes | None]:
     }
 
 
+def arrived(client: Client, seq: int) -> bytes | None:
+    return assemble(client.datagrams).get(seq)
+
+
 async def test_a_frame_in_datagrams() -> None:
     source = FakeFrames(random.Random(3).randbytes(20_000))
     async with served(source) as (_, client, session):
         for seq in (1, 2**32 - 1):
             client.send_datagram(session, request_body(seq=seq))
-            await client.until(lambda seq=seq: assemble(client.datagrams).get(seq))
-            header, body = split_frame(assemble(client.datagrams)[seq] or b"")
+            await client.until(partial(arrived, client, seq))
+            header, body = split_frame(arrived(client, seq) or b"")
             assert (header["status"], header["seq"]) == (200, seq)
             assert body == source.body
         sizes = [len(datagram) for datagram in client.datagrams if struct.unpack_from("!I", datagram)[0] == 1]
@@ -286,11 +291,11 @@ async def test_an_older_frame_is_dropped_once_a_newer_one_was_answered() -> None
         client.send_datagram(session, request_body(seq=2))
         await source.until(lambda: len(source.requests) == 2)
         source.release(2)
-        await client.until(lambda: assemble(client.datagrams).get(2))
+        await client.until(lambda: arrived(client, 2))
         source.release(1)
         source.held = False
         client.send_datagram(session, request_body(seq=3))
-        await client.until(lambda: assemble(client.datagrams).get(3))
+        await client.until(lambda: arrived(client, 3))
         assert 1 not in assemble(client.datagrams)
 
 
@@ -304,7 +309,7 @@ async def test_unsent_fragments_make_way_for_a_newer_frame() -> None:
         assert len(connection._quic._datagrams_pending) < 200, "QUIC has no more than it can send soon"
         source.body = b"new"
         client.send_datagram(session, request_body(seq=2))
-        await client.until(lambda: assemble(client.datagrams).get(2))
+        await client.until(lambda: arrived(client, 2))
         assert assemble(client.datagrams)[1] is None
         header, body = await client.frame(session, request_body(seq=3))
         assert (header["seq"], body) == (3, b"new"), "nothing stays in the way of streams"

@@ -153,9 +153,7 @@ async def test_a_ticket_is_good_once() -> None:
         for expected in (True, False):
             async with connect(server.port, ticket=ticket, wait=False) as client:
                 stream = await send_early(client, "GET", "/")
-                await client.until(lambda client=client: client.handshake)
-                assert client.handshake is not None
-                assert client.handshake.session_resumed is expected
+                assert (await client.handshaken()).session_resumed is expected
                 if expected:
                     assert (await client.response(stream)).status == 200
 

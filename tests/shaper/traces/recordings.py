@@ -22,9 +22,9 @@ IRISH = """Timestamp,Longitude,NetworkMode,DL_bitrate,UL_bitrate
 """
 
 
-def read(text: str | bytes, **options: float) -> NetworkTrace:
+def read(text: str | bytes) -> NetworkTrace:
     """The trace in a text, in whatever format it is."""
-    return parse_trace("t", text.encode() if isinstance(text, str) else text, **options)
+    return parse_trace("t", text.encode() if isinstance(text, str) else text)
 
 
 def down(trace: NetworkTrace) -> list[float]:

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tests.shaper.traces.recordings import GHENT, IRISH, SABRE, assert_refused, down, read
+from tests.shaper.traces.recordings import GHENT, IRISH, SABRE, assert_refused, down
 from tests.shared_data import shared_file
 from tigas_common.wire.shaper import LinkSetting
 from tigas_shaper.traces.formats import load_trace, parse_trace, recognise, trace_name
@@ -39,7 +39,7 @@ def test_the_content_tells_the_format(text: str, format: str) -> None:
 
 
 def test_the_uplink_of_a_recording_of_one_direction_can_be_set() -> None:
-    assert {state.up_kbps for state in read(GHENT, up_kbps=4_000).states} == {4_000}
+    assert {state.up_kbps for state in parse_trace("t", GHENT.encode(), up_kbps=4_000).states} == {4_000}
 
 
 @given(st.binary(max_size=300) | st.text(st.sampled_from('0123456789.,-eE \n\t[]{}":ndul_msDLbitrae')).map(str.encode))
