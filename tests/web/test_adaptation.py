@@ -8,15 +8,31 @@ from tests.web.conftest import OpenPage
 from tests.web.modes import with_settings
 from tests.web.stage import SCENE, wait_for_frames, wait_until_settled
 
+LARGE, SMALL = {"width": 1600, "height": 900}, {"width": 480, "height": 420}
+
 
 def test_a_controller_starts_low_and_climbs_while_the_link_allows(open_page: OpenPage, viewer_url: str) -> None:
-    page = open_page(SCENE, url=viewer_url, **with_settings(viewer_url, controller="latency", refine=False))
+    kept = with_settings(viewer_url, controller="latency-transfer", refine=False)
+    page = open_page(SCENE, url=viewer_url, viewport=LARGE, **kept)
     wait_for_frames(page)
     wait_until_settled(page)
     expect(page.locator("[data-stat=profile]")).to_have_text("Low")
     page.keyboard.down("ArrowRight")
     expect(page.locator("[data-stat=profile]")).to_have_text("High", timeout=20_000)
     page.keyboard.up("ArrowRight")
+
+
+def test_profiles_larger_than_the_picture_are_for_a_person_to_choose(open_page: OpenPage, viewer_url: str) -> None:
+    kept = with_settings(viewer_url, controller="latency-transfer", refine=False, hudDetails=True)
+    page = open_page(SCENE, url=viewer_url, viewport=SMALL, **kept)
+    wait_for_frames(page)
+    page.keyboard.down("ArrowRight")
+    expect(page.locator("[data-stat=profile]")).to_have_text("Medium-Low", timeout=20_000)
+    wait_for_frames(page, 60)
+    expect(page.locator("[data-stat=profile]")).to_have_text("Medium-Low")
+    page.keyboard.up("ArrowRight")
+    page.evaluate("() => window.tigas.settings({controller: 'fixed', profile: 0})")
+    expect(page.locator("[data-stat=profile]")).to_have_text("High")
 
 
 def test_profiles_can_be_chosen_only_while_no_controller_chooses(open_page: OpenPage) -> None:

@@ -7,6 +7,7 @@ import { DEFAULT_SETTINGS } from "../state/settings";
 import { selectedController } from "./selected-controller";
 
 const create = vi.spyOn(CONTROLLERS["lol+"], "create");
+const HD = signal(1280 * 720);
 const configured = (ladder = PAPER_LADDER) => ({ ladder: structuredClone(ladder) }) as never;
 
 beforeEach(() => {
@@ -22,7 +23,7 @@ afterEach(() => {
 
 test("a seed decides a controller's random numbers", () => {
   const numbers = (seed: number) => {
-    selectedController(signal(seed)).value;
+    selectedController(signal(seed), HD).value;
     const random = create.mock.lastCall?.[0].random ?? Math.random;
     return [random(), random(), random()];
   };
@@ -33,7 +34,7 @@ test("a seed decides a controller's random numbers", () => {
 
 test("a controller stays for as long as choice, ladder and seed do", () => {
   const seed = signal(1);
-  const controller = selectedController(seed);
+  const controller = selectedController(seed, HD);
   const first = controller.value;
   config.value = configured();
   settings.value = { ...settings.value, refine: false };
@@ -47,7 +48,25 @@ test("a controller stays for as long as choice, ladder and seed do", () => {
 
 test("the rung that a person chose, or the last of a shorter ladder", () => {
   settings.value = { ...DEFAULT_SETTINGS, controller: "fixed", profile: 9 };
-  expect(selectedController(signal(1)).value.decide()).toBe(3);
+  expect(selectedController(signal(1), HD).value.decide()).toBe(3);
   config.value = null;
-  expect(selectedController(signal(1)).value.decide()).toBe(0);
+  expect(selectedController(signal(1), HD).value.decide()).toBe(0);
+});
+
+test("rungs larger than the picture are not offered, but can be chosen", () => {
+  const pixels = signal(640 * 360);
+  const controller = selectedController(signal(1), pixels);
+  const offered = () => {
+    controller.value;
+    return create.mock.lastCall?.[0].ladder;
+  };
+  expect(offered()).toEqual(PAPER_LADDER.slice(2));
+  const first = controller.value;
+  pixels.value = 600 * 340;
+  expect(controller.value).toBe(first);
+  pixels.value = 4 * 640 * 360;
+  expect(offered()).toEqual(PAPER_LADDER);
+  settings.value = { ...DEFAULT_SETTINGS, controller: "fixed", profile: 0 };
+  pixels.value = 1;
+  expect(controller.value.decide()).toBe(0);
 });

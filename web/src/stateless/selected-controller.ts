@@ -2,25 +2,32 @@
 import { computed, type ReadonlySignal } from "@preact/signals";
 import type { Controller } from "../abr/controller";
 import { FixedController } from "../abr/fixed";
+import { firstOffered, offering } from "../abr/offered";
 import { seeded } from "../abr/random";
 import { CONTROLLERS } from "../abr/registry";
 import { config, settings } from "../state/app";
 import type { Rung } from "../wire/render";
 
 /**
- * Made anew only when the choice, the ladder or the seed changes: a controller learns as it goes. Its random numbers follow
- * from the seed, so that a run can be made again.
+ * Made anew only when the choice, the rungs that it may choose from or the seed changes: a controller learns as it goes. Its
+ * random numbers follow from the seed, so that a run can be made again. `pixels`: how many the picture takes on the screen;
+ * larger rungs are for a person to choose only.
  */
-export function selectedController(seed: ReadonlySignal<number>): ReadonlySignal<Controller> {
+export function selectedController(
+  seed: ReadonlySignal<number>,
+  pixels: ReadonlySignal<number>,
+): ReadonlySignal<Controller> {
   const ladder = computed(() => JSON.stringify(config.value?.ladder ?? [])); // the configuration is read again and again
+  const rungs = computed((): Rung[] => JSON.parse(ladder.value));
+  const first = computed(() => firstOffered(rungs.value, pixels.value));
   const name = computed(() => settings.value.controller);
   const chosen = computed(() => settings.value.profile);
   return computed(() => {
-    const rungs: Rung[] = JSON.parse(ladder.value);
-    if (name.value !== "fixed" && rungs.length > 0) {
-      return CONTROLLERS[name.value].create({ ladder: rungs, random: seeded(seed.value) });
+    if (name.value !== "fixed" && rungs.value.length > 0) {
+      const context = { ladder: rungs.value, random: seeded(seed.value) };
+      return offering(CONTROLLERS[name.value].create, context, first.value);
     }
     // The chosen rung, or the last if the server's ladder is shorter.
-    return new FixedController(Math.min(chosen.value, Math.max(0, rungs.length - 1)));
+    return new FixedController(Math.min(chosen.value, Math.max(0, rungs.value.length - 1)));
   });
 }

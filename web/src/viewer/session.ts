@@ -54,7 +54,12 @@ export class ViewerSession {
   readonly #decoder = new Decoder(
     new Worker(new URL("../stateless/decode.worker.ts", import.meta.url), { type: "module", name: "decoder" }),
   );
-  readonly #controller = selectedController(this.seed);
+  /** The picture's pixels on the screen. */
+  readonly #pixels = computed(() => {
+    const { width, height } = this.rig.viewport.value;
+    return width * height * devicePixelRatio ** 2;
+  });
+  readonly #controller = selectedController(this.seed, this.#pixels);
   readonly #listeners = new Set<(frame: PresentedFrame) => void>();
   readonly #replyListeners = new Set<(reply: Reply) => void>();
   #loading: Promise<SceneInfo> | undefined;

@@ -1,0 +1,32 @@
+/**
+ * Which rungs a controller may choose from. More pixels than are displayed would be thrown away, so no rung is offered that is
+ * larger than the smallest one that covers the picture.
+ */
+import type { Rung } from "../wire/render";
+import type { Controller, ControllerFactory } from "./controller";
+
+/** The first rung of the ladder that is offered for a picture of so many device pixels; those before it are too large. */
+export function firstOffered(ladder: readonly Rung[], pixels: number): number {
+  const sizes = ladder.map(({ width, height }) => width * height);
+  const covering = Math.min(...sizes.filter((size) => size >= pixels));
+  return Math.max(
+    0,
+    sizes.findIndex((size) => size <= covering),
+  );
+}
+
+/** A controller that knows only the rungs from `first` on; it is asked and told in numbers of the whole ladder. */
+export function offering(
+  create: ControllerFactory,
+  { ladder, random }: Parameters<ControllerFactory>[0],
+  first: number,
+): Controller {
+  const controller = create({ ladder: ladder.slice(first), random });
+  return {
+    decide: () => first + controller.decide(),
+    observe: (observation) => {
+      const { profile } = observation;
+      controller.observe({ ...observation, profile: profile === null || profile < first ? null : profile - first });
+    },
+  };
+}
