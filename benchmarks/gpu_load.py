@@ -64,18 +64,15 @@ async def throughput(rasterizer: Rasterizer, scene: PreparedScene, view: View, s
 
 def orbit(view: View) -> list[RenderRequest]:
     """Views around the start, a little to each side."""
-    intrinsics = view.camera(1280, 720).intrinsics
+    lens = view.camera(1280, 720).intrinsics
     forward = tuple(row[2] for row in view.pose.rotation)
     azimuth = math.degrees(math.atan2(forward[0], forward[2]))
     elevation = math.degrees(math.asin(-forward[1]))
     return [
-        RenderRequest(
-            scene="scene", azimuth=azimuth + 5 * math.sin(step), elevation=elevation + 3 * math.cos(step),
-            translation=view.pose.position, fx=intrinsics.fx, fy=intrinsics.fy, cx=640.0, cy=360.0,
-            width=1280, height=720, profile=1,
-        )
+        RenderRequest.at("scene", Pose.from_euler(*angles, 0.0, view.pose.position), lens, profile=1)
         for step in range(100)
-    ]  # fmt: skip
+        for angles in [(azimuth + 5 * math.sin(step), elevation + 3 * math.cos(step))]
+    ]
 
 
 async def closed_loop(

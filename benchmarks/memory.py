@@ -11,7 +11,6 @@ from __future__ import annotations
 import argparse
 import asyncio
 import contextlib
-import json
 import ssl
 import subprocess
 import sys
@@ -30,6 +29,7 @@ from aioquic.quic.configuration import QuicConfiguration
 from aioquic.quic.events import QuicEvent, StreamDataReceived
 
 from tigas_common.certificate import Certificate
+from tigas_common.pose import Intrinsics, Pose
 from tigas_common.wire.render import RenderRequest, ServerTiming
 from tigas_render.frame import Frame
 from tigas_render.transport.frames import render_session
@@ -40,20 +40,8 @@ IN_FLIGHT = 4
 AT_ONCE = 8
 WARM_UP = 2000
 TIMING = ServerTiming(queue=0, render=0, encode=0)
-REQUEST = json.dumps(
-    {
-        "scene": "demo",
-        "azimuth": 0,
-        "elevation": 0,
-        "translation": [0, 0, 0],
-        "fx": 300,
-        "fy": 300,
-        "cx": 160,
-        "cy": 90,
-        "width": 320,
-        "height": 180,
-    }
-).encode()
+VIEW = RenderRequest.at("demo", Pose.from_euler(0, 0, 0, (0, 0, 0)), Intrinsics(300, 300, 160, 90, 320, 180))
+REQUEST = VIEW.model_dump_json(exclude_none=True).encode()
 
 
 class Memory:

@@ -170,9 +170,7 @@ async def measure_views(stored: StoredRun) -> dict[str, Any]:
 
 async def render(http: httpx.AsyncClient, pose: Input, lens: Lens, rung: int) -> tuple[bytes, dict[str, float]]:
     """One JPEG, and where the server's milliseconds went."""
-    request = RenderRequest(
-        scene=SCENE, position=pose.position, quaternion=pose.quaternion, **lens.model_dump(), profile=rung
-    )
+    request = RenderRequest.at(SCENE, pose.camera, lens.intrinsics, profile=rung)
     answer = await http.post("/render", content=request.model_dump_json(exclude_none=True))
     answer.raise_for_status()
     timing = dict(part.strip().split(";dur=") for part in answer.headers["Server-Timing"].split(","))

@@ -31,6 +31,7 @@ from aioquic.quic.configuration import QuicConfiguration
 from aioquic.quic.events import ProtocolNegotiated, QuicEvent
 
 from tigas_common.certificate import Certificate
+from tigas_common.pose import Intrinsics, Pose
 from tigas_common.wire.render import FrameHeader, RenderRequest, ServerTiming
 from tigas_render.frame import Frame
 from tigas_render.transport.frames import render_session
@@ -38,19 +39,9 @@ from tigas_render.transport.server import Http3Server
 
 FRAME_BYTES = 200_000
 TIMING = ServerTiming(queue=0, render=0, encode=0)
-REQUEST = {
-    "scene": "demo",
-    "azimuth": 10,
-    "elevation": 0,
-    "translation": [0, 0, 0],
-    "fx": 900,
-    "fy": 900,
-    "cx": 640,
-    "cy": 360,
-    "width": 1280,
-    "height": 720,
-    "profile": 0,
-}
+LENS = Intrinsics(900, 900, 640, 360, 1280, 720)
+VIEW = RenderRequest.at("demo", Pose.from_euler(10, 0, 0, (0, 0, 0)), LENS, profile=0)
+REQUEST = VIEW.model_dump(mode="json", exclude_none=True)
 CHROMIUM_ARGUMENTS = [
     "--no-sandbox",
     "--disable-background-networking",

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
 
 import httpx
 from pydantic import ValidationError
 
 from tigas_common.pose import Intrinsics
 from tigas_common.wire.dash import PoseUpdate, SessionRequest
-from tigas_common.wire.render import Problem, ServerConfig
+from tigas_common.wire.render import Problem, RenderRequest, ServerConfig
 from tigas_dash.encoding import RawFrame
 from tigas_dash.errors import RenderProblem, RenderUnavailable
 from tigas_dash.representation import Representation
@@ -35,13 +34,13 @@ class RenderClient:
         except ValidationError:
             raise RenderUnavailable("What answers as the render service is none.") from None
 
-    async def frame(self, view: dict[str, Any], within_s: float = FRAME_S) -> bytes:
-        """The frame of a RenderRequest. Raises RenderUnavailable and RenderProblem."""
-        return (await self._ask("POST", "/render", within_s, view)).content
+    async def frame(self, request: RenderRequest, within_s: float = FRAME_S) -> bytes:
+        """The frame that was asked for. Raises RenderUnavailable and RenderProblem."""
+        return (await self._ask("POST", "/render", within_s, request.model_dump_json(exclude_none=True))).content
 
-    async def _ask(self, method: str, path: str, within_s: float, body: dict[str, Any] | None = None) -> httpx.Response:
+    async def _ask(self, method: str, path: str, within_s: float, body: str | None = None) -> httpx.Response:
         try:
-            answer = await self._http.request(method, path, json=body, timeout=within_s)
+            answer = await self._http.request(method, path, content=body, timeout=within_s)
         except httpx.HTTPError as error:
             reason = str(error) or type(error).__name__
             raise RenderUnavailable(f"The render service does not answer ({reason}).") from None
@@ -68,22 +67,9 @@ class ViewSource:
         """The view from a pose. Raises RenderUnavailable and RenderProblem."""
         changed = {name: value for name in ("fx", "fy", "cx", "cy") if (value := getattr(pose, name)) is not None}
         lens = replace(self._lens, **changed).resized(self._width, self._height)
-        data = await self._client.frame(
-            {
-                "scene": self._scene,
-                "position": pose.position,
-                "quaternion": pose.quaternion,
-                "fx": lens.fx,
-                "fy": lens.fy,
-                "cx": lens.cx,
-                "cy": lens.cy,
-                "width": self._width,
-                "height": self._height,
-                "format": "yuv420p",
-                **({"stamp": pose.seq % 2**24} if self._stamp else {}),
-            },
-            within_s,
-        )
+        stamp = pose.seq % 2**24 if self._stamp else None
+        request = RenderRequest.at(self._scene, pose.pose, lens, format="yuv420p", stamp=stamp)
+        data = await self._client.frame(request, within_s)
         expected = self._width * self._height * 3 // 2
         if len(data) != expected:
             raise RenderUnavailable(f"The render service sent {len(data)} bytes for a frame of {expected}.")

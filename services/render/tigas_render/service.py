@@ -101,18 +101,7 @@ class RenderService:
         with self._noticing_loss():
             async with self.registry.use(scene_id) as scene:
                 camera = preview_camera(scene.camera, scene.source.metadata.up, width, height)
-                lens = camera.intrinsics
-                request = RenderRequest(
-                    scene=scene_id,
-                    position=camera.pose.position,
-                    quaternion=camera.pose.quaternion,
-                    fx=lens.fx,
-                    fy=lens.fy,
-                    cx=lens.cx,
-                    cy=lens.cy,
-                    width=width,
-                    height=height,
-                )
+                request = RenderRequest.at(scene_id, camera.pose, camera.intrinsics)
                 return (await self.engine.submit("previews", request)).body
 
     @contextmanager

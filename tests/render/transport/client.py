@@ -29,6 +29,7 @@ from aioquic.quic.events import (
 )
 from aioquic.tls import SessionTicket
 
+from tests.render.fakes import render_request
 from tigas_common.certificate import Certificate
 from tigas_common.wire.render import RenderRequest, ServerTiming
 from tigas_render.frame import Frame
@@ -236,19 +237,8 @@ async def connect(
 
 def request_body(**changes: Any) -> bytes:
     """A RenderRequest's JSON, with changes."""
-    fields: dict[str, Any] = {
-        "scene": "scene",
-        "azimuth": 0,
-        "elevation": 0,
-        "translation": [0, 0, 0],
-        "fx": 300,
-        "fy": 300,
-        "cx": 160,
-        "cy": 90,
-        "width": 320,
-        "height": 180,
-    }
-    return json.dumps(fields | changes).encode()
+    request = render_request(profile=None).model_dump(mode="json", exclude_unset=True, exclude_none=True)
+    return json.dumps(request | changes).encode()
 
 
 class Recorder:

@@ -7,6 +7,7 @@ from typing import Self
 
 from pydantic import Field, model_validator
 
+from tigas_common.pose import Pose
 from tigas_common.wire.model import MAX_PIXELS, MAX_SIDE, Coordinate, Point, WireModel
 
 Quaternion = tuple[Coordinate, Coordinate, Coordinate, Coordinate]
@@ -84,6 +85,11 @@ class PoseUpdate(WireModel):
         if not any(self.quaternion):
             raise ValueError("a quaternion of length zero is no rotation")
         return self
+
+    @property
+    def pose(self) -> Pose:
+        """The camera-to-world transform."""
+        return Pose.from_quaternion(self.position, self.quaternion)
 
 
 class FrameShown(WireModel):

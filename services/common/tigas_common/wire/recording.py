@@ -10,7 +10,7 @@ from typing import Literal, Self
 
 from pydantic import Field, model_validator
 
-from tigas_common.pose import Pose
+from tigas_common.pose import Intrinsics, Pose
 from tigas_common.wire.dash import StreamInfo
 from tigas_common.wire.model import MAX_SIDE, Coordinate, Point, WireModel
 from tigas_common.wire.render import ServerTiming
@@ -104,6 +104,11 @@ class Lens(WireModel):
     fy: float = Field(gt=0)
     cx: float
     cy: float
+
+    @property
+    def intrinsics(self) -> Intrinsics:
+        """As everything that computes takes them."""
+        return Intrinsics(self.fx, self.fy, self.cx, self.cy, self.width, self.height)
 
 
 class Traffic(WireModel):

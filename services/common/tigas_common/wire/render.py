@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import asdict
 from typing import Literal, Self
 
 from pydantic import Field, model_validator
@@ -97,6 +98,28 @@ class RenderRequest(WireModel):
         if self.width * self.height > MAX_PIXELS:
             raise ValueError(f"a viewport has at most {MAX_PIXELS} pixels")
         return self
+
+    @classmethod
+    def at(
+        cls,
+        scene: str,
+        pose: Pose,
+        intrinsics: Intrinsics,
+        *,
+        profile: int | None = None,
+        format: FrameFormat = "jpeg",
+        stamp: int | None = None,
+    ) -> Self:
+        """The view of a scene from a pose."""
+        return cls(
+            scene=scene,
+            position=pose.position,
+            quaternion=pose.quaternion,
+            **asdict(intrinsics),
+            profile=profile,
+            format=format,
+            stamp=stamp,
+        )
 
     @property
     def pose(self) -> Pose:

@@ -58,19 +58,7 @@ class Truth:
         )
 
     async def _render(self, pose: Input) -> Picture:
-        lens = self._lens
-        request = RenderRequest(
-            scene=self._scene,
-            position=pose.position,
-            quaternion=pose.quaternion,
-            fx=lens.fx,
-            fy=lens.fy,
-            cx=lens.cx,
-            cy=lens.cy,
-            width=lens.width,
-            height=lens.height,
-            format="png",
-        )
+        request = RenderRequest.at(self._scene, pose.camera, self._lens.intrinsics, format="png")
         try:
             answer = await self._http.post("/render", content=request.model_dump_json(exclude_none=True))
         except httpx.HTTPError as error:
