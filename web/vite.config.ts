@@ -14,5 +14,5 @@ export default defineConfig({
   server: {
     proxy: Object.fromEntries(["/config.json", "/healthz", "/render", "/scenes"].map((path) => [path, SERVER])),
   },
-  test: { environment: "node", include: ["src/**/*.test.ts"] },
+  test: { environment: "node", include: ["src/**/*.test.{ts,tsx}"] },
 });

@@ -1,0 +1,210 @@
+// @vitest-environment happy-dom
+import { signal } from "@preact/signals";
+import { afterEach, beforeEach, expect, test, vi } from "vitest";
+import { ApiError } from "../http/problem";
+import { fetchConfig, loadScene } from "../state/api";
+import { changeSettings, config, settings } from "../state/app";
+import { COURTYARD, serverConfig } from "../state/fake-server";
+import { DEFAULT_SETTINGS } from "../state/settings";
+import { connect } from "../transport/connect";
+import { FakeTransport, settle } from "../transport/fake";
+import { ViewerSession } from "./session";
+
+vi.mock("../state/api");
+vi.mock("../transport/connect");
+const streams = vi.hoisted(() => [] as { readonly options: Record<string, unknown>; disposed: boolean }[]);
+vi.mock("../dash/dash-player", () => ({
+  DashPlayer: class {
+    disposed = false;
+    readonly options: Record<string, unknown>;
+    readonly phase = signal({ kind: "playing" });
+    constructor(options: Record<string, unknown>) {
+      this.options = options;
+      streams.push(this);
+    }
+    tick() {}
+    dispose() {
+      this.disposed = true;
+    }
+  },
+}));
+
+/** Decodes at once. */
+class FakeWorker {
+  onmessage: ((event: { data: unknown }) => void) | undefined;
+  postMessage({ id }: { id: number }): void {
+    this.onmessage?.({ data: { id, bitmap: { width: 1280, height: 720, close: () => undefined } } });
+  }
+  terminate(): void {}
+}
+
+const SERVICES = { dash: "http://dash.test" };
+let now: number;
+let animationFrames: Map<number, () => void>;
+let transports: FakeTransport[];
+let session: ViewerSession;
+
+beforeEach(() => {
+  vi.clearAllMocks();
+  vi.useFakeTimers({ toFake: ["setTimeout", "clearTimeout"] });
+  now = 0;
+  animationFrames = new Map();
+  transports = [];
+  streams.length = 0;
+  settings.value = DEFAULT_SETTINGS;
+  config.value = null;
+  let id = 0;
+  vi.stubGlobal("Worker", FakeWorker);
+  vi.stubGlobal("requestAnimationFrame", (callback: () => void) => {
+    animationFrames.set(++id, callback);
+    return id;
+  });
+  vi.stubGlobal("cancelAnimationFrame", (cancelled: number) => animationFrames.delete(cancelled));
+  vi.spyOn(performance, "now").mockImplementation(() => now);
+  vi.mocked(fetchConfig).mockImplementation(async () => serverConfig(SERVICES));
+  vi.mocked(loadScene).mockResolvedValue(COURTYARD);
+  vi.mocked(connect).mockImplementation(async () => {
+    const transport = new FakeTransport(() => now);
+    transports.push(transport);
+    return { transport, fallback: null };
+  });
+});
+
+afterEach(() => {
+  session.dispose();
+  vi.useRealTimers();
+  vi.unstubAllGlobals();
+  vi.restoreAllMocks();
+});
+
+async function visit(): Promise<void> {
+  const canvas = document.createElement("canvas");
+  canvas.getContext = (() => ({ transferFromImageBitmap: () => undefined })) as unknown as typeof canvas.getContext;
+  const stage = { element: document.createElement("div"), canvas, video: document.createElement("video") };
+  session = new ViewerSession("courtyard", stage, false);
+  session.rig.resize(1280, 720);
+  await settle();
+}
+
+/** Animation frames at 50 Hz; the server answers all requests. */
+async function drawn(frames: number): Promise<void> {
+  for (let i = 0; i < frames; i++) {
+    now += 20;
+    for (const [id, callback] of [...animationFrames]) {
+      animationFrames.delete(id);
+      callback();
+    }
+    for (const { reply } of transports.at(-1)?.requests ?? []) reply();
+    await settle();
+  }
+}
+
+const phase = () => session.phase.value;
+const requests = () => transports.flatMap((transport) => transport.requests).length;
+
+test("connects, loads the scene, and shows it from its start camera", async () => {
+  const shown: number[] = [];
+  await visit();
+  expect(phase()).toEqual({ kind: "playing" });
+  expect(session.scene.value?.name).toBe("Courtyard");
+  session.onPresented(({ side, at }) => side === "stateless" && shown.push(at));
+  await drawn(5);
+  expect(transports[0]?.requests[0]?.request).toMatchObject({ scene: "courtyard", position: [0, -2, -8] });
+  expect(shown).toEqual([60]); // asked for at 20 ms, drawn at 40 ms
+  expect(session.receivedBytes).toBe(1000);
+});
+
+test("says that the scene loads for as long as it does", async () => {
+  vi.mocked(loadScene).mockReturnValue(new Promise(() => undefined));
+  await visit();
+  expect(phase()).toEqual({ kind: "loading" });
+});
+
+test("a scene that cannot be had is said in the server's words, and can be tried again", async () => {
+  vi.mocked(loadScene).mockRejectedValue(new ApiError("There is no scene courtyard.", false));
+  await visit();
+  expect(phase()).toEqual({ kind: "failed", message: "There is no scene courtyard." });
+  vi.mocked(loadScene).mockResolvedValue(COURTYARD);
+  session.retry();
+  await settle();
+  expect(phase()).toEqual({ kind: "playing" });
+});
+
+test("a lost server is announced, and the visit goes on with the same pose when it is back", async () => {
+  await visit();
+  await drawn(3);
+  const { pose } = session.rig;
+  transports[0]?.lose("The connection to the server broke.");
+  await settle();
+  expect(phase()).toEqual({ kind: "lost", message: "The connection to the server broke." });
+  await drawn(3);
+  const before = requests();
+  await vi.advanceTimersByTimeAsync(5000);
+  expect(phase()).toEqual({ kind: "playing" });
+  await drawn(3);
+  expect(requests()).toBe(before + 1);
+  expect(session.rig.pose).toBe(pose);
+  expect(loadScene).toHaveBeenCalledOnce();
+});
+
+test("another transport is connected at once, and the former closed", async () => {
+  await visit();
+  changeSettings({ transport: "fetch" });
+  await settle();
+  expect(vi.mocked(connect).mock.calls.map(([, choice]) => choice)).toEqual(["auto", "fetch"]);
+  expect(transports.map(({ closed }) => closed)).toEqual([true, false]);
+});
+
+test("the DASH mode asks for no JPEGs; the other modes do", async () => {
+  await visit();
+  changeSettings({ mode: "dash" });
+  await drawn(5);
+  expect(requests()).toBe(0);
+  changeSettings({ mode: "side-by-side" });
+  await drawn(5);
+  expect(requests()).toBe(1);
+});
+
+test("a stream is opened where the mode has one, and anew when what decides it changes", async () => {
+  await visit();
+  await vi.advanceTimersByTimeAsync(1000); // the viewport has kept its size
+  expect(streams).toHaveLength(0);
+  changeSettings({ mode: "side-by-side" });
+  expect(session.dash.value).toBe(streams[0]);
+  expect(streams[0]?.options).toMatchObject({ base: "http://dash.test", scene: "courtyard" });
+  config.value = serverConfig(SERVICES); // it is read again and again
+  expect(streams).toHaveLength(1);
+  changeSettings({ dashPreset: "typical" });
+  expect(streams.map(({ disposed }) => disposed)).toEqual([true, false]);
+  session.rig.resize(640, 360);
+  await vi.advanceTimersByTimeAsync(300);
+  session.rig.resize(660, 360);
+  await vi.advanceTimersByTimeAsync(300);
+  expect(streams).toHaveLength(2);
+  await vi.advanceTimersByTimeAsync(200);
+  expect(streams).toHaveLength(3);
+  changeSettings({ mode: "stateless" });
+  expect(session.dash.value).toBeNull();
+  expect(streams.map(({ disposed }) => disposed)).toEqual([true, true, true]);
+});
+
+test("a page that is left ends its stream, and one that is shown again as it was opens another", async () => {
+  await visit();
+  await vi.advanceTimersByTimeAsync(1000);
+  changeSettings({ mode: "dash" });
+  dispatchEvent(new Event("pagehide"));
+  expect(streams.map(({ disposed }) => disposed)).toEqual([true]);
+  dispatchEvent(Object.assign(new Event("pageshow"), { persisted: true }));
+  expect(streams.map(({ disposed }) => disposed)).toEqual([true, false]);
+});
+
+test("a visit that ends leaves nothing running", async () => {
+  await visit();
+  await vi.advanceTimersByTimeAsync(1000);
+  changeSettings({ mode: "side-by-side" });
+  session.dispose();
+  await settle();
+  expect(animationFrames.size).toBe(0);
+  expect(transports.map(({ closed }) => closed)).toEqual([true]);
+  expect(streams.map(({ disposed }) => disposed)).toEqual([true]);
+});
