@@ -1,0 +1,281 @@
+// @vitest-environment happy-dom
+import { signal } from "@preact/signals";
+import { afterEach, beforeEach, expect, test, vi } from "vitest";
+import { ShaperError } from "../network/api";
+import type { Shaper } from "../network/shaper";
+import { changeSettings, settings } from "../state/app";
+import { COURTYARD } from "../state/fake-server";
+import { DEFAULT_SETTINGS } from "../state/settings";
+import { settle } from "../transport/fake";
+import type { ViewerSession } from "../viewer/session";
+import type { ShaperStatus } from "../wire/shaper";
+import type { Recording } from "../wire/store";
+import { measure } from "./measure";
+import { type PlannedRun, UNSHAPED } from "./plan";
+import type { Runner } from "./runner";
+
+const FIRST = { t_ms: 0, position: [1, 2, 3], quaternion: [0, 0, 0, 1] } as const;
+const RUN: PlannedRun = {
+  scene: "courtyard",
+  movement: "stroll",
+  network: { link: null, trace: "bus", rtt_ms: 80 },
+  mode: "stateless",
+  profile: "budget",
+  repeat: 0,
+  duration_s: 10,
+  warm_up_s: 3,
+  capture_every_ms: 0,
+};
+const DIRECTION = { target_kbps: 20_000, delivered_kbps: 100, queue_ms: 1, drops: 0 };
+const PLAYING = {
+  mode: "playing",
+  trace: "bus",
+  closed: null,
+  time_ms: 1000,
+  position_ms: 0,
+  duration_ms: 30_000,
+  link: { down_kbps: 20_000, up_kbps: 5000, delay_ms: 40, jitter_ms: 0, loss_pct: 0 },
+  down: DIRECTION,
+  up: DIRECTION,
+} as ShaperStatus;
+const PROMISED = { complete: true, hidden: false, ended_ms: 10_100, frames: [{}] } as unknown as Recording;
+
+/** What was done, in order. */
+let events: string[];
+let now: number;
+let playedAt: number;
+let ready: boolean;
+let recording: Recording;
+/** What happens while the movement plays. */
+let meanwhile: () => void;
+let shaper: ReturnType<typeof fakeShaper>;
+let session: ReturnType<typeof fakeSession>;
+let cancelling: AbortController;
+
+function fakeShaper() {
+  const ask = (name: string) => async (what?: unknown) => {
+    events.push(what === undefined ? name : `${name} ${JSON.stringify(what)}`);
+    return PLAYING;
+  };
+  const api = { start: ask("start"), pause: ask("pause"), seek: ask("seek"), resume: ask("resume"), stop: ask("stop") };
+  return { api, status: signal<ShaperStatus | null>(PLAYING), connectionError: signal<string | null>(null) };
+}
+
+function fakeSession() {
+  return {
+    phase: signal<{ kind: string; message?: string }>({ kind: "playing" }),
+    dash: signal<{ phase: { value: { kind: string; message?: string } } } | null>(null),
+    scene: signal(COURTYARD),
+    rig: { viewport: signal({ width: 640, height: 360 }), intrinsics: signal({ fx: 300, fy: 300, cx: 320, cy: 180 }) },
+    retry: () => events.push("connect anew"),
+  };
+}
+
+const runner = {
+  stand: () => events.push("stand at the first pose"),
+  settings: (part: object) => changeSettings(part),
+  state: () => ({ ready }),
+  run: (_: unknown, signal: AbortSignal) =>
+    new Promise((resolve, reject) => {
+      events.push("play");
+      playedAt = now;
+      signal.addEventListener("abort", () => reject(signal.reason));
+      recording = { ...recording, started_unix_ms: performance.timeOrigin + now };
+      meanwhile();
+      setTimeout(() => resolve(recording), 10_100);
+    }),
+};
+
+beforeEach(() => {
+  vi.useFakeTimers({ toFake: ["setTimeout", "clearTimeout", "performance"] });
+  vi.spyOn(performance, "now").mockImplementation(() => now);
+  settings.value = DEFAULT_SETTINGS;
+  events = [];
+  now = 0;
+  ready = true;
+  recording = PROMISED;
+  meanwhile = () => undefined;
+  shaper = fakeShaper();
+  session = fakeSession();
+  cancelling = new AbortController();
+});
+
+afterEach(() => {
+  vi.useRealTimers();
+  vi.restoreAllMocks();
+});
+
+/** Makes the run; `status` follows the clock, as the shaper's events do, for as long as `told` says. */
+async function measured(run: Partial<PlannedRun> = {}, { told = Number.POSITIVE_INFINITY } = {}) {
+  const context = {
+    session: session as unknown as ViewerSession,
+    runner: runner as unknown as Runner,
+    shaper: shaper as unknown as Shaper,
+    points: [FIRST as never],
+  };
+  const stages: string[] = [];
+  const made = measure(context, { ...RUN, ...run }, (stage) => stages.push(stage), cancelling.signal);
+  const outcome = made.catch((error: Error) => error);
+  let done = false;
+  void outcome.finally(() => {
+    done = true;
+  });
+  for (let i = 0; !done && i < 2000; i++) {
+    await vi.advanceTimersByTimeAsync(50);
+    now += 50;
+    const status = shaper.status.peek();
+    if (status && events.includes("play") && now < told) {
+      shaper.status.value = { ...status, time_ms: status.time_ms + 50, position_ms: (status.position_ms ?? 0) + 50 };
+    }
+    await settle();
+  }
+  return { outcome: await outcome, stages };
+}
+
+test("holds the network at its start, warms up, and plays link and movement together", async () => {
+  const { outcome, stages } = await measured();
+  expect(stages).toEqual(["Connects", "Waits for the first view", "Warms up", "Plays the movement"]);
+  expect(events).toEqual([
+    "stand at the first pose",
+    "connect anew",
+    'start {"trace":"bus","loop":true,"delay_ms":40}',
+    "pause",
+    "seek 0",
+    "seek 0",
+    "resume",
+    "play",
+    "stand at the first pose",
+    "stop",
+  ]);
+  expect(playedAt).toBeGreaterThanOrEqual(RUN.warm_up_s * 1000);
+  expect(outcome).toMatchObject({
+    configuration: { ...RUN, width: 640, height: 360 },
+    recording: { ended_ms: 10_100 },
+    scene_bytes: 20_000_000,
+  });
+  expect(settings.value).toMatchObject({ mode: "stateless", controller: "budget", refine: false });
+});
+
+test("the link is told on the recording's own clock, and only of its time", async () => {
+  const { outcome } = await measured();
+  const { link } = outcome as { link: { at: number; target_kbps: number }[] };
+  expect(link[0]).toMatchObject({ at: 0, target_kbps: 20_000 });
+  expect(link.at(-1)?.at).toBeLessThanOrEqual(10_100);
+  expect(link.length).toBeGreaterThan(100);
+});
+
+test("to the link as it is nothing is done", async () => {
+  const { outcome } = await measured({ network: UNSHAPED });
+  expect(outcome).toMatchObject({ recording: { complete: true } });
+  expect(events).toEqual(["stand at the first pose", "connect anew", "play", "stand at the first pose"]);
+});
+
+test.each<[string, Partial<PlannedRun>, () => void]>([
+  [
+    "The connection was lost during the run.",
+    {},
+    () => {
+      session.phase.value = { kind: "lost" };
+    },
+  ],
+  [
+    "The DASH stream was lost during the run.",
+    { mode: "dash-tuned" },
+    () => {
+      session.dash.value = null;
+    },
+  ],
+  ["Settings or the window's size were changed during the run.", {}, () => changeSettings({ controller: "l2a" })],
+  [
+    "Settings or the window's size were changed during the run.",
+    {},
+    () => {
+      session.rig.viewport.value = { width: 600, height: 360 };
+    },
+  ],
+  [
+    "Somebody else changed the link during the run.",
+    {},
+    () => {
+      shaper.status.value = { ...PLAYING, trace: "train", time_ms: 1100 };
+    },
+  ],
+  [
+    "The shaper is away.",
+    {},
+    () => {
+      shaper.connectionError.value = "The shaper is away.";
+      shaper.status.value = null;
+    },
+  ],
+])("a run is given up: %s", async (sentence, run, happens) => {
+  session.dash.value = { phase: { value: { kind: "playing" } } };
+  meanwhile = happens;
+  const { outcome } = await measured(run);
+  expect(outcome).toMatchObject({ message: sentence });
+  expect(events.slice(-2), "camera and link are given back").toEqual(["stand at the first pose", "stop"]);
+});
+
+test("what does not decide what is measured may be changed meanwhile", async () => {
+  meanwhile = () => changeSettings({ theme: "dark", turnSpeed: 90 });
+  expect((await measured()).outcome).toMatchObject({ recording: { complete: true } });
+});
+
+test.each<[string, Partial<Recording>]>([
+  ["The movement was not played to its end without a pause.", { complete: false }],
+  ["The page was hidden, so that not all of the run could be shown.", { complete: false, hidden: true }],
+  ["No frame came during the run.", { frames: [] }],
+])("a recording that says too little fails: %s", async (sentence, part) => {
+  recording = { ...PROMISED, ...part };
+  expect((await measured()).outcome).toMatchObject({ message: sentence });
+});
+
+test("a shaper that falls silent is noticed", async () => {
+  expect((await measured({}, { told: 8000 })).outcome).toMatchObject({
+    message: "The shaper fell silent during the run.",
+  });
+});
+
+test.each([
+  ["nobody says", { kind: "playing" }, "No frame came within 60 s."],
+  ["the viewer says", { kind: "lost", message: "The server does not answer." }, "The server does not answer."],
+])("without a first view the run fails after a minute, with the reason that %s", async (_, phase, sentence) => {
+  ready = false;
+  session.retry = () => {
+    setTimeout(() => {
+      session.phase.value = phase;
+    }, 1000);
+    return 0;
+  };
+  const { outcome } = await measured();
+  expect(outcome).toMatchObject({ message: sentence });
+  expect(now).toBeGreaterThan(60_000);
+  expect(events).not.toContain("play");
+  expect(events.at(-1)).toBe("stop");
+});
+
+test("nothing is measured in a page that nobody sees", async () => {
+  vi.spyOn(document, "visibilityState", "get").mockReturnValue("hidden");
+  const { outcome } = await measured();
+  expect(outcome).toMatchObject({ message: "The page was hidden, so that not all of the run could be shown." });
+  expect(events).not.toContain("play");
+});
+
+test("a run that is cancelled ends at once, and gives the link back", async () => {
+  meanwhile = () => cancelling.abort(new Error("cancelled"));
+  const { outcome } = await measured();
+  expect(outcome).toMatchObject({ message: "cancelled" });
+  expect(now).toBeLessThan(5000);
+  expect(events.at(-1)).toBe("stop");
+});
+
+test("a shaper that refuses fails the run in its own words; one that cannot be given back does not", async () => {
+  shaper.api.stop = async () => {
+    throw new ShaperError("The shaper does not answer.");
+  };
+  expect((await measured()).outcome).toMatchObject({ recording: { complete: true } });
+  shaper.api.start = async () => {
+    throw new ShaperError("There is no trace bus.");
+  };
+  expect((await measured()).outcome).toMatchObject({ message: "There is no trace bus." });
+});
