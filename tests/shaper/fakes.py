@@ -8,7 +8,7 @@ import itertools
 
 from tigas_common.wire.shaper import LinkSetting
 from tigas_shaper.errors import LinkClosed
-from tigas_shaper.link.link import Counters
+from tigas_shaper.link.direction import Counters
 from tigas_shaper.traces.trace import NetworkTrace
 
 
@@ -59,14 +59,12 @@ class FakeLink:
         self.sent = 0
         self._time = time
 
-    def apply(self, state: LinkSetting) -> None:
+    def apply(self, state: LinkSetting, mean_kbps: tuple[float, float] | None = None) -> None:
         self._check()
+        if mean_kbps is not None:
+            self.queues.append(mean_kbps)
         self.applied.append((round(self._time.now, 6), state.down_kbps))
         self.states.append(state)
-
-    def size_queues(self, down_kbps: float, up_kbps: float) -> None:
-        self._check()
-        self.queues.append((down_kbps, up_kbps))
 
     async def counters(self) -> tuple[Counters, Counters]:
         self._check()

@@ -47,11 +47,8 @@ EVERY_S = 0.2
 class _NoLink:
     """Carries nothing."""
 
-    def apply(self, state: LinkSetting) -> None:
+    def apply(self, state: LinkSetting, mean_kbps: tuple[float, float] | None = None) -> None:
         """Nobody is behind it."""
-
-    def size_queues(self, down_kbps: float, up_kbps: float) -> None:
-        """It has none."""
 
 
 class FakeShaper:

@@ -4,12 +4,19 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Awaitable, Callable
+from typing import Protocol
 
 from tigas_common.wire.shaper import LinkSetting, PlaybackMode
 from tigas_shaper.errors import LinkClosed, NothingPlays
-from tigas_shaper.link.link import Link
 from tigas_shaper.playback import Playback
 from tigas_shaper.traces.trace import NetworkTrace
+
+
+class Link(Protocol):
+    """What a player plays on."""
+
+    def apply(self, state: LinkSetting, mean_kbps: tuple[float, float] | None = None) -> None:
+        """Change the link, now; `mean_kbps`, down and up, is what its queues are fitted to. Raises LinkClosed."""
 
 
 class Player:
@@ -65,15 +72,13 @@ class Player:
 
     def start(self, trace: NetworkTrace, *, loop: bool = True) -> None:
         """Play a trace from its start, in place of what was going on."""
-        self._link.size_queues(trace.mean_down_kbps, trace.mean_up_kbps)
-        self._go(Playback(trace, loop, since=self._clock()))
+        self._go(Playback(trace, loop, since=self._clock()), (trace.mean_down_kbps, trace.mean_up_kbps))
 
     def constant(self, state: LinkSetting) -> None:
         """Keep one state, in place of what was going on."""
         self._halt()
+        self._apply(state, (state.down_kbps, state.up_kbps))
         self._playback = None
-        self._link.size_queues(state.down_kbps, state.up_kbps)
-        self._apply(state)
 
     def stop(self) -> None:
         """Go back to the idle state."""
@@ -106,10 +111,10 @@ class Player:
             raise NothingPlays("No trace is playing; start one first.")
         return self._playback
 
-    def _go(self, playback: Playback) -> None:
+    def _go(self, playback: Playback, mean_kbps: tuple[float, float] | None = None) -> None:
         self._halt()
+        self._apply(playback.state(self._clock()), mean_kbps)
         self._playback = playback
-        self._apply(playback.state(self._clock()))
         if playback.since is not None:
             self._stepping = asyncio.create_task(self._step(playback))
 
@@ -122,8 +127,8 @@ class Player:
         except LinkClosed:
             return  # whoever watches the link tells the story
 
-    def _apply(self, state: LinkSetting) -> None:
-        self._link.apply(state)
+    def _apply(self, state: LinkSetting, mean_kbps: tuple[float, float] | None = None) -> None:
+        self._link.apply(state, mean_kbps)
         self._state = state
 
     def _halt(self) -> None:

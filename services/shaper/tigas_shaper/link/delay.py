@@ -12,8 +12,8 @@ from typing import ClassVar
 
 from tigas_common.wire.shaper import Backend, LinkSetting
 from tigas_shaper.link.channel import Channel, CommandError, attempt, run
-from tigas_shaper.link.direction import Direction
 from tigas_shaper.link.interfaces import Interface
+from tigas_shaper.link.marking import EVERYTHING, MARKED
 from tigas_shaper.link.relay import RelayState
 
 _PROBE = Interface("tigas-probe")
@@ -38,27 +38,37 @@ class NetemStage(DelayStage):
 
     backend = "netem"
 
-    def __init__(self, tc: Channel, direction: Direction) -> None:
+    def __init__(self, tc: Channel, interface: Interface) -> None:
         self._tc = tc
-        self._direction = direction
+        self._interface = interface
 
     @classmethod
     @asynccontextmanager
-    async def open(cls, tc: Channel, direction: Direction) -> AsyncIterator[NetemStage]:
-        """Make the rate device and the stage behind it. Raises CommandError."""
-        device = direction.device
+    async def open(cls, tc: Channel, device: Interface, interface: Interface) -> AsyncIterator[NetemStage]:
+        """Make the rate device, and put a netem leaf in the way of marked packets on the interface; all others pass it
+        by, unqueued. Raises CommandError.
+        """
         await run("ip", "link", "add", device, "type", "ifb")
         try:
             await run("ip", "link", "set", device, "up")
-            tc.write(*direction.netem_lines())
-            yield cls(tc, direction)
+            tc.write(
+                f"qdisc add dev {interface} root handle 2: htb default 0",
+                f"class add dev {interface} parent 2: classid 2:1 htb rate 100gbit burst 1mb cburst 1mb quantum 3028",
+                f"qdisc add dev {interface} parent 2:1 handle 20: netem limit 100000",
+                f"filter add dev {interface} parent 2: protocol ip prio 1 {MARKED} flowid 2:1",
+            )
+            yield cls(tc, interface)
         finally:
-            await attempt("tc", "qdisc", "del", "dev", direction.interface, "root", "handle", "2:")
+            await attempt("tc", "qdisc", "del", "dev", interface, "root", "handle", "2:")
             await attempt("ip", "link", "del", device)
 
     def set(self, state: LinkSetting, *, blocked: bool) -> None:
         loss = 100.0 if blocked else state.loss_pct
-        self._tc.write(self._direction.change_netem_line(state.delay_ms, state.jitter_ms, loss))
+        # A rate, however high, makes netem send packets in the order in which they came, in spite of jitter.
+        self._tc.write(
+            f"qdisc change dev {self._interface} parent 2:1 handle 20: netem limit 100000 "
+            f"delay {_us(state.delay_ms)}us {_us(state.jitter_ms)}us loss {loss:.4f}% rate 100gbit"
+        )
 
     def check(self) -> None:
         pass  # tc's channel complains of whatever is gone
@@ -74,9 +84,8 @@ class RelayStage(DelayStage):
 
     @classmethod
     @asynccontextmanager
-    async def open(cls, tc: Channel, direction: Direction) -> AsyncIterator[RelayStage]:
+    async def open(cls, tc: Channel, device: Interface, interface: Interface) -> AsyncIterator[RelayStage]:
         """Start the relay, which makes the rate device. Raises CommandError."""
-        device = direction.device
         process = await asyncio.create_subprocess_exec(
             sys.executable, "-m", "tigas_shaper.link.relay", device, stdin=PIPE, stdout=PIPE, start_new_session=True
         )
@@ -87,7 +96,12 @@ class RelayStage(DelayStage):
                 raise CommandError(f"The relay cannot start: {answer.decode(errors='replace').strip()}.")
             # Without an address of its own, the kernel sends nothing into the device of its own accord.
             await run("ip", "link", "set", device, "addrgenmode", "none", "up")
-            tc.write(*direction.return_lines())
+            # What comes out of the device's far end, the relay, goes out of the interface.
+            tc.write(
+                f"qdisc add dev {device} clsact",
+                f"filter add dev {device} ingress protocol ip prio 1 {EVERYTHING} "
+                f"action mirred egress redirect dev {interface}",
+            )
             yield cls(process)
         finally:
             process.stdin.close()
@@ -116,3 +130,7 @@ async def detect() -> Backend:
 
 
 STAGES: dict[Backend, type[NetemStage] | type[RelayStage]] = {"netem": NetemStage, "relay": RelayStage}
+
+
+def _us(milliseconds: float) -> int:
+    return round(milliseconds * 1000)

@@ -1,4 +1,4 @@
-"""One direction of the link as lines for tc: where packets leave their way, are held to a rate, and come back.
+"""One direction of the link: packets leave their way, are held to a rate, and come back.
 
     forwarded packets, marked by nftables
       → clsact egress of the interface towards their receiver: redirected to the rate device
@@ -14,12 +14,18 @@ a sender that we cannot reach may keep its offloads.
 
 from __future__ import annotations
 
+import json
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
 from dataclasses import dataclass
+from typing import Any
 
+from tigas_common.wire.shaper import Backend, LinkSetting
+from tigas_shaper.link.channel import Channel, CommandError, attempt
+from tigas_shaper.link.delay import STAGES, DelayStage
 from tigas_shaper.link.interfaces import Interface
+from tigas_shaper.link.marking import MARKED
 
-MARK = 0x7469
-"""The mark of packets that cross the link."""
 FLOOR_KBPS = 50.0
 """The least rate. HTB waits out a packet's time before it sends the next, even after the rate has risen: at this rate
 a quarter of a second. In an outage, HTB keeps its rate and the leaf is slowed to this one instead, since a token bucket
@@ -30,9 +36,85 @@ MIN_QUEUE = 8 * FULL_PACKET
 """A queue never holds less, in bytes: a slow link must still take a burst of a few packets."""
 LEAF_KBPS = 1e7
 LEAF_BURST = 2 * FULL_PACKET
-# Classic BPF, instructions as "code jump-true jump-false operand"; the mark is at SKF_AD_OFF + SKF_AD_MARK.
-_IS_MARKED = f"4,32 0 0 4294963220,21 0 1 {MARK},6 0 0 4294967295,6 0 0 0"
-_EVERYTHING = "1,6 0 0 4294967295"
+
+
+@dataclass(frozen=True, slots=True)
+class Counters:
+    """What tc has counted in one direction. Bytes are those of whole Ethernet frames."""
+
+    sent_bytes: int
+    sent_packets: int
+    dropped_packets: int
+    """Lost because the queue was full."""
+    queue_bytes: int
+    queue_packets: int
+
+
+class Direction:
+    """What is in force in one direction; only what changes is sent to tc. All methods raise CommandError."""
+
+    def __init__(
+        self, tc: Channel, device: Interface, interface: Interface, stage: DelayStage, *, queue_ms: float
+    ) -> None:
+        self._tc = tc
+        self._device = device
+        self._interface = interface
+        self._number = interface.number
+        self._stage = stage
+        self._queue_ms = queue_ms
+        self._limit = MIN_QUEUE
+        self._rate: float | None = None
+        self._blocked = False
+        self._delay: tuple[float, float, float, bool] | None = None
+
+    @classmethod
+    @asynccontextmanager
+    async def open(
+        cls, tc: Channel, device: Interface, interface: Interface, *, backend: Backend, queue_ms: float
+    ) -> AsyncIterator[Direction]:
+        """Shape what leaves an interface, by way of a rate device that is made for it, as long as the context lasts."""
+        async with STAGES[backend].open(tc, device, interface) as stage:
+            try:
+                tc.write(
+                    f"qdisc add dev {device} root handle 1: htb default 1",
+                    rate_line("add", device, FLOOR_KBPS),
+                    queue_line("add", device, MIN_QUEUE, LEAF_KBPS),
+                    f"qdisc add dev {interface} clsact",
+                    f"filter add dev {interface} egress protocol ip prio 1 {MARKED} "
+                    f"action mirred egress redirect dev {device}",
+                )
+                await tc.ask(f"qdisc show dev {device}", "[")
+                yield cls(tc, device, interface, stage, queue_ms=queue_ms)
+            finally:
+                await attempt("tc", "qdisc", "del", "dev", interface, "clsact")
+
+    def shape(self, state: LinkSetting, rate_kbps: float, mean_kbps: float | None) -> None:
+        """Hold packets to a rate, and to the state's delay, jitter and loss; the queue fits to a mean rate if given."""
+        lines = []
+        blocked = rate_kbps == 0
+        if not blocked and rate_kbps != self._rate:
+            lines.append(rate_line("change", self._device, rate_kbps))
+            self._rate = rate_kbps
+        limit = self._limit if mean_kbps is None else queue_bytes(mean_kbps, self._queue_ms)
+        if (limit, blocked) != (self._limit, self._blocked):
+            lines.append(queue_line("change", self._device, limit, FLOOR_KBPS if blocked else LEAF_KBPS))
+            self._limit, self._blocked = limit, blocked
+        delay = (state.delay_ms, state.jitter_ms, state.loss_pct, blocked)
+        if delay != self._delay:
+            self._stage.set(state, blocked=blocked)
+            self._delay = delay
+        self._tc.write(*lines)
+
+    async def counters(self) -> Counters:
+        """What tc has counted; finds whatever went wrong since."""
+        if self._interface.number != self._number:
+            raise CommandError(f"the interface {self._interface} has disappeared.")
+        self._stage.check()
+        answer: list[dict[str, Any]] = json.loads(await self._tc.ask(f"qdisc show dev {self._device}", "["))
+        root = next((entry for entry in answer if entry.get("root") and entry["kind"] == "htb"), None)
+        if root is None:
+            raise CommandError(f"somebody else has removed the shaping of {self._device}.")
+        return Counters(root["bytes"], root["packets"], root["drops"], root["backlog"], root["qlen"])
 
 
 def queue_bytes(rate_kbps: float, queue_ms: float) -> int:
@@ -40,85 +122,20 @@ def queue_bytes(rate_kbps: float, queue_ms: float) -> int:
     return max(MIN_QUEUE, round(rate_kbps * queue_ms / 8))
 
 
-@dataclass(frozen=True, slots=True)
-class Direction:
-    """One direction: its rate device, and the interface towards its receivers. Methods return lines for `tc -batch`."""
-
-    device: Interface
-    interface: Interface
-
-    def rate_lines(self, rate_kbps: float) -> list[str]:
-        """The rate device's queueing, with a queue of the least length; the device must exist and be up."""
-        return [
-            f"qdisc add dev {self.device} root handle 1: htb default 1",
-            self._class("add", rate_kbps),
-            self._leaf("add", MIN_QUEUE, LEAF_KBPS),
-        ]
-
-    def redirect_lines(self) -> list[str]:
-        """Send marked packets that leave the interface to the rate device."""
-        return [
-            f"qdisc add dev {self.interface} clsact",
-            f"filter add dev {self.interface} egress protocol ip prio 1 bpf bytecode {quoted(_IS_MARKED)} "
-            f"action mirred egress redirect dev {self.device}",
-        ]
-
-    def return_lines(self) -> list[str]:
-        """Send packets that come out of the rate device's far end, a TAP device's reader, out of the interface."""
-        return [
-            f"qdisc add dev {self.device} clsact",
-            f"filter add dev {self.device} ingress protocol ip prio 1 bpf bytecode {quoted(_EVERYTHING)} "
-            f"action mirred egress redirect dev {self.interface}",
-        ]
-
-    def netem_lines(self) -> list[str]:
-        """Put a netem leaf in the way of marked packets on the interface; all others pass it by, unqueued."""
-        return [
-            f"qdisc add dev {self.interface} root handle 2: htb default 0",
-            f"class add dev {self.interface} parent 2: classid 2:1 htb rate 100gbit burst 1mb cburst 1mb quantum 3028",
-            f"qdisc add dev {self.interface} parent 2:1 handle 20: netem limit 100000",
-            f"filter add dev {self.interface} parent 2: protocol ip prio 1 "
-            f"bpf bytecode {quoted(_IS_MARKED)} flowid 2:1",
-        ]
-
-    def change_rate_line(self, rate_kbps: float) -> str:
-        """Change the rate; queued packets stay."""
-        return self._class("change", rate_kbps)
-
-    def change_queue_line(self, limit_bytes: int, *, blocked: bool) -> str:
-        """Change the queue's length, and whether packets leave it."""
-        return self._leaf("change", limit_bytes, FLOOR_KBPS if blocked else LEAF_KBPS)
-
-    def change_netem_line(self, delay_ms: float, jitter_ms: float, loss_pct: float) -> str:
-        """Change delay, jitter and loss of the netem leaf.
-
-        A rate, however high, makes netem send packets in the order in which they came, in spite of jitter.
-        """
-        return (
-            f"qdisc change dev {self.interface} parent 2:1 handle 20: netem limit 100000 "
-            f"delay {_us(delay_ms)}us {_us(jitter_ms)}us loss {loss_pct:.4f}% rate 100gbit"
-        )
-
-    def _class(self, verb: str, rate_kbps: float) -> str:
-        rate = max(rate_kbps, FLOOR_KBPS)
-        # A timer that fires a little late may catch up; at most a millisecond of the rate goes at once.
-        burst = max(2 * FULL_PACKET, round(rate / 8))
-        return (
-            f"class {verb} dev {self.device} parent 1: classid 1:1 htb "
-            f"rate {round(rate * 1000)}bit burst {burst}b cburst {burst}b quantum {2 * FULL_PACKET}"
-        )
-
-    def _leaf(self, verb: str, limit_bytes: int, rate_kbps: float) -> str:
-        return (
-            f"qdisc {verb} dev {self.device} parent 1:1 handle 10: "
-            f"tbf rate {round(rate_kbps)}kbit burst {LEAF_BURST}b limit {limit_bytes}b"
-        )
+def rate_line(verb: str, device: Interface, rate_kbps: float) -> str:
+    """Add the rate device's class, or change its rate; queued packets stay."""
+    rate = max(rate_kbps, FLOOR_KBPS)
+    # A timer that fires a little late may catch up; at most a millisecond of the rate goes at once.
+    burst = max(2 * FULL_PACKET, round(rate / 8))
+    return (
+        f"class {verb} dev {device} parent 1: classid 1:1 htb "
+        f"rate {round(rate * 1000)}bit burst {burst}b cburst {burst}b quantum {2 * FULL_PACKET}"
+    )
 
 
-def quoted(text: str) -> str:
-    """One word for tc, which splits its lines at blanks outside quotes."""
-    return f'"{text}"'
-
-
-def _us(milliseconds: float) -> int:
-    return round(milliseconds * 1000)
+def queue_line(verb: str, device: Interface, limit_bytes: int, rate_kbps: float) -> str:
+    """Add the queue, or change its length and how fast packets leave it."""
+    return (
+        f"qdisc {verb} dev {device} parent 1:1 handle 10: "
+        f"tbf rate {round(rate_kbps)}kbit burst {LEAF_BURST}b limit {limit_bytes}b"
+    )
