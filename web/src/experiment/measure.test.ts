@@ -121,8 +121,8 @@ async function measured(run: Partial<PlannedRun> = {}, { told = Number.POSITIVE_
     done = true;
   });
   for (let i = 0; !done && i < 2000; i++) {
-    await vi.advanceTimersByTimeAsync(50);
     now += 50;
+    await vi.advanceTimersByTimeAsync(50);
     const status = shaper.status.peek();
     if (status && events.includes("play") && now < told) {
       shaper.status.value = { ...status, time_ms: status.time_ms + 50, position_ms: (status.position_ms ?? 0) + 50 };
