@@ -11,7 +11,6 @@ COMMON = "tigas_common"
 SERVICES = sorted(path.name for path in Path(__file__).parents[1].glob("services/*/tigas_*"))
 CIRCLES = {
     "tigas_experiments": "quality, records, report, run and store import each other",
-    "tigas_render.transport": "a stream knows its whole connection",
 }
 """Packages whose modules or folders still import each other in a circle, and how."""
 

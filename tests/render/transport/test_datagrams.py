@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections import deque
 from typing import Any, cast
 
 import pytest
 
 from tigas_render.transport.datagrams import FRAGMENT_HEADER, DatagramSender, fragments
+from tigas_render.transport.limits import Limits
+from tigas_render.transport.outlet import DatagramOutlet, Writer
 
 
 @pytest.mark.parametrize(("length", "count"), [(0, 1), (1, 1), (100, 1), (101, 2), (200, 2), (250, 3)])
@@ -25,37 +26,55 @@ def test_too_many_fragments_are_refused() -> None:
         fragments(0, bytes(65_536), max_datagram=9)
 
 
-class Session:
-    """What a sender uses of a session; the network is full, so everything waits."""
+class Network:
+    """What an outlet uses of a connection; it takes as many datagrams as a test leaves room for."""
 
-    max_datagram = 108
+    max_datagram_payload = 116
 
     def __init__(self) -> None:
-        self.outgoing: deque[bytes] = deque()
-        self.urgent: deque[bytes] = deque()
+        self.datagram_room = 0
+        self.sent: list[tuple[int, ...]] = []
 
-    def flush(self) -> None:
-        pass
+    def send_datagram_frame(self, data: bytes) -> None:
+        self.datagram_room -= 1
+        self.sent.append(FRAGMENT_HEADER.unpack_from(data, 1))
 
-    def waiting(self) -> list[tuple[int, ...]]:
-        return [FRAGMENT_HEADER.unpack_from(piece) for piece in (*self.urgent, *self.outgoing)]
+
+class Session:
+    """A session with the id 0 on such a network."""
+
+    def __init__(self) -> None:
+        self.network = Network()
+        self.writer = Writer(cast(Any, self.network), cast(Any, None), Limits(), lambda: None)
+        self.sender = DatagramSender(DatagramOutlet(self.writer, 0))
+
+    def sends(self, room: int) -> list[tuple[int, ...]]:
+        """What leaves when there is so much room: seq, fragment and number of fragments of each datagram."""
+        self.network.datagram_room, self.network.sent = room, []
+        self.writer.hand_over_datagrams()
+        return self.network.sent
 
 
 def test_only_the_newest_frame_waits() -> None:
     session = Session()
-    sender = DatagramSender(cast(Any, session))
-    first, second, third = (sender.next_turn() for _ in range(3))
-    sender.send_frame(first, 1, bytes(1000))
-    session.outgoing.popleft()  # its first fragment is on its way
-    sender.send_frame(third, 3, bytes(150))
-    assert session.waiting() == [(3, 0, 2), (3, 1, 2)], "the rest of the older frame is dropped"
-    sender.send_frame(second, 2, bytes(150))
-    assert session.waiting() == [(3, 0, 2), (3, 1, 2)], "an older frame that is ready later is not sent at all"
+    first, second, third = (session.sender.next_request() for _ in range(3))
+    session.sender.send_frame(first, 1, bytes(1000))
+    assert session.sends(room=1) == [(1, 0, 10)]
+    session.sender.send_frame(third, 3, bytes(150))
+    session.sender.send_frame(second, 2, bytes(150))  # an older frame that is ready later is not sent at all
+    assert session.sends(room=9) == [(3, 0, 2), (3, 1, 2)], "the rest of the older frame is dropped"
 
 
 def test_a_problem_goes_first_and_drops_no_frame() -> None:
     session = Session()
-    sender = DatagramSender(cast(Any, session))
-    sender.send_frame(sender.next_turn(), 1, bytes(150))
-    sender.send_problem(2, bytes(50))
-    assert session.waiting() == [(2, 0, 1), (1, 0, 2), (1, 1, 2)]
+    session.sender.send_frame(session.sender.next_request(), 1, bytes(150))
+    session.sender.send_problem(2, bytes(50))
+    assert session.sends(room=9) == [(2, 0, 1), (1, 0, 2), (1, 1, 2)]
+
+
+def test_what_the_path_no_longer_carries_holds_up_nothing() -> None:
+    session = Session()
+    session.sender.send_frame(session.sender.next_request(), 1, bytes(150))
+    session.network.max_datagram_payload = 60
+    session.sender.send_problem(2, bytes(40))
+    assert session.sends(room=9) == [(2, 0, 1), (1, 1, 2)]

@@ -11,9 +11,9 @@ from functools import partial
 
 import pytest
 from starlette.responses import StreamingResponse
+from starlette.types import ASGIApp, Receive, Scope, Send
 
 from tests.render.transport.client import CERTIFICATE, Client, Recorder, connect
-from tigas_render.transport.asgi import App, Receive, Scope, Send
 from tigas_render.transport.limits import Limits
 from tigas_render.transport.server import Http3Server
 
@@ -21,7 +21,7 @@ pytestmark = pytest.mark.anyio
 
 
 @asynccontextmanager
-async def served(app: App, limits: Limits | None = None) -> AsyncIterator[tuple[Http3Server, Client]]:
+async def served(app: ASGIApp, limits: Limits | None = None) -> AsyncIterator[tuple[Http3Server, Client]]:
     async with (
         Http3Server(app, host="127.0.0.1", certificate=CERTIFICATE, limits=limits) as server,
         connect(server.port) as client,
@@ -311,7 +311,7 @@ async def test_small_answers_that_nobody_reads_take_no_memory(monkeypatch: pytes
         monkeypatch.setattr(deaf._quic, "_write_stream_limits", lambda **_: None)
         streams = [deaf.request("GET", "/") for _ in range(30)]
         await deaf.until(lambda: sum(deaf.responses[stream].reset is not None for stream in streams) >= 24)
-        connection = next(c for c in server._connections if c.client[1] == deaf.address[1])
+        connection = next(c for c in server._connections if c._client[1] == deaf.address[1])
         assert connection._quic.unsent_total()[1] <= 130_000
         assert (await client.fetch("GET", "/")).status == 200
 

@@ -5,30 +5,20 @@ from __future__ import annotations
 import asyncio
 import logging
 import time
-from collections.abc import Mapping
-from dataclasses import dataclass, field
 from typing import Protocol
 
-from aioquic.buffer import encode_uint_var
-from aioquic.h3.connection import ErrorCode, FrameType, encode_frame
+from aioquic.h3.connection import ErrorCode
 from aioquic.quic.events import (
     ConnectionIdIssued,
     ConnectionIdRetired,
     ConnectionTerminated,
     HandshakeCompleted,
     ProtocolNegotiated,
-    QuicEvent,
-    StopSendingReceived,
-    StreamReset,
 )
 
-from tigas_render.transport.asgi import App
 from tigas_render.transport.gso import Address, Datagram
-from tigas_render.transport.limits import Limits
-from tigas_render.transport.quic import ServerH3Connection, ServerQuicConnection
-from tigas_render.transport.routing import Router
-from tigas_render.transport.webtransport import SessionHandler
-from tigas_render.transport.writer import Writer
+from tigas_render.transport.quic import ServerQuicConnection
+from tigas_render.transport.routing import Router, Service
 
 logger = logging.getLogger(__name__)
 
@@ -53,17 +43,6 @@ class Listener(Protocol):
         """The connection is over."""
 
 
-@dataclass(frozen=True, slots=True)
-class Service:
-    """What is served, the same for every connection."""
-
-    app: App
-    webtransport: Mapping[str, SessionHandler]
-    limits: Limits = field(default_factory=Limits)
-    early_posts: frozenset[str] = frozenset({"/render"})
-    """Paths whose POST is idempotent, so that it may arrive as early data."""
-
-
 class Connection:
     """Drives one aioquic connection."""
 
@@ -75,13 +54,13 @@ class Connection:
         client: tuple[str, int],
         server: tuple[str, int],
     ) -> None:
-        self.service = service
-        self.client = client
-        self.server = server
-        self.writer = Writer(quic, service.limits, self.transmit_soon)
-        self.router = Router(self)
+        self.router: Router | None = None
+        """What the client has open, once the handshake has begun."""
         self._quic = quic
         self._listener = listener
+        self._service = service
+        self._client = client
+        self._server = server
         self._loop = asyncio.get_running_loop()
         self._timer: asyncio.TimerHandle | None = None
         self._timer_at: float | None = None
@@ -125,12 +104,13 @@ class Connection:
     def _transmit(self) -> None:
         more = True
         while more:
-            more = self.writer.hand_over_datagrams(self.router.sessions)
+            more = self.router is not None and self.router.writer.hand_over_datagrams()
             datagrams = self._quic.datagrams_to_send(now=_now())
             if not datagrams:
                 break
             self._listener.send(datagrams)
-        self.writer.wake()
+        if self.router is not None:
+            self.router.writer.wake()
         timer_at = self._quic.get_timer()
         if timer_at != self._timer_at:
             if self._timer is not None:
@@ -151,7 +131,7 @@ class Connection:
 
     def _fail(self) -> None:
         """Whatever a client manages to provoke ends its own connection and no other."""
-        logger.exception("The connection from %s failed", self.client[0])
+        logger.exception("The connection from %s failed", self._client[0])
         self.abandon()
         self._listener.terminated(self)
 
@@ -160,14 +140,6 @@ class Connection:
             self.close(ErrorCode.H3_NO_ERROR, "The handshake took too long")
 
     # -- closing -----------------------------------------------------------------------------------------------------
-
-    def go_away(self) -> None:
-        """Tell the client to open no further requests here; those that it has opened are still answered."""
-        if self.writer.h3 is None:
-            return
-        frame = encode_frame(FrameType.GOAWAY, encode_uint_var(self.router.go_away()))
-        self._quic.send_stream_data(self.writer.h3.control_stream_id, frame)
-        self.transmit()
 
     def close(self, error_code: int = ErrorCode.H3_NO_ERROR, reason: str = "") -> None:
         """Close the connection; whatever is running ends as if the client had cancelled it."""
@@ -187,8 +159,8 @@ class Connection:
 
     def _end_everything(self) -> None:
         self._handshake_timer.cancel()
-        self.router.end_everything()
-        self.writer.close()
+        if self.router is not None:
+            self.router.close()
 
     # -- events ------------------------------------------------------------------------------------------------------
 
@@ -205,14 +177,6 @@ class Connection:
                 case HandshakeCompleted():
                     self._handshake_timer.cancel()
                 case ProtocolNegotiated():
-                    self.writer.h3 = ServerH3Connection(self._quic, enable_webtransport=True)
-                case _:
-                    self._stream_event(event)
-
-    def _stream_event(self, event: QuicEvent) -> None:
-        if self.writer.h3 is None:
-            return
-        for h3_event in self.writer.h3.handle_event(event):
-            self.router.received(h3_event)
-        if isinstance(event, StopSendingReceived | StreamReset):
-            self.router.cancelled(event.stream_id)
+                    self.router = Router(self._quic, self._service, self._client, self._server, self.transmit_soon)
+                case _ if self.router is not None:
+                    self.router.received(event)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import struct
 
-from tigas_render.transport.webtransport import WebTransportSession
+from tigas_render.transport.outlet import DatagramOutlet
 
 FRAGMENT_HEADER = struct.Struct("!IHH")
 """seq, the fragment's number from 0, number of fragments."""
@@ -29,32 +29,27 @@ def fragments(seq: int, answer: bytes, max_datagram: int) -> list[bytes]:
 class DatagramSender:
     """Sends a session's frames, the newest only: at most one frame's fragments ever wait."""
 
-    def __init__(self, session: WebTransportSession) -> None:
-        self._session = session
-        self._turns = 0
-        self._newest = 0
+    def __init__(self, outlet: DatagramOutlet) -> None:
+        self._outlet = outlet
+        self._requests = 0
+        self._newest_sent = 0
 
     @property
     def can_send(self) -> bool:
         """Whether the client takes datagrams at all."""
-        return self._session.max_datagram > FRAGMENT_HEADER.size
+        return self._outlet.max_size > FRAGMENT_HEADER.size
 
-    def next_turn(self) -> int:
-        """A number for a request in the order of arrival."""
-        self._turns += 1
-        return self._turns
+    def next_request(self) -> int:
+        """The number of a request in the order of arrival, from 1."""
+        self._requests += 1
+        return self._requests
 
-    def send_frame(self, turn: int, seq: int, answer: bytes) -> None:
+    def send_frame(self, request: int, seq: int, answer: bytes) -> None:
         """Send a frame in place of whatever waits, unless a newer request of the session was answered already."""
-        if turn < self._newest:
-            return
-        self._newest = turn
-        waiting = self._session.outgoing
-        waiting.clear()
-        waiting.extend(fragments(seq, answer, self._session.max_datagram))
-        self._session.flush()
+        if request >= self._newest_sent:
+            self._newest_sent = request
+            self._outlet.replace(fragments(seq, answer, self._outlet.max_size))
 
     def send_problem(self, seq: int, answer: bytes) -> None:
         """Send a short answer ahead of the frame that is on its way, which stays good."""
-        self._session.urgent.extend(fragments(seq, answer, self._session.max_datagram))
-        self._session.flush()
+        self._outlet.send_first(fragments(seq, answer, self._outlet.max_size))

@@ -12,8 +12,8 @@ from tigas_common.parsing import MAX_BODY, parse
 from tigas_common.wire.render import FrameHeader, RenderRequest
 from tigas_render.frame import Frame, FrameSource
 from tigas_render.transport.datagrams import DatagramSender
-from tigas_render.transport.stream import StreamClosed
-from tigas_render.transport.webtransport import SessionHandler, WebTransportSession, WebTransportStream
+from tigas_render.transport.outlet import DatagramOutlet
+from tigas_render.transport.webtransport import SessionFactory, WebTransportStream
 
 logger = logging.getLogger(__name__)
 
@@ -21,74 +21,66 @@ MAX_DATAGRAM_REQUESTS = 16
 """Requests by datagram that one session may have running."""
 
 
-def render_session(source: FrameSource) -> SessionHandler:
-    """The handler of the `/render` sessions."""
-
-    async def handler(session: WebTransportSession) -> None:
-        await RenderSession(source, session).run()
-
-    return handler
+def render_session(source: FrameSource) -> SessionFactory:
+    """What answers the `/render` sessions."""
+    return lambda client, datagrams: RenderSession(source, client, datagrams)
 
 
 class RenderSession:
     """One viewer."""
 
-    def __init__(self, source: FrameSource, session: WebTransportSession) -> None:
+    def __init__(self, source: FrameSource, client: str, datagrams: DatagramOutlet) -> None:
+        """client: a name that no other session has."""
         self._source = source
-        self._session = session
-        self._sender = DatagramSender(session)
+        self._client = client
+        self._sender = DatagramSender(datagrams)
         self._tasks: set[asyncio.Task[None]] = set()
 
-    async def run(self) -> None:
-        """Answer until the session ends."""
-        try:
-            await self._session.serve(self._stream, self._datagram)
-        finally:
-            for task in self._tasks:
-                task.cancel()
+    def closed(self) -> None:
+        """The session is over: what was asked for by datagram is no longer wanted."""
+        for task in self._tasks:
+            task.cancel()
 
     # -- streams -----------------------------------------------------------------------------------------------------
 
-    async def _stream(self, stream: WebTransportStream) -> None:
+    async def stream(self, stream: WebTransportStream) -> None:
+        """Answer the request on a stream."""
         body = b""
         try:
             body = await stream.read(MAX_BODY)
-            answer = await self._frame(body)
-        except StreamClosed:
-            raise
+            answer = _success(await self._frame(body))
         except Exception as error:
             answer = _failure(error, body)
-        await stream.finish(*answer)
-
-    async def _frame(self, body: bytes) -> tuple[bytes, bytes]:
-        request = parse(RenderRequest, body)
-        return _success(await self._source.submit(self._session.client, request))
+        await stream.finish(answer)
 
     # -- datagrams ---------------------------------------------------------------------------------------------------
 
-    def _datagram(self, body: bytes) -> None:
+    def datagram(self, body: bytes) -> None:
+        """Answer the request in a datagram."""
         if not self._sender.can_send:
             return
-        turn = self._sender.next_turn()
+        number = self._sender.next_request()
         if len(self._tasks) >= MAX_DATAGRAM_REQUESTS:
             error = Overloaded(f"This session has {MAX_DATAGRAM_REQUESTS} requests running.")
-            self._sender.send_problem(_seq(body), b"".join(_failure(error, body)))
+            self._sender.send_problem(_seq(body), _failure(error, body))
             return
-        task = asyncio.create_task(self._answer_datagram(turn, body))
+        task = asyncio.create_task(self._answer_datagram(number, body))
         self._tasks.add(task)
         task.add_done_callback(self._tasks.discard)
 
-    async def _answer_datagram(self, turn: int, body: bytes) -> None:
+    async def _answer_datagram(self, number: int, body: bytes) -> None:
         try:
-            request = parse(RenderRequest, body)
-            frame = await self._source.submit(self._session.client, request)
+            frame = await self._frame(body)
         except Exception as error:
-            self._sender.send_problem(_seq(body), b"".join(_failure(error, body)))
+            self._sender.send_problem(_seq(body), _failure(error, body))
         else:
-            self._sender.send_frame(turn, request.seq, b"".join(_success(frame)))
+            self._sender.send_frame(number, frame.seq, _success(frame))
+
+    async def _frame(self, body: bytes) -> Frame:
+        return await self._source.submit(self._client, parse(RenderRequest, body))
 
 
-def _success(frame: Frame) -> tuple[bytes, bytes]:
+def _success(frame: Frame) -> bytes:
     header = FrameHeader(
         status=200,
         seq=frame.seq,
@@ -98,20 +90,20 @@ def _success(frame: Frame) -> tuple[bytes, bytes]:
         profile=frame.profile,
         timing=frame.timing,
     )
-    return _head(header), frame.body
+    return _answer(header, frame.body)
 
 
-def _failure(error: Exception, body: bytes) -> tuple[bytes, bytes]:
+def _failure(error: Exception, body: bytes) -> bytes:
     if not isinstance(error, TigasError):
         logger.error("A render request failed", exc_info=error)
     about = problem(error)
     header = FrameHeader(status=about.status, seq=_seq(body), content_type="application/problem+json")
-    return _head(header), about.model_dump_json().encode()
+    return _answer(header, about.model_dump_json().encode())
 
 
-def _head(header: FrameHeader) -> bytes:
+def _answer(header: FrameHeader, body: bytes) -> bytes:
     text = header.model_dump_json().encode()
-    return struct.pack("!I", len(text)) + text
+    return struct.pack("!I", len(text)) + text + body
 
 
 def _seq(body: bytes) -> int:

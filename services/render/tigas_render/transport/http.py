@@ -7,18 +7,15 @@ import logging
 from collections import deque
 from collections.abc import Iterable
 from http import HTTPStatus
-from typing import TYPE_CHECKING
 from urllib.parse import unquote_to_bytes
 
 from aioquic.h3.connection import ErrorCode
 from aioquic.h3.events import Headers
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from tigas_common.wire.render import Problem
-from tigas_render.transport.asgi import Message, Scope
-from tigas_render.transport.stream import CHUNK, Stream, StreamClosed
-
-if TYPE_CHECKING:
-    from tigas_render.transport.connection import Connection
+from tigas_render.transport.outlet import Outlet, StreamClosed
+from tigas_render.transport.stream import Stream
 
 logger = logging.getLogger(__name__)
 
@@ -52,16 +49,28 @@ def http_scope(headers: Headers, client: tuple[str, int], server: tuple[str, int
     }
 
 
+def refusal(status: int) -> ASGIApp:
+    """The application that answers in place of the real one."""
+    problem = Problem(type="about:blank", title=HTTPStatus(status).phrase, status=status, detail=REFUSALS[status])
+    body = problem.model_dump_json().encode()
+    headers = [(b"content-type", b"application/problem+json"), (b"content-length", str(len(body)).encode())]
+
+    async def refuse(scope: Scope, receive: Receive, send: Send) -> None:
+        await send({"type": "http.response.start", "status": status, "headers": headers})
+        await send({"type": "http.response.body", "body": body})
+
+    return refuse
+
+
 class HttpRequest(Stream):
     """A request and its response."""
 
     abort_code = ErrorCode.H3_REQUEST_CANCELLED
 
-    def __init__(self, connection: Connection, stream_id: int, headers: Headers, refuse: int | None = None) -> None:
-        """With `refuse`, a status, the request is answered without the application."""
-        super().__init__(connection, stream_id)
-        self.scope = http_scope(headers, connection.client, connection.server)
-        self._refuse = refuse
+    def __init__(self, outlet: Outlet, scope: Scope, app: ASGIApp) -> None:
+        super().__init__(outlet)
+        self._scope = scope
+        self._app = app
         self._body: deque[bytes] = deque()
         self._unread = 0
         self._ended = False
@@ -79,8 +88,8 @@ class HttpRequest(Stream):
         if data and not self._disconnected and not self._complete:
             self._body.append(data)
             self._unread += len(data)
-            if self._unread > self.connection.service.limits.unread:
-                self.connection.writer.abort(self.stream_id, ErrorCode.H3_EXCESSIVE_LOAD)
+            if self._unread > self.outlet.limits.unread:
+                self.outlet.abort(ErrorCode.H3_EXCESSIVE_LOAD)
                 self.cancelled()
         self._news.set()
 
@@ -92,19 +101,16 @@ class HttpRequest(Stream):
     # -- the application's side --------------------------------------------------------------------------------------
 
     async def run(self) -> None:
-        if self._refuse is not None:
-            await self._answer(self._refuse)
-            return
         try:
-            await self.connection.service.app(self.scope, self.receive, self.send)
+            await self._app(self._scope, self.receive, self.send)
             failed = not self._complete and not self._disconnected
         except Exception:
-            logger.exception("%s %s failed", self.scope["method"], self.scope["path"])
+            logger.exception("%s %s failed", self._scope["method"], self._scope["path"])
             failed = True
         if failed and not self._started:
-            await self._answer(500)
+            await refusal(500)(self._scope, self.receive, self.send)
         elif failed:
-            self.connection.writer.abort(self.stream_id, ErrorCode.H3_INTERNAL_ERROR)
+            self.outlet.abort(ErrorCode.H3_INTERNAL_ERROR)
 
     async def receive(self) -> Message:
         """ASGI's receive: the body part by part, then, when the client or the response is done, the disconnect."""
@@ -116,12 +122,12 @@ class HttpRequest(Stream):
                 self._unread = 0
                 self._end_delivered = self._ended
                 return {"type": "http.request", "body": body, "more_body": not self._ended}
-            timeout = None if self._ended else self.connection.service.limits.request_timeout
+            timeout = None if self._ended else self.outlet.limits.request_timeout
             try:
                 async with asyncio.timeout(timeout):
                     await self._news.wait()
             except TimeoutError:
-                self.connection.writer.abort(self.stream_id, ErrorCode.H3_REQUEST_INCOMPLETE)
+                self.outlet.abort(ErrorCode.H3_REQUEST_INCOMPLETE)
                 self.cancelled()
         return {"type": "http.disconnect"}
 
@@ -144,29 +150,18 @@ class HttpRequest(Stream):
     def _send_headers(self, status: int, headers: Iterable[tuple[bytes, bytes]]) -> None:
         fields = [(name.lower(), value) for name, value in headers]
         fields = [field for field in fields if field[0] not in HOP_BY_HOP]
-        self.connection.writer.headers(self.stream_id, [(b":status", str(status).encode()), *fields])
+        self.outlet.send_headers([(b":status", str(status).encode()), *fields])
 
     async def _send_body(self, body: bytes, more: bool) -> None:
         self._last_sent = not more
-        view = memoryview(b"" if self.scope["method"] == "HEAD" else body)
         try:
-            while len(view) > 0:
-                await self.connection.writer.room(self.stream_id)
-                chunk, view = view[:CHUNK], view[CHUNK:]
-                self.connection.writer.data(self.stream_id, bytes(chunk), end=False)
+            if self._scope["method"] != "HEAD":
+                await self.outlet.send_data(bytes(body))  # ASGI allows any buffer
         except StreamClosed:
-            self.connection.writer.abort(self.stream_id, ErrorCode.H3_REQUEST_CANCELLED)
+            self.outlet.abort(ErrorCode.H3_REQUEST_CANCELLED)
             self.cancelled()
         if not more:
-            self.connection.writer.raw(self.stream_id, b"", end=True)
-            self.connection.writer.stop_reading(self.stream_id, ErrorCode.H3_NO_ERROR)
+            self.outlet.end()
+            self.outlet.stop_reading(ErrorCode.H3_NO_ERROR)
             self._complete = True  # from now on `receive` tells of the disconnect
             self._news.set()
-
-    async def _answer(self, status: int) -> None:
-        title = HTTPStatus(status).phrase
-        about = Problem(type="about:blank", title=title, status=status, detail=REFUSALS[status])
-        body = about.model_dump_json().encode()
-        headers = [(b"content-type", b"application/problem+json"), (b"content-length", str(len(body)).encode())]
-        await self.send({"type": "http.response.start", "status": status, "headers": headers})
-        await self.send({"type": "http.response.body", "body": body})

@@ -1,14 +1,15 @@
-"""Brings what arrives on a connection to the request or session that it is for."""
+"""HTTP/3 on one connection: brings what arrives to the request or session that it is for."""
 
 from __future__ import annotations
 
 import asyncio
 import logging
-from collections.abc import Collection, Mapping
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from urllib.parse import urlsplit
 
-from aioquic.h3.connection import ErrorCode
+from aioquic.buffer import encode_uint_var
+from aioquic.h3.connection import ErrorCode, FrameType, encode_frame
 from aioquic.h3.events import (
     DatagramReceived,
     DataReceived,
@@ -16,13 +17,15 @@ from aioquic.h3.events import (
     HeadersReceived,
     WebTransportStreamDataReceived,
 )
+from aioquic.quic.events import QuicEvent, StopSendingReceived, StreamReset
+from starlette.types import ASGIApp
 
-from tigas_render.transport.http import HttpRequest
+from tigas_render.transport.http import HttpRequest, http_scope, refusal
+from tigas_render.transport.limits import Limits
+from tigas_render.transport.outlet import DatagramOutlet, Outlet, Writer
+from tigas_render.transport.quic import ServerH3Connection, ServerQuicConnection
 from tigas_render.transport.stream import Stream
-from tigas_render.transport.webtransport import DRAFT_HEADER, WebTransportSession, WebTransportStream
-
-if TYPE_CHECKING:
-    from tigas_render.transport.connection import Connection
+from tigas_render.transport.webtransport import DRAFT_HEADER, SessionFactory, WebTransportSession, WebTransportStream
 
 logger = logging.getLogger(__name__)
 
@@ -30,37 +33,50 @@ BUFFERED_STREAM_REJECTED = 0x3994BD84
 """WebTransport's error for a stream of a session that does not exist."""
 
 
-class Router:
-    """All that a client has open on one connection: a task for every request, session and stream."""
+@dataclass(frozen=True, slots=True)
+class Service:
+    """What is served, the same for every connection."""
 
-    def __init__(self, connection: Connection) -> None:
-        self._connection = connection
-        self._service = connection.service
-        self._writer = connection.writer
+    app: ASGIApp
+    webtransport: Mapping[str, SessionFactory]
+    """By path."""
+    limits: Limits = field(default_factory=Limits)
+    early_posts: frozenset[str] = frozenset({"/render"})
+    """Paths whose POST is idempotent, so that it may arrive as early data."""
+
+
+class Router:
+    """All that a client has open: a task for every request and every WebTransport stream."""
+
+    def __init__(
+        self,
+        quic: ServerQuicConnection,
+        service: Service,
+        client: tuple[str, int],
+        server: tuple[str, int],
+        transmit_soon: Callable[[], None],
+    ) -> None:
+        self._quic = quic
+        self._service = service
+        self._client = client
+        self._server = server
+        self._h3 = ServerH3Connection(quic, enable_webtransport=True)
+        self.writer = Writer(quic, self._h3, service.limits, transmit_soon)
         self._streams: dict[int, Stream] = {}
         self._sessions: dict[int, WebTransportSession] = {}
-        self._session_tasks: set[asyncio.Task[None]] = set()
         self._next_request = 0
         self._goaway: int | None = None
         self._idle: asyncio.Future[None] | None = None
 
-    @property
-    def running(self) -> int:
-        """Requests and streams that are being answered."""
-        return len(self._streams)
-
-    @property
-    def sessions(self) -> Collection[WebTransportSession]:
-        """WebTransport sessions that are open."""
-        return self._sessions.values()
-
     # -- ending ------------------------------------------------------------------------------------------------------
 
-    def go_away(self) -> int:
-        """Take no further requests from now on; the id of the first that is refused."""
+    def go_away(self) -> None:
+        """Tell the client to open no further requests here; those that it has opened are still answered."""
         if self._goaway is None:
             self._goaway = self._next_request
-        return self._goaway
+            frame = encode_frame(FrameType.GOAWAY, encode_uint_var(self._goaway))
+            self._quic.send_stream_data(self._h3.control_stream_id, frame)
+            self.writer.transmit_soon()
 
     async def finish(self) -> None:
         """Wait until nothing is being answered."""
@@ -68,115 +84,142 @@ class Router:
             self._idle = asyncio.get_running_loop().create_future()
             await self._idle
 
-    def end_everything(self) -> None:
+    def close(self) -> None:
         """End whatever is running as if the client had cancelled it."""
-        for session in list(self._sessions.values()):
-            session.close()
+        for stream_id in list(self._sessions):
+            self._close_session(stream_id)
         for stream in list(self._streams.values()):
             stream.cancelled()
+        self.writer.close()
 
     async def end_tasks(self) -> None:
         """Cancel the tasks that have not ended by themselves, and wait for them."""
-        tasks = {stream.task for stream in self._streams.values() if stream.task is not None} | self._session_tasks
+        tasks = [stream.task for stream in self._streams.values() if stream.task is not None]
         for task in tasks:
             task.cancel()
         if tasks:
             await asyncio.wait(tasks)
 
-    # -- events ------------------------------------------------------------------------------------------------------
+    # -- from the client ---------------------------------------------------------------------------------------------
 
-    def received(self, event: H3Event) -> None:
+    def received(self, event: QuicEvent) -> None:
         """Bring an event to whom it is for."""
+        for h3_event in self._h3.handle_event(event):
+            self._received(h3_event)
+        if isinstance(event, StopSendingReceived | StreamReset):
+            self._cancelled(event.stream_id)
+
+    def _received(self, event: H3Event) -> None:
         match event:
             case WebTransportStreamDataReceived():
                 self._webtransport_data(event)
             case DatagramReceived():
                 if (session := self._sessions.get(event.stream_id)) is not None:
-                    session.datagram_received(event.data)
+                    session.handler.datagram(event.data)
             case HeadersReceived():
-                if (stream := self._streams.get(event.stream_id)) is not None:  # trailers
-                    stream.data_received(b"", event.stream_ended)
-                elif event.stream_id not in self._sessions and self._writer.is_open(event.stream_id):
+                if event.stream_id in self._streams or event.stream_id in self._sessions:  # trailers
+                    self._data(event.stream_id, b"", event.stream_ended)
+                else:
                     self._request_received(event)
             case DataReceived():
-                if (session := self._sessions.get(event.stream_id)) is not None:
-                    session.capsules_received(event.stream_ended)
-                elif (stream := self._streams.get(event.stream_id)) is not None:
-                    stream.data_received(event.data, event.stream_ended)
+                self._data(event.stream_id, event.data, event.stream_ended)
 
-    def cancelled(self, stream_id: int) -> None:
+    def _data(self, stream_id: int, data: bytes, ended: bool) -> None:
+        if (stream := self._streams.get(stream_id)) is not None:
+            stream.data_received(data, ended)
+        elif ended:  # of a session only its end matters: no capsule needs an answer
+            self._close_session(stream_id)
+
+    def _cancelled(self, stream_id: int) -> None:
         """The client reads no more of a stream, or has reset its side."""
-        if (session := self._sessions.get(stream_id)) is not None:
-            session.close()
-        elif (stream := self._streams.get(stream_id)) is not None:
+        if (stream := self._streams.get(stream_id)) is not None:
             stream.cancelled()
+        else:
+            self._close_session(stream_id)
+
+    # -- requests ----------------------------------------------------------------------------------------------------
 
     def _request_received(self, event: HeadersReceived) -> None:
-        stream_id = event.stream_id
-        self._next_request = max(self._next_request, stream_id + 4)
-        if self._goaway is not None and stream_id >= self._goaway:
-            self._writer.abort(stream_id, ErrorCode.H3_REQUEST_REJECTED)
+        outlet = Outlet(self.writer, event.stream_id)
+        if not outlet.is_open:
+            return
+        self._next_request = max(self._next_request, event.stream_id + 4)
+        if self._goaway is not None and event.stream_id >= self._goaway:
+            outlet.abort(ErrorCode.H3_REQUEST_REJECTED)
             return
         pseudo = {name: value for name, value in event.headers if name.startswith(b":")}
         if pseudo[b":method"] == b"CONNECT":
-            self._connect_received(stream_id, pseudo)
+            self._connect_received(outlet, pseudo)
             return
-        request = HttpRequest(self._connection, stream_id, event.headers, refuse=self._refusal(pseudo))
+        status = self._refusal(pseudo)
+        app = self._service.app if status is None else refusal(status)
+        request = HttpRequest(outlet, http_scope(event.headers, self._client, self._server), app)
         if event.stream_ended:
             request.data_received(b"", True)
         self._start(request)
 
     def _refusal(self, pseudo: Mapping[bytes, bytes]) -> int | None:
         """The status of a request that does not reach the application."""
-        if self.running >= self._service.limits.requests:
+        if self._overloaded:
             return 503
-        if not self._connection.is_established and pseudo[b":method"] not in (b"GET", b"HEAD"):
+        if not self._quic.is_established and pseudo[b":method"] not in (b"GET", b"HEAD"):
             path = urlsplit(pseudo.get(b":path", b"")).path.decode("latin-1")
             if pseudo[b":method"] != b"POST" or path not in self._service.early_posts:
                 return 425  # Too Early (RFC 8470): it may be a replay
         return None
 
-    def _connect_received(self, stream_id: int, pseudo: Mapping[bytes, bytes]) -> None:
-        path = pseudo.get(b":path", b"").partition(b"?")[0].decode("latin-1")
-        handler = self._service.webtransport.get(path)
-        if pseudo.get(b":protocol") != b"webtransport":
-            self._refuse_connect(stream_id, b"501")
-        elif handler is None:
-            self._refuse_connect(stream_id, b"404")
-        elif len(self._sessions) >= self._service.limits.sessions:
-            self._refuse_connect(stream_id, b"429")
-        else:
-            self._writer.headers(stream_id, [(b":status", b"200"), DRAFT_HEADER])
-            session = self._sessions[stream_id] = WebTransportSession(self._connection, stream_id, path, handler)
-            self._session_tasks.add(session.task)
-            session.task.add_done_callback(self._session_tasks.discard)
+    @property
+    def _overloaded(self) -> bool:
+        return len(self._streams) >= self._service.limits.requests
 
-    def _refuse_connect(self, stream_id: int, status: bytes) -> None:
-        self._writer.headers(stream_id, [(b":status", status)], end=True)
-        self._writer.abort(stream_id, ErrorCode.H3_NO_ERROR)
+    # -- WebTransport ------------------------------------------------------------------------------------------------
+
+    def _connect_received(self, outlet: Outlet, pseudo: Mapping[bytes, bytes]) -> None:
+        make_handler = self._service.webtransport.get(urlsplit(pseudo.get(b":path", b"")).path.decode("latin-1"))
+        if pseudo.get(b":protocol") != b"webtransport":
+            self._refuse_connect(outlet, b"501")
+        elif make_handler is None:
+            self._refuse_connect(outlet, b"404")
+        elif len(self._sessions) >= self._service.limits.sessions:
+            self._refuse_connect(outlet, b"429")
+        else:
+            outlet.send_headers([(b":status", b"200"), DRAFT_HEADER])
+            self._sessions[outlet.stream_id] = WebTransportSession(
+                outlet, DatagramOutlet(self.writer, outlet.stream_id), self._client[0], make_handler
+            )
+
+    def _refuse_connect(self, outlet: Outlet, status: bytes) -> None:
+        outlet.send_headers([(b":status", status)])
+        outlet.end()
+        outlet.abort(ErrorCode.H3_NO_ERROR)
+
+    def _close_session(self, stream_id: int) -> None:
+        session = self._sessions.pop(stream_id, None)
+        if session is None:
+            return
+        for stream in list(self._streams.values()):
+            if isinstance(stream, WebTransportStream) and stream.session is session:
+                stream.cancelled()
+        session.close()
 
     def _webtransport_data(self, event: WebTransportStreamDataReceived) -> None:
-        stream_id = event.stream_id
-        stream = self._streams.get(stream_id)
+        stream = self._streams.get(event.stream_id)
         if stream is None:
+            outlet = Outlet(self.writer, event.stream_id)
             session = self._sessions.get(event.session_id)
-            if session is None or stream_id % 4 != 0 or self._goaway is not None:
-                self._writer.abort(stream_id, BUFFERED_STREAM_REJECTED)
+            if session is None or event.stream_id % 4 != 0 or self._goaway is not None:
+                outlet.abort(BUFFERED_STREAM_REJECTED)
                 return
-            if not self._writer.is_open(stream_id):  # answered already; the client has not stopped yet
+            if not outlet.is_open:  # answered already; the client has not stopped yet
                 return
-            stream = WebTransportStream(
-                self._connection, stream_id, session, overloaded=self.running >= self._service.limits.requests
-            )
-            stream.data_received(event.data, event.stream_ended)
+            stream = WebTransportStream(outlet, session, self._overloaded)
             self._start(stream)
-        else:
-            stream.data_received(event.data, event.stream_ended)
+        stream.data_received(event.data, event.stream_ended)
 
-    # -- streams -----------------------------------------------------------------------------------------------------
+    # -- tasks -------------------------------------------------------------------------------------------------------
 
     def _start(self, stream: Stream) -> None:
-        self._streams[stream.stream_id] = stream
+        self._streams[stream.outlet.stream_id] = stream
         stream.task = asyncio.create_task(stream.run())
         # A callback, because a task that is cancelled before it starts never enters its own `finally`.
         stream.task.add_done_callback(lambda task: self._ended(stream, task))
@@ -184,17 +227,7 @@ class Router:
     def _ended(self, stream: Stream, task: asyncio.Task[None]) -> None:
         if not task.cancelled() and (error := task.exception()) is not None:
             logger.error("A stream's handler failed", exc_info=error)
-        del self._streams[stream.stream_id]
-        self._writer.abort(stream.stream_id, stream.abort_code)
+        del self._streams[stream.outlet.stream_id]
+        stream.outlet.abort(stream.abort_code)
         if self._idle is not None and not self._streams and not self._idle.done():
             self._idle.set_result(None)
-
-    def session_closed(self, session: WebTransportSession) -> None:
-        """Forget a session and cancel its streams."""
-        if self._sessions.pop(session.stream_id, None) is None:
-            return
-        for stream in list(self._streams.values()):
-            if isinstance(stream, WebTransportStream) and stream.session is session:
-                stream.cancelled()
-        self._writer.raw(session.stream_id, b"", end=True)
-        self._writer.abort(session.stream_id, ErrorCode.H3_NO_ERROR)

@@ -16,18 +16,19 @@ from aioquic.quic.packet import (
     encode_quic_version_negotiation,
     pull_quic_header,
 )
+from starlette.types import ASGIApp
 
 from tigas_common.certificate import Certificate
-from tigas_render.transport.asgi import App
 from tigas_render.transport.congestion import CongestionControl, algorithm
-from tigas_render.transport.connection import Connection, Service
+from tigas_render.transport.connection import Connection
 from tigas_render.transport.gso import Address, Datagram
 from tigas_render.transport.limits import Limits
 from tigas_render.transport.quic import ServerQuicConnection
 from tigas_render.transport.retry import RetryTokens
+from tigas_render.transport.routing import Service
 from tigas_render.transport.tickets import TicketStore
 from tigas_render.transport.udp import UdpEndpoint, bind
-from tigas_render.transport.webtransport import SessionHandler
+from tigas_render.transport.webtransport import SessionFactory
 
 MAX_DATAGRAM_SIZE = 1452
 """Bytes of UDP payload that fit an Ethernet frame over IPv6 (1500 − 40 − 8), and over IPv4."""
@@ -39,12 +40,12 @@ class Http3Server:
 
     def __init__(
         self,
-        app: App,
+        app: ASGIApp,
         *,
         certificate: Certificate,
         host: str = "::",
         port: int = 0,
-        webtransport: Mapping[str, SessionHandler] | None = None,
+        webtransport: Mapping[str, SessionFactory] | None = None,
         congestion_control: CongestionControl = "reno",
         limits: Limits | None = None,
     ) -> None:
@@ -78,16 +79,17 @@ class Http3Server:
             return
         self._closing = True
         connections = list(self._connections)
-        for connection in connections:
-            connection.go_away()
-        if connections:
-            unfinished = [asyncio.create_task(connection.router.finish()) for connection in connections]
+        routers = [connection.router for connection in connections if connection.router is not None]
+        for router in routers:
+            router.go_away()
+        if routers:
+            unfinished = [asyncio.create_task(router.finish()) for router in routers]
             _, late = await asyncio.wait(unfinished, timeout=self._limits.grace)
             for task in late:
                 task.cancel()
         for connection in connections:
             connection.close()
-        await asyncio.gather(*(connection.router.end_tasks() for connection in connections))
+        await asyncio.gather(*(router.end_tasks() for router in routers))
         for connection in connections:
             connection.abandon()
         self._connections.clear()

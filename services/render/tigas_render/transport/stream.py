@@ -4,17 +4,8 @@ from __future__ import annotations
 
 import asyncio
 from abc import ABC, abstractmethod
-from typing import TYPE_CHECKING
 
-if TYPE_CHECKING:
-    from tigas_render.transport.connection import Connection
-
-CHUNK = 64 * 1024
-"""Bytes handed to QUIC at a time."""
-
-
-class StreamClosed(ConnectionError):
-    """The client has cancelled the stream, or its connection is gone."""
+from tigas_render.transport.outlet import Outlet
 
 
 class Stream(ABC):
@@ -23,9 +14,8 @@ class Stream(ABC):
     abort_code: int
     """The error code for a stream whose task ends before the stream is finished."""
 
-    def __init__(self, connection: Connection, stream_id: int) -> None:
-        self.connection = connection
-        self.stream_id = stream_id
+    def __init__(self, outlet: Outlet) -> None:
+        self.outlet = outlet
         self.task: asyncio.Task[None] | None = None
 
     @abstractmethod

@@ -1,109 +1,59 @@
-"""WebTransport over HTTP/3: a session, its streams and its datagrams."""
+"""WebTransport over HTTP/3: a session and its streams."""
 
 from __future__ import annotations
 
 import asyncio
 import contextlib
 import itertools
-import logging
-from collections import deque
-from collections.abc import Awaitable, Callable
-from typing import TYPE_CHECKING
+from collections.abc import Callable
+from typing import Protocol
 
-from aioquic.buffer import encode_uint_var
+from aioquic.h3.connection import ErrorCode
 
 from tigas_common.errors import BodyTooLarge, InvalidRequest, Overloaded
-from tigas_render.transport.stream import CHUNK, Stream, StreamClosed
-
-if TYPE_CHECKING:
-    from tigas_render.transport.connection import Connection
-
-logger = logging.getLogger(__name__)
+from tigas_render.transport.outlet import DatagramOutlet, Outlet, StreamClosed
+from tigas_render.transport.stream import Stream
 
 DRAFT_HEADER = (b"sec-webtransport-http3-draft", b"draft02")
 """The draft that browsers speak and expect in the answer."""
 CANCELLED = 0x52E4A40FA8DB
 """WebTransport's application error 0 as an HTTP/3 error code."""
-MAX_URGENT = 64
-
-SessionHandler = Callable[["WebTransportSession"], Awaitable[None]]
-StreamHandler = Callable[["WebTransportStream"], Awaitable[None]]
-DatagramHandler = Callable[[bytes], None]
 
 _numbers = itertools.count(1)
 
 
+class SessionHandler(Protocol):
+    """Answers one session's client."""
+
+    async def stream(self, stream: WebTransportStream) -> None:
+        """Answer a bidirectional stream. Each runs in a task, which is cancelled if the client cancels the stream."""
+
+    def datagram(self, data: bytes) -> None:
+        """Take a datagram; must not wait."""
+
+    def closed(self) -> None:
+        """The session is over, and its streams are cancelled."""
+
+
+SessionFactory = Callable[[str, DatagramOutlet], SessionHandler]
+"""Makes the handler of a new session, from a name for its client that no other session has, and its datagrams."""
+
+
 class WebTransportSession:
-    """One session. Its handler calls `serve`, and is cancelled when the session ends."""
+    """One session, on the stream that opened it."""
 
-    def __init__(self, connection: Connection, stream_id: int, path: str, handler: SessionHandler) -> None:
-        self.path = path
-        self.stream_id = stream_id
-        self.client = f"{connection.client[0]}#{next(_numbers)}"
-        """Names this session among all that the process has had."""
-        self.prefix = encode_uint_var(stream_id // 4)
-        """What marks a QUIC datagram as one of this session (RFC 9297)."""
-        self.outgoing: deque[bytes] = deque()
-        """Datagrams that the network has no room for yet. Whoever fills it may empty it again."""
-        self.urgent: deque[bytes] = deque(maxlen=MAX_URGENT)
-        """Datagrams that go first; when there are too many, the oldest are dropped."""
-        self._connection = connection
-        self._on_stream: asyncio.Future[StreamHandler] = asyncio.get_running_loop().create_future()
-        self._on_datagram: DatagramHandler | None = None
-        self._closed = asyncio.Event()
-        self.task = asyncio.get_running_loop().create_task(self._run(handler))
-
-    async def serve(self, on_stream: StreamHandler, on_datagram: DatagramHandler | None = None) -> None:
-        """Answer the client until it closes the session.
-
-        `on_stream` runs as a task for each bidirectional stream, and is cancelled as soon as the client cancels the
-        stream. `on_datagram` is called with each datagram and must not wait.
-        """
-        self._on_datagram = on_datagram
-        self._on_stream.set_result(on_stream)
-        await self._closed.wait()
-
-    @property
-    def max_datagram(self) -> int:
-        """The longest datagram that fits in a packet now, in bytes; may shrink with the path."""
-        return self._connection.writer.max_datagram
-
-    def flush(self) -> None:
-        """Start sending what was put in `outgoing`."""
-        self._connection.transmit_soon()
+    def __init__(self, outlet: Outlet, datagrams: DatagramOutlet, address: str, make_handler: SessionFactory) -> None:
+        """address: the client's."""
+        self.handler = make_handler(f"{address}#{next(_numbers)}", datagrams)
+        self._outlet = outlet
+        self._datagrams = datagrams
 
     def close(self) -> None:
-        """End the session, its streams and its handler."""
-        if not self._closed.is_set():
-            self._closed.set()
-            self.outgoing.clear()
-            self.urgent.clear()
-            self.task.cancel()
-            self._connection.router.session_closed(self)
-
-    def datagram_received(self, data: bytes) -> None:
-        """Pass a datagram on; one that comes before the handler is ready is dropped, as the network might."""
-        if self._on_datagram is not None:
-            self._on_datagram(data)
-
-    def capsules_received(self, ended: bool) -> None:
-        """The client's half of the session's own stream: it ends with the session; no capsule needs an answer."""
-        if ended:
-            self.close()
-
-    async def answer(self, stream: WebTransportStream) -> None:
-        """Run the stream's handler."""
-        handler = await asyncio.shield(self._on_stream)
-        await handler(stream)
-
-    async def _run(self, handler: SessionHandler) -> None:
-        try:
-            await handler(self)
-        except Exception:
-            logger.exception("The handler of a WebTransport session failed")
-        finally:
-            self._on_stream.cancel()
-            self.close()
+        """End the session and its own stream."""
+        self.handler.closed()
+        self._datagrams.close()
+        self._outlet.end()
+        self._outlet.abort(ErrorCode.H3_NO_ERROR)
 
 
 class WebTransportStream(Stream):
@@ -111,10 +61,8 @@ class WebTransportStream(Stream):
 
     abort_code = CANCELLED
 
-    def __init__(
-        self, connection: Connection, stream_id: int, session: WebTransportSession, overloaded: bool = False
-    ) -> None:
-        super().__init__(connection, stream_id)
+    def __init__(self, outlet: Outlet, session: WebTransportSession, overloaded: bool = False) -> None:
+        super().__init__(outlet)
         self.session = session
         self._overloaded = overloaded
         self._body = bytearray()
@@ -124,14 +72,18 @@ class WebTransportStream(Stream):
     def data_received(self, data: bytes, ended: bool) -> None:
         self._ended |= ended
         self._body += data
-        if len(self._body) > self.connection.service.limits.unread:
-            self.connection.writer.abort(self.stream_id, CANCELLED)
+        if len(self._body) > self.outlet.limits.unread:
+            self.outlet.abort(CANCELLED)
             self.cancelled()
         self._news.set()
 
     def cancelled(self) -> None:
         if self.task is not None:
             self.task.cancel()
+
+    async def run(self) -> None:
+        with contextlib.suppress(StreamClosed):
+            await self.session.handler.stream(self)
 
     async def read(self, limit: int) -> bytes:
         """All that the client sends, once it has ended its side.
@@ -142,7 +94,7 @@ class WebTransportStream(Stream):
         if self._overloaded:
             raise Overloaded("This connection has too many requests running.")
         try:
-            async with asyncio.timeout(self.connection.service.limits.request_timeout):
+            async with asyncio.timeout(self.outlet.limits.request_timeout):
                 while not self._ended and len(self._body) <= limit:
                     self._news.clear()
                     await self._news.wait()
@@ -152,22 +104,6 @@ class WebTransportStream(Stream):
             raise BodyTooLarge(f"The body has more than {limit} bytes.")
         return bytes(self._body)
 
-    async def finish(self, *parts: bytes) -> None:
-        """Write and end the stream; waits while the client or the network cannot keep up.
-
-        Raises StreamClosed if the client is gone or has stopped reading.
-        """
-        first = b"".join(part for part in parts[:-1])
-        view = memoryview(parts[-1])
-        while True:
-            await self.connection.writer.room(self.stream_id)
-            size = max(0, CHUNK - len(first))
-            chunk, view = first + view[:size], view[size:]
-            self.connection.writer.raw(self.stream_id, chunk, end=not view)
-            if not view:
-                return
-            first = b""
-
-    async def run(self) -> None:
-        with contextlib.suppress(StreamClosed):
-            await self.session.answer(self)
+    async def finish(self, answer: bytes) -> None:
+        """Send the answer and end the stream; waits, and raises StreamClosed, as `Outlet.finish` does."""
+        await self.outlet.finish(answer)

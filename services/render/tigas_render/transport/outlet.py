@@ -1,0 +1,193 @@
+"""Where a connection's streams and sessions send: no faster than the network and the client take it."""
+
+from __future__ import annotations
+
+import asyncio
+from collections import deque
+from collections.abc import Callable, Iterable
+
+from aioquic.buffer import encode_uint_var
+from aioquic.h3.events import Headers
+
+from tigas_render.transport.limits import Limits
+from tigas_render.transport.quic import ServerH3Connection, ServerQuicConnection
+
+CHUNK = 64 * 1024
+"""Bytes handed to QUIC at a time."""
+MAX_URGENT = 64
+"""Datagrams of one session that may wait ahead of others."""
+SESSION_ID_BYTES = 8
+"""The most that the session's id takes of a datagram."""
+
+
+class StreamClosed(ConnectionError):
+    """The client has cancelled the stream, or its connection is gone."""
+
+
+class Writer:
+    """What all outlets of one connection share."""
+
+    def __init__(
+        self,
+        quic: ServerQuicConnection,
+        h3: ServerH3Connection,
+        limits: Limits,
+        transmit_soon: Callable[[], None],
+    ) -> None:
+        self.quic = quic
+        self.h3 = h3
+        self.limits = limits
+        self.transmit_soon = transmit_soon
+        self.waiting: dict[int, asyncio.Future[None]] = {}
+        """Who waits for room, by stream."""
+        self.with_datagrams: list[DatagramOutlet] = []
+        """Sessions with datagrams that wait."""
+        self.closed = False
+
+    def has_room(self, stream_id: int) -> bool:
+        """Whether a stream may hand more data to QUIC."""
+        network, total = self.quic.unsent_total()
+        return (
+            self.quic.unsent(stream_id) < self.limits.unsent
+            and network < self.limits.unsent
+            and total < self.limits.unread_answers
+        )
+
+    def wake(self) -> None:
+        """Let those write on for whom there is room now, the oldest stream first."""
+        for stream_id in sorted(self.waiting):
+            waiter = self.waiting[stream_id]
+            if not waiter.done() and (not self.quic.can_write(stream_id) or self.has_room(stream_id)):
+                waiter.set_result(None)
+
+    def hand_over_datagrams(self) -> bool:
+        """Give QUIC as many datagrams as it can send soon; whether any are left."""
+        self.with_datagrams = [outlet for outlet in self.with_datagrams if outlet.hand_over()]
+        return bool(self.with_datagrams)
+
+    def close(self) -> None:
+        """Wake everybody who waits, to be told that the connection is over."""
+        self.closed = True
+        for waiter in self.waiting.values():
+            if not waiter.done():
+                waiter.set_result(None)
+
+
+class Outlet:
+    """The server's side of one stream. What is written to a stream that has ended goes nowhere."""
+
+    def __init__(self, writer: Writer, stream_id: int) -> None:
+        self.stream_id = stream_id
+        self.limits = writer.limits
+        self._writer = writer
+
+    @property
+    def is_open(self) -> bool:
+        """Whether the server's side is neither finished nor reset."""
+        return self._writer.quic.can_write(self.stream_id)
+
+    def send_headers(self, headers: Headers) -> None:
+        """Send an HTTP header section."""
+        if self.is_open:
+            self._writer.h3.send_headers(self.stream_id, headers)
+            self._writer.transmit_soon()
+
+    async def send_data(self, data: bytes) -> None:
+        """Send a part of an HTTP body; waits while the network or the client cannot keep up.
+
+        Raises StreamClosed if the client has cancelled, is gone, or has read nothing for too long.
+        """
+        for start in range(0, len(data), CHUNK):
+            await self._room()
+            self._writer.h3.send_data(self.stream_id, data[start : start + CHUNK], end_stream=False)
+            self._writer.transmit_soon()
+
+    async def finish(self, data: bytes) -> None:
+        """Send bytes as they are and end the stream; waits, and raises, as `send_data` does."""
+        for start in range(0, len(data), CHUNK):
+            await self._room()
+            self._writer.quic.send_stream_data(self.stream_id, data[start : start + CHUNK])
+            self._writer.transmit_soon()
+        self.end()
+
+    def end(self) -> None:
+        """End the server's side."""
+        if self.is_open:
+            self._writer.quic.send_stream_data(self.stream_id, b"", end_stream=True)
+            self._writer.h3.finished(self.stream_id)
+            self._writer.transmit_soon()
+
+    def stop_reading(self, error_code: int) -> None:
+        """Ask the client to send no more."""
+        if self._writer.quic.is_receiving(self.stream_id):
+            self._writer.quic.stop_stream(self.stream_id, error_code)
+            self._writer.transmit_soon()
+
+    def abort(self, error_code: int) -> None:
+        """End whatever is not ended yet, in both directions."""
+        self.stop_reading(error_code)
+        if self.is_open:
+            self._writer.quic.reset_stream(self.stream_id, error_code)
+            self._writer.transmit_soon()
+        self._writer.h3.finished(self.stream_id)
+
+    async def _room(self) -> None:
+        writer = self._writer
+        while not writer.closed and self.is_open:
+            if writer.has_room(self.stream_id):
+                return
+            waiter = writer.waiting[self.stream_id] = asyncio.get_running_loop().create_future()
+            try:
+                async with asyncio.timeout(self.limits.stall_timeout):
+                    await waiter
+            except TimeoutError:
+                raise StreamClosed("the client reads nothing") from None
+            finally:
+                del writer.waiting[self.stream_id]
+        raise StreamClosed("the stream is closed")
+
+
+class DatagramOutlet:
+    """A WebTransport session's datagrams. They wait here, where they can be taken back, until the network has room."""
+
+    def __init__(self, writer: Writer, session_id: int) -> None:
+        """session_id: the id of the stream that opened the session."""
+        self._writer = writer
+        self._prefix = encode_uint_var(session_id // 4)  # RFC 9297, 2.1
+        self._waiting: deque[bytes] = deque()
+        self._urgent: deque[bytes] = deque(maxlen=MAX_URGENT)
+
+    @property
+    def max_size(self) -> int:
+        """The longest datagram that fits in a packet now, in bytes; it may shrink with the path."""
+        return self._writer.quic.max_datagram_payload - SESSION_ID_BYTES
+
+    def replace(self, datagrams: Iterable[bytes]) -> None:
+        """Send these instead of those that still wait."""
+        self._waiting = deque(datagrams)
+        self._send_soon()
+
+    def send_first(self, datagrams: Iterable[bytes]) -> None:
+        """Send these ahead of those that wait. When there are too many, the oldest are dropped."""
+        self._urgent.extend(datagrams)
+        self._send_soon()
+
+    def hand_over(self) -> bool:
+        """As `Writer.hand_over_datagrams`. A datagram that has become too long for the path is dropped."""
+        quic = self._writer.quic
+        for queue in (self._urgent, self._waiting):
+            while queue and quic.datagram_room:
+                data = self._prefix + queue.popleft()
+                if len(data) <= quic.max_datagram_payload:
+                    quic.send_datagram_frame(data)
+        return bool(self._urgent or self._waiting)
+
+    def close(self) -> None:
+        """Drop what waits."""
+        self._waiting.clear()
+        self._urgent.clear()
+
+    def _send_soon(self) -> None:
+        if self not in self._writer.with_datagrams:
+            self._writer.with_datagrams.append(self)
+        self._writer.transmit_soon()
