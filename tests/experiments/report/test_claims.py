@@ -9,6 +9,7 @@ import pytest
 
 from tests.experiments.report.made_up_results import write_run
 from tigas_experiments.report.claims import Claim, claims
+from tigas_experiments.report.groups import Groups
 from tigas_experiments.report.results import load
 
 
@@ -24,7 +25,7 @@ def found(folder: Path, *runs: dict[str, Any]) -> dict[str, Claim]:
         "height": "greater height",
         "ssim": "better SSIM",
     }
-    every = claims(load(folder))
+    every = claims(Groups.of(load(folder).runs))
     return {name: next(claim for claim in every if text in claim.text) for name, text in words.items()}
 
 
@@ -109,7 +110,7 @@ def test_each_reading_of_latency_that_has_runs_is_judged_by_itself(tmp_path: Pat
     write_run(tmp_path / "runs/0", "latency", rungs=(1,), delay_ms=40.0, rtt_ms=20.0)
     write_run(tmp_path / "runs/1", "latency-transfer", rungs=(1, 2), hold=25, delay_ms=130.0, rtt_ms=20.0)
     write_run(tmp_path / "runs/2", "lol+", rungs=(1, 2), hold=50, rtt_ms=20.0)
-    verdicts = {claim.text: claim.verdict for claim in claims(load(tmp_path))}
+    verdicts = {claim.text: claim.verdict for claim in claims(Groups.of(load(tmp_path).runs))}
     assert verdicts["Latency changes its profile less often than LoL+"] == "holds"
     assert verdicts["Latency (transfer) changes its profile less often than LoL+"] == "does not hold"
     responses = {text.split("'s")[0]: verdict for text, verdict in verdicts.items() if "p95 response" in text}

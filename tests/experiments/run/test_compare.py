@@ -16,9 +16,13 @@ from typing import Any
 import httpx
 import psutil
 import pytest
+import typer
+from typer.testing import CliRunner, Result
 
 from tests.experiments.conftest import Services
-from tigas_experiments.records.folder import StoredRun
+from tests.experiments.run.stub import Stub, fails
+from tigas_experiments.records.folder import StoredRun, read_experiment
+from tigas_experiments.run.compare import compare as command
 
 PATIENCE_S = 90
 SHORT = ("--scene", "pebbles", "--duration", "2", "--warm-up", "0.5", "--viewport", "320x180", "--profile", "3")
@@ -110,7 +114,7 @@ def test_every_mode_is_measured_over_the_same_link_and_movement(services: Servic
 def test_who_ends_it_ends_everything_and_keeps_what_was_finished(
     services: Services, out: Path, end_it: Callable[[subprocess.Popen[str]], None]
 ) -> None:
-    modes = ("--modes", "stateless,stateless")
+    modes = ("--modes", "stateless", "--repeats", "2")
     process = compare("--url", services.url, "--network", "unshaped", *modes, "--out", str(out), *SHORT)
     end = time.monotonic() + PATIENCE_S
     while len(list((out / "runs").glob("*"))) < 2:
@@ -132,7 +136,7 @@ def test_who_ends_it_ends_everything_and_keeps_what_was_finished(
 def test_a_run_that_somebody_else_spoils_is_named(services: Services, out: Path) -> None:
     held = ("/link", {"down_kbps": 20_000, "up_kbps": 10_000, "delay_ms": 10, "jitter_ms": 0, "loss_pct": 0})
     asked = len(services.shaper.asked)
-    arguments = ("--url", services.url, "--modes", "stateless,stateless", "--out", str(out))
+    arguments = ("--url", services.url, "--modes", "stateless", "--repeats", "2", "--out", str(out))
     process = compare(*arguments, "--network", "20mbit,20ms-rtt", *SHORT)
     end = time.monotonic() + PATIENCE_S
     while services.shaper.asked[asked:].count(held) < 2:  # the first time, it is only tried
@@ -173,7 +177,8 @@ def test_what_cannot_be_had_is_said_before_anything_is_measured(
         (("--url", "http://127.0.0.1:9"), "No TIGAS render service answers at http://127.0.0.1:9."),
         (("--url", "nonsense"), "'nonsense' is no URL of a viewer"),
         (("--network", "20mbit,fast"), "is no part of a link"),
-        (("--modes", "magic"), "mode: input should be"),
+        (("--modes", "magic"), "modes.0: input should be"),
+        (("--modes", "stateless,stateless"), "modes: 'stateless' is there twice"),
         (("--viewport", "big"), "is not WIDTHxHEIGHT"),
         (("--out", "."), ". exists already"),
     ],
@@ -184,6 +189,46 @@ def test_nonsense_gets_one_sentence(out: Path, arguments: tuple[str, str], sente
     assert sentence in " ".join(errors.replace("│", " ").split())
     assert "Traceback" not in errors
     assert not out.exists()
+
+
+def tigas_compare(*arguments: str) -> Result:
+    """The command within this process."""
+    app = typer.Typer()
+    app.command()(command)
+    return CliRunner().invoke(app, arguments)
+
+
+def test_it_is_an_experiment_with_a_page_of_its_own(stub: Stub, out: Path) -> None:
+    networks = ("--network", "20mbit,20ms-rtt", "--network", "unshaped")
+    result = tigas_compare("--out", str(out), *networks, "--profile", "budget", "--profile", "2")
+    assert result.exit_code == 0, result.output
+    modes = ("stateless-budget_0", "stateless-2_0", "dash-typical_0", "dash-tuned_0")
+    assert stub.made == [f"courtyard_stroll_{net}_{mode}" for net in ("20mbit-20ms-rtt", "unshaped") for mode in modes]
+    assert sorted(path.name for path in (out / "runs").iterdir()) == sorted(stub.made)
+    record = read_experiment(out)
+    assert (record.template, record.source, record.planned, record.name) == ("comparison", "command", 8, "out")
+    assert record.command is not None
+    assert record.command.startswith("tigas ")
+    assert stub.reported == [out]
+    again = tigas_compare("--out", str(out))
+    assert (again.exit_code, len(stub.made)) == (1, 8)
+    assert f"{out} exists already; choose another folder with --out." in again.output
+
+
+def test_a_run_that_fails_costs_the_exit_status_and_no_other_run(stub: Stub, out: Path) -> None:
+    stub.happenings = [None, fails]
+    result = tigas_compare("--out", str(out))
+    assert result.exit_code == 1
+    assert "dash-typical_0: The viewer failed: Target closed" in result.output
+    assert (len(stub.made), stub.reported) == (3, [out])
+
+
+def test_when_nothing_works_there_is_a_report_of_that_too(stub: Stub, out: Path) -> None:
+    stub.happenings = [fails] * 5
+    result = tigas_compare("--out", str(out), "--repeats", "3")
+    assert result.exit_code == 1
+    assert "5 runs in a row failed" in result.output
+    assert stub.reported == [out]
 
 
 def test_without_a_browser_it_says_what_to_install(out: Path, monkeypatch: pytest.MonkeyPatch) -> None:

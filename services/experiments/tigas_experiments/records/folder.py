@@ -35,6 +35,10 @@ MAX_FILE_BYTES = 256_000_000
 Entry = TypeVar("Entry", bound=BaseModel)
 
 
+Template = Literal["experiment", "comparison"]
+"""Which page tells of it: claims over groups of runs, or run by run."""
+
+
 class ExperimentRecord(WireModel):
     """experiment.json."""
 
@@ -46,6 +50,10 @@ class ExperimentRecord(WireModel):
     """As it was given."""
     planned: int | None = Field(default=None, ge=0)
     """How many runs it has when it is complete; unknown of early ones."""
+    template: Template = "experiment"
+    """Of its report."""
+    command: str | None = None
+    """As it was typed, to run it again; None of what a page made, and of early ones."""
 
 
 def write_experiment(folder: Path, record: ExperimentRecord) -> None:

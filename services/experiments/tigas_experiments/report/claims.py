@@ -6,6 +6,8 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
+from tigas_experiments.report.controllers import CONTROLLER_TITLES
+from tigas_experiments.report.groups import Group, Groups
 from tigas_experiments.report.metrics import (
     HEIGHT,
     IN_TIME,
@@ -16,8 +18,6 @@ from tigas_experiments.report.metrics import (
     VIEW_SSIM,
     Metric,
 )
-from tigas_experiments.report.results import Group, Results
-from tigas_experiments.report.variants import CONTROLLER_TITLES
 
 Verdict = Literal["holds", "does not hold", "no data"]
 READINGS = ("latency", "latency-transfer")
@@ -43,12 +43,12 @@ Cell = dict[str, Group]
 """Controller → its runs, over one network at one round trip."""
 
 
-def claims(results: Results) -> list[Claim]:
+def claims(groups: Groups) -> list[Claim]:
     """All of them, with `no data` where the runs say nothing."""
     cells: dict[tuple[str, float | None], Cell] = {}
-    for group in results.groups:
+    for group in groups:
         condition = group.condition
-        cells.setdefault((condition.network, condition.rtt_ms), {})[condition.variant.name] = group
+        cells.setdefault((condition.network, condition.rtt_ms), {})[condition.controller.name] = group
     first, *others = READINGS
     readings = [first, *(name for name in others if any(name in cell for cell in cells.values()))]
     return [claim for reading in readings for claim in _of_reading(cells, reading)]
@@ -122,7 +122,7 @@ def _each_network(
         parts = []
         for rtt, value in values.items():
             others = [
-                f"{group.variant.title} {metric.text(other)}"
+                f"{group.controller.title} {metric.text(other)}"
                 for name, group in at[rtt].items()
                 if name != reading and (other := _mean(at[rtt], name, metric)) is not None
             ]

@@ -3,38 +3,63 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskID, TextColumn, TimeElapsedColumn
+from rich.table import Table
 
 from tigas_common.cli import in_a_sentence
 from tigas_common.errors import StartError
+
+if TYPE_CHECKING:  # heavy
+    from tigas_experiments.report.report import Report
 
 
 def report(
     folder: Annotated[
         Path, typer.Argument(metavar="DIR", help="An experiment's or a comparison's folder, with runs/.")
     ],
+    template: Annotated[
+        Literal["experiment", "comparison"] | None,
+        typer.Option(help="Claims over groups of runs, or run by run with pictures.", show_default="as it was made"),
+    ] = None,
 ) -> None:
-    """Write an experiment's report into its folder: report.html, its tables as CSV and Markdown, its figures as SVG."""
-    from tigas_experiments.report.experiment import Listener, write_experiment_report
+    """Write a report into the folder of an experiment or a comparison: report.html, tables and figures."""
+    from tigas_experiments.report.report import write_report
 
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
     with in_a_sentence(StartError, OSError), Progress(*columns, console=Console(stderr=True), transient=True) as bar:
-        runs, figures = bar.add_task("reads runs", total=None), bar.add_task("draws figures", total=None)
-        made = write_experiment_report(
-            folder,
-            folder,
-            Listener(
-                lambda done, total: bar.update(runs, completed=done, total=total),
-                lambda name: bar.update(figures, advance=1),
-            ),
-        )
+        tasks: dict[str, TaskID] = {}
+
+        def told(what: str, done: int, total: int | None) -> None:
+            if what not in tasks:
+                tasks[what] = bar.add_task(what)
+            bar.update(tasks[what], completed=done, total=total)
+
+        made = write_report(folder, folder, template, told)
+    _print(made)
+
+
+def _print(made: Report) -> None:
+    """What the page says first, what to know of it, and where it is."""
+    from tigas_experiments.report.claims import claims
+    from tigas_experiments.report.comparison_table import COLUMNS, by_network, cells, label, runs_as_made
+
     console = Console()
-    for claim in made.claims:
-        console.print(f"{claim.verdict}: {claim.text}. {claim.figures}", highlight=False, markup=False)
+    if made.template == "comparison":
+        for network, runs in by_network(runs_as_made(made.results)).items():
+            table = Table(title=network, title_justify="left")
+            table.add_column("", no_wrap=True)
+            for run in runs:
+                table.add_column(label(run.record), justify="right")
+            for column, *row in zip(COLUMNS, *map(cells, runs), strict=True):
+                table.add_row(column.heading, *row)
+            console.print(table)
+    else:
+        for claim in claims(made.groups):
+            console.print(f"{claim.verdict}: {claim.text}. {claim.figures}", highlight=False, markup=False)
     for warning in made.warnings:
         console.print(warning, style="yellow", highlight=False, markup=False)
     console.print(f"The report: {made.page}", highlight=False, markup=False, soft_wrap=True)

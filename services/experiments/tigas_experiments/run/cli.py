@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import shlex
-import sys
 from pathlib import Path
 from typing import Annotated
 
@@ -12,6 +10,7 @@ import typer
 
 from tigas_common.cli import in_a_sentence
 from tigas_common.errors import StartError
+from tigas_experiments.run.options import Scenes, Traces, Url, command_as_typed
 
 experiment = typer.Typer(
     help="Experiments: a matrix of runs from one file (docs/experiments.md).", no_args_is_help=True
@@ -24,11 +23,11 @@ Out = Annotated[Path | None, typer.Option(help="Folder for the runs.", show_defa
 @experiment.command("plan")
 def plan(file: File, out: Out = None) -> None:
     """List the runs of an experiment, which of them are complete, and how long the others take."""
-    from tigas_experiments.run.matrix import Experiment
     from tigas_experiments.run.plan import lasting
+    from tigas_experiments.run.runner import Experiment
 
     with in_a_sentence(StartError, OSError):
-        planned = Experiment.read(file, out)
+        planned = Experiment.read(file, out, command_as_typed())
         missing = planned.missing()
         todo = {run.slug for run in missing}
         for run in planned.runs:
@@ -55,17 +54,17 @@ def import_(
 def run(
     file: File,
     out: Out = None,
-    url: Annotated[str | None, typer.Option(help="Measure running services instead of starting the lab.")] = None,
-    scenes: Annotated[Path | None, typer.Option(help="The lab's models directory: one folder a scene.")] = None,
-    traces: Annotated[Path | None, typer.Option(help="The lab's directory of network traces.")] = None,
+    url: Url = None,
+    scenes: Scenes = None,
+    traces: Traces = None,
 ) -> None:
     """Make the runs of an experiment that are missing. Interrupted, it goes on when it is started again."""
     from rich.console import Console
 
     from tigas_experiments.report.cli import report
-    from tigas_experiments.run.matrix import Experiment, make_missing_runs, reserved
     from tigas_experiments.run.plan import lasting
     from tigas_experiments.run.progress import progress
+    from tigas_experiments.run.runner import Experiment, make_missing_runs, reserved
     from tigas_experiments.run.signals import end_as_ctrl_c
 
     def say(text: str) -> None:
@@ -73,9 +72,9 @@ def run(
 
     end_as_ctrl_c()
     console = Console(stderr=True)
-    again = shlex.join(["tigas", *sys.argv[1:]])
+    again = command_as_typed()
     with in_a_sentence(StartError, OSError):
-        made = Experiment.read(file, out)
+        made = Experiment.read(file, out, again)
         with reserved(made):
             missing = made.missing()
             if missing:

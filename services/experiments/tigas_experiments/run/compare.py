@@ -1,64 +1,92 @@
-"""A comparison: the same movement over the same networks, mode after mode, and a report of what was seen."""
+"""The command `tigas compare`: one plan of an experiment, with a page of its own."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+import asyncio
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import Annotated
 
-from tigas_common.wire.run import Configuration
-from tigas_experiments.records.folder import RunRecord
-from tigas_experiments.report.page import ReportData, write_report
-from tigas_experiments.run.inputs import Inputs
-from tigas_experiments.run.laboratory import laboratory
-from tigas_experiments.run.measure import run
+import typer
 
+from tigas_common.cli import in_a_sentence
+from tigas_common.errors import StartError
+from tigas_common.wire.run import MODES
+from tigas_experiments.run.options import Scenes, Traces, Url, command_as_typed
 
-@dataclass(frozen=True, slots=True)
-class Comparison:
-    """What to compare, against what, and where to."""
-
-    runs: Sequence[Configuration]
-    out: Path
-    command: str
-    """As it was typed."""
-    url: str | None
-    """Of running services; without it, the lab is started."""
-    scenes: Path | None
-    traces: Path | None
+DEFAULT_NETWORK = "20mbit,20ms-rtt"
+DEFAULT_PROFILE = "budget"
 
 
-@dataclass(frozen=True, slots=True)
-class Listener:
-    """Who wants to know how it goes."""
+def compare(
+    scene: Annotated[str, typer.Option(help="The scene's id.")] = "courtyard",
+    movement: Annotated[str, typer.Option(help="A movement trace's file, or the name of a generated one.")] = "stroll",
+    network: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="A constant link such as 20mbit,20ms-rtt, a network trace's file, a trace's name in --traces, or "
+            "`unshaped`. May be given several times.",
+            show_default=DEFAULT_NETWORK,
+        ),
+    ] = None,
+    modes: Annotated[str, typer.Option(help="What to compare, separated by commas.")] = ",".join(MODES),
+    duration: Annotated[float, typer.Option(help="Seconds of movement a run.")] = 60,
+    viewport: Annotated[str, typer.Option(help="WIDTHxHEIGHT in pixels.")] = "640x360",
+    profile: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="Stateless: a controller's name, or a fixed rung of the ladder. May be given several times.",
+            show_default=DEFAULT_PROFILE,
+        ),
+    ] = None,
+    seed: Annotated[int, typer.Option(help="Of generated movements and of the controllers' random numbers.")] = 1,
+    capture_every: Annotated[float, typer.Option(help="Seconds between pictures kept for quality; 0 keeps none.")] = 1,
+    warm_up: Annotated[float, typer.Option(help="Seconds before the movement begins.")] = 5,
+    out: Annotated[
+        Path | None, typer.Option(help="Folder for the report.", show_default="results/compare-TIME")
+    ] = None,
+    repeats: Annotated[int, typer.Option(help="How often each is measured.")] = 1,
+    url: Url = None,
+    scenes: Scenes = None,
+    traces: Traces = None,
+) -> None:
+    """Compare one JPEG per pose with low-latency DASH: same movement, same network, and a report to cite."""
+    from rich.console import Console
 
-    stage: Callable[[str], None]
-    """What is going on."""
-    finished: Callable[[RunRecord], None]
-    """A run has ended."""
+    from tigas_experiments.report.cli import report
+    from tigas_experiments.run.plan import Plan
+    from tigas_experiments.run.progress import progress
+    from tigas_experiments.run.runner import Experiment, make_missing_runs, reserved
+    from tigas_experiments.run.signals import end_as_ctrl_c
 
-
-def default_out() -> Path:
-    """A folder for a comparison that begins now."""
-    return Path("results", f"compare-{datetime.now(UTC):%Y%m%d-%H%M%S}")
-
-
-async def make_runs(comparison: Comparison, listener: Listener, made: list[Path]) -> None:
-    """Make all runs; `made` gets each one's folder as it begins, so that it is known whatever happens.
-
-    Raises StartError and OSError.
-    """
-    async with laboratory(comparison.url, comparison.scenes, comparison.traces, Inputs(Path())) as lab:
-        listener.stage("starts the services")
-        await lab.check(comparison.runs)
-        for number, configuration in enumerate(comparison.runs, 1):
-            folder = comparison.out / "runs" / f"{number:02}_{configuration.slug}"
-            made.append(folder)
-            listener.finished(await run(lab, configuration, folder, listener.stage))
-
-
-def report_on(comparison: Comparison, made: Sequence[Path]) -> ReportData:
-    """The report of the runs that were made. Raises OSError."""
-    scenes = ", ".join(dict.fromkeys(run.scene for run in comparison.runs))
-    return write_report(made, comparison.out, f"{scenes}: one JPEG per pose and low-latency DASH", comparison.command)
+    end_as_ctrl_c()
+    with in_a_sentence(StartError, OSError):
+        folder = out or Path("results", f"compare-{datetime.now(UTC):%Y%m%d-%H%M%S}")
+        if folder.exists():
+            raise StartError(f"{folder} exists already; choose another folder with --out.")
+        plan = Plan.of(
+            {
+                "name": folder.name,
+                "scenes": [scene],
+                "movements": [movement],
+                "networks": network or [DEFAULT_NETWORK],
+                "modes": [mode.strip() for mode in modes.split(",")],
+                "controllers": profile or [DEFAULT_PROFILE],
+                "repeats": repeats,
+                "duration_s": duration,
+                "viewport": viewport,
+                "seed": seed,
+                "capture_every_s": capture_every,
+                "warm_up_s": warm_up,
+            },
+            "This comparison cannot be made",
+        )
+        made = Experiment.of(plan, Path(), folder, "comparison", command_as_typed())
+        try:
+            with reserved(made), progress(made.runs, len(made.runs), Console(stderr=True)) as listener:
+                asyncio.run(make_missing_runs(made, url, scenes, traces, listener))
+        finally:  # Ctrl+C, too, leaves a report of what there is
+            if made.begun:
+                report(folder)
+        if made.missing():
+            raise typer.Exit(1)

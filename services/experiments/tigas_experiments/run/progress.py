@@ -1,4 +1,4 @@
-"""What `tigas experiment run` shows: a bar over all runs with the time left, and below it what the current one does."""
+"""What is shown while runs are made: a bar over all with the time left, and below it what the current one does."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from rich.progress import (
 
 from tigas_common.wire.run import Configuration
 from tigas_experiments.records.folder import RunRecord
-from tigas_experiments.run.matrix import Listener
+from tigas_experiments.run.runner import Listener
 
 SPEED_OVER_S = 3600
 """The time left is judged by the runs of the last hour: single runs take many seconds."""

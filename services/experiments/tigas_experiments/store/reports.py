@@ -58,11 +58,11 @@ def _still_there(experiment: str) -> Iterator[None]:
 
 def draw(folder: Path, out: Path) -> None:
     """Write the files of an experiment's report into a folder. Raises NothingToReport and DiskFull."""
-    from tigas_experiments.report.experiment import write_experiment_report  # heavy, and of no use but where it draws
+    from tigas_experiments.report.report import write_report  # heavy, and of no use but where it draws
 
     with storage_explained():
         try:
-            write_experiment_report(folder, out)
+            write_report(folder, out)
         except StartError as error:
             raise NothingToReport(str(error)) from None
 

@@ -1,32 +1,35 @@
-"""What is drawn in a panel for each controller: points, lines, distributions and boxes."""
+"""The charts of a panel: points with whiskers, lines in bands, cumulative distributions, and boxes."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 from matplotlib.axes import Axes
 
-from tigas_experiments.report.drawing import INK, distribution, interactive_limit
+from tigas_experiments.report.axes import extent, interactive_limit, metric_axis
+from tigas_experiments.report.controllers import Controller, Look
+from tigas_experiments.report.groups import Group, Spread
 from tigas_experiments.report.metrics import Metric
-from tigas_experiments.report.panels import extent, metric_axis
-from tigas_experiments.report.results import Group, Spread
-from tigas_experiments.report.variants import Look, Variant
+from tigas_experiments.report.plot import INK
+from tigas_experiments.report.results import Floats
 
-Looks = Mapping[Variant, Look]
+Looks = Mapping[Controller, Look]
+DISTRIBUTION_POINTS = 200
+"""Of a drawn distribution: more cannot be seen."""
 
 
 def draw_points(axes: Axes, columns: Mapping[str, Sequence[Group]], metric: Metric, looks: Looks) -> None:
     """Means, with the least and the greatest, network by network."""
     width = 0.7 / max(1, len(looks))
-    for place, (variant, look) in enumerate(looks.items()):
+    for place, (controller, look) in enumerate(looks.items()):
         offset = (place - (len(looks) - 1) / 2) * width
         every = [
             (column + offset, spread)
             for column, groups in enumerate(columns.values())
             for group in groups
-            if group.variant == variant and (spread := group.spread(metric))
+            if group.controller == controller and (spread := group.spread(metric))
         ]
         _draw_never(axes, every, look)
         spreads = [(x, spread) for x, spread in every if math.isfinite(spread.high)]
@@ -40,15 +43,15 @@ def draw_points(axes: Axes, columns: Mapping[str, Sequence[Group]], metric: Metr
             color=look.colour,
             markersize=5,
             elinewidth=1.2,
-            label=variant.title,
+            label=controller.title,
         )
     metric_axis(axes, metric, extent([group for groups in columns.values() for group in groups], metric))
     axes.set_xlim(-0.5, len(columns) - 0.5)
     axes.grid(visible=False, axis="x")
 
 
-def draw_line(axes: Axes, groups: Sequence[Group], metric: Metric, variant: Variant, look: Look) -> None:
-    """Means of one variant over the round trip, in a band from the least to the greatest."""
+def draw_line(axes: Axes, groups: Sequence[Group], metric: Metric, controller: Controller, look: Look) -> None:
+    """Means of one controller over the round trip, in a band from the least to the greatest."""
     every = [(group.condition.rtt_ms or 0.0, spread) for group in groups if (spread := group.spread(metric))]
     _draw_never(axes, every, look)
     found = [(rtt, spread) for rtt, spread in every if math.isfinite(spread.high)]
@@ -61,7 +64,7 @@ def draw_line(axes: Axes, groups: Sequence[Group], metric: Metric, variant: Vari
         marker=look.marker,
         markersize=4,
         linewidth=1.4,
-        label=variant.title,
+        label=controller.title,
         **look.line,
     )
     if any(spread.runs > 1 for _, spread in found):
@@ -78,21 +81,13 @@ def _draw_never(axes: Axes, spreads: Sequence[tuple[float, Spread]], look: Look)
     axes.plot(at, [1.0] * len(at), look.marker, transform=edge, color=look.colour, mfc="none", clip_on=False)
 
 
-def draw_distributions(axes: Axes, groups: Sequence[Group], looks: Looks) -> list[float]:
-    """Of motion-to-photon latency; returns the times (ms) that the axis has to reach over."""
+def draw_distributions(axes: Axes, curves: Iterable[tuple[str, Look, Floats]]) -> list[float]:
+    """Of motion-to-photon latency (ms), by label and look; returns the times that the axis has to reach over."""
     every: list[float] = []
-    for group in groups:
-        look = looks[group.variant]
-        values, shares = distribution(group.latencies.tolist())
-        if values:
-            axes.step(
-                values,
-                [100 * share for share in shares],
-                where="post",
-                linewidth=1.5,
-                label=group.variant.title,
-                **look.line,
-            )
+    for label, look, latencies in curves:
+        values, shares = distribution(latencies)
+        if len(values):
+            axes.step(values, 100 * shares, where="post", linewidth=1.5, label=label, **look.line)
             # The last few, which may be very late, need not be seen.
             every += np.quantile(values, (0, 0.995)).tolist()
     interactive_limit(axes, horizontal=True)
@@ -103,17 +98,17 @@ def draw_distributions(axes: Axes, groups: Sequence[Group], looks: Looks) -> lis
 def draw_boxes(axes: Axes, groups: Sequence[Group], looks: Looks) -> list[float]:
     """Of response times; returns the times (ms) that the axis has to reach over."""
     whiskers: list[float] = []
-    places = {variant: place for place, variant in enumerate(looks)}  # in every panel, although one may lack some
+    places = {controller: place for place, controller in enumerate(looks)}  # in every panel, although one may lack some
     for group in groups:
         values = group.responses
         if not len(values):
             continue
         low, q1, middle, q3, high = np.percentile(values, (5, 25, 50, 75, 95)).tolist()
         box = {"whislo": low, "q1": q1, "med": middle, "q3": q3, "whishi": high}
-        colour = looks[group.variant].colour
+        colour = looks[group.controller].colour
         axes.bxp(
             [box],
-            positions=[places[group.variant]],
+            positions=[places[group.controller]],
             widths=0.6,
             showfliers=False,
             patch_artist=True,
@@ -124,6 +119,16 @@ def draw_boxes(axes: Axes, groups: Sequence[Group], looks: Looks) -> list[float]
         )
         whiskers += [low, high]
     interactive_limit(axes)
-    axes.set_xticks(range(len(looks)), [variant.title for variant in looks], rotation=20, ha="right")
+    axes.set_xticks(range(len(looks)), [controller.title for controller in looks], rotation=20, ha="right")
     axes.set_ylabel("Response, ms")
     return whiskers
+
+
+def distribution(values: Floats) -> tuple[Floats, Floats]:
+    """The cumulative distribution as steps: values, and the share of all that are at most as large.
+
+    Infinite ones count, but are no step.
+    """
+    finite = np.sort(values[np.isfinite(values)])
+    kept = np.unique(np.linspace(0, len(finite) - 1, min(len(finite), DISTRIBUTION_POINTS)).round().astype(int))
+    return finite[kept], (kept + 1) / len(values)

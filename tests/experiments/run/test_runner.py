@@ -1,78 +1,26 @@
 """Experiments that are interrupted in every way: what is complete stays, and only what is missing is made again.
 
-The measuring itself is a stub here; `test_experiment.py` does it in a real browser.
+The measuring itself is a stub here; `test_cli.py` does it in a real browser.
 """
 
 from __future__ import annotations
 
-import asyncio
 import errno
 import json
 import signal
-from collections.abc import AsyncIterator, Callable
-from contextlib import asynccontextmanager
 from pathlib import Path
 from typing import Any
 
 import pytest
 from typer.testing import CliRunner, Result
 
-from tests.experiments.made_up import MACHINE
+from tests.experiments.run.stub import Stub, fails
 from tests.experiments.run.test_plan import toml
 from tigas_common.errors import StartError
-from tigas_common.wire.run import Configuration
-from tigas_experiments.records.folder import RunRecord, RunWriter, read_experiment
-from tigas_experiments.report import cli as report_module
-from tigas_experiments.run import matrix as runner
-from tigas_experiments.run import measure as run_module
+from tigas_experiments.records.folder import RunWriter, read_experiment
+from tigas_experiments.run import runner
 from tigas_experiments.run.cli import experiment
-from tigas_experiments.run.errors import RunFailed
-from tigas_experiments.run.inputs import Inputs
 from tigas_experiments.run.lock import exclusive
-
-Happening = Callable[[RunWriter], None]
-
-
-class Stub:
-    """A laboratory in which happens what a test wants to happen, run by run; afterwards all goes well."""
-
-    machine = MACHINE
-    inputs: Inputs
-
-    def __init__(self) -> None:
-        self.happenings: list[Happening | None] = []
-        self.made: list[str] = []
-        self.checked = 0
-        self.reported: list[Path] = []
-
-    async def check(self, runs: list[Configuration]) -> None:
-        self.checked += 1
-
-    async def bench(self, configuration: Configuration) -> None:
-        self.made.append(configuration.slug)
-
-    async def measure(self, _: object, configuration: Configuration, writer: RunWriter, stage: object) -> RunRecord:
-        happening = self.happenings.pop(0) if self.happenings else None
-        if happening is not None:
-            happening(writer)
-            await asyncio.sleep(60)  # interrupted
-        return writer.close(status="complete", inputs_sha256=self.inputs.digests(configuration))
-
-
-@pytest.fixture
-def stub(monkeypatch: pytest.MonkeyPatch) -> Stub:
-    """In place of services and browser."""
-    made = Stub()
-
-    @asynccontextmanager
-    async def laboratory(url: object, scenes: object, traces: object, inputs: Inputs) -> AsyncIterator[Stub]:
-        made.inputs = inputs
-        yield made
-
-    monkeypatch.setattr(runner, "laboratory", laboratory)
-    monkeypatch.setattr(run_module, "_measure", made.measure)
-    monkeypatch.setattr(report_module, "report", made.reported.append)
-    return made
 
 
 @pytest.fixture
@@ -95,11 +43,6 @@ def status(file: Path) -> dict[str, str]:
         record = json.loads(path.read_text())
         found[path.parent.name] = record["problem"] or record["status"]
     return found
-
-
-def fails(writer: RunWriter) -> None:
-    """As a browser that was closed."""
-    raise RunFailed("The viewer failed: Target closed")
 
 
 def test_a_second_run_makes_nothing_again(stub: Stub, file: Path) -> None:
@@ -296,7 +239,7 @@ def test_what_cannot_be_begun_changes_nothing(stub: Stub, file: Path, monkeypatc
     result = tigas("run", file)
     assert result.exit_code == 1
     assert "cannot be loaded" in result.output
-    assert [path.name for path in (file.parent / "out").iterdir()] == [".lock"]
+    assert not (file.parent / "out").exists()
 
 
 def test_nonsense_gets_one_sentence(file: Path, stub: Stub) -> None:

@@ -1,6 +1,6 @@
-"""The figures for other programs: runs.csv with a row for each run, groups.csv with a row for each condition.
+"""The tables as files: runs.csv with a row for each run, groups.csv with a row for each group, overall.md for papers.
 
-An empty cell is a figure that there is not; `inf` is a time that never came.
+An empty cell of a CSV file is a metric that there is not; `inf` is a time that never came.
 """
 
 from __future__ import annotations
@@ -11,20 +11,40 @@ from pathlib import Path
 from typing import Any
 
 from tigas_experiments.records.folder import RunRecord
-from tigas_experiments.report.metrics import METRICS
-from tigas_experiments.report.results import Condition, Failure, Group, Results, Run
+from tigas_experiments.report.groups import Condition, Group, Groups, Overall
+from tigas_experiments.report.metrics import METRICS, TABLE
+from tigas_experiments.report.results import Failure, Results, Run
 
 Row = dict[str, Any]
 
 
-def write_csv(results: Results, folder: Path) -> list[Path]:
-    """Both files. Raises OSError."""
+def write_csv(results: Results, groups: Groups, folder: Path) -> list[Path]:
+    """runs.csv and groups.csv. Raises OSError."""
     runs = [*map(_run, results.runs), *map(_failure, results.failures)]
     files = {
         "runs.csv": sorted(runs, key=lambda row: str(row["folder"])),
-        "groups.csv": [_group(group) for group in results.groups],
+        "groups.csv": [_group(group) for group in groups],
     }
     return [_write(folder / name, rows) for name, rows in files.items()]
+
+
+def overall_markdown(rows: Sequence[Overall]) -> str:
+    """Means alone."""
+    if not rows:
+        return "No controller was measured over all networks at one round trip.\n"
+    lines = [
+        "| round trip, ms | controller | runs | " + " | ".join(metric.heading for metric in TABLE) + " |",
+        "|---:|---|---:|" + "---:|" * len(TABLE),
+    ]
+    for row in rows:
+        means = [metric.text(spread.mean if (spread := row.spread(metric)) else None) for metric in TABLE]
+        lines.append(f"| {rtt_text(row.rtt_ms)} | {escaped(row.name)} | {row.runs} | {' | '.join(means)} |")
+    return "\n".join(lines) + "\n"
+
+
+def rtt_text(rtt_ms: float | None) -> str:
+    """As it stands in a table."""
+    return "its own" if rtt_ms is None else f"{rtt_ms:g}"
 
 
 def _run(run: Run) -> Row:
@@ -50,7 +70,7 @@ def _record(record: RunRecord) -> Row:
     return {
         "network": condition.network,
         "rtt_ms": condition.rtt_ms,
-        "controller": condition.variant.name,
+        "controller": condition.controller.name,
         **_flat("configuration", record.configuration.model_dump(mode="json")),
         "started": record.started,
         "tigas": record.machine.tigas,
@@ -71,8 +91,8 @@ def _group(group: Group) -> Row:
     row: Row = {
         "network": condition.network,
         "rtt_ms": condition.rtt_ms,
-        "mode": condition.variant.mode,
-        "controller": condition.variant.name,
+        "mode": condition.controller.mode,
+        "controller": condition.controller.name,
         "runs": len(group.runs),
         "runs_saturated": sum(run.saturated for run in group.runs),
         "scenes": _names(configuration.scene for configuration in configurations),
@@ -105,3 +125,8 @@ def _write(path: Path, rows: Sequence[Row]) -> Path:
         writer.writeheader()
         writer.writerows(rows)
     return path
+
+
+def escaped(text: str) -> str:
+    """As a cell of a Markdown table."""
+    return " ".join(text.split()).replace("|", "\\|")

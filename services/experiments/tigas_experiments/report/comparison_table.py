@@ -1,4 +1,4 @@
-"""The table of figures, the same for the terminal, Markdown and HTML."""
+"""The table of a comparison, run by run: the same for the terminal, Markdown and HTML."""
 
 from __future__ import annotations
 
@@ -6,10 +6,13 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from itertools import groupby
 
-from tigas_common.wire.run import MODE_NAMES
+from tigas_experiments.records.folder import RunRecord
 from tigas_experiments.records.summary import Summary
 from tigas_experiments.report import metrics
+from tigas_experiments.report.controllers import Controller
 from tigas_experiments.report.metrics import NONE, Metric
+from tigas_experiments.report.results import Results
+from tigas_experiments.report.tables import escaped
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,24 +58,25 @@ COLUMNS = (
 )
 
 
-def groups() -> list[tuple[str, int]]:
+def column_groups() -> list[tuple[str, int]]:
     """The columns' groups, and how many columns each has."""
     return [(name, len(list(members))) for name, members in groupby(COLUMNS, lambda column: column.group)]
 
 
-def label(summary: Summary) -> str:
+def runs_as_made(results: Results) -> list[Summary]:
+    """All runs of which run.json can be read, in the order in which they were made."""
+    runs = [Summary(folder=r.folder, record=r.record, figures=r.figures, problem=None) for r in results.runs]
+    for failure in results.failures:
+        if failure.record is not None:
+            runs.append(Summary(folder=failure.folder, record=failure.record, figures=None, problem=failure.reason))
+    return sorted(runs, key=lambda run: (run.record.started, run.folder))
+
+
+def label(record: RunRecord) -> str:
     """The run within its network."""
-    configuration = summary.record.configuration
-    name = MODE_NAMES[configuration.mode]
-    if configuration.mode == "stateless":
-        profile = configuration.profile
-        name += f", rung {profile}" if isinstance(profile, int) else f", {profile}"
+    configuration = record.configuration
+    name = Controller.of(configuration).title_with_mode
     return f"{name} ({configuration.repeat + 1})" if configuration.repeat else name
-
-
-def network_name(summary: Summary) -> str:
-    """The run's network, with its round trip where that is known."""
-    return summary.record.configuration.network.label
 
 
 def cells(summary: Summary) -> list[str]:
@@ -81,10 +85,10 @@ def cells(summary: Summary) -> list[str]:
 
 
 def by_network(summaries: Iterable[Summary]) -> dict[str, list[Summary]]:
-    """In the order in which they were made."""
+    """In the order that they have."""
     found: dict[str, list[Summary]] = {}
     for summary in summaries:
-        found.setdefault(network_name(summary), []).append(summary)
+        found.setdefault(summary.record.configuration.network.label, []).append(summary)
     return found
 
 
@@ -101,5 +105,5 @@ def markdown(summaries: Iterable[Summary]) -> str:
                 row = [f"no result: {run.problem}", *[""] * (len(chosen) - 1)]
             else:
                 row = [column.cell(run) for column in chosen]
-            lines.append(f"| {network} | {label(run)} | " + " | ".join(cell.replace("|", "\\|") for cell in row) + " |")
+            lines.append(f"| {' | '.join(map(escaped, (network, label(run.record), *row)))} |")
     return "\n".join(lines) + "\n"

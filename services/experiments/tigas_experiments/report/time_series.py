@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from tigas_experiments.report.results import Floats, Group
+from tigas_experiments.report.groups import Group
+from tigas_experiments.report.results import Floats
 
 BINS = 240
 """Points of a time series."""

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal
 
 from tigas_common.wire.run import MODE_NAMES, MODES, Configuration, Mode
-from tigas_experiments.report.drawing import LineStyle
 
+LineStyle = Literal["-", "--", ":", "-."]
 CONTROLLER_TITLES = {
     "latency": "Latency",
     "latency-transfer": "Latency (transfer)",
@@ -50,15 +50,15 @@ FIXED_DASHES: tuple[LineStyle, ...] = (":", "-.", "--", "-")
 
 
 @dataclass(frozen=True, slots=True)
-class Variant:
-    """One of them."""
+class Controller:
+    """What decides the profile: a controller, a fixed rung, or a preset of DASH."""
 
     mode: Mode
     profile: int | str | None
     """None in the modes that have none."""
 
     @classmethod
-    def of(cls, configuration: Configuration) -> Variant:
+    def of(cls, configuration: Configuration) -> Controller:
         """Of a run."""
         mode = configuration.mode
         return cls(mode, configuration.profile if mode == "stateless" else None)
@@ -79,34 +79,44 @@ class Variant:
             return CONTROLLER_TITLES.get(self.profile, self.profile)
         return MODE_NAMES[self.mode].replace(",", "")  # in lists, too
 
+    @property
+    def title_with_mode(self) -> str:
+        """For people who compare modes."""
+        if self.profile is None:
+            return MODE_NAMES[self.mode]
+        profile = f"rung {self.profile}" if isinstance(self.profile, int) else self.profile
+        return f"{MODE_NAMES[self.mode]}, {profile}"
 
-def in_order(variants: Iterable[Variant]) -> list[Variant]:
+
+def in_order(controllers: Iterable[Controller]) -> list[Controller]:
     """Each once: the known controllers, one's own, fixed rungs, DASH."""
     known = list(CONTROLLER_TITLES)
 
-    def place(variant: Variant) -> tuple[int, int, str]:
-        profile = variant.profile
+    def place(controller: Controller) -> tuple[int, int, str]:
+        profile = controller.profile
         if isinstance(profile, int):
             return 2, profile, ""
         if profile is None:
-            return 3, MODES.index(variant.mode), ""
+            return 3, MODES.index(controller.mode), ""
         return (0, known.index(profile), "") if profile in known else (1, 0, profile)
 
-    return sorted(set(variants), key=place)
+    return sorted(set(controllers), key=place)
 
 
-def looks(variants: Iterable[Variant]) -> dict[Variant, Look]:
+def looks(controllers: Iterable[Controller]) -> dict[Controller, Look]:
     """One for each; the known ones' are the same in every report."""
-    found: dict[Variant, Look] = {}
+    found: dict[Controller, Look] = {}
     others = 0
-    for variant in in_order(variants):
-        known = KNOWN_LOOKS.get(variant.name) if not isinstance(variant.profile, int) else None
+    for controller in in_order(controllers):
+        known = KNOWN_LOOKS.get(controller.name) if not isinstance(controller.profile, int) else None
         if known is not None:
-            found[variant] = known
-        elif isinstance(variant.profile, int):
-            rung = variant.profile
-            found[variant] = Look(FIXED_COLOUR, FIXED_DASHES[rung % len(FIXED_DASHES)], MARKERS[rung % len(MARKERS)])
+            found[controller] = known
+        elif isinstance(controller.profile, int):
+            rung = controller.profile
+            found[controller] = Look(FIXED_COLOUR, FIXED_DASHES[rung % len(FIXED_DASHES)], MARKERS[rung % len(MARKERS)])
         else:
-            found[variant] = Look(OTHER_COLOURS[others % len(OTHER_COLOURS)], "-", MARKERS[-1 - others % len(MARKERS)])
+            found[controller] = Look(
+                OTHER_COLOURS[others % len(OTHER_COLOURS)], "-", MARKERS[-1 - others % len(MARKERS)]
+            )
             others += 1
     return found

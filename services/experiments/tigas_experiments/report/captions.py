@@ -1,4 +1,4 @@
-"""What is seen in a figure, in a sentence: the titles of an experiment's figures."""
+"""The words of an experiment's figures: what is seen in them, in a sentence, and what they are over."""
 
 from __future__ import annotations
 
@@ -6,10 +6,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from tigas_experiments.report.controllers import Controller
+from tigas_experiments.report.groups import Group
 from tigas_experiments.report.metrics import Metric
-from tigas_experiments.report.results import Floats, Group
-from tigas_experiments.report.series import downloaded, received
-from tigas_experiments.report.variants import Variant
+from tigas_experiments.report.results import Floats
+from tigas_experiments.report.time_series import downloaded, received
 
 ROOM = 18
 MANY = 4
@@ -37,22 +38,22 @@ def spread_of(groups: Sequence[Group]) -> str:
     return f"Means over {low if low == high else f'{low} to {high}'} runs{of}, from the least to the greatest of them."
 
 
-def means(groups: Sequence[Group], metric: Metric) -> dict[Variant, float]:
-    """Of each variant, over its groups."""
-    found: dict[Variant, list[float]] = {}
+def means(groups: Sequence[Group], metric: Metric) -> dict[Controller, float]:
+    """Of each controller, over its groups."""
+    found: dict[Controller, list[float]] = {}
     for group in groups:
         if spread := group.spread(metric):
-            found.setdefault(group.variant, []).append(spread.mean)
-    return {variant: sum(values) / len(values) for variant, values in found.items()}
+            found.setdefault(group.controller, []).append(spread.mean)
+    return {controller: sum(values) / len(values) for controller, values in found.items()}
 
 
 def each(groups: Sequence[Group], metric: Metric) -> str:
-    """A figure of each variant; of the lowest and the highest where there are many."""
+    """A figure of each controller; of the lowest and the highest where there are many."""
     found = means(groups, metric)
-    parts = {variant: f"{variant.title} {metric.with_unit(mean)}" for variant, mean in found.items()}
+    parts = {controller: f"{controller.title} {metric.with_unit(mean)}" for controller, mean in found.items()}
     if len(parts) <= MANY:
         return ", ".join(parts.values()) or "none"
-    lowest, highest = min(found, key=lambda v: found[v]), max(found, key=lambda v: found[v])
+    lowest, highest = min(found, key=lambda one: found[one]), max(found, key=lambda one: found[one])
     return f"from {parts[lowest]} to {parts[highest]}"
 
 
@@ -61,7 +62,7 @@ def best(groups: Sequence[Group], metric: Metric) -> str:
     found = means(groups, metric)
     if len(found) < 2:
         return f"{metric.title}: {each(groups, metric)}"
-    most, fewest = max(found, key=lambda v: found[v]), min(found, key=lambda v: found[v])
+    most, fewest = max(found, key=lambda one: found[one]), min(found, key=lambda one: found[one])
     return (
         f"{most.title} has the most {metric.title.lower()}, {metric.with_unit(found[most])} on average; "
         f"{fewest.title} the fewest, {metric.with_unit(found[fewest])}"
@@ -79,7 +80,7 @@ def steadiness(groups: Sequence[Group]) -> str:
     ranges = {}
     for group in groups:
         low, high = np.percentile(group.runs[0].responses[:, 1], (5, 95)).tolist()
-        ranges[group.variant] = (high - low, f"{group.variant.title} {low:,.0f}–{high:,.0f} ms")
+        ranges[group.controller] = (high - low, f"{group.controller.title} {low:,.0f}–{high:,.0f} ms")
     ordered = [text for _, text in sorted(ranges.values())]
     shown = f"{ordered[0]} is the steadiest, {ordered[-1]} the least" if len(ordered) > 1 else ordered[0]
     return f"Response over time: {shown} (5th to 95th percentile)"
@@ -87,7 +88,7 @@ def steadiness(groups: Sequence[Group]) -> str:
 
 def against_download(groups: Sequence[Group], link: Floats | None, size: int | None) -> str:
     """What was received, and what would have become of a download of so many bytes over the same link."""
-    totals = {group.variant.title: float(received(group)[1][-1]) for group in groups}
+    totals = {group.controller.title: float(received(group)[1][-1]) for group in groups}
     parts = [f"{title} {megabytes:,.1f} MB" for title, megabytes in totals.items()]
     if len(parts) > MANY:
         lowest, highest = min(totals, key=lambda title: totals[title]), max(totals, key=lambda title: totals[title])

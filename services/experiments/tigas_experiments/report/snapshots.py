@@ -17,7 +17,7 @@ JPEG_QUALITY = 82
 
 
 @dataclass(frozen=True, slots=True)
-class MomentView:
+class Snapshot:
     """Two pictures of one moment, as data: URLs."""
 
     label: str
@@ -26,7 +26,7 @@ class MomentView:
     view: str
 
 
-def moment_view(run: StoredRun, label: str) -> MomentView | None:
+def snapshot(run: StoredRun, label: str) -> Snapshot | None:
     """None if the run kept none. Raises BrokenRecording."""
     moment = run.moment()
     if moment is None:
@@ -37,7 +37,7 @@ def moment_view(run: StoredRun, label: str) -> MomentView | None:
     except BrokenPicture as error:
         raise BrokenRecording(f"{run.folder}: {error}") from None
     height, width = view.shape[:2]
-    return MomentView(label, at / 1000, _url(enlarged(shown, width, height)), _url(view))
+    return Snapshot(label, at / 1000, _url(enlarged(shown, width, height)), _url(view))
 
 
 def _url(picture: Picture) -> str:

@@ -1,17 +1,19 @@
-"""The panels of an experiment's figure: their places, axes and legend."""
+"""The panels of a figure: their places, axes and legend."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from typing import Any
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from tigas_experiments.report.drawing import interactive_limit, legend_entries, plain_log
+from tigas_common.wire.figures import INTERACTIVE_MS
+from tigas_experiments.report.groups import Group
 from tigas_experiments.report.metrics import IN_TIME, PROFILE, Metric
-from tigas_experiments.report.results import Group
+from tigas_experiments.report.plot import INK
 
 PANEL_IN, HEIGHT_IN = 3.5, 2.5
 """Of one panel, inches."""
@@ -20,6 +22,7 @@ ALONE = 2.0
 LEGEND_IN = 1.25
 """What an entry of a legend takes."""
 MOST_COLUMNS = 3
+TICKS = (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000, 2000, 5000, 10_000, 20_000, 50_000)
 LOGARITHMIC_FROM = 8.0
 """Times that differ by more than this factor need a logarithmic axis."""
 
@@ -73,3 +76,38 @@ def extent(groups: Sequence[Group], metric: Metric) -> list[float]:
     """What an axis has to reach over."""
     spreads = [spread for group in groups if (spread := group.spread(metric))]
     return [value for spread in spreads for value in (spread.low, spread.high)]
+
+
+def plain_log(axes: Axes, values: Iterable[float], *, horizontal: bool = False) -> None:
+    """A logarithmic axis with plain numbers, over the values in ms and the interactive limit."""
+    finite = [value for value in values if math.isfinite(value) and value > 0] or [INTERACTIVE_MS]
+    low, high = min(20.0, *finite), max(200.0, *finite)
+    ticks = [tick for tick in TICKS if low / 1.5 <= tick <= high * 1.5]
+    if horizontal:
+        axes.set_xscale("log")
+    else:
+        axes.set_yscale("log")
+    axis = axes.xaxis if horizontal else axes.yaxis
+    axis.set_ticks(ticks, [f"{tick:,}" for tick in ticks])
+    axis.set_ticks([], minor=True)
+    limits = (low / 1.1, high * 1.1)
+    if horizontal:
+        axes.set_xlim(*limits)
+    else:
+        axes.set_ylim(*limits)
+
+
+def interactive_limit(axes: Axes, *, horizontal: bool = False) -> None:
+    """The line of 100 ms."""
+    line: dict[str, Any] = {"color": INK, "linewidth": 0.8, "linestyle": "--", "zorder": 1}
+    if horizontal:
+        axes.axvline(INTERACTIVE_MS, **line)
+    else:
+        axes.axhline(INTERACTIVE_MS, **line)
+
+
+def legend_entries(panels: Iterable[Axes]) -> dict[str, Any]:
+    """Label → handle, each label once."""
+    return {
+        str(label): handle for axes in panels for handle, label in zip(*axes.get_legend_handles_labels(), strict=True)
+    }

@@ -16,6 +16,7 @@ from tigas_experiments.records.folder import (
     InputDigests,
     RunRecord,
     StoredRun,
+    Template,
     read_experiment,
     write_experiment,
 )
@@ -49,12 +50,27 @@ class Experiment:
     runs: Sequence[Configuration]
     inputs: Inputs
     out: Path
+    template: Template
+    """Of its report."""
+    command: str
+    """As it was typed."""
 
     @classmethod
-    def read(cls, file: Path, out: Path | None) -> Experiment:
+    def of(cls, plan: Plan, directory: Path, out: Path, template: Template, command: str) -> Experiment:
+        """A plan whose paths are relative to a directory. Raises StartError."""
+        return cls(plan, plan.runs(directory), Inputs(directory), out, template, command)
+
+    @classmethod
+    def read(cls, file: Path, out: Path | None, command: str) -> Experiment:
         """An experiment's file; its folder is results/NAME if it is not said. Raises StartError."""
         plan = Plan.read(file)
-        return cls(plan, plan.runs(file.parent), Inputs(file.parent), out or Path("results", plan.name))
+        return cls.of(plan, file.parent, out or Path("results", plan.name), "experiment", command)
+
+    @property
+    def begun(self) -> bool:
+        """Whether a run was made, whatever became of it."""
+        runs = self.out / RUNS
+        return runs.is_dir() and any(runs.iterdir())
 
     def folder(self, configuration: Configuration) -> Path:
         """Of a run."""
@@ -88,7 +104,11 @@ async def make_missing_runs(
 
 @contextmanager
 def reserved(experiment: Experiment) -> Iterator[None]:
-    """The folder, for nobody else as long as the context lasts. Raises StartError and OSError."""
+    """The folder, for nobody else as long as the context lasts; of what could not be begun, none is left.
+
+    Raises StartError and OSError.
+    """
+    is_new = not experiment.out.exists()
     experiment.out.mkdir(parents=True, exist_ok=True)
     busy = f"Another experiment is writing into {experiment.out}; wait until it has ended, or choose another --out."
     with exclusive(experiment.out / EXPERIMENT, busy):
@@ -97,7 +117,13 @@ def reserved(experiment: Experiment) -> Iterator[None]:
                 f"{experiment.out} has {len(strangers)} runs that are not of this experiment, such as {strangers[0]}; "
                 "choose another --out, or remove them."
             )
-        yield
+        try:
+            yield
+        finally:
+            lock = experiment.out / EXPERIMENT
+            if is_new and list(experiment.out.iterdir()) == [lock]:  # which nobody can take meanwhile
+                lock.unlink()
+                experiment.out.rmdir()
 
 
 async def _make(experiment: Experiment, missing: Sequence[Configuration], lab: Laboratory, listener: Listener) -> None:
@@ -144,5 +170,7 @@ def _say_what_is_planned(experiment: Experiment) -> None:
         source="command",
         plan=experiment.plan.model_dump(mode="json", exclude_none=True),
         planned=len(experiment.runs),
+        template=experiment.template,
+        command=experiment.command,
     )
     write_experiment(experiment.out, record)

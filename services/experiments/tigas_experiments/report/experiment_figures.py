@@ -1,0 +1,287 @@
+"""The figures of an experiment: one line, point or curve for each controller, drawn alike throughout.
+
+A figure's title says what is seen in it; figures that the runs have nothing for are not drawn.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from tigas_experiments.report.axes import (
+    MOST_COLUMNS,
+    PANEL_IN,
+    add_legend,
+    extent,
+    interactive_limit,
+    label_lowest,
+    metric_axis,
+    panel_grid,
+    plain_log,
+)
+from tigas_experiments.report.captions import against_download, best, change, each, short, spread_of, steadiness
+from tigas_experiments.report.charts import Looks, draw_boxes, draw_distributions, draw_line, draw_points
+from tigas_experiments.report.groups import Group, Groups
+from tigas_experiments.report.metrics import (
+    HEIGHT,
+    IN_TIME,
+    NEW_VIEWS,
+    PHOTON_P50,
+    PHOTON_P95,
+    PROFILE,
+    RECEIVED,
+    RESPONSE_MEAN,
+    SWITCHES,
+    Metric,
+)
+from tigas_experiments.report.plot import AREA, INK, PAPER, Plot, style, svg
+from tigas_experiments.report.results import Floats
+from tigas_experiments.report.time_series import BINS, binned, downloaded, received
+
+WIDE = 2.6
+"""How many times as wide a panel is that shows time."""
+OVERVIEW = (PHOTON_P50, PHOTON_P95, IN_TIME, RESPONSE_MEAN, NEW_VIEWS, RECEIVED, HEIGHT, PROFILE, SWITCHES)
+OVER_RTT = (RESPONSE_MEAN, PHOTON_P95, IN_TIME, PROFILE, SWITCHES, NEW_VIEWS)
+
+
+def overview(groups: Groups) -> Plot | None:
+    """Latency, resolution, bandwidth and switches of each controller, network by network."""
+    columns = {name: groups.at(name, groups.base_rtt(name)) for name in groups.networks}
+    metrics = _existing(OVERVIEW, groups)
+    if not metrics:
+        return None
+    with style():
+        figure, panels = panel_grid(len(metrics))
+        for axes, metric in zip(panels, metrics, strict=True):
+            draw_points(axes, columns, metric, groups.looks)
+        names = [short(name) for name in columns]
+        for axes in panels:
+            axes.set_xticks(range(len(names)), names)
+            if len(names) > MOST_COLUMNS:
+                axes.tick_params(axis="x", labelrotation=40)
+                for label in axes.get_xticklabels():
+                    label.set(horizontalalignment="right", rotation_mode="anchor")
+        label_lowest(panels)
+        add_legend(figure, panels)
+        every = [group for column in columns.values() for group in column]
+        return Plot(
+            "overview",
+            best(every, IN_TIME),
+            f"Each controller over each network, {_lowest(groups)}. {spread_of(every)}",
+            svg(figure),
+        )
+
+
+def over_rtt(groups: Groups, network: str) -> Plot | None:
+    """What round trips do; None with fewer than two."""
+    rtts = groups.rtts(network)
+    if len(rtts) < 2:
+        return None
+    own = [group for rtt in rtts for group in groups.at(network, rtt)]
+    metrics = _existing(OVER_RTT, own)
+    with style():
+        figure, panels = panel_grid(len(metrics))
+        for axes, metric in zip(panels, metrics, strict=True):
+            for controller, look in groups.looks.items():
+                draw_line(axes, [group for group in own if group.controller == controller], metric, controller, look)
+            metric_axis(axes, metric, extent(own, metric))
+            axes.set_xlabel("Round trip, ms")
+            axes.set_xticks(rtts, [f"{rtt:g}" for rtt in rtts])
+        add_legend(figure, panels)
+        title = change(own, rtts, RESPONSE_MEAN)
+        return Plot("rtt", title, f"Over {network}; bands and lines: {spread_of(own)}", svg(figure))
+
+
+def latencies(groups: Groups, network: str) -> Plot | None:
+    """Distribution of motion-to-photon latency over all inputs, one panel for each round trip."""
+
+    def draw(axes: Axes, panel: Sequence[Group], looks: Looks) -> list[float]:
+        return draw_distributions(
+            axes, ((group.controller.title, looks[group.controller], group.latencies) for group in panel)
+        )
+
+    return _by_rtt(
+        groups,
+        network,
+        "latency",
+        draw,
+        lambda panel: f"Inputs on the screen within 100 ms: {each(panel, IN_TIME)}",
+        "Cumulative distribution of motion-to-photon latency over all inputs of all runs; inputs that no frame "
+        "answered count, so that such a curve ends below 100 %. Dashed: 100 ms.",
+        horizontal=True,
+    )
+
+
+def responses(groups: Groups, network: str) -> Plot | None:
+    """Distribution of the frames' response times, one panel for each round trip."""
+    return _by_rtt(
+        groups,
+        network,
+        "response",
+        draw_boxes,
+        lambda panel: f"Mean response: {each(panel, RESPONSE_MEAN)}",
+        "Response times of all frames of all runs: median, quartiles, and whiskers from the 5th to the 95th "
+        "percentile. Dashed: 100 ms.",
+    )
+
+
+def responses_over_time(groups: Groups, network: str) -> Plot | None:
+    """Response of frame after frame, in the first run of each controller."""
+    own = [group for group in _base(groups, network) if len(group.runs[0].responses)]
+    if not own:
+        return None
+    with style():
+        figure, (axes,) = panel_grid(1, width=WIDE)
+        drawn: list[float] = []
+        for group in own:
+            times, values = binned(*group.runs[0].responses.T)
+            line = groups.looks[group.controller].line
+            axes.plot(times, values, linewidth=1, label=group.controller.title, **line)
+            drawn += values.tolist()
+        interactive_limit(axes)
+        plain_log(axes, drawn)
+        axes.set(xlabel="Time, s", ylabel="Response, ms", xlim=(0, None))
+        add_legend(figure, [axes])
+        return Plot(
+            "response-over-time",
+            steadiness(own),
+            f"Response of each frame over {_named(groups, network)} in the first run of each controller; the median "
+            f"where frames are closer than 1/{BINS} of the run. Dashed: 100 ms.",
+            svg(figure),
+        )
+
+
+def profiles(groups: Groups, network: str) -> Plot | None:
+    """The share of time that each profile was on the screen."""
+    own = [group for group in _base(groups, network) if any(run.figures.rungs.share for run in group.runs)]
+    if not own:
+        return None
+    rungs = sorted({rung for group in own for run in group.runs for rung in run.figures.rungs.share})
+    with style():
+        figure = Figure(figsize=(WIDE * PANEL_IN, 0.7 + 0.32 * len(own)), layout="constrained")
+        axes = figure.subplots()
+        left = np.zeros(len(own))
+        for rung in rungs:
+            shares = [100 * sum(r.figures.rungs.share.get(rung, 0.0) for r in g.runs) / len(g.runs) for g in own]
+            # From dark, the best, to light.
+            shade = 0.25 + 0.6 * rung / max(1, rungs[-1])
+            colour = (0.15 + 0.75 * shade, 0.3 + 0.6 * shade, 0.5 + 0.42 * shade)
+            axes.barh(range(len(own)), shares, left=left, color=colour, label=f"Profile {rung}", edgecolor=PAPER)
+            left += np.array(shares)
+        axes.set_yticks(range(len(own)), [group.controller.title for group in own])
+        axes.invert_yaxis()
+        axes.grid(visible=False, axis="y")
+        axes.set(xlabel="Share of the time, %", xlim=(0, 100))
+        add_legend(figure, [axes])
+        return Plot(
+            "profiles",
+            f"Mean profile on the screen: {each(own, PROFILE)}",
+            f"Which profiles were on the screen over {_named(groups, network)}; 0 is the best. Means over the runs.",
+            svg(figure),
+        )
+
+
+def bandwidth(groups: Groups, network: str) -> Plot | None:
+    """What is received over time, against downloading the scene's file at the link's full rate."""
+    own = [group for group in _base(groups, network) if any(len(run.received) > 1 for run in group.runs)]
+    if not own:
+        return None
+    link = next((run.link for group in own for run in group.runs if len(run.link) > 1), None)
+    size = next((run.record.scene_bytes for g in own for run in g.runs if run.record.scene_bytes), None)
+    with style():
+        figure, (rates, totals) = panel_grid(2, width=1.4)
+        for group in own:
+            look = groups.looks[group.controller]
+            every, mean, low, high = received(group)
+            line: dict[str, Any] = {"label": group.controller.title, **look.line}
+            rates.plot(every[1:], np.diff(mean) * 8 / np.diff(every), linewidth=1, **line)
+            totals.plot(every, mean, linewidth=1.4, **line)
+            if len(group.runs) > 1:
+                totals.fill_between(every, low, high, color=look.colour, alpha=0.15, linewidth=0)
+        if link is not None:
+            _downloading(rates, totals, link, size)
+        rates.set(title="Rate, Mbit/s", xlabel="Time, s", xlim=(0, None), ylim=(0, None))
+        totals.set(title="Received by then, MB", xlabel="Time, s", xlim=(0, None), ylim=(0, None))
+        add_legend(figure, [rates, totals])
+        return Plot(
+            "bandwidth",
+            against_download(own, link, size),
+            f"What the viewer received over {_named(groups, network)}. {spread_of(own)} Grey: the link at its "
+            "full rate, as a download of the scene's file would take it.",
+            svg(figure),
+        )
+
+
+OF_A_NETWORK = (over_rtt, latencies, responses, responses_over_time, profiles, bandwidth)
+"""In the order of the page."""
+
+
+def _by_rtt(
+    groups: Groups,
+    network: str,
+    name: str,
+    draw: Callable[[Axes, Sequence[Group], Looks], list[float]],
+    title: Callable[[list[Group]], str],
+    caption: str,
+    *,
+    horizontal: bool = False,
+) -> Plot | None:
+    """One panel for each round trip, or one for the network as it is, with one axis of times for all."""
+    rtts: Sequence[float | None] = groups.rtts(network) or [None]
+    panels = {rtt: own for rtt in rtts if (own := groups.at(network, rtt))}
+    if not any(len(group.latencies) for own in panels.values() for group in own):
+        return None
+    present = {group.controller for own in panels.values() for group in own}
+    looks = {controller: look for controller, look in groups.looks.items() if controller in present}
+    with style():
+        figure, axes = panel_grid(len(panels), share=True)
+        values: list[float] = []
+        for panel, (rtt, own) in zip(axes, panels.items(), strict=True):
+            values += draw(panel, own, looks)
+            panel.set_title(short(network) if rtt is None else f"{rtt:g} ms round trip")
+        for place, panel in enumerate(axes):
+            plain_log(panel, values, horizontal=horizontal)
+            if place % MOST_COLUMNS:
+                panel.tick_params(labelleft=False)
+                panel.set_ylabel("")
+        label_lowest(axes)
+        add_legend(figure, axes)
+        first, own = next(iter(panels.items()))
+        at = "" if first is None else f" ({first:g} ms round trip)"
+        return Plot(name, f"{title(own)}{at}", f"Over {network}. {caption}", svg(figure))
+
+
+def _downloading(rates: Axes, totals: Axes, link: Floats, size: int | None) -> None:
+    times, rate = link[:, 0], link[:, 1]
+    thin = slice(None, None, max(1, len(times) // BINS))
+    loaded = downloaded(link)
+    area: dict[str, Any] = {"color": AREA, "linewidth": 0, "zorder": 0, "label": "Link's full rate"}
+    rates.fill_between(times[thin], rate[thin], step="post", **area)
+    totals.fill_between(times[thin], loaded[thin], **area)
+    if size is not None and loaded[-1] * 1e6 >= size:
+        totals.axhline(size / 1e6, color=INK, linewidth=0.9, linestyle="--", label="Scene's file")
+
+
+def _base(groups: Groups, network: str) -> list[Group]:
+    return groups.at(network, groups.base_rtt(network))
+
+
+def _named(groups: Groups, network: str) -> str:
+    rtt = groups.base_rtt(network)
+    return network if rtt is None else f"{network} at {rtt:g} ms round trip"
+
+
+def _lowest(groups: Groups) -> str:
+    """At which round trips an overview is."""
+    found = sorted({rtt for name in groups.networks if (rtt := groups.base_rtt(name)) is not None})
+    if not found:
+        return "as it is"
+    return f"at its lowest round trip ({', '.join(f'{rtt:g}' for rtt in found)} ms)"
+
+
+def _existing(metrics: Sequence[Metric], groups: Sequence[Group]) -> list[Metric]:
+    return [metric for metric in metrics if any(group.spread(metric) for group in groups)]

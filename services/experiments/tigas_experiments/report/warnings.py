@@ -1,0 +1,92 @@
+"""What a reader must know before believing the figures."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from tigas_experiments.records.summary import Summary
+from tigas_experiments.report.comparison_table import label
+from tigas_experiments.report.results import Results
+
+
+def comparison_warnings(runs: Sequence[Summary], unreadable: Sequence[str]) -> list[str]:
+    """Run by run."""
+    found = [*unreadable]
+    for run in runs:
+        record = run.record
+        name = f"{record.configuration.network.label}, {label(record)}"
+        if run.problem is not None:
+            found.append(f"{name}: there is no result. {run.problem}")
+        elif record.load is None:
+            found.append(f"{name}: the machine's load is unknown.")
+        elif record.load.saturated:
+            found.append(
+                f"{name}: the machine's processors were saturated during {record.load.saturated_share:.0%} of the run "
+                f"({record.load.cpu_mean:.0%} busy on average), so its latencies tell of the machine, too."
+            )
+        if record.recording is not None and record.recording.hidden:
+            found.append(f"{name}: the page was hidden at some time, so that the browser may have held frames back.")
+    return found
+
+
+def experiment_warnings(results: Results) -> list[str]:
+    """Of all runs together."""
+    found: list[str] = []
+    runs = results.runs
+    total = len(runs) + len(results.failures)
+    if results.failures:
+        found.append(
+            f"{len(results.failures)} of {total} runs have no result and are in no figure; they are listed below."
+        )
+    if saturated := [run for run in runs if run.saturated]:
+        found.append(
+            f"The machine was the bottleneck in {len(saturated)} of {len(runs)} runs: all processors were busy for "
+            "more than a tenth of the time, so that their latencies and frame rates tell of the machine, too. They are "
+            "marked with *."
+        )
+    if unknown := sum(run.record.load is None for run in runs):
+        found.append(f"The load of the machine is unknown in {unknown} of {len(runs)} runs.")
+    if hidden := sum(run.record.recording is not None and run.record.recording.hidden for run in runs):
+        found.append(
+            f"The page was hidden during {hidden} of {len(runs)} runs, so the browser may have held frames back."
+        )
+    for name, values in _pooled(results).items():
+        if len(values) > 1:
+            found.append(f"Runs of different {name} ({', '.join(values)}) are taken together.")
+    found += [f"The {kind} {name} was not the same in all runs." for kind, name in _changed(results)]
+    planned = None if results.experiment is None else results.experiment.planned
+    if planned is not None and (missing := planned - total) > 0:
+        found.append(f"{missing} of {planned} planned runs have not been made.")
+    commits = {run.record.machine.commit for run in runs}
+    if len(commits) > 1:
+        found.append(f"The runs were made with {len(commits)} different versions of TIGAS.")
+    return found
+
+
+def _changed(results: Results) -> list[tuple[str, str]]:
+    """Kind and name of the inputs whose content differs between runs."""
+    contents: dict[tuple[str, str], set[str | int]] = {}
+    for run in results.runs:
+        record, configuration = run.record, run.record.configuration
+        digests = record.inputs_sha256
+        for kind, name, content in (
+            ("scene", configuration.scene, record.scene_bytes),
+            ("movement", Path(configuration.movement).name, None if digests is None else digests.movement),
+            ("trace", configuration.network.name, None if digests is None else digests.trace),
+        ):
+            if content is not None:
+                contents.setdefault((kind, name), set()).add(content)
+    return [key for key, found in contents.items() if len(found) > 1]
+
+
+def _pooled(results: Results) -> dict[str, list[str]]:
+    """What no row, line or point tells apart, and the values that the runs have."""
+    configurations = [run.record.configuration for run in results.runs]
+    return {
+        "durations": sorted({f"{each.duration_s:g} s" for each in configurations}),
+        "viewports": sorted({f"{each.width}×{each.height}" for each in configurations}),
+        "places in the trace": sorted(
+            {f"{each.network.offset_s:g} s" for each in configurations if each.network.trace is not None}
+        ),
+    }

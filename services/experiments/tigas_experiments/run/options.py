@@ -1,0 +1,19 @@
+"""What the commands that make runs have in common."""
+
+from __future__ import annotations
+
+import shlex
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+Url = Annotated[str | None, typer.Option(help="Measure running services instead of starting the lab.")]
+Scenes = Annotated[Path | None, typer.Option(help="The lab's models directory: one folder a scene.")]
+Traces = Annotated[Path | None, typer.Option(help="The lab's directory of network traces.")]
+
+
+def command_as_typed() -> str:
+    """To run it again."""
+    return shlex.join(["tigas", *sys.argv[1:]])

@@ -1,0 +1,38 @@
+"""What is compared: its names, and how it is drawn."""
+
+from __future__ import annotations
+
+from tigas_common.wire.run import Configuration, Mode
+from tigas_experiments.report.controllers import Controller, in_order, looks
+
+
+def test_a_controller_looks_the_same_in_every_report() -> None:
+    def controller(mode: Mode = "stateless", profile: int | str = "budget") -> Controller:
+        return Controller.of(
+            Configuration.model_validate(
+                {
+                    "scene": "s",
+                    "movement": "stroll",
+                    "network": {"trace": "x"},
+                    "mode": mode,
+                    "profile": profile,
+                    "duration_s": 1.0,
+                    "width": 64,
+                    "height": 64,
+                }
+            )
+        )
+
+    budget, mine = controller(), controller(profile="mine")
+    some = {
+        budget,
+        controller("dash-tuned"),
+        controller("dash-tuned", "latency"),
+        mine,
+        controller(profile=3),
+        controller(profile=0),
+    }
+    assert [each.title for each in in_order(some)] == ["Budget", "mine", "Profile 0", "Profile 3", "DASH tuned"]
+    found = looks(some)
+    assert found[budget] == looks([budget])[budget]
+    assert len({(look.colour, look.dashes, look.marker) for look in found.values()}) == len(found)

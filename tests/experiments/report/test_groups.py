@@ -1,0 +1,85 @@
+"""What runs have in common, against runs whose figures are known."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import pytest
+
+from tests.experiments.report.made_up_results import write_run
+from tigas_experiments.report.groups import Groups, Spread, overall
+from tigas_experiments.report.metrics import HEIGHT, IN_TIME, PHOTON_P50, PHOTON_P95, RESPONSE_MEAN
+from tigas_experiments.report.results import load
+from tigas_experiments.report.tables import overall_markdown
+
+
+def test_a_time_that_never_came_is_no_time(tmp_path: Path) -> None:
+    path = write_run(tmp_path / "runs" / "a", delay_ms=40)
+    frames = (path / "frames.ndjson").read_text().splitlines(keepends=True)
+    (path / "frames.ndjson").write_text("".join(frames[:60]))
+    write_run(tmp_path / "runs" / "b", delay_ms=40, repeat=1)
+    (group,) = Groups.of(load(tmp_path).runs)
+    p95, in_time = group.spread(PHOTON_P95), group.spread(IN_TIME)
+    assert p95 is not None
+    assert (p95.low, p95.mean, p95.ci95) == (40, math.inf, None)
+    assert in_time is not None
+    assert in_time.mean == pytest.approx((60 + 100) / 2)
+
+
+def test_nobody_moved_and_nothing_came(tmp_path: Path) -> None:
+    path = write_run(tmp_path / "runs" / "a")
+    for name in ("inputs", "frames", "traffic", "link", "quality"):
+        (path / f"{name}.ndjson").write_text("")
+    (group,) = Groups.of(load(tmp_path).runs)
+    assert group.spread(PHOTON_P50) is None
+    assert group.spread(HEIGHT) is None
+
+
+def test_a_spread_leaves_out_runs_that_lack_the_figure() -> None:
+    assert Spread.over([None, 3.0, None]) == Spread(3.0, 3.0, 3.0, 1, None)
+    assert Spread.over([None]) is None
+
+
+def test_the_mean_of_equal_values_is_one_of_them() -> None:
+    assert sum([0.1] * 6) / 6 < 0.1, "else there is nothing to test"
+    spread = Spread.over([0.1] * 6)
+    assert spread is not None
+    assert spread.low == spread.mean == spread.high
+
+
+def write_runs(folder: Path, *delays: tuple[str, str, float, float]) -> None:
+    """Runs by controller, network, round trip and delay, all in milliseconds."""
+    for number, (controller, network, rtt, delay) in enumerate(delays):
+        write_run(folder / "runs" / f"{number:02}", controller, network, rtt, delay_ms=delay)
+
+
+def test_each_network_counts_the_same(tmp_path: Path) -> None:
+    write_runs(
+        tmp_path,
+        ("budget", "bus", 20, 40),
+        ("budget", "bus", 20, 60),
+        ("budget", "tram", 20, 110),
+        ("latency", "bus", 20, 90),
+        ("latency", "tram", 20, 90),
+    )
+    latency, budget = overall(Groups.of(load(tmp_path).runs))
+    spread = budget.spread(RESPONSE_MEAN)
+    assert spread is not None
+    assert (spread.mean, spread.low, spread.high) == (80, 50, 110)
+    assert (latency.controller.title, latency.runs, budget.runs) == ("Latency", 2, 3)
+    first, _, row, *_ = overall_markdown([budget]).splitlines()
+    assert first.startswith("| round trip, ms | controller | runs | Motion-to-photon p50, ms |")
+    assert row.startswith("| 20 | Budget | 3 | 80 | 80 | ")
+
+
+def test_what_not_all_networks_have_is_left_out(tmp_path: Path) -> None:
+    write_runs(
+        tmp_path,
+        ("budget", "bus", 20, 40),
+        ("budget", "bus", 300, 40),
+        ("latency", "bus", 20, 40),
+        ("budget", "tram", 20, 40),
+        ("l2a|\n", "tram", 20, 40),
+    )
+    assert [(row.rtt_ms, row.controller.title) for row in overall(Groups.of(load(tmp_path).runs))] == [(20, "Budget")]

@@ -1,0 +1,86 @@
+"""The CSV files, against runs whose figures are known."""
+
+from __future__ import annotations
+
+import csv
+import math
+from pathlib import Path
+
+import pytest
+
+from tests.experiments.report.made_up_results import SCENE_BYTES, write_run
+from tigas_experiments.report.groups import Groups
+from tigas_experiments.report.results import load
+from tigas_experiments.report.tables import write_csv
+
+
+def test_a_row_of_runs_csv_has_every_field_and_figure(tmp_path: Path) -> None:
+    folder = tmp_path / "runs" / "a"
+    write_run(folder, "budget", "bus", 50.0, delay_ms=80, reply_ms=60, rungs=(1, 3), hold=50, kbps=4000, repeat=2)
+    write_run(tmp_path / "runs" / "b", 2, "bus", None, every=2, delay_ms=120)
+    results = load(tmp_path)
+    write_csv(results, Groups.of(results.runs), tmp_path)
+    with (tmp_path / "runs.csv").open(newline="") as file:
+        one, two = csv.DictReader(file)
+    expected = {
+        "folder": "a",
+        "status": "complete",
+        "network": "bus",
+        "rtt_ms": "50.0",
+        "controller": "budget",
+        "configuration_scene": "courtyard",
+        "configuration_movement": "stroll",
+        "configuration_network_trace": "bus",
+        "configuration_mode": "stateless",
+        "configuration_profile": "budget",
+        "configuration_repeat": "2",
+        "configuration_duration_s": "2.0",
+        "scene_bytes": str(SCENE_BYTES),
+        "saturated": "False",
+    }
+    assert {name: one[name] for name in expected} == expected
+    figures = {
+        "motion_to_photon_p50_ms": 80,
+        "motion_to_photon_p95_ms": 80,
+        "inputs": 100,
+        "inputs_unanswered": 0,
+        "inputs_within_100ms_pct": 100,
+        "response_mean_ms": 80,
+        "response_p95_ms": 80,
+        "reply_mean_ms": 60,
+        "reply_p50_ms": 60,
+        "reply_p95_ms": 60,
+        "new_views_per_s": 97 / 2,  # the last three come after the movement's end
+        "received_mbit_s": 4,
+        "over_link_mbit_s": 4,
+        "link_mbit_s": 20,
+        "profile_changes_per_min": 1 * 30,  # one in two seconds
+        "picture_ssim": 0.9,
+        "view_psnr_db": 20,
+    }
+    assert {name: float(one[name]) for name in figures} == pytest.approx(figures)
+    # Rung 1 from 80 ms to 1080 ms, then rung 3 until 2000 ms.
+    share = 1000 / 1920
+    assert float(one["profile_1_pct"]) == pytest.approx(100 * share)
+    assert float(one["mean_profile"]) == pytest.approx(share * 1 + (1 - share) * 3)
+    assert float(one["mean_height_px"]) == pytest.approx(share * 720 + (1 - share) * 240)
+    assert (two["controller"], two["rtt_ms"], two["profile_1_pct"]) == ("profile-2", "", "")
+    assert float(two["motion_to_photon_p50_ms"]) == 120, "every second input is answered by a frame of its own"
+    assert float(two["motion_to_photon_p95_ms"]) == 140, "the others by the next one's"
+    assert float(two["response_p95_ms"]) == 120, "a response is a frame's own"
+    assert two["reply_p95_ms"] == "", "nobody recorded replies"
+
+
+def test_a_group_has_mean_range_and_interval_over_its_runs(tmp_path: Path) -> None:
+    for repeat, delay in enumerate((40.0, 50.0, 90.0)):
+        write_run(tmp_path / "runs" / f"{repeat}", delay_ms=delay, repeat=repeat)
+    write_run(tmp_path / "runs" / "other", delay_ms=70, rtt_ms=100)
+    results = load(tmp_path)
+    write_csv(results, Groups.of(results.runs), tmp_path)
+    with (tmp_path / "groups.csv").open(newline="") as file:
+        one, other = csv.DictReader(file)
+    assert [one[name] for name in ("network", "rtt_ms", "controller", "runs")] == ["bus", "20.0", "latency", "3"]
+    figures = [float(one[f"response_mean_ms_{name}"]) for name in ("mean", "min", "max", "ci95")]
+    # t(0.975, 2) = 4.3027; the sample's standard deviation of 40, 50, 90 is 26.458.
+    assert figures == pytest.approx([60, 40, 90, 4.3027 * 26.458 / math.sqrt(3)], rel=1e-4)
+    assert (other["rtt_ms"], other["response_mean_ms_ci95"]) == ("100.0", "")

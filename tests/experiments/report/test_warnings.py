@@ -1,0 +1,32 @@
+"""What a reader must know before believing the figures."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+from tests.experiments.report.made_up_results import write_run
+from tigas_experiments.records.folder import ExperimentRecord, write_experiment
+from tigas_experiments.report.results import load
+from tigas_experiments.report.warnings import experiment_warnings
+
+
+def test_runs_that_differ_in_what_a_row_does_not_say_are_named(tmp_path: Path) -> None:
+    write_run(tmp_path / "runs" / "a")
+    write_run(tmp_path / "runs" / "b", seconds=3.0, width=320)
+    said = " ".join(experiment_warnings(load(tmp_path)))
+    assert "Runs of different durations (2 s, 3 s) are taken together." in said
+    assert "Runs of different viewports (320×360, 640×360) are taken together." in said
+
+
+def test_inputs_that_were_changed_and_runs_that_are_missing_are_named(tmp_path: Path) -> None:
+    record = ExperimentRecord(name="walk", created="2026-01-01T00:00:00Z", source="command", plan={}, planned=5)
+    write_experiment(tmp_path, record)
+    for repeat, movement in enumerate(("a" * 64, "a" * 64, "b" * 64)):
+        path = write_run(tmp_path / "runs" / f"{repeat}", movement="walks/user3.csv", repeat=repeat) / "run.json"
+        record_of_run = json.loads(path.read_text())
+        path.write_text(json.dumps(record_of_run | {"inputs_sha256": {"movement": movement, "trace": "c" * 64}}))
+    said = experiment_warnings(load(tmp_path))
+    assert "The movement user3.csv was not the same in all runs." in said
+    assert "2 of 5 planned runs have not been made." in said
+    assert not any("trace" in warning for warning in said)

@@ -1,0 +1,67 @@
+"""A laboratory without services and browser, in which runs end as a test wants them to."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import AsyncIterator, Callable
+from contextlib import asynccontextmanager
+from pathlib import Path
+
+import pytest
+
+from tests.experiments.made_up import MACHINE
+from tigas_common.wire.run import Configuration
+from tigas_experiments.records.folder import RunRecord, RunWriter
+from tigas_experiments.report import cli as report_module
+from tigas_experiments.run import measure as run_module
+from tigas_experiments.run import runner
+from tigas_experiments.run.errors import RunFailed
+from tigas_experiments.run.inputs import Inputs
+
+Happening = Callable[[RunWriter], None]
+
+
+class Stub:
+    """A laboratory in which happens what a test wants to happen, run by run; afterwards all goes well."""
+
+    machine = MACHINE
+    inputs: Inputs
+
+    def __init__(self) -> None:
+        self.happenings: list[Happening | None] = []
+        self.made: list[str] = []
+        self.checked = 0
+        self.reported: list[Path] = []
+
+    async def check(self, runs: list[Configuration]) -> None:
+        self.checked += 1
+
+    async def bench(self, configuration: Configuration) -> None:
+        self.made.append(configuration.slug)
+
+    async def measure(self, _: object, configuration: Configuration, writer: RunWriter, stage: object) -> RunRecord:
+        happening = self.happenings.pop(0) if self.happenings else None
+        if happening is not None:
+            happening(writer)
+            await asyncio.sleep(60)  # interrupted
+        return writer.close(status="complete", inputs_sha256=self.inputs.digests(configuration))
+
+
+def installed(monkeypatch: pytest.MonkeyPatch) -> Stub:
+    """In place of services and browser."""
+    made = Stub()
+
+    @asynccontextmanager
+    async def laboratory(url: object, scenes: object, traces: object, inputs: Inputs) -> AsyncIterator[Stub]:
+        made.inputs = inputs
+        yield made
+
+    monkeypatch.setattr(runner, "laboratory", laboratory)
+    monkeypatch.setattr(run_module, "_measure", made.measure)
+    monkeypatch.setattr(report_module, "report", made.reported.append)
+    return made
+
+
+def fails(writer: RunWriter) -> None:
+    """As a browser that was closed."""
+    raise RunFailed("The viewer failed: Target closed")
