@@ -139,7 +139,7 @@ def write_run(
     writer = RunWriter(folder, record)
     writer.recording(made)
     load = [LoadSample(unix_ms=1e12, cpu=busy, load_average=1.0)]
-    writer.surroundings([sample(at) for at in (0.0, 500.0, 1000.0)], load)
+    writer.link_and_load([sample(at) for at in (0.0, 500.0, 1000.0)], load)
     writer.capture(0, png(100))
     writer.moment(Moment(at=500.0, capture=0), png(200))
     quality = Quality(psnr_db=30.0, ssim=0.9)

@@ -10,18 +10,18 @@ from pydantic import TypeAdapter, ValidationError
 from tigas_common.errors import BodyTooLarge, InvalidRequest
 
 MAX_BODY = 16 * 1024
-"""The largest request body, in bytes."""
+"""The largest request body, in bytes, unless a service takes more."""
 
 Message = TypeVar("Message")
 
 
-def parse(kind: type[Message], body: bytes) -> Message:
+def parse(kind: type[Message], body: bytes, limit: int = MAX_BODY) -> Message:
     """Read a message, a wire model or dataclass, from JSON.
 
-    Raises BodyTooLarge over MAX_BODY bytes, and InvalidRequest naming the first field that is wrong.
+    Raises BodyTooLarge over `limit` bytes, and InvalidRequest naming the first field that is wrong.
     """
-    if len(body) > MAX_BODY:
-        raise BodyTooLarge(f"The body has {len(body)} bytes; the limit is {MAX_BODY}.")
+    if len(body) > limit:
+        raise BodyTooLarge(f"The body has {len(body)} bytes; the limit is {limit}.")
     try:
         message: Message = _adapter(kind).validate_json(body)  # type: ignore[arg-type]
     except ValidationError as error:

@@ -1,4 +1,4 @@
-"""Where movements are in a scene, worked out by hand; `test_golden.py` has the rest."""
+"""Where movements are in a scene, worked out by hand; `test_trace_golden.py` has the rest."""
 
 from __future__ import annotations
 

@@ -9,7 +9,7 @@ import pytest
 
 from tests.experiments.made_up import LENS, inputs, png
 from tigas_common.wire.recording import Capture
-from tigas_experiments.quality.ground_truth import Truth
+from tigas_experiments.quality.ground_truth import GroundTruth
 from tigas_experiments.run.errors import RunFailed
 
 pytestmark = pytest.mark.anyio
@@ -31,10 +31,10 @@ class Renderer:
         return self._answer or httpx.Response(200, content=png(shade=int(20 * wanted["position"][0])))
 
 
-def truth(renderer: Renderer) -> Truth:
+def truth(renderer: Renderer) -> GroundTruth:
     """Of a scene that nobody has."""
     http = httpx.AsyncClient(base_url="http://render", transport=httpx.MockTransport(renderer))
-    return Truth(http, "courtyard", LENS)
+    return GroundTruth(http, "courtyard", LENS)
 
 
 def capture(at: float, pose: int) -> Capture:
@@ -42,9 +42,9 @@ def capture(at: float, pose: int) -> Capture:
     return Capture(at=at, pose=pose, rung=2, width=64, height=36)
 
 
-async def test_a_picture_is_judged_by_its_own_pose_and_by_the_viewer_s() -> None:
+async def test_a_picture_is_compared_with_its_own_pose_and_by_the_viewer_s() -> None:
     renderer = Renderer()
-    quality = await truth(renderer).judge(png(shade=40), capture(at=110, pose=3), SAMPLED)
+    quality = await truth(renderer).assess(png(shade=40), capture(at=110, pose=3), SAMPLED)
     assert renderer.asked == [2, 5], "pose 3 stands at x = 2; at 110 ms the newest pose is number 6, at x = 5"
     assert quality is not None
     assert quality.picture.psnr_db == 100
@@ -53,16 +53,16 @@ async def test_a_picture_is_judged_by_its_own_pose_and_by_the_viewer_s() -> None
 
 async def test_a_picture_that_is_not_late_is_rendered_once() -> None:
     renderer = Renderer()
-    quality = await truth(renderer).judge(png(shade=40), capture(at=45, pose=3), SAMPLED)
+    quality = await truth(renderer).assess(png(shade=40), capture(at=45, pose=3), SAMPLED)
     assert renderer.asked == [2]
     assert quality is not None
     assert quality.picture == quality.view
 
 
 @pytest.mark.parametrize(("at", "pose"), [(100, 0), (100, 11), (-5, 3)])
-async def test_a_picture_from_outside_the_run_is_not_judged(at: float, pose: int) -> None:
+async def test_a_picture_from_outside_the_run_is_not_compared(at: float, pose: int) -> None:
     renderer = Renderer()
-    assert await truth(renderer).judge(png(), capture(at, pose), SAMPLED) is None
+    assert await truth(renderer).assess(png(), capture(at, pose), SAMPLED) is None
     assert renderer.asked == []
 
 
@@ -75,4 +75,4 @@ async def test_a_picture_from_outside_the_run_is_not_judged(at: float, pose: int
 )
 async def test_a_service_that_fails_costs_the_run(answer: httpx.Response, sentence: str) -> None:
     with pytest.raises(RunFailed, match=sentence):
-        await truth(Renderer(answer)).judge(png(), capture(100, 3), SAMPLED)
+        await truth(Renderer(answer)).assess(png(), capture(100, 3), SAMPLED)

@@ -108,7 +108,7 @@ def write_run(
     writer = RunWriter(folder, record)
     writer.recording(made)
     load = [LoadSample(unix_ms=1e12, cpu=busy, load_average=1.0)]
-    writer.surroundings([_link(at, link_kbps, kbps) for at in ticks(duration, 200)], load)
+    writer.link_and_load([_link(at, link_kbps, kbps) for at in ticks(duration, 200)], load)
     quality = Quality(psnr_db=30.0, ssim=0.9)
     view = Quality(psnr_db=20.0, ssim=view_ssim)
     writer.quality([CaptureQuality(at=500.0, pose=20, rung=2, picture=quality, view=view)])

@@ -13,10 +13,11 @@ from typing import Any, TypeVar, TypeVarTuple
 import httpx
 import pytest
 
-from tests.experiments.made_up import MACHINE, configuration, recording, sample
+from tests.experiments.made_up import MACHINE, configuration, recording, sample, write_run
 from tigas_common.address import Address
 from tigas_common.runner import serve_http
 from tigas_common.wire.run import Mode
+from tigas_experiments.records.folder import ExperimentRecord, write_experiment
 from tigas_experiments.records.load import LoadSample
 from tigas_experiments.store.app import Store, create_app
 from tigas_experiments.store.experiments import Experiments
@@ -26,6 +27,7 @@ from tigas_experiments.store.workspace import NAME, Workspace
 
 PATIENCE_S = 20
 SCENE_BYTES = 12_345
+MADE = "2026-01-01T00:00:00+00:00"
 T = TypeVar("T")
 Ts = TypeVarTuple("Ts")
 
@@ -101,3 +103,11 @@ async def running_store(directory: Path, load: Sequence[LoadSample] = ()) -> Asy
 async def store(tmp_path: Path) -> AsyncIterator[Running]:
     async with running_store(tmp_path) as running:
         yield running
+
+
+def by_command(folder: Path, runs: int) -> Path:
+    """An experiment as the command leaves it."""
+    write_experiment(folder, ExperimentRecord(name="by hand", created=MADE, source="command", plan={"seed": 2}))
+    for number in range(runs):
+        write_run(folder / "runs" / f"{number:02}", repeat=number)
+    return folder

@@ -10,8 +10,7 @@ from pathlib import Path
 import httpx
 import pytest
 
-from tests.experiments.store.conftest import Running
-from tests.experiments.store.test_experiments import by_command
+from tests.experiments.store.conftest import Running, by_command
 from tigas_experiments.store.archive import archive
 
 pytestmark = pytest.mark.anyio

@@ -3,28 +3,22 @@
 from __future__ import annotations
 
 import asyncio
+import http.client
 import json
 from pathlib import Path
 
+import anyio
+import anyio.to_thread
 import pytest
 
 from tests.experiments.made_up import write_run
-from tests.experiments.store.conftest import SCENE_BYTES, Running, running_store, upload
-from tigas_experiments.records.folder import ExperimentRecord, StoredRun, read_experiment, write_experiment
+from tests.experiments.store.conftest import SCENE_BYTES, Running, by_command, running_store, upload
+from tigas_experiments.records.folder import StoredRun, read_experiment
 from tigas_experiments.records.load import LoadSample
 from tigas_experiments.records.summary import summarise
 from tigas_experiments.run.lock import EXPERIMENT, exclusive
 
 pytestmark = pytest.mark.anyio
-MADE = "2026-01-01T00:00:00+00:00"
-
-
-def by_command(folder: Path, runs: int) -> Path:
-    """An experiment as the command leaves it."""
-    write_experiment(folder, ExperimentRecord(name="by hand", created=MADE, source="command", plan={"seed": 2}))
-    for number in range(runs):
-        write_run(folder / "runs" / f"{number:02}", repeat=number)
-    return folder
 
 
 async def test_an_experiment_from_its_beginning_to_its_end(store: Running) -> None:
@@ -146,46 +140,78 @@ async def test_what_a_command_makes_is_its_own(store: Running) -> None:
     assert store.kept() == []
 
 
-PAGES = {
-    None: 201,
-    "http://127.0.0.1:8080": 201,
-    "http://localhost:8080": 201,
-    "https://page.example": 201,
-    "https://evil.example": 403,
-    "http://127.0.0.1.evil.example": 403,
-    "null": 403,
-    "http://[": 403,
-}
+ELSEWHERE = [
+    "..", ".", "%2e%2e", "%2E", "..%2foutside", "..%2Foutside", "%2e%2e%2foutside", "..%5coutside", "link", ".store",
+    "%2fetc", "good%2f..%2f..%2foutside", "good%2fruns", "a%00b", "%00", "%ff%fe", "a" * 300, "%0a", "none",
+    "..%252foutside",
+]  # fmt: skip
 
 
-async def test_only_the_labs_page_may_change_experiments(store: Running) -> None:
-    for origin, wanted in PAGES.items():
-        headers = {} if origin is None else {"origin": origin}
-        experiment = await store.create()
-        made = await store.http.post("/experiments", json={"name": "a", "plan": {}}, headers=headers)
-        added = await store.http.post(f"/experiments/{experiment}/runs", json=upload(), headers=headers)
-        removed = await store.http.delete(f"/experiments/{experiment}", headers=headers)
-        assert (made.status_code, added.status_code) == (wanted, wanted), origin
-        assert removed.status_code == (204 if wanted == 201 else 403), origin
-        assert (store.results / experiment).is_dir() == (wanted == 403)
-        assert wanted == 201 or removed.json()["type"] == "tigas:foreign-origin"
+def ask(port: int, method: str, path: str) -> tuple[int, bytes]:
+    """A request whose path is sent as it is."""
+    connection = http.client.HTTPConnection("127.0.0.1", port, timeout=20)
+    connection.request(method, path)
+    answer = connection.getresponse()
+    body = answer.read()
+    connection.close()
+    return answer.status, body
 
 
-@pytest.mark.parametrize(
-    ("host", "status"), [("evil.example", 403), ("labhost", 201), ("lab.local", 201), ("10.1.2.3", 201)]
-)
-async def test_a_name_that_is_made_to_lead_here_is_foreign(store: Running, host: str, status: int) -> None:
-    headers = {"host": f"{host}:8091", "origin": f"http://{host}:8080"}
-    made = await store.http.post("/experiments", json={"name": "a", "plan": {}}, headers=headers)
-    assert made.status_code == status
+async def test_names_lead_nowhere_else(store: Running) -> None:
+    outside = by_command(store.results.parent / "outside", 1)
+    by_command(store.results / "good", 1)
+    (store.results / "link").symlink_to(outside)
+    (store.results.parent / "secret.csv").write_text("hidden content")
+    before = sorted(outside.rglob("*")), store.kept()
+    asked = [("GET", ""), ("GET", "/zip"), ("GET", "/report"), ("DELETE", ""), ("POST", "/runs")]
+    for name in ELSEWHERE:
+        paths = [(method, f"/experiments/{name}{rest}") for method, rest in asked]
+        for method, path in [*paths, *(("GET", f"/movements/{name}{rest}") for rest in ("", "%2f..%2f..%2fsecret"))]:
+            status, body = await anyio.to_thread.run_sync(ask, store.port, method, path)
+            assert status in (404, 405), (method, path, body)
+            assert json.loads(body)["status"] == status
+            assert b"hidden content" not in body
+    assert (sorted(outside.rglob("*")), store.kept()) == before
 
 
-async def test_the_page_may_ask_across_origins(store: Running) -> None:
-    page = "http://localhost:8080"
-    asked = {"origin": page, "access-control-request-headers": "content-type"}
-    for method in ("POST", "DELETE"):
-        answer = await store.http.options("/experiments/x", headers=asked | {"access-control-request-method": method})
-        assert (answer.status_code, answer.headers["access-control-allow-origin"]) == (200, "*")
-    assert (await store.http.get("/healthz", headers={"origin": page})).headers["access-control-allow-origin"] == "*"
-    refused = await store.http.get("/experiments/x", headers={"origin": page})
-    assert refused.headers["access-control-allow-origin"] == "*", "the page cannot read why"
+async def test_links_inside_the_results_are_not_followed(store: Running) -> None:
+    outside = by_command(store.results.parent / "outside", 1)
+    name = await store.create()
+    experiment = store.results / name
+    write_run(experiment / "runs" / "00")
+    (experiment / "runs" / "linked").symlink_to(outside / "runs" / "00")
+    told = (await store.http.get(f"/experiments/{name}")).json()
+    assert [run["folder"] for run in told["runs"]] == ["00"]
+    (experiment / "runs").rename(experiment / "moved")
+    (experiment / "runs").symlink_to(outside / "runs")
+    assert (await store.http.get(f"/experiments/{name}")).json()["runs"] == []
+    added = await store.http.post(f"/experiments/{name}/runs", json=upload())
+    assert added.status_code == 404
+    assert [path.name for path in (outside / "runs").iterdir()] == ["00"]
+    assert (await store.http.delete(f"/experiments/{name}")).status_code == 204
+    assert (outside / "runs" / "00" / "run.json").is_file()
+
+
+BROKEN = [
+    (b"", "invalid JSON"),
+    (b"{", "invalid JSON"),
+    (b"[]", "object"),
+    (b'{"name": "a"}', "plan"),
+    (b'{"name": " ", "plan": {}}', "name"),
+    (b'{"name": "a\\u0000b", "plan": {}}', "one line"),
+    (b'{"name": "a", "plan": []}', "plan"),
+    (b'{"name": "a", "plan": {"x": NaN}}', "finite"),
+    (b'{"name": "a", "plan": {"x": [-1e999]}}', "finite"),
+    (b'{"name": "a", "plan": {}, "more": 1}', "more"),
+    (b'{"name": "a", "plan": {"x": ' + b"[" * 5000 + b"]" * 5000 + b"}}", "recursion"),
+    (b'{"name": "a", "plan": {"x": "\\ud800"}}', "invalid JSON"),
+    (b'{"name": "\xff", "plan": {}}', "invalid JSON"),
+]
+
+
+async def test_a_broken_experiment_is_told_why(store: Running) -> None:
+    for body, told in BROKEN:
+        answer = await store.http.post("/experiments", content=body)
+        assert (answer.status_code, answer.headers["content-type"]) == (400, "application/problem+json"), body
+        assert told.lower() in answer.json()["detail"].lower(), body
+    assert store.kept() == []

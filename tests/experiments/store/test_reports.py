@@ -8,8 +8,7 @@ from pathlib import Path
 import pytest
 
 from tests.experiments.made_up import write_run
-from tests.experiments.store.conftest import Running
-from tests.experiments.store.test_experiments import by_command
+from tests.experiments.store.conftest import Running, by_command
 from tigas_experiments.store import reports
 from tigas_experiments.store.experiments import made_runs
 

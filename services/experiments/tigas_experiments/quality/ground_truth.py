@@ -28,7 +28,7 @@ def pose_at(inputs: Sequence[Input], at: float) -> Input | None:
     return inputs[index] if index >= 0 else None
 
 
-class Truth:
+class GroundTruth:
     """Renders poses of one scene through one lens; remembers the last picture. Raises RunFailed."""
 
     def __init__(self, http: httpx.AsyncClient, scene: str, lens: Lens) -> None:
@@ -43,7 +43,7 @@ class Truth:
             self._last = (pose.pose, await self._render(pose))
         return self._last[1]
 
-    async def judge(self, shown: bytes, capture: Capture, inputs: Sequence[Input]) -> CaptureQuality | None:
+    async def assess(self, shown: bytes, capture: Capture, inputs: Sequence[Input]) -> CaptureQuality | None:
         """A capture against ground truth; None if its pose is not of this run. Raises BrokenPicture, too."""
         own, current = pose_of(inputs, capture.pose), pose_at(inputs, capture.at)
         if own is None or current is None:

@@ -53,21 +53,21 @@ def enlarged(picture: Picture, width: int, height: int) -> Picture:
     return np.asarray(Image.fromarray(picture).resize((width, height), Image.Resampling.BILINEAR))
 
 
-def compare(shown: Picture, truth: Picture) -> Quality:
-    """`shown`, scaled to the size of `truth`, against it.
+def compare(shown: Picture, reference: Picture) -> Quality:
+    """`shown`, scaled to the size of `reference`, against it.
 
     SSIM as Wang et al. 2004 (IEEE TIP 13) with their Gaussian weights (σ = 1.5), mean over channels; PSNR over all
     channels. Raises BrokenPicture if the pictures are too small.
     """
     from skimage.metrics import structural_similarity  # heavy, and most who read figures compute none
 
-    height, width = truth.shape[:2]
+    height, width = reference.shape[:2]
     if min(height, width) < 11:
         raise BrokenPicture("A picture of less than 11 pixels on a side has no SSIM.")
     shown = enlarged(shown, width, height)
-    error = float(np.mean(np.square(shown.astype(np.float32) - truth)))
+    error = float(np.mean(np.square(shown.astype(np.float32) - reference)))
     psnr = min(MAX_PSNR_DB, 10 * math.log10(255**2 / error)) if error else MAX_PSNR_DB
     ssim = structural_similarity(  # type: ignore[no-untyped-call]
-        shown, truth, channel_axis=2, gaussian_weights=True, sigma=1.5, use_sample_covariance=False
+        shown, reference, channel_axis=2, gaussian_weights=True, sigma=1.5, use_sample_covariance=False
     )
     return Quality(psnr_db=psnr, ssim=float(ssim))

@@ -68,7 +68,7 @@ def read_experiment(folder: Path) -> ExperimentRecord:
 
 
 class CaptureQuality(WireModel):
-    """What a person saw at one moment, judged twice."""
+    """What a person saw at one moment, compared with ground truth twice."""
 
     at: float
     pose: int
@@ -184,8 +184,8 @@ class RunWriter:
         self._lines("traffic", recording.traffic)
         self._lines("captures", recording.captures)
 
-    def surroundings(self, link: Iterable[LinkSample], load: Sequence[LoadSample]) -> None:
-        """What happened around it."""
+    def link_and_load(self, link: Iterable[LinkSample], load: Sequence[LoadSample]) -> None:
+        """How the link was meanwhile, and how busy the machine."""
         self._lines("link", link)
         self._lines("load", load)
 

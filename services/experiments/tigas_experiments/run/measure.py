@@ -15,7 +15,7 @@ from tigas_common.errors import StartError
 from tigas_common.wire.recording import Recording
 from tigas_common.wire.run import Configuration, Mode
 from tigas_experiments.movement.points import Point, digest
-from tigas_experiments.quality import ground_truth as truth
+from tigas_experiments.quality.ground_truth import TIMEOUT_S, GroundTruth, pose_at
 from tigas_experiments.quality.picture import BrokenPicture, encode
 from tigas_experiments.records.folder import CaptureQuality, Moment, RunRecord, RunWriter
 from tigas_experiments.records.load import Load, watching_load
@@ -87,9 +87,9 @@ async def _measure(
             raise RunFailed("A service ended, or was started again, during the run.")
         start = recording.started_unix_ms
         during = [sample for sample in load if 0 <= sample.unix_ms - start <= recording.ended_ms]
-        writer.surroundings([link_sample(status, at - start) for at, status in seen], during)
+        writer.link_and_load([link_sample(status, at - start) for at, status in seen], during)
         stage("compares with ground truth")
-        writer.quality(await _judge(page, url, recording, writer))
+        writer.quality(await _assess(page, url, recording, writer))
         return writer.close(
             status="complete" if recording.complete else "failed",
             problem=None if recording.complete else "The movement was not played to its end.",
@@ -123,20 +123,20 @@ async def _record(page: Viewer, configuration: Configuration, points: Sequence[P
     return await page.record(plan, patience_s=configuration.duration_s + DRAIN_S)
 
 
-async def _judge(page: Viewer, url: str, recording: Recording, writer: RunWriter) -> list[CaptureQuality]:
+async def _assess(page: Viewer, url: str, recording: Recording, writer: RunWriter) -> list[CaptureQuality]:
     """Fetch the kept pictures one by one and compare them."""
-    judged: list[CaptureQuality] = []
-    async with httpx.AsyncClient(base_url=url, timeout=truth.TIMEOUT_S, trust_env=False, verify=False) as http:
-        ground = truth.Truth(http, recording.scene, recording.lens)
+    assessed: list[CaptureQuality] = []
+    async with httpx.AsyncClient(base_url=url, timeout=TIMEOUT_S, trust_env=False, verify=False) as http:
+        truth = GroundTruth(http, recording.scene, recording.lens)
         for index, capture in enumerate(recording.captures):
             png = await page.capture(index)
             writer.capture(index, png)
             try:
-                quality = await ground.judge(png, capture, recording.inputs)
+                quality = await truth.assess(png, capture, recording.inputs)
             except BrokenPicture as error:
                 raise RunFailed(f"Picture {index} of the run cannot be compared: {error}") from None
             if quality is not None:
-                judged.append(quality)
-            if index == len(recording.captures) // 2 and (current := truth.pose_at(recording.inputs, capture.at)):
-                writer.moment(Moment(at=capture.at, capture=index), encode(await ground.picture(current)))
-    return judged
+                assessed.append(quality)
+            if index == len(recording.captures) // 2 and (current := pose_at(recording.inputs, capture.at)):
+                writer.moment(Moment(at=capture.at, capture=index), encode(await truth.picture(current)))
+    return assessed

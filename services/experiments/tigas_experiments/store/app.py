@@ -22,16 +22,15 @@ from tigas_common.wire.recording import MAX_BYTES
 from tigas_common.wire.store import ExperimentCreated
 from tigas_experiments.records.load import LoadSample
 from tigas_experiments.records.machine import Machine
-from tigas_experiments.store.apart import Apart
 from tigas_experiments.store.archive import archive
 from tigas_experiments.store.errors import storage_explained
-from tigas_experiments.store.experiments import Experiments
-from tigas_experiments.store.intake import take_in
+from tigas_experiments.store.experiments import MAX_PLAN_BYTES, Experiments
 from tigas_experiments.store.movements import Movements
+from tigas_experiments.store.offload import Offload
 from tigas_experiments.store.reports import Reports
+from tigas_experiments.store.upload import keep_upload
 from tigas_experiments.store.workspace import Workspace
 
-MAX_PLAN_BYTES = 64 * 1024
 SILENCE_S = 30.0
 """An upload of which nothing comes for so long is given up."""
 NO_STORE = {"Cache-Control": "no-store"}
@@ -53,7 +52,7 @@ class Store:
     load: Sequence[LoadSample]
     """Of this machine, as far back as a run may last; grows by itself."""
     machine: Machine
-    apart: Apart
+    offload: Offload
     one_at_a_time: asyncio.Lock = field(default_factory=asyncio.Lock)
     """Runs are checked in turn: a long one takes much memory."""
 
@@ -115,7 +114,7 @@ async def add_run(request: Request) -> Response:
         await _receive(request, body)
         run = folder / "run"
         async with store.one_at_a_time:
-            summary = await store.apart(take_in, body, run, tuple(store.load), store.machine)
+            summary = await store.offload(keep_upload, body, run, tuple(store.load), store.machine)
         row = await asyncio.to_thread(store.experiments.add_run, name, run, summary)
     return _created(json_response(row), name)
 

@@ -17,16 +17,18 @@ from pathlib import Path
 from typing import TypeVar
 
 from tigas_common.errors import StartError
+from tigas_common.parsing import parse
 from tigas_common.wire.store import Experiment, ExperimentList, ExperimentRequest, ExperimentSummary, RunRow
 from tigas_experiments.records.folder import ExperimentRecord, RunRecord, StoredRun, read_experiment, write_experiment
 from tigas_experiments.records.recording import BrokenRecording
 from tigas_experiments.records.summary import Summary, summarise
 from tigas_experiments.run.lock import EXPERIMENT, exclusive
 from tigas_experiments.store.errors import ExperimentInUse, UnknownExperiment, storage_explained
-from tigas_experiments.store.intake import parsed
 from tigas_experiments.store.workspace import Workspace
 
 CACHED_RUNS = 10_000
+MAX_PLAN_BYTES = 64 * 1024
+"""Of a request that begins an experiment."""
 T = TypeVar("T")
 TAKEN = (errno.EEXIST, errno.ENOTEMPTY, errno.ENOTDIR)
 """What the system says where a folder cannot be put because something is there."""
@@ -90,7 +92,7 @@ class Experiments:
 
     def create(self, body: bytes, now: datetime) -> str:
         """Begin one; its id. Raises InvalidRequest and DiskFull."""
-        request = parsed(ExperimentRequest, body)
+        request = parse(ExperimentRequest, body, MAX_PLAN_BYTES)
         slug = re.sub(r"[^A-Za-z0-9.-]+", "-", request.name).strip(".-")[:60] or "experiment"
         created = now.astimezone(UTC)
         record = ExperimentRecord(

@@ -8,10 +8,10 @@ from contextlib import AsyncExitStack
 from tigas_common.runner import explained, serve_http, until_stopped
 from tigas_experiments.records.load import EVERY_S, watching_load
 from tigas_experiments.records.machine import this_machine
-from tigas_experiments.store.apart import in_a_process
 from tigas_experiments.store.app import Store, create_app
 from tigas_experiments.store.experiments import Experiments
 from tigas_experiments.store.movements import Movements
+from tigas_experiments.store.offload import offload_to_process
 from tigas_experiments.store.reports import Reports
 from tigas_experiments.store.settings import StoreSettings
 from tigas_experiments.store.workspace import Workspace
@@ -29,11 +29,11 @@ async def serve(settings: StoreSettings) -> None:
         store = Store(
             workspace=workspace,
             experiments=experiments,
-            reports=Reports(experiments, workspace, in_a_process),
+            reports=Reports(experiments, workspace, offload_to_process),
             movements=Movements(settings.movements),
             load=load,
             machine=await asyncio.to_thread(this_machine),
-            apart=in_a_process,
+            offload=offload_to_process,
         )
         with explained(settings.http, "--http"):
             port = await stack.enter_async_context(serve_http(create_app(store, settings.origins), settings.http))

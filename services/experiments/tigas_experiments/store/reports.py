@@ -8,9 +8,9 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from tigas_common.errors import StartError
-from tigas_experiments.store.apart import Apart
 from tigas_experiments.store.errors import NothingToReport, UnknownExperiment, storage_explained
 from tigas_experiments.store.experiments import Experiments, made_runs, version
+from tigas_experiments.store.offload import Offload
 from tigas_experiments.store.workspace import Workspace
 
 REPORT = "report.html"
@@ -20,10 +20,10 @@ Versions = tuple[tuple[str, tuple[int, ...] | None], ...]
 class Reports:
     """One at a time, since each takes a processor."""
 
-    def __init__(self, experiments: Experiments, workspace: Workspace, apart: Apart) -> None:
+    def __init__(self, experiments: Experiments, workspace: Workspace, offload: Offload) -> None:
         self._experiments = experiments
         self._workspace = workspace
-        self._apart = apart
+        self._offload = offload
         self._one_at_a_time = asyncio.Lock()
         self._made: dict[str, Versions] = {}
         """Of which runs the report in an experiment's folder is."""
@@ -42,7 +42,7 @@ class Reports:
             with storage_explained(), _still_there(experiment):
                 if self._made.get(experiment) != versions or not (folder / REPORT).is_file():
                     with self._workspace.folder() as made:
-                        await self._apart(draw, folder, made)
+                        await self._offload(draw, folder, made)
                         await asyncio.to_thread(_move, made, folder)
                     self._made[experiment] = versions
                 return await asyncio.to_thread((folder / REPORT).read_bytes)

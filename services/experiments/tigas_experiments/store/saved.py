@@ -15,7 +15,7 @@ from tigas_common.wire.model import WireModel
 from tigas_common.wire.store import ExperimentName, Plan, RunUpload
 from tigas_experiments.records.folder import ExperimentRecord, write_experiment
 from tigas_experiments.records.machine import this_machine
-from tigas_experiments.store.intake import write_run
+from tigas_experiments.store.upload import write_run
 
 
 class SavedExperiment(WireModel):

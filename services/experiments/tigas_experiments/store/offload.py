@@ -1,7 +1,7 @@
-"""Work that would stop the service: a run of an hour, or a report's figures, takes a processor for seconds.
+"""Hands heavy work to another process: to check a long run, or to draw a report, takes a processor for seconds.
 
-Python lets one thread compute at a time, so that such work is done in a process of its own, by anyio, which keeps it
-for the next piece of work and ends it with the service.
+Python lets one thread compute at a time, so here it would stop the service. anyio keeps the worker process for the next
+piece of work and ends it with the service.
 """
 
 from __future__ import annotations
@@ -17,14 +17,14 @@ T = TypeVar("T")
 Ts = TypeVarTuple("Ts")
 
 
-class Apart(Protocol):
+class Offload(Protocol):
     """Where such work is done."""
 
     async def __call__(self, function: Callable[[*Ts], T], *arguments: *Ts) -> T:
         """Call a module's function there, and return or raise what it does. It must not raise OSError."""
 
 
-async def in_a_process(function: Callable[[*Ts], T], *arguments: *Ts) -> T:
+async def offload_to_process(function: Callable[[*Ts], T], *arguments: *Ts) -> T:
     """Done in another process; killed there if nobody waits for it any longer.
 
     Raises Overloaded if the process cannot be started, or is ended by the system.

@@ -1,111 +1,70 @@
-"""What must not get in, whatever is sent: names that lead elsewhere, broken JSON, bodies without end."""
+"""Runs that are uploaded: what is refused, what breaks off, and what a full or lost disk leaves."""
 
 from __future__ import annotations
 
+import contextlib
 import http.client
 import json
-from collections.abc import AsyncIterator
+import subprocess
+from collections.abc import AsyncIterator, Iterator
 from pathlib import Path
 from typing import Any
 
 import anyio
 import anyio.to_thread
+import httpx
 import pytest
 
-from tests.experiments.made_up import reply, sample, write_run
-from tests.experiments.store.conftest import Running, until, upload
-from tests.experiments.store.test_experiments import by_command
-from tigas_common.errors import StartError
+from tests.experiments.made_up import inputs, reply, sample
+from tests.experiments.store.conftest import Running, running_store, until, upload
+from tests.web.server import Store
 from tigas_experiments.store import app
-from tigas_experiments.store.workspace import Workspace
+from tigas_experiments.store.workspace import NAME
 
 pytestmark = pytest.mark.anyio
 
-ELSEWHERE = [
-    "..", ".", "%2e%2e", "%2E", "..%2foutside", "..%2Foutside", "%2e%2e%2foutside", "..%5coutside", "link", ".store",
-    "%2fetc", "good%2f..%2f..%2foutside", "good%2fruns", "a%00b", "%00", "%ff%fe", "a" * 300, "%0a", "none",
-    "..%252foutside",
-]  # fmt: skip
+
+DISK_BYTES = 1_000_000
 
 
-def ask(port: int, method: str, path: str) -> tuple[int, bytes]:
-    """A request whose path is sent as it is."""
-    connection = http.client.HTTPConnection("127.0.0.1", port, timeout=20)
-    connection.request(method, path)
-    answer = connection.getresponse()
-    body = answer.read()
-    connection.close()
-    return answer.status, body
+@pytest.fixture
+def small_disk(tmp_path: Path) -> Iterator[Path]:
+    """A results directory on a disk of its own, which takes DISK_BYTES."""
+    disk = tmp_path / "results"
+    disk.mkdir()
+    mount = ("mount", "-t", "tmpfs", "-o", f"size={DISK_BYTES}", "tmpfs", str(disk))
+    if subprocess.run(mount, capture_output=True).returncode:
+        pytest.skip("mounting a small disk needs root")
+    try:
+        yield tmp_path
+    finally:
+        subprocess.run(("umount", "--lazy", str(disk)), check=True)
 
 
-async def test_names_lead_nowhere_else(store: Running) -> None:
-    outside = by_command(store.results.parent / "outside", 1)
-    by_command(store.results / "good", 1)
-    (store.results / "link").symlink_to(outside)
-    (store.results.parent / "secret.csv").write_text("hidden content")
-    before = sorted(outside.rglob("*")), store.kept()
-    asked = [("GET", ""), ("GET", "/zip"), ("GET", "/report"), ("DELETE", ""), ("POST", "/runs")]
-    for name in ELSEWHERE:
-        paths = [(method, f"/experiments/{name}{rest}") for method, rest in asked]
-        for method, path in [*paths, *(("GET", f"/movements/{name}{rest}") for rest in ("", "%2f..%2f..%2fsecret"))]:
-            status, body = await anyio.to_thread.run_sync(ask, store.port, method, path)
-            assert status in (404, 405), (method, path, body)
-            assert json.loads(body)["status"] == status
-            assert b"hidden content" not in body
-    assert (sorted(outside.rglob("*")), store.kept()) == before
+def fill(path: Path) -> None:
+    """Leave no room on a file's disk."""
+    with path.open("wb", buffering=0) as file, contextlib.suppress(OSError):
+        while True:
+            file.write(bytes(4096))
 
 
-async def test_links_inside_the_results_are_not_followed(store: Running) -> None:
-    outside = by_command(store.results.parent / "outside", 1)
-    name = await store.create()
-    experiment = store.results / name
-    write_run(experiment / "runs" / "00")
-    (experiment / "runs" / "linked").symlink_to(outside / "runs" / "00")
-    told = (await store.http.get(f"/experiments/{name}")).json()
-    assert [run["folder"] for run in told["runs"]] == ["00"]
-    (experiment / "runs").rename(experiment / "moved")
-    (experiment / "runs").symlink_to(outside / "runs")
-    assert (await store.http.get(f"/experiments/{name}")).json()["runs"] == []
-    added = await store.http.post(f"/experiments/{name}/runs", json=upload())
-    assert added.status_code == 404
-    assert [path.name for path in (outside / "runs").iterdir()] == ["00"]
-    assert (await store.http.delete(f"/experiments/{name}")).status_code == 204
-    assert (outside / "runs" / "00" / "run.json").is_file()
+def long_upload(poses: int) -> bytes:
+    """A valid run with so many poses."""
+    walked = [entry.model_dump() for entry in inputs(poses, every_ms=0.01)]
+    return json.dumps(upload(inputs=walked)).encode()
 
 
-BROKEN = [
-    (b"", "invalid JSON"),
-    (b"{", "invalid JSON"),
-    (b"[]", "object"),
-    (b'{"name": "a"}', "plan"),
-    (b'{"name": " ", "plan": {}}', "name"),
-    (b'{"name": "a\\u0000b", "plan": {}}', "one line"),
-    (b'{"name": "a", "plan": []}', "plan"),
-    (b'{"name": "a", "plan": {"x": NaN}}', "finite"),
-    (b'{"name": "a", "plan": {"x": [-1e999]}}', "finite"),
-    (b'{"name": "a", "plan": {}, "more": 1}', "more"),
-    (b'{"name": "a", "plan": {"x": ' + b"[" * 5000 + b"]" * 5000 + b"}}", "recursion"),
-    (b'{"name": "a", "plan": {"x": "\\ud800"}}', "invalid JSON"),
-    (b'{"name": "\xff", "plan": {}}', "invalid JSON"),
-]
-
-
-async def test_a_broken_experiment_is_told_why(store: Running) -> None:
-    for body, told in BROKEN:
-        answer = await store.http.post("/experiments", content=body)
-        assert (answer.status_code, answer.headers["content-type"]) == (400, "application/problem+json"), body
-        assert told.lower() in answer.json()["detail"].lower(), body
-    assert store.kept() == []
-
-
-async def test_a_plan_has_a_limit(store: Running) -> None:
-    answer = await store.http.post("/experiments", json={"name": "a", "plan": {"x": "x" * 66_000}})
-    assert (answer.status_code, answer.json()["type"]) == (413, "tigas:body-too-large")
-    assert store.kept() == []
+def head(experiment: str, length: int) -> bytes:
+    """An upload's first lines."""
+    return f"POST /experiments/{experiment}/runs HTTP/1.1\r\nHost: x\r\nContent-Length: {length}\r\n\r\n".encode()
 
 
 FAR = 1e300
+
+
 LENS = {"width": 64, "height": 36, "fx": 30, "fy": 30, "cx": 32, "cy": 18}
+
+
 HOSTILE: list[tuple[dict[str, Any], str]] = [
     ({"recording": None}, "recording"),
     ({"link": [{"at": 0}]}, "link.0"),
@@ -245,18 +204,72 @@ async def test_an_experiment_that_is_removed_in_mid_upload_stays_removed(store: 
     assert store.kept() == []
 
 
-def head(experiment: str, length: int) -> bytes:
-    """An upload's first lines."""
-    return f"POST /experiments/{experiment}/runs HTTP/1.1\r\nHost: x\r\nContent-Length: {length}\r\n\r\n".encode()
+# As the body comes, and as the run is written beside it.
+@pytest.mark.parametrize("poses", [20_000, 7_000])
+async def test_a_full_disk_keeps_nothing_by_halves(small_disk: Path, poses: int) -> None:
+    async with running_store(small_disk) as store:
+        experiment = await store.create()
+        await store.add(experiment)
+        before = store.kept()
+        body = long_upload(poses)
+        assert (len(body) > DISK_BYTES) == (poses == 20_000)
+        answer = await store.http.post(f"/experiments/{experiment}/runs", content=body)
+        assert (answer.status_code, answer.json()["type"]) == (507, "tigas:disk-full")
+        assert store.kept() == before
+        await store.add(experiment, repeat=1)
+        told = (await store.http.get(f"/experiments/{experiment}")).json()
+        assert [run["status"] for run in told["runs"]] == ["complete", "complete"]
 
 
-async def test_what_is_not_there_is_told_as_everywhere(store: Running) -> None:
-    for method, path, status in (("GET", "/", 404), ("PUT", "/experiments", 405), ("GET", "/experiments/x/y", 404)):
-        answer = await store.http.request(method, path)
-        assert (answer.status_code, answer.headers["content-type"]) == (status, "application/problem+json")
+async def test_a_disk_without_any_room_is_told_and_reads_on(small_disk: Path) -> None:
+    async with running_store(small_disk) as store:
+        experiment = await store.create()
+        await store.add(experiment)
+        fill(store.results / "filler")
+        before = store.kept()
+        for answer in (
+            await store.http.post("/experiments", json={"name": "a", "plan": {"x": "x" * 10_000}}),
+            await store.http.post(f"/experiments/{experiment}/runs", json=upload()),
+            await store.http.get(f"/experiments/{experiment}/report"),
+        ):
+            assert (answer.status_code, answer.json()["type"]) == (507, "tigas:disk-full")
+        assert store.kept() == before
+        assert (await store.http.get(f"/experiments/{experiment}/zip")).status_code == 200
+        assert (await store.http.delete(f"/experiments/{experiment}")).status_code == 204
 
 
-def test_a_results_path_that_is_no_folder_is_a_sentence(tmp_path: Path) -> None:
-    (tmp_path / "file").write_text("")
-    with pytest.raises(StartError, match="Results cannot be kept in"), Workspace.opened(tmp_path / "file"):
-        pass
+async def test_a_store_that_is_killed_in_mid_upload_leaves_no_half_run(tmp_path: Path) -> None:
+    results = tmp_path / "results"
+    with Store("--results", str(results)) as store:
+        async with httpx.AsyncClient(base_url=store.url, timeout=20, trust_env=False) as http:
+            experiment = (await http.post("/experiments", json={"name": "a", "plan": {}})).json()["id"]
+            row = (await http.post(f"/experiments/{experiment}/runs", json=upload())).json()
+        body = json.dumps(upload(mode="dash-tuned")).encode()
+        async with await anyio.connect_tcp("127.0.0.1", int(store.url.rpartition(":")[2])) as sending:
+            await sending.send(head(experiment, len(body)) + body[:-10])
+            await until(lambda: any((results / NAME).rglob("body.json")))
+            store.kill()
+        assert list((results / NAME).rglob("body.json")), "nothing was left behind, so nothing is tested"
+        store.start()
+        assert [path.name for path in (results / NAME).iterdir()] == ["lock"]
+        async with httpx.AsyncClient(base_url=store.url, timeout=20, trust_env=False) as http:
+            told = (await http.get(f"/experiments/{experiment}")).json()
+            assert [run["folder"] for run in told["runs"]] == [row["folder"]]
+            again = await http.post(f"/experiments/{experiment}/runs", content=body)
+            assert again.status_code == 201
+            assert b"courtyard" in (await http.get(f"/experiments/{experiment}/report")).content
+
+
+async def test_a_results_folder_that_may_not_be_written_is_told(
+    store: Running, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refused(*_: object) -> None:
+        raise PermissionError(13, "Permission denied")
+
+    experiment = await store.create()
+    before = store.kept()
+    monkeypatch.setattr(Path, "rename", refused)
+    answer = await store.http.post(f"/experiments/{experiment}/runs", json=upload())
+    assert (answer.status_code, answer.json()["type"]) == (500, "tigas:storage-failed")
+    assert answer.json()["detail"] == "The store's disk refused: Permission denied."
+    assert store.kept() == before

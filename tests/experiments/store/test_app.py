@@ -1,0 +1,66 @@
+"""Which pages may change something, and how requests are refused."""
+
+from __future__ import annotations
+
+import pytest
+
+from tests.experiments.store.conftest import Running, upload
+
+pytestmark = pytest.mark.anyio
+
+
+async def test_what_is_not_there_is_told_as_everywhere(store: Running) -> None:
+    for method, path, status in (("GET", "/", 404), ("PUT", "/experiments", 405), ("GET", "/experiments/x/y", 404)):
+        answer = await store.http.request(method, path)
+        assert (answer.status_code, answer.headers["content-type"]) == (status, "application/problem+json")
+
+
+async def test_a_plan_has_a_limit(store: Running) -> None:
+    answer = await store.http.post("/experiments", json={"name": "a", "plan": {"x": "x" * 66_000}})
+    assert (answer.status_code, answer.json()["type"]) == (413, "tigas:body-too-large")
+    assert store.kept() == []
+
+
+PAGES = {
+    None: 201,
+    "http://127.0.0.1:8080": 201,
+    "http://localhost:8080": 201,
+    "https://page.example": 201,
+    "https://evil.example": 403,
+    "http://127.0.0.1.evil.example": 403,
+    "null": 403,
+    "http://[": 403,
+}
+
+
+async def test_only_the_labs_page_may_change_experiments(store: Running) -> None:
+    for origin, wanted in PAGES.items():
+        headers = {} if origin is None else {"origin": origin}
+        experiment = await store.create()
+        made = await store.http.post("/experiments", json={"name": "a", "plan": {}}, headers=headers)
+        added = await store.http.post(f"/experiments/{experiment}/runs", json=upload(), headers=headers)
+        removed = await store.http.delete(f"/experiments/{experiment}", headers=headers)
+        assert (made.status_code, added.status_code) == (wanted, wanted), origin
+        assert removed.status_code == (204 if wanted == 201 else 403), origin
+        assert (store.results / experiment).is_dir() == (wanted == 403)
+        assert wanted == 201 or removed.json()["type"] == "tigas:foreign-origin"
+
+
+@pytest.mark.parametrize(
+    ("host", "status"), [("evil.example", 403), ("labhost", 201), ("lab.local", 201), ("10.1.2.3", 201)]
+)
+async def test_a_name_that_is_made_to_lead_here_is_foreign(store: Running, host: str, status: int) -> None:
+    headers = {"host": f"{host}:8091", "origin": f"http://{host}:8080"}
+    made = await store.http.post("/experiments", json={"name": "a", "plan": {}}, headers=headers)
+    assert made.status_code == status
+
+
+async def test_the_page_may_ask_across_origins(store: Running) -> None:
+    page = "http://localhost:8080"
+    asked = {"origin": page, "access-control-request-headers": "content-type"}
+    for method in ("POST", "DELETE"):
+        answer = await store.http.options("/experiments/x", headers=asked | {"access-control-request-method": method})
+        assert (answer.status_code, answer.headers["access-control-allow-origin"]) == (200, "*")
+    assert (await store.http.get("/healthz", headers={"origin": page})).headers["access-control-allow-origin"] == "*"
+    refused = await store.http.get("/experiments/x", headers={"origin": page})
+    assert refused.headers["access-control-allow-origin"] == "*", "the page cannot read why"
