@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import ctypes
 import functools
-import os
 import socket
 import struct
 import threading
@@ -13,15 +12,16 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-import pytest
+import psutil
 
-from tigas_testbed.namespaces import Lab, Role
+from tigas_common.topology import WEBTRANSPORT
+from tigas_testbed.namespaces import GATEWAY_ADDRESS, Lab, Role
 
 _LIBC = ctypes.CDLL(None, use_errno=True)
 _CLONE_NEWNET = 0x40000000
 _SO_TIMESTAMPNS = 35
-BUSY = 0.15
-"""With a smaller share of free processor time, measurements mean nothing; the tests' own work leaves more than half."""
+GATEWAY = (GATEWAY_ADDRESS, WEBTRANSPORT.number)
+"""Where a client's datagrams go; the gateway leads them to the same port of the service."""
 LAYER_2 = 42
 """Bytes that Ethernet, IP and UDP add to a datagram."""
 
@@ -53,6 +53,11 @@ def udp(lab: Lab, role: Role, port: int = 0) -> socket.socket:
     return made
 
 
+def server_socket(lab: Lab) -> socket.socket:
+    """A UDP socket of the service, where the gateway leads what clients send."""
+    return udp(lab, "service", WEBTRANSPORT.number)
+
+
 @contextmanager
 def thread(work: Callable[[threading.Event], None]) -> Iterator[None]:
     """Run `work` beside the test; it ends when its event is set."""
@@ -67,9 +72,9 @@ def thread(work: Callable[[threading.Event], None]) -> Iterator[None]:
 
 
 @contextmanager
-def echo_server(lab: Lab, port: int = 4433) -> Iterator[None]:
+def echo_server(lab: Lab) -> Iterator[None]:
     """Sends every datagram back, from the service."""
-    with udp(lab, "service", port) as server:
+    with server_socket(lab) as server:
 
         def echo(stop: threading.Event) -> None:
             server.settimeout(0.1)
@@ -126,6 +131,10 @@ class Receiver:
         with thread(collect):
             yield
 
+    def count(self, payload: int) -> int:
+        """How many datagrams of so many bytes arrived."""
+        return sum(size == payload + LAYER_2 for _, size in self.arrivals)
+
     def kbps(self, start: float, end: float) -> float:
         """What arrived in a span of time, kbit/s."""
         return sum(size for at, size in self.arrivals if start <= at < end) * 8e-3 / (end - start)
@@ -134,23 +143,20 @@ class Receiver:
 def steady(test: Callable[..., None]) -> Callable[..., None]:
     """Gives a measurement three attempts: on a busy machine one can be wrong, but a wrong link is wrong every time.
 
-    Skips if it still fails and other work left no processor time to measure with.
+    A failure says what else kept the processors busy.
     """
 
     @functools.wraps(test)
     def attempts(*arguments: object, **named: object) -> None:
         for attempt in range(3):
             _wait_for_quiet()
-            before = _processor_time()
+            before = _Load()
             try:
                 return test(*arguments, **named)
-            except AssertionError:
-                if attempt < 2:
-                    continue
-                free = _free_share(before)
-                if free < BUSY:
-                    pytest.skip(f"this machine is too busy to measure a link: {free:.0%} of its processors were free")
-                raise
+            except AssertionError as error:
+                if attempt == 2:
+                    error.add_note(f"Three attempts failed. During the last one {before.since()}")
+                    raise
         return None
 
     return attempts
@@ -158,22 +164,35 @@ def steady(test: Callable[..., None]) -> Callable[..., None]:
 
 def _wait_for_quiet() -> None:
     end = time.monotonic() + 10
-    while time.monotonic() < end:
-        before = _processor_time()
-        time.sleep(0.25)
-        if _free_share(before) > 0.5:
-            return
+    while time.monotonic() < end and psutil.cpu_times_percent(0.25).idle < 50:
+        pass
 
 
-def _processor_time() -> tuple[int, int]:
-    """Free, and in all, since the machine started."""
-    times = [int(part) for part in Path("/proc/stat").read_text().split("\n", 1)[0].split()[1:9]]
-    return times[3] + times[4], sum(times)
+class _Load:
+    """What the machine has done up to now."""
 
+    def __init__(self) -> None:
+        self._all = psutil.cpu_times()
+        self._by_process = self._seconds()
 
-def _free_share(before: tuple[int, int]) -> float:
-    free, everything = (now - then for now, then in zip(_processor_time(), before, strict=True))
-    return free / max(1, everything)
+    def since(self) -> str:
+        """The share of the processors that has been idle since, and what took most of the rest."""
+        now = psutil.cpu_times()
+        idle = (now.idle - self._all.idle) / max(1e-9, sum(now) - sum(self._all))
+        taken = sorted(
+            ((seconds - self._by_process.get(process, 0.0), *process) for process, seconds in self._seconds().items()),
+            reverse=True,
+        )
+        busiest = ", ".join(f"{name} ({pid}) took {seconds:.1f} s" for seconds, pid, name in taken[:5])
+        return f"{idle:.0%} of the processors were idle; {busiest}."
+
+    @staticmethod
+    def _seconds() -> dict[tuple[int, str], float]:
+        return {
+            (process.pid, process.info["name"]): process.info["cpu_times"].user + process.info["cpu_times"].system
+            for process in psutil.process_iter(["name", "cpu_times"])
+            if process.info["cpu_times"]
+        }
 
 
 def wait_until(condition: Callable[[], bool], timeout_s: float = 10.0) -> None:
@@ -182,8 +201,3 @@ def wait_until(condition: Callable[[], bool], timeout_s: float = 10.0) -> None:
     while not condition():
         assert time.monotonic() < end, f"{condition} was not true after {timeout_s} s"
         time.sleep(0.02)
-
-
-def root() -> bool:
-    """Whether this process may make namespaces."""
-    return os.geteuid() == 0

@@ -10,13 +10,14 @@ from contextlib import contextmanager, suppress
 from typing import Any
 
 from tests.testbed.inside import inside, wait_until
+from tigas_common.topology import PAGE_ORIGINS, SHAPER
 from tigas_common.wire.shaper import ShaperStatus
 from tigas_shaper.traces.csv_format import format_csv
 from tigas_shaper.traces.trace import NetworkTrace
 from tigas_testbed.namespaces import GATEWAY_ADDRESS, Lab
 from tigas_testbed.services import shaper_command
 
-ORIGIN = "http://localhost:8080"
+ORIGIN = PAGE_ORIGINS[0]
 
 
 class ShaperProcess:
@@ -31,7 +32,7 @@ class ShaperProcess:
     ) -> tuple[int, Any]:
         """Status and JSON of one request, from the client's namespace."""
         with inside(self.lab, "client"):
-            connection = http.client.HTTPConnection(GATEWAY_ADDRESS, 8090, timeout=5)
+            connection = http.client.HTTPConnection(GATEWAY_ADDRESS, SHAPER.number, timeout=5)
             connection.connect()
         try:
             connection.request(method, path, body, {"Origin": origin} if origin else {})

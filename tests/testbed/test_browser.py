@@ -16,6 +16,7 @@ from tests.testbed.shaper_process import ShaperProcess
 from tests.web.conftest import CHROMIUM_ARGS, DESKTOP, PATIENCE, STATIC
 from tests.web.scenes import write_scenes
 from tests.web.stage import SCENE, frames, wait_for_frames
+from tigas_common.topology import PAGE, PAGE_ORIGINS
 from tigas_common.wire.shaper import LinkSetting
 from tigas_shaper.traces.trace import NetworkTrace
 from tigas_testbed.namespaces import Lab
@@ -38,7 +39,7 @@ def render(lab: Lab, tmp_path: Path) -> Iterator[None]:
 def listens(lab: Lab) -> bool:
     """Whether the page can be had."""
     with inside(lab, "client"), socket.socket() as probe:
-        return probe.connect_ex(("127.0.0.1", 8080)) == 0
+        return probe.connect_ex(("127.0.0.1", PAGE.number)) == 0
 
 
 @pytest.fixture
@@ -60,7 +61,7 @@ def page(lab: Lab, render: None, tmp_path: Path) -> Iterator[Page]:
 
 def test_the_page_crosses_the_link_and_survives_an_outage(link: ShaperProcess, page: Page) -> None:
     link.post("/link", down_kbps=10_000, up_kbps=5_000, delay_ms=10)
-    page.goto(f"http://localhost:8080/{SCENE}")
+    page.goto(f"{PAGE_ORIGINS[0]}/{SCENE}")
     assert page.evaluate("isSecureContext")
     expect(page.locator(".stage")).to_have_attribute("data-transport", "webtransport-streams", timeout=PATIENCE)
     wait_for_frames(page)

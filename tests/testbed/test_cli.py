@@ -12,13 +12,14 @@ import pytest
 
 from tests.testbed.inside import wait_until
 from tigas_common.errors import StartError
+from tigas_common.topology import DASH, PAGE, SHAPER, STORE
 from tigas_testbed.namespaces import ROLES, Lab
 from tigas_testbed.services import NAME, tigas
 
 LAB = Lab(NAME)
 
 
-def serves(port: int = 8080) -> bool:
+def serves(port: int = PAGE.number) -> bool:
     """Whether the page's server, or another one, answers at this machine's own localhost, through the lab."""
     try:
         with urlopen(f"http://localhost:{port}/healthz", timeout=1) as answer:
@@ -59,7 +60,7 @@ def test_a_lab_comes_up_for_this_machine_and_goes_even_after_a_kill(
 ) -> None:
     exec_client = tigas("lab", "exec", "client", "ip", "-br", "link", "show", "access")
     assert "access@" in subprocess.run(exec_client, check=True, capture_output=True, text=True).stdout
-    wait_until(lambda: all(map(serves, (8081, 8090, 8091))), 20)
+    wait_until(lambda: all(map(serves, (DASH.number, SHAPER.number, STORE.number))), 20)
     assert (tmp_path / "results").is_dir()
     second = subprocess.run(tigas("lab", "up"), capture_output=True, text=True)
     assert (second.returncode, second.stderr) == (1, "The lab is already up; `tigas lab down` ends it.\n")

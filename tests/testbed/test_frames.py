@@ -13,6 +13,7 @@ from typing import TypeVar
 from tests.render.transport.client import CERTIFICATE, Client, FakeFrames, connect, request_body
 from tests.testbed.inside import inside, steady
 from tests.testbed.shaper_process import ShaperProcess
+from tigas_common.topology import WEBTRANSPORT
 from tigas_common.wire.render import DEFAULT_LADDER
 from tigas_render.transport.frames import render_session
 from tigas_render.transport.server import Http3Server
@@ -32,7 +33,9 @@ def frame_server(lab: Lab, size: int) -> Iterator[None]:
 
     async def serve() -> None:
         sessions = {"/render": render_session(FakeFrames(bytes(size)))}
-        server = Http3Server(no_app, host="0.0.0.0", port=4433, certificate=CERTIFICATE, webtransport=sessions)
+        server = Http3Server(
+            no_app, host="0.0.0.0", port=WEBTRANSPORT.number, certificate=CERTIFICATE, webtransport=sessions
+        )
         async with server:
             ready.set()
             await stop.wait()
@@ -56,7 +59,7 @@ def at_client(lab: Lab, work: Callable[[Client, int], Awaitable[Result]]) -> Res
     """Run `work` with a WebTransport session that the client opened at its own 127.0.0.1, as the page does."""
 
     async def session() -> Result:
-        async with connect(4433) as client:
+        async with connect(WEBTRANSPORT.number) as client:
             return await work(client, await client.connect_webtransport())
 
     with inside(lab, "client"):

@@ -9,13 +9,12 @@ import time
 
 import pytest
 
-from tests.testbed.inside import echo_server, udp, wait_until
+from tests.testbed.inside import GATEWAY, echo_server, udp, wait_until
 from tests.testbed.shaper_process import ip_forward, left_behind, shaper
 from tigas_common.errors import StartError
+from tigas_common.topology import SHAPER
 from tigas_testbed.namespaces import Lab, sweep
 from tigas_testbed.services import PORTS, shaper_command
-
-GATEWAY = ("198.18.1.1", 4433)
 
 
 def answers(lab: Lab) -> bool:
@@ -92,7 +91,7 @@ def test_an_interface_that_disappears_closes_the_link(own_lab: Lab, interface: s
         assert running.process.wait(10) == 0
 
 
-STATUS = "import urllib.request as u; print(u.urlopen('http://127.0.0.1:8090/status').read().decode())"
+STATUS = f"import urllib.request as u; print(u.urlopen('http://{SHAPER.loopback}/status').read().decode())"
 
 
 def test_wrong_settings_get_one_sentence(own_lab: Lab) -> None:

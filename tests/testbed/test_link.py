@@ -12,12 +12,11 @@ from contextlib import suppress
 
 import pytest
 
-from tests.testbed.inside import Receiver, echo_server, flood, steady, udp
+from tests.testbed.inside import GATEWAY, LAYER_2, Receiver, echo_server, flood, server_socket, steady, udp, wait_until
 from tests.testbed.shaper_process import ShaperProcess
 from tigas_common.wire.shaper import LinkSetting
 from tigas_shaper.traces.trace import NetworkTrace
 
-GATEWAY = ("198.18.1.1", 4433)
 SIZE = 1400
 PEAK = 40_000.0
 UDP_SEGMENT = 103
@@ -48,7 +47,7 @@ def greeted(receiver: Receiver, server: socket.socket) -> tuple[str, int]:
 def delivered(link: ShaperProcess, played: NetworkTrace, rate_kbps: float) -> tuple[Receiver, float]:
     """Plays a trace to its end while the service sends at a rate; what arrived, and when the trace started."""
     receiver = Receiver(link.lab)
-    with receiver.socket, udp(link.lab, "service", 4433) as server:
+    with receiver.socket, server_socket(link.lab) as server:
         peer = greeted(receiver, server)
         with receiver.collecting(), flood(link.lab, peer, server, rate_kbps, SIZE):
             time.sleep(0.1)  # the queue is full when the trace starts
@@ -56,6 +55,19 @@ def delivered(link: ShaperProcess, played: NetworkTrace, rate_kbps: float) -> tu
             time.sleep(start + played.duration_ms / 1e3 - time.monotonic())
     assert link.status().closed is None
     return receiver, start
+
+
+def round_trips_ms(link: ShaperProcess, count: int) -> list[float]:
+    """How long datagrams take to the service and back, one after the other, so that none waits for another."""
+    times = []
+    with echo_server(link.lab), udp(link.lab, "client") as client:
+        client.settimeout(2)
+        for _ in range(count):
+            before = time.monotonic()
+            client.sendto(b"ping", GATEWAY)
+            client.recv(16)
+            times.append((time.monotonic() - before) * 1e3)
+    return times
 
 
 @pytest.mark.parametrize(
@@ -80,13 +92,13 @@ def test_delivered_rate_follows_the_trace(link: ShaperProcess, step_ms: int, dow
 @steady
 def test_uplink_has_a_rate_of_its_own(link: ShaperProcess) -> None:
     link.post("/link", down_kbps=50_000, up_kbps=6_000)
-    with udp(link.lab, "client") as client, udp(link.lab, "service", 4433) as server:
+    with udp(link.lab, "client") as client, server_socket(link.lab) as server:
         arrived = 0
         with flood(link.lab, GATEWAY, client, 12_000, SIZE):
             server.recvfrom(2048)
             end = time.monotonic() + 1.5
             while time.monotonic() < end:
-                arrived += len(server.recvfrom(2048)[0]) + 42
+                arrived += len(server.recvfrom(2048)[0]) + LAYER_2
     assert arrived * 8e-3 / 1.5 == pytest.approx(6_000, rel=0.05)
 
 
@@ -105,35 +117,36 @@ def test_an_outage_stops_everything_and_recovers_at_once(link: ShaperProcess) ->
 @steady
 def test_round_trip_takes_twice_the_delay(link: ShaperProcess, rtt_ms: int) -> None:
     link.post("/link", down_kbps=50_000, up_kbps=20_000, delay_ms=rtt_ms / 2)
-    with echo_server(link.lab), udp(link.lab, "client") as client:
-        client.settimeout(2)
-        times = []
-        for _ in range(max(4, 400 // rtt_ms)):
-            before = time.monotonic()
-            client.sendto(b"ping", GATEWAY)
-            client.recv(16)
-            times.append((time.monotonic() - before) * 1e3)
+    times = round_trips_ms(link, max(4, 400 // rtt_ms))
     median = statistics.median(times)
     print(f"RTT {rtt_ms} ms: median {median:.2f}, {min(times):.2f} to {max(times):.2f}")
     assert median == pytest.approx(rtt_ms, abs=3)
+    assert min(times) > rtt_ms - 0.5, "without jitter nothing is early"
 
 
 @steady
-def test_jitter_varies_the_delay_and_keeps_the_order(link: ShaperProcess) -> None:
+def test_jitter_varies_the_delay(link: ShaperProcess) -> None:
+    """A busy machine only makes packets later: jitter alone makes them earlier than the delay."""
+    link.post("/link", down_kbps=50_000, up_kbps=20_000, delay_ms=20, jitter_ms=10)
+    times = round_trips_ms(link, 80)
+    first, median, third = statistics.quantiles(times)
+    print(f"from {min(times):.1f} ms; quartiles {first:.1f}, {median:.1f}, {third:.1f} ms")
+    assert min(times) > 2 * (20 - 10)
+    assert first < 39
+    assert median == pytest.approx(40, abs=6)
+    assert third > 43
+
+
+@steady
+def test_jitter_keeps_the_order(link: ShaperProcess) -> None:
     link.post("/link", down_kbps=50_000, up_kbps=20_000, delay_ms=20, jitter_ms=10)
     with echo_server(link.lab), udp(link.lab, "client") as client:
         client.settimeout(2)
-        sent, received = {}, []
         for number in range(100):
-            sent[number] = time.monotonic()
             client.sendto(number.to_bytes(4, "big"), GATEWAY)
-            time.sleep(0.002)
-        times = []
-        for _ in range(100):
-            number = int.from_bytes(client.recv(16), "big")
-            received.append(number)
-            times.append((time.monotonic() - sent[number]) * 1e3)
-    assert received == sorted(received)
+            time.sleep(0.002)  # far less than the jitter
+        received = [int.from_bytes(client.recv(16), "big") for _ in range(100)]
+    assert received == list(range(100))
 
 
 @steady
@@ -141,7 +154,7 @@ def test_loss_is_within_its_confidence_interval(link: ShaperProcess) -> None:
     loss, count = 0.05, 3000
     link.post("/link", down_kbps=100_000, up_kbps=100_000, loss_pct=loss * 100)
     receiver = Receiver(link.lab)
-    with receiver.socket, udp(link.lab, "service", 4433) as server:
+    with receiver.socket, server_socket(link.lab) as server:
         for _ in range(20):  # a greeting may be lost, too
             peer = greeted(receiver, server)
         with receiver.collecting():
@@ -149,8 +162,13 @@ def test_loss_is_within_its_confidence_interval(link: ShaperProcess) -> None:
                 for _ in range(10):
                     server.sendto(bytes(100), peer)
                 time.sleep(0.001)
-            time.sleep(0.2)
-    lost = 1 - len(receiver.arrivals) / count
+
+            def ended() -> bool:  # packets keep their order, so that nothing comes after the last
+                server.sendto(b"end", peer)
+                return receiver.count(len(b"end")) > 0
+
+            wait_until(ended)
+    lost = 1 - receiver.count(100) / count
     print(f"lost {lost:.2%}")
     assert lost == pytest.approx(loss, abs=3.3 * math.sqrt(loss * (1 - loss) / count))  # 99.9 %
 
@@ -159,7 +177,7 @@ def test_loss_is_within_its_confidence_interval(link: ShaperProcess) -> None:
 def test_a_client_that_floods_fills_its_own_direction_only(link: ShaperProcess) -> None:
     link.post("/link", down_kbps=20_000, up_kbps=5_000)
     receiver = Receiver(link.lab)
-    with receiver.socket, udp(link.lab, "service", 4433) as server, udp(link.lab, "client") as flooder:
+    with receiver.socket, server_socket(link.lab) as server, udp(link.lab, "client") as flooder:
         peer = greeted(receiver, server)
         with flood(link.lab, GATEWAY, flooder, 60_000, SIZE), receiver.collecting():
             with flood(link.lab, peer, server, 25_000, SIZE):
@@ -180,7 +198,7 @@ def test_a_sender_may_keep_its_segmentation_offload(link: ShaperProcess) -> None
     subprocess.run(argv, check=True, capture_output=True)
     link.post("/link", down_kbps=4_000, up_kbps=4_000)
     receiver = Receiver(link.lab)
-    with receiver.socket, udp(link.lab, "service", 4433) as server:
+    with receiver.socket, server_socket(link.lab) as server:
         peer = greeted(receiver, server)
         server.setsockopt(socket.SOL_UDP, UDP_SEGMENT, SIZE)
         with receiver.collecting():

@@ -22,11 +22,11 @@ import socket
 import subprocess
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager, suppress
-from dataclasses import dataclass
 from typing import Literal
 
 from tigas_common.capabilities import CAP_NET_ADMIN, CAP_SYS_ADMIN, holds
 from tigas_common.errors import StartError
+from tigas_common.topology import Port
 
 PREFIX = "tigas-"
 Role = Literal["client", "gateway", "service"]
@@ -34,17 +34,16 @@ ROLES: tuple[Role, ...] = ("client", "gateway", "service")
 HOST_ADDRESS, CLIENT_HOST_ADDRESS = "198.18.0.1", "198.18.0.2"
 CLIENT_ADDRESS, GATEWAY_ADDRESS = "198.18.1.2", "198.18.1.1"
 GATEWAY_SERVICE_ADDRESS, SERVICE_ADDRESS = "198.18.2.1", "198.18.2.2"
-TOOLS = {"ip": "iproute2", "nft": "nftables", "ethtool": "ethtool", "sysctl": "procps"}
-"""Commands that the lab runs, and the Debian packages that they are in."""
+TOOLS = {
+    "ip": "iproute2",
+    "tc": "iproute2",
+    "nft": "nftables",
+    "ethtool": "ethtool",
+    "sysctl": "procps",
+    "setpriv": "util-linux",
+}
+"""Commands that the lab and the shaper in it run, and the Debian packages that they are in."""
 _NAME = re.compile(r"[a-z0-9]{1,20}")
-
-
-@dataclass(frozen=True, slots=True)
-class LocalPort:
-    """A port on 127.0.0.1 of the client, and of the host, that leads to the same port of the gateway."""
-
-    protocol: Literal["tcp", "udp"]
-    port: int
 
 
 class Lab:
@@ -72,8 +71,9 @@ class Lab:
         return [int(pid) for pid in _output("ip", "netns", "pids", self.namespace(role)).split()]
 
     @contextmanager
-    def up(self, ports: Sequence[LocalPort] = (), *, host: bool = False) -> Iterator[Lab]:
-        """The lab for as long as the context lasts; `host` joins the machine itself to the client's side.
+    def up(self, ports: Sequence[Port] = (), *, host: bool = False) -> Iterator[Lab]:
+        """The lab for as long as the context lasts, with `ports` of the client's 127.0.0.1 leading to the gateway's;
+        `host` joins the machine itself to the client's side, with the same ports.
 
         A lab of the same name that was left behind is removed first. Raises StartError.
         """
@@ -100,7 +100,7 @@ class Lab:
     def _table(self) -> str:
         return f"tigas_lab_{self.name}"
 
-    def _build(self, ports: Sequence[LocalPort], *, host: bool) -> None:
+    def _build(self, ports: Sequence[Port], *, host: bool) -> None:
         client, gateway, service = map(self.namespace, ROLES)
         try:
             for namespace in (client, gateway, service):
@@ -142,8 +142,8 @@ def check_rights() -> None:
     """Raises StartError if this process cannot make network namespaces, or lacks a tool for it."""
     if os.geteuid() != 0 or not holds(CAP_NET_ADMIN, CAP_SYS_ADMIN):
         raise StartError("The lab makes network namespaces, which needs root: run it with sudo.")
-    if missing := [package for tool, package in TOOLS.items() if shutil.which(tool) is None]:
-        raise StartError(f"The lab needs more tools: sudo apt-get install {' '.join(missing)}")
+    if missing := {package for tool, package in TOOLS.items() if shutil.which(tool) is None}:
+        raise StartError(f"The lab needs more tools: sudo apt-get install {' '.join(sorted(missing))}")
 
 
 @contextmanager
@@ -156,7 +156,7 @@ def _lock(name: str) -> Iterator[None]:
         yield
 
 
-def _localhost(inside: Sequence[str], interface: str, address: str, table: str, ports: Sequence[LocalPort]) -> None:
+def _localhost(inside: Sequence[str], interface: str, address: str, table: str, ports: Sequence[Port]) -> None:
     """Lead ports of 127.0.0.1 to the gateway, by way of an interface with an address."""
     if not ports:
         return
@@ -164,7 +164,7 @@ def _localhost(inside: Sequence[str], interface: str, address: str, table: str, 
     rules = [
         f"table ip {table} {{",
         "chain out { type nat hook output priority -100;",
-        *(f"ip daddr 127.0.0.1 {p.protocol} dport {p.port} dnat to {GATEWAY_ADDRESS}" for p in ports),
+        *(f"ip daddr 127.0.0.1 {port.protocol} dport {port.number} dnat to {GATEWAY_ADDRESS}" for port in ports),
         "}",
         "chain leave { type nat hook postrouting priority srcnat;",
         f'oifname "{interface}" ip saddr != {address} snat to {address}',

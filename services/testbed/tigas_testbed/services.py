@@ -12,19 +12,14 @@ from pathlib import Path
 from types import MappingProxyType
 
 from tigas_common.errors import StartError
-from tigas_testbed.namespaces import SERVICE_ADDRESS, Lab, LocalPort, Role, check_rights
+from tigas_common.topology import DASH, PAGE, SERVICES_VARIABLE, SHAPER, STORE, WEBTRANSPORT, page_services
+from tigas_testbed.namespaces import SERVICE_ADDRESS, Lab, Role, check_rights
 
 NAME = "lab"
-PORTS = (
-    LocalPort("tcp", 8080),
-    LocalPort("udp", 4433),
-    LocalPort("tcp", 8081),
-    LocalPort("tcp", 8090),
-    LocalPort("tcp", 8091),
-)
-"""The page, WebTransport, DASH, the shaper's API, and the experiments' store."""
-SERVICES = {"TIGAS_RENDER_SERVICES": '{"dash": ":8081", "shaper": ":8090", "store": ":8091"}'}
-"""Tells the page where the others are."""
+FORWARDED = (PAGE, WEBTRANSPORT, DASH, STORE)
+"""The ports of the services, which the gateway forwards."""
+PORTS = (*FORWARDED, SHAPER)
+"""All that a client reaches at the gateway."""
 STOP_S = 3
 """A service that has not stopped by then is killed, in seconds."""
 
@@ -37,24 +32,24 @@ def tigas(*arguments: str) -> list[str]:
 def render_command(scenes: Path | None) -> list[str]:
     """The render service, on all addresses of its namespace."""
     chosen = ("--scenes", str(scenes)) if scenes else ()
-    return tigas("render", "--http", "0.0.0.0:8080", "--quic", "0.0.0.0:4433", *chosen)
+    return tigas("render", "--http", str(PAGE.everywhere), "--quic", str(WEBTRANSPORT.everywhere), *chosen)
 
 
 def dash_command() -> list[str]:
     """The DASH packager beside the render service, whose views it does not get over the link."""
-    return tigas("dash", "--render", "http://127.0.0.1:8080", "--http", "0.0.0.0:8081")
+    return tigas("dash", "--render", f"http://{PAGE.loopback}", "--http", str(DASH.everywhere))
 
 
 def store_command() -> list[str]:
     """The experiments' store, whose results are in the working directory unless its settings say otherwise."""
-    return tigas("store", "--http", "0.0.0.0:8091")
+    return tigas("store", "--http", str(STORE.everywhere))
 
 
 def shaper_command(*more: str) -> list[str]:
     """The shaper on the gateway, in front of the services."""
-    forwards = tuple(f"{at.protocol}:{at.port}={SERVICE_ADDRESS}:{at.port}" for at in PORTS if at.port != 8090)
-    flags = [argument for forward in forwards for argument in ("--forward", forward)]
-    return tigas("shaper", "--access", "access", "--service", "service", "--http", "0.0.0.0:8090", *flags, *more)
+    forwards = (f"--forward={port.protocol}:{port.number}={SERVICE_ADDRESS}:{port.number}" for port in FORWARDED)
+    interfaces = ("--access", "access", "--service", "service")
+    return tigas("shaper", *interfaces, "--http", str(SHAPER.everywhere), *forwards, *more)
 
 
 @contextmanager
@@ -80,9 +75,10 @@ def run_lab(*, scenes: Path | None, traces: Path | None, trace: str | None, stop
     with ExitStack() as stack:
         lab = stack.enter_context(Lab(NAME).up(PORTS, host=True))
         options = [*(("--traces", str(traces)) if traces else ()), *(("--trace", trace) if trace else ())]
+        environment = {SERVICES_VARIABLE: page_services(shaped=True)}
         services = {
             "shaper": stack.enter_context(running(lab, "gateway", shaper_command(*options))),
-            "render service": stack.enter_context(running(lab, "service", render_command(scenes), SERVICES)),
+            "render service": stack.enter_context(running(lab, "service", render_command(scenes), environment)),
             "DASH packager": stack.enter_context(running(lab, "service", dash_command())),
             "experiments' store": stack.enter_context(running(lab, "service", store_command())),
         }

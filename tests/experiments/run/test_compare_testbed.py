@@ -12,11 +12,10 @@ import psutil
 import pytest
 
 from tests.experiments.run.test_compare import compare, finished, report
-from tests.testbed.conftest import _missing
 from tests.web.conftest import CHROMIUM, STATIC
 from tigas_common.errors import StartError
 from tigas_experiments.records.folder import StoredRun
-from tigas_testbed.namespaces import Lab
+from tigas_testbed.namespaces import Lab, check_rights
 from tigas_testbed.services import NAME
 
 SHORT = ("--duration", "3", "--warm-up", "2", "--modes", "stateless", "--viewport", "320x180", "--profile", "2")
@@ -25,9 +24,13 @@ SHORT = ("--duration", "3", "--warm-up", "2", "--modes", "stateless", "--viewpor
 @pytest.fixture(autouse=True)
 def lab() -> Iterator[None]:
     """Skips where the lab cannot be had; in the end nothing of it may be left."""
-    missing = _missing() or (not STATIC.exists() and "the web client is not built") or (not CHROMIUM and "no Chromium")
+    missing = (not STATIC.exists() and "the web client is not built") or (not CHROMIUM and "no Chromium")
     if missing:
-        pytest.skip(str(missing))
+        pytest.skip(missing)
+    try:
+        check_rights()
+    except StartError as error:
+        pytest.skip(str(error))
     try:
         with Lab(NAME).up():
             pass

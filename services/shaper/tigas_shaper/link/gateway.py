@@ -1,4 +1,4 @@
-"""The router hop: forwards the lab's ports from the access side to the service side, while its gate is open.
+"""The router hop: forwards the services' ports from the access side to the service side, while its gate is open.
 
 Everything lives in one nftables table of our own, owned by the `nft` process that we talk to: the kernel removes the
 table when that process ends, and the process ends when we do, so that even a kill leaves nothing forwarded. (`fwd` is a
