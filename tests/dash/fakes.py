@@ -11,8 +11,7 @@ from starlette.responses import Response
 from starlette.routing import Route
 
 from tigas_common.errors import Overloaded, TigasError, UnknownScene
-from tigas_common.parsing import MAX_BODY, parse
-from tigas_common.problems import EXCEPTION_HANDLERS, json_response, read_body
+from tigas_common.web import EXCEPTION_HANDLERS, json_response, read_message
 from tigas_common.wire.render import DEFAULT_LADDER, RenderRequest, ServerConfig
 
 
@@ -44,7 +43,7 @@ class FakeRender:
         )
 
     async def _render(self, request: Request) -> Response:
-        wanted = parse(RenderRequest, await read_body(request, MAX_BODY))
+        wanted = await read_message(request, RenderRequest)
         if wanted.scene != "scene":
             raise UnknownScene(f"There is no scene {wanted.scene!r}.")
         self.requests.append(wanted)

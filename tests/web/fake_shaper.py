@@ -19,7 +19,7 @@ from starlette.responses import Response, StreamingResponse
 from starlette.routing import Route
 
 from tigas_common.parsing import parse
-from tigas_common.problems import EXCEPTION_HANDLERS, json_response
+from tigas_common.web import EXCEPTION_HANDLERS, json_response
 from tigas_common.wire.shaper import (
     DirectionStatus,
     LinkSetting,

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import logging
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from importlib.metadata import entry_points
@@ -20,6 +22,11 @@ def in_a_sentence(*expected: type[Exception]) -> Iterator[None]:
     except expected as error:
         typer.secho(str(error), err=True, fg="red")
         raise typer.Exit(1) from None
+
+
+def log_to_stdout(level: int = logging.INFO) -> None:
+    """Write what a service logs, from this level on, to standard output."""
+    logging.basicConfig(format="%(asctime)s %(levelname)s %(message)s", level=level, stream=sys.stdout)
 
 
 def main() -> None:

@@ -16,15 +16,14 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from tigas_common.errors import TigasError, problem
 from tigas_common.origins import cross_origin
-from tigas_common.parsing import MAX_BODY, parse
-from tigas_common.problems import EXCEPTION_HANDLERS, json_response, read_body
+from tigas_common.parsing import parse
+from tigas_common.web import EXCEPTION_HANDLERS, NO_STORE, created_response, healthz, json_response, read_message
 from tigas_common.wire.dash import FrameShown, PoseUpdate, SessionRequest
 from tigas_dash.clock import iso
 from tigas_dash.errors import UnknownSegment
 from tigas_dash.session import Session
 from tigas_dash.sessions import Sessions
 
-NO_STORE = {"Cache-Control": "no-store"}
 STREAM_ENDED = 4001
 """The pose socket's close code when the stream has ended."""
 UNKNOWN_SESSION = 4004
@@ -56,13 +55,10 @@ def create_app(sessions: Sessions) -> Starlette:
 async def open_session(request: Request) -> Response:
     """A stream of one's own."""
     sessions = _sessions(request)
-    session = await sessions.open(parse(SessionRequest, await read_body(request, MAX_BODY)))
+    session = await sessions.open(await read_message(request, SessionRequest))
     if await request.is_disconnected():  # nobody would hear its name
         await sessions.end(session.name)
-    answer = json_response(session.info)
-    answer.status_code = 201
-    answer.headers["Location"] = f"/sessions/{session.name}"
-    return answer
+    return created_response(session.info, f"/sessions/{session.name}")
 
 
 async def list_sessions(request: Request) -> Response:
@@ -120,11 +116,6 @@ async def time(request: Request) -> Response:
     """The stream's wall-clock time, as xs:dateTime."""
     clock = _sessions(request).clock
     return PlainTextResponse(iso(clock.wall(clock.now())), headers=NO_STORE)
-
-
-async def healthz(request: Request) -> Response:
-    """Whether the service runs."""
-    return JSONResponse({"status": "ok"})
 
 
 async def poses(socket: WebSocket) -> None:

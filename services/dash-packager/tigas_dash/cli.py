@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import asyncio
 import logging
-import sys
 from typing import Annotated
 
 import typer
 
-from tigas_common.cli import in_a_sentence
+from tigas_common.cli import in_a_sentence, log_to_stdout
 from tigas_common.settings import load_settings
 from tigas_common.topology import DASH, PAGE
 
@@ -35,7 +34,7 @@ def dash(
     from tigas_dash.settings import DashSettings
 
     settings = load_settings(DashSettings, flags)
-    logging.basicConfig(format="%(asctime)s %(levelname)s %(message)s", level=logging.WARNING, stream=sys.stdout)
+    log_to_stdout(logging.WARNING)
     logging.getLogger("tigas_dash").setLevel(logging.INFO)
     with in_a_sentence(StartError):
         asyncio.run(serve(settings))

@@ -14,8 +14,7 @@ from starlette.staticfiles import StaticFiles
 from starlette.types import Scope
 
 from tigas_common.errors import problem
-from tigas_common.parsing import MAX_BODY, parse
-from tigas_common.problems import EXCEPTION_HANDLERS, json_response, problem_response, read_body
+from tigas_common.web import EXCEPTION_HANDLERS, NO_STORE, healthy, json_response, problem_response, read_message
 from tigas_common.wire.render import RenderRequest
 from tigas_render.frame import Frame
 from tigas_render.service import RenderService
@@ -51,7 +50,7 @@ def create_app(service: RenderService) -> Starlette:
 
 async def render(request: Request) -> Response:
     """One frame."""
-    render_request = parse(RenderRequest, await read_body(request, MAX_BODY))
+    render_request = await read_message(request, RenderRequest)
     client = request.client
     name = f"{client.host}:{client.port}" if client else "unknown"
     frame = await _unless_disconnected(request, _service(request), name, render_request)
@@ -65,7 +64,7 @@ async def render(request: Request) -> Response:
         headers={
             "Server-Timing": f"queue;dur={timing.queue}, render;dur={timing.render}, encode;dur={timing.encode}",
             "Tigas-Frame": about if frame.profile is None else f"{about}, profile={frame.profile}",
-            "Cache-Control": "no-store",
+            **NO_STORE,
             "Timing-Allow-Origin": "*",
         },
     )
@@ -114,7 +113,7 @@ async def healthz(request: Request) -> Response:
     lost = _service(request).engine.device_lost
     if lost.done():
         return problem_response(problem(lost.result()))
-    return JSONResponse({"status": "ok"})
+    return healthy()
 
 
 async def metrics(request: Request) -> Response:

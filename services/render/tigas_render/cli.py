@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import logging
-import sys
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from tigas_common.cli import in_a_sentence
+from tigas_common.cli import in_a_sentence, log_to_stdout
 from tigas_common.errors import StartError, TigasError
 from tigas_common.settings import load_settings
 from tigas_common.topology import PAGE, WEBTRANSPORT
@@ -46,13 +45,10 @@ def render(
 
     from tigas_render.main import serve
 
-    logging.basicConfig(format="%(asctime)s %(levelname)s %(message)s", level=logging.INFO, stream=sys.stdout)
+    log_to_stdout()
     logging.getLogger("quic").setLevel(logging.WARNING)  # aioquic tells the story of every connection
-    try:
+    with in_a_sentence(StartError):
         uvloop.run(serve(settings))
-    except StartError as error:
-        typer.secho(str(error), err=True, fg="red")
-        raise typer.Exit(1) from None
 
 
 @scene.command("info")

@@ -12,13 +12,12 @@ from collections.abc import AsyncIterator, Sequence
 from starlette.applications import Starlette
 from starlette.middleware import Middleware
 from starlette.requests import Request
-from starlette.responses import JSONResponse, Response, StreamingResponse
+from starlette.responses import Response, StreamingResponse
 from starlette.routing import Route
 
 from tigas_common.errors import Overloaded
 from tigas_common.origins import OriginCheck, OriginPolicy, cross_origin
-from tigas_common.parsing import MAX_BODY, Message, parse
-from tigas_common.problems import EXCEPTION_HANDLERS, json_response, read_body
+from tigas_common.web import EXCEPTION_HANDLERS, NO_STORE, healthy, json_response, read_body, read_message
 from tigas_common.wire.shaper import LinkSetting, LoopRequest, SeekRequest, StartRequest, TraceList
 from tigas_shaper.errors import LinkClosed
 from tigas_shaper.service import Shaper
@@ -77,7 +76,7 @@ async def trace(request: Request) -> Response:
 
 async def start(request: Request) -> Response:
     """Play a trace."""
-    wanted = await _read(request, StartRequest)
+    wanted = await read_message(request, StartRequest)
     found = await asyncio.to_thread(_shaper(request).library.get, wanted.trace)
     if wanted.delay_ms is not None:
         found = await asyncio.to_thread(found.with_delay, wanted.delay_ms)
@@ -105,19 +104,19 @@ async def resume(request: Request) -> Response:
 
 async def seek(request: Request) -> Response:
     """Go to a position."""
-    _shaper(request).player.seek((await _read(request, SeekRequest)).position_ms)
+    _shaper(request).player.seek((await read_message(request, SeekRequest)).position_ms)
     return _status(request)
 
 
 async def loop(request: Request) -> Response:
     """Start again at the end, or not."""
-    _shaper(request).player.set_loop((await _read(request, LoopRequest)).loop)
+    _shaper(request).player.set_loop((await read_message(request, LoopRequest)).loop)
     return _status(request)
 
 
 async def link(request: Request) -> Response:
     """Keep one state."""
-    _shaper(request).player.constant(await _read(request, LinkSetting))
+    _shaper(request).player.constant(await read_message(request, LinkSetting))
     return _status(request)
 
 
@@ -130,7 +129,7 @@ async def events(request: Request) -> Response:
     """The link about five times a second, as server-sent events: each one's data is a ShaperStatus."""
     if request.app.state.watchers >= MAX_WATCHERS:
         raise Overloaded(f"{MAX_WATCHERS} pages watch the link already.")
-    return StreamingResponse(_events(request), media_type="text/event-stream", headers={"Cache-Control": "no-store"})
+    return StreamingResponse(_events(request), media_type="text/event-stream", headers=NO_STORE)
 
 
 async def _events(request: Request) -> AsyncIterator[str]:
@@ -148,7 +147,7 @@ async def healthz(request: Request) -> Response:
     closed = _shaper(request).closed
     if closed is not None:
         raise LinkClosed(closed)
-    return JSONResponse({"status": "ok"})
+    return healthy()
 
 
 def _shaper(request: Request) -> Shaper:
@@ -158,7 +157,3 @@ def _shaper(request: Request) -> Shaper:
 
 def _status(request: Request) -> Response:
     return json_response(_shaper(request).status())
-
-
-async def _read(request: Request, kind: type[Message]) -> Message:
-    return parse(kind, await read_body(request, MAX_BODY))

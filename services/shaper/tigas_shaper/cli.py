@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import asyncio
-import logging
-import sys
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
+from tigas_common.cli import in_a_sentence, log_to_stdout
 from tigas_common.settings import load_settings
 from tigas_common.topology import PAGE_ORIGINS, SHAPER
 
@@ -48,11 +47,8 @@ def shaper(
     from tigas_shaper.main import check_rights, serve
     from tigas_shaper.settings import ShaperSettings
 
-    try:
+    with in_a_sentence(StartError):
         check_rights()
         settings = load_settings(ShaperSettings, flags)
-        logging.basicConfig(format="%(asctime)s %(levelname)s %(message)s", level=logging.INFO, stream=sys.stdout)
+        log_to_stdout()
         asyncio.run(serve(settings))
-    except StartError as error:
-        typer.secho(str(error), err=True, fg="red")
-        raise typer.Exit(1) from None

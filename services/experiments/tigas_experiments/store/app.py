@@ -12,12 +12,12 @@ from urllib.parse import quote
 from starlette.applications import Starlette
 from starlette.middleware import Middleware
 from starlette.requests import ClientDisconnect, Request
-from starlette.responses import JSONResponse, Response, StreamingResponse
+from starlette.responses import Response, StreamingResponse
 from starlette.routing import Route
 
 from tigas_common.errors import BodyTooLarge, InvalidRequest
 from tigas_common.origins import OriginCheck, OriginPolicy, cross_origin
-from tigas_common.problems import EXCEPTION_HANDLERS, json_response, read_body
+from tigas_common.web import EXCEPTION_HANDLERS, NO_STORE, created_response, healthz, json_response, read_body
 from tigas_common.wire.recording import MAX_BYTES
 from tigas_common.wire.store import ExperimentCreated
 from tigas_experiments.records.load import LoadSample
@@ -33,7 +33,6 @@ from tigas_experiments.store.workspace import Workspace
 
 SILENCE_S = 30.0
 """An upload of which nothing comes for so long is given up."""
-NO_STORE = {"Cache-Control": "no-store"}
 # A report needs nothing but itself, and must not act as a page of the store.
 REPORT_HEADERS = NO_STORE | {
     "Content-Security-Policy": "default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'; "
@@ -91,7 +90,7 @@ async def create(request: Request) -> Response:
     """Begin an experiment."""
     body = await read_body(request, MAX_PLAN_BYTES)
     made = await asyncio.to_thread(_store(request).experiments.create, body, datetime.now(UTC))
-    return _created(json_response(ExperimentCreated(id=made)), made)
+    return created_response(ExperimentCreated(id=made), f"/experiments/{quote(made)}")
 
 
 async def experiment(request: Request) -> Response:
@@ -116,7 +115,7 @@ async def add_run(request: Request) -> Response:
         async with store.one_at_a_time:
             summary = await store.offload(keep_upload, body, run, tuple(store.load), store.machine)
         row = await asyncio.to_thread(store.experiments.add_run, name, run, summary)
-    return _created(json_response(row), name)
+    return created_response(row, f"/experiments/{quote(name)}")
 
 
 async def download(request: Request) -> Response:
@@ -142,11 +141,6 @@ async def movement(request: Request) -> Response:
     """A movement trace's file."""
     text = await asyncio.to_thread(_store(request).movements.text, request.path_params["name"])
     return Response(text, media_type="text/csv", headers=NO_STORE)
-
-
-async def healthz(request: Request) -> Response:
-    """Whether the service runs."""
-    return JSONResponse({"status": "ok"})
 
 
 async def _receive(request: Request, path: Path) -> None:
@@ -175,12 +169,6 @@ def _archived(folder: Path) -> Iterator[bytes]:
     """Breaks off where the archive cannot be finished, so that nobody takes the part for the whole."""
     with storage_explained():
         yield from archive(folder)
-
-
-def _created(answer: Response, experiment: str) -> Response:
-    answer.status_code = 201
-    answer.headers["Location"] = f"/experiments/{quote(experiment)}"
-    return answer
 
 
 def _store(request: Request) -> Store:

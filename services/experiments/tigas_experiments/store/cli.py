@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import asyncio
 import logging
-import sys
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from tigas_common.cli import in_a_sentence
+from tigas_common.cli import in_a_sentence, log_to_stdout
 from tigas_common.settings import load_settings
 from tigas_common.topology import STORE
 
@@ -34,6 +33,6 @@ def store(
     from tigas_experiments.store.settings import StoreSettings
 
     settings = load_settings(StoreSettings, flags)
-    logging.basicConfig(format="%(asctime)s %(levelname)s %(message)s", level=logging.WARNING, stream=sys.stdout)
+    log_to_stdout(logging.WARNING)
     with in_a_sentence(StartError):
         asyncio.run(serve(settings))

@@ -1,4 +1,4 @@
-"""What every Starlette application here shares: bodies in, models and problem+json (RFC 9457) out."""
+"""What every Starlette application here shares: bodies in, models and problem+json (RFC 9457) out, and its health."""
 
 from __future__ import annotations
 
@@ -10,9 +10,10 @@ from typing import Any
 from pydantic import BaseModel
 from starlette.exceptions import HTTPException
 from starlette.requests import ClientDisconnect, Request
-from starlette.responses import Response
+from starlette.responses import JSONResponse, Response
 
 from tigas_common.errors import BodyTooLarge, InvalidRequest, TigasError, problem
+from tigas_common.parsing import MAX_BODY, Message, parse
 from tigas_common.wire.render import Problem
 
 logger = logging.getLogger(__name__)
@@ -21,9 +22,21 @@ BODY_TIMEOUT_S = 10
 """A body that is not complete by then is given up, in seconds."""
 
 
+NO_STORE = {"Cache-Control": "no-store"}
+"""The header of an answer that nobody keeps."""
+
+
 def json_response(model: BaseModel) -> Response:
     """A model as JSON that nobody keeps."""
-    return Response(model.model_dump_json(), media_type="application/json", headers={"Cache-Control": "no-store"})
+    return Response(model.model_dump_json(), media_type="application/json", headers=NO_STORE)
+
+
+def created_response(model: BaseModel, location: str) -> Response:
+    """What was made, and the path that it is at."""
+    answer = json_response(model)
+    answer.status_code = 201
+    answer.headers["Location"] = location
+    return answer
 
 
 def problem_response(answer: Problem, headers: Mapping[str, str] | None = None) -> Response:
@@ -48,6 +61,21 @@ async def read_body(request: Request, limit: int) -> bytes:
     except ClientDisconnect:
         raise InvalidRequest("The client left before its request was complete.") from None
     return bytes(body)
+
+
+async def read_message(request: Request, kind: type[Message]) -> Message:
+    """The request's body as a wire type. Raises as `read_body` and `parse` do."""
+    return parse(kind, await read_body(request, MAX_BODY))
+
+
+async def healthz(request: Request) -> Response:
+    """That the service runs: the route of one that can do its work whenever it answers."""
+    return healthy()
+
+
+def healthy() -> Response:
+    """What a health check hears if all is well."""
+    return JSONResponse({"status": "ok"}, headers=NO_STORE)
 
 
 async def on_error(request: Request, error: Exception) -> Response:
