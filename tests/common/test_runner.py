@@ -19,7 +19,7 @@ PATIENCE_S = 20
 
 @pytest.mark.skipif(not hasattr(socket, "TCP_USER_TIMEOUT"), reason="only Linux cuts such readers off")
 async def test_a_client_that_reads_nothing_loses_its_connection(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("tigas_common.address.UNREAD_S", 1)
+    monkeypatch.setattr("tigas_common.address.UNREAD_TIMEOUT_S", 1)
     more_than_the_system_buffers = Response(bytes(20_000_000))
     async with serve_http(more_than_the_system_buffers, Address("127.0.0.1", 0)) as port:
         with socket.create_connection(("127.0.0.1", port)) as stuck:

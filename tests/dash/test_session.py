@@ -27,7 +27,7 @@ from tigas_dash.cmaf.chunk import Sample
 from tigas_dash.encoding import LadderEncoder, RawFrame
 from tigas_dash.errors import ExpiredSegment
 from tigas_dash.representation import representations
-from tigas_dash.session import UNREAD, Session
+from tigas_dash.session import MAX_UNREAD, Session
 from tigas_dash.source import RenderClient, ViewSource
 
 pytestmark = pytest.mark.anyio
@@ -100,9 +100,7 @@ async def told(frames: Announcements, media_time_s: float) -> FrameShown:
 
 async def samples(session: Session, representation: str, segments: Sequence[int]) -> list[tuple[int, int, bool]]:
     """Of each frame in some segments: its tick, for how many it lasts, and whether it is a keyframe."""
-    data, window = session.header(representation), session.window(representation)
-    assert data is not None
-    assert window is not None
+    data, window = session.media.header(representation), session.media.segments(representation)
     for number in segments:
         data += b"".join([part async for part in window.read(number)])
     with av.open(io.BytesIO(data), "r") as container:
@@ -149,10 +147,11 @@ async def test_a_process_that_was_stopped_goes_on_at_the_present_and_no_segment_
 
 async def test_segments_are_kept_for_as_long_as_the_manifest_says_and_no_longer() -> None:
     async with streaming(FakeClock()) as session, session.watch() as frames:
-        depth_s = float(ET.fromstring(session.manifest("")).attrib["timeShiftBufferDepth"][2:-1])
+        depth_s = float(
+            ET.fromstring(session.media.manifest("", FakeClock().wall_now())).attrib["timeShiftBufferDepth"][2:-1]
+        )
         now = await told(frames, 12)
-        window = session.window("r3-500")
-        assert window is not None
+        window = session.media.segments("r3-500")
         segment_s = PER_SEGMENT / RATE
         # After its end, a segment is available for that long and its own duration (ISO/IEC 23009-1, 5.3.9.5.3).
         available = [n for n in range(1, 25) if n * segment_s + depth_s + segment_s > now.media_time_s]
@@ -163,8 +162,8 @@ async def test_segments_are_kept_for_as_long_as_the_manifest_says_and_no_longer(
 
 async def test_a_listener_that_was_away_hears_the_newest_frames() -> None:
     async with streaming(FakeClock()) as session, session.watch() as away, session.watch() as frames:
-        newest = await told(frames, (UNREAD + 60) / RATE)
+        newest = await told(frames, (MAX_UNREAD + 60) / RATE)
         waiting = [away.get_nowait() for _ in range(away.qsize())]
-    assert len(waiting) == UNREAD
+    assert len(waiting) == MAX_UNREAD
     assert waiting[-1] is not None
     assert waiting[-1].frame >= newest.frame

@@ -6,7 +6,7 @@ import ipaddress
 import socket
 from dataclasses import dataclass
 
-UNREAD_S = 30
+UNREAD_TIMEOUT_S = 30
 """A peer that takes nothing of what is sent to it for so long loses its connection, in seconds (on Linux)."""
 
 
@@ -54,7 +54,7 @@ class Address:
         try:
             listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
             if hasattr(socket, "TCP_USER_TIMEOUT"):  # connections that are accepted inherit it
-                listener.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, UNREAD_S * 1000)
+                listener.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, UNREAD_TIMEOUT_S * 1000)
             listener.bind(target)
             listener.listen(1024)
         except OSError:

@@ -79,29 +79,26 @@ async def end_session(request: Request) -> Response:
 
 async def manifest(request: Request) -> Response:
     """The MPD."""
-    body = _session(request).manifest(str(request.url_for("time")))
+    published = _sessions(request).clock.wall_now()
+    body = _session(request).media.manifest(str(request.url_for("time")), published)
     return Response(body, media_type="application/dash+xml", headers=NO_STORE)
 
 
 async def init_segment(request: Request) -> Response:
     """A representation's CMAF header."""
-    header = _session(request).header(request.path_params["representation"])
-    if header is None:
-        raise _no_representation(request)
+    header = _session(request).media.header(request.path_params["representation"])
     return Response(header, media_type="video/mp4", headers=NO_STORE)
 
 
 async def media_segment(request: Request) -> Response:
     """A segment, as far as it is there and then as it grows; one that is about to begin is waited for."""
-    session = _session(request)
-    window = session.window(request.path_params["representation"])
-    if window is None:
-        raise _no_representation(request)
+    media = _session(request).media
+    window = media.segments(request.path_params["representation"])
     text = request.path_params["segment"]
     if not (text.isascii() and text.isdecimal() and len(text) <= 12):
         raise UnknownSegment("Segments are numbered from 1.")
     return StreamingResponse(
-        _in_time(window.read(int(text)), session.readable_s), media_type="video/iso.segment", headers=NO_STORE
+        _in_time(window.read(int(text)), media.readable_s), media_type="video/iso.segment", headers=NO_STORE
     )
 
 
@@ -114,8 +111,7 @@ async def _in_time(chunks: AsyncIterator[bytes], seconds: float) -> AsyncIterato
 
 async def time(request: Request) -> Response:
     """The stream's wall-clock time, as xs:dateTime."""
-    clock = _sessions(request).clock
-    return PlainTextResponse(iso(clock.wall(clock.now())), headers=NO_STORE)
+    return PlainTextResponse(iso(_sessions(request).clock.wall_now()), headers=NO_STORE)
 
 
 async def poses(socket: WebSocket) -> None:
@@ -161,7 +157,3 @@ def _sessions(request: Request) -> Sessions:
 
 def _session(request: Request) -> Session:
     return _sessions(request).get(request.path_params["session"])
-
-
-def _no_representation(request: Request) -> UnknownSegment:
-    return UnknownSegment(f"The session has no representation {request.path_params['representation'][:64]!r}.")

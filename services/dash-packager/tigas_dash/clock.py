@@ -31,6 +31,10 @@ class Clock:
         """The wall-clock time at a moment of the steady clock."""
         return self._wall + timedelta(seconds=at - self._monotonic)
 
+    def wall_now(self) -> datetime:
+        """The wall-clock time at present."""
+        return self.wall(self.now())
+
 
 def iso(moment: datetime) -> str:
     """xs:dateTime with milliseconds, such as 2026-01-31T12:00:00.000Z."""

@@ -11,7 +11,7 @@ from tigas_common.wire.dash import SessionRequest
 from tigas_common.wire.render import Rung
 
 _REFERENCE_PIXELS, _REFERENCE_RATE, _REFERENCE_KBPS = 1280 * 720, 30, 4000
-FINE = 3
+HIGH_BITRATE_FACTOR = 3
 """The best resolution is also offered at so many times its bitrate, for links that carry more."""
 
 
@@ -56,7 +56,7 @@ def _default_set(request: SessionRequest, ladder: Sequence[Rung]) -> list[Repres
     limit = max(request.width * request.height, min(pixels))
     made = [_representation(request, ladder, rung, None) for rung, count in enumerate(pixels) if count <= limit]
     best = max(made, key=lambda one: one.pixels)
-    return [*made, replace(best, bitrate_kbps=FINE * best.bitrate_kbps)]
+    return [*made, replace(best, bitrate_kbps=HIGH_BITRATE_FACTOR * best.bitrate_kbps)]
 
 
 def _representation(

@@ -1,0 +1,80 @@
+"""The views that a stream shows: the newest one that has been rendered, from the newest pose."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from contextlib import suppress
+
+from tigas_common.errors import TigasError
+from tigas_common.wire.dash import PoseUpdate
+from tigas_dash.clock import Clock
+from tigas_dash.encoding import RawFrame
+from tigas_dash.source import ViewSource
+
+logger = logging.getLogger(__name__)
+
+IN_FLIGHT = 2
+"""Requests at the render service: one more than it renders at a time, so that it never waits for us."""
+
+
+class NewestView:
+    """Asks for the view from the newest pose, and keeps the newest that has come. Begins with a first one."""
+
+    def __init__(self, session: str, source: ViewSource, pose: PoseUpdate, first: RawFrame, clock: Clock) -> None:
+        self.failures = 0
+        """Requests that the render service did not answer with a frame."""
+        self.problem: str | None = None
+        """Why it gives no frames at present."""
+        self._session = session
+        self._source = source
+        self._clock = clock
+        self._pose = pose
+        self._requested: PoseUpdate | None = pose
+        self.newest = first
+        self._newest_number = self._request_number = 0
+        self._arrived = asyncio.Event()
+        self._requests: set[asyncio.Task[None]] = set()
+
+    def move(self, pose: PoseUpdate) -> None:
+        """The viewer's newest pose."""
+        self._pose = pose
+
+    @property
+    def outdated(self) -> bool:
+        """Whether a newer view is on its way, or cannot be had."""
+        return bool(self._requests or self.problem)
+
+    async def after(self, shown: RawFrame, until: float) -> RawFrame:
+        """A newer view than the one that is shown, as soon as it is there; or that one, at the end of its time."""
+        if self._pose != self._requested and len(self._requests) < IN_FLIGHT:
+            self._requested = self._pose
+            self._request_number += 1
+            task = asyncio.create_task(self._request(self._pose, self._request_number))
+            self._requests.add(task)
+            task.add_done_callback(self._requests.discard)
+        if self.newest is shown and self._requests:
+            self._arrived.clear()
+            with suppress(TimeoutError):
+                await asyncio.wait_for(self._arrived.wait(), max(0.0, until - self._clock.now()))
+        return self.newest
+
+    def close(self) -> None:
+        """Give up what was asked for."""
+        for task in self._requests:
+            task.cancel()
+
+    async def _request(self, pose: PoseUpdate, number: int) -> None:
+        try:
+            frame = await self._source.frame(pose)
+        except TigasError as error:
+            self.failures += 1
+            if self.problem is None:
+                logger.warning("Session %s repeats its last frame: %s", self._session, error.detail)
+            self.problem = error.detail
+            self._requested = None  # ask again
+            return
+        self.problem = None
+        if number > self._newest_number:  # else a newer one has overtaken it
+            self.newest, self._newest_number = frame, number
+            self._arrived.set()

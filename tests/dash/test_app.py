@@ -1,0 +1,181 @@
+"""The packager as its viewers meet it: over HTTP and the pose socket, with a render service that does what it likes."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import socket
+import time
+from typing import Any
+
+import httpx
+import pytest
+
+from tests.dash.boxes import contents
+from tests.dash.conftest import Packager, pose, session_request
+from tests.dash.watching import brightness, told, until
+from tigas_dash.app import create_app
+
+pytestmark = pytest.mark.anyio
+
+
+async def test_a_pose_shows_in_the_stream_and_the_socket_says_in_which_frame(packager: Packager) -> None:
+    session = await packager.open()
+    async with packager.poses(session) as socket_:
+        await socket_.send(pose(7, 200))
+        shown = await told(socket_, lambda message: message.get("pose") == 7)
+    assert shown["media_time_s"] == pytest.approx(shown["frame"] / 30)
+    greys = await brightness(packager, session, shown["frame"] // 15 + 1)
+    assert shown["frame"] in greys
+    for number, luma in greys.items():
+        assert luma == pytest.approx(200 if number >= shown["frame"] else 100, abs=4)
+
+
+async def test_a_growing_segment_is_sent_chunk_by_chunk_to_every_reader(packager: Packager) -> None:
+    session = await packager.open(segment_s=1)
+
+    async def arrivals() -> list[float]:
+        times = []
+        path = f"/sessions/{session['id']}/r3-500/2.m4s"
+        async with packager.http.stream("GET", path, headers={"origin": "http://localhost:8080"}) as answer:
+            assert answer.headers["transfer-encoding"] == "chunked"
+            assert answer.headers["access-control-allow-origin"] == "*"
+            async for part in answer.aiter_raw():
+                times += [time.monotonic()] * len(contents(part, b"moof"))
+        return times
+
+    for times in await asyncio.gather(arrivals(), arrivals()):
+        assert len(times) > 20
+        assert times[-1] - times[0] > 0.7, "the segment came as a whole"
+
+
+async def test_media_time_is_locked_to_the_clock(packager: Packager) -> None:
+    session = await packager.open()
+    async with packager.poses(session) as socket_:
+        first = json.loads(await socket_.recv())
+        began = time.monotonic()
+        last = await told(socket_, lambda message: message["frame"] >= first["frame"] + 60)
+    assert last["media_time_s"] - first["media_time_s"] == pytest.approx(time.monotonic() - began, abs=0.3)
+
+
+@pytest.mark.parametrize(
+    ("changes", "status", "kind"),
+    [
+        ({"scene": "nowhere"}, 404, "unknown-scene"),
+        ({"scene": "../../etc/passwd"}, 404, "unknown-scene"),
+        ({"frame_rate": 0}, 400, "invalid-request"),
+        ({"frame_rate": 1000}, 400, "invalid-request"),
+        ({"segment_s": 0}, 400, "invalid-request"),
+        ({"segment_s": 1e300}, 400, "invalid-request"),
+        ({"frames_per_chunk": 16}, 400, "invalid-request"),
+        ({"target_latency_ms": -1}, 400, "invalid-request"),
+        ({"representations": []}, 400, "invalid-request"),
+        ({"representations": [{"rung": 0}] * 50}, 400, "invalid-request"),
+        ({"representations": [{"rung": 3}, {"rung": 3}]}, 400, "invalid-request"),
+        ({"representations": [{"rung": 3}, {"rung": 3, "bitrate_kbps": 500}]}, 400, "invalid-request"),
+        ({"representations": [{"rung": 9}]}, 400, "invalid-request"),
+        ({"representations": [{"rung": 3, "bitrate_kbps": 0}]}, 400, "invalid-request"),
+        ({"quaternion": [0, 0, 0, 0]}, 400, "invalid-request"),
+        ({"width": 100_000}, 400, "invalid-request"),
+        ({"more": 1}, 400, "invalid-request"),
+    ],
+)
+async def test_what_cannot_be_streamed_is_refused_in_a_sentence(
+    packager: Packager, changes: dict[str, Any], status: int, kind: str
+) -> None:
+    answer = await packager.http.post("/sessions", json=session_request(**changes))
+    assert (answer.status_code, answer.json()["type"]) == (status, f"tigas:{kind}"), answer.text
+    assert answer.json()["detail"].endswith(".")
+    assert packager.sessions.all() == []
+
+
+async def test_hostile_bodies(packager: Packager) -> None:
+    for content, status in ((b"", 400), (b"{", 400), (b"[]", 400), (b"\xff\xfe", 400), (b"x" * 20_000, 413)):
+        assert (await packager.http.post("/sessions", content=content)).status_code == status
+
+
+async def test_poses_that_cannot_be_read_are_answered_and_change_nothing(packager: Packager) -> None:
+    session = await packager.open()
+    async with packager.poses(session) as socket_:
+        for text in (
+            "no JSON",
+            pose(1, 50).replace("50", "NaN"),
+            pose(1, 50).replace("50", "1e999"),
+            pose(-1, 50),
+            '{"seq": 1}',
+            "x" * 20_000,
+        ):
+            await socket_.send(text)
+            assert (await told(socket_, lambda message: "type" in message))["type"].startswith("tigas:")
+        assert (await packager.status(session))["poses"] == 0
+        await socket_.send(pose(2, 180))
+        await told(socket_, lambda message: message.get("pose") == 2)
+
+
+@pytest.mark.parametrize(
+    ("path", "status"),
+    [
+        ("r3-500/0.m4s", 404),
+        ("r3-500/999.m4s", 404),
+        ("r3-500/99999999999999999999.m4s", 404),
+        ("r3-500/-1.m4s", 404),
+        ("r3-500/1e3.m4s", 404),
+        ("r3-500/²½.m4s", 404),
+        ("r3-500/%2e%2e%2f1.m4s", 404),
+        ("r9/1.m4s", 404),
+        ("r9/init.mp4", 404),
+        ("other", 404),
+    ],
+)
+async def test_segments_that_do_not_exist(packager: Packager, path: str, status: int) -> None:
+    session = await packager.open()
+    answer = await packager.http.get(f"/sessions/{session['id']}/{path}")
+    assert answer.status_code == status
+    assert answer.headers["content-type"] == "application/problem+json"
+
+
+async def test_an_expired_segment_is_gone(packager: Packager, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("tigas_dash.media.WINDOW_S", 0.5)
+    session = await packager.open(segment_s=0.2, frame_rate=60)
+    await until(lambda status: status["frames"] > 12 * 5, packager, session)
+    (one,) = session["representations"]
+    assert (await packager.http.get(f"/sessions/{session['id']}/{one['id']}/1.m4s")).status_code == 410
+
+
+async def test_a_reader_that_stops_reading_holds_up_nobody(packager: Packager) -> None:
+    session = await packager.open(segment_s=0.5, representations=[{"rung": 3, "bitrate_kbps": 5000}])
+    stuck = socket.create_connection(("127.0.0.1", packager.port))
+    stuck.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 1024)
+    for number in range(1, 4):
+        stuck.sendall(f"GET /sessions/{session['id']}/r3-5000/{number}.m4s HTTP/1.1\r\nHost: x\r\n\r\n".encode())
+    before = (await packager.status(session))["frames"]
+    await until(lambda status: status["frames"] > before + 30, packager, session)
+    assert await brightness(packager, session, 3, "r3-5000")
+    stuck.close()
+
+
+async def test_a_client_that_left_while_its_stream_was_opened_leaves_none_behind(packager: Packager) -> None:
+    body = json.dumps(session_request()).encode()
+    messages = [{"type": "http.request", "body": body}, {"type": "http.disconnect"}]
+
+    async def receive() -> Any:
+        return messages.pop(0)
+
+    async def send(_: Any) -> None:
+        pass
+
+    scope = {"type": "http", "method": "POST", "path": "/sessions", "query_string": b"", "headers": []}
+    await create_app(packager.sessions)(scope, receive, send)
+    assert len(packager.render.requests) == 1
+    assert packager.sessions.all() == []
+
+
+async def test_a_packager_without_a_render_service_says_so(packager: Packager) -> None:
+    def refuse(request: httpx.Request) -> httpx.Response:
+        raise httpx.ConnectError("Connection refused")
+
+    async with httpx.AsyncClient(transport=httpx.MockTransport(refuse), base_url="http://render") as upstream:
+        packager.sessions._client._http = upstream
+        answer = await packager.http.post("/sessions", json=session_request())
+    assert (answer.status_code, answer.json()["type"]) == (502, "tigas:render-unavailable")
+    assert "Connection refused" in answer.json()["detail"]

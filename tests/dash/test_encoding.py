@@ -1,0 +1,62 @@
+"""Every representation comes of one rendered frame, and the stream outlives its encoder."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import av
+import pytest
+from websockets.exceptions import ConnectionClosed
+
+from tests.dash.conftest import Packager
+from tests.dash.watching import brightness, told, until
+from tigas_dash.encoder import Encoder
+
+pytestmark = pytest.mark.anyio
+
+
+async def test_one_render_per_tick_makes_every_representation(packager: Packager) -> None:
+    session = await packager.open(representations=[{"rung": 3}, {"rung": 2}, {"rung": 2, "bitrate_kbps": 900}])
+    names = [(one["id"], one["width"], one["height"], one["bitrate_kbps"]) for one in session["representations"]]
+    assert names == [("r2-1414", 640, 360, 1414), ("r2-900", 640, 360, 900), ("r3-500", 320, 180, 500)]
+    await until(lambda status: status["frames"] >= 15, packager, session)
+    assert {(one.width, one.height) for one in packager.render.requests} == {(640, 360)}
+    for name, *_ in names:
+        greys = await brightness(packager, session, 1, name)
+        assert list(greys.values()) == pytest.approx([100] * len(greys), abs=4)
+        assert greys
+
+
+async def test_an_encoder_that_fails_is_replaced(packager: Packager, monkeypatch: pytest.MonkeyPatch) -> None:
+    session = await packager.open()
+    encode, failing = Encoder.encode, {7}
+
+    def fail_once(self: Encoder, frame: av.VideoFrame, number: int, *, keyframe: bool) -> Any:
+        if number % 15 in failing:
+            failing.clear()
+            raise ValueError("no")
+        return encode(self, frame, number, keyframe=keyframe)
+
+    monkeypatch.setattr(Encoder, "encode", fail_once)
+    await until(lambda status: status["encoder_failures"] == 1, packager, session)
+    status = await packager.status(session)
+    assert await brightness(packager, session, (status["frames"] + status["dropped"]) // 15 + 1)
+
+
+async def test_an_encoder_that_fails_for_good_ends_the_stream(
+    packager: Packager, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    session = await packager.open()
+    async with packager.poses(session) as socket_:
+
+        def fail(*_: object, **__: object) -> Any:
+            raise ValueError("no")
+
+        monkeypatch.setattr(Encoder, "encode", fail)
+        with pytest.raises(ConnectionClosed) as closed:
+            await told(socket_, lambda _: False)
+    assert closed.value.rcvd is not None
+    assert closed.value.rcvd.code == 4001
+    assert (await packager.http.get(session["manifest"])).status_code == 404
+    monkeypatch.undo()
+    await packager.open()

@@ -1,0 +1,78 @@
+"""Sessions are bounded, end when nobody watches, and are ended in order."""
+
+from __future__ import annotations
+
+import asyncio
+import time
+
+import pytest
+from websockets.exceptions import ConnectionClosed
+
+from tests.dash.boxes import contents
+from tests.dash.conftest import Packager, running_packager, session_request
+from tests.dash.watching import PATIENCE_S, told, until, until_idle
+from tigas_dash.session import Session
+
+pytestmark = pytest.mark.anyio
+
+
+async def test_no_more_sessions_than_may_be(packager: Packager) -> None:
+    opened = [await packager.open() for _ in range(3)]
+    answer = await packager.http.post("/sessions", json=session_request())
+    assert (answer.status_code, answer.json()["type"]) == (503, "tigas:too-many-sessions")
+    assert (await packager.http.delete(f"/sessions/{opened[0]['id']}")).status_code == 204
+    assert (await packager.http.delete(f"/sessions/{opened[0]['id']}")).status_code == 404
+    await packager.open()
+
+
+async def test_a_stream_that_nobody_watches_ends_and_one_that_is_watched_does_not() -> None:
+    async with running_packager(idle_s=0.5) as packager:
+        watched, left = await packager.open(), await packager.open()
+        async with packager.poses(watched):
+            deadline = time.monotonic() + PATIENCE_S
+            while {one.name for one in packager.sessions.all()} != {watched["id"]}:
+                assert time.monotonic() < deadline
+                await asyncio.sleep(0.05)
+            assert (await packager.http.get(left["manifest"])).status_code == 404
+        await until_idle(packager)
+
+
+async def test_the_end_of_a_session_ends_its_readers_and_watchers(packager: Packager) -> None:
+    session = await packager.open(segment_s=5)
+    async with packager.poses(session) as socket_:
+
+        async def read() -> bytes:
+            return (await packager.http.get(f"/sessions/{session['id']}/r3-500/1.m4s")).content
+
+        reading = asyncio.ensure_future(read())
+        await until(lambda status: status["frames"] > 10, packager, session)
+        await packager.http.delete(f"/sessions/{session['id']}")
+        async with asyncio.timeout(PATIENCE_S):
+            assert contents(await reading, b"moof")
+            with pytest.raises(ConnectionClosed):
+                await told(socket_, lambda _: False)
+
+
+async def test_housekeeping_goes_on_though_a_stream_ended_before_its_turn(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("tigas_dash.sessions.HOUSEKEEPING_S", 0.01)
+    run = Session.run
+    ended: list[Session] = []
+
+    async def run_and_end_the_others(self: Session) -> None:
+        try:
+            await run(self)
+        finally:
+            if not ended:
+                ended.append(self)
+                for other in packager.sessions.all():
+                    if other is not self:
+                        await packager.sessions.end(other.name)
+
+    monkeypatch.setattr(Session, "run", run_and_end_the_others)
+    async with running_packager() as packager:
+        await packager.open()
+        await packager.open()
+        packager.sessions._idle_s = 0
+        await until_idle(packager)
+        await packager.open()
+        await until_idle(packager)
