@@ -12,6 +12,7 @@ import pytest
 from tigas_common.errors import StartError
 from tigas_common.wire.run import Configuration
 from tigas_experiments.run.inputs import Inputs
+from tigas_experiments.run.measure import page_settings
 from tigas_experiments.run.plan import Plan, lasting, seconds
 
 REPOSITORY = Path(__file__).parents[3]
@@ -50,6 +51,13 @@ def test_everything_is_combined_and_repeats_go_outermost(tmp_path: Path) -> None
     assert [run.network.round_trip_ms for run in made[:16:4]] == [20, 300, 20, 300]
     assert len({run.slug for run in made}) == len(made), "each has a folder of its own"
     assert {run.seed for run in made} == {1}, "a repeat has the same inputs"
+
+
+def test_a_stream_has_the_frame_rate_that_the_file_asks_for_or_its_preset_has(tmp_path: Path) -> None:
+    (chosen,) = runs(tmp_path, modes=["dash-edge"], dash_frame_rate=60)
+    (left_out,) = runs(tmp_path, modes=["dash-edge"])
+    assert (page_settings(chosen)["dashPreset"], page_settings(chosen)["dashFrameRate"]) == ("edge", 60)
+    assert page_settings(left_out)["dashFrameRate"] is None
 
 
 def test_paths_are_relative_to_the_file_and_traces_begin_where_it_says(tmp_path: Path, monkeypatch: Any) -> None:

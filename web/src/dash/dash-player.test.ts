@@ -8,12 +8,12 @@ import type { FrameShown, PoseUpdate, SessionInfo } from "../wire/dash";
 import type { SceneInfo } from "../wire/render";
 import { endSession, openPoseSocket, openSession } from "./api";
 import { DashPlayer } from "./dash-player";
-import { TUNED } from "./presets";
-import { playStream } from "./stream";
+import { playStream } from "./dashjs-stream";
+import { tuned } from "./presets";
 import { type StreamEvents, StreamUnsupported } from "./streaming";
 
 vi.mock("./api");
-vi.mock("./stream", () => ({ playStream: vi.fn() })); // the real one loads a player that needs a browser
+vi.mock("./dashjs-stream", () => ({ playStream: vi.fn() })); // the real one loads a player that needs a browser
 
 const SCENE = { up: [0, -1, 0], camera: { position: [0, -2, -8], look_at: [0, -2, 0] } } as SceneInfo;
 const SESSION = {
@@ -21,6 +21,7 @@ const SESSION = {
   manifest: "/a.mpd",
   poses: "/a/poses",
   frame_rate: 30,
+  target_latency_ms: 120,
   representations: [
     { id: "r2-4242", rung: 2, width: 640, height: 360, bitrate_kbps: 4242 },
     { id: "r2-1414", rung: 2, width: 640, height: 360, bitrate_kbps: 1414 },
@@ -39,6 +40,8 @@ let tab: EventTarget & { hidden: boolean };
 let announce: (frame: FrameShown) => void;
 let hangUp: () => void;
 let stream: StreamEvents;
+/** Latencies that the stream was told to hold. */
+let aims: number[];
 /** The browser presents a frame of the video. */
 let present: (mediaTime: number, expectedDisplayTime: number) => void;
 
@@ -50,6 +53,7 @@ beforeEach(() => {
   axes = STILL;
   shown = [];
   told = [];
+  aims = [];
   rig = new Rig({ sampleInput: () => ({ axes, nudge: NO_NUDGE }), turnSpeed: () => 60 });
   rig.resize(640, 360);
   rig.enter(SCENE);
@@ -63,7 +67,7 @@ beforeEach(() => {
   });
   vi.mocked(playStream).mockImplementation((_, __, events) => {
     stream = events;
-    return { player: "dash.js 5", latency: () => 0.1, dispose: () => undefined };
+    return { player: "dash.js 5", latency: () => 0.1, aim: (target) => aims.push(target), dispose: () => undefined };
   });
 });
 
@@ -85,7 +89,7 @@ function open(): void {
     rig,
     base: "http://packager",
     scene: "courtyard",
-    setup: TUNED,
+    plan: { setup: tuned(30), player: "dash.js", adaptive: true },
     stamp: false,
     onPresented: (frame) => shown.push(frame),
     onReceived: () => undefined,
@@ -119,8 +123,8 @@ test("latency is counted from the sample of a pose to the video frame that shows
   announce({ frame: 0, media_time_s: 0, pose: rig.pose.seq });
   present(0, 1500);
   expect(player.phase.value.kind).toBe("playing");
-  const { frame_rate, representations } = SESSION;
-  expect(player.playing).toEqual({ frame_rate, representations, player: "dash.js 5" });
+  const { frame_rate, target_latency_ms, representations } = SESSION;
+  expect(player.playing).toEqual({ frame_rate, target_latency_ms, representations, player: "dash.js 5" });
   axes = { ...STILL, forward: 1 };
   frame(1600);
   axes = STILL;
@@ -173,13 +177,26 @@ test("what may pass is tried again, and a stream that ends is opened anew", asyn
 
 test.each([
   [new ApiError("There is no scene “attic”.", false), "There is no scene “attic”."],
-  [new StreamUnsupported("No Media Source Extensions."), "No Media Source Extensions."],
+  [new StreamUnsupported(), "This browser cannot play DASH streams: it has no Media Source Extensions."],
 ])("what will not pass is said, and not tried again", async (error, message) => {
   vi.mocked(openSession).mockRejectedValue(error);
   open();
   await vi.advanceTimersByTimeAsync(10_000);
   expect(player.phase.value).toEqual({ kind: "failed", message });
   expect(openSession).toHaveBeenCalledTimes(1);
+});
+
+test("a stream that stalls is told to hold another latency, which is the player's from then on", async () => {
+  open();
+  await settle();
+  expect(player.targetLatency).toBe(120);
+  for (let at = 0; at < 4000; at += 100) present(at / 1000, at); // as it should
+  present(4, 4100);
+  expect(aims).toEqual([]);
+  present(4.1, 4300);
+  expect(aims).toEqual([170]);
+  frame(5000);
+  expect(player.stats.value).toMatchObject({ liveLatency: 100, targetLatency: 170 });
 });
 
 test("who leaves ends the stream", async () => {

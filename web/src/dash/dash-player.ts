@@ -12,15 +12,18 @@ import type { FrameShown, SessionInfo, SessionRequest } from "../wire/dash";
 import type { PlayedStream } from "../wire/store";
 import { endSession, openPoseSocket, openSession, type PoseSocket } from "./api";
 import { FramePoses } from "./frame-poses";
-import type { DashSetup } from "./presets";
+import { LatencyTarget } from "./latency-target";
+import type { DashPlan } from "./presets";
 import { type PlayStream, type Stream, StreamEnded, StreamUnsupported } from "./streaming";
 
 export interface DashStats extends Figures {
-  /** Behind the live edge, in milliseconds, as dash.js counts. */
+  /** Behind the live edge, in milliseconds, as the player counts. */
   readonly liveLatency: number | null;
+  /** What it is to be, in milliseconds. */
+  readonly targetLatency: number | null;
 }
 
-export const NO_DASH_STATS: DashStats = { ...NO_FIGURES, liveLatency: null };
+export const NO_DASH_STATS: DashStats = { ...NO_FIGURES, liveLatency: null, targetLatency: null };
 
 /** A page that nobody has looked at for so long gives its stream up, in milliseconds; it comes back with who looks again. */
 const HIDDEN_FOR = 10_000;
@@ -38,7 +41,7 @@ export interface DashOptions {
   /** Where the packager is. */
   readonly base: string;
   readonly scene: string;
-  readonly setup: DashSetup;
+  readonly plan: DashPlan;
   readonly stamp: boolean;
   readonly onPresented: (frame: PresentedFrame) => void;
   /** Bytes of segments came in. */
@@ -69,6 +72,7 @@ export class DashPlayer {
   #session: SessionInfo | undefined;
   #poses: PoseSocket | undefined;
   #stream: Stream | undefined;
+  #target: LatencyTarget | undefined;
   /** The pose and the lens that the packager was told last. */
   #sent: { readonly seq: number; readonly lens: Intrinsics | undefined } | undefined;
   readonly #viewport: Viewport;
@@ -96,10 +100,15 @@ export class DashPlayer {
   }
 
   /** The stream that plays, for records; null while there is none. */
-  get playing(): PlayedStream | null {
+  get playing(): Omit<PlayedStream, "targets_ms"> | null {
     if (!this.#stream || !this.#session) return null;
     const { id: _, manifest: __, poses: ___, ...stream } = this.#session;
     return { ...stream, player: this.#stream.player };
+  }
+
+  /** The latency that the stream is to have at present, in milliseconds; null while there is none. */
+  get targetLatency(): number | null {
+    return this.#target?.value ?? this.#session?.target_latency_ms ?? null;
   }
 
   /** Once per animation frame, after the rig was sampled; `moved` is what the rig said. */
@@ -111,7 +120,11 @@ export class DashPlayer {
     if (now - this.#publishedAt < STATS_EVERY) return;
     this.#publishedAt = now;
     const seconds = this.#stream?.latency() ?? null;
-    this.stats.value = { ...this.#meter.figures(now), liveLatency: seconds === null ? null : seconds * 1000 };
+    this.stats.value = {
+      ...this.#meter.figures(now),
+      liveLatency: seconds === null ? null : seconds * 1000,
+      targetLatency: this.targetLatency,
+    };
   }
 
   /** Tells the packager of a new pose or lens. A lens for another viewport is not one for this stream. */
@@ -125,6 +138,7 @@ export class DashPlayer {
 
   readonly #visibilityChanged = (): void => {
     clearTimeout(this.#hiding);
+    this.#target?.forget();
     if (document.hidden) this.#hiding = setTimeout(() => this.#pause(), HIDDEN_FOR);
     else if (this.#visit.signal.aborted) {
       this.#visit = new AbortController();
@@ -171,7 +185,8 @@ export class DashPlayer {
 
   /** Opens a session; resolves when its first frame is on the screen. */
   async #start(signal: AbortSignal): Promise<Playing> {
-    const { playStream } = await import("./stream");
+    const { playStream } =
+      this.#options.plan.player === "mse" ? await import("./mse-stream") : await import("./dashjs-stream");
     const session = await this.#open(signal);
     if (signal.aborted) endSession(this.#options.base, session);
     signal.throwIfAborted();
@@ -184,7 +199,7 @@ export class DashPlayer {
   }
 
   #open(signal: AbortSignal): Promise<SessionInfo> {
-    const { rig, base, scene, setup, stamp } = this.#options;
+    const { rig, base, scene, plan, stamp } = this.#options;
     const { position, quaternion } = rig.pose;
     // The representations are the packager's choice: it knows the ladder, and the viewport from here.
     const request: SessionRequest = {
@@ -193,7 +208,7 @@ export class DashPlayer {
       quaternion,
       ...rig.intrinsics.value,
       ...rig.viewport.value,
-      ...setup,
+      ...plan.setup,
       stamp,
     };
     return openSession(base, request, signal);
@@ -201,7 +216,7 @@ export class DashPlayer {
 
   /** Plays a session until it ends; tells why. */
   #play(playStream: PlayStream, session: SessionInfo, signal: AbortSignal, onPlaying: () => void): Promise<string> {
-    const { video, base, now, onReceived } = this.#options;
+    const { video, base, plan, now, onReceived } = this.#options;
     return new Promise((resolve) => {
       signal.addEventListener("abort", () => resolve(""), { once: true });
       const frames = new FramePoses<Shown>((pose, shown) => this.#present(session, pose, shown));
@@ -221,11 +236,14 @@ export class DashPlayer {
         failed: resolve,
       });
       const stream = this.#stream;
+      const target = plan.adaptive ? new LatencyTarget(session.target_latency_ms) : undefined;
+      this.#target = target;
       const presented: VideoFrameRequestCallback = (_, { mediaTime, expectedDisplayTime, width, height }) => {
         if (this.#stream !== stream) return;
         video.requestVideoFrameCallback(presented);
         if (this.phase.peek().kind !== "playing") this.phase.value = { kind: "playing" };
         onPlaying();
+        if (target?.presented(expectedDisplayTime, mediaTime)) stream.aim(target.value);
         frames.presented(Math.round(mediaTime * session.frame_rate), { at: expectedDisplayTime, width, height });
       };
       video.requestVideoFrameCallback(presented);
@@ -241,6 +259,6 @@ export class DashPlayer {
     this.#poses?.close();
     this.#stream?.dispose();
     if (this.#session) endSession(this.#options.base, this.#session);
-    this.#poses = this.#stream = this.#session = undefined;
+    this.#poses = this.#stream = this.#session = this.#target = undefined;
   }
 }

@@ -25,6 +25,7 @@ const RUN: PlannedRun = {
   duration_s: 10,
   warm_up_s: 3,
   capture_every_ms: 0,
+  dash_frame_rate: null,
 };
 const DIRECTION = { target_kbps: 20_000, delivered_kbps: 100, queue_ms: 1, drops: 0 };
 const PLAYING = {

@@ -7,6 +7,7 @@ import {
   type ExperimentPlan,
   missingRuns,
   networkLabel,
+  RUN_MODES,
   readPlan,
   runsOf,
   settingsFor,
@@ -43,6 +44,7 @@ test("a run says all that must be known to make it again", () => {
     repeat: 0,
     warm_up_s: 3,
     capture_every_ms: 0,
+    dash_frame_rate: null,
   });
 });
 
@@ -92,10 +94,13 @@ test("what is missing are the runs that are not complete, in the plan's order", 
   expect(missingRuns(PLAN, [...rows, { ...rows[2], status: "complete" } as RunRow])).toEqual([]);
 });
 
-test.each(runsOf(PLAN).map((run) => [conditionLabel(run), run] as const))("%s has settings that exist", (_, run) => {
-  const settings = settingsFor(run);
-  expect(validSettings({ ...DEFAULT_SETTINGS, ...settings })).toMatchObject(settings);
-});
+test.each(runsOf({ ...PLAN, modes: RUN_MODES }).map((run) => [conditionLabel(run), run] as const))(
+  "%s has settings that exist",
+  (_, run) => {
+    const settings = settingsFor(run);
+    expect(validSettings({ ...DEFAULT_SETTINGS, ...settings })).toMatchObject(settings);
+  },
+);
 
 test("estimates from what runs were seen to take", () => {
   expect(timeFor(PLAN, 8)).toBe(8 * 28_000);

@@ -1,6 +1,7 @@
 /** What an experiment of the page is, and the runs that it consists of. Pure. */
 import * as v from "valibot";
 import { CONTROLLER_NAMES, CONTROLLERS, type ControllerName } from "../abr/registry";
+import type { Preset } from "../dash/presets";
 import type { Settings } from "../state/settings";
 import type { LinkSetting } from "../wire/shaper";
 import type { Configuration, RunRow } from "../wire/store";
@@ -9,6 +10,7 @@ export const RUN_MODES = [
   "stateless",
   "dash-typical",
   "dash-tuned",
+  "dash-edge",
 ] as const satisfies readonly Configuration["mode"][];
 export type RunMode = Configuration["mode"];
 
@@ -16,7 +18,14 @@ export const RUN_MODE_NAMES: Readonly<Record<RunMode, string>> = {
   stateless: "Stateless",
   "dash-typical": "DASH, typical",
   "dash-tuned": "DASH, tuned",
+  "dash-edge": "DASH, edge",
 };
+
+const RUN_PRESETS = {
+  "dash-typical": "typical",
+  "dash-tuned": "tuned",
+  "dash-edge": "edge",
+} as const satisfies Readonly<Record<Exclude<RunMode, "stateless">, Preset>>;
 
 /** A controller's name, or a rung of the ladder, which then stays. */
 export type Profile = ControllerName | number;
@@ -107,6 +116,7 @@ export function runsOf(plan: ExperimentPlan): PlannedRun[] {
     duration_s,
     warm_up_s,
     capture_every_ms: 0,
+    dash_frame_rate: null,
   };
   return Array.from({ length: plan.repeats }, (_, repeat) =>
     plan.modes.flatMap((mode) => {
@@ -137,10 +147,15 @@ export function conditionLabel(
 }
 
 /** The viewer's settings for a run: nothing beside the picture, and no second request for a view that stands still. */
-export function settingsFor({ mode, profile }: Pick<PlannedRun, "mode" | "profile">): Partial<Settings> {
+export function settingsFor({
+  mode,
+  profile,
+  dash_frame_rate,
+}: Pick<PlannedRun, "mode" | "profile" | "dash_frame_rate">): Partial<Settings> {
   const shared = { sidebar: false, hud: false, refine: false };
-  if (mode === "dash-typical") return { ...shared, mode: "dash", dashPreset: "typical" };
-  if (mode === "dash-tuned") return { ...shared, mode: "dash", dashPreset: "tuned" };
+  if (mode !== "stateless") {
+    return { ...shared, mode: "dash", dashPreset: RUN_PRESETS[mode], dashFrameRate: dash_frame_rate };
+  }
   const chosen = typeof profile === "number" ? ({ controller: "fixed", profile } as const) : { controller: profile };
   return { ...shared, mode: "stateless", ...chosen };
 }

@@ -3,6 +3,7 @@
  * Whatever a run records stays in the page until the run has ended, so that nothing but the viewer's own traffic crosses the link.
  */
 
+import { effect } from "@preact/signals";
 import { poseAt, type TimedPose } from "../movement/playback";
 import { changeSettings, settings } from "../state/app";
 import { type Mode, type Settings, validSettings } from "../state/settings";
@@ -60,8 +61,9 @@ export class Runner {
   settings(part: Partial<Settings>): void {
     const before = settings.peek();
     changeSettings(validSettings({ ...before, ...part }));
-    const { mode, dashPreset } = settings.peek();
-    if (mode !== before.mode || dashPreset !== before.dashPreset) this.#shown = 0; // other frames are waited for
+    const { mode, dashPreset, dashFrameRate } = settings.peek();
+    const same = mode === before.mode && dashPreset === before.dashPreset && dashFrameRate === before.dashFrameRate;
+    if (!same) this.#shown = 0; // other frames are waited for
   }
 
   /** Stand at a pose of the scene's own frame until a run begins, or the camera is released. */
@@ -114,12 +116,18 @@ export class Runner {
         sampledAt = now;
         return poseAt(points, Math.min(now - startedAt, duration_ms));
       });
-      const endedAt = await this.#ended(recorder, movedUntil, signal);
+      const targets: number[] = [];
+      const noteTarget = effect(() => {
+        const target = this.#session.dash.value?.stats.value.targetLatency;
+        if (target != null && target !== targets.at(-1)) targets.push(target);
+      });
+      const endedAt = await this.#ended(recorder, movedUntil, signal).finally(noteTarget);
+      const stream = this.#session.dash.peek()?.playing;
       return {
         scene: rig.scene?.id ?? "",
         mode: settings.peek().mode,
         transport: this.#session.connected.peek()?.transport.kind ?? null,
-        dash: this.#session.dash.peek()?.playing ?? null,
+        dash: stream ? { ...stream, targets_ms: targets } : null,
         user_agent: navigator.userAgent,
         lens,
         started_unix_ms: performance.timeOrigin + startedAt,

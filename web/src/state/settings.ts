@@ -1,7 +1,7 @@
 /** What a person chose, kept in the browser. Anything there that does not make sense is replaced by its default. */
 import * as v from "valibot";
 import { CONTROLLER_NAMES } from "../abr/registry";
-import { PRESETS, TUNED } from "../dash/presets";
+import { FRAME_RATES, PRESETS, tuned } from "../dash/presets";
 
 export const MODES = ["stateless", "dash", "side-by-side"] as const;
 export type Mode = (typeof MODES)[number];
@@ -12,6 +12,8 @@ const Settings = v.object({
   /** What shows the scene: one JPEG per pose, a DASH stream, or both. */
   mode: v.fallback(v.picklist(MODES), "stateless"),
   dashPreset: v.fallback(v.picklist(PRESETS), "tuned"),
+  /** Frames a second; null: the preset's own. */
+  dashFrameRate: v.fallback(v.nullable(v.picklist(FRAME_RATES)), null),
   /** What the preset "custom" means. */
   dashCustom: v.fallback(
     v.object({
@@ -20,7 +22,7 @@ const Settings = v.object({
       target_latency_ms: v.pipe(v.number(), v.integer(), v.minValue(50), v.maxValue(10_000)),
       frame_rate: v.pipe(v.number(), v.integer(), v.minValue(1), v.maxValue(60)),
     }),
-    TUNED,
+    tuned(30),
   ),
   /** What chooses the ladder's rung; "fixed": the person does. */
   controller: v.fallback(v.picklist(["fixed", ...CONTROLLER_NAMES]), "budget"),

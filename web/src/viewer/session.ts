@@ -3,7 +3,7 @@
 import { computed, effect, type ReadonlySignal, signal, untracked } from "@preact/signals";
 import { sleep } from "../async/sleep";
 import { DashPlayer } from "../dash/dash-player";
-import { setupFor } from "../dash/presets";
+import { planFor } from "../dash/presets";
 import { ApiError } from "../http/problem";
 import { StageInput } from "../input/stage-input";
 import { MovementDeck } from "../movement/movement-deck";
@@ -190,7 +190,7 @@ export class ViewerSession {
   #stream(): void {
     const viewport = settled(this.rig.viewport, RESIZED_AFTER, this.#cleanups);
     const wanted = computed(() => {
-      const { mode, dashPreset, dashCustom } = settings.value;
+      const { mode } = settings.value;
       const base = config.value?.services.dash;
       const scene = this.scene.value;
       const { width, height } = viewport.value;
@@ -199,7 +199,7 @@ export class ViewerSession {
       return JSON.stringify({
         base,
         scene: scene.id,
-        setup: setupFor(dashPreset, dashCustom),
+        plan: planFor(settings.value),
         viewport: viewport.value,
       });
     });

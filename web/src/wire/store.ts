@@ -40,11 +40,12 @@ export interface Configuration {
   scene: string;
   movement: string;
   network: Network;
-  mode: "stateless" | "dash-typical" | "dash-tuned";
+  mode: "stateless" | "dash-typical" | "dash-tuned" | "dash-edge";
   duration_s: number;
   width: number;
   height: number;
   profile?: number | string;
+  dash_frame_rate?: (30 | 60) | null;
   seed?: number;
   repeat?: number;
   capture_every_ms?: number;
@@ -101,6 +102,7 @@ export interface PlayedStream {
   frames_per_chunk: number;
   target_latency_ms: number;
   player: string;
+  targets_ms?: number[];
 }
 /**
  * One representation of a session.

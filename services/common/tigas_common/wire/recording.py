@@ -124,6 +124,8 @@ class PlayedStream(StreamInfo):
 
     player: str = Field(max_length=100)
     """Its name and version."""
+    targets_ms: tuple[float, ...] = ()
+    """The live latency that it was to hold during the run; each target that was in force, in their order."""
 
     @property
     def summary(self) -> str:
@@ -131,9 +133,10 @@ class PlayedStream(StreamInfo):
         representations = ", ".join(
             f"{one.width}×{one.height} at {one.bitrate_kbps} kbit/s ({one.codecs})" for one in self.representations
         )
+        targets = ", then ".join(f"{target:g}" for target in self.targets_ms or (self.target_latency_ms,))
         return (
             f"{self.player}; {self.frame_rate} frames/s, segments of {self.segment_s:g} s, chunks of "
-            f"{self.frames_per_chunk}, target {self.target_latency_ms} ms; {representations}"
+            f"{self.frames_per_chunk}, target {targets} ms; {representations}"
         )
 
 

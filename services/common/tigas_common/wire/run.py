@@ -12,14 +12,16 @@ from pydantic import Field, model_validator
 from tigas_common.wire.model import MAX_SIDE, WireModel
 from tigas_common.wire.shaper import LinkSetting
 
-Mode = Literal["stateless", "dash-typical", "dash-tuned"]
-"""One JPEG per pose; DASH as live services ship it; DASH as low as it holds."""
-MODES: tuple[Mode, ...] = ("stateless", "dash-typical", "dash-tuned")
+Mode = Literal["stateless", "dash-typical", "dash-tuned", "dash-edge"]
+"""One JPEG per pose; DASH as live services ship it; as low as dash.js holds it; as low as a bare player does."""
+MODES: tuple[Mode, ...] = ("stateless", "dash-typical", "dash-tuned", "dash-edge")
 MODE_NAMES: dict[Mode, str] = {
     "stateless": "Stateless",
     "dash-typical": "DASH, typical",
     "dash-tuned": "DASH, tuned",
+    "dash-edge": "DASH, edge",
 }
+FrameRate = Literal[30, 60]
 UNSHAPED = "unshaped"
 USUAL_UP_KBPS = 10_000.0
 """The uplink of a constant link that says nothing of it."""
@@ -97,6 +99,8 @@ class Configuration(WireModel):
     """The viewport, in CSS pixels."""
     profile: int | str = "budget"
     """Of the mode `stateless`: the ladder's rung, or the name of a controller."""
+    dash_frame_rate: FrameRate | None = None
+    """Of the modes with DASH, in frames a second; None: the preset's own."""
     seed: int = Field(default=1, ge=0, le=2**53 - 1)
     """Of generated movements, and of the controllers' random numbers."""
     repeat: int = Field(default=0, ge=0)

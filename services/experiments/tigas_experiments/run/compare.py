@@ -39,6 +39,9 @@ def compare(
             show_default=DEFAULT_PROFILE,
         ),
     ] = None,
+    dash_frame_rate: Annotated[
+        int | None, typer.Option(help="Of DASH, frames a second: 30 or 60.", show_default="the preset's")
+    ] = None,
     seed: Annotated[int, typer.Option(help="Of generated movements and of the controllers' random numbers.")] = 1,
     capture_every: Annotated[float, typer.Option(help="Seconds between pictures kept for quality; 0 keeps none.")] = 1,
     warm_up: Annotated[float, typer.Option(help="Seconds before the movement begins.")] = 5,
@@ -72,6 +75,7 @@ def compare(
                 "networks": network or [DEFAULT_NETWORK],
                 "modes": [mode.strip() for mode in modes.split(",")],
                 "controllers": profile or [DEFAULT_PROFILE],
+                "dash_frame_rate": dash_frame_rate,
                 "repeats": repeats,
                 "duration_s": duration,
                 "viewport": viewport,

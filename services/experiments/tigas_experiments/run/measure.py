@@ -13,7 +13,7 @@ import httpx
 
 from tigas_common.errors import StartError
 from tigas_common.wire.recording import Recording
-from tigas_common.wire.run import Configuration, Mode
+from tigas_common.wire.run import Configuration
 from tigas_experiments.movement.points import Point, digest
 from tigas_experiments.quality.ground_truth import TIMEOUT_S, GroundTruth, pose_at
 from tigas_experiments.quality.picture import BrokenPicture, encode
@@ -106,15 +106,17 @@ async def _measure(
 
 def page_settings(configuration: Configuration) -> dict[str, Any]:
     """The viewer's settings: everything that is not said here has its default."""
-    profile = configuration.profile
-    chosen = {"controller": "fixed", "profile": profile} if isinstance(profile, int) else {"controller": profile}
-    modes: dict[Mode, dict[str, Any]] = {
-        "stateless": {"mode": "stateless", **chosen},
-        "dash-typical": {"mode": "dash", "dashPreset": "typical"},
-        "dash-tuned": {"mode": "dash", "dashPreset": "tuned"},
-    }
+    mode, profile = configuration.mode, configuration.profile
+    chosen: dict[str, Any]
+    if mode != "stateless":
+        preset = mode.removeprefix("dash-")
+        chosen = {"mode": "dash", "dashPreset": preset, "dashFrameRate": configuration.dash_frame_rate}
+    elif isinstance(profile, int):
+        chosen = {"mode": "stateless", "controller": "fixed", "profile": profile}
+    else:
+        chosen = {"mode": "stateless", "controller": profile}
     # Nothing beside the picture, so that the stage is the viewport; no second request for a view that stands still.
-    return {**modes[configuration.mode], "seed": configuration.seed, "sidebar": False, "hud": False, "refine": False}
+    return {**chosen, "seed": configuration.seed, "sidebar": False, "hud": False, "refine": False}
 
 
 async def _record(page: Viewer, configuration: Configuration, points: Sequence[Point]) -> Recording:

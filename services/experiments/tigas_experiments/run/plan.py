@@ -16,7 +16,7 @@ from pydantic import AfterValidator, Field, ValidationError
 from tigas_common.errors import StartError
 from tigas_common.parsing import sentence
 from tigas_common.wire.model import WireModel
-from tigas_common.wire.run import MAX_OFFSET_S, MAX_RTT_MS, Configuration, Mode, Network
+from tigas_common.wire.run import MAX_OFFSET_S, MAX_RTT_MS, Configuration, FrameRate, Mode, Network
 from tigas_common.wire.store import ExperimentName
 from tigas_experiments.run.parsing import capture_interval_ms, parse_network, parse_viewport
 
@@ -70,6 +70,8 @@ class Plan(WireModel):
     modes: Several[Mode] = ("stateless",)
     controllers: Several[Controller] = ("budget",)
     """Of the mode `stateless`: controllers' names, and fixed rungs of the ladder."""
+    dash_frame_rate: FrameRate | None = None
+    """Of the modes with DASH, in frames a second; without it, each preset's own."""
     repeats: int = Field(default=1, ge=1, le=1000)
     duration_s: float = 20.0
     viewport: str = "640x360"
@@ -128,6 +130,7 @@ class Plan(WireModel):
                     network=network,
                     mode=mode,
                     profile=profile,
+                    dash_frame_rate=self.dash_frame_rate,
                     duration_s=self.duration_s,
                     width=width,
                     height=height,

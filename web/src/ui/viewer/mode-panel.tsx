@@ -1,7 +1,7 @@
 /** What shows the scene, and how its DASH stream is set up. */
 
 import type { ComponentChildren } from "preact";
-import { type DashSetup, PRESETS, type Preset, setupFor } from "../../dash/presets";
+import { type DashPlan, type DashSetup, FRAME_RATES, PRESETS, type Preset, planFor } from "../../dash/presets";
 import { changeSettings, config, settings } from "../../state/app";
 import { MODES } from "../../state/settings";
 import type { ViewerSession } from "../../viewer/session";
@@ -9,10 +9,16 @@ import { ComparisonPanel } from "./comparison-panel";
 import { MODE_NAMES } from "./names";
 import { NumberField } from "./number-field";
 
-const PRESET_NAMES: Readonly<Record<Preset, string>> = { typical: "Typical", tuned: "Tuned", custom: "Custom" };
+const PRESET_NAMES: Readonly<Record<Preset, string>> = {
+  typical: "Typical",
+  tuned: "Tuned",
+  edge: "Edge",
+  custom: "Custom",
+};
 
 export function ModePanel({ session }: { session: ViewerSession }) {
   const { mode, dashPreset, dashCustom } = settings.value;
+  const plan = planFor(settings.value);
   const missing = config.value !== null && !config.value.services.dash;
   return (
     <>
@@ -47,7 +53,21 @@ export function ModePanel({ session }: { session: ViewerSession }) {
           {dashPreset === "custom" ? (
             <Custom setup={dashCustom} />
           ) : (
-            <p class="muted small">{sentence(setupFor(dashPreset, dashCustom))}</p>
+            <>
+              <Segments name="frame-rate" label="Frame rate">
+                {FRAME_RATES.map((rate) => (
+                  <Segment
+                    key={rate}
+                    name="frame-rate"
+                    checked={rate === plan.setup.frame_rate}
+                    onChoose={() => changeSettings({ dashFrameRate: rate })}
+                  >
+                    {`${rate} frames/s`}
+                  </Segment>
+                ))}
+              </Segments>
+              <p class="muted small">{sentence(plan)}</p>
+            </>
           )}
           <ComparisonPanel session={session} />
         </>
@@ -97,7 +117,10 @@ function Custom({ setup }: { setup: DashSetup }) {
   );
 }
 
-function sentence({ segment_s, frames_per_chunk, target_latency_ms, frame_rate }: DashSetup): string {
+function sentence({ setup, player, adaptive }: DashPlan): string {
+  const { segment_s, frames_per_chunk, target_latency_ms, frame_rate } = setup;
   const chunk = frames_per_chunk === 1 ? "one frame" : `${Math.round((frames_per_chunk * 1000) / frame_rate)} ms`;
-  return `Segments of ${segment_s} s in chunks of ${chunk}, ${frame_rate} frames/s; aims at ${target_latency_ms} ms.`;
+  const by = player === "mse" ? "a bare player of our own" : player;
+  const more = adaptive ? ", and at more where it stalls" : "";
+  return `Segments of ${segment_s} s in chunks of ${chunk}, played by ${by}; aims at ${target_latency_ms} ms${more}.`;
 }

@@ -26,6 +26,9 @@ export function SideFigures({ session, mode }: { session: ViewerSession; mode: M
           <Row name="live-latency" label="Live latency">
             {milliseconds(stats.liveLatency)}
           </Row>
+          <Row name="target-latency" label="Target">
+            {milliseconds(stats.targetLatency)}
+          </Row>
         </SideHud>
       </div>
     </div>

@@ -9,8 +9,7 @@ import { type PlayStream, StreamUnsupported } from "./streaming";
 
 /** dash.js in its defaults: target latency and playback rates come from the manifest's ServiceDescription. */
 export const playStream: PlayStream = (video, manifest, events) => {
-  if (!supportsMediaSource())
-    throw new StreamUnsupported("This browser cannot play DASH streams: it has no Media Source Extensions.");
+  if (!supportsMediaSource()) throw new StreamUnsupported();
   const player = MediaPlayer().create();
   player.updateSettings({
     debug: { logLevel: 0 },
@@ -38,6 +37,7 @@ export const playStream: PlayStream = (video, manifest, events) => {
       const seconds = player.getCurrentLiveLatency();
       return Number.isFinite(seconds) && seconds > 0 ? seconds : null;
     },
+    aim: (target) => player.updateSettings({ streaming: { delay: { liveDelay: target / 1000 } } }),
     dispose: () => player.destroy(),
   };
 };

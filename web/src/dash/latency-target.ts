@@ -1,0 +1,69 @@
+/**
+ * The lowest latency at which a stream plays smoothly on the link at hand: it starts at the preset's, two stalls within 10 s
+ * raise it by 50 ms, and each 30 s without a stall lower it by 25 ms again. The same for every player, since it only looks at
+ * what the screen shows. Pure.
+ */
+
+/** Playback that lost this much on the clock stalled, in milliseconds: three frames of a 60 Hz screen. */
+const STALL = 50;
+const STALLS = 2;
+const WITHIN = 10_000;
+const RAISE = 50;
+const LOWER = 25;
+const LOWER_AFTER = 30_000;
+/** Nobody calls a stream smooth that needs more. */
+const MAX = 2000;
+/** A stream that begins finds its place first, in milliseconds. */
+const GRACE = 2000;
+
+export class LatencyTarget {
+  readonly #least: number;
+  #value: number;
+  #last: { readonly at: number; readonly mediaTime: number } | undefined;
+  #stalls: number[] = [];
+  #smoothSince: number | undefined;
+
+  /** `least`: the preset's target, in milliseconds. */
+  constructor(least: number) {
+    this.#least = least;
+    this.#value = least;
+  }
+
+  /** The target in force, in milliseconds. */
+  get value(): number {
+    return this.#value;
+  }
+
+  /** A frame is on the screen: when, in milliseconds, and its place in the stream, in seconds. Tells whether the target changed. */
+  presented(at: number, mediaTime: number): boolean {
+    const before = this.#last;
+    this.#last = { at, mediaTime };
+    this.#smoothSince ??= at + GRACE;
+    if (before === undefined || at < this.#smoothSince) return false;
+    // A frame that lasts longer in the stream itself, and one that the page did not hear of, are no stalls.
+    const lost = at - before.at - (mediaTime - before.mediaTime) * 1000;
+    if (lost >= STALL) return this.#stalled(at);
+    if (at - this.#smoothSince < LOWER_AFTER) return false;
+    this.#smoothSince = at;
+    return this.#set(this.#value - LOWER);
+  }
+
+  /** The page was hidden: what was not seen did not stall. */
+  forget(): void {
+    this.#last = undefined;
+  }
+
+  #stalled(at: number): boolean {
+    this.#smoothSince = at;
+    this.#stalls = [...this.#stalls.filter((earlier) => earlier > at - WITHIN), at];
+    if (this.#stalls.length < STALLS) return false;
+    this.#stalls = [];
+    return this.#set(this.#value + RAISE);
+  }
+
+  #set(value: number): boolean {
+    const before = this.#value;
+    this.#value = Math.min(MAX, Math.max(this.#least, value));
+    return this.#value !== before;
+  }
+}

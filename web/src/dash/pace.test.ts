@@ -1,0 +1,32 @@
+import { beforeEach, expect, test } from "vitest";
+import { Pace } from "./pace";
+
+let pace: Pace;
+
+beforeEach(() => {
+  pace = new Pace();
+});
+
+/** What it does at so many milliseconds behind a live edge that is at 10 s, with a target of 60 ms; all came until `end`. */
+function at(behind: number, end = 10) {
+  return pace.next({ position: 10 - behind / 1000, end, live: 10, target: 0.06 });
+}
+
+test("playback is faster above the target and slower below, until it has crossed it", () => {
+  expect(at(65)).toEqual({ rate: 1 });
+  expect(at(80)).toEqual({ rate: 1.05 });
+  expect(at(65)).toEqual({ rate: 1.05 });
+  expect(at(59)).toEqual({ rate: 1 });
+  expect(at(40)).toEqual({ rate: 0.95 });
+  expect(at(55)).toEqual({ rate: 0.95 });
+  expect(at(61)).toEqual({ rate: 1 });
+});
+
+test("what is far behind jumps to just before the end of what has come", () => {
+  expect(at(500)).toEqual({ jump: 9.98 });
+});
+
+test("nothing has come to jump to, or to hurry to, where the link itself is late", () => {
+  expect(at(500, 9.6)).toEqual({ rate: 1.05 });
+  expect(at(500, 9.51)).toEqual({ rate: 1 });
+});

@@ -1,0 +1,40 @@
+/** Keeps playback at a latency: a little faster, a little slower, or a jump. Pure. */
+
+/** Behind the end of what has come, in seconds: where playback starts, and the least to run ahead of it. */
+export const MARGIN = 0.02;
+/** Closer to the target than this is on it, in seconds. */
+const NEAR = 0.015;
+/** Further behind than this is not made up for by playing faster, in seconds. */
+const FAR = 0.25;
+const FASTER = 1.05;
+const SLOWER = 0.95;
+
+export interface Playback {
+  /** On the media timeline, all in seconds. */
+  readonly position: number;
+  /** The end of what has come. */
+  readonly end: number;
+  /** Where the server is. */
+  readonly live: number;
+  /** What to keep between `position` and `live`. */
+  readonly target: number;
+}
+
+export class Pace {
+  #rate = 1;
+
+  /** Where to jump to, or else how fast to play. */
+  next({ position, end, live, target }: Playback): { readonly jump: number } | { readonly rate: number } {
+    const behind = live - position - target;
+    const ahead = end - position;
+    if (behind > FAR && ahead > FAR) {
+      this.#rate = 1;
+      return { jump: end - MARGIN };
+    }
+    if (behind > NEAR) this.#rate = FASTER;
+    else if (behind < -NEAR) this.#rate = SLOWER;
+    else if (this.#rate > 1 ? behind < 0 : behind > 0) this.#rate = 1; // it has crossed the target
+    if (this.#rate > 1 && ahead <= MARGIN) this.#rate = 1; // there is nothing to hurry to
+    return { rate: this.#rate };
+  }
+}
