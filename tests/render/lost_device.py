@@ -1,6 +1,6 @@
 """Breaks the GPU's context under a running service and prints how it answers.
 
-A program of its own, since nothing in the process can use the GPU afterwards. Run by `test_cuda_service.py`.
+A program of its own, since nothing in the process can use the GPU afterwards. Run by `test_service_on_gpu.py`.
 """
 
 from __future__ import annotations

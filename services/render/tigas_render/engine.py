@@ -20,12 +20,12 @@ from tigas_common.errors import (
     DeadlineExceeded,
     DeviceLost,
     InvalidRequest,
-    OutOfDeviceMemory,
     Overloaded,
     Superseded,
     TigasError,
 )
 from tigas_common.wire.render import RenderRequest, Rung, ServerTiming
+from tigas_render.device_memory import with_room
 from tigas_render.frame import Frame
 from tigas_render.metrics import EngineMetrics
 from tigas_render.raster.base import Camera, Image, PreparedScene, Rasterizer
@@ -153,14 +153,7 @@ class Engine:
             if request.profile is not None and request.profile >= len(self._ladder):
                 raise InvalidRequest(f"profile: the ladder has rungs 0 to {len(self._ladder) - 1}.")
             async with self._scenes.use(request.scene) as scene:
-                frame = None
-                try:
-                    frame = await self._frame(client, request, scene, arrived)
-                except OutOfDeviceMemory:
-                    if not self._scenes.evict():
-                        raise
-                if frame is None:  # not before the error is gone, which may hold on to memory
-                    frame = await self._frame(client, request, scene, arrived)
+                frame = await with_room(lambda: self._frame(client, request, scene, arrived), self._scenes.evict)
         except asyncio.CancelledError:
             self._metrics.count("cancelled")
             raise

@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 
 from tests.experiments.report.made_up_results import write_run
-from tigas_experiments.report.axes import panel_grid
 from tigas_experiments.report.charts import distribution, draw_boxes
 from tigas_experiments.report.groups import Groups
+from tigas_experiments.report.plot import panel_grid
 from tigas_experiments.report.results import load
 
 

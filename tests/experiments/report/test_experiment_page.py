@@ -10,7 +10,7 @@ import pytest
 
 from tests.experiments.report.made_up_results import write_large, write_run
 from tigas_experiments.records.folder import ExperimentRecord, write_experiment
-from tigas_experiments.report import experiment_page
+from tigas_experiments.report import experiment_figures
 from tigas_experiments.report.experiment_page import cell
 from tigas_experiments.report.groups import Spread
 from tigas_experiments.report.metrics import HEIGHT, PHOTON_P95, RESPONSE_MEAN
@@ -71,7 +71,7 @@ def test_the_page_has_it_where_there_are_several_networks(tmp_path: Path) -> Non
 
 
 def test_a_large_experiment_is_bounded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(experiment_page, "MOST_NETWORKS", 1)
+    monkeypatch.setattr(experiment_figures, "MOST_NETWORKS", 1)
     count = write_large(tmp_path, ("first", "second"), (20, 50), 1, seconds=20.0)
     assert count == 24
     heard: list[tuple[str, int, int | None]] = []

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import random
 import ssl
 from collections import defaultdict
 from collections.abc import Callable
@@ -126,3 +127,18 @@ class Simulation:
                 self.ended.append(event.stream_id)
         elif isinstance(event, DatagramFrameReceived):
             self.datagrams.append(event.data)
+
+
+def frames(count: int, size: int = 100_000) -> list[bytes]:
+    """So many answers."""
+    generator = random.Random(4)
+    return [generator.randbytes(size) for _ in range(count)]
+
+
+def answer_all(simulation: Simulation, bodies: list[bytes]) -> list[int]:
+    """Open a stream for each body, let the requests arrive, and answer them all at once."""
+    streams = [simulation.open() for _ in bodies]
+    simulation.run()
+    for stream_id, body in zip(streams, bodies, strict=True):
+        simulation.server.send_stream_data(stream_id, body, end_stream=True)
+    return streams

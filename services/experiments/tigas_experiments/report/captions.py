@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from tigas_experiments.report.controllers import Controller
-from tigas_experiments.report.groups import Group
+from tigas_experiments.report.groups import Group, Groups
 from tigas_experiments.report.metrics import Metric
 from tigas_experiments.report.results import Floats
 from tigas_experiments.report.time_series import downloaded, received
@@ -36,6 +36,20 @@ def spread_of(groups: Sequence[Group]) -> str:
     several = [f"{number} {name}" for name, number in kinds.items() if number > 1]
     of = f" ({' and '.join(several)})" if several else ""
     return f"Means over {low if low == high else f'{low} to {high}'} runs{of}, from the least to the greatest of them."
+
+
+def at_base(groups: Groups, network: str) -> str:
+    """A network at the one round trip that stands for it."""
+    rtt = groups.base_rtt(network)
+    return network if rtt is None else f"{network} at {rtt:g} ms round trip"
+
+
+def at_lowest(groups: Groups) -> str:
+    """At which round trips an overview is."""
+    found = sorted({rtt for name in groups.networks if (rtt := groups.base_rtt(name)) is not None})
+    if not found:
+        return "as it is"
+    return f"at its lowest round trip ({', '.join(f'{rtt:g}' for rtt in found)} ms)"
 
 
 def means(groups: Sequence[Group], metric: Metric) -> dict[Controller, float]:

@@ -8,11 +8,10 @@ from collections.abc import Iterable, Mapping, Sequence
 import numpy as np
 from matplotlib.axes import Axes
 
-from tigas_experiments.report.axes import extent, interactive_limit, metric_axis
 from tigas_experiments.report.controllers import Controller, Look
 from tigas_experiments.report.groups import Group, Spread
 from tigas_experiments.report.metrics import Metric
-from tigas_experiments.report.plot import INK
+from tigas_experiments.report.plot import INK, extent, interactive_limit, metric_axis
 from tigas_experiments.report.results import Floats
 
 Looks = Mapping[Controller, Look]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -11,11 +11,23 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from tigas_experiments.report.axes import add_legend, interactive_limit, legend_entries, panel_grid, plain_log
 from tigas_experiments.report.charts import draw_distributions
-from tigas_experiments.report.controllers import Look
-from tigas_experiments.report.plot import AREA, NO_METADATA, QUIET, Plot, style, svg
-from tigas_experiments.report.results import Floats, Run
+from tigas_experiments.report.comparison_table import label
+from tigas_experiments.report.controllers import Look, looks
+from tigas_experiments.report.plot import (
+    AREA,
+    NO_METADATA,
+    QUIET,
+    Plot,
+    add_legend,
+    interactive_limit,
+    legend_entries,
+    panel_grid,
+    plain_log,
+    style,
+    svg,
+)
+from tigas_experiments.report.results import Floats, Results, Run
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -41,19 +53,24 @@ class Curve:
         return times[1:][spans > 0], (np.diff(received) * 8e-6)[spans > 0] / spans[spans > 0]
 
 
-def figures(curves: Sequence[Curve]) -> list[Plot]:
-    """Of the runs over one network."""
-    with style():
-        return [
-            _latency_distribution(curves),
-            _latency_over_time(curves),
-            _bandwidth_over_time(curves),
-            _height_over_time(curves),
-        ]
+def figures(results: Results) -> Iterator[tuple[str, list[Plot]]]:
+    """Of the runs over each network."""
+    for network, curves in _curves(results).items():
+        with style():
+            yield (
+                network,
+                [
+                    _latency_distribution(curves),
+                    _latency_over_time(curves),
+                    _bandwidth_over_time(curves),
+                    _height_over_time(curves),
+                ],
+            )
 
 
-def write_headline(by_network: Mapping[str, Sequence[Curve]], folder: Path) -> None:
+def write_headline(results: Results, folder: Path) -> None:
     """The distributions side by side, one network each, as headline.svg and headline.png. Raises OSError."""
+    by_network = _curves(results)
     with style():
         figure = Figure(figsize=(4.4 * len(by_network), 3.1), layout="constrained")
         panels = figure.subplots(1, len(by_network), squeeze=False, sharey=True)[0]
@@ -66,6 +83,16 @@ def write_headline(by_network: Mapping[str, Sequence[Curve]], folder: Path) -> N
         figure.legend(entries.values(), entries.keys(), loc="outside upper center", ncols=5, fontsize=8)
         figure.savefig(folder / "headline.svg", metadata=NO_METADATA)
         figure.savefig(folder / "headline.png", dpi=160)
+
+
+def _curves(results: Results) -> dict[str, list[Curve]]:
+    """By network, in the order in which the runs were made."""
+    look = looks(run.controller for run in results.runs)
+    found: dict[str, list[Curve]] = {}
+    for run in sorted(results.runs, key=lambda run: run.record.started):
+        network = run.record.configuration.network.label
+        found.setdefault(network, []).append(Curve(run, label(run.record), look[run.controller]))
+    return found
 
 
 def _latency_distribution(curves: Sequence[Curve]) -> Plot:

@@ -5,25 +5,26 @@ A figure's title says what is seen in it; figures that the runs have nothing for
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import re
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from tigas_experiments.report.axes import (
-    MOST_COLUMNS,
-    PANEL_IN,
-    add_legend,
-    extent,
-    interactive_limit,
-    label_lowest,
-    metric_axis,
-    panel_grid,
-    plain_log,
+from tigas_experiments.report.captions import (
+    against_download,
+    at_base,
+    at_lowest,
+    best,
+    change,
+    each,
+    short,
+    spread_of,
+    steadiness,
 )
-from tigas_experiments.report.captions import against_download, best, change, each, short, spread_of, steadiness
 from tigas_experiments.report.charts import Looks, draw_boxes, draw_distributions, draw_line, draw_points
 from tigas_experiments.report.groups import Group, Groups
 from tigas_experiments.report.metrics import (
@@ -38,7 +39,23 @@ from tigas_experiments.report.metrics import (
     SWITCHES,
     Metric,
 )
-from tigas_experiments.report.plot import AREA, INK, PAPER, Plot, style, svg
+from tigas_experiments.report.plot import (
+    AREA,
+    INK,
+    MOST_COLUMNS,
+    PANEL_IN,
+    PAPER,
+    Plot,
+    add_legend,
+    extent,
+    interactive_limit,
+    label_lowest,
+    metric_axis,
+    panel_grid,
+    plain_log,
+    style,
+    svg,
+)
 from tigas_experiments.report.results import Floats
 from tigas_experiments.report.time_series import BINS, binned, downloaded, received
 
@@ -46,6 +63,19 @@ WIDE = 2.6
 """How many times as wide a panel is that shows time."""
 OVERVIEW = (PHOTON_P50, PHOTON_P95, IN_TIME, RESPONSE_MEAN, NEW_VIEWS, RECEIVED, HEIGHT, PROFILE, SWITCHES)
 OVER_RTT = (RESPONSE_MEAN, PHOTON_P95, IN_TIME, PROFILE, SWITCHES, NEW_VIEWS)
+MOST_NETWORKS = 8
+"""So many are drawn one by one; the table and the CSV files have all."""
+
+
+def figures(groups: Groups) -> Iterator[tuple[str | None, Plot]]:
+    """All of them, in the order of the page, each with the network that it is of."""
+    if (plot := overview(groups)) is not None:
+        yield None, plot
+    for number, network in enumerate(groups.networks[:MOST_NETWORKS], 1):
+        slug = f"{number:02}-" + (re.sub(r"[^A-Za-z0-9.-]+", "-", network).strip(".-")[:40] or "network")
+        for draw in (over_rtt, latencies, responses, responses_over_time, profiles, bandwidth):
+            if (plot := draw(groups, network)) is not None:
+                yield network, replace(plot, name=f"{slug}_{plot.name}")
 
 
 def overview(groups: Groups) -> Plot | None:
@@ -71,7 +101,7 @@ def overview(groups: Groups) -> Plot | None:
         return Plot(
             "overview",
             best(every, IN_TIME),
-            f"Each controller over each network, {_lowest(groups)}. {spread_of(every)}",
+            f"Each controller over each network, {at_lowest(groups)}. {spread_of(every)}",
             svg(figure),
         )
 
@@ -149,7 +179,7 @@ def responses_over_time(groups: Groups, network: str) -> Plot | None:
         return Plot(
             "response-over-time",
             steadiness(own),
-            f"Response of each frame over {_named(groups, network)} in the first run of each controller; the median "
+            f"Response of each frame over {at_base(groups, network)} in the first run of each controller; the median "
             f"where frames are closer than 1/{BINS} of the run. Dashed: 100 ms.",
             svg(figure),
         )
@@ -180,7 +210,7 @@ def profiles(groups: Groups, network: str) -> Plot | None:
         return Plot(
             "profiles",
             f"Mean profile on the screen: {each(own, PROFILE)}",
-            f"Which profiles were on the screen over {_named(groups, network)}; 0 is the best. Means over the runs.",
+            f"Which profiles were on the screen over {at_base(groups, network)}; 0 is the best. Means over the runs.",
             svg(figure),
         )
 
@@ -210,14 +240,10 @@ def bandwidth(groups: Groups, network: str) -> Plot | None:
         return Plot(
             "bandwidth",
             against_download(own, link, size),
-            f"What the viewer received over {_named(groups, network)}. {spread_of(own)} Grey: the link at its "
+            f"What the viewer received over {at_base(groups, network)}. {spread_of(own)} Grey: the link at its "
             "full rate, as a download of the scene's file would take it.",
             svg(figure),
         )
-
-
-OF_A_NETWORK = (over_rtt, latencies, responses, responses_over_time, profiles, bandwidth)
-"""In the order of the page."""
 
 
 def _by_rtt(
@@ -268,19 +294,6 @@ def _downloading(rates: Axes, totals: Axes, link: Floats, size: int | None) -> N
 
 def _base(groups: Groups, network: str) -> list[Group]:
     return groups.at(network, groups.base_rtt(network))
-
-
-def _named(groups: Groups, network: str) -> str:
-    rtt = groups.base_rtt(network)
-    return network if rtt is None else f"{network} at {rtt:g} ms round trip"
-
-
-def _lowest(groups: Groups) -> str:
-    """At which round trips an overview is."""
-    found = sorted({rtt for name in groups.networks if (rtt := groups.base_rtt(name)) is not None})
-    if not found:
-        return "as it is"
-    return f"at its lowest round trip ({', '.join(f'{rtt:g}' for rtt in found)} ms)"
 
 
 def _existing(metrics: Sequence[Metric], groups: Sequence[Group]) -> list[Metric]:

@@ -1,18 +1,28 @@
-"""Makes a report: loads the results, aggregates them, and writes tables, figures and a page that stands alone."""
+"""Makes a report: loads the results, aggregates them, writes tables and figures, and fills the template of a page."""
 
 from __future__ import annotations
 
+import base64
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
-from tigas_experiments.records.folder import Template
+from jinja2 import Environment, PackageLoader, StrictUndefined
+from markupsafe import Markup
+
+from tigas_common.wire.run import MODE_NAMES
+from tigas_experiments.records.folder import RunRecord, Template
 from tigas_experiments.report.comparison_page import comparison_page
 from tigas_experiments.report.experiment_page import experiment_page
 from tigas_experiments.report.groups import Groups
 from tigas_experiments.report.results import Results, Told, load
 from tigas_experiments.report.tables import write_csv
+from tigas_experiments.report.warnings import comparison_warnings, experiment_warnings
 
-PAGES = {"experiment": experiment_page, "comparison": comparison_page}
+PAGES = {
+    "experiment": (experiment_page, experiment_warnings),
+    "comparison": (comparison_page, comparison_warnings),
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,7 +50,46 @@ def write_report(
     groups = Groups.of(results.runs)
     csv_files = write_csv(results, groups, out)
     template = template or ("experiment" if results.experiment is None else results.experiment.template)
-    page = PAGES[template](results, groups, out, told)
-    path = out / "report.html"
-    path.write_text(page.html(results, csv_files), encoding="utf-8")
-    return Report(results, groups, template, page.warnings, path)
+    values, warnings = PAGES[template]
+    report = Report(results, groups, template, warnings(results), out / "report.html")
+    page = _filled(report, csv_files, values(results, groups, out, told))
+    report.page.write_text(page, encoding="utf-8")
+    return report
+
+
+def _filled(report: Report, csv_files: Iterable[Path], values: dict[str, object]) -> str:
+    """The template, with what both have and the values of its own, which are escaped unless they are markup."""
+    environment = Environment(
+        loader=PackageLoader("tigas_experiments.report"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    records = sorted((run.record for run in report.results.runs), key=lambda record: record.started)
+    return environment.get_template(f"{report.template}.html.j2").render(
+        results=report.results,
+        warnings=report.warnings,
+        csv={path.name: _download(path) for path in csv_files},
+        file_name=lambda path: Path(path).name,
+        first=records[0] if records else None,
+        scenes=sorted({record.configuration.scene for record in records}),
+        movements=sorted({Path(record.configuration.movement).name for record in records}),
+        streams=_streams(records),
+        **values,
+    )
+
+
+def _download(path: Path) -> Markup:
+    """A link that has the file in it."""
+    data = base64.b64encode(path.read_bytes()).decode()
+    return Markup('<a download="{0}" href="data:text/csv;base64,{1}">{0}</a>').format(path.name, data)
+
+
+def _streams(records: Iterable[RunRecord]) -> dict[str, str]:
+    """What the DASH modes played, by their names; the first run of each tells."""
+    found: dict[str, str] = {}
+    for record in records:
+        if record.recording is not None and record.recording.dash is not None:
+            found.setdefault(MODE_NAMES[record.configuration.mode], record.recording.dash.summary)
+    return found

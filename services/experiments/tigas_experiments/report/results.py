@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -98,6 +99,9 @@ class Results:
 def load(folder: Path, told: Told = lambda what, done, total: None) -> Results:
     """Read all runs. Raises StartError if there is none."""
     folders = run_folders(folder)
+    experiment: ExperimentRecord | None = None
+    with suppress(BrokenRecording):
+        experiment = read_experiment(folder)
     runs: list[Run] = []
     failures: list[Failure] = []
     for done, each in enumerate(folders, 1):
@@ -110,7 +114,7 @@ def load(folder: Path, told: Told = lambda what, done, total: None) -> Results:
         except BrokenRecording as error:
             failures.append(Failure(each.name, str(error), None))
         told("reads runs", done, len(folders))
-    return Results(folder, _experiment(folder), tuple(runs), tuple(failures))
+    return Results(folder, experiment, tuple(runs), tuple(failures))
 
 
 def run_folders(folder: Path) -> list[Path]:
@@ -124,13 +128,6 @@ def run_folders(folder: Path) -> list[Path]:
     if not found:
         raise StartError(f"{where} has no runs yet.")
     return found
-
-
-def _experiment(folder: Path) -> ExperimentRecord | None:
-    try:
-        return read_experiment(folder)
-    except BrokenRecording:
-        return None
 
 
 def _table(rows: Sequence[tuple[float, ...]], columns: int) -> Floats:

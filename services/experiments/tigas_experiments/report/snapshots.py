@@ -4,13 +4,18 @@ from __future__ import annotations
 
 import base64
 import io
+from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
+from pathlib import Path
 
 from PIL import Image
 
 from tigas_experiments.quality.picture import BrokenPicture, Picture, decode, enlarged
 from tigas_experiments.records.folder import StoredRun
 from tigas_experiments.records.recording import BrokenRecording
+from tigas_experiments.records.summary import Summary
+from tigas_experiments.report.comparison_table import label
 
 MAX_WIDTH = 640
 JPEG_QUALITY = 82
@@ -26,18 +31,21 @@ class Snapshot:
     view: str
 
 
-def snapshot(run: StoredRun, label: str) -> Snapshot | None:
-    """None if the run kept none. Raises BrokenRecording."""
-    moment = run.moment()
-    if moment is None:
-        return None
-    at, shown_png, view_png = moment
-    try:
-        shown, view = decode(shown_png), decode(view_png)
-    except BrokenPicture as error:
-        raise BrokenRecording(f"{run.folder}: {error}") from None
+def snapshots(folder: Path, runs: Sequence[Summary]) -> list[Snapshot]:
+    """Of an experiment's complete runs that kept one; one that is broken costs nothing else."""
+    found: list[Snapshot] = []
+    for run in runs:
+        if run.figures is not None:
+            with suppress(BrokenRecording, BrokenPicture):
+                if (moment := StoredRun(folder / "runs" / run.folder).moment()) is not None:
+                    at, shown, view = moment
+                    found.append(_snapshot(label(run.record), at / 1000, decode(shown), decode(view)))
+    return found
+
+
+def _snapshot(label: str, at_s: float, shown: Picture, view: Picture) -> Snapshot:
     height, width = view.shape[:2]
-    return Snapshot(label, at / 1000, _url(enlarged(shown, width, height)), _url(view))
+    return Snapshot(label, at_s, _url(enlarged(shown, width, height)), _url(view))
 
 
 def _url(picture: Picture) -> str:

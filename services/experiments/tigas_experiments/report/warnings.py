@@ -2,18 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
 
-from tigas_experiments.records.summary import Summary
-from tigas_experiments.report.comparison_table import label
+from tigas_experiments.report.comparison_table import label, runs_as_made
 from tigas_experiments.report.results import Results
 
 
-def comparison_warnings(runs: Sequence[Summary], unreadable: Sequence[str]) -> list[str]:
+def unreadable(results: Results) -> list[str]:
+    """What became of runs that cannot even be told of: a sentence each."""
+    return [
+        f"{failure.folder}: there is no result. {failure.reason}"
+        for failure in results.failures
+        if failure.record is None
+    ]
+
+
+def comparison_warnings(results: Results) -> list[str]:
     """Run by run."""
-    found = [*unreadable]
-    for run in runs:
+    found = unreadable(results)
+    for run in runs_as_made(results):
         record = run.record
         name = f"{record.configuration.network.label}, {label(record)}"
         if run.problem is not None:

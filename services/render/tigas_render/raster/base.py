@@ -24,6 +24,8 @@ ALPHA_MAX = 0.999
 """A single Gaussian's alpha is clamped to this."""
 TRANSMITTANCE_MIN = 1e-4
 """A pixel is finished when less light than this passes."""
+CLAMP_MARGIN = 0.3
+"""How far outside the picture the projection's derivative is clamped, in half-widths of the picture (gsplat 1.5.3)."""
 BASIS_CONSTANTS = (
     0.28209479177387814,
     *(-0.4886025119029199, 0.4886025119029199, -0.4886025119029199),
@@ -105,6 +107,17 @@ class Rasterizer(ABC):
 
     def warm_up(self) -> None:  # noqa: B027 - a rasteriser without a compiler has nothing to do
         """Pay once for what the first frame would otherwise wait for, such as compiling."""
+
+
+def derivative_limits(k: Intrinsics) -> tuple[float, float, float, float]:
+    """Limits of x/z and y/z where the projection's derivative is taken: left, right, top, bottom."""
+    margin_x, margin_y = CLAMP_MARGIN * 0.5 * k.width / k.fx, CLAMP_MARGIN * 0.5 * k.height / k.fy
+    return (
+        -k.cx / k.fx - margin_x,
+        (k.width - k.cx) / k.fx + margin_x,
+        -k.cy / k.fy - margin_y,
+        (k.height - k.cy) / k.fy + margin_y,
+    )
 
 
 def one_gaussian() -> Gaussians:

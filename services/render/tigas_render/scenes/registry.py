@@ -13,8 +13,9 @@ from pathlib import Path
 from types import TracebackType
 from urllib.parse import quote
 
-from tigas_common.errors import BrokenScene, OutOfDeviceMemory, Overloaded, TigasError, UnknownScene
+from tigas_common.errors import BrokenScene, Overloaded, TigasError, UnknownScene
 from tigas_common.wire.render import SceneInfo, StartCamera
+from tigas_render.device_memory import with_room
 from tigas_render.gaussians import Gaussians
 from tigas_render.raster.base import PreparedScene
 from tigas_render.scenes.demo import DEMO_SOURCE
@@ -193,14 +194,7 @@ class SceneRegistry:
         source = entry.source
         try:
             self._make_room(entry, source.memory_bytes)
-            loaded = None
-            try:
-                loaded = await asyncio.to_thread(self._read, source)
-            except OutOfDeviceMemory:
-                if not self.evict():
-                    raise
-            if loaded is None:  # not before the error is gone, which holds what had been loaded until then
-                loaded = await asyncio.to_thread(self._read, source)
+            loaded = await with_room(lambda: asyncio.to_thread(self._read, source), self.evict)
             self._make_room(entry, loaded.prepared.nbytes)
         except TigasError as error:
             if isinstance(error, BrokenScene):

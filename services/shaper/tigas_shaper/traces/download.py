@@ -1,15 +1,12 @@
-"""Downloads one file, goes on where an earlier try broke off, and keeps it only if its checksum is right.
-
-The kept-up library for data sets, pooch, checks sums but starts over after a break; hence these few lines over httpx.
-"""
+"""Downloads one file. pooch keeps it if its checksum is right; an interrupted transfer goes on where it stopped."""
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Callable
 from pathlib import Path
 
 import httpx
+import pooch
 
 from tigas_shaper.traces.sources import FetchError, SourceFile
 
@@ -21,53 +18,50 @@ Progress = Callable[[int, int | None], None]
 
 
 def download(file: SourceFile, directory: Path, client: httpx.Client, progress: Progress) -> Path:
-    """The file in `directory`, from the network if it is not there. Raises FetchError and OSError.
+    """The file in `directory`, from the network unless it is there unchanged. Raises FetchError and OSError.
 
     While incomplete it is called NAME.part, and NAME.part.tag holds the server's version of it: a part is continued
     only if the server still has that version.
     """
-    target = directory / file.name
     part, tag = directory / f"{file.name}.part", directory / f"{file.name}.part.tag"
-    if target.exists():
-        _check(target, file)
-        return target
-    directory.mkdir(parents=True, exist_ok=True)
+
+    def resume(url: str, target: str, _: object) -> None:
+        _transfer(url, part, tag, client, progress)
+        tag.unlink(missing_ok=True)
+        part.replace(target)
+
+    pooch.get_logger().setLevel("WARNING")
     try:
-        _transfer(file, part, tag, client, progress)
+        return Path(pooch.retrieve(file.url, file.sha256, file.name, directory, downloader=resume))
     except httpx.HTTPError as error:
         kept = f" after {part.stat().st_size:,} bytes; run it again to go on" if part.exists() else ""
         raise FetchError(f"{file.url} broke off{kept}: {error or type(error).__name__}.") from None
-    try:
-        _check(part, file)
-    except FetchError:
-        part.unlink()
-        raise
-    finally:
-        tag.unlink(missing_ok=True)
-    return part.replace(target)
+    except ValueError as error:  # the first of pooch's sentences names both checksums
+        raise FetchError(f"{file.url} was not kept: {str(error).partition('. ')[0]}.") from None
 
 
-def _transfer(file: SourceFile, part: Path, tag: Path, client: httpx.Client, progress: Progress) -> None:
+def _transfer(url: str, part: Path, tag: Path, client: httpx.Client, progress: Progress) -> None:
+    """Make the part complete."""
     have = part.stat().st_size if part.exists() and tag.exists() else 0
     headers = {"Accept-Encoding": "identity"}  # ranges and checksums are of the file itself
     if have:
         headers |= {"Range": f"bytes={have}-", "If-Range": tag.read_text("ascii")}
-    with client.stream("GET", file.url, headers=headers, follow_redirects=True) as response:
+    with client.stream("GET", url, headers=headers, follow_redirects=True) as response:
         match response.status_code:
             case 200:  # all of it: the first try, or the server does no ranges, or has a newer version
-                _store(file, response, part, tag, 0, progress)
+                _store(response, part, tag, 0, progress)
                 return
             case 206 if response.headers.get("Content-Range", "").startswith(f"bytes {have}-"):
-                _store(file, response, part, tag, have, progress)
+                _store(response, part, tag, have, progress)
                 return
             case 416 if have:  # the part is as long as the file or longer: there is nothing to go on with
                 part.unlink()
             case _:
-                raise FetchError(f"{file.url} was answered with {response.status_code} {response.reason_phrase}.")
-    _transfer(file, part, tag, client, progress)
+                raise FetchError(f"{url} was answered with {response.status_code} {response.reason_phrase}.")
+    _transfer(url, part, tag, client, progress)
 
 
-def _store(file: SourceFile, response: httpx.Response, part: Path, tag: Path, have: int, progress: Progress) -> None:
+def _store(response: httpx.Response, part: Path, tag: Path, have: int, progress: Progress) -> None:
     """Append to the `have` bytes of the part, or start it."""
     version = response.headers.get("ETag", "")
     if version.startswith('"') and version.isascii():  # a weak tag, W/"…", does not promise equal bytes
@@ -86,13 +80,4 @@ def _store(file: SourceFile, response: httpx.Response, part: Path, tag: Path, ha
     if have > MAX_BYTES:
         part.unlink()
         tag.unlink(missing_ok=True)
-        raise FetchError(f"{file.url} is larger than {MAX_BYTES // 1_000_000} MB, so it was dropped.")
-
-
-def _check(path: Path, file: SourceFile) -> None:
-    if file.sha256 is None:
-        return
-    with path.open("rb") as content:
-        actual = hashlib.file_digest(content, "sha256").hexdigest()
-    if actual != file.sha256:
-        raise FetchError(f"{file.url} has the SHA-256 {actual}, not {file.sha256}; it was not kept.")
+        raise FetchError(f"{response.url} is larger than {MAX_BYTES // 1_000_000} MB, so it was dropped.")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
 import stat
 import tempfile
 import zipfile
@@ -28,28 +27,25 @@ def unpack(archive: Path) -> Path:
             zipfile.ZipFile(archive) as content,
             tempfile.TemporaryDirectory(dir=archive.parent, prefix=".unpack-") as scratch,
         ):
-            members = [member for member in content.infolist() if not member.is_dir()]
-            _check(archive, members)
+            _check(archive.name, content.infolist())
             folder = Path(scratch, target.name)
             folder.mkdir()
-            for member in members:
-                path = folder / member.filename
-                path.parent.mkdir(parents=True, exist_ok=True)
-                with content.open(member) as source, path.open("xb") as out:
-                    shutil.copyfileobj(source, out)
+            content.extractall(folder)
             folder.replace(target)
     except (zipfile.BadZipFile, zlib.error, NotImplementedError, RuntimeError, EOFError, FileExistsError) as error:
         raise FetchError(f"{archive.name} cannot be unpacked: {error}.") from None
     return target
 
 
-def _check(archive: Path, members: list[zipfile.ZipInfo]) -> None:
+def _check(archive: str, members: list[zipfile.ZipInfo]) -> None:
     # zipfile never reads more of a member than the size that its header declares
     if len(members) > MAX_FILES or sum(member.file_size for member in members) > MAX_BYTES:
-        raise FetchError(f"{archive.name} holds more than {MAX_FILES:,} files or {MAX_BYTES // 1_000_000:,} MB.")
+        raise FetchError(f"{archive} holds more than {MAX_FILES:,} files or {MAX_BYTES // 1_000_000:,} MB.")
+    if len({member.filename for member in members}) < len(members):
+        raise FetchError(f"{archive} cannot be unpacked: it holds two files of one name.")
     for member in members:
         path = PurePosixPath(member.filename)
         if path.is_absolute() or ".." in path.parts or "\\" in member.filename or ":" in member.filename:
-            raise FetchError(f"{archive.name} was refused: {member.filename[:100]!r} would be written elsewhere.")
+            raise FetchError(f"{archive} was refused: {member.filename[:100]!r} would be written elsewhere.")
         if stat.S_ISLNK(member.external_attr >> 16):
-            raise FetchError(f"{archive.name} was refused: {member.filename[:100]!r} is a link.")
+            raise FetchError(f"{archive} was refused: {member.filename[:100]!r} is a link.")

@@ -6,6 +6,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import torch
 from numba import prange
 from numpy.typing import NDArray
 
@@ -13,6 +14,7 @@ from tigas_render.gaussians import Gaussians
 from tigas_render.raster.base import ALPHA_MIN, BASIS_CONSTANTS, PreparedScene
 from tigas_render.raster.cpu import layout as L
 from tigas_render.raster.cpu.kernel import kernel
+from tigas_render.raster.morton import morton_codes
 
 Floats = NDArray[np.float32]
 HALF_MAX = 65504.0
@@ -46,7 +48,8 @@ def pack(gaussians: Gaussians) -> CpuScene:
         for tensor in (gaussians.means, gaussians.scales, gaussians.quaternions, gaussians.opacities, gaussians.sh)
     )
     drawable = np.flatnonzero((opacities >= ALPHA_MIN) & np.isfinite(means).all(axis=1))
-    order = drawable[np.argsort(morton_codes(means[drawable]), kind="stable")]
+    codes = morton_codes(torch.from_numpy(means[drawable])).numpy()
+    order = drawable[np.argsort(codes, kind="stable")]
     chunks = -(-len(order) // L.CHUNK)
     geometry = np.zeros((chunks, L.GEOMETRY, L.CHUNK), np.float32)
     packed_sh = np.zeros((chunks * L.CHUNK // L.LANES, sh.shape[1] * 3, L.LANES), np.float16)
@@ -56,35 +59,6 @@ def pack(gaussians: Gaussians) -> CpuScene:
     flat_sh = halves.view(np.uint16).reshape(len(sh), sh.shape[1] * 3)
     _pack(order, means, scales, quaternions, opacities, flat_sh, geometry, packed_sh.view(np.uint16), bounds)
     return CpuScene(geometry, packed_sh, bounds)
-
-
-def morton_codes(points: Floats) -> NDArray[np.uint64]:
-    """The Z-order codes [N] of points [N, 3], 20 bits an axis.
-
-    The grid spans the middle 98 % of each axis, so that a few points far away do not make it coarse.
-    """
-    if len(points) == 0:
-        return np.zeros(0, np.uint64)
-    low, high = np.quantile(points, [0.01, 0.99], axis=0).astype(np.float64)
-    cells = (points - low) * (0.5 / np.maximum((high - low).max(), 1e-30)) + 0.25
-    grid = (np.nan_to_num(cells.clip(0, 1)) * (2**20 - 1)).astype(np.uint64)
-    codes = np.zeros(len(points), np.uint64)
-    for axis in range(3):
-        codes |= _spread(grid[:, axis]) << np.uint64(axis)
-    return codes
-
-
-def _spread(values: NDArray[np.uint64]) -> NDArray[np.uint64]:
-    """Put two zero bits between the lowest 21 bits of each value."""
-    for shift, mask in (
-        (32, 0x1F00000000FFFF),
-        (16, 0x1F0000FF0000FF),
-        (8, 0x100F00F00F00F00F),
-        (4, 0x10C30C30C30C30C3),
-        (2, 0x1249249249249249),
-    ):
-        values = (values | (values << np.uint64(shift))) & np.uint64(mask)
-    return values
 
 
 @kernel(parallel=True)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from tigas_render.raster.base import Camera
+from tigas_render.raster.base import Camera, derivative_limits
 
 ROTATION = 0
 """Nine numbers: world to camera, row by row."""
@@ -13,12 +13,9 @@ EYE = 9
 """Three numbers: the camera's centre."""
 FX, FY, CX, CY = 12, 13, 14, 15
 LEFT, RIGHT, TOP, BOTTOM = 16, 17, 18, 19
-"""Limits of x/z and y/z at which the projection's derivative is taken; gsplat 1.5.3's."""
+"""Limits of x/z and y/z at which the projection's derivative is taken."""
 WIDTH, HEIGHT = 20, 21
 VIEW = 22
-
-CLAMP_MARGIN = 0.3
-"""How far the limits lie outside the picture, in half-widths of the picture."""
 
 
 def fill_view(camera: Camera, view: NDArray[np.float64]) -> None:
@@ -27,7 +24,5 @@ def fill_view(camera: Camera, view: NDArray[np.float64]) -> None:
     view[ROTATION:EYE] = np.array(camera.pose.rotation).T.ravel()
     view[EYE:FX] = camera.pose.position
     view[FX:LEFT] = k.fx, k.fy, k.cx, k.cy
-    margin_x, margin_y = CLAMP_MARGIN * 0.5 * k.width / k.fx, CLAMP_MARGIN * 0.5 * k.height / k.fy
-    view[LEFT], view[RIGHT] = -k.cx / k.fx - margin_x, (k.width - k.cx) / k.fx + margin_x
-    view[TOP], view[BOTTOM] = -k.cy / k.fy - margin_y, (k.height - k.cy) / k.fy + margin_y
+    view[LEFT:WIDTH] = derivative_limits(k)
     view[WIDTH], view[HEIGHT] = k.width, k.height

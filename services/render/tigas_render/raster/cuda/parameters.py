@@ -6,9 +6,8 @@ import ctypes
 import struct
 from typing import Final
 
-from tigas_common.pose import Intrinsics
 from tigas_common.wire.render import FrameFormat
-from tigas_render.raster.base import Camera
+from tigas_render.raster.base import Camera, derivative_limits
 from tigas_render.raster.cuda.layout import TileLayout
 from tigas_render.raster.cuda.scene import CHUNK, CudaScene
 
@@ -18,8 +17,6 @@ FORMATS: Final[dict[FrameFormat, int]] = {"png": 0, "jpeg": 1, "yuv420p": 2}
 """How the blending kernel lays out pixels: RGB, JPEG's planes, video's planes."""
 GREATEST: Final = 3.4e38
 """Of float32, nearly."""
-CLAMP_MARGIN: Final = 0.3
-"""How far outside the picture the projection's derivative is clamped, in half-widths of the picture [gsplat]."""
 
 
 def write_frame(
@@ -42,20 +39,9 @@ def write_frame(
         scene.scale_low, scene.scale_step,
         *(rotation[column][row] for row in range(3) for column in range(3)),  # world to camera
         *camera.pose.position,
-        k.fx, k.fy, k.cx, k.cy, *derivative_limits(k),
+        k.fx, k.fy, k.cx, k.cy, *map(_float32, derivative_limits(k)),
         *camera.background,
     )  # fmt: skip
-
-
-def derivative_limits(k: Intrinsics) -> tuple[float, float, float, float]:
-    """Limits of x/z and y/z where the projection's derivative is taken: left, right, top, bottom."""
-    margin_x, margin_y = CLAMP_MARGIN * 0.5 * k.width / k.fx, CLAMP_MARGIN * 0.5 * k.height / k.fy
-    return (
-        _float32(-k.cx / k.fx - margin_x),
-        _float32((k.width - k.cx) / k.fx + margin_x),
-        _float32(-k.cy / k.fy - margin_y),
-        _float32((k.height - k.cy) / k.fy + margin_y),
-    )
 
 
 def _float32(value: float) -> float:

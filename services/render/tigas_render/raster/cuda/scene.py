@@ -8,6 +8,7 @@ import torch
 
 from tigas_render.gaussians import Gaussians
 from tigas_render.raster.base import ALPHA_MIN, BASIS_CONSTANTS, PreparedScene
+from tigas_render.raster.morton import morton_codes
 
 CHUNK = 256
 """Gaussians that are culled together; `frame.cuh` says the same."""
@@ -87,36 +88,6 @@ def coefficients_in_use(sh: torch.Tensor) -> int:
         if sh.shape[1] >= end and bool(sh[:, first:end].any()):
             return end
     return 1
-
-
-def morton_codes(points: torch.Tensor) -> torch.Tensor:
-    """The Z-order codes int64 [N] of points [N, 3], 20 bits an axis.
-
-    The grid spans the middle 98 % of each axis, so that a few points far away do not make it coarse.
-    """
-    if len(points) == 0:
-        return torch.zeros(0, dtype=torch.int64, device=points.device)
-    some = points[:: max(1, len(points) // 100_000)]
-    low, high = torch.quantile(some, torch.tensor([0.01, 0.99], device=points.device), dim=0)
-    cells = (points - low) * (0.5 / (high - low).max().clamp_min(1e-30)) + 0.25
-    grid = (cells.clamp(0, 1) * (2**20 - 1)).to(torch.int64)
-    codes = torch.zeros_like(grid[:, 0])
-    for axis in range(3):
-        codes |= _spread(grid[:, axis]) << axis
-    return codes
-
-
-def _spread(values: torch.Tensor) -> torch.Tensor:
-    """Put two zero bits between the lowest 20 bits of each value."""
-    for shift, mask in (
-        (32, 0x1F00000000FFFF),
-        (16, 0x1F0000FF0000FF),
-        (8, 0x100F00F00F00F00F),
-        (4, 0x10C30C30C30C30C3),
-        (2, 0x1249249249249249),
-    ):
-        values = (values | (values << shift)) & mask
-    return values
 
 
 def _padded(rows: torch.Tensor, padding: int) -> torch.Tensor:

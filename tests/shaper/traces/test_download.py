@@ -1,12 +1,9 @@
-"""Fetching published sets from a local server that breaks off, lies, and does as it likes with ranges."""
+"""Downloading from a local server that breaks off, lies, and does as it likes with ranges."""
 
 from __future__ import annotations
 
 import hashlib
-import io
-import stat
 import threading
-import zipfile
 from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass, field
@@ -16,11 +13,10 @@ from pathlib import Path
 import httpx
 import pytest
 
+from tests.shaper.traces.files import names
 from tigas_shaper.traces import download as download_module
-from tigas_shaper.traces import unpack as unpack_module
 from tigas_shaper.traces.download import download
-from tigas_shaper.traces.sources import FetchError, SourceFile, load_sources
-from tigas_shaper.traces.unpack import unpack
+from tigas_shaper.traces.sources import FetchError, SourceFile
 
 CONTENT = bytes(range(256)) * 4_000
 SHA256 = hashlib.sha256(CONTENT).hexdigest()
@@ -93,10 +89,6 @@ def fetch(server: Server, client: httpx.Client, directory: Path, sha256: str | N
     return download(SourceFile(url=f"{server.url}/set.bin", sha256=sha256), directory, client, lambda *_: None)
 
 
-def names(directory: Path) -> set[str]:
-    return {path.name for path in directory.iterdir()}
-
-
 def test_a_file_is_downloaded_with_progress_and_not_again(server: Server, client: httpx.Client, tmp_path: Path) -> None:
     seen: list[tuple[int, int | None]] = []
     file = SourceFile(url=f"{server.url}/set.bin", sha256=SHA256)
@@ -149,7 +141,7 @@ def test_a_part_that_is_already_whole_is_fetched_afresh(server: Server, client: 
 
 
 def test_a_wrong_checksum_is_refused_and_nothing_is_left(server: Server, client: httpx.Client, tmp_path: Path) -> None:
-    with pytest.raises(FetchError, match=f"has the SHA-256 {SHA256}, not {'0' * 64}; it was not kept"):
+    with pytest.raises(FetchError, match=f"was not kept: SHA256 .* expected {'0' * 64} but got {SHA256}\\.$"):
         fetch(server, client, tmp_path, "0" * 64)
     assert names(tmp_path) == set()
 
@@ -158,8 +150,8 @@ def test_a_file_that_was_changed_on_disk_is_not_passed_off_as_the_published_one(
     server: Server, client: httpx.Client, tmp_path: Path
 ) -> None:
     fetch(server, client, tmp_path).write_bytes(b"changed")
-    with pytest.raises(FetchError, match="SHA-256"):
-        fetch(server, client, tmp_path)
+    assert fetch(server, client, tmp_path).read_bytes() == CONTENT
+    assert len(server.asked) == 2
 
 
 @pytest.mark.parametrize("status", [404, 403, 500, 416])
@@ -172,7 +164,7 @@ def test_an_error_answer_is_told_and_leaves_nothing(
     assert names(tmp_path) == set()
 
 
-def test_nobody_there_is_told(client: httpx.Client, server: Server, tmp_path: Path) -> None:
+def test_nobody_there_is_told(server: Server, client: httpx.Client, tmp_path: Path) -> None:
     with pytest.raises(FetchError, match="broke off"):
         download(SourceFile(url="http://127.0.0.1:9/set.bin"), tmp_path, client, lambda *_: None)
 
@@ -190,108 +182,3 @@ def test_a_server_that_never_stops_does_not_fill_the_disk(
     with pytest.raises(FetchError, match="is larger than"):
         fetch(server, client, tmp_path, None)
     assert names(tmp_path) == set()
-
-
-def test_the_list_that_tigas_brings_is_sound() -> None:
-    sources = load_sources()
-    assert set(sources) == {"ghent-4g", "irish-5g", "mahimahi", "sabre-4g"}
-    for source in sources.values():
-        assert all(file.url.startswith("https://") for file in source.files)
-        assert len({file.name for file in source.files}) == len(source.files)
-
-
-FILE = 'title = "t"\npage = "p"\nlicence = "l"\ncite = "c"\n'
-
-
-@pytest.mark.parametrize(
-    ("text", "sentence"),
-    [
-        ("[a", "cannot be read"),
-        ("a = 1", "cannot be read"),
-        (f"[a]\n{FILE}files = []", "cannot be read"),
-        (f'[a]\n{FILE}files = [{{ url = "https://x/y", sha256 = "abc" }}]', "cannot be read"),
-        (f'["../a"]\n{FILE}files = [{{ url = "https://x/y" }}]', "'../a' in the list of trace sets cannot be the name"),
-        (f'[a]\n{FILE}files = [{{ url = "https://x/%2e%2e" }}]', "'..' in the list"),
-        (f'[a]\n{FILE}files = [{{ url = "https://x/..%5Cy" }}]', "cannot be the name of a file"),
-        (f'[a]\n{FILE}files = [{{ url = "https://x/" }}]', "'' in the list"),
-        (f'[a]\n{FILE}files = [{{ url = "file:///etc/passwd" }}]', "is not an HTTP address"),
-    ],
-)
-def test_a_list_that_is_wrong_or_reaches_outside_is_refused(text: str, sentence: str, tmp_path: Path) -> None:
-    path = tmp_path / "sources.toml"
-    path.write_text(text)
-    with pytest.raises(FetchError) as error:
-        load_sources(path)
-    assert sentence in error.value.detail
-
-
-def archive(path: Path, members: dict[str, bytes], link: str | None = None) -> Path:
-    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as file:
-        for name, content in members.items():
-            info = zipfile.ZipInfo(name)
-            info.external_attr = ((stat.S_IFLNK if name == link else stat.S_IFREG) | 0o644) << 16
-            file.writestr(info, content, zipfile.ZIP_DEFLATED)
-    return path
-
-
-def test_an_archive_is_unpacked_beside_itself_once(tmp_path: Path) -> None:
-    path = archive(tmp_path / "set.zip", {"set/a.log": b"1", "set/deep/b.log": b"2"})
-    folder = unpack(path)
-    assert (folder / "set" / "deep" / "b.log").read_bytes() == b"2"
-    assert names(tmp_path) == {"set.zip", "set"}
-    (folder / "note").touch()
-    assert unpack(path) == folder
-    assert (folder / "note").exists()
-
-
-@pytest.mark.parametrize(
-    ("member", "link", "sentence"),
-    [
-        ("../evil", False, "'../evil' would be written elsewhere"),
-        ("a/../../evil", False, "would be written elsewhere"),
-        ("/tmp/evil", False, "would be written elsewhere"),
-        ("..\\evil", False, "would be written elsewhere"),
-        ("C:evil", False, "would be written elsewhere"),
-        ("way", True, "'way' is a link"),
-    ],
-)
-def test_an_archive_that_reaches_outside_is_refused_and_nothing_is_left(
-    member: str, link: bool, sentence: str, tmp_path: Path
-) -> None:
-    path = archive(tmp_path / "set.zip", {"fine.log": b"1", member: b"../.."}, member if link else None)
-    with pytest.raises(FetchError) as error:
-        unpack(path)
-    assert sentence in error.value.detail
-    assert names(tmp_path) == {"set.zip"}
-    assert not (tmp_path.parent / "evil").exists()
-
-
-def test_a_zip_bomb_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(unpack_module, "MAX_BYTES", 1_000_000)
-    path = archive(tmp_path / "set.zip", {"bomb": b"\0" * 2_000_000})
-    assert path.stat().st_size < 10_000
-    with pytest.raises(FetchError, match="holds more than"):
-        unpack(path)
-    assert names(tmp_path) == {"set.zip"}
-
-
-def test_a_damaged_archive_is_refused_and_nothing_is_left(tmp_path: Path) -> None:
-    path = archive(tmp_path / "set.zip", {"a.log": bytes(range(256)) * 100})
-    damaged = bytearray(path.read_bytes())
-    damaged[60:90] = b"\0" * 30
-    for content in (bytes(damaged), b"no zip at all", path.read_bytes()[:-30]):
-        path.write_bytes(content)
-        with pytest.raises(FetchError, match="cannot be unpacked"):
-            unpack(path)
-        assert names(tmp_path) == {"set.zip"}
-
-
-def test_names_that_appear_twice_in_an_archive_are_refused(tmp_path: Path) -> None:
-    buffer = io.BytesIO()
-    with zipfile.ZipFile(buffer, "w") as file:
-        file.writestr("a", b"1")
-        with pytest.warns(UserWarning, match="Duplicate name"):
-            file.writestr("a", b"2")
-    (tmp_path / "set.zip").write_bytes(buffer.getvalue())
-    with pytest.raises(FetchError, match="cannot be unpacked"):
-        unpack(tmp_path / "set.zip")

@@ -12,7 +12,6 @@ from tests.render.raster.views import balls, camera, cloud, pixels
 from tigas_common.pose import Pose
 from tigas_render.gaussians import Gaussians
 from tigas_render.raster.cpu import CpuRasterizer
-from tigas_render.raster.cpu.scene import morton_codes
 
 
 def test_the_background_shows_where_nothing_is() -> None:
@@ -66,9 +65,6 @@ def test_an_image_encodes_itself() -> None:
         assert len(image.encode("yuv420p", 0)) == 64 * 48 * 3 // 2
 
 
-SIZES = ((320, 180), (64, 99))
-
-
 def test_frames_after_the_first_allocate_nothing_that_grows() -> None:
     rasterizer = CpuRasterizer()
     scene = rasterizer.prepare(cloud(20_000, 1))
@@ -105,9 +101,3 @@ def test_a_prepared_scene_tells_its_size_and_leaves_out_what_is_invisible() -> N
     )
     assert rasterizer.prepare(visible).nbytes >= 1024 * (10 * 4 + 48 * 2)
     assert rasterizer.prepare(hidden).nbytes == 0
-
-
-def test_morton_order_keeps_neighbours_together() -> None:
-    points = np.random.default_rng(0).random((4096, 3), dtype=np.float32)
-    in_order = points[np.argsort(morton_codes(points))]
-    assert np.linalg.norm(np.diff(in_order, axis=0), axis=1).mean() < 0.1

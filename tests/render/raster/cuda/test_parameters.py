@@ -1,0 +1,41 @@
+"""The kernels read a frame's parameters as they are written."""
+
+from __future__ import annotations
+
+import ctypes
+import re
+
+import torch
+
+from tests.render.raster.views import LEVEL, cloud
+from tigas_common.pose import Intrinsics, Pose
+from tigas_render.raster.base import Camera
+from tigas_render.raster.cuda import compiler
+from tigas_render.raster.cuda.layout import tile_layout
+from tigas_render.raster.cuda.parameters import LAYOUT, write_frame
+from tigas_render.raster.cuda.scene import pack
+
+
+def test_parameters_are_laid_out_as_the_kernels_read_them() -> None:
+    source = (compiler.KERNELS / "frame.cuh").read_text()
+    struct = source[source.index("struct Frame {") : source.index("constexpr int FRAME_WORDS")]
+    lines = [line.split("//")[0].strip() for line in struct.splitlines()[1:]]
+    fields = [line for line in lines if line.endswith(";") and "}" not in line]
+    pointers = sum("*" in field for field in fields)
+    words = 0
+    for field in fields:
+        if "*" not in field:
+            for name in field.rstrip(";").split(" ", 1)[1].split(","):
+                size = re.search(r"\[(\d+)\]", name)
+                words += int(size[1]) if size else 1
+    assert LAYOUT.size == -(-(8 * pointers + 4 * words) // 8) * 8
+
+
+def test_the_shortest_focal_length_has_limits_that_the_kernels_can_hold() -> None:
+    scene = pack(cloud(10, 0), torch.device("cpu"))
+    camera = Camera(Pose((0.0, 0.0, 0.0), LEVEL), Intrinsics(1e-300, 1e-300, 640.0, 360.0, 1280, 720))
+    frame = ctypes.create_string_buffer(LAYOUT.size)
+    write_frame(frame, scene, camera, tile_layout(1280, 720, scene.padded), "jpeg", (0,) * 18, 0)
+    left, right, top, bottom = LAYOUT.unpack(frame.raw)[-7:-3]
+    assert -3.5e38 < left < 0 < right < 3.5e38
+    assert -3.5e38 < top < 0 < bottom < 3.5e38

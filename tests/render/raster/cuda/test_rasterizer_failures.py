@@ -1,0 +1,150 @@
+"""What becomes of frames when the GPU is full or fails. The GPU is a stand-in: `fake_gpu`."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import pytest
+import torch
+
+from tests.render.raster.cuda.fake_gpu import CUDAError, FakeGpu, fake_gpu
+from tests.render.raster.views import camera, cloud
+from tigas_common.errors import DeviceLost, OutOfDeviceMemory
+from tigas_common.wire.render import FrameFormat
+from tigas_render.raster.cuda.scene import pack
+
+if TYPE_CHECKING:
+    from tigas_render.raster.cuda.rasterizer import CudaImage, CudaRasterizer
+
+SCENE = pack(cloud(1000, 0), torch.device("cpu"))
+MEGABYTE = 1 << 20
+
+
+@pytest.fixture
+def gpu() -> Iterator[FakeGpu]:
+    with fake_gpu() as gpu:
+        yield gpu
+
+
+@pytest.fixture
+def rasterizer(gpu: FakeGpu, tmp_path: Path) -> CudaRasterizer:
+    from tigas_render.raster.cuda.rasterizer import CudaRasterizer
+
+    return CudaRasterizer(0, tmp_path)
+
+
+def render(rasterizer: CudaRasterizer, width: int = 64, format: FrameFormat = "png") -> CudaImage:
+    return rasterizer.render(SCENE, camera(width, width), format)
+
+
+def frame(rasterizer: CudaRasterizer, width: int = 64, format: FrameFormat = "png") -> bytes:
+    with render(rasterizer, width, format) as image:
+        return image.encode(format, 90)
+
+
+def test_a_frame_whose_lists_are_too_short_is_drawn_again(gpu: FakeGpu, rasterizer: CudaRasterizer) -> None:
+    gpu.entries = 10 * MEGABYTE
+    assert frame(rasterizer)
+    assert gpu.frames == 2
+    assert frame(rasterizer)
+    assert gpu.frames == 3, "the lists stay long"
+
+
+def test_lists_that_cannot_grow_are_an_error_and_take_no_memory_until_they_can(
+    gpu: FakeGpu, rasterizer: CudaRasterizer
+) -> None:
+    frame(rasterizer)
+    gpu.capacity, before = gpu.allocated, gpu.allocated
+    gpu.entries = 10 * MEGABYTE
+    with pytest.raises(OutOfDeviceMemory, match=r"^cuda:0 has too little free memory; try again later\.$"):
+        frame(rasterizer)
+    assert gpu.allocated < before
+    gpu.capacity = 1000 * MEGABYTE
+    assert frame(rasterizer)
+    assert gpu.encoders == 1, "its workspace is used again"
+
+
+def test_once_memory_was_short_the_next_frame_finds_what_idle_workspaces_kept(
+    gpu: FakeGpu, rasterizer: CudaRasterizer
+) -> None:
+    images = [render(rasterizer) for _ in range(3)]
+    for image in images:
+        image.close()
+    gpu.capacity, idle = gpu.allocated, gpu.allocated
+    with pytest.raises(OutOfDeviceMemory):
+        frame(rasterizer, 2000)
+    assert gpu.allocated > 0.9 * idle, "not at once: the engine unloads a scene first"
+    assert frame(rasterizer, 2000)
+    assert gpu.encoders == 3
+    gpu.capacity = 1000 * MEGABYTE
+    for image in [render(rasterizer) for _ in range(3)]:
+        image.close()
+    assert gpu.allocated > idle, "what is enough again is kept again"
+
+
+def test_once_memory_was_short_the_driver_finds_what_pytorch_kept(gpu: FakeGpu, rasterizer: CudaRasterizer) -> None:
+    frame(rasterizer, 2000)
+    gpu.allocate(100 * MEGABYTE)  # gone at once
+    assert gpu.cached >= 100 * MEGABYTE
+    gpu.jpeg_status = 5  # no memory: nvJPEG asks the driver, and cannot know of PyTorch's
+    with pytest.raises(OutOfDeviceMemory):
+        frame(rasterizer, 2000, "jpeg")
+    gpu.jpeg_status = 0
+    assert frame(rasterizer, 2000, "jpeg")
+    assert gpu.cached == 0
+
+
+FAILURES: dict[str, tuple[dict[str, Any], type[Exception]]] = {
+    "the driver has no memory": ({"launch_result": "CUDA_ERROR_OUT_OF_MEMORY"}, OutOfDeviceMemory),
+    "the runtime has none": (
+        {"sync_error": RuntimeError("CUDA error: out of memory\nCompile with TORCH_USE_CUDA_DSA")},
+        OutOfDeviceMemory,
+    ),
+    "cuda.core has none": ({"sync_error": CUDAError("CUDA_ERROR_OUT_OF_MEMORY: it failed")}, OutOfDeviceMemory),
+    "nvJPEG has none": ({"jpeg_status": 5}, OutOfDeviceMemory),
+    "nvJPEG fails": ({"jpeg_status": 2}, RuntimeError),
+}
+
+
+@pytest.mark.parametrize(("failure", "expected"), FAILURES.values(), ids=FAILURES.keys())
+def test_one_failure_costs_one_request(
+    gpu: FakeGpu, rasterizer: CudaRasterizer, failure: dict[str, Any], expected: type[Exception]
+) -> None:
+    frame(rasterizer, format="jpeg")
+    with pytest.MonkeyPatch.context() as patched:
+        for name, value in failure.items():
+            patched.setattr(gpu, name, value)
+        with pytest.raises(expected) as raised:
+            frame(rasterizer, format="jpeg")
+    assert type(raised.value) is not DeviceLost
+    assert frame(rasterizer, format="jpeg")
+    assert gpu.encoders == 1, "its workspace is used again"
+
+
+@pytest.mark.parametrize(
+    ("jpeg_status", "reason"),
+    [(0, "CUDA error: an illegal memory access was encountered"), (2, "nvjpegEncodeYUV failed with status 2")],
+)
+def test_a_failure_after_which_nothing_works_is_a_lost_gpu(
+    gpu: FakeGpu, rasterizer: CudaRasterizer, jpeg_status: int, reason: str
+) -> None:
+    image = render(rasterizer, format="jpeg")
+    gpu.lost, gpu.jpeg_status = True, jpeg_status
+    with pytest.raises(DeviceLost) as lost:
+        image.encode("jpeg", 90)
+    assert lost.value.detail == f"cuda:0 failed ({reason}); restart the service."
+
+
+def test_a_gpu_that_cannot_be_opened_is_one_sentence(
+    gpu: FakeGpu, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    from tigas_render.raster.cuda.rasterizer import CudaRasterizer
+
+    def full(device: torch.device) -> tuple[int, int]:
+        raise RuntimeError("CUDA error: out of memory\nCUDA kernel errors might be reported later")
+
+    monkeypatch.setattr(torch.cuda, "get_device_capability", full)
+    with pytest.raises(ValueError, match=r"^cuda:0 cannot be used: CUDA error: out of memory\.$"):
+        CudaRasterizer(0, tmp_path)

@@ -1,0 +1,54 @@
+"""A packed scene holds what can be drawn, in whole chunks, to the precision that a picture needs."""
+
+from __future__ import annotations
+
+import torch
+
+from tests.render.raster.views import cloud
+from tigas_render.gaussians import Gaussians
+from tigas_render.raster.cuda.scene import CHUNK, coefficients_in_use, pack
+
+
+def test_a_packed_scene_is_whole_chunks_without_what_cannot_be_drawn() -> None:
+    gaussians = cloud(1000, 3)
+    gaussians.opacities[:100] = 0.001
+    gaussians.means[100] = float("nan")
+    scene = pack(gaussians, torch.device("cpu"))
+    drawable = int((gaussians.opacities >= 1 / 255).sum()) - int(gaussians.opacities[100] >= 1 / 255)
+    assert scene.padded % CHUNK == 0
+    assert int((scene.shapes[:, 3] != 0).sum()) == drawable
+    assert scene.sh.shape == (12, scene.padded, 4)
+    assert scene.nbytes == sum(t.nbytes for t in (scene.means, scene.shapes, scene.sh, scene.bounds))
+
+
+def test_scales_survive_packing_to_a_tenth_of_a_percent() -> None:
+    gaussians = cloud(500, 0, size=0.01)
+    scene = pack(gaussians, torch.device("cpu"))
+    codes = scene.shapes[:, :3].to(torch.int32) & 0xFFFF
+    unpacked = torch.exp2(scene.scale_low + scene.scale_step * codes).sum(1).sort().values[-400:]
+    original = gaussians.scales[gaussians.opacities >= 1 / 255].sum(1).sort().values[-400:]
+    torch.testing.assert_close(unpacked, original, rtol=1e-3, atol=0)
+
+
+def test_chunks_bounds_hold_their_means() -> None:
+    scene = pack(cloud(2000, 0), torch.device("cpu"))
+    points = scene.means.T[:1800].clone()
+    centres = scene.bounds[:, None, :3].repeat(1, CHUNK, 1).reshape(-1, 3)[:1800]
+    radii = scene.bounds[:, None, 3].repeat(1, CHUNK).reshape(-1)[:1800]
+    assert ((points - centres).norm(dim=1) <= radii).all()
+
+
+def test_degrees_without_coefficients_are_not_kept() -> None:
+    sh = torch.zeros(10, 16, 3)
+    assert coefficients_in_use(sh) == 1
+    sh[3, 5, 1] = 0.1
+    assert coefficients_in_use(sh) == 9
+    sh[3, 15, 1] = 0.1
+    assert coefficients_in_use(sh) == 16
+
+
+def test_nothing_packs_to_one_chunk_of_padding() -> None:
+    nothing = Gaussians(torch.zeros(0, 3), torch.zeros(0, 3), torch.zeros(0, 4), torch.zeros(0), torch.zeros(0, 1, 3))
+    scene = pack(nothing, torch.device("cpu"))
+    assert scene.padded == CHUNK
+    assert not scene.shapes.any()

@@ -1,0 +1,102 @@
+// @vitest-environment happy-dom
+import { cleanup, render, screen, waitFor, within } from "@testing-library/preact";
+import userEvent from "@testing-library/user-event";
+import { afterEach, beforeEach, expect, test, vi } from "vitest";
+import { ApiError } from "../../http/problem";
+import { fetchConfig, fetchScenes, loadScene, unloadScene } from "../../state/api";
+import { config, scenes, scenesError } from "../../state/app";
+import { COURTYARD, serverConfig } from "../../state/fake-server";
+import { Dashboard } from "./dashboard";
+
+vi.mock("../../state/api");
+
+const PEBBLES = { ...COURTYARD, id: "pebbles", name: "Pebbles", state: "unloaded", gaussians: 2000 } as const;
+const BROKEN = { ...COURTYARD, id: "torn", name: "Torn", state: "broken", error: "Its PLY file ends early." } as const;
+
+beforeEach(() => {
+  vi.clearAllMocks();
+  config.value = null;
+  scenes.value = null;
+  scenesError.value = null;
+  vi.mocked(fetchConfig).mockResolvedValue(serverConfig());
+  vi.mocked(fetchScenes).mockResolvedValue([COURTYARD, PEBBLES, BROKEN]);
+});
+
+afterEach(() => {
+  cleanup();
+  vi.useRealTimers();
+});
+
+const card = async (name: string) => (await screen.findByRole("heading", { name })).closest("li") as HTMLElement;
+
+test("each scene says what it is and opens the viewer; a broken one says why it cannot", async () => {
+  render(<Dashboard />);
+  expect(screen.getByRole("status").textContent).toBe("Asking the server…");
+  const courtyard = within(await card("Courtyard"));
+  expect(courtyard.getByRole("link").getAttribute("href")).toBe("#/scene/courtyard");
+  expect(courtyard.getByText("299 k Gaussians · 20 MB · SH degree 3")).toBeTruthy();
+  expect(courtyard.getByText("In memory").textContent).toBe("In memory · 40 MB");
+  const broken = within(await card("Torn"));
+  expect(broken.getByText("Its PLY file ends early.")).toBeTruthy();
+  expect(broken.queryByRole("link")).toBeNull();
+  expect(screen.getByRole("status").textContent).toBe("3 scenes on this server");
+});
+
+test("scenes are found by what is typed, and / goes there", async () => {
+  const user = userEvent.setup();
+  render(<Dashboard />);
+  await card("Pebbles");
+  await user.keyboard("/peb");
+  await waitFor(() => expect(screen.queryByRole("heading", { name: "Courtyard" })).toBeNull());
+  expect(screen.getByRole("status").textContent).toBe("1 of 3 scenes");
+  await user.keyboard("x");
+  expect(await screen.findByText("Nothing matches “pebx”")).toBeTruthy();
+});
+
+test("a scene is loaded and unloaded, and says so meanwhile", async () => {
+  const user = userEvent.setup();
+  let loaded = (_: typeof COURTYARD) => {};
+  vi.mocked(loadScene).mockReturnValue(new Promise((resolve) => (loaded = resolve)));
+  vi.mocked(unloadScene).mockResolvedValue({ ...PEBBLES });
+  render(<Dashboard />);
+  await card("Pebbles");
+  await user.click(screen.getByRole("button", { name: "Load: Pebbles" }));
+  expect(await screen.findByText("Loading…")).toBeTruthy();
+  loaded({ ...PEBBLES, state: "loaded" });
+  await user.click(await screen.findByRole("button", { name: "Unload: Pebbles" }));
+  expect(await screen.findByText("Not loaded")).toBeTruthy();
+  expect(unloadScene).toHaveBeenCalledWith("pebbles");
+});
+
+test("a server that does not answer is said once, and asked until it does", async () => {
+  vi.useFakeTimers();
+  vi.mocked(fetchScenes).mockRejectedValueOnce(new ApiError("The server does not answer.", true));
+  render(<Dashboard />);
+  await vi.advanceTimersByTimeAsync(10);
+  expect(screen.getByRole("alert").textContent).toBe("The server does not answer.");
+  await vi.advanceTimersByTimeAsync(2100);
+  expect(screen.queryByRole("alert")).toBeNull();
+  expect(screen.getByText("Pebbles")).toBeTruthy();
+  await vi.advanceTimersByTimeAsync(10_000);
+  expect(fetchScenes).toHaveBeenCalledTimes(2);
+});
+
+test("a server without scenes says where they go, and looks again on request", async () => {
+  const user = userEvent.setup();
+  vi.mocked(fetchScenes).mockResolvedValueOnce([]);
+  render(<Dashboard />);
+  expect(await screen.findByText("No scenes yet")).toBeTruthy();
+  await user.click(screen.getByRole("button", { name: "Look for new scenes" }));
+  await card("Pebbles");
+  expect(fetchScenes).toHaveBeenLastCalledWith({ scan: true });
+});
+
+test.each([
+  [{}, false],
+  [{ store: "http://store.test" }, true],
+])("with the services %j there are experiments: %s", async (services, offered) => {
+  vi.mocked(fetchConfig).mockResolvedValue(serverConfig(services));
+  render(<Dashboard />);
+  await card("Pebbles");
+  expect(screen.queryByRole("link", { name: "Experiments" }) !== null).toBe(offered);
+});

@@ -1,0 +1,101 @@
+// @vitest-environment happy-dom
+import { act, cleanup, render, screen } from "@testing-library/preact";
+import userEvent from "@testing-library/user-event";
+import { afterEach, beforeEach, expect, test } from "vitest";
+import { config, settings } from "../../state/app";
+import { serverConfig } from "../../state/fake-server";
+import { DEFAULT_SETTINGS } from "../../state/settings";
+import { NO_STATS, type Stats } from "../../stateless/stats";
+import { FakeTransport } from "../../transport/fake";
+import { asSession, type FakeSession, fakeSession } from "../../viewer/fake-session";
+import { Hud } from "./hud";
+
+const STATS: Stats = {
+  ...NO_STATS,
+  framesPerSecond: 41.6,
+  motionToPhoton: { p50: 48.4, p95: 96.2 },
+  roundTrip: 31.2,
+  server: { queue: 1, render: 11.4, encode: 2.3 },
+  throughput: 24_300_000,
+  frame: { bytes: 52_000, width: 960, height: 540, profile: 1 },
+  transport: "webtransport-streams",
+  inFlight: 2,
+  counts: { sent: 9, cancelled: 3, dropped: 4 },
+  shown: 7,
+  settled: false,
+};
+let session: FakeSession;
+
+beforeEach(() => {
+  settings.value = DEFAULT_SETTINGS;
+  config.value = serverConfig();
+  session = fakeSession();
+});
+
+afterEach(cleanup);
+
+const show = (stats: Partial<Stats> = {}, wide = true) => {
+  session.stateless.stats.value = { ...STATS, ...stats };
+  return render(<Hud session={asSession(session)} wide={wide} />).container;
+};
+const stat = (root: Element, name: string) => root.querySelector(`[data-stat="${name}"]`)?.textContent;
+
+test("shows every figure with its unit", () => {
+  const hud = show();
+  const shown = [...hud.querySelectorAll("[data-stat]")].map((one) => [one.getAttribute("data-stat"), one.textContent]);
+  expect(Object.fromEntries(shown)).toEqual({
+    fps: "42",
+    "motion-to-photon": "48",
+    "motion-to-photon-p95": "96 ms",
+    "round-trip": "31 ms",
+    server: "15 ms",
+    "server-parts": "1.0 · 11 · 2.3",
+    throughput: "24 Mbit/s",
+    frame: "52 kB",
+    resolution: "960 × 540",
+    profile: "Medium-High",
+    requests: "2",
+    overtaken: "3 · 4",
+    transport: "WebTransport streams",
+  });
+});
+
+test("what is not known yet is a dash, not a zero", () => {
+  const hud = show(NO_STATS);
+  for (const name of ["motion-to-photon", "round-trip", "server", "server-parts", "throughput", "frame", "profile"]) {
+    expect(stat(hud, name)).toBe("–");
+  }
+  expect(stat(hud, "transport")).toBe("not connected");
+});
+
+test.each([
+  [{ framesPerSecond: 0, settled: true, shown: 3 }, "idle"],
+  [{ framesPerSecond: 0, settled: true, shown: 0 }, "0"],
+  [{ framesPerSecond: 0, settled: false, shown: 3 }, "0"],
+])("a camera that stands still is idle, a server that sends nothing is not: %j", (stats, expected) => {
+  expect(stat(show(stats), "fps")).toBe(expected);
+});
+
+test("figures follow the session", () => {
+  const hud = show();
+  act(() => {
+    session.stateless.stats.value = { ...STATS, framesPerSecond: 12 };
+  });
+  expect(stat(hud, "fps")).toBe("12");
+});
+
+test("a fallback says why it is one", () => {
+  session.connected.value = { transport: new FakeTransport(() => 0), fallback: "QUIC did not answer in time" };
+  expect(stat(show({ transport: "fetch" }), "fallback")).toBe(" – QUIC did not answer in time");
+});
+
+test.each([
+  [true, "Fewer measurements"],
+  [false, "More measurements"],
+])("a wide window (%s) offers %s, and remembers the choice", async (wide, offer) => {
+  const hud = show({}, wide);
+  expect(stat(hud, "frame") !== undefined).toBe(wide);
+  await userEvent.click(screen.getByRole("button", { name: offer }));
+  expect(stat(hud, "frame") !== undefined).toBe(!wide);
+  expect(settings.value.hudDetails).toBe(!wide);
+});

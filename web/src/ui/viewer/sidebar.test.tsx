@@ -1,0 +1,136 @@
+// @vitest-environment happy-dom
+import { cleanup, render, screen, within } from "@testing-library/preact";
+import userEvent from "@testing-library/user-event";
+import { afterEach, beforeEach, expect, test, vi } from "vitest";
+import { config, settings } from "../../state/app";
+import { serverConfig } from "../../state/fake-server";
+import { DEFAULT_SETTINGS } from "../../state/settings";
+import { NO_STATS } from "../../stateless/stats";
+import { asSession, type FakeSession, fakeDash, fakeSession } from "../../viewer/fake-session";
+import { Sidebar } from "./sidebar";
+
+vi.mock("../chart/live-plot", () => ({ plotLive: () => () => undefined }));
+vi.mock("../chart/distribution-plot", () => ({ plotDistribution: () => () => undefined }));
+
+let session: FakeSession;
+const onClose = vi.fn();
+const onReset = vi.fn();
+
+beforeEach(() => {
+  vi.clearAllMocks();
+  settings.value = DEFAULT_SETTINGS;
+  config.value = serverConfig();
+  session = fakeSession();
+});
+
+afterEach(cleanup);
+
+const show = () => render(<Sidebar session={asSession(session)} onClose={onClose} onReset={onReset} />);
+const section = (name: string) =>
+  within(screen.getByRole("heading", { name, level: 3 }).closest("section") as HTMLElement);
+
+test("a controller that adapts shows the rung that it has chosen; a fixed profile is chosen by the person", async () => {
+  const user = userEvent.setup();
+  session.stateless.stats.value = { ...NO_STATS, frame: { bytes: 1, width: 640, height: 360, profile: 2 } };
+  show();
+  const quality = section("Quality");
+  expect(quality.getByRole("radio", { name: /Medium-Low/ })).toHaveProperty("checked", true);
+  expect(quality.getByText("640 × 360")).toBeTruthy();
+  expect(quality.getByRole("group", { name: "Profile" })).toHaveProperty("disabled", true);
+  await user.selectOptions(quality.getByRole("combobox", { name: "Adaptation" }), "fixed");
+  await user.click(quality.getByRole("radio", { name: /^Low/ }));
+  expect(settings.value).toMatchObject({ controller: "fixed", profile: 3 });
+  await user.click(quality.getByRole("checkbox", { name: "Refine when still" }));
+  expect(settings.value.refine).toBe(false);
+});
+
+test("a rung that this server's ladder does not have is its last", () => {
+  settings.value = { ...DEFAULT_SETTINGS, controller: "fixed", profile: 9 };
+  show();
+  expect(section("Quality").getByRole("radio", { name: /^Low/ })).toHaveProperty("checked", true);
+});
+
+test("the transport is chosen by name", async () => {
+  show();
+  await userEvent.selectOptions(screen.getByRole("combobox", { name: "Transport" }), "HTTP fetch");
+  expect(settings.value.transport).toBe("fetch");
+});
+
+test("the lens is set field by field and reset; numbers that make no lens are put back", async () => {
+  const user = userEvent.setup();
+  show();
+  const lens = section("Lens");
+  const fx = lens.getByRole("spinbutton", { name: /fx/ }) as HTMLInputElement;
+  const usual = fx.value;
+  const type = async (text: string) => {
+    await user.clear(fx);
+    await user.type(fx, text);
+    await user.tab();
+  };
+  await type("1500");
+  expect(session.rig.intrinsics.value.fx).toBe(1500);
+  expect(lens.getByText(/What you set stays/)).toBeTruthy();
+  await type("-3");
+  expect(fx.value).toBe("1500");
+  await user.click(lens.getByRole("button", { name: "Reset lens" }));
+  expect(fx.value).toBe(usual);
+  expect(session.rig.lens.value).toEqual({});
+});
+
+test("speeds are set, and the camera is reset and the settings closed by their buttons", async () => {
+  const user = userEvent.setup();
+  show();
+  const turn = screen.getByRole("spinbutton", { name: /Turn/ });
+  await user.clear(turn);
+  await user.type(turn, "90{Tab}");
+  expect(settings.value.turnSpeed).toBe(90);
+  const move = screen.getByRole("spinbutton", { name: /Move/ });
+  await user.clear(move);
+  await user.type(move, "0.5{Tab}");
+  expect(session.rig.moveSpeed.value).toBe(0.5);
+  await user.click(screen.getByRole("button", { name: "Reset camera" }));
+  await user.click(screen.getByRole("button", { name: "Close settings" }));
+  expect(onReset).toHaveBeenCalledOnce();
+  expect(onClose).toHaveBeenCalledOnce();
+});
+
+test("without a packager the modes with DASH say how to get one", async () => {
+  show();
+  await userEvent.click(screen.getByRole("radio", { name: "DASH" }));
+  expect(settings.value.mode).toBe("dash");
+  expect(screen.getByRole("alert").textContent).toContain("tigas dash");
+  expect(screen.queryByRole("group", { name: "DASH stream" })).toBeNull();
+});
+
+test("with a packager its stream is set up by preset, or number by number", async () => {
+  const user = userEvent.setup();
+  config.value = serverConfig({ dash: "http://dash.test" });
+  settings.value = { ...DEFAULT_SETTINGS, mode: "side-by-side" };
+  session.dash.value = fakeDash({ kind: "playing" });
+  show();
+  await user.click(screen.getByRole("radio", { name: "Typical" }));
+  expect(settings.value.dashPreset).toBe("typical");
+  expect(screen.getByText("Segments of 2 s in chunks of 500 ms, 30 frames/s; aims at 1000 ms.")).toBeTruthy();
+  await user.click(screen.getByRole("radio", { name: "Custom" }));
+  const target = screen.getByRole("spinbutton", { name: /Target/ });
+  await user.clear(target);
+  await user.type(target, "200.4{Tab}");
+  expect(settings.value.dashCustom.target_latency_ms).toBe(200);
+});
+
+test.each([
+  [{}, false],
+  [{ shaper: "http://shaper.test" }, true],
+])("with the services %j there is a network panel: %s", (services, offered) => {
+  vi.stubGlobal(
+    "EventSource",
+    class {
+      close() {}
+    },
+  );
+  config.value = serverConfig(services);
+  show();
+  expect(screen.queryByRole("heading", { name: "Network" }) !== null).toBe(offered);
+  cleanup();
+  vi.unstubAllGlobals();
+});
