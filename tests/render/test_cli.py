@@ -134,6 +134,17 @@ def test_a_port_that_is_taken_is_named(flag: str) -> None:
     assert f"Cannot listen on {address} (Address already in use); choose another with {flag}." in result.stderr
 
 
+def test_another_aioquic_is_named_before_anything_is_imported_from_it(tmp_path: Path) -> None:
+    (tmp_path / "aioquic").mkdir()
+    (tmp_path / "aioquic" / "__init__.py").write_text("raise ImportError('a private name is gone')")
+    (tmp_path / "aioquic-1.8.0.dist-info").mkdir()
+    (tmp_path / "aioquic-1.8.0.dist-info" / "METADATA").write_text("Name: aioquic\nVersion: 1.8.0\n")
+    environment = os.environ | {"PYTHONPATH": str(tmp_path)}
+    result = subprocess.run([TIGAS, "render"], capture_output=True, text=True, timeout=60, env=environment, check=False)
+    assert result.returncode == 1
+    assert re.fullmatch(r"aioquic 1\.8\.0 is installed, but TIGAS needs 1\.7: .*\.\n", result.stderr)
+
+
 def test_scene_info_and_preview(scene_file: Path, tmp_path: Path) -> None:
     result = tigas("scene", "info", str(scene_file))
     assert re.search(r"Gaussians\s+[12]\d\d,\d{3}", result.stdout)

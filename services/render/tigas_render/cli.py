@@ -43,11 +43,14 @@ def render(
 
     import uvloop
 
-    from tigas_render.main import serve
+    from tigas_render.transport.aioquic_version import check_aioquic
 
     log_to_stdout()
     logging.getLogger("quic").setLevel(logging.WARNING)  # aioquic tells the story of every connection
     with in_a_sentence(StartError):
+        check_aioquic()
+        from tigas_render.main import serve
+
         uvloop.run(serve(settings))
 
 

@@ -1,6 +1,6 @@
 """aioquic's connection with bounded memory, and what the rest of the transport wants to know of it.
 
-Together with `bulk` this is the one place that reaches into aioquic's private attributes. Written against aioquic 1.7.
+Together with `bulk` this is the one place that reaches into aioquic's private attributes; see `aioquic_version`.
 """
 
 from __future__ import annotations
