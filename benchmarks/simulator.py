@@ -38,8 +38,8 @@ from tigas_common.wire.run import Configuration, Network
 from tigas_experiments.records.folder import StoredRun
 from tigas_experiments.records.recording import BrokenRecording
 from tigas_experiments.records.summary import Records, figures
+from tigas_experiments.run.environment import open_environment
 from tigas_experiments.run.inputs import Inputs
-from tigas_experiments.run.laboratory import laboratory
 from tigas_experiments.run.measure import run
 from tigas_experiments.run.parsing import parse_network
 from tigas_experiments.run.targets import LAB_URL
@@ -127,14 +127,14 @@ async def measure(plan: Plan, most: int) -> None:
     """Make the runs that are missing, at most so many."""
     if not plan.missing and plan.views.exists():
         return
-    async with laboratory(None, None, None, Inputs(Path())) as lab:
-        await lab.check(plan.runs)
+    async with open_environment(None, None, None, Inputs(Path())) as environment:
+        await environment.check(plan.runs)
         for configuration in plan.missing[:most]:
             folder = plan.folder(configuration)
             shutil.rmtree(folder, ignore_errors=True)
             print(f"{folder.name} …", flush=True)
             before = await Server.read()
-            record = await run(lab, configuration, folder, lambda _: None)
+            record = await run(environment, configuration, folder, lambda _: None)
             if record.status != "complete":
                 raise TigasError(f"{folder.name}: {record.problem}")
             (folder / "server.json").write_text(json.dumps((await Server.read()).since(before)))

@@ -16,7 +16,7 @@ from tigas_common.wire.render import DEFAULT_LADDER, ServerConfig, ServerTiming
 from tigas_common.wire.run import Configuration, Mode, Network
 from tigas_common.wire.shaper import LinkSetting
 from tigas_experiments.quality.picture import Quality
-from tigas_experiments.records.folder import CaptureQuality, Moment, RunRecord, RunWriter
+from tigas_experiments.records.folder import CaptureQuality, RunRecord, RunWriter, Snapshot
 from tigas_experiments.records.load import Load, LoadSample
 from tigas_experiments.records.machine import Machine
 
@@ -141,7 +141,7 @@ def write_run(
     load = [LoadSample(unix_ms=1e12, cpu=busy, load_average=1.0)]
     writer.link_and_load([sample(at) for at in (0.0, 500.0, 1000.0)], load)
     writer.capture(0, png(100))
-    writer.moment(Moment(at=500.0, capture=0), png(200))
+    writer.snapshot(Snapshot(at=500.0, capture=0), png(200))
     quality = Quality(psnr_db=30.0, ssim=0.9)
     writer.quality([CaptureQuality(at=500.0, pose=20, rung=2, picture=quality, view=Quality(psnr_db=20.0, ssim=0.6))])
     writer.close(status="complete", browser="156", backend="netem", load=Load.of(load), recording=made.head)

@@ -12,9 +12,10 @@ import pytest
 
 from tests.testbed.inside import wait_until
 from tigas_common.errors import StartError
+from tigas_common.processes import tigas
 from tigas_common.topology import DASH, PAGE, SHAPER, STORE
 from tigas_testbed.namespaces import ROLES, Lab
-from tigas_testbed.services import NAME, tigas
+from tigas_testbed.services import NAME
 
 LAB = Lab(NAME)
 

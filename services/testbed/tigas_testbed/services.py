@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import subprocess
-import sys
 import threading
 from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, contextmanager
@@ -12,6 +11,7 @@ from pathlib import Path
 from types import MappingProxyType
 
 from tigas_common.errors import StartError
+from tigas_common.processes import end, tigas
 from tigas_common.topology import DASH, PAGE, SERVICES_VARIABLE, SHAPER, STORE, WEBTRANSPORT, page_services
 from tigas_testbed.namespaces import SERVICE_ADDRESS, Lab, Role, check_rights
 
@@ -22,11 +22,6 @@ PORTS = (*FORWARDED, SHAPER)
 """All that a client reaches at the gateway."""
 STOP_S = 3
 """A service that has not stopped by then is killed, in seconds."""
-
-
-def tigas(*arguments: str) -> list[str]:
-    """A command line of the `tigas` that this process belongs to."""
-    return [sys.executable, "-m", "tigas_common", *arguments]
 
 
 def render_command(scenes: Path | None) -> list[str]:
@@ -61,12 +56,7 @@ def running(
     try:
         yield process
     finally:
-        process.terminate()
-        try:
-            process.wait(STOP_S)
-        except subprocess.TimeoutExpired:
-            process.kill()
-            process.wait()
+        end(process, STOP_S)
 
 
 def run_lab(*, scenes: Path | None, traces: Path | None, trace: str | None, stop: threading.Event) -> None:

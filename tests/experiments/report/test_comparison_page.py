@@ -133,7 +133,7 @@ def test_round_trips_over_one_trace_are_told_apart(tmp_path: Path) -> None:
     assert (tmp_path / "table.md").read_text().count("4g-bus,100ms-rtt") == 1
 
 
-@pytest.mark.parametrize("broken", ["moment.json", "captures/view.png", "captures/0000.png"])
+@pytest.mark.parametrize("broken", ["snapshot.json", "captures/view.png", "captures/0000.png"])
 def test_a_snapshot_that_is_broken_costs_itself_alone(folder: Path, broken: str) -> None:
     (folder / "runs" / "1" / broken).write_bytes(b"rubbish")
     report = write_report(folder, folder)

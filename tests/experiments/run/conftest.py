@@ -1,4 +1,4 @@
-"""A laboratory that only pretends."""
+"""An environment that only pretends."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A laboratory without services and browser, in which runs end as a test wants them to."""
+"""An environment without services and browser, in which runs end as a test wants them to."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ Happening = Callable[[RunWriter], None]
 
 
 class Stub:
-    """A laboratory in which happens what a test wants to happen, run by run; afterwards all goes well."""
+    """An environment in which happens what a test wants to happen, run by run; afterwards all goes well."""
 
     machine = MACHINE
     inputs: Inputs
@@ -36,7 +36,7 @@ class Stub:
     async def check(self, runs: list[Configuration]) -> None:
         self.checked += 1
 
-    async def bench(self, configuration: Configuration) -> None:
+    async def setup(self, configuration: Configuration) -> None:
         self.made.append(configuration.slug)
 
     async def measure(self, _: object, configuration: Configuration, writer: RunWriter, stage: object) -> RunRecord:
@@ -52,11 +52,11 @@ def installed(monkeypatch: pytest.MonkeyPatch) -> Stub:
     made = Stub()
 
     @asynccontextmanager
-    async def laboratory(url: object, scenes: object, traces: object, inputs: Inputs) -> AsyncIterator[Stub]:
+    async def open_environment(url: object, scenes: object, traces: object, inputs: Inputs) -> AsyncIterator[Stub]:
         made.inputs = inputs
         yield made
 
-    monkeypatch.setattr(runner, "laboratory", laboratory)
+    monkeypatch.setattr(runner, "open_environment", open_environment)
     monkeypatch.setattr(run_module, "_measure", made.measure)
     monkeypatch.setattr(report_module, "report", made.reported.append)
     return made

@@ -5,28 +5,19 @@ from __future__ import annotations
 import json
 import os
 import subprocess
-import sys
-import time
 from pathlib import Path
 from typing import Any
 
 import psutil
 
 from tests.experiments.conftest import Services
-from tests.experiments.run.test_compare import PATIENCE_S, finished
+from tests.experiments.run.commands import finished, started, until
 from tests.experiments.run.test_plan import toml
 
 
 def run(services: Services, file: Path) -> subprocess.Popen[str]:
     """Start it; the folder is beside the file."""
-    command = (str(Path(sys.executable).with_name("tigas")), "experiment", "run", str(file))
-    return subprocess.Popen(
-        [*command, "--out", str(file.parent / "out"), "--url", services.url],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        start_new_session=True,
-    )
+    return started("experiment", "run", str(file), "--out", str(file.parent / "out"), "--url", services.url)
 
 
 def records(file: Path) -> list[dict[str, Any]]:
@@ -50,13 +41,10 @@ def test_a_browser_that_is_killed_costs_one_run_and_resume_repeats_just_that(
     file = tmp_path / "small.toml"
     fields = {"controllers": ["latency", 2, 3], "duration_s": 2, "warm_up_s": 0.5, "viewport": "320x180"}
     file.write_text(toml(scenes=["pebbles"], networks=["20mbit,20ms-rtt"], **fields))
+    before = len(services.shaper.asked)
     process = run(services, file)
-    end = time.monotonic() + PATIENCE_S
-    while len(records(file)) < 2:
-        assert time.monotonic() < end, "the second run never began"
-        assert process.poll() is None
-        time.sleep(0.05)
-    time.sleep(1.5)  # so that it is in the middle; any moment will do
+    # Held once to try it, and by each run once its page is open.
+    until(process, lambda: [path for path, _ in services.shaper.asked[before:]].count("/link") == 3, "no second run")
     kill_the_browser(process)
     status, output, errors = finished(process)
     assert status == 1, errors

@@ -7,8 +7,6 @@ import os
 import signal
 import statistics
 import subprocess
-import sys
-import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -20,34 +18,18 @@ import typer
 from typer.testing import CliRunner, Result
 
 from tests.experiments.conftest import Services
+from tests.experiments.run.commands import finished, started, until
 from tests.experiments.run.stub import Stub, fails
 from tigas_common.wire.run import MODES
 from tigas_experiments.records.folder import StoredRun, read_experiment
 from tigas_experiments.run.compare import compare as command
 
-PATIENCE_S = 90
 SHORT = ("--scene", "pebbles", "--duration", "2", "--warm-up", "0.5", "--viewport", "320x180", "--profile", "3")
 
 
 def compare(*arguments: str) -> subprocess.Popen[str]:
-    """Start it, in a process group of its own, as a terminal would."""
-    return subprocess.Popen(
-        [str(Path(sys.executable).with_name("tigas")), "compare", *arguments],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        start_new_session=True,
-        env=os.environ | {"COLUMNS": "120"},
-    )
-
-
-def finished(process: subprocess.Popen[str]) -> tuple[int, str, str]:
-    """Status, output and error output, once it has ended."""
-    try:
-        output, errors = process.communicate(timeout=PATIENCE_S)
-    finally:
-        process.kill()
-    return process.returncode, output, errors
+    """Start it."""
+    return started("compare", *arguments)
 
 
 def report(out: Path) -> list[dict[str, Any]]:
@@ -118,11 +100,7 @@ def test_who_ends_it_ends_everything_and_keeps_what_was_finished(
 ) -> None:
     modes = ("--modes", "stateless", "--repeats", "2")
     process = compare("--url", services.url, "--network", "unshaped", *modes, "--out", str(out), *SHORT)
-    end = time.monotonic() + PATIENCE_S
-    while len(list((out / "runs").glob("*"))) < 2:
-        assert time.monotonic() < end, "the second run never began"
-        assert process.poll() is None
-        time.sleep(0.05)
+    until(process, lambda: len(list((out / "runs").glob("*"))) == 2, "the second run never began")
     children = psutil.Process(process.pid).children(recursive=True)
     end_it(process)
     status, _, _ = finished(process)
@@ -140,11 +118,8 @@ def test_a_run_that_somebody_else_spoils_is_named(services: Services, out: Path)
     asked = len(services.shaper.asked)
     arguments = ("--url", services.url, "--modes", "stateless", "--repeats", "2", "--out", str(out))
     process = compare(*arguments, "--network", "20mbit,20ms-rtt", *SHORT)
-    end = time.monotonic() + PATIENCE_S
-    while services.shaper.asked[asked:].count(held) < 2:  # the first time, it is only tried
-        assert time.monotonic() < end, "the first run never began"
-        assert process.poll() is None
-        time.sleep(0.05)
+    begun = lambda: services.shaper.asked[asked:].count(held) == 2  # noqa: E731 - the first time, it is only tried
+    until(process, begun, "the first run never began")
     httpx.post(f"{services.shaper.url}/link", json={"down_kbps": 1000, "up_kbps": 1000}).raise_for_status()
     status, _, errors = finished(process)
     assert status == 1

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import signal
 import subprocess
-import time
 from collections.abc import Iterator
 from pathlib import Path
 
 import psutil
 import pytest
 
-from tests.experiments.run.test_compare import compare, finished, report
+from tests.experiments.run.commands import finished, until
+from tests.experiments.run.test_compare import compare, report
 from tests.web.conftest import CHROMIUM, STATIC
 from tigas_common.errors import StartError
 from tigas_experiments.records.folder import StoredRun
@@ -67,11 +67,7 @@ def test_a_trace_s_file_is_played_and_frames_cross_the_link(tmp_path: Path) -> N
 def test_even_after_a_kill_nothing_is_left(tmp_path: Path) -> None:
     out = tmp_path / "out"
     process = compare("--network", "20mbit,20ms-rtt", "--out", str(out), *SHORT, "--duration", "60")
-    end = time.monotonic() + 90
-    while not list(out.glob("runs/*/run.json")):
-        assert time.monotonic() < end, "the run never began"
-        assert process.poll() is None
-        time.sleep(0.1)
+    until(process, lambda: any(out.glob("runs/*/run.json")), "the run never began")
     children = psutil.Process(process.pid).children(recursive=True)
     process.send_signal(signal.SIGKILL)
     process.communicate()

@@ -22,8 +22,8 @@ from tigas_experiments.records.folder import InputDigests, RunRecord, StoredRun
 from tigas_experiments.records.machine import Server
 from tigas_experiments.records.recording import parse_recording
 from tigas_experiments.run import measure as run_module
+from tigas_experiments.run.environment import Setup
 from tigas_experiments.run.inputs import Inputs
-from tigas_experiments.run.laboratory import Bench
 from tigas_experiments.run.targets import Target
 
 UNSHAPED = configuration(network=Network(), warm_up_s=0.0)
@@ -32,7 +32,7 @@ DIGESTS = InputDigests(movement="a", trace="b")
 
 
 class World:
-    """A laboratory, its page and its services; a test changes what it wants to go wrong."""
+    """An environment, its page and its services; a test changes what it wants to go wrong."""
 
     machine = MACHINE
 
@@ -42,10 +42,10 @@ class World:
         self.can_start = True
         self.asked: dict[str, Any] = {}
 
-    async def bench(self, _: object) -> Bench:
+    async def setup(self, _: object) -> Setup:
         if not self.can_start:
             raise StartError("The lab did not start: no.")
-        return Bench(
+        return Setup(
             target=Target("http://127.0.0.1:9", SERVER),
             browser=SimpleNamespace(version="1"),  # type: ignore[arg-type]
             scene=scene(),
@@ -81,8 +81,8 @@ def world(monkeypatch: pytest.MonkeyPatch) -> World:
 
 def run(world: World, folder: Path) -> RunRecord:
     """Make it; what is returned is what was written."""
-    laboratory: Any = world
-    record = asyncio.run(run_module.run(laboratory, UNSHAPED, folder, lambda _: None))
+    environment: Any = world
+    record = asyncio.run(run_module.run(environment, UNSHAPED, folder, lambda _: None))
     assert StoredRun(folder).record == record
     return record
 

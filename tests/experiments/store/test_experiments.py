@@ -51,7 +51,7 @@ async def test_a_run_is_kept_as_commands_keep_theirs(store: Running) -> None:
     assert (stored.record.started, stored.record.machine.system) == ("2001-09-09T01:46:40+00:00", "Linux 6")
     assert stored.record.scene_bytes == SCENE_BYTES
     assert (len(stored.inputs()), len(stored.frames()), len(stored.link())) == (50, 50, 3)
-    assert (stored.quality(), stored.load(), stored.moment()) == ([], [], None)
+    assert (stored.quality(), stored.load(), stored.snapshot()) == ([], [], None)
     figures = summarise(folder).figures
     assert figures is not None
     assert json.loads(figures.model_dump_json()) == row["figures"]

@@ -6,7 +6,7 @@
     link.ndjson      what the shaper told of its link     load.ndjson     the machine's load
     captures/        pictures that were shown, as PNG     captures.ndjson which frames these are
     quality.ndjson   how they compare with ground truth
-    moment.json      one of them, beside which captures/view.png shows what the viewer should have seen then
+    snapshot.json    one of them, beside which captures/view.png shows what the viewer should have seen then
 
 A run is complete when its run.json says so, which is written last: whatever happens before leaves an incomplete run.
 
@@ -79,7 +79,7 @@ class CaptureQuality(WireModel):
     """Against the pose that the viewer had at that moment: what lateness costs, too."""
 
 
-class Moment(WireModel):
+class Snapshot(WireModel):
     """One capture beside which ground truth was kept."""
 
     at: float
@@ -154,14 +154,14 @@ class StoredRun:
         """How the kept pictures compare with ground truth."""
         return _read_lines(self.folder / "quality.ndjson", CaptureQuality)
 
-    def moment(self) -> tuple[float, bytes, bytes] | None:
+    def snapshot(self) -> tuple[float, bytes, bytes] | None:
         """When (ms), what was on the screen, and the view that the viewer had then, both as PNG; None without."""
-        if not (self.folder / "moment.json").exists():
+        if not (self.folder / "snapshot.json").exists():
             return None
-        moment = _read_one(self.folder / "moment.json", Moment)
-        shown, view = _capture(self.folder, moment.capture), self.folder / "captures" / "view.png"
+        snapshot = _read_one(self.folder / "snapshot.json", Snapshot)
+        shown, view = _capture(self.folder, snapshot.capture), self.folder / "captures" / "view.png"
         try:
-            return moment.at, shown.read_bytes(), view.read_bytes()
+            return snapshot.at, shown.read_bytes(), view.read_bytes()
         except OSError as error:
             raise BrokenRecording(f"{error.filename} cannot be read: {error.strerror}.") from None
 
@@ -193,10 +193,10 @@ class RunWriter:
         """One picture."""
         _capture(self.folder, index).write_bytes(png)
 
-    def moment(self, moment: Moment, view: bytes) -> None:
+    def snapshot(self, snapshot: Snapshot, view: bytes) -> None:
         """Ground truth of what the viewer should have seen at a capture's time."""
         (self.folder / "captures" / "view.png").write_bytes(view)
-        (self.folder / "moment.json").write_text(moment.model_dump_json() + "\n", encoding="utf-8")
+        (self.folder / "snapshot.json").write_text(snapshot.model_dump_json() + "\n", encoding="utf-8")
 
     def quality(self, entries: Iterable[CaptureQuality]) -> None:
         """How the pictures compare with ground truth."""

@@ -37,8 +37,8 @@ def snapshots(folder: Path, runs: Sequence[Summary]) -> list[Snapshot]:
     for run in runs:
         if run.figures is not None:
             with suppress(BrokenRecording, BrokenPicture):
-                if (moment := StoredRun(folder / "runs" / run.folder).moment()) is not None:
-                    at, shown, view = moment
+                if (stored := StoredRun(folder / "runs" / run.folder).snapshot()) is not None:
+                    at, shown, view = stored
                     found.append(_snapshot(label(run.record), at / 1000, decode(shown), decode(view)))
     return found
 

@@ -17,13 +17,13 @@ from tigas_common.wire.run import Configuration
 from tigas_experiments.movement.points import Point, digest
 from tigas_experiments.quality.ground_truth import TIMEOUT_S, GroundTruth, pose_at
 from tigas_experiments.quality.picture import BrokenPicture, encode
-from tigas_experiments.records.folder import CaptureQuality, Moment, RunRecord, RunWriter
+from tigas_experiments.records.folder import CaptureQuality, RunRecord, RunWriter, Snapshot
 from tigas_experiments.records.load import Load, watching_load
 from tigas_experiments.records.machine import Server
 from tigas_experiments.records.recording import BrokenRecording
 from tigas_experiments.run.browser import Viewer, viewer
+from tigas_experiments.run.environment import Environment, Setup
 from tigas_experiments.run.errors import RunFailed
-from tigas_experiments.run.laboratory import Bench, Laboratory
 from tigas_experiments.run.link import held, link_sample, watching_link
 from tigas_experiments.run.targets import alive
 
@@ -32,7 +32,7 @@ DRAIN_S = 30
 
 
 async def run(
-    laboratory: Laboratory, configuration: Configuration, folder: Path, stage: Callable[[str], None]
+    environment: Environment, configuration: Configuration, folder: Path, stage: Callable[[str], None]
 ) -> RunRecord:
     """Make one run, write its folder, and return its record. A run that fails is marked, and raises nothing.
 
@@ -43,7 +43,7 @@ async def run(
         status="running",
         problem=None,
         configuration=configuration,
-        machine=laboratory.machine,
+        machine=environment.machine,
         started=datetime.now(UTC).isoformat(timespec="seconds"),
     )
     writer: RunWriter | None = None
@@ -57,7 +57,7 @@ async def run(
     try:
         writer = RunWriter(folder, record)
         stage("prepares")
-        return await _measure(await laboratory.bench(configuration), configuration, writer, stage)
+        return await _measure(await environment.setup(configuration), configuration, writer, stage)
     except (StartError, RunFailed, BrokenRecording) as error:
         return failed(str(error))
     except OSError as error:
@@ -68,22 +68,22 @@ async def run(
 
 
 async def _measure(
-    bench: Bench, configuration: Configuration, writer: RunWriter, stage: Callable[[str], None]
+    setup: Setup, configuration: Configuration, writer: RunWriter, stage: Callable[[str], None]
 ) -> RunRecord:
     stage("opens the viewer")
-    url = bench.target.url
-    async with viewer(bench.browser, url, bench.scene.id, configuration.width, configuration.height) as page:
-        async with held(bench.target, bench.network) as link:
-            await page.prepare(page_settings(configuration), bench.points[0])
+    url = setup.target.url
+    async with viewer(setup.browser, url, setup.scene.id, configuration.width, configuration.height) as page:
+        async with held(setup.target, setup.network) as link:
+            await page.prepare(page_settings(configuration), setup.points[0])
             stage("warms up")
             await asyncio.sleep(configuration.warm_up_s)
             stage("measures")
             async with watching_load() as load, watching_link(link) as seen:
                 if link is not None:
                     await link.play()
-                recording = await _record(page, configuration, bench.points)
+                recording = await _record(page, configuration, setup.points)
         writer.recording(recording)
-        if not await alive(bench.target):  # a page whose frames stop coming plays on to the end
+        if not await alive(setup.target):  # a page whose frames stop coming plays on to the end
             raise RunFailed("A service ended, or was started again, during the run.")
         start = recording.started_unix_ms
         during = [sample for sample in load if 0 <= sample.unix_ms - start <= recording.ended_ms]
@@ -93,12 +93,12 @@ async def _measure(
         return writer.close(
             status="complete" if recording.complete else "failed",
             problem=None if recording.complete else "The movement was not played to its end.",
-            browser=bench.browser.version,
+            browser=setup.browser.version,
             backend=seen[-1][1].backend if seen else None,
-            inputs_sha256=bench.digests,
-            server=Server.of(bench.target.config),
-            scene_bytes=bench.scene.file_bytes,
-            points_sha256=digest(bench.points),
+            inputs_sha256=setup.digests,
+            server=Server.of(setup.target.config),
+            scene_bytes=setup.scene.file_bytes,
+            points_sha256=digest(setup.points),
             load=Load.of(during),
             recording=recording.head,
         )
@@ -140,5 +140,5 @@ async def _assess(page: Viewer, url: str, recording: Recording, writer: RunWrite
             if quality is not None:
                 assessed.append(quality)
             if index == len(recording.captures) // 2 and (current := pose_at(recording.inputs, capture.at)):
-                writer.moment(Moment(at=capture.at, capture=index), encode(await truth.picture(current)))
+                writer.snapshot(Snapshot(at=capture.at, capture=index), encode(await truth.picture(current)))
     return assessed

@@ -21,8 +21,8 @@ from tigas_experiments.records.folder import (
     write_experiment,
 )
 from tigas_experiments.records.recording import BrokenRecording
+from tigas_experiments.run.environment import Environment, open_environment
 from tigas_experiments.run.inputs import Inputs
-from tigas_experiments.run.laboratory import Laboratory, laboratory
 from tigas_experiments.run.lock import EXPERIMENT, exclusive
 from tigas_experiments.run.measure import run
 from tigas_experiments.run.plan import Plan
@@ -80,7 +80,7 @@ class Experiment:
         """The runs that have no complete folder with their configuration and inputs. Raises StartError."""
         return [run for run in self.runs if not _is_complete(self.folder(run), run, self.inputs.digests(run))]
 
-    def strangers(self) -> list[str]:
+    def unrelated(self) -> list[str]:
         """Folders of runs that are not of this experiment."""
         known = {run.slug for run in self.runs}
         runs = self.out / RUNS
@@ -94,12 +94,12 @@ async def make_missing_runs(
 
     Raises StartError if nothing can be begun, or if GIVE_UP_AFTER runs have failed in a row, and OSError.
     """
-    async with laboratory(url, scenes, traces, experiment.inputs) as lab:
+    async with open_environment(url, scenes, traces, experiment.inputs) as environment:
         listener.stage("starts the services")
         missing = experiment.missing()
-        await lab.check(missing)
+        await environment.check(missing)
         _say_what_is_planned(experiment)
-        await _make(experiment, missing, lab, listener)
+        await _make(experiment, missing, environment, listener)
 
 
 @contextmanager
@@ -112,9 +112,9 @@ def reserved(experiment: Experiment) -> Iterator[None]:
     experiment.out.mkdir(parents=True, exist_ok=True)
     busy = f"Another experiment is writing into {experiment.out}; wait until it has ended, or choose another --out."
     with exclusive(experiment.out / EXPERIMENT, busy):
-        if strangers := experiment.strangers():
+        if unrelated := experiment.unrelated():
             raise StartError(
-                f"{experiment.out} has {len(strangers)} runs that are not of this experiment, such as {strangers[0]}; "
+                f"{experiment.out} has {len(unrelated)} runs that are not of this experiment, such as {unrelated[0]}; "
                 "choose another --out, or remove them."
             )
         try:
@@ -126,13 +126,15 @@ def reserved(experiment: Experiment) -> Iterator[None]:
                 experiment.out.rmdir()
 
 
-async def _make(experiment: Experiment, missing: Sequence[Configuration], lab: Laboratory, listener: Listener) -> None:
+async def _make(
+    experiment: Experiment, missing: Sequence[Configuration], environment: Environment, listener: Listener
+) -> None:
     failures = 0
     for configuration in missing:
         listener.begins(configuration)
         folder = experiment.folder(configuration)
         _set_aside(folder, experiment.out / EARLIER)
-        record = await run(lab, configuration, folder, listener.stage)
+        record = await run(environment, configuration, folder, listener.stage)
         listener.finished(record)
         failures = 0 if record.status == "complete" else failures + 1
         if failures == GIVE_UP_AFTER:

@@ -6,9 +6,7 @@ import asyncio
 import contextlib
 import os
 import shutil
-import signal
 import subprocess
-import sys
 import time
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
@@ -20,9 +18,11 @@ import httpx
 from pydantic import ValidationError
 
 from tigas_common.errors import StartError
+from tigas_common.processes import end, tigas
+from tigas_common.topology import PAGE_ORIGINS
 from tigas_common.wire.render import SceneInfo, ServerConfig
 
-LAB_URL = "http://localhost:8080"
+LAB_URL = PAGE_ORIGINS[0]
 START_S = 120
 """The first start on a machine compiles the rasteriser."""
 STOP_S = 15
@@ -59,7 +59,7 @@ async def lab_target(scenes: Path | None, traces: Path | None) -> AsyncIterator[
     options = [*(("--scenes", str(scenes)) if scenes else ()), *(("--traces", str(traces)) if traces else ())]
     # A session of its own: Ctrl+C reaches us alone, so that runs end before their services. If we die, it ends, too.
     process = subprocess.Popen(  # noqa: ASYNC220 - starting takes no time
-        ["setpriv", "--pdeathsig", "TERM", *_tigas("lab", "up"), *options],
+        ["setpriv", "--pdeathsig", "TERM", *tigas("lab", "up"), *options],
         stdin=subprocess.DEVNULL,
         stdout=subprocess.DEVNULL,
         stderr=subprocess.PIPE,
@@ -70,8 +70,7 @@ async def lab_target(scenes: Path | None, traces: Path | None) -> AsyncIterator[
     try:
         yield await _ready(process, log)
     finally:
-        process.send_signal(signal.SIGTERM)
-        await asyncio.shield(asyncio.to_thread(_ended, process))
+        await asyncio.shield(asyncio.to_thread(_end, process))
 
 
 @asynccontextmanager
@@ -122,13 +121,9 @@ async def load_scene(url: str, scene: str) -> SceneInfo:
     raise StartError(f"The scene {scene!r} cannot be loaded: {detail or answer.status_code}")
 
 
-def _tigas(*arguments: str) -> list[str]:
-    return [sys.executable, "-m", "tigas_common", *arguments]
-
-
 def _check() -> None:
     advice = "give running services with --url instead"
-    run = subprocess.run(_tigas("lab", "check"), capture_output=True, text=True)
+    run = subprocess.run(tigas("lab", "check"), capture_output=True, text=True)
     if run.returncode:
         reason = run.stderr.strip().splitlines()
         raise StartError(f"{reason[-1] if reason else 'The lab cannot be started.'} Or {advice}.")
@@ -137,8 +132,8 @@ def _check() -> None:
 
 
 async def _ready(process: subprocess.Popen[bytes], log: asyncio.Task[str]) -> Target:
-    end = time.monotonic() + START_S
-    while time.monotonic() < end:
+    latest = time.monotonic() + START_S
+    while time.monotonic() < latest:
         if process.poll() is not None:
             raise StartError(f"The lab did not start: {await log or 'it gave no reason'}")
         if await _serves(LAB_URL):
@@ -166,11 +161,7 @@ def _last_words(process: subprocess.Popen[bytes]) -> str:
     return last
 
 
-def _ended(process: subprocess.Popen[bytes]) -> None:
-    try:
-        process.wait(STOP_S)
-    except subprocess.TimeoutExpired:
-        os.killpg(process.pid, signal.SIGKILL)
-        process.wait()
+def _end(process: subprocess.Popen[bytes]) -> None:
+    end(process, STOP_S)
     if process.returncode < 0:  # it was killed, and has removed nothing
-        subprocess.run(_tigas("lab", "down"), capture_output=True)
+        subprocess.run(tigas("lab", "down"), capture_output=True)

@@ -15,10 +15,10 @@ from tests.experiments.made_up import MACHINE, SERVER, configuration
 from tests.experiments.movement.scenes import scene
 from tigas_common.errors import StartError
 from tigas_common.wire.run import Configuration, Network
-from tigas_experiments.run import laboratory as module
+from tigas_experiments.run import environment as module
+from tigas_experiments.run.environment import Environment, Supervised, open_environment
 from tigas_experiments.run.errors import RunFailed
 from tigas_experiments.run.inputs import Inputs
-from tigas_experiments.run.laboratory import Kept, Laboratory, laboratory
 from tigas_experiments.run.lock import exclusive, services_lock
 from tigas_experiments.run.targets import Target
 
@@ -44,7 +44,7 @@ class Counted:
 def test_a_resource_is_opened_once_and_again_when_it_has_died() -> None:
     async def use() -> None:
         counted = Counted()
-        kept = Kept(counted.open, counted.lives)
+        kept = Supervised(counted.open, counted.lives)
         assert [await kept.get(), await kept.get()] == [1, 1]
         counted.alive = False
         assert await kept.get() == 2
@@ -79,7 +79,7 @@ def test_services_are_the_same_whatever_they_are_called() -> None:
 
 def test_another_experiment_s_services_are_left_alone() -> None:
     async def open_it() -> None:
-        async with laboratory("http://127.0.0.1:9", None, None, Inputs(Path())):
+        async with open_environment("http://127.0.0.1:9", None, None, Inputs(Path())):
             pass
 
     with (
@@ -92,13 +92,13 @@ def test_another_experiment_s_services_are_left_alone() -> None:
 REFUSED = "The viewer failed: controller cannot be that"
 
 
-def kept(resource: Any) -> Kept[Any]:
+def supervised(resource: Any) -> Supervised[Any]:
     """Something that lives for ever."""
 
     async def lives(_: object) -> bool:
         return True
 
-    return Kept(lambda: nullcontext(resource), lives)
+    return Supervised(lambda: nullcontext(resource), lives)
 
 
 class World:
@@ -124,11 +124,11 @@ class World:
         if settings["controller"] not in ("budget", "latency"):
             raise RunFailed(REFUSED)
 
-    def laboratory(self, directory: Path = Path()) -> Laboratory:
-        return Laboratory(kept(self.target), kept(None), MACHINE, Inputs(directory))
+    def environment(self, directory: Path = Path()) -> Environment:
+        return Environment(supervised(self.target), supervised(None), MACHINE, Inputs(directory))
 
     def check(self, *runs: Configuration) -> None:
-        asyncio.run(self.laboratory().check(runs))
+        asyncio.run(self.environment().check(runs))
 
 
 def unshaped(**changes: Any) -> Configuration:
@@ -173,15 +173,15 @@ def test_a_page_that_cannot_be_opened_is_said_before_the_first_run(monkeypatch: 
 
 
 def test_a_movement_that_was_edited_meanwhile_is_read_again(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    path, lab = tmp_path / "walk.csv", World(monkeypatch).laboratory(tmp_path)
+    path, lab = tmp_path / "walk.csv", World(monkeypatch).environment(tmp_path)
     rows = "t_ms,x,y,z,qx,qy,qz,qw\n0,{x},0,0,0,0,0,1\n2000,{x},0,0,0,0,0,1\n"
     wanted = unshaped(movement="walk.csv")
 
     async def use() -> None:
         path.write_text(rows.format(x=1))
-        first = await lab.bench(wanted)
+        first = await lab.setup(wanted)
         path.write_text(rows.format(x=22))
-        second = await lab.bench(wanted)
+        second = await lab.setup(wanted)
         assert [bench.points[0]["position"][0] for bench in (first, second)] == [1, 22]
         assert first.digests != second.digests
 

@@ -1,4 +1,4 @@
-"""What runs are made with, kept from run to run: the services, one browser, and the inputs.
+"""The environment of many runs: the services, one browser, and the inputs.
 
 Starting these takes far longer than what is new in each run, a context of the browser. What has died is started again
 for the next run.
@@ -31,7 +31,7 @@ Resource = TypeVar("Resource")
 
 
 @dataclass(frozen=True, slots=True)
-class Bench:
+class Setup:
     """What one run is made with."""
 
     target: Target
@@ -43,8 +43,8 @@ class Bench:
     digests: InputDigests
 
 
-class Kept(Generic[Resource]):
-    """Something that is opened when it is first asked for, and opened again when it has died."""
+class Supervised(Generic[Resource]):
+    """A resource that is opened when it is first asked for, and opened again when it has died."""
 
     def __init__(
         self,
@@ -70,10 +70,12 @@ class Kept(Generic[Resource]):
         await self._stack.aclose()
 
 
-class Laboratory:
+class Environment:
     """Services and a browser for many runs, one at a time."""
 
-    def __init__(self, target: Kept[Target], browser: Kept[Browser], machine: Machine, inputs: Inputs) -> None:
+    def __init__(
+        self, target: Supervised[Target], browser: Supervised[Browser], machine: Machine, inputs: Inputs
+    ) -> None:
         self._target = target
         self._browser = browser
         self._inputs = inputs
@@ -89,7 +91,7 @@ class Laboratory:
         target = await self._target.get()
         _check_services(runs, target)
         for configuration in {_inputs(run): run for run in runs}.values():
-            await self.bench(configuration)
+            await self.setup(configuration)
         for network in {run.network: None for run in runs}:
             try:
                 async with held(target, self._inputs.network(network)):
@@ -100,7 +102,7 @@ class Laboratory:
         if controllers:
             await self._ask_the_page(runs[0], sorted(controllers))
 
-    async def bench(self, configuration: Configuration) -> Bench:
+    async def setup(self, configuration: Configuration) -> Setup:
         """What a run needs; the scene is loaded. Raises StartError."""
         target = await self._target.get()
         scene = await load_scene(target.url, configuration.scene)
@@ -109,16 +111,16 @@ class Laboratory:
         if key not in self._points:
             self._points[key] = self._inputs.points(configuration, scene)
         network = self._inputs.network(configuration.network)
-        return Bench(target, await self._browser.get(), scene, self._points[key], network, digests)
+        return Setup(target, await self._browser.get(), scene, self._points[key], network, digests)
 
     async def _ask_the_page(self, run: Configuration, controllers: Sequence[str]) -> None:
         """Whether it has them: it alone knows. Raises StartError."""
-        bench = await self.bench(run)
+        setup = await self.setup(run)
         try:
-            async with viewer(bench.browser, bench.target.url, bench.scene.id, run.width, run.height) as page:
+            async with viewer(setup.browser, setup.target.url, setup.scene.id, run.width, run.height) as page:
                 for controller in controllers:
                     try:
-                        await page.prepare({"controller": controller}, bench.points[0])
+                        await page.prepare({"controller": controller}, setup.points[0])
                     except RunFailed as error:
                         raise StartError(f"The controller {controller!r} cannot be measured: {error}") from None
         except RunFailed as error:
@@ -126,9 +128,9 @@ class Laboratory:
 
 
 @asynccontextmanager
-async def laboratory(
+async def open_environment(
     url: str | None, scenes: Path | None, traces: Path | None, inputs: Inputs
-) -> AsyncIterator[Laboratory]:
+) -> AsyncIterator[Environment]:
     """For as long as the context lasts, and for nobody else meanwhile. Raises StartError.
 
     The services at `url`, or the lab's, which is started when it is first needed; `scenes` and `traces` are its
@@ -138,10 +140,10 @@ async def laboratory(
     where = url or LAB_URL
 
     with exclusive(services_lock(where), f"Another experiment uses the services at {where}; wait until it has ended."):
-        target = Kept(lambda: lab_target(scenes, traces) if url is None else url_target(url), alive)
-        browser = Kept(chromium, responds)
+        target = Supervised(lambda: lab_target(scenes, traces) if url is None else url_target(url), alive)
+        browser = Supervised(chromium, responds)
         try:
-            yield Laboratory(target, browser, this_machine(), inputs)
+            yield Environment(target, browser, this_machine(), inputs)
         finally:
             try:
                 await browser.close()

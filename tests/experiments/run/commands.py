@@ -1,0 +1,42 @@
+"""`tigas` commands as a person starts them, in processes of their own."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+PATIENCE_S = 90
+
+
+def started(*arguments: str) -> subprocess.Popen[str]:
+    """A command, in a process group of its own, as a terminal would start it."""
+    return subprocess.Popen(
+        [str(Path(sys.executable).with_name("tigas")), *arguments],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+        env=os.environ | {"COLUMNS": "120"},
+    )
+
+
+def until(process: subprocess.Popen[str], happened: Callable[[], bool], otherwise: str) -> None:
+    """Wait for what a running command brings about; AssertionError if it ends first, or takes too long."""
+    end = time.monotonic() + PATIENCE_S
+    while not happened():
+        assert time.monotonic() < end, otherwise
+        assert process.poll() is None, process.communicate()
+        time.sleep(0.05)
+
+
+def finished(process: subprocess.Popen[str]) -> tuple[int, str, str]:
+    """Status, output and error output, once it has ended."""
+    try:
+        output, errors = process.communicate(timeout=PATIENCE_S)
+    finally:
+        process.kill()
+    return process.returncode, output, errors
