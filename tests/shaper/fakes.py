@@ -69,7 +69,7 @@ class FakeLink:
     async def counters(self) -> tuple[Counters, Counters]:
         self._check()
         self.sent += 25_000
-        return Counters(self.sent, self.sent // 1000, 3, 12_500, 10), Counters(0, 0, 0, 0, 0)
+        return Counters(self.sent, 3, 12_500), Counters(0, 0, 0)
 
     def close(self, reason: str) -> None:
         self.closed = reason

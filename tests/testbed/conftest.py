@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-import itertools
-import os
 from collections.abc import Iterator
 
 import pytest
 
+from tests.testbed.labs import new_lab, remove_abandoned
 from tests.testbed.shaper_process import ShaperProcess, shaper
 from tigas_common.errors import StartError
-from tigas_testbed.namespaces import Lab, check_rights, sweep
+from tigas_testbed.namespaces import Lab, check_rights
 from tigas_testbed.services import PORTS
-
-_numbers = itertools.count()
 
 
 @pytest.fixture(scope="session", autouse=True)
@@ -23,17 +20,13 @@ def can_make_labs() -> None:
         check_rights()
     except StartError as error:
         pytest.skip(str(error))
-    sweep("t")
-
-
-def _lab() -> Lab:
-    return Lab(f"t{os.getpid()}n{next(_numbers)}")
+    remove_abandoned()
 
 
 @pytest.fixture(scope="module")
 def lab() -> Iterator[Lab]:
     """A lab for the tests of one file."""
-    with _lab().up(PORTS) as made:
+    with new_lab().up(PORTS) as made:
         yield made
 
 
@@ -47,5 +40,5 @@ def link(lab: Lab) -> Iterator[ShaperProcess]:
 @pytest.fixture
 def own_lab() -> Iterator[Lab]:
     """A lab for one test, which may break it."""
-    with _lab().up(PORTS) as made:
+    with new_lab().up(PORTS) as made:
         yield made

@@ -89,7 +89,7 @@ def echo_server(lab: Lab) -> Iterator[None]:
 
 @contextmanager
 def flood(lab: Lab, peer: tuple[str, int], sender: socket.socket, rate_kbps: float, size: int) -> Iterator[None]:
-    """Sends datagrams of `size` bytes at a steady rate (as tc counts it) until the context ends."""
+    """Sends datagrams of `size` bytes at a retried_on_a_busy_machine rate (as tc counts it) until the context ends."""
     packet = bytes(size)
     per_second = rate_kbps * 125 / (size + LAYER_2)
 
@@ -140,7 +140,7 @@ class Receiver:
         return sum(size for at, size in self.arrivals if start <= at < end) * 8e-3 / (end - start)
 
 
-def steady(test: Callable[..., None]) -> Callable[..., None]:
+def retried_on_a_busy_machine(test: Callable[..., None]) -> Callable[..., None]:
     """Gives a measurement three attempts: on a busy machine one can be wrong, but a wrong link is wrong every time.
 
     A failure says what else kept the processors busy.

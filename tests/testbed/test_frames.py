@@ -11,7 +11,7 @@ from contextlib import contextmanager
 from typing import TypeVar
 
 from tests.render.transport.client import CERTIFICATE, Client, FakeFrames, connect, request_body
-from tests.testbed.inside import inside, steady
+from tests.testbed.inside import inside, retried_on_a_busy_machine
 from tests.testbed.shaper_process import ShaperProcess
 from tigas_common.topology import WEBTRANSPORT
 from tigas_common.wire.render import DEFAULT_LADDER
@@ -82,7 +82,7 @@ async def frames_per_second(client: Client, session: int, in_flight: int, warm_u
     return arrived / seconds
 
 
-@steady
+@retried_on_a_busy_machine
 def test_the_frame_rate_does_not_depend_on_the_round_trip(link: ShaperProcess) -> None:
     """300 ms of round trip, 20 Mbit/s, frames of profile 2."""
     link.post("/link", down_kbps=20_000, up_kbps=10_000, delay_ms=150)
@@ -94,7 +94,7 @@ def test_the_frame_rate_does_not_depend_on_the_round_trip(link: ShaperProcess) -
     assert many > 25
 
 
-@steady
+@retried_on_a_busy_machine
 def test_a_lost_packet_holds_up_its_own_frame_only(link: ShaperProcess) -> None:
     """Frames asked for later arrive before those that lost a packet: in one ordered stream of bytes none could."""
     period, count = 0.03, 150

@@ -12,7 +12,17 @@ from contextlib import suppress
 
 import pytest
 
-from tests.testbed.inside import GATEWAY, LAYER_2, Receiver, echo_server, flood, server_socket, steady, udp, wait_until
+from tests.testbed.inside import (
+    GATEWAY,
+    LAYER_2,
+    Receiver,
+    echo_server,
+    flood,
+    retried_on_a_busy_machine,
+    server_socket,
+    udp,
+    wait_until,
+)
 from tests.testbed.shaper_process import ShaperProcess
 from tigas_common.wire.shaper import LinkSetting
 from tigas_shaper.traces.trace import NetworkTrace
@@ -77,7 +87,7 @@ def round_trips_ms(link: ShaperProcess, count: int) -> list[float]:
         (100, [20_000.0 + 12_000.0 * math.sin(0.9 * step) for step in range(50)]),
     ],
 )
-@steady
+@retried_on_a_busy_machine
 def test_delivered_rate_follows_the_trace(link: ShaperProcess, step_ms: int, down: list[float]) -> None:
     receiver, start = delivered(link, trace(f"steps-{step_ms}", step_ms, down), PEAK)
     step = step_ms / 1e3
@@ -89,7 +99,7 @@ def test_delivered_rate_follows_the_trace(link: ShaperProcess, step_ms: int, dow
     assert statistics.mean(errors) < 0.05
 
 
-@steady
+@retried_on_a_busy_machine
 def test_uplink_has_a_rate_of_its_own(link: ShaperProcess) -> None:
     link.post("/link", down_kbps=50_000, up_kbps=6_000)
     with udp(link.lab, "client") as client, server_socket(link.lab) as server:
@@ -102,7 +112,7 @@ def test_uplink_has_a_rate_of_its_own(link: ShaperProcess) -> None:
     assert arrived * 8e-3 / 1.5 == pytest.approx(6_000, rel=0.05)
 
 
-@steady
+@retried_on_a_busy_machine
 def test_an_outage_stops_everything_and_recovers_at_once(link: ShaperProcess) -> None:
     receiver, start = delivered(link, trace("outage", 1000, [20_000.0, 0.0, 0.0, 20_000.0]), 30_000)
     during = [at for at, _ in receiver.arrivals if start + 1.01 < at < start + 2.995]
@@ -114,7 +124,7 @@ def test_an_outage_stops_everything_and_recovers_at_once(link: ShaperProcess) ->
 
 
 @pytest.mark.parametrize("rtt_ms", [20, 50, 100, 300])
-@steady
+@retried_on_a_busy_machine
 def test_round_trip_takes_twice_the_delay(link: ShaperProcess, rtt_ms: int) -> None:
     link.post("/link", down_kbps=50_000, up_kbps=20_000, delay_ms=rtt_ms / 2)
     times = round_trips_ms(link, max(4, 400 // rtt_ms))
@@ -124,7 +134,7 @@ def test_round_trip_takes_twice_the_delay(link: ShaperProcess, rtt_ms: int) -> N
     assert min(times) > rtt_ms - 0.5, "without jitter nothing is early"
 
 
-@steady
+@retried_on_a_busy_machine
 def test_jitter_varies_the_delay(link: ShaperProcess) -> None:
     """A busy machine only makes packets later: jitter alone makes them earlier than the delay."""
     link.post("/link", down_kbps=50_000, up_kbps=20_000, delay_ms=20, jitter_ms=10)
@@ -137,7 +147,7 @@ def test_jitter_varies_the_delay(link: ShaperProcess) -> None:
     assert third > 43
 
 
-@steady
+@retried_on_a_busy_machine
 def test_jitter_keeps_the_order(link: ShaperProcess) -> None:
     link.post("/link", down_kbps=50_000, up_kbps=20_000, delay_ms=20, jitter_ms=10)
     with echo_server(link.lab), udp(link.lab, "client") as client:
@@ -149,7 +159,7 @@ def test_jitter_keeps_the_order(link: ShaperProcess) -> None:
     assert received == list(range(100))
 
 
-@steady
+@retried_on_a_busy_machine
 def test_loss_is_within_its_confidence_interval(link: ShaperProcess) -> None:
     loss, count = 0.05, 3000
     link.post("/link", down_kbps=100_000, up_kbps=100_000, loss_pct=loss * 100)
@@ -173,7 +183,7 @@ def test_loss_is_within_its_confidence_interval(link: ShaperProcess) -> None:
     assert lost == pytest.approx(loss, abs=3.3 * math.sqrt(loss * (1 - loss) / count))  # 99.9 %
 
 
-@steady
+@retried_on_a_busy_machine
 def test_a_client_that_floods_fills_its_own_direction_only(link: ShaperProcess) -> None:
     link.post("/link", down_kbps=20_000, up_kbps=5_000)
     receiver = Receiver(link.lab)
@@ -190,7 +200,7 @@ def test_a_client_that_floods_fills_its_own_direction_only(link: ShaperProcess) 
     assert status.up.queue_ms < 160
 
 
-@steady
+@retried_on_a_busy_machine
 def test_a_sender_may_keep_its_segmentation_offload(link: ShaperProcess) -> None:
     """As in a container that we cannot reach. A super-packet is cut before it is queued: as one, it would not fit into
     a short queue, or leave all at once."""

@@ -13,7 +13,7 @@ from tigas_shaper.errors import LinkClosed
 from tigas_shaper.link.channel import CommandError
 from tigas_shaper.link.delay import detect
 from tigas_shaper.link.direction import Counters
-from tigas_shaper.link.gateway import Forward, Gateway, clean, only_one
+from tigas_shaper.link.gateway import Forward, Gateway, remove_leftovers, shaper_lock
 from tigas_shaper.link.interfaces import Interface
 from tigas_shaper.link.link import ShapedLink
 from tigas_shaper.player import Player
@@ -22,7 +22,7 @@ from tigas_shaper.traces.library import TraceLibrary
 
 SAMPLE_S = 0.2
 """How often the link is looked at, in seconds."""
-_NOTHING = Counters(0, 0, 0, 0, 0)
+_NOTHING = Counters(0, 0, 0)
 
 
 class Shaper:
@@ -45,8 +45,8 @@ class Shaper:
     ) -> AsyncIterator[Shaper]:
         """Forward and shape for as long as the context lasts. Raises StartError."""
         async with AsyncExitStack() as stack:
-            stack.enter_context(only_one())
-            await clean((access, service))
+            stack.enter_context(shaper_lock())
+            await remove_leftovers((access, service))
             idle = LinkSetting(settings.down_kbps, settings.up_kbps)
             backend = await detect() if settings.backend == "auto" else settings.backend
             try:

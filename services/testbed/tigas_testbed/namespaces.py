@@ -126,18 +126,6 @@ class Lab:
             raise StartError(f"The lab cannot be built: {' '.join(error.cmd)} failed ({reason}).") from None
 
 
-def sweep(kind: str) -> None:
-    """Remove every lab whose name begins with `kind` and whose process has ended. Raises StartError."""
-    pattern = re.compile(f"{PREFIX}({kind}[a-z0-9]*)-client")
-    for namespace in _namespaces():
-        if match := pattern.fullmatch(namespace):
-            try:
-                with _lock(match[1]):
-                    Lab(match[1]).remove()
-            except StartError:
-                continue  # it is in use
-
-
 def check_rights() -> None:
     """Raises StartError if this process cannot make network namespaces, or lacks a tool for it."""
     if os.geteuid() != 0 or not holds(CAP_NET_ADMIN, CAP_SYS_ADMIN):

@@ -43,11 +43,9 @@ class Counters:
     """What tc has counted in one direction. Bytes are those of whole Ethernet frames."""
 
     sent_bytes: int
-    sent_packets: int
     dropped_packets: int
     """Lost because the queue was full."""
     queue_bytes: int
-    queue_packets: int
 
 
 class Direction:
@@ -114,7 +112,7 @@ class Direction:
         root = next((entry for entry in answer if entry.get("root") and entry["kind"] == "htb"), None)
         if root is None:
             raise CommandError(f"somebody else has removed the shaping of {self._device}.")
-        return Counters(root["bytes"], root["packets"], root["drops"], root["backlog"], root["qlen"])
+        return Counters(root["bytes"], root["drops"], root["backlog"])
 
 
 def queue_bytes(rate_kbps: float, queue_ms: float) -> int:

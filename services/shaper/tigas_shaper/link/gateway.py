@@ -116,7 +116,7 @@ def rules(access: Interface, service: Interface, forwards: Sequence[Forward]) ->
     ]
 
 
-async def clean(interfaces: Sequence[Interface]) -> None:
+async def remove_leftovers(interfaces: Sequence[Interface]) -> None:
     """Remove what a shaper that was killed left behind."""
     for interface in interfaces:
         await attempt("tc", "qdisc", "del", "dev", interface, "clsact")
@@ -126,7 +126,7 @@ async def clean(interfaces: Sequence[Interface]) -> None:
 
 
 @contextmanager
-def only_one() -> Iterator[None]:
+def shaper_lock() -> Iterator[None]:
     """Hold the right to shape in this network namespace. Raises StartError if another shaper has it.
 
     The lock is a Unix socket in the abstract namespace: it belongs to the network namespace, as links do, and goes with

@@ -60,7 +60,7 @@ def info(recording: Recording, up_kbps: UpKbps = DEFAULT_UP_KBPS, format: Format
     from rich.console import Console
     from rich.table import Table
 
-    from tigas_shaper.traces.summary import PERCENTILES, outages, rate_summary
+    from tigas_shaper.traces.summary import PERCENTILES, outages, rate_percentiles
 
     with in_a_sentence(TigasError, OSError):
         loaded = _load(recording, up_kbps, format)
@@ -86,12 +86,11 @@ def info(recording: Recording, up_kbps: UpKbps = DEFAULT_UP_KBPS, format: Format
     rates.add_column("Mbit/s")
     for heading in ("mean", "min", *(f"{percent} %" for percent in PERCENTILES), "max"):
         rates.add_column("median" if heading == "50 %" else heading, justify="right")
-    for label, values in (
-        ("down", [state.down_kbps for state in loaded.states]),
-        ("up", [state.up_kbps for state in loaded.states]),
+    for label, mean, kbps in (
+        ("down", loaded.mean_down_kbps, loaded.down_kbps),
+        ("up", loaded.mean_up_kbps, loaded.up_kbps),
     ):
-        summary = rate_summary(values, loaded.steps_ms)
-        row = (summary.mean, summary.minimum, *(summary.percentiles[p] for p in PERCENTILES), summary.maximum)
+        row = (mean, min(kbps), *rate_percentiles(kbps, loaded.steps_ms).values(), max(kbps))
         rates.add_row(label, *(f"{value / 1000:.2f}" for value in row))
     console = Console()
     console.print(facts)

@@ -11,7 +11,7 @@ import csv
 import re
 
 from tigas_shaper.traces.builder import TraceBuilder
-from tigas_shaper.traces.text import DEFAULT_UP_KBPS, lines, number, shown
+from tigas_shaper.traces.text import DEFAULT_UP_KBPS, lines, number, quoted
 from tigas_shaper.traces.trace import NetworkTrace, TraceError
 
 VALUES = {"down_kbps": 0.0, "up_kbps": DEFAULT_UP_KBPS, "delay_ms": 0.0, "jitter_ms": 0.0, "loss_pct": 0.0}
@@ -75,7 +75,7 @@ def _check_header(line: int, columns: list[str]) -> None:
             raise TraceError(f"Line {line}: the header lacks {column}.")
     for column in columns:
         if column != "t_ms" and column not in VALUES:
-            raise TraceError(f"Line {line}: {shown(column)} is not a column of a trace: t_ms, {', '.join(VALUES)}.")
+            raise TraceError(f"Line {line}: {quoted(column)} is not a column of a trace: t_ms, {', '.join(VALUES)}.")
         if columns.count(column) > 1:
             raise TraceError(f"Line {line}: the header has {column} twice.")
 
@@ -89,7 +89,7 @@ def _cells(content: str) -> list[str]:
 
 def _time(cell: str, line: int, before: int) -> int:
     if not _TIME.fullmatch(cell):
-        raise TraceError(f"Line {line}: t_ms must be whole milliseconds from 0, not {shown(cell)}.")
+        raise TraceError(f"Line {line}: t_ms must be whole milliseconds from 0, not {quoted(cell)}.")
     time = int(cell)
     if before < 0 and time != 0:
         raise TraceError(f"Line {line}: the first t_ms must be 0, not {time}.")

@@ -12,7 +12,7 @@ from tigas_shaper.traces.importers.ghent import parse_ghent
 from tigas_shaper.traces.importers.irish import parse_irish
 from tigas_shaper.traces.importers.pensieve import parse_pensieve
 from tigas_shaper.traces.importers.sabre import parse_sabre
-from tigas_shaper.traces.text import DEFAULT_UP_KBPS, decode, lines, read_bounded, shown
+from tigas_shaper.traces.text import DEFAULT_UP_KBPS, decode, lines, quoted, read_bounded
 from tigas_shaper.traces.trace import NetworkTrace, TraceError
 
 FORMATS: dict[str, Callable[[str, str, float], NetworkTrace]] = {
@@ -62,7 +62,7 @@ def recognise(text: str) -> str:
         return "pensieve"
     if len(words) == 6:
         return "ghent-4g"
-    raise TraceError(f"Line {line}: {shown(first)} is the beginning of no trace format that TIGAS reads.")
+    raise TraceError(f"Line {line}: {quoted(first)} is the beginning of no trace format that TIGAS reads.")
 
 
 def trace_name(filename: str) -> str:

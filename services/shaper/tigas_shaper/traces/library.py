@@ -80,15 +80,14 @@ class TraceLibrary:
 
 def summary(trace: NetworkTrace, *, uploaded: bool) -> TraceSummary:
     """What the list says of a trace."""
-    down = [state.down_kbps for state in trace.states]
     return TraceSummary(
         name=trace.name,
         uploaded=uploaded,
         duration_ms=trace.duration_ms,
         steps=len(trace.states),
         mean_down_kbps=trace.mean_down_kbps,
-        min_down_kbps=min(down),
-        max_down_kbps=max(down),
+        min_down_kbps=min(trace.down_kbps),
+        max_down_kbps=max(trace.down_kbps),
         mean_up_kbps=trace.mean_up_kbps,
         outages=len(outages(trace)),
     )
@@ -101,8 +100,8 @@ def points(trace: NetworkTrace) -> TracePoints:
             name=trace.name,
             duration_ms=trace.duration_ms,
             times_ms=trace.times_ms,
-            down_kbps=tuple(state.down_kbps for state in trace.states),
-            up_kbps=tuple(state.up_kbps for state in trace.states),
+            down_kbps=trace.down_kbps,
+            up_kbps=trace.up_kbps,
         )
     span = trace.duration_ms / POINTS
     down, up = [0.0] * POINTS, [0.0] * POINTS

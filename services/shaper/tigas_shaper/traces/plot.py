@@ -21,10 +21,10 @@ def plot_trace(trace: NetworkTrace, path: Path) -> None:
     axes = figure.subplots(len(heights), 1, sharex=True, squeeze=False, height_ratios=heights)[:, 0]
 
     rates, mean = axes[0], trace.mean_down_kbps / 1000
-    down = [state.down_kbps / 1000 for state in trace.states]
+    down = [rate / 1000 for rate in trace.down_kbps]
     rates.stairs(down, edges, baseline=0, fill=True, color=DOWN, alpha=0.2)
     rates.stairs(down, edges, baseline=None, color=DOWN, linewidth=1, label="down")
-    up = [state.up_kbps / 1000 for state in trace.states]
+    up = [rate / 1000 for rate in trace.up_kbps]
     rates.stairs(up, edges, baseline=None, color=UP, linewidth=1, label="up")
     rates.axhline(mean, color=DOWN, linestyle="--", linewidth=0.9, label=f"mean down {mean:.3g}")
     for index, (start, length) in enumerate(outages(trace)):

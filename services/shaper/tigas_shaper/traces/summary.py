@@ -1,28 +1,19 @@
-"""What a trace amounts to: mean, percentiles and outages, weighted by time."""
+"""What a trace amounts to: percentiles of its rates, weighted by time, and its outages."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 from tigas_shaper.traces.trace import NetworkTrace
 
 PERCENTILES = (5, 25, 50, 75, 95)
 
 
-@dataclass(frozen=True, slots=True)
-class RateSummary:
-    """One direction of a trace, kbit/s."""
+def rate_percentiles(rates: Sequence[float], steps_ms: Sequence[int]) -> dict[int, float]:
+    """By per cent, of PERCENTILES: the rate that the link does not exceed for this share of the time.
 
-    mean: float
-    minimum: float
-    maximum: float
-    percentiles: dict[int, float]
-    """By per cent, of PERCENTILES: the rate that the link does not exceed for this share of the time."""
-
-
-def rate_summary(rates: Sequence[float], steps_ms: Sequence[int]) -> RateSummary:
-    """Of rates and how long each lasts."""
+    Of rates and how long each lasts.
+    """
     total = sum(steps_ms)
     ranked = sorted(zip(rates, steps_ms, strict=True))
     percentiles = {}
@@ -33,8 +24,7 @@ def rate_summary(rates: Sequence[float], steps_ms: Sequence[int]) -> RateSummary
             if passed * 100 >= percent * total:
                 percentiles[percent] = rate
                 break
-    mean = sum(rate * step for rate, step in ranked) / total
-    return RateSummary(mean, ranked[0][0], ranked[-1][0], percentiles)
+    return percentiles
 
 
 def outages(trace: NetworkTrace) -> list[tuple[int, int]]:

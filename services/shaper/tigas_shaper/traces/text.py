@@ -66,8 +66,8 @@ def lines(text: str) -> Iterator[tuple[int, str]]:
             yield line, stripped
 
 
-def shown(cell: str) -> str:
-    """A cell as a message may repeat it."""
+def quoted(cell: str) -> str:
+    """A cell in quotes, cut short, for a message."""
     return repr(cell if len(cell) <= 30 else cell[:29] + "…")
 
 
@@ -75,12 +75,12 @@ def number(cell: str, line: int, what: str) -> float:
     """A cell as a finite number that is not negative. Plain decimal notation: not NaN, not 1_000, not other digits."""
     cell = cell.strip()
     if len(cell) > 40 or not _NUMBER.fullmatch(cell):
-        raise TraceError(f"Line {line}: {what} must be a number, not {shown(cell)}.")
+        raise TraceError(f"Line {line}: {what} must be a number, not {quoted(cell)}.")
     value = float(cell)
     if not math.isfinite(value):
-        raise TraceError(f"Line {line}: {what} is too large: {shown(cell)}.")
+        raise TraceError(f"Line {line}: {what} is too large: {quoted(cell)}.")
     if value < 0:
-        raise TraceError(f"Line {line}: {what} must not be negative, but is {shown(cell)}.")
+        raise TraceError(f"Line {line}: {what} must not be negative, but is {quoted(cell)}.")
     return value
 
 

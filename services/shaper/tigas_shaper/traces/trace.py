@@ -67,6 +67,16 @@ class NetworkTrace:
         """The same rates and losses at one constant delay (one way, ms), without jitter. Raises ValueError."""
         return replace(self, states=tuple(replace(state, delay_ms=delay_ms, jitter_ms=0.0) for state in self.states))
 
+    @property
+    def down_kbps(self) -> tuple[float, ...]:
+        """The rate towards the client, one a time."""
+        return tuple(state.down_kbps for state in self.states)
+
+    @property
+    def up_kbps(self) -> tuple[float, ...]:
+        """The rate from the client, one a time."""
+        return tuple(state.up_kbps for state in self.states)
+
     @cached_property
     def steps_ms(self) -> tuple[int, ...]:
         """How long each state lasts, ms."""
@@ -76,12 +86,12 @@ class NetworkTrace:
     @cached_property
     def mean_down_kbps(self) -> float:
         """Mean rate towards the client, weighted by time."""
-        return self._mean(tuple(state.down_kbps for state in self.states))
+        return self._mean(self.down_kbps)
 
     @cached_property
     def mean_up_kbps(self) -> float:
         """Mean rate from the client, weighted by time."""
-        return self._mean(tuple(state.up_kbps for state in self.states))
+        return self._mean(self.up_kbps)
 
     def _mean(self, values: tuple[float, ...]) -> float:
         weighted = (value * step for value, step in zip(values, self.steps_ms, strict=True))

@@ -15,7 +15,7 @@ from itertools import dropwhile
 from statistics import fmean
 
 from tigas_shaper.traces.builder import TraceBuilder
-from tigas_shaper.traces.text import lines, number, shown
+from tigas_shaper.traces.text import lines, number, quoted
 from tigas_shaper.traces.trace import NetworkTrace, TraceError
 
 MISSING = "-"
@@ -77,5 +77,5 @@ def _stamp(cell: str, line: int) -> datetime:
         return datetime.strptime(cell, "%Y.%m.%d_%H.%M.%S")
     except ValueError:
         raise TraceError(
-            f"Line {line}: Timestamp must look like 2019.12.16_14.23.32, but it is {shown(cell)}."
+            f"Line {line}: Timestamp must look like 2019.12.16_14.23.32, but it is {quoted(cell)}."
         ) from None

@@ -1,0 +1,28 @@
+"""Labs of tests: each has a name of its own, and what killed test runs left behind is removed."""
+
+from __future__ import annotations
+
+import itertools
+import os
+import re
+import subprocess
+from contextlib import suppress
+
+from tigas_common.errors import StartError
+from tigas_testbed.namespaces import Lab
+
+_numbers = itertools.count()
+_TESTS_CLIENT = re.compile(r"^tigas-(t\d+n\d+)-client\b", re.MULTILINE)
+
+
+def new_lab() -> Lab:
+    """One that no other test has."""
+    return Lab(f"t{os.getpid()}n{next(_numbers)}")
+
+
+def remove_abandoned() -> None:
+    """Remove every test's lab whose process has ended."""
+    namespaces = subprocess.run(("ip", "netns", "list"), check=True, capture_output=True, text=True).stdout
+    for name in _TESTS_CLIENT.findall(namespaces):
+        with suppress(StartError), Lab(name).up():  # removes what is left, unless it is in use
+            pass
