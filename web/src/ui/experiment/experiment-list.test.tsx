@@ -1,0 +1,96 @@
+// @vitest-environment happy-dom
+import { cleanup, render, screen, within } from "@testing-library/preact";
+import userEvent from "@testing-library/user-event";
+import { afterEach, beforeEach, expect, test, vi } from "vitest";
+import { type ExperimentPlan, UNSHAPED } from "../../experiment/plan";
+import { fetchConfig, fetchScenes } from "../../state/api";
+import { config } from "../../state/app";
+import { serverConfig } from "../../state/fake-server";
+import { ExperimentList } from "./experiment-list";
+
+vi.mock("../../state/api");
+
+const PLAN: ExperimentPlan = {
+  name: "Bus",
+  scene: "courtyard",
+  movement: "stroll",
+  network: UNSHAPED,
+  modes: ["stateless"],
+  profiles: ["budget"],
+  repeats: 4,
+  duration_s: 10,
+  warm_up_s: 3,
+};
+const SUMMARY = {
+  id: "e1",
+  name: "Bus",
+  created: "2026-01-02T10:00:00Z",
+  source: "page",
+  planned: 4,
+  runs: 4,
+  complete: 4,
+};
+const UNFINISHED = { ...SUMMARY, id: "e2", name: "Train", complete: 1 };
+const BY_COMMAND = { ...UNFINISHED, id: "e3", name: "Tram", source: "command" };
+
+/** What the store answers, by path. */
+let answers: Record<string, unknown>;
+
+beforeEach(() => {
+  location.hash = "#/experiments";
+  config.value = serverConfig({ store: "http://store.test" });
+  vi.mocked(fetchConfig).mockImplementation(async () => config.value ?? serverConfig());
+  vi.mocked(fetchScenes).mockResolvedValue([]);
+  answers = { "/experiments": { experiments: [SUMMARY, UNFINISHED, BY_COMMAND] } };
+  vi.stubGlobal("fetch", async (url: string) => {
+    const answer = answers[url.replace("http://store.test", "")];
+    if (answer === undefined) throw new TypeError("refused");
+    return Response.json(answer);
+  });
+});
+
+afterEach(() => {
+  cleanup();
+  vi.unstubAllGlobals();
+});
+
+const row = async (name: RegExp) => within(await screen.findByRole("row", { name }));
+
+test("each experiment says how far it is, with its report and its files", async () => {
+  render(<ExperimentList />);
+  const bus = await row(/^Bus/);
+  expect(bus.getAllByRole("cell")[0]?.textContent).toBe("4");
+  expect(bus.getByRole("link", { name: "Report" }).getAttribute("href")).toBe(
+    "http://store.test/experiments/e1/report",
+  );
+  expect(bus.getByRole("link", { name: "ZIP" }).getAttribute("href")).toBe("http://store.test/experiments/e1/zip");
+  const train = await row(/^Train/);
+  expect(train.getAllByRole("cell")[0]?.textContent).toBe("1 of 4, incomplete");
+});
+
+test("only what a page began and did not finish can be continued, in its own scene", async () => {
+  answers["/experiments/e2"] = { ...UNFINISHED, plan: PLAN, runs: [] };
+  render(<ExperimentList />);
+  expect((await row(/^Bus/)).queryByRole("button")).toBeNull();
+  expect((await row(/^Tram/)).queryByRole("button")).toBeNull();
+  await userEvent.click((await row(/^Train/)).getByRole("button", { name: "Continue" }));
+  await vi.waitFor(() => expect(location.hash).toBe("#/scene/courtyard"));
+});
+
+test("a plan of another version cannot be continued, and that is said", async () => {
+  answers["/experiments/e2"] = { ...UNFINISHED, plan: { ...PLAN, modes: ["telepathy"] }, runs: [] };
+  render(<ExperimentList />);
+  await userEvent.click((await row(/^Train/)).getByRole("button", { name: "Continue" }));
+  expect((await screen.findByRole("alert")).textContent).toContain("its plan is not one that this version makes");
+  expect(location.hash).toBe("#/experiments");
+});
+
+test.each<[string, () => void, RegExp]>([
+  ["is empty", () => Object.assign(answers, { "/experiments": { experiments: [] } }), /There is none yet/],
+  ["does not answer", () => delete answers["/experiments"], /The store at http:\/\/store.test does not answer/],
+  ["is not there", () => Object.assign(config, { value: serverConfig() }), /This server has no store/],
+])("a store that %s is said", async (_, prepare, sentence) => {
+  prepare();
+  render(<ExperimentList />);
+  expect(await screen.findByText(sentence)).toBeTruthy();
+});
