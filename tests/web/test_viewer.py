@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
+from typing import Any
+
+import numpy as np
 import pytest
-from playwright.sync_api import Page, expect
+from playwright.sync_api import Page, Request, expect
 
 from tests.web.conftest import OpenPage
 from tests.web.modes import with_settings
 from tests.web.server import RenderServer
 from tests.web.stage import SCENE, changes, frames, picture, stat, wait_for_frames, wait_until_settled
+
+ONE_RUNG = {"controller": "fixed", "profile": 0, "refine": False}
+"""Settings with which equal views are equal pictures, and a view that stands still is asked for once."""
 
 
 @pytest.fixture
@@ -42,12 +48,28 @@ def test_keys_move_the_camera(viewer: Page, key: str) -> None:
 
 
 def test_r_goes_back_to_the_start(open_page: OpenPage, server: RenderServer) -> None:
-    # Of one quality, so that equal views are equal pictures.
-    viewer = with_a_frame(open_page(SCENE, **with_settings(server.url, controller="fixed", profile=0, refine=False)))
+    """What `r` asks for is the first request again, to the last bit, and so is the picture.
+
+    That holds at one rung. From this start view at High, the one at Medium-High differs by 1.26 of 255 on the mean, the
+    one at Medium-Low by 2.2, and that at Low by 7.3; adaptation or refinement may have come to another at the second
+    visit.
+    """
+    viewer = open_page(**with_settings(server.url, **ONE_RUNG, transport="fetch"))
+    asked: list[Any] = []
+
+    def note(request: Request) -> None:
+        if request.url.endswith("/render"):
+            asked.append(request.post_data_json)
+
+    viewer.on("request", note)
+    viewer.goto(server.url + SCENE)
+    with_a_frame(viewer)
     start = picture(viewer)
     assert changes(viewer, lambda: viewer.keyboard.press("ArrowRight", delay=300)) > 1
     assert changes(viewer, lambda: viewer.keyboard.press("r")) > 1
-    assert abs(picture(viewer) - start).mean() < 1
+    first, *_, last = asked
+    assert last == first | {"seq": last["seq"]}
+    assert np.array_equal(picture(viewer), start)
 
 
 def test_dragging_turns_and_the_wheel_walks(viewer: Page) -> None:
@@ -61,7 +83,8 @@ def test_dragging_turns_and_the_wheel_walks(viewer: Page) -> None:
     assert changes(viewer, lambda: viewer.mouse.wheel(0, -300)) > 1
 
 
-def test_keys_that_are_typed_into_a_field_do_not_move_the_camera(viewer: Page) -> None:
+def test_keys_that_are_typed_into_a_field_do_not_move_the_camera(open_page: OpenPage, server: RenderServer) -> None:
+    viewer = with_a_frame(open_page(SCENE, **with_settings(server.url, **ONE_RUNG)))
     shown = frames(viewer)
     viewer.get_by_role("spinbutton", name="Turn").press("ArrowLeft")
     viewer.get_by_role("spinbutton", name="Turn").press("w")
