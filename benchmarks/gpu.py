@@ -29,6 +29,7 @@ from PIL import Image as PillowImage
 from benchmarks.gpu_load import View, throughput
 from tests.render.raster.views import gsplat_frames, psnr
 from tigas_common.pose import Pose, Vector3
+from tigas_render.cache import cache_directory
 from tigas_render.gaussians import Gaussians
 from tigas_render.raster.base import Camera, PreparedScene, Rasterizer
 from tigas_render.raster.cpu import CpuRasterizer
@@ -39,7 +40,6 @@ from tigas_render.raster.host_image import Pixels
 from tigas_render.scenes.demo import DEMO_METADATA, demo_scene
 from tigas_render.scenes.ply import load_ply
 from tigas_render.scenes.start_camera import derive_camera
-from tigas_render.settings import cache_directory
 
 SHARED = Path(os.environ.get("TIGAS_SHARED", Path(__file__).resolve().parents[2] / "shared"))
 SOURCES = {

@@ -92,7 +92,7 @@ class _Rendered:
     work: _Work
     image: Image
     started: float
-    rendered: float
+    ended: float
 
 
 class Engine:
@@ -209,12 +209,12 @@ class Engine:
             started = self._clock()
             format = work.request.format if work.request.stamp is None else "png"  # stamped on the host
             image = self._rasterizer.render(work.scene.prepared, self._camera(work), format)
-            rendered = self._clock()
+            ended = self._clock()
         except Exception as error:
             self._images.release()
             self._failed("Rendering", work, error)
         else:
-            self._rendered.put(_Rendered(work, image, started, rendered))
+            self._rendered.put(_Rendered(work, image, started, ended))
         return True
 
     def _encode_forever(self) -> None:
@@ -255,37 +255,33 @@ class Engine:
             self._service_time[work.request.scene] = 0.9 * expected
             work.resolve(DeadlineExceeded(f"The frame could not be ready within {deadline_ms:g} ms."))
 
-    def _size(self, request: RenderRequest) -> tuple[int, int]:
-        if request.profile is None:
-            return request.width, request.height
-        return self._ladder[request.profile].size_for(request.width, request.height)
-
     def _camera(self, work: _Work) -> Camera:
         request = work.request
-        intrinsics = request.intrinsics.resized(*self._size(request))
-        return Camera(request.pose, intrinsics, work.scene.background)
+        width, height = request.width, request.height
+        if request.profile is not None:
+            width, height = self._ladder[request.profile].size_for(width, height)
+        return Camera(request.pose, request.intrinsics.resized(width, height), work.scene.background)
 
-    def _encode(self, picture: _Rendered) -> None:
-        work, image, started, rendered = picture.work, picture.image, picture.started, picture.rendered
-        request = work.request
+    def _encode(self, rendered: _Rendered) -> None:
+        work, image, request = rendered.work, rendered.image, rendered.work.request
         try:
             with image:
                 quality = self._ladder[request.profile or 0].quality
-                encoding = self._clock()
+                begun = self._clock()
                 body = _stamped(image, request.stamp).encode(request.format, quality)
-                encoded = self._clock()
+                encoding = self._clock() - begun
                 width, height = image.width, image.height
         except Exception as error:
             self._failed("Encoding", work, error)
             return
         finally:
             self._images.release()
-        spent = (rendered - started) + (encoded - encoding)
+        rendering = rendered.ended - rendered.started
+        waiting = rendered.started - work.arrived + begun - rendered.ended
+        spent = rendering + encoding
         self._service_time[request.scene] = 0.8 * self._service_time.get(request.scene, spent) + 0.2 * spent
         timing = ServerTiming(
-            queue=round(1000 * (started - work.arrived + encoding - rendered), 3),
-            render=round(1000 * (rendered - started), 3),
-            encode=round(1000 * (encoded - encoding), 3),
+            queue=round(1000 * waiting, 3), render=round(1000 * rendering, 3), encode=round(1000 * encoding, 3)
         )
         work.resolve(Frame(body, request.format, width, height, request.seq, request.profile, timing))
 

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import asyncio
-import contextlib
 import hashlib
 import io
 import logging
 import math
-import os
 from collections.abc import Awaitable, Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,6 +16,7 @@ from PIL import Image
 from tigas_common.pose import Intrinsics, Pose
 from tigas_common.wire.model import Point
 from tigas_common.wire.render import StartCamera
+from tigas_render.cache import write_to_cache
 from tigas_render.raster.base import Camera
 from tigas_render.scenes.source import SceneSource
 
@@ -79,7 +78,7 @@ class PreviewCache:
         if cached is not None:
             return cached
         body = await self._render(scene_id, WIDTH, HEIGHT)
-        await asyncio.to_thread(_write, path, body)
+        await asyncio.to_thread(write_to_cache, path, body)
         return Preview(body, "image/jpeg")
 
 
@@ -104,16 +103,3 @@ def preview_camera(start: StartCamera, up: Point, width: int, height: int) -> Ca
     focal = height / 2 / math.tan(math.radians(FOV_Y) / 2)
     intrinsics = Intrinsics(focal, focal, width / 2, height / 2, width, height)
     return Camera(Pose.look_at(start.position, start.look_at, up), intrinsics)
-
-
-def _write(path: Path, body: bytes) -> None:
-    """Write in one step, so that no reader ever sees half a file; a cache that cannot be written is no failure."""
-    temporary = path.with_suffix(f".{os.getpid()}.tmp")
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        temporary.write_bytes(body)
-        temporary.replace(path)
-    except OSError as error:
-        _log.warning("The preview cache %s cannot be written: %s", path.parent, error.strerror or error)
-        with contextlib.suppress(OSError):
-            temporary.unlink()

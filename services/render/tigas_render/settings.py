@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 from typing import ClassVar, Literal
 
@@ -13,11 +12,7 @@ from tigas_common.address import Address
 from tigas_common.settings import Listen, ListenOrOff, ServiceSettings
 from tigas_common.topology import PAGE, WEBTRANSPORT
 from tigas_common.wire.render import DEFAULT_LADDER, Rung
-
-
-def cache_directory() -> Path:
-    """Where this user's programs keep what they can make again (XDG base directories)."""
-    return Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache")) / "tigas"
+from tigas_render.cache import cache_directory
 
 
 class RenderSettings(ServiceSettings):

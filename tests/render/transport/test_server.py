@@ -235,7 +235,7 @@ async def test_clients_beyond_the_limit_wait_until_one_leaves() -> None:
 
 
 async def test_a_busy_server_asks_for_proof_of_the_address() -> None:
-    async with served(Limits(unproven=0)) as server, connect(server.port) as client:
+    async with served(Limits(unvalidated=0)) as server, connect(server.port) as client:
         assert client._quic._retry_count == 1
         assert (await client.fetch("GET", "/")).status == 200
 

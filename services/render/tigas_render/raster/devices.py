@@ -7,8 +7,8 @@ import shutil
 from importlib.util import find_spec
 from pathlib import Path
 
+from tigas_render.cache import cache_directory
 from tigas_render.raster.base import Rasterizer
-from tigas_render.settings import cache_directory
 
 logger = logging.getLogger(__name__)
 

@@ -11,8 +11,8 @@ class Limits:
 
     connections: int = 512
     """Connections at once; further ones are ignored until others end."""
-    unproven: int = 64
-    """Handshakes under way before new clients must prove their address with a Retry."""
+    unvalidated: int = 64
+    """Handshakes under way before new clients must prove their address with a Retry (RFC 9000, 8.1)."""
     requests: int = 64
     """Running requests per connection, HTTP and WebTransport together; further ones are answered 503."""
     sessions: int = 4

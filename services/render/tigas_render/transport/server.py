@@ -191,7 +191,7 @@ class Http3Server:
             if validated is None:
                 return None
             original, retry_source = validated, header.destination_cid
-        elif self._unproven() >= self._limits.unproven:
+        elif self._handshaking() >= self._limits.unvalidated:
             self._send_retry(header, address, now)
             return None
         quic = ServerQuicConnection(
@@ -208,7 +208,7 @@ class Http3Server:
         self.issued(connection, quic.host_cid)
         return connection
 
-    def _unproven(self) -> int:
+    def _handshaking(self) -> int:
         return sum(not connection.is_established for connection in self._connections)
 
     def _send_retry(self, header: QuicHeader, address: Address, now: float) -> None:

@@ -25,11 +25,6 @@ class Workspace:
             self._buffers[name] = buffer
         return buffer[:size]
 
-    @property
-    def nbytes(self) -> int:
-        """Bytes of all buffers."""
-        return sum(buffer.nbytes for buffer in self._buffers.values())
-
 
 def _aligned(size: int, dtype: np.dtype[Any]) -> NDArray[Any]:
     raw = np.empty(size * dtype.itemsize + ALIGNMENT, np.uint8)

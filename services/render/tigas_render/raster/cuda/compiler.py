@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import hashlib
-import tempfile
 from pathlib import Path
 from typing import TYPE_CHECKING
+
+from tigas_render.cache import write_to_cache
 
 if TYPE_CHECKING:
     from cuda.core import ObjectCode
@@ -26,7 +27,7 @@ def load_kernels(arch: str, cache: Path) -> ObjectCode:
         return ObjectCode.from_cubin(path.read_bytes())
     except OSError:
         cubin = compile_kernels(arch)
-    _write_atomically(path, cubin)
+    write_to_cache(path, cubin)
     return ObjectCode.from_cubin(cubin)
 
 
@@ -45,14 +46,3 @@ def cached_path(arch: str, cache: Path) -> Path:
     for path in sorted(KERNELS.iterdir()):
         digest.update(path.name.encode() + b"\0" + path.read_bytes())
     return cache / f"cuda-{arch}-{digest.hexdigest()[:16]}.cubin"
-
-
-def _write_atomically(path: Path, content: bytes) -> None:
-    """Another process that starts at the same time sees the whole file or none."""
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with tempfile.NamedTemporaryFile(dir=path.parent, delete=False) as file:
-            file.write(content)
-        Path(file.name).replace(path)
-    except OSError:
-        return

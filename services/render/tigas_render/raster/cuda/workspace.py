@@ -58,11 +58,6 @@ class Workspace:
         self._encoder = JpegEncoder(library, self.torch_stream.cuda_stream)  # last: it has to be closed
 
     @property
-    def nbytes(self) -> int:
-        """Bytes of the buffers on the device, without the encoder's own."""
-        return sum(buffer.nbytes for buffer in self._buffers.values())
-
-    @property
     def entries(self) -> int:
         """Entries of all lists of the last frame that was finished."""
         return self._needed.value

@@ -1,0 +1,28 @@
+"""Files that can be made again: where they are kept, and how they are written."""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+import os
+from pathlib import Path
+
+logger = logging.getLogger(__name__)
+
+
+def cache_directory() -> Path:
+    """Where this user's programs keep what they can make again (XDG base directories)."""
+    return Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache")) / "tigas"
+
+
+def write_to_cache(path: Path, content: bytes) -> None:
+    """Write a file in one step, so that no reader ever sees half of it. One that cannot be written is no failure."""
+    temporary = path.with_suffix(f".{os.getpid()}.tmp")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        temporary.write_bytes(content)
+        temporary.replace(path)
+    except OSError as error:
+        logger.warning("The cache %s cannot be written: %s", path.parent, error.strerror or error)
+        with contextlib.suppress(OSError):
+            temporary.unlink()

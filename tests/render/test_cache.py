@@ -1,0 +1,33 @@
+"""What can be made again is kept whole or not at all."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from tigas_render.cache import cache_directory, write_to_cache
+
+
+def test_a_file_replaces_another_and_nothing_else_stays(tmp_path: Path) -> None:
+    for content in (b"old", b"new"):
+        write_to_cache(tmp_path / "made" / "kernels.cubin", content)
+    assert {path.name: path.read_bytes() for path in (tmp_path / "made").iterdir()} == {"kernels.cubin": b"new"}
+
+
+def test_a_cache_that_cannot_be_written_is_a_log_line(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    (tmp_path / "file").write_text("")
+    write_to_cache(tmp_path / "file" / "kernels.cubin", b"code")
+    assert f"The cache {tmp_path / 'file'} cannot be written" in caplog.text
+
+
+def test_a_file_that_cannot_take_its_place_leaves_nothing(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    (tmp_path / "kernels.cubin").mkdir()
+    write_to_cache(tmp_path / "kernels.cubin", b"code")
+    assert [path.name for path in tmp_path.iterdir()] == ["kernels.cubin"]
+    assert "cannot be written" in caplog.text
+
+
+def test_users_choose_where_it_is(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", "/somewhere")
+    assert cache_directory() == Path("/somewhere/tigas")
