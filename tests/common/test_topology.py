@@ -56,7 +56,8 @@ def test_compose_tells_the_services_where_the_others_are() -> None:
     ],
 )
 def test_an_image_listens_where_it_is_looked_for(service: str, listens: dict[str, Port]) -> None:
-    image = (ROOT / COMPOSE[service]["build"]["dockerfile"]).read_text()
+    stages = re.split(r"^FROM ", (ROOT / "Dockerfile").read_text(), flags=re.MULTILINE)
+    (image,) = (stage for stage in stages if stage.startswith(f"service AS {COMPOSE[service]['build']['target']}\n"))
     assert dict(re.findall(r"(TIGAS_\w+)=(\S+:\d+)", image)) == {
         name: str(port.everywhere) for name, port in listens.items()
     }
@@ -66,4 +67,4 @@ def test_an_image_listens_where_it_is_looked_for(service: str, listens: dict[str
         f"{port.number}{'/udp' if port.protocol == 'udp' else ''}" for port in listens.values()
     ]
     http = next(iter(listens.values()))
-    assert f"http://{http.loopback}/healthz" in image
+    assert f"HEALTH_URL=http://{http.loopback}/healthz" in image

@@ -1,0 +1,100 @@
+# The images of the services, one target each. compose.yaml builds them and says which of pyproject's extras (EXTRA) an
+# image needs; with compose.gpu.yaml the render service's is for NVIDIA GPUs: wheels only, no CUDA toolkit, no compiler.
+ARG PYTHON_IMAGE=python:3.11-slim-bookworm
+ARG NODE_IMAGE=node:20-slim
+
+# Wheels that are preferred to the registry's; compose.yaml may put a folder in this stage's place.
+FROM scratch AS wheels
+
+FROM ${NODE_IMAGE} AS page
+WORKDIR /src/web
+COPY web/package.json web/package-lock.json web/.npmrc ./
+RUN --mount=type=secret,id=ca,target=/run/ca.crt --mount=type=cache,target=/root/.npm \
+    if [ -s /run/ca.crt ]; then export NODE_EXTRA_CA_CERTS=/run/ca.crt; fi; \
+    npm ci --no-audit --no-fund --loglevel=error
+COPY web ./
+RUN npm run --silent build
+
+FROM ${PYTHON_IMAGE} AS build
+ENV PIP_DISABLE_PIP_VERSION_CHECK=1
+RUN python -m venv /opt/tigas
+WORKDIR /src
+COPY constraints.txt pyproject.toml README.md LICENSE ./
+# Dependencies first: a change in our code installs none of them again. The folders of our packages have to be there.
+RUN python -c "import pathlib, tomllib; packages = tomllib.load(open('pyproject.toml', 'rb'))['tool']['hatch']['build']['targets']['wheel']['packages']; [pathlib.Path(each).mkdir(parents=True) for each in packages]"
+ARG EXTRA
+# PyTorch (for the CPU unless told otherwise) from an index that has little else.
+ARG TORCH_INDEX=https://download.pytorch.org/whl/cpu
+RUN --mount=type=secret,id=ca,target=/run/ca.crt --mount=type=cache,target=/root/.cache/pip \
+    --mount=type=bind,from=wheels,target=/wheels \
+    if [ -s /run/ca.crt ]; then export PIP_CERT=/run/ca.crt; fi; \
+    case ${EXTRA:?which extra of pyproject.toml? compose.yaml says it} in render|gpu) \
+        if ls /wheels/torch-*.whl >/dev/null 2>&1; then index="--find-links /wheels"; else index="--index-url ${TORCH_INDEX}"; fi; \
+        /opt/tigas/bin/pip install -q -c constraints.txt ${index} --no-deps torch || exit 1;; \
+    esac; \
+    /opt/tigas/bin/pip install -q -c constraints.txt ".[${EXTRA}]"
+COPY services services
+RUN --mount=type=secret,id=ca,target=/run/ca.crt --mount=type=cache,target=/root/.cache/pip \
+    if [ -s /run/ca.crt ]; then export PIP_CERT=/run/ca.crt; fi; \
+    /opt/tigas/bin/pip install -q --no-deps --force-reinstall .
+
+FROM build AS build-with-page
+RUN --mount=type=bind,from=page,source=/src/services/render/tigas_render/static,target=/page \
+    cp -r /page "$(/opt/tigas/bin/python -c 'import tigas_render; print(tigas_render.__path__[0])')/static"
+
+FROM ${PYTHON_IMAGE} AS service
+RUN useradd --uid 10001 --no-create-home tigas
+ENV PATH=/opt/tigas/bin:$PATH PYTHONUNBUFFERED=1 PYTHONDONTWRITEBYTECODE=1
+# The render service's first start compiles its rasteriser.
+HEALTHCHECK --interval=5s --timeout=3s --start-period=180s --retries=3 \
+    CMD ["python", "-c", "import os, urllib.request; urllib.request.urlopen(os.environ['HEALTH_URL'], timeout=2)"]
+
+# The render service, with the page.
+FROM service AS render
+COPY --from=build-with-page /opt/tigas /opt/tigas
+# What is compiled for this machine's processor is kept in /cache, the only place that is written to.
+RUN install -d -o tigas /cache /models
+ENV XDG_CACHE_HOME=/cache NUMBA_CACHE_DIR=/cache/numba TIGAS_RENDER_SCENES=/models \
+    TIGAS_RENDER_HTTP=0.0.0.0:8080 TIGAS_RENDER_HTTPS=0.0.0.0:8443 TIGAS_RENDER_QUIC=0.0.0.0:4433 \
+    HEALTH_URL=http://127.0.0.1:8080/healthz
+# The commit that it is built from, for the records of experiments.
+ARG TIGAS_COMMIT=
+ENV TIGAS_COMMIT=${TIGAS_COMMIT}
+USER tigas
+WORKDIR /cache
+EXPOSE 8080 8443 4433/udp
+ENTRYPOINT ["tigas", "render"]
+
+# The DASH packager.
+FROM service AS dash-packager
+COPY --from=build /opt/tigas /opt/tigas
+ENV TIGAS_DASH_HTTP=0.0.0.0:8081 HEALTH_URL=http://127.0.0.1:8081/healthz
+USER tigas
+EXPOSE 8081
+ENTRYPOINT ["tigas", "dash"]
+
+# The experiments' store.
+FROM service AS store
+COPY --from=build /opt/tigas /opt/tigas
+COPY traces/movement /movements
+# Results are the only thing that is kept; matplotlib wants a place for its own cache.
+RUN install -d -o tigas /results
+ENV MPLCONFIGDIR=/tmp/matplotlib TIGAS_STORE_RESULTS=/results TIGAS_STORE_MOVEMENTS=/movements \
+    TIGAS_STORE_HTTP=0.0.0.0:8091 HEALTH_URL=http://127.0.0.1:8091/healthz
+ARG TIGAS_COMMIT=
+ENV TIGAS_COMMIT=${TIGAS_COMMIT}
+USER tigas
+WORKDIR /results
+EXPOSE 8091
+ENTRYPOINT ["tigas", "store"]
+
+# The shaper: the router hop between clients and services. It configures the network, so it runs as root, with the one
+# capability that this takes (NET_ADMIN) and no other.
+FROM service AS shaper
+RUN apt-get update -qq && apt-get install -y -qq --no-install-recommends iproute2 nftables ethtool >/dev/null \
+    && rm -rf /var/lib/apt/lists/*
+COPY --from=build /opt/tigas /opt/tigas
+COPY traces/network /traces
+ENV TIGAS_SHAPER_TRACES=/traces TIGAS_SHAPER_HTTP=0.0.0.0:8090 HEALTH_URL=http://127.0.0.1:8090/healthz
+EXPOSE 8090
+ENTRYPOINT ["tigas", "shaper"]
