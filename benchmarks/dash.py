@@ -32,6 +32,8 @@ import httpx
 import psutil
 from websockets.asyncio.client import connect
 
+from tigas_common.processes import end, tigas
+
 RATE = 30
 WARM_UP_S = 10
 ROUNDS = 16
@@ -41,12 +43,11 @@ LIMIT_MB = 5
 @contextmanager
 def service(*arguments: str) -> Iterator[subprocess.Popen[bytes]]:
     """A `tigas` command for as long as the context lasts."""
-    process = subprocess.Popen([sys.executable, "-m", "tigas_common", *arguments], stdout=subprocess.DEVNULL)
+    process = subprocess.Popen(tigas(*arguments), stdout=subprocess.DEVNULL, start_new_session=True)
     try:
         yield process
     finally:
-        process.terminate()
-        process.wait(10)
+        end(process, 10)
 
 
 async def answers(http: httpx.AsyncClient) -> None:
