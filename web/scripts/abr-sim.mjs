@@ -12,6 +12,9 @@ const USAGE = `npm run abr-sim -- [options] TRACE.csv...
   --rtt MS            round trip in place of the traces' own delay; may be repeated
   --seconds N         how long each visit lasts [each trace once]
   --render MS         the server's time for a frame [11, the paper's RTX 2060 Super]
+  --render-best MS    for one of the best rung, where the server takes longer for more pixels [as --render]
+  --scale X           frames are so many times as large as the ladder says [1]
+  --batch MS          the page hears of what has arrived every so many milliseconds [at once]
   --measured FILE     server, frame sizes and page as they were in a real visit, in place of the paper's (docs/abr.md)
   --seed N            [1]
   --each              a row for each trace, besides the mean over all
@@ -34,6 +37,9 @@ async function main() {
       rtt: { type: "string", multiple: true },
       seconds: { type: "string" },
       render: { type: "string" },
+      "render-best": { type: "string" },
+      scale: { type: "string" },
+      batch: { type: "string" },
       measured: { type: "string" },
       seed: { type: "string", default: "1" },
       each: { type: "boolean", default: false },
@@ -63,11 +69,16 @@ async function main() {
     ].map((name) => load(source(name))),
   );
   const seed = number("--seed", values.seed);
-  const render = values.render === undefined ? undefined : number("--render", values.render);
+  const paper = {
+    ...(values.render !== undefined && { render: number("--render", values.render) }),
+    ...(values["render-best"] !== undefined && { renderBest: number("--render-best", values["render-best"]) }),
+    ...(values.scale !== undefined && { scale: number("--scale", values.scale) }),
+    ...(values.batch !== undefined && { batch: number("--batch", values.batch) }),
+  };
   const measured = values.measured === undefined ? undefined : readFileSync(values.measured, "utf8");
   const endpoints = () =>
     measured === undefined
-      ? new PaperEndpoints(PAPER_LADDER, seed + 2, render)
+      ? new PaperEndpoints(PAPER_LADDER, seed + 2, paper)
       : MeasuredEndpoints.parse(measured, PAPER_LADDER.length);
   const factories = await Promise.all(
     values.controller.map(async (name) =>

@@ -1,9 +1,10 @@
-import { beforeEach, expect, test } from "vitest";
+import { beforeEach, describe, expect, test } from "vitest";
 import { BudgetController } from "./budget";
 import { type ObservationOptions, observation } from "./fake-observation";
 import { PAPER_LADDER } from "./ladder";
 
 const BYTES = [240_000, 55_000, 20_000, 7000];
+const AT_60_HZ = 1000 / 60;
 let subject: BudgetController;
 let now: number;
 
@@ -12,40 +13,43 @@ beforeEach(() => {
   now = 0;
 });
 
-/** Frames for so many milliseconds, one each 20: a round trip, 10 ms in the server, and their transmission. */
-function hear(
-  duration: number,
-  { trip = 20, queue = 0, throughput = 20e6, ...told }: ObservationOptions & Trip,
-): number {
-  for (const until = now + duration; now < until; now += 20) {
-    const profile = subject.decide();
-    const bytes = BYTES[profile] ?? 0;
-    const response = trip + 10 + queue + (throughput === null ? 0 : (bytes * 8000) / throughput);
-    subject.observe(observation({ profile, bytes, throughput, response, at: now, ...told }));
-  }
-  return subject.decide();
-}
-
-interface Trip {
+interface Link {
   readonly trip?: number;
   readonly queue?: number;
+  /** Milliseconds in the server, by rung. */
+  readonly servers?: readonly number[];
+  readonly refresh?: number;
+  /** What is read of a throughput of so many bits per second by frames of so many bytes. */
+  readonly read?: (throughput: number, bytes: number) => number;
 }
 
-test("it takes the best rung whose frames are on the link for less than an animation frame", () => {
-  expect(hear(3000, { throughput: 9e6 })).toBe(3);
-  expect(hear(3000, { throughput: 20e6 })).toBe(2);
-  expect(hear(3000, { throughput: 40e6 })).toBe(1);
-  expect(hear(3000, { throughput: 200e6 })).toBe(0);
+/** Frames for so many milliseconds, one with each animation frame: a round trip, the server, and their transmission. */
+function hear(duration: number, options: ObservationOptions & Link): number {
+  const { trip = 20, queue = 0, throughput = 20e6, servers = [10, 10, 10, 10], refresh = AT_60_HZ, ...rest } = options;
+  const { read = (rate) => rate, ...told } = rest;
+  for (const until = now + duration; now < until; now += refresh) {
+    const profile = subject.decide(now);
+    const bytes = told.bytes ?? BYTES[profile] ?? 0;
+    const server = servers[profile] ?? 0;
+    const response = trip + server + queue + (throughput === null ? 0 : (bytes * 8000) / throughput);
+    const heard = throughput === null ? null : read(throughput, bytes);
+    subject.observe(observation({ profile, server, response, at: now, ...told, bytes, throughput: heard }));
+  }
+  return subject.decide(now);
+}
+
+// Rungs of 7, 20, 55 and 240 kB: a doubling is worth 10 ms, so that a rung up may cost 15, 15 and 21 ms, less 3.
+test("it takes a better rung where it costs less time than its picture is worth", () => {
+  expect(hear(3000, { throughput: 8e6 })).toBe(3); // 7 → 20 ms on the link, and 3 more between frames
+  expect(hear(3000, { throughput: 10e6 })).toBe(2); // 6 → 16
+  expect(hear(3000, { throughput: 22e6 })).toBe(2); // 7 → 20, and 3 more between frames
+  expect(hear(3000, { throughput: 27e6 })).toBe(1); // 6 → 16
+  expect(hear(3000, { throughput: 80e6 })).toBe(1); // 6 → 24, and 7 more between frames
+  expect(hear(3000, { throughput: 110e6 })).toBe(0); // 4 → 17
 });
 
-test("a longer round trip leaves less for bytes", () => {
-  expect(hear(3000, { throughput: 40e6, trip: 20 })).toBe(1);
-  subject = new BudgetController({ ladder: PAPER_LADDER });
-  expect(hear(3000, { throughput: 40e6, trip: 45 })).toBe(2);
-});
-
-test("where nothing comes in time anyway, small frames win nothing", () => {
-  expect(hear(3000, { throughput: 40e6, trip: 300 })).toBe(1);
+test.each([0, 45, 300])("a round trip of %i ms makes no difference: it is the same for all rungs", (trip) => {
+  expect(hear(3000, { throughput: 27e6, trip })).toBe(1);
 });
 
 test("when the link collapses it goes down at once, as far as needed", () => {
@@ -53,17 +57,17 @@ test("when the link collapses it goes down at once, as far as needed", () => {
   expect(hear(20, { throughput: 5e6 })).toBe(3);
 });
 
-test("a queue that fills is left before the throughput tells", () => {
+test("frames that wait on the link although none should take it down, whatever the throughput seems to be", () => {
   hear(3000, { throughput: 40e6 });
-  expect(subject.decide()).toBe(1);
-  for (let queue = 10; queue <= 80; queue += 10) hear(20, { throughput: 40e6, queue });
-  expect(subject.decide()).toBeGreaterThan(1);
+  expect(subject.decide(now)).toBe(1);
+  hear(300, { throughput: 40e6, queue: 80 });
+  expect(subject.decide(now)).toBeGreaterThan(1);
 });
 
 test("an upgrade that had to be taken back makes the next one wait longer", () => {
   const untilUp = () => {
     const start = now;
-    while (subject.decide() > 1) hear(20, { throughput: 40e6 });
+    while (subject.decide(now) > 1) hear(AT_60_HZ, { throughput: 40e6 });
     return now - start;
   };
   hear(1000, { throughput: 12e6 });
@@ -74,4 +78,40 @@ test("an upgrade that had to be taken back makes the next one wait longer", () =
 
 test("nothing changes while the throughput is unknown", () => {
   expect(hear(1000, { throughput: null })).toBe(3);
+});
+
+describe("a slow renderer", () => {
+  const SLOW = [80, 47, 24, 11];
+
+  test("is not asked for pictures that cost more than they are worth", () => {
+    expect(hear(5000, { throughput: 500e6, servers: SLOW })).toBe(3);
+  });
+
+  test("is not asked for a rung that two others foretell", () => {
+    const servers = [80, 30, 10, 5];
+    const asked = new Set<number>();
+    for (let i = 0; i < 300; i++) asked.add(hear(AT_60_HZ, { throughput: 500e6, servers }));
+    expect(asked).toEqual(new Set([3, 2, 1]));
+  });
+
+  test("that takes the same for all rungs stops none of them", () => {
+    expect(hear(5000, { throughput: 500e6, servers: [40, 40, 40, 40] })).toBe(0);
+  });
+});
+
+test("a display of 120 Hz has less time between frames", () => {
+  expect(hear(3000, { throughput: 27e6, refresh: AT_60_HZ })).toBe(1);
+  subject = new BudgetController({ ladder: PAPER_LADDER });
+  expect(hear(3000, { throughput: 27e6, refresh: AT_60_HZ / 2 })).toBe(2);
+});
+
+test("small frames that make 24 Mbit/s look like 3 do not keep it at the lowest rung", () => {
+  const small = PAPER_LADDER.map((rung) => ({ ...rung, expected_kb: rung.expected_kb / 3.5 }));
+  subject = new BudgetController({ ladder: small });
+  const read = (throughput: number, bytes: number) => Math.min(throughput, bytes < 3000 ? 3.1e6 : throughput);
+  for (let i = 0; i < 300; i++) {
+    const bytes = (BYTES[subject.decide(now)] ?? 0) / 3.5;
+    hear(AT_60_HZ, { throughput: 24e6, trip: 50, bytes, read });
+  }
+  expect(subject.decide(now)).toBe(1);
 });

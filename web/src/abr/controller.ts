@@ -21,8 +21,11 @@ export interface Observation {
 }
 
 export interface Controller {
-  /** The ladder's rung for the next frame, 0 the best. Asked once per animation frame; an answer commits to nothing. */
-  decide(): number;
+  /**
+   * The ladder's rung for the next frame, 0 the best. Asked once per animation frame, whose time on the page's clock `now` is in
+   * milliseconds; an answer commits to nothing.
+   */
+  decide(now: number): number;
   /** Once per frame that came, in the order in which they came. */
   observe(observation: Observation): void;
 }

@@ -37,7 +37,7 @@ test("a controller sees its part of the ladder as the whole", () => {
     { ladder: PAPER_LADDER, random: () => 0 },
     2,
   );
-  expect(subject.decide()).toBe(3);
+  expect(subject.decide(0)).toBe(3);
   for (const profile of [3, 2, 0]) subject.observe(observation({ profile }));
   expect(heard.map(({ profile }) => profile)).toEqual([1, 0, null]);
 });

@@ -23,7 +23,7 @@ export function offering(
 ): Controller {
   const controller = create({ ladder: ladder.slice(first), random });
   return {
-    decide: () => first + controller.decide(),
+    decide: (now) => first + controller.decide(now),
     observe: (observation) => {
       const { profile } = observation;
       controller.observe({ ...observation, profile: profile === null || profile < first ? null : profile - first });

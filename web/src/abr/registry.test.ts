@@ -26,7 +26,7 @@ test.each(CONTROLLER_NAMES.flatMap((name) => [1, 2, 4, 16].map((rungs) => [name,
     for (let at = 0; at < 4000; at += 10) {
       const told = HOSTILE[Math.floor(random() * HOSTILE.length)] ?? {};
       subject.observe(observation({ ...told, at }));
-      const rung = subject.decide();
+      const rung = subject.decide(at);
       expect(Number.isInteger(rung) && rung >= 0 && rung < rungs).toBe(true);
     }
   },

@@ -50,3 +50,31 @@ test("what is known to be faster is not forgotten for frames too small to tell",
   for (let i = 0; i < 20; i++) subject.observe(piece(7000));
   expect(subject.bitsPerSecond).toBeCloseTo(100_000_000, 0);
 });
+
+test.each([2, 5, 15])(
+  "frames of %i packets that are heard of every 4 ms tell of 24 Mbit/s what they can",
+  (packets) => {
+    let now = 0;
+    const receiver = new Receiver(() => now);
+    const subject = new ThroughputEstimator();
+    const read: number[] = [];
+    for (let frame = 0; frame < 2000; frame++) {
+      const reception = receiver.begin();
+      const chunks = new Map<number, number>();
+      for (let i = 0; i < packets; i++) {
+        const arrives = frame * 16.7 + i * 0.4747; // 1424 bytes at 24 Mbit/s
+        const heard = 4 * Math.ceil(arrives / 4);
+        chunks.set(heard, (chunks.get(heard) ?? 0) + 1424);
+      }
+      for (const [at, bytes] of chunks) {
+        now = at;
+        reception.add(bytes);
+      }
+      subject.observe(reception.arrival);
+      read.push(subject.bitsPerSecond ?? 0);
+    }
+    const median = read.toSorted((a, b) => a - b)[1000] ?? 0;
+    expect(median).toBeGreaterThan(0.7 * 24e6);
+    expect(median).toBeLessThan(1.4 * 24e6);
+  },
+);

@@ -1,8 +1,9 @@
-/** What the simulator can be told to run: a controller of the registry, a fixed rung, or Latency with another target. */
+/** What the simulator can be told to run: a controller of the registry, the first Budget, a fixed rung, or Latency with another target. */
 import type { ControllerFactory } from "../abr/controller";
 import { FixedController } from "../abr/fixed";
 import { LatencyController, perRequest, perTransfer, type ThroughputReading } from "../abr/latency";
 import { CONTROLLER_NAMES, CONTROLLERS, type ControllerName } from "../abr/registry";
+import { FirstBudgetController } from "./first-budget";
 
 const READINGS: Readonly<Record<string, () => ThroughputReading>> = {
   latency: perRequest,
@@ -12,6 +13,7 @@ const READINGS: Readonly<Record<string, () => ThroughputReading>> = {
 /** Throws an Error with one sentence if there is no such controller. */
 export function controllerFactory(name: string): ControllerFactory {
   if (isControllerName(name)) return CONTROLLERS[name].create;
+  if (name === "first-budget") return (context) => new FirstBudgetController(context);
   const [kind, text] = name.split(/[:@]/);
   const value = Number(text);
   if (kind === "fixed" && Number.isInteger(value) && value >= 0) {
@@ -19,7 +21,7 @@ export function controllerFactory(name: string): ControllerFactory {
   }
   const reading = READINGS[kind ?? ""];
   if (reading && value > 0) return (context) => new LatencyController(context, reading(), value);
-  const others = "fixed:RUNG, latency@MS and latency-transfer@MS";
+  const others = "first-budget, fixed:RUNG, latency@MS and latency-transfer@MS";
   throw new Error(`"${name}" is no controller; there are ${CONTROLLER_NAMES.join(", ")}, ${others}.`);
 }
 

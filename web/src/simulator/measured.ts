@@ -49,6 +49,10 @@ export class MeasuredEndpoints implements Endpoints {
     return this.#measured.rungs[rung]?.page_ms ?? 0;
   }
 
+  heard(now: number): number {
+    return now;
+  }
+
   bytes(rung: number, now: number): number {
     const { views } = this.#measured;
     while ((views[this.#view + 1]?.t_ms ?? Number.POSITIVE_INFINITY) <= now) this.#view++;

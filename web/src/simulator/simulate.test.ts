@@ -1,12 +1,16 @@
 import { expect, test } from "vitest";
 import { PAPER_LADDER } from "../abr/ladder";
 import { controllerFactory } from "./controllers";
-import { PaperEndpoints } from "./endpoints";
+import { PaperEndpoints, type PaperOptions } from "./endpoints";
 import { overTraces, table } from "./report";
 import { simulate } from "./simulate";
 import { parseTrace } from "./trace";
 
-function visit(controller: string, rate: number | string, options: { seed?: number; roundTrip?: number } = {}) {
+function visit(
+  controller: string,
+  rate: number | string,
+  options: { seed?: number; roundTrip?: number; paper?: PaperOptions } = {},
+) {
   const trace = parseTrace(typeof rate === "string" ? rate : `t_ms,down_kbps\n0,${rate * 1000}\n`);
   return simulate({
     controller: controllerFactory(controller),
@@ -14,7 +18,7 @@ function visit(controller: string, rate: number | string, options: { seed?: numb
     ladder: PAPER_LADDER,
     duration: 20_000,
     roundTrip: 20,
-    endpoints: new PaperEndpoints(PAPER_LADDER, options.seed ?? 1),
+    endpoints: new PaperEndpoints(PAPER_LADDER, options.seed ?? 1, options.paper),
     seed: 1,
     ...options,
   });
@@ -74,6 +78,22 @@ test("Latency that counts transfers alone fills the link; with a lower target, o
   expect(cautious.inTime).toBeGreaterThan(transfer.inTime);
   expect(request.inTime).toBeGreaterThan(0.9);
   expect(budget.inTime).toBeGreaterThan(0.9);
+});
+
+test("a renderer that is slow for large pictures is not asked for them", async () => {
+  const paper = { render: 6, renderBest: 80 };
+  const [budget, best, lowest] = await Promise.all(
+    ["budget", "fixed:0", "fixed:3"].map((name) => visit(name, 24, { paper })),
+  );
+  expect(best?.inTime).toBeLessThan(0.05);
+  expect(budget?.inTime).toBeGreaterThan(0.95);
+  expect(budget?.inTime).toBeGreaterThan((lowest?.inTime ?? 1) - 0.02);
+});
+
+test("2 kB frames, a round trip of 50 ms and a page that hears of packets every 4 ms do not keep Budget low", async () => {
+  const { rungOverTime, photonP95 } = await visit("budget", 24, { roundTrip: 50, paper: { scale: 0.3, batch: 4 } });
+  expect(rungOverTime).toBeLessThan(1.5);
+  expect(photonP95).toBeLessThan(120);
 });
 
 test("a table of runs, and of their mean over traces", async () => {

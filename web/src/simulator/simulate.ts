@@ -36,7 +36,7 @@ export async function simulate(options: SimulationOptions): Promise<Figures> {
   const transport = new SimulatedTransport(events, { ...options, random: seeded(seed + 1) });
   const controller = options.controller({ ladder, random });
   const throughput = new ThroughputEstimator();
-  const tally = new Tally();
+  const tally = new Tally(ladder);
   const meter = new Meter("stateless", (frame) => tally.presented(frame));
   const decode = (image: Blob): Promise<ImageBitmap> =>
     new Promise((resolve) =>
@@ -78,7 +78,7 @@ export async function simulate(options: SimulationOptions): Promise<Figures> {
     turning = endpoints.turning(now());
     pose++;
     meter.moved(pose, now());
-    pipeline.want({ ...VIEW, azimuth: pose, profile: controller.decide() }, pose);
+    pipeline.want({ ...VIEW, azimuth: pose, profile: controller.decide(now()) }, pose);
     presenting = pipeline.take();
   };
   events.at(0, tick);

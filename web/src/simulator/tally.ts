@@ -1,6 +1,7 @@
 /** Sums a simulated visit up. */
 import type { PresentedFrame } from "../view/presented";
 import type { Stalls } from "../view/stalls";
+import type { Rung } from "../wire/render";
 
 export interface Figures {
   /** Share of poses whose motion-to-photon latency was at most 100 ms: every pose counts, whether it was asked for or not. */
@@ -14,12 +15,15 @@ export interface Figures {
   /** Motion-to-photon latency of poses, in milliseconds. */
   readonly photonP50: number;
   readonly photonP95: number;
+  readonly photonMean: number;
   /** From a frame's own pose to the screen, mean in milliseconds: what its request and answer took, and the page. */
   readonly age: number;
   /** Mean rung of the frames shown, 0 the best. */
   readonly rung: number;
   /** Mean rung, each frame counted for as long as it was on the screen. */
   readonly rungOverTime: number;
+  /** How often a best frame's expected bytes are halved to be a shown frame's, mean over the time on the screen. */
+  readonly halvings: number;
   /** Changes of rung between frames shown, a minute. */
   readonly switches: number;
   readonly framesPerSecond: number;
@@ -41,8 +45,15 @@ export class Tally {
   #rungs = 0;
   #switches = 0;
   #weighted = 0;
+  #halvings = 0;
   #firstAt = 0;
   #last: PresentedFrame | undefined;
+
+  readonly #ladder: readonly Rung[];
+
+  constructor(ladder: readonly Rung[]) {
+    this.#ladder = ladder;
+  }
 
   replied(response: number, bytes: number): void {
     this.#responses.push(response);
@@ -56,6 +67,7 @@ export class Tally {
       this.#firstAt = frame.at;
     } else {
       this.#weighted += (last.rung ?? 0) * (frame.at - last.at);
+      this.#halvings += this.#below(last.rung ?? 0) * (frame.at - last.at);
       if (last.rung !== rung) this.#switches++;
     }
     this.#shown++;
@@ -65,10 +77,16 @@ export class Tally {
     this.#last = frame;
   }
 
+  #below(rung: number): number {
+    const [best, own] = [this.#ladder[0], this.#ladder[rung]];
+    return best && own ? Math.log2(best.expected_kb / own.expected_kb) : 0;
+  }
+
   figures(duration: number, stalls: Stalls): Figures {
     const responses = Float64Array.from(this.#responses).sort();
     const latencies = Float64Array.from(this.#latencies).sort();
     const minutes = duration / 60_000;
+    const visible = Math.max(1, (this.#last?.at ?? 0) - this.#firstAt);
     return {
       inTime: share(latencies),
       responsesInTime: share(responses),
@@ -77,9 +95,11 @@ export class Tally {
       responseMean: responses.reduce((sum, value) => sum + value, 0) / Math.max(1, responses.length),
       photonP50: percentile(latencies, 0.5),
       photonP95: percentile(latencies, 0.95),
+      photonMean: latencies.reduce((sum, value) => sum + value, 0) / Math.max(1, latencies.length),
       age: this.#ages / Math.max(1, this.#shown),
       rung: this.#rungs / Math.max(1, this.#shown),
-      rungOverTime: this.#weighted / Math.max(1, (this.#last?.at ?? 0) - this.#firstAt),
+      rungOverTime: this.#weighted / visible,
+      halvings: this.#halvings / visible,
       switches: this.#switches / minutes,
       framesPerSecond: (this.#shown * 1000) / duration,
       bandwidth: (this.#bytes * 8) / duration / 1000,

@@ -77,11 +77,13 @@ export class SimulatedTransport implements FrameTransport {
         };
       },
       received: (bytes) => {
-        if (signal.aborted) return;
-        reception.add(bytes);
-        if (reception.arrival.bytes < expected) return;
-        this.#events.settle();
-        resolve({ header, image: this.#images[profile ?? 0] ?? NO_IMAGE, arrival: reception.arrival });
+        this.#events.at(this.#options.endpoints.heard(now()), () => {
+          if (signal.aborted) return;
+          reception.add(bytes);
+          if (reception.arrival.bytes < expected) return;
+          this.#events.settle();
+          resolve({ header, image: this.#images[profile ?? 0] ?? NO_IMAGE, arrival: reception.arrival });
+        });
       },
       refused: (problem) =>
         this.#events.at(now() + this.#delay(), () => {

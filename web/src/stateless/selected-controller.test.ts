@@ -48,9 +48,9 @@ test("a controller stays for as long as choice, ladder and seed do", () => {
 
 test("the rung that a person chose, or the last of a shorter ladder", () => {
   settings.value = { ...DEFAULT_SETTINGS, controller: "fixed", profile: 9 };
-  expect(selectedController(signal(1), HD).value.decide()).toBe(3);
+  expect(selectedController(signal(1), HD).value.decide(0)).toBe(3);
   config.value = null;
-  expect(selectedController(signal(1), HD).value.decide()).toBe(0);
+  expect(selectedController(signal(1), HD).value.decide(0)).toBe(0);
 });
 
 test("rungs larger than the picture are not offered, but can be chosen", () => {
@@ -68,5 +68,5 @@ test("rungs larger than the picture are not offered, but can be chosen", () => {
   expect(offered()).toEqual(PAPER_LADDER);
   settings.value = { ...DEFAULT_SETTINGS, controller: "fixed", profile: 0 };
   pixels.value = 1;
-  expect(controller.value.decide()).toBe(0);
+  expect(controller.value.decide(0)).toBe(0);
 });

@@ -161,7 +161,7 @@ export class StatelessPlayer {
       quaternion,
       ...rig.intrinsics.value,
       ...rig.viewport.value,
-      profile: this.#refining ? 0 : controller().decide(),
+      profile: this.#refining ? 0 : controller().decide(now),
       ...(stamp && { stamp: seq % 2 ** 24 }),
     };
   }

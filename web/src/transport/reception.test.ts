@@ -76,3 +76,13 @@ test("a stream that was not wanted from the start is cancelled unread", async ()
   await expect(reading).rejects.toThrow("too late");
   expect(source.cancelled).toHaveLength(1);
 });
+
+test("of a first chunk of several packets only the first is what the clock started with", () => {
+  let now = 0;
+  const reception = new Receiver(() => now).begin();
+  reception.add(5000);
+  expect(reception.arrival).toMatchObject({ bytes: 5000, sharedBytes: 5000 - 1424, firstByteAt: 0, lastByteAt: 0 });
+  now = 4;
+  reception.add(100);
+  expect(reception.arrival).toMatchObject({ bytes: 5100, sharedBytes: 5100 - 1424, lastByteAt: 4 });
+});

@@ -10,7 +10,7 @@ export interface Arrival {
   readonly lastByteAt: number;
   /** Bytes of this reply. */
   readonly bytes: number;
-  /** Bytes of all replies of the transport that came after `firstByteAt`, until `lastByteAt`. */
+  /** Bytes of all replies of the transport that came after this one's first packet, until `lastByteAt`. */
   readonly sharedBytes: number;
 }
 

@@ -1,0 +1,148 @@
+// Compares controllers in the simulator over many different trace segments (docs/abr.md): paired differences with intervals.
+import { readFileSync, writeFileSync } from "node:fs";
+import { basename } from "node:path";
+import { fileURLToPath } from "node:url";
+import { parseArgs } from "node:util";
+import { runnerImport } from "vite";
+
+const USAGE = `npm run abr-bench -- [options] TRACE.csv...
+  --controller NAME   as abr-sim has them, and first-budget; may be repeated [all, first-budget and all fixed rungs]
+  --of NAME           the one that is compared with each other one [budget]
+  --segments N        how many different parts of the traces, taken from all in turn by chance [48]
+  --seconds N         how long each is [30]
+  --rtt MS            round trip in place of the traces' own delay; may be repeated [20, 50, 100]
+  --render MS, --render-best MS, --scale X, --batch MS   as abr-sim has them
+  --seed N            [1]
+  --json FILE         all runs' figures
+`;
+
+const FIGURES = [
+  ["poses ≤ 100 ms, %", (f) => 100 * f.inTime, 1],
+  ["photon mean, ms", (f) => f.photonMean, 1],
+  ["photon p95, ms", (f) => f.photonP95, 0],
+  ["mean rung", (f) => f.rungOverTime, 2],
+  ["halvings", (f) => f.halvings, 2],
+  ["frames/s", (f) => f.framesPerSecond, 1],
+  ["switches/min", (f) => f.switches, 1],
+  ["Mbit/s", (f) => f.bandwidth, 1],
+];
+
+async function load(name) {
+  const path = fileURLToPath(new URL(`../src/${name}.ts`, import.meta.url));
+  return (await runnerImport(path, { configFile: false, logLevel: "error" })).module;
+}
+
+async function main() {
+  const { values, positionals } = parseArgs({
+    allowPositionals: true,
+    options: {
+      controller: { type: "string", multiple: true },
+      of: { type: "string", default: "budget" },
+      segments: { type: "string", default: "48" },
+      seconds: { type: "string", default: "30" },
+      rtt: { type: "string", multiple: true, default: ["20", "50", "100"] },
+      render: { type: "string" },
+      "render-best": { type: "string" },
+      scale: { type: "string" },
+      batch: { type: "string" },
+      seed: { type: "string", default: "1" },
+      json: { type: "string" },
+      help: { type: "boolean", default: false },
+    },
+  });
+  if (values.help || positionals.length === 0) return process.stdout.write(USAGE);
+  const [
+    { simulate },
+    { parseTrace },
+    { segments },
+    { bootstrap },
+    { controllerFactory },
+    { PaperEndpoints },
+    { PAPER_LADDER },
+    { CONTROLLER_NAMES },
+    { seeded },
+  ] = await Promise.all(
+    [
+      "simulator/simulate",
+      "simulator/trace",
+      "simulator/cuts",
+      "simulator/bootstrap",
+      "simulator/controllers",
+      "simulator/endpoints",
+      "abr/ladder",
+      "abr/registry",
+      "abr/random",
+    ].map(load),
+  );
+  const seed = Number(values.seed);
+  const duration = Number(values.seconds) * 1000;
+  const options = Object.fromEntries(
+    [
+      ["render", values.render],
+      ["renderBest", values["render-best"]],
+      ["scale", values.scale],
+      ["batch", values.batch],
+    ].flatMap(([name, value]) => (value === undefined ? [] : [[name, Number(value)]])),
+  );
+  const names = values.controller ?? [
+    ...CONTROLLER_NAMES,
+    "first-budget",
+    ...PAPER_LADDER.map((_, rung) => `fixed:${rung}`),
+  ];
+  const traces = positionals.map((path) => ({
+    name: basename(path, ".csv"),
+    trace: parseTrace(readFileSync(path, "utf8")),
+  }));
+  const blocks = segments(traces, Number(values.segments), duration, seeded(seed));
+  const runs = [];
+  for (const [block, { name, start, trace }] of blocks.entries()) {
+    for (const roundTrip of values.rtt.map(Number)) {
+      for (const controller of names) {
+        const figures = await simulate({
+          controller: controllerFactory(controller),
+          trace,
+          ladder: PAPER_LADDER,
+          duration,
+          roundTrip,
+          endpoints: new PaperEndpoints(PAPER_LADDER, seed + block, options),
+          seed: seed + block,
+        });
+        runs.push({ block, trace: name, start, roundTrip, controller, figures });
+      }
+    }
+  }
+  const different = new Set(blocks.map(({ name }) => name)).size;
+  process.stdout.write(`${blocks.length} segments of ${values.seconds} s from ${different} traces\n`);
+  for (const roundTrip of values.rtt.map(Number)) {
+    const of = (controller) =>
+      runs.filter((run) => run.roundTrip === roundTrip && run.controller === controller).map(({ figures }) => figures);
+    process.stdout.write(`\n| RTT ${roundTrip} ms | ${FIGURES.map(([title]) => title).join(" | ")} |\n`);
+    process.stdout.write(`|---|${FIGURES.map(() => "---:|").join("")}\n`);
+    for (const controller of names) {
+      const cells = FIGURES.map(([, value, digits]) => {
+        const all = of(controller).map(value);
+        return (all.reduce((sum, each) => sum + each, 0) / all.length).toFixed(digits);
+      });
+      process.stdout.write(`| ${controller} | ${cells.join(" | ")} |\n`);
+    }
+    for (const controller of names.filter((name) => name !== values.of && names.includes(values.of))) {
+      const cells = FIGURES.map(([, value, digits]) => {
+        const [ours, theirs] = [of(values.of), of(controller)];
+        const { mean, low, high } = bootstrap(
+          ours.map((figures, i) => value(figures) - value(theirs[i])),
+          seeded(seed),
+        );
+        return `${mean.toFixed(digits)} (${low.toFixed(digits)} to ${high.toFixed(digits)})`;
+      });
+      process.stdout.write(`| ${values.of} − ${controller} | ${cells.join(" | ")} |\n`);
+    }
+  }
+  if (values.json !== undefined) writeFileSync(values.json, `${JSON.stringify({ options: values, runs }, null, 1)}\n`);
+}
+
+try {
+  await main();
+} catch (error) {
+  process.stderr.write(`${error.message}\n`);
+  process.exitCode = 1;
+}
