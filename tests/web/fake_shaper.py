@@ -30,7 +30,8 @@ from tigas_common.wire.shaper import (
     TraceList,
 )
 from tigas_shaper.player import Player
-from tigas_shaper.traces.library import points, summary
+from tigas_shaper.service import Shaper
+from tigas_shaper.traces.library import TraceLibrary, points, summary
 from tigas_shaper.traces.trace import NetworkTrace
 
 TRACES = {
@@ -47,6 +48,9 @@ EVERY_S = 0.2
 class _NoLink:
     """Carries nothing."""
 
+    backend = "netem"
+    closed = None
+
     def apply(self, state: LinkSetting, mean_kbps: tuple[float, float] | None = None) -> None:
         """Nobody is behind it."""
 
@@ -57,7 +61,9 @@ class FakeShaper:
     def __init__(self) -> None:
         self.asked: list[tuple[str, Any]] = []
         self.closed: str | None = None
-        self._player = Player(_NoLink(), IDLE, clock=time.monotonic)
+        link = _NoLink()
+        self._player = Player(link, IDLE, clock=time.monotonic)
+        self._shaper = Shaper(link, None, self._player, TraceLibrary(None))  # type: ignore[arg-type]
         self._socket = socket.create_server(("127.0.0.1", 0))
         self.url = f"http://127.0.0.1:{self._socket.getsockname()[1]}"
         changes = ("start", "stop", "pause", "resume", "seek", "loop", "link")
@@ -130,21 +136,9 @@ class FakeShaper:
         return json_response(self._now())
 
     def _now(self) -> ShaperStatus:
-        player, state = self._player, self._player.state
+        state = self._player.state
         down, up = (
             DirectionStatus(target_kbps=kbps, delivered_kbps=kbps * 0.8, queue_bytes=9000, queue_ms=12.0, drops=3)
             for kbps in (state.down_kbps, state.up_kbps)
         )
-        return ShaperStatus(
-            time_ms=time.monotonic() * 1e3,
-            mode=player.mode,
-            trace=player.trace.name if player.trace else None,
-            position_ms=player.position_ms,
-            duration_ms=player.trace.duration_ms if player.trace else None,
-            loop=player.loop,
-            link=state,
-            down=down,
-            up=up,
-            backend="netem",
-            closed=self.closed,
-        )
+        return self._shaper.status().model_copy(update={"down": down, "up": up, "closed": self.closed})
