@@ -7,7 +7,6 @@ from dataclasses import replace
 import httpx
 from pydantic import ValidationError
 
-from tigas_common.pose import Intrinsics
 from tigas_common.wire.dash import PoseUpdate, SessionRequest
 from tigas_common.wire.render import Problem, RenderRequest, ServerConfig
 from tigas_dash.encoding import RawFrame
@@ -60,7 +59,7 @@ class ViewSource:
         self._client = client
         self._scene = request.scene
         self._stamp = request.stamp
-        self._lens = Intrinsics(request.fx, request.fy, request.cx, request.cy, request.width, request.height)
+        self._lens = request.intrinsics
         self._width, self._height = size.width, size.height
 
     async def frame(self, pose: PoseUpdate, within_s: float = FRAME_S) -> RawFrame:

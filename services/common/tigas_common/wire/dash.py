@@ -7,10 +7,9 @@ from typing import Self
 
 from pydantic import Field, model_validator
 
-from tigas_common.pose import Pose
-from tigas_common.wire.model import MAX_PIXELS, MAX_SIDE, Coordinate, Point, WireModel
+from tigas_common.pose import Intrinsics, Pose
+from tigas_common.wire.model import MAX_PIXELS, MAX_SIDE, Point, Quaternion, WireModel
 
-Quaternion = tuple[Coordinate, Coordinate, Coordinate, Coordinate]
 MAX_REPRESENTATIONS = 8
 
 
@@ -54,13 +53,16 @@ class SessionRequest(WireModel):
 
     @model_validator(mode="after")
     def _check(self) -> Self:
-        if not any(self.quaternion):
-            raise ValueError("a quaternion of length zero is no rotation")
         if self.width * self.height > MAX_PIXELS:
             raise ValueError(f"a viewport has at most {MAX_PIXELS} pixels")
         if self.frames_per_chunk > self.frames_per_segment:
             raise ValueError(f"a chunk cannot have more frames than a segment ({self.frames_per_segment})")
         return self
+
+    @property
+    def intrinsics(self) -> Intrinsics:
+        """The intrinsics for the viewport."""
+        return Intrinsics(self.fx, self.fy, self.cx, self.cy, self.width, self.height)
 
     @property
     def frames_per_segment(self) -> int:
@@ -79,12 +81,6 @@ class PoseUpdate(WireModel):
     fy: float | None = Field(default=None, gt=0, le=1e6)
     cx: float | None = Field(default=None, ge=-1e6, le=1e6)
     cy: float | None = Field(default=None, ge=-1e6, le=1e6)
-
-    @model_validator(mode="after")
-    def _check(self) -> Self:
-        if not any(self.quaternion):
-            raise ValueError("a quaternion of length zero is no rotation")
-        return self
 
     @property
     def pose(self) -> Pose:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
 MAX_SIDE = 8192
 """The longest side of a viewport or frame, in pixels."""
@@ -15,6 +15,16 @@ Angle = Annotated[float, Field(ge=-1e6, le=1e6)]
 Coordinate = Annotated[float, Field(ge=-1e9, le=1e9)]
 Point = tuple[Coordinate, Coordinate, Coordinate]
 Unit = Annotated[float, Field(ge=0, le=1)]
+
+
+def _is_rotation(quaternion: tuple[float, ...]) -> tuple[float, ...]:
+    if not any(quaternion):
+        raise ValueError("a quaternion of length zero is no rotation")
+    return quaternion
+
+
+Quaternion = Annotated[tuple[Coordinate, Coordinate, Coordinate, Coordinate], AfterValidator(_is_rotation)]
+"""[x, y, z, w], of any length but zero."""
 
 
 class WireModel(BaseModel):

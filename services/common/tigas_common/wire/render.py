@@ -9,7 +9,7 @@ from typing import Literal, Self
 from pydantic import Field, model_validator
 
 from tigas_common.pose import Intrinsics, Pose
-from tigas_common.wire.model import MAX_PIXELS, MAX_SIDE, Angle, Coordinate, Point, Unit, WireModel
+from tigas_common.wire.model import MAX_PIXELS, MAX_SIDE, Angle, Point, Quaternion, Unit, WireModel
 
 FrameFormat = Literal["jpeg", "png", "yuv420p"]
 
@@ -61,7 +61,7 @@ class RenderRequest(WireModel):
     """The camera's centre, in scene units."""
     position: Point | None = None
     """The camera's centre, in scene units."""
-    quaternion: tuple[Coordinate, Coordinate, Coordinate, Coordinate] | None = None
+    quaternion: Quaternion | None = None
     """Camera to world, [x, y, z, w]."""
 
     fx: float = Field(gt=0, le=1e6)
@@ -93,8 +93,6 @@ class RenderRequest(WireModel):
                 if uses_euler
                 else "position and quaternion go together"
             )
-        if self.quaternion is not None and not any(self.quaternion):
-            raise ValueError("a quaternion of length zero is no rotation")
         if self.width * self.height > MAX_PIXELS:
             raise ValueError(f"a viewport has at most {MAX_PIXELS} pixels")
         return self
