@@ -9,10 +9,6 @@ from grimp import build_graph
 
 COMMON = "tigas_common"
 SERVICES = sorted(path.name for path in Path(__file__).parents[1].glob("services/*/tigas_*"))
-CIRCLES = {
-    "tigas_experiments": "quality, records, report, run and store import each other",
-}
-"""Packages whose modules or folders still import each other in a circle, and how."""
 
 graph = build_graph(*SERVICES, cache_dir=None)
 
@@ -32,18 +28,7 @@ def test_a_service_imports_only_itself_and_what_is_common(service: str) -> None:
     assert foreign == set()
 
 
-def packages() -> list[object]:
-    """Every package with modules, those with a circle marked."""
-    return [
-        pytest.param(package, marks=pytest.mark.xfail(strict=True, reason=CIRCLES[package]))
-        if package in CIRCLES
-        else package
-        for package in sorted(graph.modules)
-        if graph.find_children(package)
-    ]
-
-
-@pytest.mark.parametrize("package", packages())
+@pytest.mark.parametrize("package", sorted(name for name in graph.modules if graph.find_children(name)))
 def test_a_packages_modules_and_folders_form_no_circle(package: str) -> None:
     importers_of_init = graph.find_modules_that_directly_import(package) & graph.find_descendants(package)
     closing = {(module, package) for module in importers_of_init} | graph.nominate_cycle_breakers(package)

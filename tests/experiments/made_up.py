@@ -15,8 +15,8 @@ from tigas_common.wire.recording import Input, Lens, LinkSample, PlayedStream, R
 from tigas_common.wire.render import DEFAULT_LADDER, ServerConfig, ServerTiming
 from tigas_common.wire.run import Configuration, Mode, Network
 from tigas_common.wire.shaper import LinkSetting
-from tigas_experiments.quality.picture import Quality
-from tigas_experiments.records.folder import CaptureQuality, RunRecord, RunWriter, Snapshot
+from tigas_experiments.quality.picture import CaptureQuality, Quality
+from tigas_experiments.records.folder import RunRecord, RunWriter, Snapshot
 from tigas_experiments.records.load import Load, LoadSample
 from tigas_experiments.records.machine import Machine
 

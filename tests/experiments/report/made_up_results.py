@@ -15,8 +15,8 @@ from typing import Any
 from tests.experiments.made_up import LENS, MACHINE, inputs, reply
 from tigas_common.wire.recording import LinkSample, Recording, ShownFrame, Traffic
 from tigas_common.wire.run import Configuration, Mode, Network
-from tigas_experiments.quality.picture import Quality
-from tigas_experiments.records.folder import CaptureQuality, RunRecord, RunWriter
+from tigas_experiments.quality.picture import CaptureQuality, Quality
+from tigas_experiments.records.folder import RunRecord, RunWriter
 from tigas_experiments.records.load import Load, LoadSample
 
 STEP_MS = 20.0

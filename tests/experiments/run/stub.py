@@ -11,11 +11,11 @@ import pytest
 
 from tests.experiments.made_up import MACHINE
 from tigas_common.wire.run import Configuration
+from tigas_experiments.errors import RunFailed
 from tigas_experiments.records.folder import RunRecord, RunWriter
 from tigas_experiments.report import cli as report_module
 from tigas_experiments.run import measure as run_module
 from tigas_experiments.run import runner
-from tigas_experiments.run.errors import RunFailed
 from tigas_experiments.run.inputs import Inputs
 
 Happening = Callable[[RunWriter], None]

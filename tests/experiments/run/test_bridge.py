@@ -13,8 +13,8 @@ from PIL import Image
 
 from tests.experiments.conftest import Services
 from tigas_common.wire.recording import Recording
+from tigas_experiments.errors import RunFailed
 from tigas_experiments.run.browser import Viewer, chromium
-from tigas_experiments.run.errors import RunFailed
 from tigas_render.raster.stamp import read_stamp
 
 TURN = [

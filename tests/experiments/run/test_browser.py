@@ -9,9 +9,9 @@ from typing import Any
 import pytest
 from playwright.async_api import Error, TimeoutError
 
+from tigas_experiments.errors import RunFailed
 from tigas_experiments.run import browser
 from tigas_experiments.run.browser import Viewer, responds
-from tigas_experiments.run.errors import RunFailed
 
 
 class StrangePage:

@@ -15,11 +15,11 @@ from tests.experiments.made_up import MACHINE, SERVER, configuration
 from tests.experiments.movement.scenes import scene
 from tigas_common.errors import StartError
 from tigas_common.wire.run import Configuration, Network
+from tigas_experiments.errors import RunFailed
+from tigas_experiments.lock import exclusive, services_lock
 from tigas_experiments.run import environment as module
 from tigas_experiments.run.environment import Environment, Supervised, open_environment
-from tigas_experiments.run.errors import RunFailed
 from tigas_experiments.run.inputs import Inputs
-from tigas_experiments.run.lock import exclusive, services_lock
 from tigas_experiments.run.targets import Target
 
 

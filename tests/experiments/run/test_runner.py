@@ -17,10 +17,10 @@ from typer.testing import CliRunner, Result
 from tests.experiments.run.stub import Stub, fails
 from tests.experiments.run.test_plan import toml
 from tigas_common.errors import StartError
+from tigas_experiments.commands.experiment import experiment
+from tigas_experiments.lock import exclusive
 from tigas_experiments.records.folder import RunWriter, read_experiment
 from tigas_experiments.run import runner
-from tigas_experiments.run.cli import experiment
-from tigas_experiments.run.lock import exclusive
 
 
 @pytest.fixture

@@ -13,10 +13,10 @@ import pytest
 
 from tests.experiments.made_up import write_run
 from tests.experiments.store.conftest import SCENE_BYTES, Running, by_command, running_store, upload
+from tigas_experiments.lock import EXPERIMENT, exclusive
 from tigas_experiments.records.folder import StoredRun, read_experiment
 from tigas_experiments.records.load import LoadSample
 from tigas_experiments.records.summary import summarise
-from tigas_experiments.run.lock import EXPERIMENT, exclusive
 
 pytestmark = pytest.mark.anyio
 

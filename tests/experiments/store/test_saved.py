@@ -10,10 +10,10 @@ import pytest
 from typer.testing import CliRunner, Result
 
 from tests.experiments.store.conftest import upload
+from tigas_experiments.commands.experiment import experiment
 from tigas_experiments.records.folder import read_experiment
 from tigas_experiments.records.summary import summarise
 from tigas_experiments.report import cli as report_module
-from tigas_experiments.run.cli import experiment
 
 FAILED: dict[str, Any] = {
     "status": "failed",

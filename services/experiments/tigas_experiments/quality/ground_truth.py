@@ -9,9 +9,8 @@ import httpx
 
 from tigas_common.wire.recording import Capture, Input, Lens
 from tigas_common.wire.render import RenderRequest
-from tigas_experiments.quality.picture import BrokenPicture, Picture, compare, decode
-from tigas_experiments.records.folder import CaptureQuality
-from tigas_experiments.run.errors import RunFailed
+from tigas_experiments.errors import RunFailed
+from tigas_experiments.quality.picture import BrokenPicture, CaptureQuality, Picture, compare, decode
 
 TIMEOUT_S = 60
 

@@ -28,6 +28,18 @@ class Quality(WireModel):
     ssim: float
 
 
+class CaptureQuality(WireModel):
+    """What a person saw at one moment, compared with ground truth twice."""
+
+    at: float
+    pose: int
+    rung: int | None
+    picture: Quality
+    """Against the very pose that the frame was rendered from: what resolution and compression cost."""
+    view: Quality
+    """Against the pose that the viewer had at that moment: what lateness costs, too."""
+
+
 def decode(data: bytes) -> Picture:
     """A PNG or JPEG as RGB. Raises BrokenPicture."""
     try:

@@ -26,7 +26,7 @@ from tigas_common.wire.model import WireModel
 from tigas_common.wire.recording import Input, LinkSample, Recording, RecordingHead, Reply, ShownFrame, Traffic
 from tigas_common.wire.run import Configuration
 from tigas_common.wire.store import ExperimentName, Plan
-from tigas_experiments.quality.picture import Quality
+from tigas_experiments.quality.picture import CaptureQuality
 from tigas_experiments.records.load import Load, LoadSample
 from tigas_experiments.records.machine import Machine, Server
 from tigas_experiments.records.recording import BrokenRecording
@@ -65,18 +65,6 @@ def write_experiment(folder: Path, record: ExperimentRecord) -> None:
 def read_experiment(folder: Path) -> ExperimentRecord:
     """What write_experiment wrote. Raises BrokenRecording."""
     return _read_one(folder / "experiment.json", ExperimentRecord)
-
-
-class CaptureQuality(WireModel):
-    """What a person saw at one moment, compared with ground truth twice."""
-
-    at: float
-    pose: int
-    rung: int | None
-    picture: Quality
-    """Against the very pose that the frame was rendered from: what resolution and compression cost."""
-    view: Quality
-    """Against the pose that the viewer had at that moment: what lateness costs, too."""
 
 
 class Snapshot(WireModel):

@@ -8,8 +8,9 @@ from pathlib import Path
 from tigas_common.wire.figures import Figures, QualityFigures
 from tigas_common.wire.model import WireModel
 from tigas_common.wire.recording import Input, LinkSample, RecordingHead, Reply, ShownFrame, Traffic
+from tigas_experiments.quality.picture import CaptureQuality
 from tigas_experiments.records import statistics
-from tigas_experiments.records.folder import CaptureQuality, RunRecord, StoredRun
+from tigas_experiments.records.folder import RunRecord, StoredRun
 from tigas_experiments.records.recording import BrokenRecording
 
 

@@ -17,8 +17,8 @@ from playwright.async_api import Browser, BrowserContext, Error, Page, async_pla
 
 from tigas_common.errors import StartError
 from tigas_common.wire.recording import Recording
+from tigas_experiments.errors import RunFailed
 from tigas_experiments.records.recording import parse_recording
-from tigas_experiments.run.errors import RunFailed
 
 NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome")
 ARGUMENTS = (

@@ -17,14 +17,14 @@ from playwright.async_api import Browser
 from tigas_common.errors import StartError
 from tigas_common.wire.render import SceneInfo
 from tigas_common.wire.run import Configuration, Network
+from tigas_experiments.errors import RunFailed
+from tigas_experiments.lock import exclusive, services_lock
 from tigas_experiments.movement.points import Point
 from tigas_experiments.records.folder import InputDigests
 from tigas_experiments.records.machine import Machine, this_machine
 from tigas_experiments.run.browser import chromium, find_chromium, responds, viewer
-from tigas_experiments.run.errors import RunFailed
 from tigas_experiments.run.inputs import Inputs
 from tigas_experiments.run.link import held
-from tigas_experiments.run.lock import exclusive, services_lock
 from tigas_experiments.run.targets import LAB_URL, Target, alive, lab_target, load_scene, url_target
 
 Resource = TypeVar("Resource")

@@ -12,7 +12,7 @@ from time import time
 from tigas_common.wire.recording import LinkSample
 from tigas_common.wire.run import Network
 from tigas_common.wire.shaper import ShaperStatus
-from tigas_experiments.run.errors import RunFailed
+from tigas_experiments.errors import RunFailed
 from tigas_experiments.run.shaper_client import ShaperClient
 from tigas_experiments.run.targets import Target
 

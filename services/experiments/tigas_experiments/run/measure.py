@@ -14,16 +14,16 @@ import httpx
 from tigas_common.errors import StartError
 from tigas_common.wire.recording import Recording
 from tigas_common.wire.run import Configuration
+from tigas_experiments.errors import RunFailed
 from tigas_experiments.movement.points import Point, digest
 from tigas_experiments.quality.ground_truth import TIMEOUT_S, GroundTruth, pose_at
-from tigas_experiments.quality.picture import BrokenPicture, encode
-from tigas_experiments.records.folder import CaptureQuality, RunRecord, RunWriter, Snapshot
+from tigas_experiments.quality.picture import BrokenPicture, CaptureQuality, encode
+from tigas_experiments.records.folder import RunRecord, RunWriter, Snapshot
 from tigas_experiments.records.load import Load, watching_load
 from tigas_experiments.records.machine import Server
 from tigas_experiments.records.recording import BrokenRecording
 from tigas_experiments.run.browser import Viewer, viewer
 from tigas_experiments.run.environment import Environment, Setup
-from tigas_experiments.run.errors import RunFailed
 from tigas_experiments.run.link import held, link_sample, watching_link
 from tigas_experiments.run.targets import alive
 

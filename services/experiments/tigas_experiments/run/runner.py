@@ -11,6 +11,7 @@ from pathlib import Path
 
 from tigas_common.errors import StartError
 from tigas_common.wire.run import Configuration
+from tigas_experiments.lock import EXPERIMENT, exclusive
 from tigas_experiments.records.folder import (
     ExperimentRecord,
     InputDigests,
@@ -23,7 +24,6 @@ from tigas_experiments.records.folder import (
 from tigas_experiments.records.recording import BrokenRecording
 from tigas_experiments.run.environment import Environment, open_environment
 from tigas_experiments.run.inputs import Inputs
-from tigas_experiments.run.lock import EXPERIMENT, exclusive
 from tigas_experiments.run.measure import run
 from tigas_experiments.run.plan import Plan
 

@@ -16,7 +16,7 @@ from pydantic import ValidationError
 from tigas_common.parsing import sentence
 from tigas_common.wire.run import Network
 from tigas_common.wire.shaper import ShaperStatus
-from tigas_experiments.run.errors import RunFailed
+from tigas_experiments.errors import RunFailed
 
 TIMEOUT_S = 10
 UPLOAD_TIMEOUT_S = 60

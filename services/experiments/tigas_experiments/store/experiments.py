@@ -19,10 +19,10 @@ from typing import TypeVar
 from tigas_common.errors import StartError
 from tigas_common.parsing import parse
 from tigas_common.wire.store import Experiment, ExperimentList, ExperimentRequest, ExperimentSummary, RunRow
+from tigas_experiments.lock import EXPERIMENT, exclusive
 from tigas_experiments.records.folder import ExperimentRecord, RunRecord, StoredRun, read_experiment, write_experiment
 from tigas_experiments.records.recording import BrokenRecording
 from tigas_experiments.records.summary import Summary, summarise
-from tigas_experiments.run.lock import EXPERIMENT, exclusive
 from tigas_experiments.store.errors import ExperimentInUse, UnknownExperiment, storage_explained
 from tigas_experiments.store.workspace import Workspace
 

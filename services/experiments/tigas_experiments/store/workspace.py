@@ -14,7 +14,7 @@ from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
 from tigas_common.errors import StartError
-from tigas_experiments.run.lock import exclusive
+from tigas_experiments.lock import exclusive
 
 NAME = ".store"
 LOCK = "lock"

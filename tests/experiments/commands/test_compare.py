@@ -21,8 +21,8 @@ from tests.experiments.conftest import Services
 from tests.experiments.run.commands import finished, started, until
 from tests.experiments.run.stub import Stub, fails
 from tigas_common.wire.run import MODES
+from tigas_experiments.commands.compare import compare as command
 from tigas_experiments.records.folder import StoredRun, read_experiment
-from tigas_experiments.run.compare import compare as command
 
 SHORT = ("--scene", "pebbles", "--duration", "2", "--warm-up", "0.5", "--viewport", "320x180", "--profile", "3")
 

@@ -10,8 +10,8 @@ from pathlib import Path
 import psutil
 import pytest
 
+from tests.experiments.commands.test_compare import compare, report
 from tests.experiments.run.commands import finished, until
-from tests.experiments.run.test_compare import compare, report
 from tests.web.conftest import CHROMIUM, STATIC
 from tigas_common.errors import StartError
 from tigas_experiments.records.folder import StoredRun

@@ -12,7 +12,7 @@ import typer
 from tigas_common.cli import in_a_sentence
 from tigas_common.errors import StartError
 from tigas_common.wire.run import MODES
-from tigas_experiments.run.options import Scenes, Traces, Url, command_as_typed
+from tigas_experiments.commands.options import Scenes, Traces, Url, command_as_typed
 
 DEFAULT_NETWORK = "20mbit,20ms-rtt"
 DEFAULT_PROFILE = "budget"

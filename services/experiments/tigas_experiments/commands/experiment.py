@@ -10,7 +10,7 @@ import typer
 
 from tigas_common.cli import in_a_sentence
 from tigas_common.errors import StartError
-from tigas_experiments.run.options import Scenes, Traces, Url, command_as_typed
+from tigas_experiments.commands.options import Scenes, Traces, Url, command_as_typed
 
 experiment = typer.Typer(
     help="Experiments: a matrix of runs from one file (docs/experiments.md).", no_args_is_help=True
