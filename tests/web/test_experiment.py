@@ -110,7 +110,7 @@ def test_two_controllers_are_compared_and_kept(open_page: OpenPage, lab: PageLab
     expect(row.get_by_role("link", name="Report")).to_have_attribute("href", report)
 
 
-def test_what_fails_or_is_cancelled(open_page: OpenPage, storeless: tuple[str, FakeShaper], tmp_path: Path) -> None:
+def test_what_fails_or_is_cancelled(storeless: tuple[str, FakeShaper], open_page: OpenPage, tmp_path: Path) -> None:
     url, shaper = storeless
     file = tmp_path / "my walk.csv"
     file.write_text(WALK)
