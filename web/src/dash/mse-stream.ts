@@ -5,7 +5,7 @@
 import { sleep } from "../async/sleep";
 import { type Manifest, readManifest } from "./manifest";
 import { MediaBuffer } from "./media-buffer";
-import { Pace } from "./pace";
+import { MARGIN, Pace } from "./pace";
 import { fetched, SegmentFeed } from "./segment-feed";
 import { ServerClock } from "./server-clock";
 import { type PlayStream, StreamEnded, type StreamEvents, StreamUnsupported } from "./streaming";
@@ -115,16 +115,15 @@ class MsePlayer {
     const video = this.#video;
     const end = this.#buffer?.end ?? null;
     if (end === null || this.#target === undefined || video.seeking) return;
-    const position = this.#started ? video.currentTime : Number.NEGATIVE_INFINITY;
-    const next = this.#pace.next({ position, end, live: this.#live(), target: this.#target });
-    if ("rate" in next) {
-      if (video.playbackRate !== next.rate) video.playbackRate = next.rate;
+    if (!this.#started) {
+      this.#started = true;
+      video.currentTime = end - MARGIN;
+      video.play().catch(() => undefined); // a page that leaves ends it
       return;
     }
-    video.currentTime = next.jump;
-    if (this.#started) return;
-    this.#started = true;
-    video.play().catch(() => undefined); // a page that leaves ends it
+    const next = this.#pace.next({ position: video.currentTime, end, live: this.#live(), target: this.#target });
+    if ("jump" in next) video.currentTime = next.jump;
+    else if (video.playbackRate !== next.rate) video.playbackRate = next.rate;
   }
 
   /** The server's place on the media timeline, in seconds. */

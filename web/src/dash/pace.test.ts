@@ -8,8 +8,8 @@ beforeEach(() => {
 });
 
 /** What it does at so many milliseconds behind a live edge that is at 10 s, with a target of 60 ms; all came until `end`. */
-function at(behind: number, end = 10) {
-  return pace.next({ position: 10 - behind / 1000, end, live: 10, target: 0.06 });
+function at(behind: number, end = 10, live = 10) {
+  return pace.next({ position: live - behind / 1000, end, live, target: 0.06 });
 }
 
 test("playback is faster above the target and slower below, until it has crossed it", () => {
@@ -24,6 +24,12 @@ test("playback is faster above the target and slower below, until it has crossed
 
 test("what is far behind jumps to just before the end of what has come", () => {
   expect(at(500)).toEqual({ jump: 9.98 });
+});
+
+test("it does not jump again at once", () => {
+  at(500);
+  expect(at(400)).toEqual({ rate: 1.05 });
+  expect(at(400, 13, 13)).toEqual({ jump: 12.98 });
 });
 
 test("nothing has come to jump to, or to hurry to, where the link itself is late", () => {

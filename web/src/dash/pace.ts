@@ -6,6 +6,8 @@ export const MARGIN = 0.02;
 const NEAR = 0.015;
 /** Further behind than this is not made up for by playing faster, in seconds. */
 const FAR = 0.25;
+/** A jump decodes all frames since the last keyframe: a machine that cannot keep up must not do it all the time. In seconds. */
+const JUMP_EVERY = 2;
 const FASTER = 1.05;
 const SLOWER = 0.95;
 
@@ -22,13 +24,15 @@ export interface Playback {
 
 export class Pace {
   #rate = 1;
+  #jumpedAt = Number.NEGATIVE_INFINITY;
 
   /** Where to jump to, or else how fast to play. */
   next({ position, end, live, target }: Playback): { readonly jump: number } | { readonly rate: number } {
     const behind = live - position - target;
     const ahead = end - position;
-    if (behind > FAR && ahead > FAR) {
+    if (behind > FAR && ahead > FAR && live - this.#jumpedAt > JUMP_EVERY) {
       this.#rate = 1;
+      this.#jumpedAt = live;
       return { jump: end - MARGIN };
     }
     if (behind > NEAR) this.#rate = FASTER;

@@ -42,7 +42,7 @@ KNOWN_LOOKS = {
     "l2a": Look("#56b4e9", "-", "v"),
     "dash-typical": Look("#d55e00", "--", "X"),
     "dash-tuned": Look("#009e73", "--", "P"),
-    "dash-edge": Look("#f0e442", "--", "*"),
+    "dash-edge": Look("#000000", "--", "*"),
 }
 """Okabe and Ito's colours, which people with colour blindness tell apart."""
 OTHER_COLOURS = ("#999933", "#882255", "#44aa99", "#ddcc77")
