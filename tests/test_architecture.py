@@ -1,14 +1,18 @@
-"""Imports run one way: no service imports another, and nothing is imported in a circle. Imports for types count."""
+"""Imports run one way, no service imports another, and docs/architecture.md draws them. Imports for types count."""
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
+import networkx
 import pytest
 from grimp import build_graph
 
 COMMON = "tigas_common"
-SERVICES = sorted(path.name for path in Path(__file__).parents[1].glob("services/*/tigas_*"))
+ROOT = Path(__file__).parents[1]
+SERVICES = sorted(path.name for path in ROOT.glob("services/*/tigas_*"))
+ARCHITECTURE = (ROOT / "docs/architecture.md").read_text(encoding="utf-8")
 
 graph = build_graph(*SERVICES, cache_dir=None)
 
@@ -33,3 +37,18 @@ def test_a_packages_modules_and_folders_form_no_circle(package: str) -> None:
     importers_of_init = graph.find_modules_that_directly_import(package) & graph.find_descendants(package)
     closing = {(module, package) for module in importers_of_init} | graph.nominate_cycle_breakers(package)
     assert {f"{importer} imports {imported}" for importer, imported in closing} == set()
+
+
+@pytest.mark.parametrize("service", [service for service in SERVICES if f"%% {service}\n" in ARCHITECTURE])
+def test_the_drawn_arrows_are_the_imports(service: str) -> None:
+    drawn = networkx.DiGraph(
+        re.findall(r"(\w+) --> (\w+)", ARCHITECTURE.partition(f"%% {service}\n")[2].split("```")[0])
+    )
+    imports = networkx.DiGraph()
+    for module in graph.find_descendants(service):
+        for imported in graph.find_modules_directly_imported_by(module):
+            ends = [name.split(".")[1] for name in (module, imported) if name.startswith(f"{service}.")]
+            if len(set(ends)) == 2:
+                imports.add_edge(*ends)
+    reached = networkx.transitive_closure(imports).subgraph(drawn.nodes)
+    assert set(drawn.edges) == set(networkx.transitive_reduction(reached).edges)
