@@ -51,7 +51,7 @@ class RenderSession:
             answer = _success(await self._frame(body))
         except Exception as error:
             answer = _failure(error, body)
-        await stream.finish(answer)
+        await stream.outlet.finish(answer)
 
     # -- datagrams ---------------------------------------------------------------------------------------------------
 

@@ -15,7 +15,6 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from tigas_common.wire.render import Problem
 from tigas_render.transport.outlet import Outlet, StreamClosed
-from tigas_render.transport.stream import Stream
 
 logger = logging.getLogger(__name__)
 
@@ -62,13 +61,14 @@ def refusal(status: int) -> ASGIApp:
     return refuse
 
 
-class HttpRequest(Stream):
+class HttpRequest:
     """A request and its response."""
 
-    abort_code = ErrorCode.H3_REQUEST_CANCELLED
+    abort_code: int = ErrorCode.H3_REQUEST_CANCELLED
 
     def __init__(self, outlet: Outlet, scope: Scope, app: ASGIApp) -> None:
-        super().__init__(outlet)
+        self.outlet = outlet
+        self.task: asyncio.Task[None] | None = None
         self._scope = scope
         self._app = app
         self._body: deque[bytes] = deque()
@@ -84,6 +84,7 @@ class HttpRequest(Stream):
     # -- from the client ---------------------------------------------------------------------------------------------
 
     def data_received(self, data: bytes, ended: bool) -> None:
+        """The next part of the body; `ended` with the last."""
         self._ended |= ended
         if data and not self._disconnected and not self._complete:
             self._body.append(data)
@@ -94,6 +95,7 @@ class HttpRequest(Stream):
         self._news.set()
 
     def cancelled(self) -> None:
+        """The client wants no answer any more, or is gone."""
         self._disconnected = True
         self._body.clear()
         self._news.set()
@@ -101,6 +103,7 @@ class HttpRequest(Stream):
     # -- the application's side --------------------------------------------------------------------------------------
 
     async def run(self) -> None:
+        """Let the application answer."""
         try:
             await self._app(self._scope, self.receive, self.send)
             failed = not self._complete and not self._disconnected

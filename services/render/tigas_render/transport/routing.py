@@ -6,6 +6,7 @@ import asyncio
 import logging
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from typing import Protocol
 from urllib.parse import urlsplit
 
 from aioquic.buffer import encode_uint_var
@@ -24,13 +25,31 @@ from tigas_render.transport.http import HttpRequest, http_scope, refusal
 from tigas_render.transport.limits import Limits
 from tigas_render.transport.outlet import DatagramOutlet, Outlet, Writer
 from tigas_render.transport.quic import ServerH3Connection, ServerQuicConnection
-from tigas_render.transport.stream import Stream
 from tigas_render.transport.webtransport import DRAFT_HEADER, SessionFactory, WebTransportSession, WebTransportStream
 
 logger = logging.getLogger(__name__)
 
 BUFFERED_STREAM_REJECTED = 0x3994BD84
 """WebTransport's error for a stream of a session that does not exist."""
+
+
+class Stream(Protocol):
+    """What is on a bidirectional stream that a client opened: an HTTP request, or one stream of a session."""
+
+    outlet: Outlet
+    task: asyncio.Task[None] | None
+    """Runs `run`."""
+    abort_code: int
+    """The error code for a stream whose task ends before the stream is finished."""
+
+    def data_received(self, data: bytes, ended: bool) -> None:
+        """The next part of what the client sends; `ended` with the last."""
+
+    def cancelled(self) -> None:
+        """The client wants no answer any more, has reset its side, or is gone."""
+
+    async def run(self) -> None:
+        """Answer the client. What is not finished when it returns is reset."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -203,8 +222,7 @@ class Router:
         session.close()
 
     def _webtransport_data(self, event: WebTransportStreamDataReceived) -> None:
-        stream = self._streams.get(event.stream_id)
-        if stream is None:
+        if event.stream_id not in self._streams:
             outlet = Outlet(self.writer, event.stream_id)
             session = self._sessions.get(event.session_id)
             if session is None or event.stream_id % 4 != 0 or self._goaway is not None:
@@ -212,9 +230,8 @@ class Router:
                 return
             if not outlet.is_open:  # answered already; the client has not stopped yet
                 return
-            stream = WebTransportStream(outlet, session, self._overloaded)
-            self._start(stream)
-        stream.data_received(event.data, event.stream_ended)
+            self._start(WebTransportStream(outlet, session, self._overloaded))
+        self._streams[event.stream_id].data_received(event.data, event.stream_ended)
 
     # -- tasks -------------------------------------------------------------------------------------------------------
 

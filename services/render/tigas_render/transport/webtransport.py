@@ -12,7 +12,6 @@ from aioquic.h3.connection import ErrorCode
 
 from tigas_common.errors import BodyTooLarge, InvalidRequest, Overloaded
 from tigas_render.transport.outlet import DatagramOutlet, Outlet, StreamClosed
-from tigas_render.transport.stream import Stream
 
 DRAFT_HEADER = (b"sec-webtransport-http3-draft", b"draft02")
 """The draft that browsers speak and expect in the answer."""
@@ -56,13 +55,14 @@ class WebTransportSession:
         self._outlet.abort(ErrorCode.H3_NO_ERROR)
 
 
-class WebTransportStream(Stream):
+class WebTransportStream:
     """One bidirectional stream that the client opened."""
 
-    abort_code = CANCELLED
+    abort_code: int = CANCELLED
 
     def __init__(self, outlet: Outlet, session: WebTransportSession, overloaded: bool = False) -> None:
-        super().__init__(outlet)
+        self.outlet = outlet
+        self.task: asyncio.Task[None] | None = None
         self.session = session
         self._overloaded = overloaded
         self._body = bytearray()
@@ -70,6 +70,7 @@ class WebTransportStream(Stream):
         self._news = asyncio.Event()
 
     def data_received(self, data: bytes, ended: bool) -> None:
+        """The next part of what the client sends; `ended` with the last."""
         self._ended |= ended
         self._body += data
         if len(self._body) > self.outlet.limits.unread:
@@ -78,10 +79,12 @@ class WebTransportStream(Stream):
         self._news.set()
 
     def cancelled(self) -> None:
+        """The client wants no answer any more, or is gone."""
         if self.task is not None:
             self.task.cancel()
 
     async def run(self) -> None:
+        """Let the session's handler answer."""
         with contextlib.suppress(StreamClosed):
             await self.session.handler.stream(self)
 
@@ -103,7 +106,3 @@ class WebTransportStream(Stream):
         if len(self._body) > limit:
             raise BodyTooLarge(f"The body has more than {limit} bytes.")
         return bytes(self._body)
-
-    async def finish(self, answer: bytes) -> None:
-        """Send the answer and end the stream; waits, and raises StreamClosed, as `Outlet.finish` does."""
-        await self.outlet.finish(answer)
