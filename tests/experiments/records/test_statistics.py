@@ -7,8 +7,9 @@ import math
 import pytest
 
 from tests.experiments.made_up import frame, inputs, late, reply
-from tigas_common.wire.figures import Freezes, ReplyTimes, Responses, Rungs
-from tigas_common.wire.recording import Traffic
+from tigas_common.wire.figures import FrameAges, Freezes, RenderTimes, ResponseTimes, Rungs
+from tigas_common.wire.recording import Reply, Traffic
+from tigas_common.wire.render import ServerTiming
 from tigas_experiments.records import statistics
 
 
@@ -42,18 +43,29 @@ def test_nobody_moved() -> None:
     assert (found.inputs, found.p50, found.share_interactive) == (0, None, None)
 
 
-def test_a_response_is_a_frame_s_own_age_and_skips_what_no_frame_was_asked_for() -> None:
+def test_a_frame_s_age_is_that_of_its_own_pose_and_skips_what_no_frame_was_asked_for() -> None:
     sampled = inputs(4, every_ms=10)  # poses 1 to 4 at 0, 10, 20, 30 ms
     shown = [frame(5, 0), frame(50, 2), frame(60, 2), frame(70, 1), frame(130, 4), frame(200, 9)]
-    assert statistics.response_times(sampled, shown) == [(50, 40), (130, 100)]
-    assert statistics.responses(sampled, shown) == Responses(frames=2, mean=70, p50=40, p95=100)
-    assert statistics.responses(sampled, []).mean is None
+    assert statistics.ages_when_new(sampled, shown) == [(50, 40), (130, 100)]
+    assert statistics.frame_ages(sampled, shown) == FrameAges(frames=2, mean=70, p50=40, p95=100)
+    assert statistics.frame_ages(sampled, []).mean is None
 
 
-def test_a_reply_takes_from_being_asked_for_to_its_last_byte() -> None:
-    found = statistics.reply_times([reply(-1, 500), reply(0, 30), reply(40, 50), reply(70, 100)])
-    assert found == ReplyTimes(replies=3, mean=60, p50=50, p95=100), "the first was asked for before the run"
-    assert statistics.reply_times([]).p95 is None
+def test_a_response_takes_from_the_request_to_the_last_byte() -> None:
+    found = statistics.response_times([reply(-1, 500), reply(0, 30), reply(40, 50), reply(70, 100)])
+    assert found == ResponseTimes(replies=3, mean=60, p50=50, p95=100), "the first was asked for before the run"
+    assert statistics.response_times([]).p95 is None
+
+
+def test_rendering_time_is_the_server_s_where_it_tells() -> None:
+    def rendered(at: float, ms: float | None) -> Reply:
+        server = None if ms is None else ServerTiming(queue=9, render=ms, encode=9)
+        return reply(at, 30).model_copy(update={"server": server})
+
+    before, untold = rendered(-1, 99), rendered(80, None)
+    told = [before, rendered(0, 4), rendered(20, 20), rendered(40, 6)]
+    assert statistics.render_times([*told, untold]) == RenderTimes(mean=10, p50=6)
+    assert statistics.render_times([untold]) == RenderTimes(mean=None, p50=None)
 
 
 def test_constant_latency_is_no_freeze_however_long() -> None:
@@ -93,6 +105,8 @@ def test_rungs_and_height_are_weighted_by_time() -> None:
     shown = [frame(0, 1, rung=2, height=360), frame(750, 2, rung=0, height=720)]
     assert statistics.rungs(shown, 1000) == Rungs(share={0: 0.25, 2: 0.75}, switches=1)
     assert statistics.mean_height(shown, 1000) == 0.75 * 360 + 0.25 * 720
+    assert (statistics.median_height(shown, 1000), statistics.median_height(shown, 3000)) == (360, 720)
+    assert statistics.median_height([], 1000) is None
     assert statistics.rungs(shown, 1000).mean == 1.5
     unknown = statistics.rungs([frame(0, 1, rung=None)], 1000)
     assert (unknown.share, unknown.mean) == ({}, None)

@@ -24,8 +24,12 @@ def test_the_figures_of_records_worked_by_hand(name: str) -> None:
     latencies = statistics.latencies(inputs, frames)
     assert case["figures"] == {
         "p50": latencies.p50,
+        "p90": latencies.p90,
         "p95": latencies.p95,
+        "p99": latencies.p99,
         "share_interactive": latencies.share_interactive,
+        "share_frame_less": latencies.share_frame_less,
+        "share_frame_more": latencies.share_frame_more,
         "new_views_per_s": statistics.rates(frames, duration).new_views_per_s,
         "mean_height": statistics.mean_height(frames, duration),
         "switches": statistics.rungs(frames, duration).switches,

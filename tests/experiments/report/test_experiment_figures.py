@@ -30,7 +30,7 @@ def test_round_trips_are_told_from_end_to_end(tmp_path: Path) -> None:
     runs = [{"rtt_ms": rtt, "delay_ms": 30 + rtt, "repeat": n} for rtt in (20.0, 50.0, 300.0) for n in (0, 1)]
     plot = over_rtt(groups(tmp_path, *runs), "bus")
     assert plot is not None
-    assert plot.title == "Mean response at 20 ms round trip: Latency 50 ms; at 300 ms: Latency 330 ms"
+    assert plot.title == "Mean frame age at 20 ms round trip: Latency 50 ms; at 300 ms: Latency 330 ms"
     assert "Means over 2 runs" in plot.caption
 
 
@@ -68,4 +68,4 @@ def test_the_overview_names_the_best_and_the_worst(tmp_path: Path) -> None:
     runs: list[dict[str, Any]] = [{"controller": "latency", "delay_ms": 130}, {"controller": "budget"}]
     plot = overview(groups(tmp_path, *runs))
     assert plot is not None
-    assert plot.title == "Budget has the most inputs within 100 ms, 100.0 % on average; Latency the fewest, 0.0 %"
+    assert plot.title == "Budget has the most inputs within 108 ms, 100.0 % on average; Latency the fewest, 0.0 %"

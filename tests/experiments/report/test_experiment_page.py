@@ -13,14 +13,14 @@ from tigas_experiments.records.folder import ExperimentRecord, write_experiment
 from tigas_experiments.report import experiment_figures
 from tigas_experiments.report.experiment_page import cell
 from tigas_experiments.report.groups import Spread
-from tigas_experiments.report.metrics import HEIGHT, PHOTON_P95, RESPONSE_MEAN
+from tigas_experiments.report.metrics import FRAME_AGE_MEAN, HEIGHT, PHOTON_P95
 from tigas_experiments.report.report import write_report
 from tigas_experiments.report.results import load
 
 
 def test_a_cell_has_the_mean_and_the_range_where_there_is_one() -> None:
-    assert cell(Spread.over([40.0, 50.0, 90.0]), RESPONSE_MEAN) == ("60", "40–90")
-    assert cell(Spread.over([70.0]), RESPONSE_MEAN) == ("70", None)
+    assert cell(Spread.over([40.0, 50.0, 90.0]), FRAME_AGE_MEAN) == ("60", "40–90")
+    assert cell(Spread.over([70.0]), FRAME_AGE_MEAN) == ("70", None)
     assert cell(Spread.over([40.0, math.inf]), PHOTON_P95) == ("never", "40–never")
     assert cell(None, HEIGHT) == ("–", None)
 

@@ -9,7 +9,7 @@ import pytest
 
 from tests.experiments.report.made_up_results import write_run
 from tigas_experiments.report.groups import Groups, Spread, overall
-from tigas_experiments.report.metrics import HEIGHT, IN_TIME, PHOTON_P50, PHOTON_P95, RESPONSE_MEAN
+from tigas_experiments.report.metrics import FRAME_AGE_MEAN, HEIGHT, IN_TIME, PHOTON_P50, PHOTON_P95
 from tigas_experiments.report.results import load
 from tigas_experiments.report.tables import overall_markdown
 
@@ -64,7 +64,7 @@ def test_each_network_counts_the_same(tmp_path: Path) -> None:
         ("latency", "tram", 20, 90),
     )
     latency, budget = overall(Groups.of(load(tmp_path).runs))
-    spread = budget.spread(RESPONSE_MEAN)
+    spread = budget.spread(FRAME_AGE_MEAN)
     assert spread is not None
     assert (spread.mean, spread.low, spread.high) == (80, 50, 110)
     assert (latency.controller.title, latency.runs, budget.runs) == ("Latency", 2, 3)

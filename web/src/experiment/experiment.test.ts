@@ -110,7 +110,17 @@ test("cancelling ends the present run, keeps what was finished, and makes no oth
 
 test("the store's figures are shown, and what it has is not kept here", async () => {
   const figures = {
-    latencies: { inputs: 1, unanswered: 0, p50: 41, p95: 42, p99: 43, share_interactive: 0.9 },
+    latencies: {
+      inputs: 1,
+      unanswered: 0,
+      p50: 41,
+      p90: 41.5,
+      p95: 42,
+      p99: 43,
+      share_interactive: 0.9,
+      share_frame_less: 0.8,
+      share_frame_more: 1,
+    },
     frames: { shown: 5, per_s: 25, new_views: 4, new_views_per_s: 20 },
     rungs: { share: {}, switches: 3 },
     mean_height: 360,
@@ -123,8 +133,12 @@ test("the store's figures are shown, and what it has is not kept here", async ()
   expect(results.value[3]).toMatchObject({ unstored: null, inputLatencies: [{ at: 5, latency: 40 }] });
   expect(results.value[3]?.figures).toEqual({
     p50: 41,
+    p90: 41.5,
     p95: 42,
+    p99: 43,
     interactive: 0.9,
+    interactiveFrameLess: 0.8,
+    interactiveFrameMore: 1,
     newViewsPerSecond: 20,
     meanHeight: 360,
     switches: 3,

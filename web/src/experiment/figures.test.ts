@@ -45,8 +45,12 @@ test.each(Object.entries(golden as unknown as Readonly<Record<string, Case>>))(
     });
     expect(found).toEqual({
       p50: expected.p50,
+      p90: expected.p90,
       p95: expected.p95,
+      p99: expected.p99,
       interactive: expected.share_interactive,
+      interactiveFrameLess: expected.share_frame_less,
+      interactiveFrameMore: expected.share_frame_more,
       newViewsPerSecond: expected.new_views_per_s,
       meanHeight: expected.mean_height,
       switches: expected.switches,

@@ -7,9 +7,14 @@ import type { RecordedEvents } from "./recorder";
 export interface RunFigures {
   /** Motion-to-photon latency in milliseconds; null: that share of the inputs was never answered, or nothing moved. */
   readonly p50: number | null;
+  readonly p90: number | null;
   readonly p95: number | null;
+  readonly p99: number | null;
   /** Of all inputs, those shown within `INTERACTIVE`, 0 to 1; null if nothing moved. */
   readonly interactive: number | null;
+  /** The same, were the limit one frame of the display less, or one more. */
+  readonly interactiveFrameLess: number | null;
+  readonly interactiveFrameMore: number | null;
   /** Frames a second that show a later pose than all before them: a video repeats pictures. */
   readonly newViewsPerSecond: number;
   /** Of what was on the screen, weighted by time, in pixels; null without frames. */
@@ -26,8 +31,10 @@ export interface InputLatency {
   readonly latency: number;
 }
 
-/** The latency that counts as immediate, in milliseconds. */
-export const INTERACTIVE = 100;
+/** The latency that counts as immediate, in milliseconds: between two frames of a 60 Hz display (`docs/compare.md`). */
+export const INTERACTIVE = 108;
+/** Between two frames of a display, where a recording does not say, in milliseconds. */
+const USUAL_INTERVAL = 1000 / 60;
 
 /** For each input, the first frame of its pose or of a later one. */
 export function inputLatencies({ inputs, frames }: Pick<RecordedEvents, "inputs" | "frames">): InputLatency[] {
@@ -50,12 +57,16 @@ export function figures(
   const latencies = inputLatencies(recording).map(({ latency }) => latency);
   const during = frames.filter(({ at }) => at >= 0 && at <= duration_ms);
   const rungs = during.flatMap(({ rung }) => rung ?? []);
+  const within = (limit: number) =>
+    latencies.length ? latencies.filter((latency) => latency <= limit).length / latencies.length : null;
   return {
     p50: percentile(latencies, 0.5),
+    p90: percentile(latencies, 0.9),
     p95: percentile(latencies, 0.95),
-    interactive: latencies.length
-      ? latencies.filter((latency) => latency <= INTERACTIVE).length / latencies.length
-      : null,
+    p99: percentile(latencies, 0.99),
+    interactive: within(INTERACTIVE),
+    interactiveFrameLess: within(INTERACTIVE - USUAL_INTERVAL),
+    interactiveFrameMore: within(INTERACTIVE + USUAL_INTERVAL),
     newViewsPerSecond: (newViews(during) * 1000) / duration_ms,
     meanHeight: meanHeight(during, duration_ms),
     switches: rungs.filter((rung, i) => i > 0 && rung !== rungs[i - 1]).length,

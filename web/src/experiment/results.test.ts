@@ -17,8 +17,12 @@ const PLAN: ExperimentPlan = {
 };
 const FIGURES: RunFigures = {
   p50: 40,
+  p90: 90,
   p95: 90,
+  p99: 90,
   interactive: 0.9,
+  interactiveFrameLess: 0.9,
+  interactiveFrameMore: 0.9,
   newViewsPerSecond: 30,
   meanHeight: 720,
   switches: 2,

@@ -39,8 +39,12 @@ export function summarize(results: readonly RunResult[]): ConditionSummary[] {
       complete: complete.length,
       figures: {
         p50: mean("p50"),
+        p90: mean("p90"),
         p95: mean("p95"),
+        p99: mean("p99"),
         interactive: mean("interactive"),
+        interactiveFrameLess: mean("interactiveFrameLess"),
+        interactiveFrameMore: mean("interactiveFrameMore"),
         newViewsPerSecond: mean("newViewsPerSecond"),
         meanHeight: mean("meanHeight"),
         switches: mean("switches"),

@@ -83,8 +83,12 @@ export class StoreApi {
 export function toRunFigures({ latencies, frames, mean_height, rungs, received_kbps }: Figures): RunFigures {
   return {
     p50: latencies.p50,
+    p90: latencies.p90,
     p95: latencies.p95,
+    p99: latencies.p99,
     interactive: latencies.share_interactive,
+    interactiveFrameLess: latencies.share_frame_less,
+    interactiveFrameMore: latencies.share_frame_more,
     newViewsPerSecond: frames.new_views_per_s,
     meanHeight: mean_height,
     switches: rungs.switches,

@@ -259,12 +259,14 @@ export interface RunRow {
  */
 export interface Figures {
   latencies: Latencies;
-  responses: Responses;
-  reply_times: ReplyTimes;
+  frame_ages: FrameAges;
+  response_times: ResponseTimes;
+  render_times: RenderTimes;
   frames: Rates;
   freezes: Freezes;
   rungs: Rungs;
   mean_height: number | null;
+  median_height: number | null;
   received_kbps: number | null;
   delivered_kbps: number | null;
   sent_kbps: number | null;
@@ -280,27 +282,37 @@ export interface Latencies {
   inputs: number;
   unanswered: number;
   p50: number | null;
+  p90: number | null;
   p95: number | null;
   p99: number | null;
   share_interactive: number | null;
+  share_frame_less: number | null;
+  share_frame_more: number | null;
 }
 /**
  * From the sample of a frame's own pose to that frame on the screen, in ms; None without frames.
  */
-export interface Responses {
+export interface FrameAges {
   frames: number;
   mean: number | null;
   p50: number | null;
   p95: number | null;
 }
 /**
- * From asking for a frame to its last byte, in ms; None without replies.
+ * From sending a request to the last byte of its frame, in ms, as the paper has it; None without replies.
  */
-export interface ReplyTimes {
+export interface ResponseTimes {
   replies: number;
   mean: number | null;
   p50: number | null;
   p95: number | null;
+}
+/**
+ * The server's, of the frames that came, in ms; None if it told none.
+ */
+export interface RenderTimes {
+  mean: number | null;
+  p50: number | null;
 }
 /**
  * Frames over the movement's duration.

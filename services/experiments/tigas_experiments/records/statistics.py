@@ -12,7 +12,17 @@ from collections import deque
 from collections.abc import Iterator, Sequence
 from itertools import pairwise
 
-from tigas_common.wire.figures import INTERACTIVE_MS, Freezes, Latencies, Rates, ReplyTimes, Responses, Rungs
+from tigas_common.wire.figures import (
+    INTERACTIVE_MS,
+    USUAL_INTERVAL_MS,
+    FrameAges,
+    Freezes,
+    Latencies,
+    Rates,
+    RenderTimes,
+    ResponseTimes,
+    Rungs,
+)
 from tigas_common.wire.recording import Input, Reply, ShownFrame, Traffic
 
 FREEZE_MS, FREEZE_HISTORY = 150.0, 30
@@ -36,17 +46,25 @@ def answers(inputs: Sequence[Input], frames: Sequence[ShownFrame]) -> list[float
     return latencies
 
 
-def latencies(inputs: Sequence[Input], frames: Sequence[ShownFrame]) -> Latencies:
-    """Percentiles over all inputs, unanswered ones counted as slower than any."""
+def latencies(
+    inputs: Sequence[Input], frames: Sequence[ShownFrame], interval_ms: float = USUAL_INTERVAL_MS
+) -> Latencies:
+    """Percentiles over all inputs, unanswered ones counted as slower than any; `interval_ms` is the display's."""
     values = answers(inputs, frames)
-    interactive = sum(value <= INTERACTIVE_MS for value in values)
+
+    def share(limit: float) -> float | None:
+        return sum(value <= limit for value in values) / len(values) if values else None
+
     return Latencies(
         inputs=len(values),
         unanswered=sum(map(math.isinf, values)),
         p50=_finite(percentile(values, 0.5)),
+        p90=_finite(percentile(values, 0.9)),
         p95=_finite(percentile(values, 0.95)),
         p99=_finite(percentile(values, 0.99)),
-        share_interactive=interactive / len(values) if values else None,
+        share_interactive=share(INTERACTIVE_MS),
+        share_frame_less=share(INTERACTIVE_MS - interval_ms),
+        share_frame_more=share(INTERACTIVE_MS + interval_ms),
     )
 
 
@@ -59,16 +77,16 @@ def new_views(frames: Sequence[ShownFrame]) -> list[ShownFrame]:
     return found
 
 
-def response_times(inputs: Sequence[Input], frames: Sequence[ShownFrame]) -> list[tuple[float, float]]:
+def ages_when_new(inputs: Sequence[Input], frames: Sequence[ShownFrame]) -> list[tuple[float, float]]:
     """For each new view of a sampled pose: when it was on the screen, and how long after its pose's sample, in ms."""
     sampled = {entry.pose: entry.at for entry in inputs}
     return [(frame.at, frame.at - sampled[frame.pose]) for frame in new_views(frames) if frame.pose in sampled]
 
 
-def responses(inputs: Sequence[Input], frames: Sequence[ShownFrame]) -> Responses:
+def frame_ages(inputs: Sequence[Input], frames: Sequence[ShownFrame]) -> FrameAges:
     """Over the frames, where `latencies` is over the inputs: what no frame was asked for does not count here."""
-    values = [ms for _, ms in response_times(inputs, frames)]
-    return Responses(
+    values = [ms for _, ms in ages_when_new(inputs, frames)]
+    return FrameAges(
         frames=len(values),
         mean=_mean(values),
         p50=percentile(values, 0.5),
@@ -76,12 +94,18 @@ def responses(inputs: Sequence[Input], frames: Sequence[ShownFrame]) -> Response
     )
 
 
-def reply_times(replies: Sequence[Reply]) -> ReplyTimes:
+def response_times(replies: Sequence[Reply]) -> ResponseTimes:
     """Without the page's part: its wait to ask, decoding and the screen."""
     values = [reply.time_ms for reply in replies if reply.asked_at >= 0]
-    return ReplyTimes(
+    return ResponseTimes(
         replies=len(values), mean=_mean(values), p50=percentile(values, 0.5), p95=percentile(values, 0.95)
     )
+
+
+def render_times(replies: Sequence[Reply]) -> RenderTimes:
+    """Of the same frames."""
+    values = [reply.server.render for reply in replies if reply.asked_at >= 0 and reply.server is not None]
+    return RenderTimes(mean=_mean(values), p50=percentile(values, 0.5))
 
 
 def freezes(inputs: Sequence[Input], frames: Sequence[ShownFrame], ended_ms: float) -> Freezes:
@@ -137,11 +161,29 @@ def rungs(frames: Sequence[ShownFrame], duration_ms: float) -> Rungs:
 
 def mean_height(frames: Sequence[ShownFrame], duration_ms: float) -> float | None:
     """Height in pixels of what was on the screen until the movement's end, weighted by time; None without frames."""
+    lasted = _heights(frames, duration_ms)
+    total = sum(lasted.values())
+    return sum(height * time for height, time in lasted.items()) / total if total else None
+
+
+def median_height(frames: Sequence[ShownFrame], duration_ms: float) -> float | None:
+    """The height that what was on the screen had at most for half of that time."""
+    lasted = _heights(frames, duration_ms)
+    half, passed = sum(lasted.values()) / 2, 0.0
+    for height, time in sorted(lasted.items()):
+        passed += time
+        if passed >= half:
+            return height
+    return None
+
+
+def _heights(frames: Sequence[ShownFrame], duration_ms: float) -> dict[int, float]:
+    """For how long each height was on the screen, in ms."""
     shown = [(frame.at, frame.height) for frame in frames if frame.at < duration_ms]
-    if not shown:
-        return None
-    lasted = [until - at for (at, _), (until, _) in pairwise([*shown, (duration_ms, 0)])]
-    return sum(time * height for time, (_, height) in zip(lasted, shown, strict=True)) / sum(lasted)
+    lasted: dict[int, float] = {}
+    for (at, height), (until, _) in pairwise([*shown, (duration_ms, 0)]):
+        lasted[height] = lasted.get(height, 0.0) + until - at
+    return lasted
 
 
 def received_kbps(traffic: Sequence[Traffic], duration_ms: float) -> float | None:

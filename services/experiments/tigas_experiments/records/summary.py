@@ -77,12 +77,14 @@ def figures(records: Records) -> Figures:
     inputs, frames, link, duration = records.inputs, records.frames, records.link, records.head.duration_ms
     return Figures(
         latencies=statistics.latencies(inputs, frames),
-        responses=statistics.responses(inputs, frames),
-        reply_times=statistics.reply_times(records.replies),
+        frame_ages=statistics.frame_ages(inputs, frames),
+        response_times=statistics.response_times(records.replies),
+        render_times=statistics.render_times(records.replies),
         frames=statistics.rates(frames, duration),
         freezes=statistics.freezes(inputs, frames, records.head.ended_ms),
         rungs=statistics.rungs(frames, duration),
         mean_height=statistics.mean_height(frames, duration),
+        median_height=statistics.median_height(frames, duration),
         received_kbps=statistics.received_kbps(records.traffic, duration),
         delivered_kbps=statistics.mean_over_time([(sample.at, sample.delivered_kbps) for sample in link]),
         sent_kbps=statistics.mean_over_time([(sample.at, sample.up_delivered_kbps) for sample in link]),

@@ -90,14 +90,14 @@ def change(groups: Sequence[Group], rtts: Sequence[float], metric: Metric) -> st
 
 
 def steadiness(groups: Sequence[Group]) -> str:
-    """How far the responses of the groups' first runs lie apart."""
+    """How far the frame ages of the groups' first runs lie apart."""
     ranges = {}
     for group in groups:
-        low, high = np.percentile(group.runs[0].responses[:, 1], (5, 95)).tolist()
+        low, high = np.percentile(group.runs[0].frame_ages[:, 1], (5, 95)).tolist()
         ranges[group.controller] = (high - low, f"{group.controller.title} {low:,.0f}–{high:,.0f} ms")
     ordered = [text for _, text in sorted(ranges.values())]
     shown = f"{ordered[0]} is the steadiest, {ordered[-1]} the least" if len(ordered) > 1 else ordered[0]
-    return f"Response over time: {shown} (5th to 95th percentile)"
+    return f"Frame age over time: {shown} (5th to 95th percentile)"
 
 
 def against_download(groups: Sequence[Group], link: Floats | None, size: int | None) -> str:

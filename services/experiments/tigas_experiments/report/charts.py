@@ -95,11 +95,11 @@ def draw_distributions(axes: Axes, curves: Iterable[tuple[str, Look, Floats]]) -
 
 
 def draw_boxes(axes: Axes, groups: Sequence[Group], looks: Looks) -> list[float]:
-    """Of response times; returns the times (ms) that the axis has to reach over."""
+    """Of frame ages; returns the times (ms) that the axis has to reach over."""
     whiskers: list[float] = []
     places = {controller: place for place, controller in enumerate(looks)}  # in every panel, although one may lack some
     for group in groups:
-        values = group.responses
+        values = group.frame_ages
         if not len(values):
             continue
         low, q1, middle, q3, high = np.percentile(values, (5, 25, 50, 75, 95)).tolist()
@@ -119,7 +119,7 @@ def draw_boxes(axes: Axes, groups: Sequence[Group], looks: Looks) -> list[float]
         whiskers += [low, high]
     interactive_limit(axes)
     axes.set_xticks(range(len(looks)), [controller.title for controller in looks], rotation=20, ha="right")
-    axes.set_ylabel("Response, ms")
+    axes.set_ylabel("Frame age, ms")
     return whiskers
 
 

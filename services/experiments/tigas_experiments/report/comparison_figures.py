@@ -11,6 +11,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from tigas_common.wire.figures import INTERACTIVE_MS
 from tigas_experiments.report.charts import draw_distributions
 from tigas_experiments.report.comparison_table import label
 from tigas_experiments.report.controllers import Look, looks
@@ -99,7 +100,7 @@ def _latency_distribution(curves: Sequence[Curve]) -> Plot:
     figure, (axes,) = panel_grid(1)
     _draw_distribution(axes, curves)
     add_legend(figure, [axes])
-    return Plot("latency", "Distribution of motion-to-photon latency", "Dashed: 100 ms.", svg(figure))
+    return Plot("latency", "Distribution of motion-to-photon latency", f"Dashed: {INTERACTIVE_MS:g} ms.", svg(figure))
 
 
 def _latency_over_time(curves: Sequence[Curve]) -> Plot:
@@ -113,7 +114,7 @@ def _latency_over_time(curves: Sequence[Curve]) -> Plot:
     _draw_rate_behind(axes, curves)
     add_legend(figure, [axes])
     title = "Motion-to-photon latency of each input"
-    return Plot("latency-over-time", title, "Dashed: 100 ms; grey: the link's rate.", svg(figure))
+    return Plot("latency-over-time", title, f"Dashed: {INTERACTIVE_MS:g} ms; grey: the link's rate.", svg(figure))
 
 
 def _bandwidth_over_time(curves: Sequence[Curve]) -> Plot:

@@ -14,6 +14,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from tigas_common.wire.figures import INTERACTIVE_MS
 from tigas_experiments.report.captions import (
     against_download,
     at_base,
@@ -28,6 +29,7 @@ from tigas_experiments.report.captions import (
 from tigas_experiments.report.charts import Looks, draw_boxes, draw_distributions, draw_line, draw_points
 from tigas_experiments.report.groups import Group, Groups
 from tigas_experiments.report.metrics import (
+    FRAME_AGE_MEAN,
     HEIGHT,
     IN_TIME,
     NEW_VIEWS,
@@ -35,7 +37,6 @@ from tigas_experiments.report.metrics import (
     PHOTON_P95,
     PROFILE,
     RECEIVED,
-    RESPONSE_MEAN,
     SWITCHES,
     Metric,
 )
@@ -61,8 +62,8 @@ from tigas_experiments.report.time_series import BINS, binned, downloaded, recei
 
 WIDE = 2.6
 """How many times as wide a panel is that shows time."""
-OVERVIEW = (PHOTON_P50, PHOTON_P95, IN_TIME, RESPONSE_MEAN, NEW_VIEWS, RECEIVED, HEIGHT, PROFILE, SWITCHES)
-OVER_RTT = (RESPONSE_MEAN, PHOTON_P95, IN_TIME, PROFILE, SWITCHES, NEW_VIEWS)
+OVERVIEW = (PHOTON_P50, PHOTON_P95, IN_TIME, FRAME_AGE_MEAN, NEW_VIEWS, RECEIVED, HEIGHT, PROFILE, SWITCHES)
+OVER_RTT = (FRAME_AGE_MEAN, PHOTON_P95, IN_TIME, PROFILE, SWITCHES, NEW_VIEWS)
 MOST_NETWORKS = 8
 """So many are drawn one by one; the table and the CSV files have all."""
 
@@ -73,7 +74,7 @@ def figures(groups: Groups) -> Iterator[tuple[str | None, Plot]]:
         yield None, plot
     for number, network in enumerate(groups.networks[:MOST_NETWORKS], 1):
         slug = f"{number:02}-" + (re.sub(r"[^A-Za-z0-9.-]+", "-", network).strip(".-")[:40] or "network")
-        for draw in (over_rtt, latencies, responses, responses_over_time, profiles, bandwidth):
+        for draw in (over_rtt, latencies, frame_ages, frame_ages_over_time, profiles, bandwidth):
             if (plot := draw(groups, network)) is not None:
                 yield network, replace(plot, name=f"{slug}_{plot.name}")
 
@@ -122,7 +123,7 @@ def over_rtt(groups: Groups, network: str) -> Plot | None:
             axes.set_xlabel("Round trip, ms")
             axes.set_xticks(rtts, [f"{rtt:g}" for rtt in rtts])
         add_legend(figure, panels)
-        title = change(own, rtts, RESPONSE_MEAN)
+        title = change(own, rtts, FRAME_AGE_MEAN)
         return Plot("rtt", title, f"Over {network}; bands and lines: {spread_of(own)}", svg(figure))
 
 
@@ -139,48 +140,48 @@ def latencies(groups: Groups, network: str) -> Plot | None:
         network,
         "latency",
         draw,
-        lambda panel: f"Inputs on the screen within 100 ms: {each(panel, IN_TIME)}",
+        lambda panel: f"Inputs on the screen within {INTERACTIVE_MS:g} ms: {each(panel, IN_TIME)}",
         "Cumulative distribution of motion-to-photon latency over all inputs of all runs; inputs that no frame "
-        "answered count, so that such a curve ends below 100 %. Dashed: 100 ms.",
+        f"answered count, so that such a curve ends below 100 %. Dashed: {INTERACTIVE_MS:g} ms.",
         horizontal=True,
     )
 
 
-def responses(groups: Groups, network: str) -> Plot | None:
-    """Distribution of the frames' response times, one panel for each round trip."""
+def frame_ages(groups: Groups, network: str) -> Plot | None:
+    """Distribution of the frames' ages when they came on the screen, one panel for each round trip."""
     return _by_rtt(
         groups,
         network,
-        "response",
+        "frame-age",
         draw_boxes,
-        lambda panel: f"Mean response: {each(panel, RESPONSE_MEAN)}",
-        "Response times of all frames of all runs: median, quartiles, and whiskers from the 5th to the 95th "
-        "percentile. Dashed: 100 ms.",
+        lambda panel: f"Mean frame age: {each(panel, FRAME_AGE_MEAN)}",
+        "Ages of all frames of all runs when they came on the screen: median, quartiles, and whiskers from the 5th to "
+        f"the 95th percentile. Dashed: {INTERACTIVE_MS:g} ms.",
     )
 
 
-def responses_over_time(groups: Groups, network: str) -> Plot | None:
-    """Response of frame after frame, in the first run of each controller."""
-    own = [group for group in _base(groups, network) if len(group.runs[0].responses)]
+def frame_ages_over_time(groups: Groups, network: str) -> Plot | None:
+    """Age of frame after frame, in the first run of each controller."""
+    own = [group for group in _base(groups, network) if len(group.runs[0].frame_ages)]
     if not own:
         return None
     with style():
         figure, (axes,) = panel_grid(1, width=WIDE)
         drawn: list[float] = []
         for group in own:
-            times, values = binned(*group.runs[0].responses.T)
+            times, values = binned(*group.runs[0].frame_ages.T)
             line = groups.looks[group.controller].line
             axes.plot(times, values, linewidth=1, label=group.controller.title, **line)
             drawn += values.tolist()
         interactive_limit(axes)
         plain_log(axes, drawn)
-        axes.set(xlabel="Time, s", ylabel="Response, ms", xlim=(0, None))
+        axes.set(xlabel="Time, s", ylabel="Frame age, ms", xlim=(0, None))
         add_legend(figure, [axes])
         return Plot(
-            "response-over-time",
+            "frame-age-over-time",
             steadiness(own),
-            f"Response of each frame over {at_base(groups, network)} in the first run of each controller; the median "
-            f"where frames are closer than 1/{BINS} of the run. Dashed: 100 ms.",
+            f"Age of each frame over {at_base(groups, network)} in the first run of each controller; the median "
+            f"where frames are closer than 1/{BINS} of the run. Dashed: {INTERACTIVE_MS:g} ms.",
             svg(figure),
         )
 

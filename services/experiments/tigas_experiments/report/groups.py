@@ -89,9 +89,9 @@ class Group:
         return np.concatenate([run.latencies[:, 1] for run in self.runs])
 
     @property
-    def responses(self) -> Floats:
+    def frame_ages(self) -> Floats:
         """[frames] Of all runs together, ms."""
-        return np.concatenate([run.responses[:, 1] for run in self.runs])
+        return np.concatenate([run.frame_ages[:, 1] for run in self.runs])
 
 
 class Groups(tuple[Group, ...]):

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal
 
-from tigas_common.wire.figures import Figures, QualityFigures
+from tigas_common.wire.figures import INTERACTIVE_MS, Figures, QualityFigures
 from tigas_experiments.records.folder import RunRecord
 
 Value = float | None
@@ -72,6 +72,9 @@ def _scaled(value: Value, factor: float) -> Value:
 PHOTON_P50 = Metric(
     "motion_to_photon_p50_ms", "Motion-to-photon p50", "ms", 0, "low", _answered(lambda f: f.latencies.p50)
 )
+PHOTON_P90 = Metric(
+    "motion_to_photon_p90_ms", "Motion-to-photon p90", "ms", 0, "low", _answered(lambda f: f.latencies.p90)
+)
 PHOTON_P95 = Metric(
     "motion_to_photon_p95_ms", "Motion-to-photon p95", "ms", 0, "low", _answered(lambda f: f.latencies.p95)
 )
@@ -79,21 +82,46 @@ PHOTON_P99 = Metric(
     "motion_to_photon_p99_ms", "Motion-to-photon p99", "ms", 0, "low", _answered(lambda f: f.latencies.p99)
 )
 IN_TIME = Metric(
-    "inputs_within_100ms_pct",
-    "Inputs within 100 ms",
+    f"inputs_within_{INTERACTIVE_MS:g}ms_pct",
+    f"Inputs within {INTERACTIVE_MS:g} ms",
     "%",
     1,
     "high",
     _plain(lambda f: _scaled(f.latencies.share_interactive, 100)),
 )
-RESPONSE_MEAN = Metric("response_mean_ms", "Mean response", "ms", 0, "low", _plain(lambda f: f.responses.mean))
-RESPONSE_P50 = Metric("response_p50_ms", "Response p50", "ms", 0, "low", _plain(lambda f: f.responses.p50))
-RESPONSE_P95 = Metric("response_p95_ms", "Response p95", "ms", 0, "low", _plain(lambda f: f.responses.p95))
-REPLY_MEAN = Metric("reply_mean_ms", "Mean reply time", "ms", 0, "low", _plain(lambda f: f.reply_times.mean))
-REPLY_P50 = Metric("reply_p50_ms", "Reply time p50", "ms", 0, "low", _plain(lambda f: f.reply_times.p50))
-REPLY_P95 = Metric("reply_p95_ms", "Reply time p95", "ms", 0, "low", _plain(lambda f: f.reply_times.p95))
+IN_TIME_FRAME_LESS = Metric(
+    "inputs_within_a_frame_less_pct",
+    "Inputs within a frame less",
+    "%",
+    1,
+    "high",
+    _plain(lambda f: _scaled(f.latencies.share_frame_less, 100)),
+)
+IN_TIME_FRAME_MORE = Metric(
+    "inputs_within_a_frame_more_pct",
+    "Inputs within a frame more",
+    "%",
+    1,
+    "high",
+    _plain(lambda f: _scaled(f.latencies.share_frame_more, 100)),
+)
+FRAME_AGE_MEAN = Metric("frame_age_mean_ms", "Mean frame age", "ms", 0, "low", _plain(lambda f: f.frame_ages.mean))
+FRAME_AGE_P50 = Metric("frame_age_p50_ms", "Frame age p50", "ms", 0, "low", _plain(lambda f: f.frame_ages.p50))
+FRAME_AGE_P95 = Metric("frame_age_p95_ms", "Frame age p95", "ms", 0, "low", _plain(lambda f: f.frame_ages.p95))
+RESPONSE_TIME_MEAN = Metric(
+    "response_time_mean_ms", "Mean response time", "ms", 0, "low", _plain(lambda f: f.response_times.mean)
+)
+RESPONSE_TIME_P50 = Metric(
+    "response_time_p50_ms", "Response time p50", "ms", 0, "low", _plain(lambda f: f.response_times.p50)
+)
+RESPONSE_TIME_P95 = Metric(
+    "response_time_p95_ms", "Response time p95", "ms", 0, "low", _plain(lambda f: f.response_times.p95)
+)
+RENDER_MEAN = Metric("render_mean_ms", "Mean rendering time", "ms", 1, "low", _plain(lambda f: f.render_times.mean))
+RENDER_P50 = Metric("render_p50_ms", "Rendering time p50", "ms", 1, "low", _plain(lambda f: f.render_times.p50))
 NEW_VIEWS = Metric("new_views_per_s", "New views", "/s", 1, "high", _plain(lambda f: f.frames.new_views_per_s))
 HEIGHT = Metric("mean_height_px", "Mean height", "px", 0, "high", _plain(lambda f: f.mean_height))
+MEDIAN_HEIGHT = Metric("median_height_px", "Median height", "px", 0, "high", _plain(lambda f: f.median_height))
 PROFILE = Metric("mean_profile", "Mean profile (0 is best)", "", 2, "low", _plain(lambda f: f.rungs.mean))
 SWITCHES = Metric(
     "profile_changes_per_min",
@@ -116,22 +144,28 @@ VIEW_PSNR = Metric("view_psnr_db", "PSNR of the view", "dB", 1, "high", _quality
 
 METRICS = (
     PHOTON_P50,
+    PHOTON_P90,
     PHOTON_P95,
     PHOTON_P99,
     IN_TIME,
+    IN_TIME_FRAME_LESS,
+    IN_TIME_FRAME_MORE,
     Metric("inputs", "Inputs", "", 0, None, _plain(lambda f: f.latencies.inputs)),
     Metric("inputs_unanswered", "Unanswered inputs", "", 0, "low", _plain(lambda f: f.latencies.unanswered)),
-    RESPONSE_MEAN,
-    RESPONSE_P50,
-    RESPONSE_P95,
-    REPLY_MEAN,
-    REPLY_P50,
-    REPLY_P95,
+    FRAME_AGE_MEAN,
+    FRAME_AGE_P50,
+    FRAME_AGE_P95,
+    RESPONSE_TIME_MEAN,
+    RESPONSE_TIME_P50,
+    RESPONSE_TIME_P95,
+    RENDER_MEAN,
+    RENDER_P50,
     NEW_VIEWS,
     Metric("frames_per_s", "Frames", "/s", 1, None, _plain(lambda f: f.frames.per_s)),
     FREEZES,
     FROZEN,
     HEIGHT,
+    MEDIAN_HEIGHT,
     PROFILE,
     SWITCHES,
     RECEIVED,
@@ -147,8 +181,8 @@ TABLE = (
     PHOTON_P50,
     PHOTON_P95,
     IN_TIME,
-    RESPONSE_MEAN,
-    RESPONSE_P95,
+    FRAME_AGE_MEAN,
+    FRAME_AGE_P95,
     NEW_VIEWS,
     HEIGHT,
     PROFILE,

@@ -170,7 +170,7 @@ def plain_log(axes: Axes, values: Iterable[float], *, horizontal: bool = False) 
 
 
 def interactive_limit(axes: Axes, *, horizontal: bool = False) -> None:
-    """The line of 100 ms."""
+    """The line of INTERACTIVE_MS."""
     line: dict[str, Any] = {"color": INK, "linewidth": 0.8, "linestyle": "--", "zorder": 1}
     if horizontal:
         axes.axvline(INTERACTIVE_MS, **line)

@@ -10,6 +10,7 @@ from pathlib import Path
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
+from tigas_common.wire.figures import INTERACTIVE_MS
 from tigas_common.wire.run import MODE_NAMES
 from tigas_experiments.records.folder import RunRecord, Template
 from tigas_experiments.report.comparison_page import comparison_page
@@ -69,6 +70,7 @@ def _filled(report: Report, csv_files: Iterable[Path], values: dict[str, object]
     records = sorted((run.record for run in report.results.runs), key=lambda record: record.started)
     return environment.get_template(f"{report.template}.html.j2").render(
         results=report.results,
+        interactive_ms=f"{INTERACTIVE_MS:g}",
         warnings=report.warnings,
         csv={path.name: _download(path) for path in csv_files},
         file_name=lambda path: Path(path).name,

@@ -32,7 +32,7 @@ class Run:
     figures: Figures
     latencies: Floats
     """[inputs, 2] When it was sampled, s; motion-to-photon, ms, inf where no frame came."""
-    responses: Floats
+    frame_ages: Floats
     """[frames, 2] When it was on the screen, s; how old its pose was then, ms."""
     heights: Floats
     """[frames, 2] When it was on the screen, s; its height, pixels."""
@@ -46,13 +46,13 @@ class Run:
         """From what was read."""
         inputs, frames = records.inputs, records.frames
         answers = zip(inputs, statistics.answers(inputs, frames), strict=True)
-        responses = statistics.response_times(inputs, frames)
+        ages = statistics.ages_when_new(inputs, frames)
         return cls(
             folder=folder,
             record=record,
             figures=figures,
             latencies=_table([(entry.at / 1000, ms) for entry, ms in answers], 2),
-            responses=_table([(at / 1000, ms) for at, ms in responses], 2),
+            frame_ages=_table([(at / 1000, ms) for at, ms in ages], 2),
             heights=_table([(frame.at / 1000, frame.height) for frame in frames], 2),
             received=_table([(entry.at / 1000, entry.bytes) for entry in records.traffic], 2),
             link=_table([(at.at / 1000, at.target_kbps / 1000, at.delivered_kbps / 1000) for at in records.link], 3),

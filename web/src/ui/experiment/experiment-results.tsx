@@ -89,9 +89,13 @@ export function ExperimentResults({ experiment, store, onExport, onAgain }: Prop
 }
 
 const COLUMNS = [
-  { title: "Latency p50", unit: "ms", of: "p50", digits: 0, factor: 1 },
-  { title: "Latency p95", unit: "ms", of: "p95", digits: 0, factor: 1 },
+  { title: "Motion-to-photon p50", unit: "ms", of: "p50", digits: 0, factor: 1 },
+  { title: "p90", unit: "ms", of: "p90", digits: 0, factor: 1 },
+  { title: "p95", unit: "ms", of: "p95", digits: 0, factor: 1 },
+  { title: "p99", unit: "ms", of: "p99", digits: 0, factor: 1 },
   { title: `≤ ${INTERACTIVE} ms`, unit: "%", of: "interactive", digits: 0, factor: 100 },
+  { title: "a frame less", unit: "%", of: "interactiveFrameLess", digits: 0, factor: 100 },
+  { title: "a frame more", unit: "%", of: "interactiveFrameMore", digits: 0, factor: 100 },
   { title: "New views", unit: "/s", of: "newViewsPerSecond", digits: 1, factor: 1 },
   { title: "Height", unit: "px", of: "meanHeight", digits: 0, factor: 1 },
   { title: "Switches", unit: "", of: "switches", digits: 1, factor: 1 },

@@ -27,7 +27,7 @@ const POINTERS: readonly (readonly [string, string])[] = [
 
 const NUMBERS: readonly (readonly [string, string])[] = [
   ["Motion to photon", "From the moment that your input was read to the first frame on the screen that shows it."],
-  ["Round trip", "From sending a request to the last byte of its frame."],
+  ["Response time", "From sending a request to the last byte of its frame."],
   ["Server", "Waiting, rendering and encoding, as the server measured them."],
   ["Throughput", "How fast the network delivered the last frames."],
 ];

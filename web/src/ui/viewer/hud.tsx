@@ -59,7 +59,7 @@ function Details({ stats }: { stats: Stats }) {
       <Row name="motion-to-photon-p95" label="Motion to photon, p95">
         {withUnit(stats.motionToPhoton?.p95)}
       </Row>
-      <Row name="round-trip" label="Round trip">
+      <Row name="round-trip" label="Response time">
         {withUnit(stats.roundTrip)}
       </Row>
       <Row name="server" label="Server">
