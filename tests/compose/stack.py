@@ -8,13 +8,16 @@ import os
 import subprocess
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import Any, Literal
 
+from tigas_common.pose import Intrinsics, Pose
+from tigas_common.topology import PAGE, PAGE_ORIGINS, SHAPER, STORE, Port
+from tigas_common.wire.render import RenderRequest
+
 ROOT = Path(__file__).parents[2]
 PROJECT = "tigas-test"
-ORIGIN = "http://localhost:8080"
 SERVICES = ("render", "dash-packager", "store", "shaper")
 Service = Literal["render", "dash-packager", "store", "shaper"]
 
@@ -68,30 +71,32 @@ class Stack:
 
     def set_link(self, **link: float) -> None:
         """Keep one state of the link."""
-        connection = http.client.HTTPConnection("localhost", 8090, timeout=5)
-        connection.request("POST", "/link", json.dumps(link), {"Origin": ORIGIN})
-        answer = connection.getresponse()
-        assert answer.status == 200, answer.read()
-        connection.close()
+        ask(SHAPER, "POST", "/link", link)
 
     def status(self) -> dict[str, Any]:
         """The shaper's status."""
-        connection = http.client.HTTPConnection("localhost", 8090, timeout=5)
-        connection.request("GET", "/status")
-        status: dict[str, Any] = json.loads(connection.getresponse().read())
-        connection.close()
+        status: dict[str, Any] = ask(SHAPER, "GET", "/status")
         return status
 
 
-def store(method: str, path: str, body: object = None) -> Any:
-    """Ask the experiments' store through the gateway, as the page does; what it answers, as far as it is JSON."""
-    connection = http.client.HTTPConnection("localhost", 8091, timeout=20)
-    connection.request(method, path, None if body is None else json.dumps(body), {"Origin": ORIGIN})
-    answer = connection.getresponse()
-    data = answer.read()
-    connection.close()
+def connected(port: Port, timeout_s: float) -> closing[http.client.HTTPConnection]:
+    """A connection to a published port, for as long as the context lasts."""
+    return closing(http.client.HTTPConnection("localhost", port.number, timeout=timeout_s))
+
+
+def ask(port: Port, method: str, path: str, body: object = None) -> Any:
+    """Ask a service as the page does; what it answers, as an object if it is JSON."""
+    with connected(port, 20) as connection:
+        connection.request(method, path, None if body is None else json.dumps(body), {"Origin": PAGE_ORIGINS[0]})
+        answer = connection.getresponse()
+        data = answer.read()
     assert answer.status in (200, 201, 204), data
     return json.loads(data) if "json" in answer.headers.get("Content-Type", "") else data
+
+
+def store(method: str, path: str, body: object = None) -> Any:
+    """Ask the experiments' store."""
+    return ask(STORE, method, path, body)
 
 
 def docker(*arguments: str) -> str:
@@ -101,43 +106,39 @@ def docker(*arguments: str) -> str:
 
 def answers() -> bool:
     """Whether the render service answers through the gateway."""
-    connection = http.client.HTTPConnection("localhost", 8080, timeout=1)
     try:
-        connection.request("GET", "/healthz")
-        return connection.getresponse().status == 200
+        with connected(PAGE, 1) as connection:
+            connection.request("GET", "/healthz")
+            return connection.getresponse().status == 200
     except (OSError, http.client.HTTPException):
         return False
-    finally:
-        connection.close()
 
 
 def round_trips_ms(count: int) -> list[float]:
     """How long small requests take on one connection."""
-    connection = http.client.HTTPConnection("localhost", 8080, timeout=5)
     times = []
-    for _ in range(count + 1):
-        before = time.monotonic()
-        connection.request("GET", "/healthz")
-        connection.getresponse().read()
-        times.append((time.monotonic() - before) * 1e3)
-    connection.close()
+    with connected(PAGE, 5) as connection:
+        for _ in range(count + 1):
+            before = time.monotonic()
+            connection.request("GET", "/healthz")
+            connection.getresponse().read()
+            times.append((time.monotonic() - before) * 1e3)
     return times[1:]  # the first one opened the connection
 
 
 def download_kbps(scene: str, width: int, height: int) -> float:
     """The rate at which an uncompressed frame arrives, of its bytes alone, from the first to the last: rendering does
     not count, and what waited behind a lost packet cannot make it faster than the link."""
-    view = {"scene": scene, "azimuth": 0, "elevation": 0, "translation": [0, 0, 0], "format": "yuv420p"}
-    intrinsics = {"fx": width, "fy": width, "cx": width / 2, "cy": height / 2, "width": width, "height": height}
-    connection = http.client.HTTPConnection("localhost", 8080, timeout=60)
-    connection.request("POST", "/render", json.dumps(view | intrinsics))
-    answer = connection.getresponse()
-    assert answer.status == 200, answer.read()
-    size = int(answer.headers["Content-Length"])
-    assert size == width * height * 3 // 2
-    answer.read(1)
-    start = time.monotonic()
-    answer.read()
-    elapsed = time.monotonic() - start
-    connection.close()
+    lens = Intrinsics(width, width, width / 2, height / 2, width, height)
+    request = RenderRequest.at(scene, Pose.from_euler(0, 0, 0, (0, 0, 0)), lens, format="yuv420p")
+    with connected(PAGE, 60) as connection:
+        connection.request("POST", "/render", request.model_dump_json(exclude_none=True))
+        answer = connection.getresponse()
+        assert answer.status == 200, answer.read()
+        size = int(answer.headers["Content-Length"])
+        assert size == width * height * 3 // 2
+        answer.read(1)
+        start = time.monotonic()
+        answer.read()
+        elapsed = time.monotonic() - start
     return size * 8e-3 / elapsed
