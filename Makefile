@@ -1,13 +1,13 @@
-# Two commands are enough for a newcomer: `make demo` and `make test`.
+# Newcomers need only two commands: `make demo` and `make test`.
 SHELL := /bin/bash
 .DEFAULT_GOAL := help
 .PHONY: help demo gpu test test-compose lint format bench compare bench-gpu clean
 
 PYTHON ?= python3
-# Where PyTorch comes from; a machine without an NVIDIA GPU saves gigabytes with
+# PyTorch's package index. Without an NVIDIA GPU, save gigabytes with
 #   make demo TORCH_INDEX=https://download.pytorch.org/whl/cpu
 TORCH_INDEX ?=
-# The models directory; the built-in demo scene is always there.
+# The models directory. The built-in demo scene is always available.
 SCENES ?= $(wildcard models)
 
 # What `make compare` measures: make compare NETWORKS="5mbit,80ms-rtt my-trace.csv" ARGS="--duration 20"
@@ -17,22 +17,23 @@ VENV := .venv/bin
 STATIC := services/render/tigas_render/static/index.html
 
 help:
-	@echo "make demo   install what is missing, start the demo and print its URL"
-	@echo "make test   install what is missing and run all tests but those of the containers, in browsers too"
-	@echo "make test-compose  start the containers, test them through the shaped link and remove them"
-	@echo "make compare  measure one JPEG per pose against low-latency DASH over a shaped link, into results/ (about 10 minutes, as root)"
-	@echo "make lint   check types, style and generated files"
-	@echo "make bench  measure speed and memory against baselines (about 10 minutes)"
-	@echo "make gpu    install what rendering on an NVIDIA GPU needs: make gpu demo"
-	@echo "make bench-gpu   measure that; needs a GPU"
-	@echo "make format, make clean"
+	@echo "make demo          install dependencies, start the demo and print its URL"
+	@echo "make test          install dependencies and run all tests, including browser tests, except the container tests"
+	@echo "make test-compose  start the containers, test them over the shaped link and remove them"
+	@echo "make compare       compare one JPEG per pose with low-latency DASH over a shaped link, into results/ (about 10 minutes, needs root)"
+	@echo "make lint          check types, style and generated files"
+	@echo "make bench         measure speed and memory against baselines (about 10 minutes)"
+	@echo "make gpu           install GPU support for NVIDIA, as in: make gpu demo"
+	@echo "make bench-gpu     measure GPU rendering (needs a GPU)"
+	@echo "make format        format the code and fix what can be fixed automatically"
+	@echo "make clean         remove installed dependencies, build outputs and caches"
 
 demo: .venv/.ready $(STATIC)
 	@if [ -z '$(ARGS)' ] && $(VENV)/tigas lab check; then \
-		echo "== behind a shaped link: the page's network panel replays traces on it"; \
+		echo "== behind a shaped link: replay traces from the page's network panel"; \
 		exec $(VENV)/tigas lab up --traces traces/network $(if $(SCENES),--scenes $(SCENES)); \
 	else \
-		echo "== without the shaped link; everything else is there"; \
+		echo "== without the shaped link; everything else works"; \
 		trap 'kill $$(jobs -p) 2>/dev/null; wait' EXIT; trap 'exit 130' INT TERM; \
 		$(VENV)/tigas dash & \
 		$(VENV)/tigas store & \
@@ -56,7 +57,7 @@ lint: .venv/.ready web/node_modules/.ready
 	@echo "== web client: biome, tsc, generated types"
 	@cd web && npm run --silent check && npm run --silent wire -- --check
 	@echo "== compose.yaml"
-	@if docker compose version >/dev/null 2>&1; then docker compose config -q; else echo "not checked: docker with its compose plugin is missing"; fi
+	@if docker compose version >/dev/null 2>&1; then docker compose config -q; else echo "not checked: Docker or its Compose plugin is missing"; fi
 
 format: .venv/.ready web/node_modules/.ready
 	@$(VENV)/ruff check --fix . ; $(VENV)/ruff format .
@@ -78,15 +79,15 @@ gpu: .venv/.gpu
 
 .venv/.gpu: .venv/.ready
 	@$(VENV)/pip install --disable-pip-version-check -q -c constraints.txt -e '.[gpu]'
-	@$(VENV)/python -c 'import sys, torch; sys.exit(torch.version.cuda is None)' || { echo "The installed PyTorch is built without CUDA: make clean, then make gpu without TORCH_INDEX"; exit 1; }
+	@$(VENV)/python -c 'import sys, torch; sys.exit(torch.version.cuda is None)' || { echo "The installed PyTorch has no CUDA support: run make clean, then make gpu without TORCH_INDEX"; exit 1; }
 	@touch $@
 
 .venv/.ready: pyproject.toml constraints.txt
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { echo "TIGAS needs Python 3.11 or newer: make PYTHON=python3.12 $(MAKECMDGOALS)"; exit 1; }
-	@echo "== Python environment in .venv (the first time this takes minutes: PyTorch is large)"
-	@$(PYTHON) -m venv .venv || { echo "Python cannot make virtual environments: sudo apt-get install python3-venv"; exit 1; }
+	@echo "== Python environment in .venv (the first install takes minutes: PyTorch is large)"
+	@$(PYTHON) -m venv .venv || { echo "Python cannot create virtual environments: sudo apt-get install python3-venv"; exit 1; }
 	@$(if $(TORCH_INDEX),$(VENV)/pip install --disable-pip-version-check -q -c constraints.txt --index-url $(TORCH_INDEX) --no-deps torch)
-	@set -o pipefail; $(VENV)/pip install --disable-pip-version-check --progress-bar on -c constraints.txt -e '.[dev]' | grep -E '^(Collecting|Downloading|Successfully)' || { echo "pip failed; run it again to see why"; exit 1; }
+	@set -o pipefail; $(VENV)/pip install --disable-pip-version-check --progress-bar on -c constraints.txt -e '.[dev]' | grep -E '^(Collecting|Downloading|Successfully)' || { echo "pip failed: run it again to see why"; exit 1; }
 	@touch $@
 
 web/node_modules/.ready: web/package.json web/package-lock.json

@@ -14,19 +14,25 @@ from tigas_common.topology import DASH, PAGE
 
 
 def dash(
-    render: Annotated[str | None, typer.Option(metavar="URL", help=f"Render service. [http://{PAGE.loopback}]")] = None,
-    http: Annotated[str | None, typer.Option(metavar="HOST:PORT", help=f"Streams and API. [{DASH.loopback}]")] = None,
-    max_sessions: Annotated[int | None, typer.Option(help="Streams that are encoded at a time. [4]")] = None,
+    render: Annotated[
+        str | None, typer.Option(metavar="URL", help="Render service.", show_default=f"http://{PAGE.loopback}")
+    ] = None,
+    http: Annotated[
+        str | None, typer.Option(metavar="HOST:PORT", help="Streams and API.", show_default=str(DASH.loopback))
+    ] = None,
+    max_sessions: Annotated[
+        int | None, typer.Option(help="Maximum number of simultaneous streams.", show_default="4")
+    ] = None,
     idle_s: Annotated[
-        float | None, typer.Option(help="Ends a stream that nobody has watched for so long. [15]")
+        float | None, typer.Option(help="End streams that nobody watched for this many seconds.", show_default="15")
     ] = None,
     encoder: Annotated[
-        str | None, typer.Option(metavar="auto|libx264|h264_nvenc", help="H.264 encoder. [auto]")
+        str | None, typer.Option(metavar="auto|libx264|h264_nvenc", help="H.264 encoder.", show_default="auto")
     ] = None,
 ) -> None:
-    """Serve low-latency DASH (CMAF) streams of the render service's views, one for each viewer.
+    """Serve low-latency DASH (CMAF) streams of the render service's views, one per viewer.
 
-    Settings are also read from [dash] in tigas.toml (or the file that TIGAS_CONFIG names) and from TIGAS_DASH_*.
+    Settings are also read from table `dash` of tigas.toml (or the file that TIGAS_CONFIG names) and TIGAS_DASH_*.
     """
     flags = dict(locals())
     from tigas_common.errors import StartError

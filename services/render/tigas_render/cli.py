@@ -13,28 +13,42 @@ from tigas_common.errors import StartError, TigasError
 from tigas_common.settings import load_settings
 from tigas_common.topology import PAGE, WEBTRANSPORT
 
-scene = typer.Typer(help="Look at and make scene files.", no_args_is_help=True)
+scene = typer.Typer(help="Inspect, generate and preview scene files.", no_args_is_help=True)
 
 
 def render(
-    scenes: Annotated[Path | None, typer.Option(help="Models directory: one folder a scene.")] = None,
-    http: Annotated[str | None, typer.Option(metavar="HOST:PORT", help=f"Page and API. [{PAGE.loopback}]")] = None,
+    scenes: Annotated[Path | None, typer.Option(help="Models directory, one folder per scene.")] = None,
+    http: Annotated[
+        str | None, typer.Option(metavar="HOST:PORT", help="Page and API.", show_default=str(PAGE.loopback))
+    ] = None,
     https: Annotated[
         str | None,
-        typer.Option(metavar="HOST:PORT", help="The same over HTTPS, for phones and other devices. [off]"),
+        typer.Option(
+            metavar="HOST:PORT", help="The same over HTTPS, for phones and other devices.", show_default="off"
+        ),
     ] = None,
     quic: Annotated[
         str | None,
-        typer.Option(metavar="HOST:PORT", help=f"HTTP/3 and WebTransport, or 'off'. [[::]:{WEBTRANSPORT.number}]"),
+        typer.Option(
+            metavar="HOST:PORT", help="HTTP/3 and WebTransport, or 'off'.", show_default=f"[::]:{WEBTRANSPORT.number}"
+        ),
     ] = None,
-    device: Annotated[str | None, typer.Option(metavar="auto|cpu|cuda[:N]", help="Where to rasterise. [auto]")] = None,
-    congestion_control: Annotated[str | None, typer.Option(metavar="reno|cubic", help="QUIC's. [reno]")] = None,
-    memory_gb: Annotated[float | None, typer.Option(help="Memory that loaded scenes may take, in GB. [8]")] = None,
-    idle_minutes: Annotated[float | None, typer.Option(help="Unload scenes unused for so long. [15]")] = None,
+    device: Annotated[
+        str | None, typer.Option(metavar="auto|cpu|cuda[:N]", help="Rasterise on this device.", show_default="auto")
+    ] = None,
+    congestion_control: Annotated[
+        str | None, typer.Option(metavar="reno|cubic", help="QUIC's congestion control.", show_default="reno")
+    ] = None,
+    memory_gb: Annotated[
+        float | None, typer.Option(help="Memory limit for loaded scenes, in GB.", show_default="8")
+    ] = None,
+    idle_minutes: Annotated[
+        float | None, typer.Option(help="Unload scenes that were unused for this long.", show_default="15")
+    ] = None,
 ) -> None:
-    """Serve scenes: open the page it prints, pick one and walk through it.
+    """Serve scenes: open the printed URL, pick a scene and walk through it.
 
-    Settings are also read from [render] in tigas.toml (or the file that TIGAS_CONFIG names) and from TIGAS_RENDER_*.
+    Settings are also read from table `render` of tigas.toml (or the file that TIGAS_CONFIG names) and TIGAS_RENDER_*.
     """
     flags = {name: value for name, value in locals().items() if value is not None}
     from tigas_render.settings import RenderSettings
@@ -56,7 +70,7 @@ def render(
 
 @scene.command("info")
 def info(ply: Annotated[Path, typer.Argument(help="An INRIA 3DGS PLY.")]) -> None:
-    """Print what is in a scene's file."""
+    """Print what a scene file contains."""
     from rich.console import Console
     from rich.table import Table
 
@@ -81,7 +95,7 @@ def info(ply: Annotated[Path, typer.Argument(help="An INRIA 3DGS PLY.")]) -> Non
 
 
 @scene.command("synth")
-def synth(ply: Annotated[Path, typer.Argument(help="Where to write it.")]) -> None:
+def synth(ply: Annotated[Path, typer.Argument(help="Output file.")]) -> None:
     """Write the built-in demo scene as a PLY."""
     from tigas_render.scenes.demo import demo_scene
     from tigas_render.scenes.ply import write_ply
@@ -95,7 +109,7 @@ def synth(ply: Annotated[Path, typer.Argument(help="Where to write it.")]) -> No
 @scene.command("preview")
 def preview(
     ply: Annotated[Path, typer.Argument(help="An INRIA 3DGS PLY.")],
-    image: Annotated[Path, typer.Argument(help="Where to write the picture: .jpg or .png.")],
+    image: Annotated[Path, typer.Argument(help="Output image: .jpg or .png.")],
     width: Annotated[int, typer.Option(min=1, max=8192)] = 640,
     height: Annotated[int, typer.Option(min=1, max=8192)] = 360,
 ) -> None:

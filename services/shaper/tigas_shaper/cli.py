@@ -22,25 +22,38 @@ def shaper(
     ] = None,
     forward: Annotated[
         list[str] | None,
-        typer.Option(metavar="PROTOCOL:PORT=HOST:PORT", help="What to forward, such as tcp:8080=render:8080. Repeat."),
+        typer.Option(
+            metavar="PROTOCOL:PORT=HOST:PORT", help="What to forward, such as tcp:8080=render:8080. Repeatable."
+        ),
     ] = None,
     traces: Annotated[Path | None, typer.Option(help="Directory of network traces.")] = None,
-    trace: Annotated[str | None, typer.Option(help="Trace to play from the start.")] = None,
-    http: Annotated[str | None, typer.Option(metavar="HOST:PORT", help=f"API. [{SHAPER.loopback}]")] = None,
+    trace: Annotated[str | None, typer.Option(help="Trace to play at start-up.")] = None,
+    http: Annotated[
+        str | None, typer.Option(metavar="HOST:PORT", help="API.", show_default=str(SHAPER.loopback))
+    ] = None,
     origins: Annotated[
         list[str] | None,
-        typer.Option("--origin", metavar="URL", help=f"Page that may change the link. Repeat. [{PAGE_ORIGINS[0]}]"),
+        typer.Option(
+            "--origin", metavar="URL", help="Page that may change the link. Repeatable.", show_default=PAGE_ORIGINS[0]
+        ),
     ] = None,
-    down_kbps: Annotated[float | None, typer.Option(help="Rate to the clients when no trace plays. [100000]")] = None,
-    up_kbps: Annotated[float | None, typer.Option(help="Rate from the clients when no trace plays. [100000]")] = None,
-    queue_ms: Annotated[float | None, typer.Option(help="Queue, as time at the mean rate. [150]")] = None,
+    down_kbps: Annotated[
+        float | None, typer.Option(help="Rate to the clients when no trace plays.", show_default="100000")
+    ] = None,
+    up_kbps: Annotated[
+        float | None, typer.Option(help="Rate from the clients when no trace plays.", show_default="100000")
+    ] = None,
+    queue_ms: Annotated[
+        float | None, typer.Option(help="Queue length in ms at the mean rate.", show_default="150")
+    ] = None,
     backend: Annotated[
-        str | None, typer.Option(metavar="auto|netem|relay", help="What makes delay, jitter and loss. [auto]")
+        str | None,
+        typer.Option(metavar="auto|netem|relay", help="What applies delay, jitter and loss.", show_default="auto"),
     ] = None,
 ) -> None:
     """Forward between clients and services over a link that replays a network trace.
 
-    Settings are also read from [shaper] in tigas.toml (or the file that TIGAS_CONFIG names) and from TIGAS_SHAPER_*.
+    Settings are also read from table `shaper` of tigas.toml (or the file that TIGAS_CONFIG names) and TIGAS_SHAPER_*.
     """
     flags = {name: value or None for name, value in locals().items()}
     from tigas_common.errors import StartError

@@ -15,16 +15,16 @@ import typer
 from tigas_common.cli import in_a_sentence
 from tigas_common.errors import StartError
 
-lab = typer.Typer(help="The lab on this machine, in network namespaces: no Docker needed.", no_args_is_help=True)
+lab = typer.Typer(help="Run everything on this machine in network namespaces, without Docker.", no_args_is_help=True)
 
 
 @lab.command("up")
 def up(
-    scenes: Annotated[Path | None, typer.Option(help="Models directory: one folder a scene.")] = None,
+    scenes: Annotated[Path | None, typer.Option(help="Models directory, one folder per scene.")] = None,
     traces: Annotated[Path | None, typer.Option(help="Directory of network traces.")] = None,
-    trace: Annotated[str | None, typer.Option(help="Trace to play from the start.")] = None,
+    trace: Annotated[str | None, typer.Option(help="Trace to play at start-up.")] = None,
 ) -> None:
-    """Start the render service behind the shaped link, until Ctrl+C; then open http://localhost:8080."""
+    """Start the services behind the shaped link until Ctrl+C. The page is at http://localhost:8080."""
     from tigas_testbed.services import run_lab
 
     stop = threading.Event()
@@ -36,7 +36,7 @@ def up(
 
 @lab.command("check")
 def check() -> None:
-    """Say whether this machine can run the lab: nothing if it can, one sentence and status 1 if not."""
+    """Check whether this machine can run the lab: prints one sentence and exits with 1 if it cannot."""
     from tigas_testbed.namespaces import check_rights
 
     with in_a_sentence(StartError, subprocess.CalledProcessError):
@@ -45,7 +45,7 @@ def check() -> None:
 
 @lab.command("down")
 def down() -> None:
-    """End a lab, or remove what one that was killed left behind."""
+    """Stop the lab, or clean up after one that was killed."""
     from tigas_testbed.namespaces import Lab, check_rights
     from tigas_testbed.services import NAME
 
@@ -57,9 +57,9 @@ def down() -> None:
 @lab.command("exec", context_settings={"ignore_unknown_options": True, "allow_interspersed_args": False})
 def exec_(
     role: Annotated[str, typer.Argument(help="client, gateway or service.")],
-    command: Annotated[list[str], typer.Argument(help="What to run there, such as: chromium http://localhost:8080")],
+    command: Annotated[list[str], typer.Argument(help="Command to run there, such as: chromium http://localhost:8080")],
 ) -> None:
-    """Run a command inside the lab, such as a browser at the client."""
+    """Run a command inside the lab, such as a browser on the client."""
     from tigas_testbed.namespaces import ROLES, Lab, check_rights
     from tigas_testbed.services import NAME
 

@@ -122,8 +122,8 @@ def test_fetch_lists_downloads_unpacks_and_says_what_was_not_checked(published: 
     assert result.exit_code == 0, result.output
     assert load_trace(tmp_path / "to" / "mine" / "logs" / "a.txt").mean_down_kbps == 5000
     assert "cite: Me 2024" in result.output
-    assert "b.txt: no checksum is known for it" in result.output
-    assert "logs.zip: no checksum" not in result.output
+    assert "b.txt: no known checksum" in result.output
+    assert "logs.zip: no known checksum" not in result.output
 
 
 def test_fetch_of_an_unknown_set_names_those_that_there_are(published: Path) -> None:

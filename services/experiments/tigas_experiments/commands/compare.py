@@ -19,41 +19,45 @@ DEFAULT_PROFILE = "budget"
 
 
 def compare(
-    scene: Annotated[str, typer.Option(help="The scene's id.")] = "courtyard",
-    movement: Annotated[str, typer.Option(help="A movement trace's file, or the name of a generated one.")] = "stroll",
+    scene: Annotated[str, typer.Option(help="Scene id.")] = "courtyard",
+    movement: Annotated[
+        str, typer.Option(help="A movement trace file, or the name of a generated movement.")
+    ] = "stroll",
     network: Annotated[
         list[str] | None,
         typer.Option(
-            help="A constant link such as 20mbit,20ms-rtt, a network trace's file, a trace's name in --traces, or "
-            "`unshaped`. May be given several times.",
+            help="A constant link such as 20mbit,20ms-rtt, a network trace file, a trace name in --traces, or "
+            "`unshaped`. Repeatable.",
             show_default=DEFAULT_NETWORK,
         ),
     ] = None,
-    modes: Annotated[str, typer.Option(help="What to compare, separated by commas.")] = ",".join(MODES),
-    duration: Annotated[float, typer.Option(help="Seconds of movement a run.")] = 60,
+    modes: Annotated[str, typer.Option(help="What to compare, comma-separated.")] = ",".join(MODES),
+    duration: Annotated[float, typer.Option(help="Seconds of movement per run.")] = 60,
     viewport: Annotated[str, typer.Option(help="WIDTHxHEIGHT in pixels.")] = "640x360",
     profile: Annotated[
         list[str] | None,
         typer.Option(
-            help="Stateless: a controller's name, or a fixed rung of the ladder. May be given several times.",
+            help="Stateless: a controller, or a fixed rung of the ladder. Repeatable.",
             show_default=DEFAULT_PROFILE,
         ),
     ] = None,
     dash_frame_rate: Annotated[
-        int | None, typer.Option(help="Of DASH, frames a second: 30 or 60.", show_default="the preset's")
+        int | None, typer.Option(help="DASH frames per second: 30 or 60.", show_default="the preset's")
     ] = None,
-    seed: Annotated[int, typer.Option(help="Of generated movements and of the controllers' random numbers.")] = 1,
-    capture_every: Annotated[float, typer.Option(help="Seconds between pictures kept for quality; 0 keeps none.")] = 1,
+    seed: Annotated[int, typer.Option(help="Seed of generated movements and of the controllers' random numbers.")] = 1,
+    capture_every: Annotated[
+        float, typer.Option(help="Seconds between pictures kept to measure quality; 0 keeps none.")
+    ] = 1,
     warm_up: Annotated[float, typer.Option(help="Seconds before the movement begins.")] = 5,
     out: Annotated[
         Path | None, typer.Option(help="Folder for the report.", show_default="results/compare-TIME")
     ] = None,
-    repeats: Annotated[int, typer.Option(help="How often each is measured.")] = 1,
+    repeats: Annotated[int, typer.Option(help="Runs of each combination.")] = 1,
     url: Url = None,
     scenes: Scenes = None,
     traces: Traces = None,
 ) -> None:
-    """Compare one JPEG per pose with low-latency DASH: same movement, same network, and a report to cite."""
+    """Compare one JPEG per pose with low-latency DASH over the same movement and network, and write a report."""
     from rich.console import Console
 
     from tigas_experiments.report.cli import report

@@ -12,17 +12,15 @@ from tigas_common.cli import in_a_sentence
 from tigas_common.errors import StartError
 from tigas_experiments.commands.options import Scenes, Traces, Url, command_as_typed
 
-experiment = typer.Typer(
-    help="Experiments: a matrix of runs from one file (docs/experiments.md).", no_args_is_help=True
-)
+experiment = typer.Typer(help="Run a matrix of runs described in one file (docs/experiments.md).", no_args_is_help=True)
 
-File = Annotated[Path, typer.Argument(help="The experiment's file, TOML.")]
+File = Annotated[Path, typer.Argument(help="The experiment's TOML file.")]
 Out = Annotated[Path | None, typer.Option(help="Folder for the runs.", show_default="results/NAME")]
 
 
 @experiment.command("plan")
 def plan(file: File, out: Out = None) -> None:
-    """List the runs of an experiment, which of them are complete, and how long the others take."""
+    """List an experiment's runs, which are complete, and how long the missing ones take."""
     from tigas_experiments.run.plan import lasting
     from tigas_experiments.run.runner import Experiment
 
@@ -37,10 +35,10 @@ def plan(file: File, out: Out = None) -> None:
 
 @experiment.command("import")
 def import_(
-    file: Annotated[Path, typer.Argument(help="What the page saved, JSON.")],
+    file: Annotated[Path, typer.Argument(help="JSON file saved by the page.")],
     out: Annotated[Path | None, typer.Option(help="Folder for the runs.", show_default="results/FILE")] = None,
 ) -> None:
-    """Make a folder of what the page saved because no store kept it, and report on it."""
+    """Import an experiment that the page saved as a file, and write its report."""
     from tigas_experiments.report.cli import report
     from tigas_experiments.store.saved import import_saved
 
@@ -58,7 +56,7 @@ def run(
     scenes: Scenes = None,
     traces: Traces = None,
 ) -> None:
-    """Make the runs of an experiment that are missing. Interrupted, it goes on when it is started again."""
+    """Make an experiment's missing runs. Start it again to resume after an interruption."""
     from rich.console import Console
 
     from tigas_experiments.report.cli import report

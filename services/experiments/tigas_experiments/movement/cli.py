@@ -14,10 +14,10 @@ if TYPE_CHECKING:
     from tigas_experiments.movement.eyenavgs import SceneSettings
     from tigas_experiments.movement.trace import MovementTrace
 
-movement = typer.Typer(help="Make, import and look at movements of a viewer.", no_args_is_help=True)
+movement = typer.Typer(help="Generate, import and inspect movement traces.", no_args_is_help=True)
 
-Out = Annotated[Path, typer.Argument(help="Where to write it.")]
-Force = Annotated[bool, typer.Option("--force", help="Replace a file that exists.")]
+Out = Annotated[Path, typer.Argument(help="Output file.")]
+Force = Annotated[bool, typer.Option("--force", help="Overwrite an existing file.")]
 PICTURES = (".png", ".svg", ".pdf")
 
 
@@ -25,11 +25,11 @@ PICTURES = (".png", ".svg", ".pdf")
 def make(
     kind: Annotated[str, typer.Argument(help="stroll, look-around, quick-turns or orbit.")],
     out: Out,
-    seconds: Annotated[float, typer.Option(min=1, max=7200, help="How long.")] = 60,
-    seed: Annotated[int, typer.Option(help="What decides it.")] = 1,
+    seconds: Annotated[float, typer.Option(min=1, max=7200, help="Duration.")] = 60,
+    seed: Annotated[int, typer.Option(help="Random seed.")] = 1,
     force: Force = False,
 ) -> None:
-    """Write a generated movement."""
+    """Generate a movement."""
     from tigas_experiments.movement.generated import KINDS, generate
 
     with in_a_sentence(StartError, OSError):
@@ -40,31 +40,33 @@ def make(
 
 @movement.command("import")
 def import_(
-    recording: Annotated[Path, typer.Argument(help="A CSV of EyeNavGS, of either site.")],
+    recording: Annotated[Path, typer.Argument(help="An EyeNavGS CSV, from either site.")],
     out: Out,
-    eye: Annotated[Literal["left", "right", "middle"], typer.Option(help="Whose way it is.")] = "middle",
+    eye: Annotated[Literal["left", "right", "middle"], typer.Option(help="Eye to follow.")] = "middle",
     anchor: Annotated[
         Literal["scene", "start"],
-        typer.Option(help="For the scene that it was recorded in; or a walk from any scene's start camera."),
+        typer.Option(help="Keep it in its recorded scene, or make it a walk from any scene's start camera."),
     ] = "scene",
     up: Annotated[
         str | None,
         typer.Option(help="x,y,z: the up axis in the scene's scene.json, if it has one.", show_default="0,-1,0"),
     ] = None,
     settings: Annotated[
-        Path | None, typer.Option(help="The site's scene_setting.csv: scale and level of the scene in the file's name.")
+        Path | None, typer.Option(help="The site's scene_setting.csv, for the scale and level of the recorded scene.")
     ] = None,
-    scale: Annotated[float | None, typer.Option(help="Units a metre in the scene that it was recorded in.")] = None,
+    scale: Annotated[float | None, typer.Option(help="Units per metre in the recorded scene.")] = None,
     level: Annotated[
-        str | None, typer.Option(help="x,y,z,w: the quaternion that levels that scene.", show_default="0,0,0,1")
+        str | None, typer.Option(help="x,y,z,w: the quaternion that levels the recorded scene.", show_default="0,0,0,1")
     ] = None,
     metre: Annotated[
         float | None,
-        typer.Option(help="Units a metre in the scene to walk in. [what its start camera looks at is 4 m away]"),
+        typer.Option(
+            help="Units per metre in the scene to walk in.", show_default="the start camera's subject is 4 m away"
+        ),
     ] = None,
     force: Force = False,
 ) -> None:
-    """Make a movement of a recording of EyeNavGS."""
+    """Convert an EyeNavGS recording to a movement."""
     from dataclasses import replace
 
     from tigas_experiments.movement import eyenavgs
@@ -102,10 +104,10 @@ _EYES = {"left": "left eye", "right": "right eye", "middle": "middle of both eye
 
 @movement.command("show")
 def show(
-    file: Annotated[Path, typer.Argument(help="A movement.")],
-    plot: Annotated[Path | None, typer.Option(help="Draw it, too: a .png, .svg or .pdf.")] = None,
+    file: Annotated[Path, typer.Argument(help="A movement trace.")],
+    plot: Annotated[Path | None, typer.Option(help="Also plot it, to a .png, .svg or .pdf.")] = None,
 ) -> None:
-    """Print how long a movement is, how dense, how far and how fast."""
+    """Print a movement's duration, sampling rate, distance and speed."""
     from rich.console import Console
     from rich.table import Table
     from rich.text import Text

@@ -18,15 +18,13 @@ if TYPE_CHECKING:  # heavy
 
 
 def report(
-    folder: Annotated[
-        Path, typer.Argument(metavar="DIR", help="An experiment's or a comparison's folder, with runs/.")
-    ],
+    folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder of an experiment or a comparison, with runs/.")],
     template: Annotated[
         Literal["experiment", "comparison"] | None,
         typer.Option(help="Claims over groups of runs, or run by run with pictures.", show_default="as it was made"),
     ] = None,
 ) -> None:
-    """Write a report into the folder of an experiment or a comparison: report.html, tables and figures."""
+    """Write the report of an experiment or a comparison into its folder: report.html, tables and figures."""
     from tigas_experiments.report.report import write_report
 
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())

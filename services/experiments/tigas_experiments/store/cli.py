@@ -15,17 +15,23 @@ from tigas_common.topology import STORE
 
 
 def store(
-    results: Annotated[Path | None, typer.Option(help="Directory of experiments, one folder each. [results]")] = None,
-    movements: Annotated[Path | None, typer.Option(help="Directory of movement traces. [traces/movement]")] = None,
-    http: Annotated[str | None, typer.Option(metavar="HOST:PORT", help=f"API. [{STORE.loopback}]")] = None,
+    results: Annotated[
+        Path | None, typer.Option(help="Directory of experiments, one folder each.", show_default="results")
+    ] = None,
+    movements: Annotated[
+        Path | None, typer.Option(help="Directory of movement traces.", show_default="traces/movement")
+    ] = None,
+    http: Annotated[
+        str | None, typer.Option(metavar="HOST:PORT", help="API.", show_default=str(STORE.loopback))
+    ] = None,
     origins: Annotated[
         list[str] | None,
-        typer.Option("--origin", metavar="URL", help="Page on another host that may change experiments. Repeat."),
+        typer.Option("--origin", metavar="URL", help="Page on another host that may change experiments. Repeatable."),
     ] = None,
 ) -> None:
-    """Keep experiments that were made in the page, and give reports and archives of all.
+    """Store experiments made in the page; serve reports and archives of all experiments.
 
-    Settings are also read from [store] in tigas.toml (or the file that TIGAS_CONFIG names) and from TIGAS_STORE_*.
+    Settings are also read from table `store` of tigas.toml (or the file that TIGAS_CONFIG names) and TIGAS_STORE_*.
     """
     flags = dict(locals())
     from tigas_common.errors import StartError

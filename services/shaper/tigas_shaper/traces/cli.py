@@ -18,25 +18,26 @@ from tigas_shaper.traces.trace import NetworkTrace
 if TYPE_CHECKING:
     from tigas_shaper.traces.sources import Source
 
-trace = typer.Typer(help="Look at, convert, fetch and make network traces.", no_args_is_help=True)
+trace = typer.Typer(help="Inspect, convert, fetch and generate network traces.", no_args_is_help=True)
 
 Recording = Annotated[Path, typer.Argument(help="A trace in any format that TIGAS reads, gzipped or not.")]
-UpKbps = Annotated[float, typer.Option(help="Uplink in kbit/s where the recording has none.")]
+UpKbps = Annotated[float, typer.Option(help="Uplink in kbit/s if the recording has none.")]
 Format = Annotated[
-    str | None, typer.Option(metavar="|".join(FORMATS), help="What the content is taken for. [recognised]")
+    str | None,
+    typer.Option(metavar="|".join(FORMATS), help="Format of the recording.", show_default="detected from the content"),
 ]
 
 
 @trace.command("import")
 def import_(
     recording: Recording,
-    csv: Annotated[Path | None, typer.Argument(help="Where to write it. [NAME.csv]", show_default=False)] = None,
+    csv: Annotated[Path | None, typer.Argument(help="Output file.", show_default="NAME.csv")] = None,
     up: Annotated[
         Path | None, typer.Option(help="A recording of the other direction, such as Mahimahi's .up file.")
     ] = None,
     up_kbps: UpKbps = DEFAULT_UP_KBPS,
     format: Format = None,
-    force: Annotated[bool, typer.Option("--force", help="Replace a file that exists.")] = False,
+    force: Annotated[bool, typer.Option("--force", help="Overwrite an existing file.")] = False,
 ) -> None:
     """Convert a recording to TIGAS's own CSV."""
     from tigas_shaper.traces.csv_format import format_csv
@@ -100,11 +101,11 @@ def info(recording: Recording, up_kbps: UpKbps = DEFAULT_UP_KBPS, format: Format
 @trace.command("plot")
 def plot(
     recording: Recording,
-    picture: Annotated[Path, typer.Argument(help="Where to write it: .png, .svg or .pdf.")],
+    picture: Annotated[Path, typer.Argument(help="Output image: .png, .svg or .pdf.")],
     up_kbps: UpKbps = DEFAULT_UP_KBPS,
     format: Format = None,
 ) -> None:
-    """Draw a trace."""
+    """Plot a trace."""
     from tigas_shaper.traces.plot import plot_trace
 
     with in_a_sentence(TigasError, OSError):
@@ -120,7 +121,7 @@ def plot(
 
 @trace.command("generate")
 def generate(
-    directory: Annotated[Path, typer.Argument(help="Where to write them; existing ones are replaced.")],
+    directory: Annotated[Path, typer.Argument(help="Output directory; existing traces are replaced.")],
 ) -> None:
     """Write TIGAS's own traces, as kept in traces/network."""
     from tigas_shaper.traces.own_traces import write_own_traces
@@ -132,13 +133,13 @@ def generate(
 
 @trace.command("fetch")
 def fetch(
-    name: Annotated[str | None, typer.Argument(help="A published set. [list them]", show_default=False)] = None,
-    to: Annotated[Path, typer.Option(help="Where to put it: a folder named after the set.")] = Path("traces/fetched"),
-    sources: Annotated[
-        Path | None, typer.Option(help="Another list of sets, in TOML. [the one that TIGAS brings]")
-    ] = None,
+    name: Annotated[str | None, typer.Argument(help="A published set.", show_default="list them")] = None,
+    to: Annotated[Path, typer.Option(help="Directory to download to; each set gets its own folder.")] = Path(
+        "traces/fetched"
+    ),
+    sources: Annotated[Path | None, typer.Option(help="List of sets, in TOML.", show_default="built in")] = None,
 ) -> None:
-    """Download a published set of traces; an interrupted download goes on where it stopped."""
+    """Download a published set of traces; an interrupted download resumes where it stopped."""
     from tigas_shaper.traces.sources import load_sources
 
     with in_a_sentence(TigasError, OSError):
@@ -172,7 +173,7 @@ def _fetch_files(source: Source, directory: Path) -> Iterator[Path]:
 
             path = download(file, directory, client, show)
             if file.sha256 is None:
-                bars.console.print(f"{file.name}: no checksum is known for it, so only the transfer was checked")
+                bars.console.print(f"{file.name}: no known checksum, so only the transfer was checked")
             yield unpack(path) if path.suffix == ".zip" else path
 
 
