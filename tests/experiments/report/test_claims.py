@@ -8,16 +8,24 @@ from typing import Any
 import pytest
 
 from tests.experiments.report.made_up_results import write_run
+from tigas_experiments.report.blocks import LEAST_BLOCKS
 from tigas_experiments.report.claims import Claim, claims
 from tigas_experiments.report.groups import Groups
 from tigas_experiments.report.results import load
 
 
 def found(folder: Path, *runs: dict[str, Any]) -> dict[str, Claim]:
-    """The claims over runs, by the words that tell them apart."""
+    """The claims over runs, each in as many blocks as an interval needs, by the words that tell them apart."""
     for number, run in enumerate(runs):
-        write_run(folder / "runs" / f"{number}", **run)
+        for block in range(LEAST_BLOCKS):
+            write_run(folder / "runs" / f"{number}-{block}", **{"movement": f"walk{block}", **run})
+    return said_of(folder)
+
+
+def said_of(folder: Path) -> dict[str, Claim]:
+    """The claims over a folder's runs."""
     words = {
+        "slower": "mean response is longer than LoL+'s",
         "lol+": "less often than LoL+",
         "l2a": "less often than L2A",
         "response": "p95 response",
@@ -61,7 +69,7 @@ def test_response_at_short_round_trips(tmp_path: Path, late: float, verdict: str
     )
     claim = said["response"]
     assert (claim.verdict, claim.text.endswith("over bus")) == (verdict, True)
-    assert claim.figures == f"30 ms at 20 ms (Budget 25); {late:.0f} ms at 50 ms."
+    assert claim.figures == f"30 ms [30, 30] at 20 ms (Budget 25); {late:.0f} ms [{late:.0f}, {late:.0f}] at 50 ms."
 
 
 @pytest.mark.parametrize(("took", "verdict"), [(99.0, "holds"), (100.0, "does not hold")])
@@ -75,13 +83,13 @@ def test_the_paper_s_response_ends_with_the_last_byte(tmp_path: Path, took: floa
     )
     claim = said["response"]
     assert (claim.verdict, "from asking to the last byte" in claim.text) == (verdict, True)
-    assert claim.figures == f"30 ms at 20 ms (Budget 25); {took:.0f} ms at 50 ms."
+    assert claim.figures == f"30 ms [30, 30] at 20 ms (Budget 25); {took:.0f} ms [{took:.0f}, {took:.0f}] at 50 ms."
 
 
 def test_where_a_run_has_no_replies_all_are_judged_by_what_is_on_the_screen(tmp_path: Path) -> None:
     said = found(tmp_path, {"delay_ms": 90, "reply_ms": 30.0, "rtt_ms": 20.0}, {"delay_ms": 80, "rtt_ms": 50.0})
     assert "from the pose to the screen" in said["response"].text
-    assert said["response"].figures == "90 ms at 20 ms; 80 ms at 50 ms."
+    assert said["response"].figures == "90 ms [90, 90] at 20 ms; 80 ms [80, 80] at 50 ms."
 
 
 @pytest.mark.parametrize(("every", "verdict"), [(1, "holds"), (3, "does not hold")])
@@ -103,16 +111,52 @@ def test_budget_must_win_both(tmp_path: Path) -> None:
 
 def test_a_verdict_says_what_it_owes_to_the_machine(tmp_path: Path) -> None:
     said = found(tmp_path, {"delay_ms": 300, "busy": 1.0}, {"delay_ms": 300, "repeat": 1})
-    assert said["response"].figures == "300 ms at 20 ms. Processors were saturated in 1 of these 2 runs."
+    assert said["response"].figures == "300 ms [300, 300] at 20 ms. Processors were saturated in 6 of these 12 runs."
 
 
 def test_each_reading_of_latency_that_has_runs_is_judged_by_itself(tmp_path: Path) -> None:
-    write_run(tmp_path / "runs/0", "latency", rungs=(1,), delay_ms=40.0, rtt_ms=20.0)
-    write_run(tmp_path / "runs/1", "latency-transfer", rungs=(1, 2), hold=25, delay_ms=130.0, rtt_ms=20.0)
-    write_run(tmp_path / "runs/2", "lol+", rungs=(1, 2), hold=50, rtt_ms=20.0)
+    found(
+        tmp_path,
+        {"controller": "latency", "rungs": (1,)},
+        {"controller": "latency-transfer", "rungs": (1, 2), "hold": 25, "delay_ms": 130.0},
+        {"controller": "lol+", "rungs": (1, 2), "hold": 50},
+    )
     verdicts = {claim.text: claim.verdict for claim in claims(Groups.of(load(tmp_path).runs))}
     assert verdicts["Latency changes its profile less often than LoL+"] == "holds"
     assert verdicts["Latency (transfer) changes its profile less often than LoL+"] == "does not hold"
     responses = {text.split("'s")[0]: verdict for text, verdict in verdicts.items() if "p95 response" in text}
     assert responses == {"Latency": "holds", "Latency (transfer)": "does not hold"}
     assert "Budget has more inputs within 108 ms than Latency (transfer), at an equal or greater height" in verdicts
+
+
+@pytest.mark.parametrize(("delay_ms", "verdict"), [(50, "holds"), (40, "does not hold"), (30, "does not hold")])
+def test_a_longer_mean_response(tmp_path: Path, delay_ms: float, verdict: str) -> None:
+    said = found(tmp_path, {"delay_ms": delay_ms}, {"controller": "lol+", "delay_ms": 40})
+    assert said["slower"].verdict == verdict
+    assert "Impact of Round-Trip Time" in said["slower"].whose
+
+
+def test_there_is_no_verdict_without_an_interval(tmp_path: Path) -> None:
+    for block in range(LEAST_BLOCKS - 1):
+        for repeat in (0, 1):
+            for name, delay in (("latency", 60), ("lol+", 40)):
+                run = tmp_path / "runs" / f"{name}-{block}-{repeat}"
+                write_run(run, name, movement=f"walk{block}", repeat=repeat, delay_ms=delay)
+    said = said_of(tmp_path)
+    assert (said["slower"].verdict, said["response"].verdict) == ("not certain", "not certain"), "repeats are no blocks"
+    assert said["response"].figures.startswith("60 ms [no interval over 5 blocks] at 20 ms")
+
+
+def test_an_interval_on_both_sides_is_not_certain(tmp_path: Path) -> None:
+    for block, delay in enumerate((20, 30, 90, 95, 20, 30)):
+        write_run(tmp_path / "runs" / f"a{block}", "latency", movement=f"walk{block}", delay_ms=delay)
+        write_run(tmp_path / "runs" / f"b{block}", "lol+", movement=f"walk{block}", delay_ms=45)
+    said = said_of(tmp_path)
+    assert said["slower"].verdict == "not certain"
+    assert "; difference +2 [-" in said["slower"].figures
+
+
+def test_what_is_the_paper_s_and_what_is_ours(tmp_path: Path) -> None:
+    said = found(tmp_path, {})
+    assert {name for name, claim in said.items() if claim.whose != "ours"} == {"lol+", "l2a", "slower"}
+    assert said["l2a"].whose == "the paper's: Performance Evaluation, Results, (d) Quality Switches"

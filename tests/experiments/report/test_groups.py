@@ -22,7 +22,7 @@ def test_a_time_that_never_came_is_no_time(tmp_path: Path) -> None:
     (group,) = Groups.of(load(tmp_path).runs)
     p95, in_time = group.spread(PHOTON_P95), group.spread(IN_TIME)
     assert p95 is not None
-    assert (p95.low, p95.mean, p95.ci95) == (40, math.inf, None)
+    assert (p95.low, p95.mean) == (40, math.inf)
     assert in_time is not None
     assert in_time.mean == pytest.approx((60 + 100) / 2)
 
@@ -37,8 +37,19 @@ def test_nobody_moved_and_nothing_came(tmp_path: Path) -> None:
 
 
 def test_a_spread_leaves_out_runs_that_lack_the_figure() -> None:
-    assert Spread.over([None, 3.0, None]) == Spread(3.0, 3.0, 3.0, 1, None)
+    assert Spread.over([None, 3.0, None]) == Spread(3.0, 3.0, 3.0, 1)
     assert Spread.over([None]) is None
+
+
+def test_a_repeat_counts_within_its_block_alone(tmp_path: Path) -> None:
+    for name, (movement, delay) in enumerate((("a", 40), ("a", 60), ("b", 110))):
+        write_run(tmp_path / "runs" / f"{name}", movement=movement, delay_ms=delay)
+    (group,) = Groups.of(load(tmp_path).runs)
+    spread, estimate = group.spread(FRAME_AGE_MEAN), group.estimate(FRAME_AGE_MEAN)
+    assert spread is not None
+    assert estimate is not None
+    assert (spread.mean, spread.low, spread.high, spread.runs) == (80, 40, 110, 3)
+    assert (estimate.mean, estimate.blocks) == (80, 2)
 
 
 def test_the_mean_of_equal_values_is_one_of_them() -> None:

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import csv
 import math
+import statistics
 from pathlib import Path
 
 import pytest
 
 from tests.experiments.report.made_up_results import SCENE_BYTES, write_run
+from tigas_experiments.report.differences import against
 from tigas_experiments.report.groups import Groups
 from tigas_experiments.report.results import load
 from tigas_experiments.report.tables import write_csv
@@ -19,7 +21,7 @@ def test_a_row_of_runs_csv_has_every_field_and_figure(tmp_path: Path) -> None:
     write_run(folder, "budget", "bus", 50.0, delay_ms=80, reply_ms=60, rungs=(1, 3), hold=50, kbps=4000, repeat=2)
     write_run(tmp_path / "runs" / "b", 2, "bus", None, every=2, delay_ms=120)
     results = load(tmp_path)
-    write_csv(results, Groups.of(results.runs), tmp_path)
+    write_csv(results, Groups.of(results.runs), [], None, tmp_path)
     with (tmp_path / "runs.csv").open(newline="") as file:
         one, two = csv.DictReader(file)
     expected = {
@@ -71,16 +73,39 @@ def test_a_row_of_runs_csv_has_every_field_and_figure(tmp_path: Path) -> None:
     assert two["response_time_p95_ms"] == "", "nobody recorded replies"
 
 
-def test_a_group_has_mean_range_and_interval_over_its_runs(tmp_path: Path) -> None:
-    for repeat, delay in enumerate((40.0, 50.0, 90.0)):
-        write_run(tmp_path / "runs" / f"{repeat}", delay_ms=delay, repeat=repeat)
+def test_a_group_has_mean_range_and_interval_over_its_blocks(tmp_path: Path) -> None:
+    delays = (40.0, 50.0, 90.0, 60.0, 60.0, 60.0)
+    for number, delay in enumerate(delays):
+        for repeat in (0, 1):
+            write_run(tmp_path / "runs" / f"{number}-{repeat}", movement=f"{number}", delay_ms=delay, repeat=repeat)
     write_run(tmp_path / "runs" / "other", delay_ms=70, rtt_ms=100)
     results = load(tmp_path)
-    write_csv(results, Groups.of(results.runs), tmp_path)
+    write_csv(results, Groups.of(results.runs), [], None, tmp_path)
     with (tmp_path / "groups.csv").open(newline="") as file:
         one, other = csv.DictReader(file)
-    assert [one[name] for name in ("network", "rtt_ms", "controller", "runs")] == ["bus", "20.0", "latency", "3"]
-    figures = [float(one[f"frame_age_mean_ms_{name}"]) for name in ("mean", "min", "max", "ci95")]
-    # t(0.975, 2) = 4.3027; the sample's standard deviation of 40, 50, 90 is 26.458.
-    assert figures == pytest.approx([60, 40, 90, 4.3027 * 26.458 / math.sqrt(3)], rel=1e-4)
-    assert (other["rtt_ms"], other["frame_age_mean_ms_ci95"]) == ("100.0", "")
+    names = ("network", "rtt_ms", "controller", "runs", "blocks")
+    assert [one[name] for name in names] == ["bus", "20.0", "latency", "12", "6"]
+    assert [float(one[f"frame_age_mean_ms_{name}"]) for name in ("mean", "min", "max")] == [60, 40, 90]
+    low, high = (float(one[f"frame_age_mean_ms_ci95_{end}"]) for end in ("low", "high"))
+    # Twelve runs as good as independent would have it narrower by a factor of the square root of two.
+    half = 1.96 * statistics.pstdev(delays) / math.sqrt(len(delays))
+    assert (low, high) == pytest.approx((60 - half, 60 + half), abs=3)
+    assert (other["blocks"], other["rtt_ms"], other["frame_age_mean_ms_ci95_low"]) == ("1", "100.0", "")
+
+
+def test_differences_csv_has_each_figure_against_the_baseline(tmp_path: Path) -> None:
+    for number in range(6):
+        write_run(tmp_path / "runs" / f"l{number}", "latency", movement=f"{number}", delay_ms=60.0 + 10 * number)
+        write_run(tmp_path / "runs" / f"b{number}", "budget", movement=f"{number}", delay_ms=40.0 + 10 * number)
+    results = load(tmp_path)
+    groups = Groups.of(results.runs)
+    (latency, _) = groups.looks
+    write_csv(results, groups, against(groups, latency), latency, tmp_path)
+    with (tmp_path / "differences.csv").open(newline="") as file:
+        rows = {row["figure"]: row for row in csv.DictReader(file)}
+    row = rows["frame_age_mean_ms"]
+    names = ("network", "rtt_ms", "controller", "baseline", "blocks")
+    assert [row[name] for name in names] == ["bus", "20.0", "budget", "latency", "6"]
+    ends = [float(row[name]) for name in ("difference", "ci95_low", "ci95_high")]
+    assert ends == pytest.approx([-20, -20, -20]), "blocks differ by far more than controllers do in each of them"
+    assert rows["response_time_mean_ms"]["difference"] == "", "nobody recorded replies"

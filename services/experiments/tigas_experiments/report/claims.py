@@ -1,31 +1,43 @@
-"""The paper's claims, and our own, held against the runs where they apply."""
+"""The paper's claims, and our own targets, held against the runs where they apply.
+
+A verdict is what the whole 95 % confidence interval over blocks (blocks.py) says; without one it is `not certain`.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+import math
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
 from tigas_common.wire.figures import INTERACTIVE_MS
+from tigas_experiments.report.blocks import Block, Estimate, differences, signed
 from tigas_experiments.report.controllers import CONTROLLER_TITLES
 from tigas_experiments.report.groups import Group, Groups
 from tigas_experiments.report.metrics import (
+    FRAME_AGE_MEAN,
     FRAME_AGE_P95,
     HEIGHT,
     IN_TIME,
     NEW_VIEWS,
+    RESPONSE_TIME_MEAN,
     RESPONSE_TIME_P95,
     SWITCHES,
     VIEW_SSIM,
     Metric,
 )
 
-Verdict = Literal["holds", "does not hold", "no data"]
+Verdict = Literal["holds", "does not hold", "not certain", "no data"]
+SWITCHES_IN_PAPER = "the paper's: Performance Evaluation, Results, (d) Quality Switches"
+RESPONSE_IN_PAPER = "the paper's: Performance Evaluation, Impact of Round-Trip Time"
+OURS = "ours"
 READINGS = ("latency", "latency-transfer")
 """Of the paper's controller (docs/abr.md): its words come first, the other is judged where it has runs."""
+BASELINES = ("lol+", "l2a")
+"""The paper's."""
 RESPONSE_MS, RESPONSE_RTT_MS = 100.0, 50.0
 SPANS = {RESPONSE_TIME_P95: "from asking to the last byte", FRAME_AGE_P95: "from the pose to the screen"}
-"""The paper's, which runs without replies do not have, and the longer one that all have."""
+"""The paper's notion, which runs without replies do not have, and the longer one that all have."""
 FRAMES_PER_S, FRAMES_RTT_MS = 25.0, 300.0
 
 
@@ -34,7 +46,8 @@ class Claim:
     """One, and what the runs say of it."""
 
     text: str
-    whose: Literal["the paper's", "ours"]
+    whose: str
+    """The paper's, with the section, or ours."""
     verdict: Verdict
     figures: str
     """What the verdict rests on."""
@@ -60,8 +73,8 @@ def _of_reading(cells: dict[tuple[str, float | None], Cell], reading: str) -> li
     title = CONTROLLER_TITLES[reading]
     every = list(cells.values())
     return [
-        _fewer_switches(every, reading, "lol+"),
-        _fewer_switches(every, reading, "l2a"),
+        *(_fewer_switches(every, reading, other) for other in BASELINES),
+        *(_slower(every, reading, other) for other in BASELINES),
         *_each_network(
             cells,
             reading,
@@ -70,14 +83,14 @@ def _of_reading(cells: dict[tuple[str, float | None], Cell], reading: str) -> li
                 metric: f"{title}'s p95 response, {span}, is under 100 ms at round trips of up to 50 ms"
                 for metric, span in SPANS.items()
             },
-            lambda value: value < RESPONSE_MS,
+            lambda low, high: _judged(high < RESPONSE_MS, low >= RESPONSE_MS),
         ),
         *_each_network(
             cells,
             reading,
             lambda rtt: rtt == FRAMES_RTT_MS,
             {NEW_VIEWS: f"{title} shows at least 25 new views a second at a round trip of 300 ms"},
-            lambda value: value >= FRAMES_PER_S,
+            lambda low, high: _judged(low >= FRAMES_PER_S, high < FRAMES_PER_S),
         ),
         _budget(every, reading, HEIGHT, "at an equal or greater height"),
         _budget(every, reading, VIEW_SSIM, "at an equal or better SSIM of the view"),
@@ -89,15 +102,34 @@ def _fewer_switches(cells: Sequence[Cell], reading: str, other: str) -> Claim:
     text = f"{own} changes its profile less often than {title}"
     both = [cell for cell in cells if _pairs([cell], reading, other, SWITCHES)]
     if not both:
-        return Claim(text, "the paper's", "no data", "There are no runs of both over the same network.")
-    pairs = _pairs(both, reading, other, SWITCHES)
-    ours, theirs = (sum(pair[side] for pair in pairs) / len(pairs) for side in (0, 1))
+        return _nothing(text, SWITCHES_IN_PAPER)
+    pairs, estimate = _pairs(both, reading, other, SWITCHES), _difference(both, reading, other, SWITCHES)
+    ours, theirs = _means(pairs)
     fewer = sum(a < b for a, b in pairs)
     figures = (
         f"{own} {SWITCHES.text(ours)}, {title} {SWITCHES.text(theirs)} a minute; "
-        f"less often at {fewer} of {len(pairs)} networks and round trips."
+        f"{_told(estimate, SWITCHES)}; less often at {fewer} of {len(pairs)} networks and round trips."
     )
-    return Claim(text, "the paper's", _verdict(ours < theirs), figures + _saturated(both, reading, other))
+    verdict = _of_interval(estimate, lambda low, high: _judged(high < 0, low >= 0))
+    return Claim(text, SWITCHES_IN_PAPER, verdict, figures + _saturated(both, reading, other))
+
+
+def _slower(cells: Sequence[Cell], reading: str, other: str) -> Claim:
+    """Of how little it is slower, the paper says nothing that could be judged."""
+    own, title = CONTROLLER_TITLES[reading], CONTROLLER_TITLES[other]
+    text = f"{own}'s mean response is longer than {title}'s"
+    metric = RESPONSE_TIME_MEAN if _pairs(cells, reading, other, RESPONSE_TIME_MEAN) else FRAME_AGE_MEAN
+    both = [cell for cell in cells if _pairs([cell], reading, other, metric)]
+    if not both:
+        return _nothing(text, RESPONSE_IN_PAPER)
+    pairs, estimate = _pairs(both, reading, other, metric), _difference(both, reading, other, metric)
+    ours, theirs = _means(pairs)
+    figures = (
+        f"{metric.title}: {own} {metric.with_unit(ours)}, {title} {metric.with_unit(theirs)}; "
+        f"{_told(estimate, metric)}."
+    )
+    verdict = _of_interval(estimate, lambda low, high: _judged(low > 0, high <= 0))
+    return Claim(text, RESPONSE_IN_PAPER, verdict, figures + _saturated(both, reading, other))
 
 
 def _each_network(
@@ -105,11 +137,11 @@ def _each_network(
     reading: str,
     applies: Callable[[float], bool],
     texts: Mapping[Metric, str],
-    holds: Callable[[float], bool],
+    judge: Callable[[float, float], Verdict],
 ) -> list[Claim]:
-    """A claim over one reading of Latency alone: one row for each network that has runs at such a round trip.
+    """A target for one reading of Latency alone: one row for each network that has runs at such a round trip.
 
-    It is judged by the first of the figures that all of its runs have, or by the last.
+    It is judged by the first of the figures that all of its runs have, or by the last, at each round trip by itself.
     """
     *_, last = texts
     found: list[Claim] = []
@@ -117,23 +149,27 @@ def _each_network(
         at = {rtt: cell for (name, rtt), cell in cells.items() if name == network and rtt is not None and applies(rtt)}
         groups = [cell[reading] for cell in at.values() if reading in cell]
         metric = next((metric for metric in texts if all(group.has(metric) for group in groups)), last)
-        values = {rtt: value for rtt, cell in at.items() if (value := _mean(cell, reading, metric)) is not None}
-        if not values:
+        estimates = {
+            rtt: estimate
+            for rtt, cell in at.items()
+            if reading in cell and (estimate := cell[reading].estimate(metric)) is not None
+        }
+        if not estimates:
             continue
         parts = []
-        for rtt, value in values.items():
+        for rtt, estimate in estimates.items():
             others = [
                 f"{group.controller.title} {metric.text(other)}"
                 for name, group in at[rtt].items()
                 if name != reading and (other := _mean(at[rtt], name, metric)) is not None
             ]
             beside = f" ({', '.join(others)})" if others else ""
-            parts.append(f"{metric.with_unit(value)} at {rtt:g} ms{beside}")
+            parts.append(f"{metric.with_unit(estimate.mean)} {estimate.range(metric)} at {rtt:g} ms{beside}")
         figures = f"{'; '.join(parts)}.{_saturated(list(at.values()), reading)}"
-        verdict = _verdict(all(map(holds, values.values())))
-        found.append(Claim(f"{texts[metric]}, over {network}", "the paper's", verdict, figures))
+        verdict = _all(_of_interval(estimate, judge) for estimate in estimates.values())
+        found.append(Claim(f"{texts[metric]}, over {network}", OURS, verdict, figures))
     nothing = f"There are no runs of {CONTROLLER_TITLES[reading]} at such a known round trip."
-    return found or [Claim(next(iter(texts.values())), "the paper's", "no data", nothing)]
+    return found or [Claim(next(iter(texts.values())), OURS, "no data", nothing)]
 
 
 def _budget(cells: Sequence[Cell], reading: str, quality: Metric, words: str) -> Claim:
@@ -145,18 +181,37 @@ def _budget(cells: Sequence[Cell], reading: str, quality: Metric, words: str) ->
         if _pairs([cell], "budget", reading, IN_TIME) and _pairs([cell], "budget", reading, quality)
     ]
     if not both:
-        return Claim(text, "ours", "no data", "There are no runs of both over the same network that have the figure.")
+        return _nothing(text, OURS)
     shares, qualities = (_pairs(both, "budget", reading, metric) for metric in (IN_TIME, quality))
-    (in_time, theirs), (good, their_quality) = (
-        tuple(sum(pair[side] for pair in pairs) / len(pairs) for side in (0, 1)) for pairs in (shares, qualities)
-    )
+    (in_time, theirs), (good, their_quality) = _means(shares), _means(qualities)
     won = sum(a > b and c >= d for (a, b), (c, d) in zip(shares, qualities, strict=True))
+    more, better = (_difference(both, "budget", reading, metric) for metric in (IN_TIME, quality))
     figures = (
         f"Budget {IN_TIME.with_unit(in_time)} at {quality.with_unit(good)}, {title} {IN_TIME.with_unit(theirs)} at "
-        f"{quality.with_unit(their_quality)}; both are so at {won} of {len(both)} networks and round trips."
+        f"{quality.with_unit(their_quality)}; {_told(more, IN_TIME)}, and of {quality.title} "
+        f"{_told(better, quality)}; both are so at {won} of {len(both)} networks and round trips."
     )
-    verdict = _verdict(in_time > theirs and good >= their_quality)
-    return Claim(text, "ours", verdict, figures + _saturated(both, "budget", reading))
+    verdict = _all(
+        (
+            _of_interval(more, lambda low, high: _judged(low > 0, high <= 0)),
+            _of_interval(better, lambda low, high: _judged(low >= 0, high < 0)),
+        )
+    )
+    return Claim(text, OURS, verdict, figures + _saturated(both, "budget", reading))
+
+
+def _nothing(text: str, whose: str) -> Claim:
+    return Claim(text, whose, "no data", "There are no runs of both over the same network that have the figure.")
+
+
+def _difference(cells: Sequence[Cell], one: str, other: str, metric: Metric) -> Estimate | None:
+    """Of one less the other, over the blocks that both have; a block's round trips are averaged first."""
+    found: dict[Block, list[float]] = {}
+    for cell in cells:
+        if one in cell and other in cell:
+            for block, value in differences(cell[one].blocks(metric), cell[other].blocks(metric)).items():
+                found.setdefault(block, []).append(value)
+    return Estimate.over([sum(values) / len(values) for values in found.values()])
 
 
 def _pairs(cells: Sequence[Cell], one: str, other: str, metric: Metric) -> list[tuple[float, float]]:
@@ -165,13 +220,35 @@ def _pairs(cells: Sequence[Cell], one: str, other: str, metric: Metric) -> list[
     return [(a, b) for a, b in means if a is not None and b is not None]
 
 
+def _means(pairs: Sequence[tuple[float, float]]) -> tuple[float, float]:
+    return sum(a for a, _ in pairs) / len(pairs), sum(b for _, b in pairs) / len(pairs)
+
+
 def _mean(cell: Cell, name: str, metric: Metric) -> float | None:
     spread = cell[name].spread(metric) if name in cell else None
     return None if spread is None else spread.mean
 
 
-def _verdict(holds: bool) -> Verdict:
-    return "holds" if holds else "does not hold"
+def _told(estimate: Estimate | None, metric: Metric) -> str:
+    if estimate is None:
+        return "they have no block in common"
+    return f"difference {signed(metric, estimate.mean)} {estimate.range(metric)}"
+
+
+def _of_interval(estimate: Estimate | None, judge: Callable[[float, float], Verdict]) -> Verdict:
+    if estimate is None or estimate.interval is None or math.isnan(estimate.mean):
+        return "not certain"
+    return judge(*estimate.interval)
+
+
+def _judged(holds: bool, fails: bool) -> Verdict:
+    return "holds" if holds else "does not hold" if fails else "not certain"
+
+
+def _all(verdicts: Iterable[Verdict]) -> Verdict:
+    """Of what holds only if every part does."""
+    found = set(verdicts)
+    return "does not hold" if "does not hold" in found else "not certain" if "not certain" in found else "holds"
 
 
 def _saturated(cells: Sequence[Cell], *names: str) -> str:

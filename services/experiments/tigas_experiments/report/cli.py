@@ -23,6 +23,13 @@ def report(
         Literal["experiment", "comparison"] | None,
         typer.Option(help="Claims over groups of runs, or run by run with pictures.", show_default="as it was made"),
     ] = None,
+    baseline: Annotated[
+        str | None,
+        typer.Option(
+            help="The controller that the others are compared with, such as latency, profile-2 or dash-tuned.",
+            show_default="the first in the experiment's file",
+        ),
+    ] = None,
 ) -> None:
     """Write the report of an experiment or a comparison into its folder: report.html, tables and figures."""
     from tigas_experiments.report.report import write_report
@@ -36,7 +43,7 @@ def report(
                 tasks[what] = bar.add_task(what)
             bar.update(tasks[what], completed=done, total=total)
 
-        made = write_report(folder, folder, template, told)
+        made = write_report(folder, folder, template, told, baseline=baseline)
     _print(made)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from tigas_experiments.report.blocks import LEAST_BLOCKS, signed
 from tigas_experiments.report.claims import claims
 from tigas_experiments.report.experiment_figures import figures
 from tigas_experiments.report.groups import Groups, Spread, overall
@@ -32,6 +33,8 @@ def experiment_page(_: Results, groups: Groups, out: Path, told: Told) -> dict[s
         "totals": totals if len(groups.networks) > 1 else [],
         "table": TABLE,
         "cell": cell,
+        "signed": signed,
+        "least_blocks": LEAST_BLOCKS,
         "rtt_text": rtt_text,
     }
 

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import t
 
 from tigas_experiments.records.folder import RunRecord
+from tigas_experiments.report.blocks import Block, Estimate
 from tigas_experiments.report.controllers import Controller, Look, in_order, looks
 from tigas_experiments.report.metrics import Metric, Value
 from tigas_experiments.report.results import Floats, Run
@@ -41,21 +40,20 @@ class Spread:
     high: float
     runs: int
     """That have the metric."""
-    ci95: float | None
-    """Half of the 95 % confidence interval of the mean, by Student's t; None with fewer than two runs."""
 
     @classmethod
-    def over(cls, values: Sequence[Value]) -> Spread | None:
-        """Without the runs that do not have it; None if none has. inf in one makes the mean inf."""
+    def over(cls, values: Sequence[Value], means: Iterable[float] = ()) -> Spread | None:
+        """Without the runs that do not have it; None if none has. inf in one makes the mean inf.
+
+        `means` are those of the blocks that the runs are of, each of which counts the same.
+        """
         found = [value for value in values if value is not None]
         if not found:
             return None
-        ci95 = None
-        if len(found) > 1 and all(map(math.isfinite, found)):
-            ci95 = float(t.ppf(0.975, len(found) - 1) * np.std(found, ddof=1) / math.sqrt(len(found)))
         low, high = min(found), max(found)
+        counted = list(means) or found
         # Rounding must not carry the mean of equal values beyond them.
-        return cls(min(max(sum(found) / len(found), low), high), low, high, len(found), ci95)
+        return cls(min(max(sum(counted) / len(counted), low), high), low, high, len(found))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -76,8 +74,26 @@ class Group:
         return any(run.saturated for run in self.runs)
 
     def spread(self, metric: Metric) -> Spread | None:
-        """Of one metric."""
-        return Spread.over([metric.of(run.record, run.figures) for run in self.runs])
+        """Of one metric: the mean over blocks, the least and the greatest run."""
+        return Spread.over([metric.of(run.record, run.figures) for run in self.runs], self.blocks(metric).values())
+
+    def estimate(self, metric: Metric) -> Estimate | None:
+        """The mean over blocks with its interval; None if no run has the metric."""
+        return Estimate.over(list(self.blocks(metric).values()))
+
+    def blocks(self, metric: Metric) -> dict[Block, float]:
+        """The mean over the repeats of each block that have the metric."""
+        values: dict[Block, list[float]] = {}
+        for run in self.runs:
+            value = metric.of(run.record, run.figures)
+            if value is not None:
+                values.setdefault(Block.of(run.record.configuration), []).append(value)
+        return {block: sum(found) / len(found) for block, found in values.items()}
+
+    @property
+    def every_block(self) -> set[Block]:
+        """That the runs are of."""
+        return {Block.of(run.record.configuration) for run in self.runs}
 
     def has(self, metric: Metric) -> bool:
         """Whether all runs have the metric."""

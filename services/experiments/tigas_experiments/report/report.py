@@ -14,6 +14,7 @@ from tigas_common.wire.figures import INTERACTIVE_MS
 from tigas_common.wire.run import MODE_NAMES
 from tigas_experiments.records.folder import RunRecord, Template
 from tigas_experiments.report.comparison_page import comparison_page
+from tigas_experiments.report.differences import against, choose_baseline
 from tigas_experiments.report.experiment_page import experiment_page
 from tigas_experiments.report.groups import Groups
 from tigas_experiments.report.results import Results, Told, load
@@ -38,22 +39,30 @@ class Report:
 
 
 def write_report(
-    folder: Path, out: Path, template: Template | None = None, told: Told = lambda what, done, total: None
+    folder: Path,
+    out: Path,
+    template: Template | None = None,
+    told: Told = lambda what, done, total: None,
+    *,
+    baseline: str | None = None,
 ) -> Report:
     """Report on the runs of an experiment's folder, into another folder or its own.
 
-    Writes report.html, runs.csv, groups.csv, and what its template has beside them. The experiment says which one that
-    is, unless somebody chooses another.
+    Writes report.html, runs.csv, groups.csv, differences.csv, and what its template has beside them. The experiment
+    says which one that is, and with which controller the others are compared, unless somebody chooses another.
 
-    Raises StartError if it has no runs, and OSError if it cannot be written.
+    Raises StartError if it has no runs, or none of the baseline, and OSError if it cannot be written.
     """
     results = load(folder, told)
     groups = Groups.of(results.runs)
-    csv_files = write_csv(results, groups, out)
+    base = choose_baseline(groups, results.experiment, baseline)
+    compared = against(groups, base) if base is not None else []
+    csv_files = write_csv(results, groups, compared, base, out)
     template = template or ("experiment" if results.experiment is None else results.experiment.template)
     values, warnings = PAGES[template]
     report = Report(results, groups, template, warnings(results), out / "report.html")
-    page = _filled(report, csv_files, values(results, groups, out, told))
+    shown = {"baseline": base, "compared": compared, **values(results, groups, out, told)}
+    page = _filled(report, csv_files, shown)
     report.page.write_text(page, encoding="utf-8")
     return report
 

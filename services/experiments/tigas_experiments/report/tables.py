@@ -1,4 +1,5 @@
-"""The tables as files: runs.csv with a row for each run, groups.csv with a row for each group, overall.md for papers.
+"""The tables as files: runs.csv with a row for each run, groups.csv with a row for each group, differences.csv with a
+row for each figure of a controller against the baseline, overall.md for papers.
 
 An empty cell of a CSV file is a metric that there is not; `inf` is a time that never came.
 """
@@ -6,24 +7,33 @@ An empty cell of a CSV file is a metric that there is not; `inf` is a time that 
 from __future__ import annotations
 
 import csv
+import math
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
 from tigas_experiments.records.folder import RunRecord
+from tigas_experiments.report.blocks import Estimate
+from tigas_experiments.report.controllers import Controller
+from tigas_experiments.report.differences import Difference
 from tigas_experiments.report.groups import Condition, Group, Groups, Overall
-from tigas_experiments.report.metrics import METRICS, TABLE
+from tigas_experiments.report.metrics import METRICS, TABLE, Metric
 from tigas_experiments.report.results import Failure, Results, Run
 
 Row = dict[str, Any]
 
 
-def write_csv(results: Results, groups: Groups, folder: Path) -> list[Path]:
-    """runs.csv and groups.csv. Raises OSError."""
+def write_csv(
+    results: Results, groups: Groups, compared: Sequence[Difference], baseline: Controller | None, folder: Path
+) -> list[Path]:
+    """runs.csv, groups.csv and differences.csv. Raises OSError."""
     runs = [*map(_run, results.runs), *map(_failure, results.failures)]
     files = {
         "runs.csv": sorted(runs, key=lambda row: str(row["folder"])),
         "groups.csv": [_group(group) for group in groups],
+        "differences.csv": [_difference(each, baseline.name, metric) for each in compared for metric in METRICS]
+        if baseline is not None
+        else [],
     }
     return [_write(folder / name, rows) for name, rows in files.items()]
 
@@ -94,6 +104,7 @@ def _group(group: Group) -> Row:
         "mode": condition.controller.mode,
         "controller": condition.controller.name,
         "runs": len(group.runs),
+        "blocks": len(group.every_block),
         "runs_saturated": sum(run.saturated for run in group.runs),
         "scenes": _names(configuration.scene for configuration in configurations),
         "movements": _names(Path(configuration.movement).name for configuration in configurations),
@@ -103,8 +114,29 @@ def _group(group: Group) -> Row:
         row[f"{metric.name}_mean"] = spread and spread.mean
         row[f"{metric.name}_min"] = spread and spread.low
         row[f"{metric.name}_max"] = spread and spread.high
-        row[f"{metric.name}_ci95"] = spread and spread.ci95
+        row[f"{metric.name}_ci95_low"], row[f"{metric.name}_ci95_high"] = _ends(group.estimate(metric))
     return row
+
+
+def _difference(difference: Difference, baseline: str, metric: Metric) -> Row:
+    estimate = difference.estimate(metric)
+    low, high = _ends(estimate)
+    return {
+        "network": "all" if difference.network is None else difference.network,
+        "networks": len(difference.pairs),
+        "rtt_ms": difference.rtt_ms,
+        "controller": difference.controller.name,
+        "baseline": baseline,
+        "figure": metric.name,
+        "blocks": 0 if estimate is None else estimate.blocks,
+        "difference": None if estimate is None or math.isnan(estimate.mean) else estimate.mean,
+        "ci95_low": low,
+        "ci95_high": high,
+    }
+
+
+def _ends(estimate: Estimate | None) -> tuple[float | None, float | None]:
+    return (None, None) if estimate is None or estimate.interval is None else estimate.interval
 
 
 def _names(names: Iterable[str]) -> str:
