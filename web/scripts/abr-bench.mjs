@@ -11,6 +11,7 @@ const USAGE = `npm run abr-bench -- [options] TRACE.csv...
   --segments N        how many different parts of the traces, taken from all in turn by chance [48]
   --seconds N         how long each is [30]
   --rtt MS            round trip in place of the traces' own delay; may be repeated [20, 50, 100]
+  --jitter MS         each way, beside the round trip [0]
   --render MS, --render-best MS, --scale X, --batch MS   as abr-sim has them
   --seed N            [1]
   --json FILE         all runs' figures
@@ -41,6 +42,7 @@ async function main() {
       segments: { type: "string", default: "48" },
       seconds: { type: "string", default: "30" },
       rtt: { type: "string", multiple: true, default: ["20", "50", "100"] },
+      jitter: { type: "string", default: "0" },
       render: { type: "string" },
       "render-best": { type: "string" },
       scale: { type: "string" },
@@ -75,6 +77,7 @@ async function main() {
     ].map(load),
   );
   const seed = Number(values.seed);
+  const jitter_ms = Number(values.jitter);
   const duration = Number(values.seconds) * 1000;
   const options = Object.fromEntries(
     [
@@ -100,10 +103,10 @@ async function main() {
       for (const controller of names) {
         const figures = await simulate({
           controller: controllerFactory(controller),
-          trace,
+          trace: { ...trace, steps: trace.steps.map((step) => ({ ...step, delay_ms: roundTrip / 2, jitter_ms })) },
           ladder: PAPER_LADDER,
           duration,
-          roundTrip,
+          roundTrip: null,
           endpoints: new PaperEndpoints(PAPER_LADDER, seed + block, options),
           seed: seed + block,
         });

@@ -2,6 +2,7 @@ import { beforeEach, describe, expect, test } from "vitest";
 import { BudgetController } from "./budget";
 import { type ObservationOptions, observation } from "./fake-observation";
 import { PAPER_LADDER } from "./ladder";
+import { seeded } from "./random";
 
 const BYTES = [240_000, 55_000, 20_000, 7000];
 const AT_60_HZ = 1000 / 60;
@@ -72,7 +73,7 @@ test("an upgrade that had to be taken back makes the next one wait longer", () =
   };
   hear(1000, { throughput: 12e6 });
   const first = untilUp();
-  hear(40, { throughput: 12e6 });
+  hear(120, { throughput: 12e6 });
   expect(untilUp()).toBeGreaterThan(first);
 });
 
@@ -103,6 +104,21 @@ test("a display of 120 Hz has less time between frames", () => {
   expect(hear(3000, { throughput: 27e6, refresh: AT_60_HZ })).toBe(1);
   subject = new BudgetController({ ladder: PAPER_LADDER });
   expect(hear(3000, { throughput: 27e6, refresh: AT_60_HZ / 2 })).toBe(2);
+});
+
+test("a way that has become longer is taken for a queue no longer than needed", () => {
+  hear(3000, { throughput: 27e6 });
+  hear(2500, { throughput: 27e6, trip: 120 });
+  expect(hear(2500, { throughput: 27e6, trip: 120 })).toBe(1);
+});
+
+test.each([4, 10, 15])("jitter of %i ms does not keep it at the lowest rung", (jitter) => {
+  const random = seeded(1);
+  for (let i = 0; i < 600; i++) {
+    const read = (throughput: number, bytes: number) => (bytes * 8000) / ((bytes * 8000) / throughput + 0.7 * jitter);
+    hear(AT_60_HZ, { throughput: 40e6, trip: 50 + 2 * jitter * (random() + random()), read });
+  }
+  expect(subject.decide(now)).toBeLessThan(3);
 });
 
 test("small frames that make 24 Mbit/s look like 3 do not keep it at the lowest rung", () => {

@@ -1,19 +1,21 @@
 /**
  * Our own controller, *Budget*: a frame may take WORTH longer for each doubling of its bytes. It takes the rung that costs least:
  *
- *     cost(ℓ) = server(ℓ) + S(ℓ) / r + max(f, S(ℓ) / r, stage(ℓ)) + WORTH · log₂(E(0) / E(ℓ))
+ *     cost(ℓ) = server(ℓ) + link(ℓ) + max(f, link(ℓ), stage(ℓ)) + WORTH · log₂(E(0) / E(ℓ))
+ *     link(ℓ) = j + (S(k) / r − j) · S(ℓ) / S(k)
  *
- * `S` is what frames of a rung take and `E` what the ladder expects of them, `r` the link's throughput, `server` and `stage` what
- * they take in the server and in its slowest stage, `f` an animation frame. The maximum is the time between frames: what is
- * longer than an animation frame makes the next ones wait, and so counts twice. What is alike for all rungs, such as the round
- * trip, decides nothing: a better picture costs as much near the server as far from it.
+ * `S` is what frames of a rung take and `E` what the ladder expects of them, `k` the rung in use, `r` the link's throughput,
+ * `server` and `stage` what they take in the server and in its slowest stage, `f` an animation frame. The maximum is the time
+ * between frames: what is longer than an animation frame makes the next ones wait, and so counts twice. Jitter `j` makes a
+ * frame's packets come apart by as much whether they are two or twenty: it must not be scaled with a frame's size. What is alike
+ * for all rungs, such as the round trip, decides nothing: a better picture costs as much near the server as far from it.
  *
  * Down at once and as far as needed; up one rung, when it has been possible for a while. An upgrade that had to be taken back
  * soon makes the next one wait twice as long. Where frames wait on the link although none should, it goes down, too.
  */
 import { type Controller, type ControllerContext, type Observation, responseTime, serverTime } from "./controller";
 import { FrameClock } from "./frame-clock";
-import { RecentMinimum } from "./recent-minimum";
+import { LinkDelay } from "./link-delay";
 import { ServerTimes } from "./server-times";
 import { FrameSizes } from "./sizes";
 
@@ -21,15 +23,15 @@ import { FrameSizes } from "./sizes";
 const WORTH = 10;
 /** Another rung must cost so much less, in milliseconds. */
 const BETTER = 3;
-/** A frame that waits for longer than so many animation frames beyond its own transmission has a queue before it. */
+/** Frames that wait for more than so many animation frames have a queue before them. */
 const QUEUE = 2;
-/** The trip is the least of this many milliseconds. */
-const TRIP_SPAN = 10_000;
-/** Weight of the newest frame in the queue's average. */
-const ALPHA = 0.3;
+/** Jitter makes up at most this much of what frames seem to take on the link. */
+const MOST_JITTER = 0.75;
+/** A rung is judged by its own frames: it is not left before so many have come. */
+const JUDGED = 5;
 /** An upgrade waits until it has been possible for so long, in milliseconds; at most MAX_HOLD after failures. */
 const MIN_HOLD = 500;
-const MAX_HOLD = 4000;
+const MAX_HOLD = 8000;
 /** An upgrade that is taken back within this many milliseconds has failed. */
 const PROVEN = 1000;
 
@@ -39,10 +41,8 @@ export class BudgetController implements Controller {
   readonly #sizes: FrameSizes;
   readonly #server: ServerTimes;
   readonly #clock = new FrameClock();
-  readonly #trips = new RecentMinimum(TRIP_SPAN);
+  readonly #delay = new LinkDelay();
   #rung: number;
-  /** Milliseconds that frames wait on the link for those before them. */
-  #queue = 0;
   #changedAt = Number.NEGATIVE_INFINITY;
   #upgradedAt = Number.NEGATIVE_INFINITY;
   #possibleSince: number | undefined;
@@ -62,27 +62,36 @@ export class BudgetController implements Controller {
   }
 
   observe(observation: Observation): void {
-    const { profile, server, throughput, at } = observation;
-    this.#sizes.observe(profile, observation.arrival.bytes);
+    const { profile, arrival, server, throughput, at } = observation;
+    this.#sizes.observe(profile, arrival.bytes);
     this.#server.observe(profile, server, at);
     if (throughput === null) return;
-    this.#learnQueue(observation, throughput);
-    this.#choose((rung) => this.#cost(rung, throughput), at);
+    if (arrival.sentAt > this.#changedAt) {
+      // What was asked for before the last change says nothing of what came of it.
+      const network = responseTime(observation) - serverTime(observation);
+      this.#delay.observe(Math.max(0, network - (arrival.bytes * 8000) / throughput), at);
+    }
+    const own = this.#sizes.expected(this.#rung);
+    const seems = (own * 8000) / throughput;
+    const jitter = Math.min(this.#delay.jitter, MOST_JITTER * seems);
+    this.#choose((rung) => this.#cost(rung, jitter + ((seems - jitter) * this.#sizes.expected(rung)) / own), at);
   }
 
-  #cost(rung: number, throughput: number): number {
+  /** `link`: the milliseconds that a frame of the rung takes there. */
+  #cost(rung: number, link: number): number {
     const { total, stage } = this.#server.expected(rung);
-    const transmission = (this.#sizes.expected(rung) * 8000) / throughput;
-    const interval = Math.max(this.#clock.interval, transmission, stage);
-    return total + transmission + interval + (this.#pictures[rung] ?? 0);
+    return total + link + Math.max(this.#clock.interval, link, stage) + (this.#pictures[rung] ?? 0);
   }
 
   #choose(cost: (rung: number) => number, now: number): void {
     const enough = cost(this.#rung) - BETTER;
     const lower = this.#pictures.map((_, rung) => rung).slice(this.#rung + 1);
     const least = lower.reduce((best, rung) => (cost(rung) < cost(best) ? rung : best), this.#rung);
-    const queued = this.#queue > QUEUE * this.#clock.interval && lower.length > 0;
-    if (queued || cost(least) < enough) {
+    const judged = this.#delay.frames >= JUDGED;
+    const queued = judged && this.#delay.queue > QUEUE * this.#clock.interval;
+    if (queued && lower.length === 0) {
+      this.#delay.forget(); // no rung of ours makes it: the way has become longer
+    } else if (queued || (judged && cost(least) < enough)) {
       this.#change(Math.max(least, queued ? this.#rung + 1 : 0), now);
       const failed = now - this.#upgradedAt < PROVEN;
       this.#hold = failed ? Math.min(MAX_HOLD, 2 * this.#hold) : Math.max(MIN_HOLD, this.#hold / 2);
@@ -99,16 +108,7 @@ export class BudgetController implements Controller {
   #change(rung: number, now: number): void {
     this.#rung = rung;
     this.#changedAt = now;
-    this.#queue = 0;
+    this.#delay.restart();
     this.#possibleSince = undefined;
-  }
-
-  /** Frames that were asked for before the last change say nothing of the queue since. */
-  #learnQueue(observation: Observation, throughput: number): void {
-    const { arrival, at } = observation;
-    const network = responseTime(observation) - serverTime(observation);
-    const beyond = Math.max(0, network - (arrival.bytes * 8000) / throughput);
-    const trip = this.#trips.add(beyond, at);
-    if (arrival.sentAt > this.#changedAt) this.#queue += ALPHA * (beyond - trip - this.#queue);
   }
 }

@@ -1,0 +1,41 @@
+import { expect, test } from "vitest";
+import { LinkDelay } from "./link-delay";
+import { seeded } from "./random";
+
+function heard(subject: LinkDelay, delays: readonly number[], from = 0): LinkDelay {
+  for (const [i, delay] of delays.entries()) subject.observe(delay, from + i * 16);
+  return subject;
+}
+
+test("the queue is what frames wait beyond the least average lately", () => {
+  const subject = heard(new LinkDelay(), Array(20).fill(40));
+  expect(subject.queue).toBe(0);
+  heard(subject, Array(30).fill(90), 320);
+  expect(subject.queue).toBeCloseTo(50, 0);
+});
+
+test("jitter is no queue: it is how much the delay changes from frame to frame", () => {
+  const random = seeded(1);
+  const subject = heard(
+    new LinkDelay(),
+    Array.from({ length: 200 }, () => 40 + 20 * random()),
+  );
+  expect(subject.jitter).toBeGreaterThan(4);
+  expect(subject.jitter).toBeLessThan(10);
+  expect(subject.queue).toBeLessThan(12);
+});
+
+test("after a restart only new frames count, and not before there are some", () => {
+  const subject = heard(new LinkDelay(), [...Array(20).fill(40), ...Array(20).fill(90)]);
+  subject.restart();
+  expect([subject.queue, subject.frames]).toEqual([0, 0]);
+  heard(subject, Array(5).fill(60), 640);
+  expect(subject.queue).toBeCloseTo(20, 9);
+});
+
+test("a way that has become longer can be taken as it is", () => {
+  const subject = heard(new LinkDelay(), [...Array(20).fill(40), ...Array(20).fill(90)]);
+  subject.forget();
+  heard(subject, Array(20).fill(90), 640);
+  expect(subject.queue).toBe(0);
+});
