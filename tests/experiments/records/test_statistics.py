@@ -7,8 +7,8 @@ import math
 import pytest
 
 from tests.experiments.made_up import frame, inputs, late, reply
-from tigas_common.wire.figures import FrameAges, Freezes, RenderTimes, ResponseTimes, Rungs
-from tigas_common.wire.recording import Reply, Traffic
+from tigas_common.wire.figures import FrameAges, Freezes, RenderTimes, Requests, ResponseTimes, Rungs
+from tigas_common.wire.recording import Fate, Reply, Request, Traffic
 from tigas_common.wire.render import ServerTiming
 from tigas_experiments.records import statistics
 
@@ -36,6 +36,36 @@ def test_unanswered_inputs_are_slower_than_any() -> None:
     found = statistics.latencies(sampled, late(sampled[:9], 40))
     assert (found.inputs, found.unanswered, found.p50, found.p95) == (10, 1, 40, None)
     assert found.share_interactive == 0.9
+
+
+def test_a_stalled_page_s_missed_poses_are_late_and_no_rest_of_the_viewer() -> None:
+    """It sampled nothing from 500 to 1400 ms: poses 26 to 69 were due meanwhile, and shown with pose 70."""
+    whole = inputs(100)
+    stalled = [
+        entry.model_copy(update={"missed": True, "pose": 71}) if 500 <= entry.at < 1400 else entry for entry in whole
+    ]
+    shown = late([entry for entry in stalled if not entry.missed], 40)
+    found = statistics.latencies(stalled, shown)
+    assert (found.inputs, found.missed, found.unanswered, found.p50, found.p99) == (100, 45, 0, 40, 920)
+    sampled = [entry for entry in stalled if not entry.missed]
+    assert statistics.latencies(sampled, shown).p99 == 40, "what it would say without them"
+    assert statistics.freezes(stalled, shown, 2100).count == 1
+    assert statistics.freezes(sampled, shown, 2100).count == 0
+
+
+def test_the_display_s_interval_is_the_frame_less_and_the_frame_more() -> None:
+    sampled = inputs(4)
+    shown = [frame(entry.at + ms, entry.pose) for entry, ms in zip(sampled, (95, 105, 110, 117), strict=True)]
+    found = statistics.latencies(sampled, shown, 1000 / 120)
+    assert (found.share_frame_less, found.share_interactive, found.share_frame_more) == (0.25, 0.5, 0.75)
+
+
+def test_requests_are_counted_by_what_became_of_them() -> None:
+    fates: tuple[Fate, ...] = ("shown", "shown", "overtaken", "cancelled", "dropped", "dropped", "unanswered")
+    sent = [Request(at=20.0 * number, pose=number, asked_rung=2, fate=fate) for number, fate in enumerate(fates)]
+    expected = Requests(sent=7, shown=2, overtaken=1, cancelled=1, dropped=2, unanswered=1)
+    assert statistics.requests(sent) == expected
+    assert statistics.requests([]) is None, "DASH, or nobody recorded them"
 
 
 def test_nobody_moved() -> None:

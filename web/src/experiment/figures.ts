@@ -2,6 +2,7 @@
  * The figures of a run that the page shows, with the definitions of `docs/compare.md`: the twin of the store's
  * (`tigas_experiments/records/statistics.py`), for runs that no store keeps. Pure: a recording in, figures out.
  */
+import type { Recording } from "../wire/store";
 import type { RecordedEvents } from "./recorder";
 
 export interface RunFigures {
@@ -51,12 +52,14 @@ export function inputLatencies({ inputs, frames }: Pick<RecordedEvents, "inputs"
 }
 
 export function figures(
-  recording: Pick<RecordedEvents, "inputs" | "frames" | "traffic"> & { readonly duration_ms: number },
+  recording: Pick<RecordedEvents, "inputs" | "frames" | "traffic"> &
+    Pick<Recording, "duration_ms" | "display_interval_ms">,
 ): RunFigures {
   const { frames, traffic, duration_ms } = recording;
   const latencies = inputLatencies(recording).map(({ latency }) => latency);
   const during = frames.filter(({ at }) => at >= 0 && at <= duration_ms);
   const rungs = during.flatMap(({ rung }) => rung ?? []);
+  const interval = recording.display_interval_ms ?? USUAL_INTERVAL;
   const within = (limit: number) =>
     latencies.length ? latencies.filter((latency) => latency <= limit).length / latencies.length : null;
   return {
@@ -65,8 +68,8 @@ export function figures(
     p95: percentile(latencies, 0.95),
     p99: percentile(latencies, 0.99),
     interactive: within(INTERACTIVE),
-    interactiveFrameLess: within(INTERACTIVE - USUAL_INTERVAL),
-    interactiveFrameMore: within(INTERACTIVE + USUAL_INTERVAL),
+    interactiveFrameLess: within(INTERACTIVE - interval),
+    interactiveFrameMore: within(INTERACTIVE + interval),
     newViewsPerSecond: (newViews(during) * 1000) / duration_ms,
     meanHeight: meanHeight(during, duration_ms),
     switches: rungs.filter((rung, i) => i > 0 && rung !== rungs[i - 1]).length,

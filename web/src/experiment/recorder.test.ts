@@ -1,5 +1,6 @@
 import { expect, test } from "vitest";
 import type { Reply } from "../stateless/stateless-player";
+import type { ScenePose } from "../view/camera";
 import type { PresentedFrame } from "../view/presented";
 import { Recorder, type RecorderStart } from "./recorder";
 
@@ -16,7 +17,10 @@ function reply(sentAt: number, lastByteAt: number, more: Partial<Reply> = {}): R
   return { ...observation, pose: 4, asked: 2, ...more };
 }
 
-const recorderFrom = (start: Omit<RecorderStart, "duration">) => new Recorder({ duration: 3500, ...start });
+/** Along x, a unit a millisecond. */
+const walk = (elapsed: number): ScenePose => ({ position: [elapsed, 0, 0], quaternion: [0, 0, 0, 1] });
+const recorderFrom = (start: Omit<RecorderStart, "duration" | "movement"> & Partial<RecorderStart>) =>
+  new Recorder({ duration: 3500, movement: walk, ...start });
 
 test("keeps each pose once, since the run's start", () => {
   const recorder = recorderFrom({ startedAt: 1000, pose: 5, received: 0, captureEvery: 0 });
@@ -30,6 +34,45 @@ test("keeps each pose once, since the run's start", () => {
   expect(recorder.events.inputs.map(({ at, pose }) => [at, pose])).toEqual([
     [16, 6],
     [50, 7],
+  ]);
+});
+
+test("what the page did not sample while it stalled is an input, too, that the next pose answers", () => {
+  const recorder = recorderFrom({ startedAt: 1000, pose: 5, received: 0, captureEvery: 0 });
+  [1000, 1020, 1040, 1100, 1120, 1140].forEach((at, i) => {
+    recorder.sampled(posed(5 + i), at);
+  });
+  expect(recorder.displayInterval).toBe(20);
+  expect(recorder.events.inputs.map(({ at, pose, missed }) => [at, pose, missed])).toEqual([
+    [20, 6, false],
+    [40, 7, false],
+    [60, 8, true],
+    [80, 8, true],
+    [100, 8, false],
+    [120, 9, false],
+    [140, 10, false],
+  ]);
+  expect(recorder.events.inputs[2]?.position).toEqual([60, 0, 0]);
+});
+
+test("a stall misses nothing while the movement stands", () => {
+  const movement = (elapsed: number) => walk(Math.min(40, elapsed));
+  const recorder = recorderFrom({ startedAt: 0, pose: 5, received: 0, captureEvery: 0, movement });
+  [0, 20, 40, 200, 220].forEach((at, i) => {
+    recorder.sampled(posed(5 + Math.min(2, i)), at);
+  });
+  expect(recorder.events.inputs.map(({ at }) => at)).toEqual([20, 40]);
+});
+
+test("says what became of each request by the end", () => {
+  const recorder = recorderFrom({ startedAt: 100, pose: 0, received: 0, captureEvery: 0 });
+  const request = { at: 120, pose: 4, asked: 2, fate: "unanswered" as "unanswered" | "shown" };
+  recorder.sent(request);
+  recorder.sent({ at: 140, pose: 5, asked: null, fate: "unanswered" });
+  request.fate = "shown";
+  expect(recorder.events.requests).toEqual([
+    { at: 20, pose: 4, asked_rung: 2, fate: "shown" },
+    { at: 40, pose: 5, asked_rung: null, fate: "unanswered" },
   ]);
 });
 

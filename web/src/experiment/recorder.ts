@@ -2,19 +2,26 @@
  * What the viewer records during a run, as the store takes it; all times are milliseconds since the run's start. Pure: time comes in
  * with what is recorded.
  */
+import type { SentRequest } from "../stateless/pipeline";
 import type { Reply } from "../stateless/stateless-player";
+import type { ScenePose } from "../view/camera";
 import type { PresentedFrame } from "../view/presented";
-import type { NumberedPose } from "../view/rig";
-import type { Recording } from "../wire/store";
+import { type NumberedPose, samePose } from "../view/rig";
+import type { Input, Recording } from "../wire/store";
+import { displayInterval, missedFrames } from "./missed";
 
 /** What happened during a run. */
-export type RecordedEvents = Required<Pick<Recording, "inputs" | "frames" | "replies" | "captures" | "traffic">>;
+export type RecordedEvents = Required<
+  Pick<Recording, "inputs" | "frames" | "replies" | "requests" | "captures" | "traffic">
+>;
 
 export interface RecorderStart {
   /** On the page's clock. */
   readonly startedAt: number;
   /** How long the movement lasts. */
   readonly duration: number;
+  /** Where the viewer is to be, so many milliseconds after the start. */
+  readonly movement: (elapsed: number) => ScenePose;
   /** The number of the pose that is on the screen. */
   readonly pose: number;
   /** Bytes that have come in. */
@@ -28,6 +35,9 @@ export class Recorder {
   readonly #inputs: RecordedEvents["inputs"] = [];
   readonly #frames: RecordedEvents["frames"] = [];
   readonly #replies: RecordedEvents["replies"] = [];
+  readonly #requests: SentRequest[] = [];
+  /** Of all samples. */
+  readonly #sampledAt: number[] = [];
   readonly #captures: RecordedEvents["captures"] = [];
   readonly #traffic: RecordedEvents["traffic"] = [];
   #pose: number;
@@ -43,9 +53,10 @@ export class Recorder {
 
   /** The rig stands at `pose` since a time. */
   sampled({ seq, position, quaternion }: NumberedPose, at: number): void {
+    this.#sampledAt.push(at - this.#start.startedAt);
     if (seq === this.#pose) return;
     this.#pose = seq;
-    this.#inputs.push({ at: at - this.#start.startedAt, pose: seq, position, quaternion });
+    this.#inputs.push({ at: at - this.#start.startedAt, pose: seq, position, quaternion, missed: false });
   }
 
   /** A frame is on the screen. Returns whether its picture is to be kept. */
@@ -58,6 +69,11 @@ export class Recorder {
     if (captureEvery === 0 || at < this.#captureAt || at >= duration) return false;
     this.#captureAt = (Math.floor(at / captureEvery) + 1) * captureEvery;
     return true;
+  }
+
+  /** A request went out. */
+  sent(request: SentRequest): void {
+    this.#requests.push(request);
   }
 
   /** A frame came. */
@@ -92,14 +108,37 @@ export class Recorder {
     return this.#shown >= this.#pose;
   }
 
+  /** Between two frames of the display, in milliseconds; null if there were no two. */
+  get displayInterval(): number | null {
+    return displayInterval(this.#sampledAt);
+  }
+
   /** Everything, in the order of time: a video's frames are told of when they are decoded, not when they are shown. */
   get events(): RecordedEvents {
     return {
-      inputs: this.#inputs,
+      inputs: [...this.#inputs, ...this.#missed()].sort((a, b) => a.at - b.at),
       frames: this.#frames.toSorted((a, b) => a.at - b.at),
       replies: this.#replies.toSorted((a, b) => a.at - b.at),
+      requests: this.#requests.map(({ at, pose, asked, fate }) => ({
+        at: at - this.#start.startedAt,
+        pose,
+        asked_rung: asked,
+        fate,
+      })),
       captures: this.#captures,
       traffic: this.#traffic,
     };
+  }
+
+  /** The poses that were due while the page stalled. Where none was sampled later, the viewer was back where the picture is. */
+  #missed(): Input[] {
+    const interval = this.displayInterval ?? Number.POSITIVE_INFINITY;
+    const { movement } = this.#start;
+    return missedFrames(this.#sampledAt, interval).flatMap((at) => {
+      const next = this.#inputs.find((input) => input.at > at);
+      const due = movement(at);
+      if (next === undefined || samePose(due, movement(at - interval))) return [];
+      return { at, pose: next.pose, position: [...due.position], quaternion: [...due.quaternion], missed: true };
+    });
   }
 }

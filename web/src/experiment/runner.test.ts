@@ -33,6 +33,7 @@ beforeEach(() => {
     connected: signal(null),
     dash: signal(null),
     onPresented: nothing,
+    onSent: nothing,
     onReplied: nothing,
   };
   runner = new Runner(session as unknown as ViewerSession);

@@ -48,6 +48,7 @@ export class Runner {
     this.#session = session;
     this.#stops = [
       session.onPresented((frame) => this.#presented(frame)),
+      session.onSent((request) => this.#recorder?.sent(request)),
       session.onReplied((reply) => this.#recorder?.replied(reply)),
     ];
   }
@@ -92,9 +93,11 @@ export class Runner {
     const startedAt = await animationFrame();
     if (this.#recorder) throw new Error("a run is under way");
     this.#forgetPictures();
+    const movement = (elapsed: number) => poseAt(points, Math.min(elapsed, duration_ms));
     const recorder = new Recorder({
       startedAt,
       duration: duration_ms,
+      movement,
       pose: rig.pose.seq,
       received: this.#session.receivedBytes,
       captureEvery: capture_every_ms,
@@ -114,7 +117,7 @@ export class Runner {
         recorder.sampled(rig.pose, sampledAt); // the pose of the sample before this one
         if (sampledAt < movedUntil) longestPause = Math.max(longestPause, now - sampledAt);
         sampledAt = now;
-        return poseAt(points, Math.min(now - startedAt, duration_ms));
+        return movement(now - startedAt);
       });
       const targets: number[] = [];
       const noteTarget = effect(() => {
@@ -135,6 +138,7 @@ export class Runner {
         ended_ms: endedAt - startedAt,
         complete: sampledAt >= movedUntil && longestPause < PAUSE,
         hidden,
+        display_interval_ms: recorder.displayInterval,
         ...recorder.events,
       };
     } finally {

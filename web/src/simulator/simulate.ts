@@ -47,6 +47,7 @@ export async function simulate(options: SimulationOptions): Promise<Figures> {
     );
   let turning = 0;
   const pipeline: FramePipeline = new FramePipeline(transport, decode, now, {
+    sent: () => undefined,
     replied: ({ header, arrival }) => {
       throughput.observe(arrival);
       meter.received(arrival.bytes, now());

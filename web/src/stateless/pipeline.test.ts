@@ -1,12 +1,13 @@
 import { beforeEach, describe, expect, test } from "vitest";
 import { FakeTransport, settle } from "../transport/fake";
 import { FrameDropped, RequestProblem } from "../transport/transport";
-import { FramePipeline, type ViewRequest } from "./pipeline";
+import { FramePipeline, type SentRequest, type ViewRequest } from "./pipeline";
 
 let now: number;
 let transport: FakeTransport;
 let bitmaps: { closed: boolean; close(): void }[];
 let refusals: string[];
+let requests: SentRequest[];
 
 function pipeline(decode?: () => Promise<ImageBitmap>): FramePipeline {
   const decodeNow = async () => {
@@ -20,6 +21,7 @@ function pipeline(decode?: () => Promise<ImageBitmap>): FramePipeline {
     return bitmap as unknown as ImageBitmap;
   };
   return new FramePipeline(transport, decode ?? decodeNow, () => now, {
+    sent: (request) => requests.push(request),
     replied: () => undefined,
     refused: (problem) => refusals.push(problem.message),
     transmission: () => 0,
@@ -60,6 +62,7 @@ beforeEach(() => {
   transport = new FakeTransport(() => now);
   bitmaps = [];
   refusals = [];
+  requests = [];
 });
 
 describe("asking for frames", () => {
@@ -106,6 +109,27 @@ describe("asking for frames", () => {
       view(0),
     ]);
   });
+});
+
+test("what becomes of each request is told", async () => {
+  const subject = pipeline();
+  subject.want(view(0), 7);
+  transport.requests[0]?.reply({ timing: { queue: 0, render: 60, encode: 0 } });
+  for (const x of [1, 2, 3]) await frame(subject, view(x));
+  transport.requests[2]?.fail(new FrameDropped("lost"));
+  await frame(subject, view(4));
+  transport.requests[3]?.reply(); // decoded in the same animation frame as the next, which takes its place
+  transport.requests[4]?.reply();
+  await frame(subject, view(5));
+  expect(requests.map(({ fate }) => fate)).toEqual([
+    "shown",
+    "cancelled",
+    "dropped",
+    "overtaken",
+    "shown",
+    "unanswered",
+  ]);
+  expect(requests[0]).toMatchObject({ at: 0, pose: 7, asked: 0 });
 });
 
 describe("showing frames", () => {

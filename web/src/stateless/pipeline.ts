@@ -8,10 +8,25 @@
  */
 import { FrameDropped, type FrameReply, type FrameTransport, RequestProblem } from "../transport/transport";
 import type { FrameHeader, RenderRequest } from "../wire/render";
+import type { Request } from "../wire/store";
 import { InFlightLimit } from "./in-flight-limit";
 
 /** What to show: a request without its number. */
 export type ViewRequest = Omit<RenderRequest, "seq">;
+
+/** A request that was sent; what became of it changes until it is `shown` or has failed. */
+export interface SentRequest {
+  /** On the page's clock. */
+  readonly at: number;
+  /** The number of the pose. */
+  readonly pose: number;
+  /** The rung; null if the server was to choose. */
+  readonly asked: number | null;
+  /** `overtaken` from the last byte on, until its frame is handed to the screen. */
+  readonly fate: Request["fate"];
+}
+
+type Mutable<T> = { -readonly [K in keyof T]: T[K] };
 
 export interface DecodedFrame {
   readonly seq: number;
@@ -24,6 +39,8 @@ export interface DecodedFrame {
 }
 
 export interface PipelineEvents {
+  /** A request went out. */
+  sent(request: SentRequest): void;
   /** A frame came of a view of pose number `pose`; it may still be decoding. */
   replied(reply: FrameReply, view: ViewRequest, pose: number): void;
   /** A refusal that concerns the person: not one of a frame that came too late. */
@@ -42,8 +59,11 @@ export interface PipelineCounts {
 
 interface Entry {
   readonly version: number;
+  readonly request: Mutable<SentRequest>;
   readonly abort: AbortController;
 }
+
+type ReadyFrame = DecodedFrame & Pick<Entry, "request">;
 
 /** After a failure the same view is not asked for again before this many milliseconds. */
 const RETRY_AFTER = 150;
@@ -61,7 +81,7 @@ export class FramePipeline {
   #version = 0;
   #wanted: ViewRequest | undefined;
   #shown: Pick<DecodedFrame, "seq" | "version"> = { seq: -1, version: 0 };
-  #ready: DecodedFrame | undefined;
+  #ready: ReadyFrame | undefined;
   #retryAt = Number.NEGATIVE_INFINITY;
   #counts = { sent: 0, cancelled: 0, dropped: 0 };
 
@@ -95,9 +115,11 @@ export class FramePipeline {
     this.#ready = undefined;
     if (frame === undefined) return undefined;
     this.#shown = frame;
-    for (const [seq, { abort }] of this.#inFlight) {
+    frame.request.fate = "shown";
+    for (const [seq, { abort, request }] of this.#inFlight) {
       if (seq < frame.seq) {
         this.#counts.cancelled++;
+        if (request.fate === "unanswered") request.fate = "cancelled";
         this.#inFlight.delete(seq);
         abort.abort(new FrameDropped("a newer frame is on the screen"));
       }
@@ -129,23 +151,28 @@ export class FramePipeline {
     const seq = this.#seq++;
     const alone = this.#inFlight.size === 0;
     const abort = new AbortController();
-    this.#inFlight.set(seq, { version: this.#version, abort });
+    const request: Mutable<SentRequest> = { at: this.#now(), pose, asked: view.profile ?? null, fate: "unanswered" };
+    this.#inFlight.set(seq, { version: this.#version, abort, request });
     const version = this.#version;
     this.#counts.sent++;
+    this.#events.sent(request);
     try {
       const reply = await this.#transport.request({ ...view, seq }, abort.signal);
+      if (!abort.signal.aborted) request.fate = "overtaken";
       this.#events.replied(reply, view, pose);
       const bitmap = await this.#decode(reply.image, abort.signal);
       this.#observe(reply, alone);
-      this.#decoded({ seq, version, pose, header: reply.header, bitmap });
+      this.#decoded({ seq, version, pose, header: reply.header, bitmap, request });
     } catch (error) {
-      if (!abort.signal.aborted) this.#failed(error);
+      if (abort.signal.aborted) return;
+      request.fate = "dropped";
+      this.#failed(error);
     } finally {
       this.#inFlight.delete(seq);
     }
   }
 
-  #decoded(frame: DecodedFrame): void {
+  #decoded(frame: ReadyFrame): void {
     const newest = Math.max(this.#shown.seq, this.#ready?.seq ?? -1);
     if (frame.seq <= newest) {
       frame.bitmap.close();

@@ -50,6 +50,7 @@ beforeEach(() => {
     refine: () => refine,
     stamp: false,
     onPresented: () => undefined,
+    onSent: () => undefined,
     onReplied: (reply) => replies.push(reply),
     onReceived: () => undefined,
     now: () => now,

@@ -8,7 +8,7 @@ import type { PresentedFrame } from "../view/presented";
 import type { Rig } from "../view/rig";
 import type { SceneInfo } from "../wire/render";
 import type { Decoder } from "./decoder";
-import { type DecodedFrame, FramePipeline, type ViewRequest } from "./pipeline";
+import { type DecodedFrame, FramePipeline, type SentRequest, type ViewRequest } from "./pipeline";
 import { NO_STATS, type Stats, StatsRecorder } from "./stats";
 
 /** A frame that came: what controllers hear of it, and what was asked for. */
@@ -29,6 +29,8 @@ export interface StatelessPlayerOptions {
   /** Whether frames carry their pose's number, for tests that read it from the screen. */
   readonly stamp: boolean;
   readonly onPresented: (frame: PresentedFrame) => void;
+  /** A request went out. */
+  readonly onSent: (request: SentRequest) => void;
   /** A frame came, and the controller has heard of it. */
   readonly onReplied: (reply: Reply) => void;
   /** Bytes of frames came in. */
@@ -73,6 +75,7 @@ export class StatelessPlayer {
       connected === null
         ? undefined
         : new FramePipeline(connected.transport, (image, signal) => decoder.decode(image, signal), now, {
+            sent: this.#options.onSent,
             replied: (reply, view, pose) => {
               this.#recorder.replied(reply, now());
               this.#meter.received(reply.arrival.bytes, now());

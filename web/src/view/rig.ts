@@ -133,7 +133,7 @@ export class Rig {
     this.#sampledAt = now;
     const pose = this.#driven(now) ?? this.#walked({ axes, nudge }, elapsed);
     this.#turning = 0;
-    if (pose === null || same(pose, this.#pose)) return false;
+    if (pose === null || samePose(pose, this.#pose)) return false;
     this.#turning = (angleBetween(pose.quaternion, this.#pose.quaternion) * 1000) / Math.max(1, elapsed);
     this.#pose = { seq: this.#pose.seq + 1, ...pose };
     this.#changedAt = now;
@@ -154,7 +154,8 @@ export class Rig {
   }
 }
 
-function same(a: ScenePose, b: ScenePose): boolean {
+/** Whether two poses are equal, number by number. */
+export function samePose(a: ScenePose, b: ScenePose): boolean {
   return (
     a.position.every((value, i) => value === b.position[i]) &&
     a.quaternion.every((value, i) => value === b.quaternion[i])

@@ -40,6 +40,7 @@ export function fakeSession() {
       listeners.add(listener);
       return () => listeners.delete(listener);
     },
+    onSent: () => () => undefined,
     onReplied: () => () => undefined,
     dispose: () => {
       fake.disposed = true;

@@ -10,6 +10,7 @@ import { MovementDeck } from "../movement/movement-deck";
 import { fetchConfig, loadScene } from "../state/api";
 import { config, settings } from "../state/app";
 import { Decoder } from "../stateless/decoder";
+import type { SentRequest } from "../stateless/pipeline";
 import { selectedController } from "../stateless/selected-controller";
 import { type Reply, StatelessPlayer } from "../stateless/stateless-player";
 import { type Connected, connect } from "../transport/connect";
@@ -61,6 +62,7 @@ export class ViewerSession {
   });
   readonly #controller = selectedController(this.seed, this.#pixels);
   readonly #listeners = new Set<(frame: PresentedFrame) => void>();
+  readonly #sentListeners = new Set<(request: SentRequest) => void>();
   readonly #replyListeners = new Set<(reply: Reply) => void>();
   #loading: Promise<SceneInfo> | undefined;
   #animation = 0;
@@ -88,6 +90,9 @@ export class ViewerSession {
       refine: () => settings.value.refine,
       stamp,
       onPresented: this.#tell,
+      onSent: (request) => {
+        for (const listener of this.#sentListeners) listener(request);
+      },
       onReplied: (reply) => {
         for (const listener of this.#replyListeners) listener(reply);
       },
@@ -109,6 +114,12 @@ export class ViewerSession {
   onPresented(listener: (frame: PresentedFrame) => void): () => void {
     this.#listeners.add(listener);
     return () => this.#listeners.delete(listener);
+  }
+
+  /** Hear of every request of the stateless mode, until the function that this returns is called. */
+  onSent(listener: (request: SentRequest) => void): () => void {
+    this.#sentListeners.add(listener);
+    return () => this.#sentListeners.delete(listener);
   }
 
   /** Hear of every frame that came in the stateless mode, until the function that this returns is called. */

@@ -86,9 +86,11 @@ export interface Recording {
   ended_ms: number;
   complete: boolean;
   hidden: boolean;
+  display_interval_ms?: number | null;
   inputs: Input[];
   frames: ShownFrame[];
   replies?: Reply[];
+  requests?: Request[];
   captures: Capture[];
   traffic: Traffic[];
 }
@@ -127,11 +129,12 @@ export interface Lens {
   cy: number;
 }
 /**
- * A pose that the rig sampled, because it differs from the one before.
+ * A pose that the rig sampled, because it differs from the one before, or should have sampled.
  */
 export interface Input {
   at: number;
   pose: number;
+  missed?: boolean;
   /**
    * @minItems 3
    * @maxItems 3
@@ -176,6 +179,15 @@ export interface ServerTiming {
   queue: number;
   render: number;
   encode: number;
+}
+/**
+ * A frame that the mode `stateless` asked for, and what became of it.
+ */
+export interface Request {
+  at: number;
+  pose: number;
+  asked_rung: number | null;
+  fate: "shown" | "overtaken" | "cancelled" | "dropped" | "unanswered";
 }
 /**
  * A frame whose picture was kept.
@@ -261,6 +273,7 @@ export interface Figures {
   latencies: Latencies;
   frame_ages: FrameAges;
   response_times: ResponseTimes;
+  requests: Requests | null;
   render_times: RenderTimes;
   frames: Rates;
   freezes: Freezes;
@@ -280,6 +293,7 @@ export interface Figures {
  */
 export interface Latencies {
   inputs: number;
+  missed: number;
   unanswered: number;
   p50: number | null;
   p90: number | null;
@@ -306,6 +320,17 @@ export interface ResponseTimes {
   mean: number | null;
   p50: number | null;
   p95: number | null;
+}
+/**
+ * What became of the requests that were sent during the run (`tigas_common.wire.recording.Fate`).
+ */
+export interface Requests {
+  sent: number;
+  shown: number;
+  overtaken: number;
+  cancelled: number;
+  dropped: number;
+  unanswered: number;
 }
 /**
  * The server's, of the frames that came, in ms; None if it told none.

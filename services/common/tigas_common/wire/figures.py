@@ -16,6 +16,8 @@ class Latencies(WireModel):
     """Motion-to-photon latency, in ms. None: that share of the inputs was never answered, or there are none."""
 
     inputs: int
+    missed: int
+    """Of these, poses that a page that stalled should have sampled."""
     unanswered: int
     """Inputs that no frame ever showed, although recording went on for seconds."""
     p50: float | None
@@ -48,6 +50,17 @@ class ResponseTimes(WireModel):
     mean: float | None
     p50: float | None
     p95: float | None
+
+
+class Requests(WireModel):
+    """What became of the requests that were sent during the run (`tigas_common.wire.recording.Fate`)."""
+
+    sent: int
+    shown: int
+    overtaken: int
+    cancelled: int
+    dropped: int
+    unanswered: int
 
 
 class RenderTimes(WireModel):
@@ -106,6 +119,8 @@ class Figures(WireModel):
     latencies: Latencies
     frame_ages: FrameAges
     response_times: ResponseTimes
+    requests: Requests | None
+    """None of DASH, and of early recordings."""
     render_times: RenderTimes
     frames: Rates
     freezes: Freezes

@@ -23,11 +23,13 @@ PlayedMode = Literal["stateless", "dash", "side-by-side"]
 
 
 class Input(WireModel):
-    """A pose that the rig sampled, because it differs from the one before."""
+    """A pose that the rig sampled, because it differs from the one before, or should have sampled."""
 
     at: float
     pose: int = Field(ge=0)
-    """Its number; grows with each change."""
+    """Its number; grows with each change. A missed one has that of the next that was sampled, which shows it, too."""
+    missed: bool = False
+    """The page stalled in a frame of the display in which the movement went on."""
     position: Point
     quaternion: tuple[Coordinate, Coordinate, Coordinate, Coordinate]
     """Camera to world, [x, y, z, w], in the scene's own frame."""
@@ -83,6 +85,23 @@ class Reply(WireModel):
         if not self.asked_at <= self.first_byte_at <= self.at <= self.asked_at + LONGEST_REPLY_MS:
             raise ValueError("the times of a reply must follow one another, within ten minutes")
         return self
+
+
+Fate = Literal["shown", "overtaken", "cancelled", "dropped", "unanswered"]
+"""Of a request: its frame was shown; it came, but a newer one was there; the page cancelled it, as a newer one was on
+the screen; the server shed it, or it was lost; nothing had come by the recording's end.
+"""
+
+
+class Request(WireModel):
+    """A frame that the mode `stateless` asked for, and what became of it."""
+
+    at: float
+    """When it was sent."""
+    pose: int
+    asked_rung: int | None
+    """Of the ladder; None if the server was to choose."""
+    fate: Fate
 
 
 class Capture(WireModel):
@@ -161,6 +180,8 @@ class RecordingHead(WireModel):
     """The movement was played to its end."""
     hidden: bool
     """The page was hidden at some time, so that a browser may have held frames back."""
+    display_interval_ms: float | None = Field(default=None, gt=0)
+    """Between two frames of the display; unknown of early recordings."""
 
 
 class Recording(RecordingHead):
@@ -170,14 +191,16 @@ class Recording(RecordingHead):
     frames: tuple[ShownFrame, ...]
     replies: tuple[Reply, ...] = ()
     """None of DASH."""
+    requests: tuple[Request, ...] = ()
+    """None of DASH, and of early recordings."""
     captures: tuple[Capture, ...]
     traffic: tuple[Traffic, ...]
 
     @model_validator(mode="after")
     def _check(self) -> Self:
-        if any(later.pose <= earlier.pose for earlier, later in pairwise(self.inputs)):
+        if any(later.pose < earlier.pose + (not earlier.missed) for earlier, later in pairwise(self.inputs)):
             raise ValueError("the numbers of poses must grow")
-        for name in ("inputs", "frames", "replies", "traffic"):
+        for name in ("inputs", "frames", "replies", "requests", "traffic"):
             times = [entry.at for entry in getattr(self, name)]
             if any(later < earlier for earlier, later in pairwise(times)):
                 raise ValueError(f"the times of {name} must not go back")

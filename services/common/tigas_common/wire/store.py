@@ -95,7 +95,7 @@ class RunUpload(WireModel):
         if not all(0 <= rate <= MOST_KBPS for rate in rates):
             yield f"the rates of link must be 0 to {MOST_KBPS:g} kbit/s"
         last = recording.duration_ms + AROUND_MS
-        lists = (recording.inputs, recording.frames, recording.replies, recording.traffic, link)
+        lists = (recording.inputs, recording.frames, recording.replies, recording.requests, recording.traffic, link)
         for entries in lists:  # in the order of time
             if entries and not -AROUND_MS <= entries[0].at <= entries[-1].at <= last:
                 yield "something was recorded long before the run or long after it"

@@ -2,8 +2,9 @@
 
     run.json         the configuration, versions, machine, load, and whether the run is complete
     inputs.ndjson    poses that the viewer sampled        frames.ndjson   frames that were on the screen
-    replies.ndjson   frames that came (if any did)        traffic.ndjson  what the page received
-    link.ndjson      what the shaper told of its link     load.ndjson     the machine's load
+    replies.ndjson   frames that came (if any did)        requests.ndjson frames that were asked for (if any were)
+    traffic.ndjson   what the page received               load.ndjson     the machine's load
+    link.ndjson      what the shaper told of its link
     captures/        pictures that were shown, as PNG     captures.ndjson which frames these are
     quality.ndjson   how they compare with ground truth
     snapshot.json    one of them, beside which captures/view.png shows what the viewer should have seen then
@@ -23,7 +24,7 @@ from pydantic import BaseModel, Field, ValidationError
 
 from tigas_common.parsing import sentence
 from tigas_common.wire.model import WireModel
-from tigas_common.wire.recording import Input, LinkSample, Recording, RecordingHead, Reply, ShownFrame, Traffic
+from tigas_common.wire.recording import Input, LinkSample, Recording, RecordingHead, Reply, Request, ShownFrame, Traffic
 from tigas_common.wire.run import Configuration
 from tigas_common.wire.store import ExperimentName, Plan
 from tigas_experiments.quality.picture import CaptureQuality
@@ -126,6 +127,11 @@ class StoredRun:
         path = self.folder / "replies.ndjson"
         return _read_lines(path, Reply) if path.exists() else []
 
+    def requests(self) -> list[Request]:
+        """Frames that were asked for; empty for DASH, and where nobody recorded them."""
+        path = self.folder / "requests.ndjson"
+        return _read_lines(path, Request) if path.exists() else []
+
     def traffic(self) -> list[Traffic]:
         """What was received."""
         return _read_lines(self.folder / "traffic.ndjson", Traffic)
@@ -169,6 +175,8 @@ class RunWriter:
         self._lines("frames", recording.frames)
         if recording.replies:
             self._lines("replies", recording.replies)
+        if recording.requests:
+            self._lines("requests", recording.requests)
         self._lines("traffic", recording.traffic)
         self._lines("captures", recording.captures)
 

@@ -8,9 +8,10 @@ from __future__ import annotations
 
 import math
 from bisect import bisect_right
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Iterator, Sequence
 from itertools import pairwise
+from typing import get_args
 
 from tigas_common.wire.figures import (
     INTERACTIVE_MS,
@@ -20,10 +21,11 @@ from tigas_common.wire.figures import (
     Latencies,
     Rates,
     RenderTimes,
+    Requests,
     ResponseTimes,
     Rungs,
 )
-from tigas_common.wire.recording import Input, Reply, ShownFrame, Traffic
+from tigas_common.wire.recording import Fate, Input, Reply, Request, ShownFrame, Traffic
 
 FREEZE_MS, FREEZE_HISTORY = 150.0, 30
 """As W3C webrtc-stats has them."""
@@ -57,6 +59,7 @@ def latencies(
 
     return Latencies(
         inputs=len(values),
+        missed=sum(entry.missed for entry in inputs),
         unanswered=sum(map(math.isinf, values)),
         p50=_finite(percentile(values, 0.5)),
         p90=_finite(percentile(values, 0.9)),
@@ -100,6 +103,12 @@ def response_times(replies: Sequence[Reply]) -> ResponseTimes:
     return ResponseTimes(
         replies=len(values), mean=_mean(values), p50=percentile(values, 0.5), p95=percentile(values, 0.95)
     )
+
+
+def requests(sent: Sequence[Request]) -> Requests | None:
+    """How many there were of each fate; None if there are none."""
+    fates = Counter(request.fate for request in sent)
+    return Requests(sent=len(sent), **{fate: fates[fate] for fate in get_args(Fate)}) if sent else None
 
 
 def render_times(replies: Sequence[Reply]) -> RenderTimes:

@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from tigas_common.wire.figures import Figures, QualityFigures
+from tigas_common.wire.figures import USUAL_INTERVAL_MS, Figures, QualityFigures
 from tigas_common.wire.model import WireModel
-from tigas_common.wire.recording import Input, LinkSample, RecordingHead, Reply, ShownFrame, Traffic
+from tigas_common.wire.recording import Input, LinkSample, RecordingHead, Reply, Request, ShownFrame, Traffic
 from tigas_experiments.quality.picture import CaptureQuality
 from tigas_experiments.records import statistics
 from tigas_experiments.records.folder import RunRecord, StoredRun
@@ -31,6 +31,7 @@ class Records:
     inputs: list[Input]
     frames: list[ShownFrame]
     replies: list[Reply]
+    requests: list[Request]
     traffic: list[Traffic]
     link: list[LinkSample]
     """While the movement lasted."""
@@ -47,6 +48,7 @@ class Records:
             inputs=stored.inputs(),
             frames=stored.frames(),
             replies=stored.replies(),
+            requests=stored.requests(),
             traffic=stored.traffic(),
             link=[sample for sample in stored.link() if 0 <= sample.at <= head.duration_ms],
             quality=stored.quality(),
@@ -76,9 +78,10 @@ def figures(records: Records) -> Figures:
     """All figures of a complete run."""
     inputs, frames, link, duration = records.inputs, records.frames, records.link, records.head.duration_ms
     return Figures(
-        latencies=statistics.latencies(inputs, frames),
+        latencies=statistics.latencies(inputs, frames, records.head.display_interval_ms or USUAL_INTERVAL_MS),
         frame_ages=statistics.frame_ages(inputs, frames),
         response_times=statistics.response_times(records.replies),
+        requests=statistics.requests(records.requests),
         render_times=statistics.render_times(records.replies),
         frames=statistics.rates(frames, duration),
         freezes=statistics.freezes(inputs, frames, records.head.ended_ms),

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal
 
-from tigas_common.wire.figures import INTERACTIVE_MS, Figures, QualityFigures
+from tigas_common.wire.figures import INTERACTIVE_MS, Figures, QualityFigures, Requests
 from tigas_experiments.records.folder import RunRecord
 
 Value = float | None
@@ -63,6 +63,10 @@ def _plain(of: Callable[[Figures], Value]) -> Callable[[RunRecord, Figures], Val
 
 def _quality(of: Callable[[QualityFigures], float]) -> Callable[[RunRecord, Figures], Value]:
     return lambda _, figures: None if figures.quality is None else of(figures.quality)
+
+
+def _requests(of: Callable[[Requests], int]) -> Callable[[RunRecord, Figures], Value]:
+    return lambda _, figures: None if figures.requests is None else of(figures.requests)
 
 
 def _scaled(value: Value, factor: float) -> Value:
@@ -151,6 +155,7 @@ METRICS = (
     IN_TIME_FRAME_LESS,
     IN_TIME_FRAME_MORE,
     Metric("inputs", "Inputs", "", 0, None, _plain(lambda f: f.latencies.inputs)),
+    Metric("inputs_missed", "Inputs missed by the page", "", 0, "low", _plain(lambda f: f.latencies.missed)),
     Metric("inputs_unanswered", "Unanswered inputs", "", 0, "low", _plain(lambda f: f.latencies.unanswered)),
     FRAME_AGE_MEAN,
     FRAME_AGE_P50,
@@ -160,6 +165,12 @@ METRICS = (
     RESPONSE_TIME_P95,
     RENDER_MEAN,
     RENDER_P50,
+    Metric("requests_sent", "Requests", "", 0, None, _requests(lambda r: r.sent)),
+    Metric("requests_shown", "Requests shown", "", 0, None, _requests(lambda r: r.shown)),
+    Metric("requests_overtaken", "Requests overtaken", "", 0, "low", _requests(lambda r: r.overtaken)),
+    Metric("requests_cancelled", "Requests cancelled", "", 0, "low", _requests(lambda r: r.cancelled)),
+    Metric("requests_dropped", "Requests dropped", "", 0, "low", _requests(lambda r: r.dropped)),
+    Metric("requests_unanswered", "Requests unanswered", "", 0, "low", _requests(lambda r: r.unanswered)),
     NEW_VIEWS,
     Metric("frames_per_s", "Frames", "/s", 1, None, _plain(lambda f: f.frames.per_s)),
     FREEZES,
