@@ -28,7 +28,7 @@ from PIL import Image as PillowImage
 
 from benchmarks.gpu_load import View, throughput
 from tests.render.raster.views import gsplat_frames, psnr
-from tigas_common.pose import Pose, Vector3
+from tigas_common.pose import Pose
 from tigas_render.cache import cache_directory
 from tigas_render.gaussians import Gaussians
 from tigas_render.raster.base import Camera, PreparedScene, Rasterizer
@@ -109,8 +109,8 @@ def load_scenes(folder: Path) -> dict[str, tuple[Gaussians, View]]:
         sources = [str(SHARED / "scenes" / file) for file in files]
         command = [sys.executable, str(SHARED / "tools" / "splat_convert.py"), str(ply), *sources, "--deg", degree]
         subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
-        where: dict[str, Vector3] = cameras[name]
-        scenes[name] = load_ply(ply), View(Pose.look_at(where["position"], where["look_at"], where["up"]))
+        position, target, up = (tuple(cameras[name][key]) for key in ("position", "look_at", "up"))
+        scenes[name] = load_ply(ply), View(Pose.look_at(position, target, up))
         ply.unlink()
     return scenes
 

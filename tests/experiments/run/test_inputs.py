@@ -15,8 +15,8 @@ from tigas_common.errors import StartError
 from tigas_common.pose import Pose
 from tigas_common.wire.render import SceneInfo, StartCamera
 from tigas_common.wire.run import Configuration, Network
-from tigas_experiments.movement.points import Point
-from tigas_experiments.run.inputs import Inputs
+from tigas_experiments.movement.trace import Point
+from tigas_experiments.run.inputs import Inputs, points_sha256
 
 HEADER = "t_ms,x,y,z,qx,qy,qz,qw\n"
 KINDS = ("stroll", "look-around", "quick-turns", "orbit")
@@ -124,3 +124,21 @@ def test_a_file_that_is_gone_is_named(tmp_path: Path) -> None:
     gone = configuration(network=Network(trace="bus.csv", trace_file=Path("bus.csv")))
     with pytest.raises(StartError, match=r"bus\.csv cannot be read: No such file or directory\.$"):
         Inputs(tmp_path).digests(gone)
+
+
+def test_runs_of_one_configuration_have_one_points_sha256() -> None:
+    first, second = configuration(seed=1), configuration(seed=1, repeat=2, profile=3)
+    one, again, repeated, other = (
+        points_sha256(Inputs(Path()).points(each, scene())) for each in (first, first, second, configuration(seed=2))
+    )
+    assert one == again == repeated
+    assert one != other
+    assert len(one) == 64
+
+
+def test_only_what_is_seen_counts() -> None:
+    def moved(by: float) -> Point:
+        return Point(t_ms=0.0, position=[by, 1.0, 2.0], quaternion=[0.0, 0.0, 0.0, 1.0])
+
+    assert points_sha256([moved(0.0)]) == points_sha256([moved(-0.0)]) == points_sha256([moved(1e-15)])
+    assert points_sha256([moved(0.0)]) != points_sha256([moved(1e-6)])

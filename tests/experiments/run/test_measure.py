@@ -17,13 +17,12 @@ from tests.experiments.movement.scenes import scene
 from tigas_common.errors import StartError
 from tigas_common.wire.recording import Recording
 from tigas_common.wire.run import Network
-from tigas_experiments.movement.points import digest
 from tigas_experiments.records.folder import InputDigests, RunRecord, StoredRun
 from tigas_experiments.records.machine import Server
 from tigas_experiments.records.recording import parse_recording
 from tigas_experiments.run import measure as run_module
 from tigas_experiments.run.environment import Setup
-from tigas_experiments.run.inputs import Inputs
+from tigas_experiments.run.inputs import Inputs, points_sha256
 from tigas_experiments.run.targets import Target
 
 UNSHAPED = configuration(network=Network(), warm_up_s=0.0)
@@ -92,7 +91,7 @@ def test_the_record_says_which_poses_the_page_was_given(world: World, tmp_path: 
     assert first.status == "complete"
     assert world.asked["pose"] == POINTS[0]
     assert world.asked["points"] == POINTS
-    assert first.points_sha256 == second.points_sha256 == digest(POINTS)
+    assert first.points_sha256 == second.points_sha256 == points_sha256(POINTS)
     assert first.scene_bytes == scene().file_bytes
 
 

@@ -92,7 +92,7 @@ def compare(
         made = Experiment.of(plan, Path(), folder, "comparison", command_as_typed())
         try:
             with reserved(made), progress(made.runs, len(made.runs), Console(stderr=True)) as listener:
-                asyncio.run(make_missing_runs(made, url, scenes, traces, listener))
+                asyncio.run(make_missing_runs(made, made.missing(), url, scenes, traces, listener))
         finally:  # Ctrl+C, too, leaves a report of what there is
             if made.begun:
                 report(folder)

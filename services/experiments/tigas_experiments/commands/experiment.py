@@ -79,7 +79,7 @@ def run(
                 say(f"{len(missing)} of {len(made.runs)} runs, about {lasting(missing)} (h:mm:ss), into {made.out}")
                 try:
                     with progress(made.runs, len(missing), console) as listener:
-                        asyncio.run(make_missing_runs(made, url, scenes, traces, listener))
+                        asyncio.run(make_missing_runs(made, missing, url, scenes, traces, listener))
                 except KeyboardInterrupt:
                     say(f"Interrupted. To go on: {again}")
                     raise typer.Exit(130) from None

@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from tigas_common.wire.render import SceneInfo
-from tigas_experiments.movement.points import Point
-from tigas_experiments.movement.trace import MovementTrace, as_points
+from tigas_experiments.movement.trace import MovementTrace, Point, as_points
 
 VIEW_M = 4.0
 """What a scene's start camera looks at counts as so many metres away, as a scene does not say how long its unit is."""

@@ -5,14 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Literal, TypeVar, get_args
+from typing import Literal, TypedDict, TypeVar, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
 from tigas_experiments.movement.errors import MovementError
-from tigas_experiments.movement.points import Point
 from tigas_experiments.movement.table import Floats, Table, read_text
 
 COLUMNS = ("t_ms", "x", "y", "z", "qx", "qy", "qz", "qw")
@@ -29,6 +28,14 @@ GAP_MS = 100.0
 Anchor = Literal["start", "scene"]
 Unit = Literal["m", "scene"]
 T = TypeVar("T", bound=str)
+
+
+class Point(TypedDict):
+    """A pose at a time, in the scene's own frame."""
+
+    t_ms: float
+    position: list[float]
+    quaternion: list[float]
 
 
 @dataclass(frozen=True, slots=True, eq=False)

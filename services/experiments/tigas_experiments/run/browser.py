@@ -98,7 +98,8 @@ class Viewer:
 
     async def record(self, plan: dict[str, Any], patience_s: float) -> Recording:
         """Play a movement and record it. Raises BrokenRecording, too."""
-        return parse_recording(await self._call("run", plan, patience_s))
+        recorded = await self._call("run", plan, patience_s)
+        return parse_recording(recorded)
 
     async def capture(self, index: int) -> bytes:
         """One kept picture, as PNG; it is given up by the page then."""

@@ -19,7 +19,7 @@ from tigas_common.wire.render import SceneInfo
 from tigas_common.wire.run import Configuration, Network
 from tigas_experiments.errors import RunFailed
 from tigas_experiments.lock import exclusive, services_lock
-from tigas_experiments.movement.points import Point
+from tigas_experiments.movement.trace import Point
 from tigas_experiments.records.folder import InputDigests
 from tigas_experiments.records.machine import Machine, this_machine
 from tigas_experiments.run.browser import chromium, find_chromium, responds, viewer

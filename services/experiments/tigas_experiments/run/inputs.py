@@ -3,17 +3,22 @@
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Sequence
 from functools import lru_cache
 from pathlib import Path
+
+import numpy as np
 
 from tigas_common.errors import StartError
 from tigas_common.wire.render import SceneInfo
 from tigas_common.wire.run import Configuration, Network
 from tigas_experiments.movement.generated import KINDS, generate
 from tigas_experiments.movement.placing import placed
-from tigas_experiments.movement.points import Point
-from tigas_experiments.movement.trace import MovementTrace
+from tigas_experiments.movement.trace import MovementTrace, Point
 from tigas_experiments.records.folder import InputDigests
+
+DECIMALS = 9
+"""Of the digest of points: differences in the last bits, which mathematical libraries have, are no other movement."""
 
 
 class Inputs:
@@ -64,6 +69,13 @@ class Inputs:
         if not path.is_file():
             raise StartError(f"There is no movement {name!r}: neither a file nor one of {', '.join(KINDS)}.")
         return path
+
+
+def points_sha256(points: Sequence[Point]) -> str:
+    """SHA-256 of the times (ms), positions and quaternions, in hexadecimal digits."""
+    rows = np.array([[point["t_ms"], *point["position"], *point["quaternion"]] for point in points], dtype="<f8")
+    # + 0.0: a negative zero is a zero
+    return hashlib.sha256((np.round(rows, DECIMALS) + 0.0).tobytes()).hexdigest()
 
 
 def _sha256(path: Path) -> str:

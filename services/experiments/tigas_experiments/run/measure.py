@@ -15,7 +15,7 @@ from tigas_common.errors import StartError
 from tigas_common.wire.recording import Recording
 from tigas_common.wire.run import Configuration
 from tigas_experiments.errors import RunFailed
-from tigas_experiments.movement.points import Point, digest
+from tigas_experiments.movement.trace import Point
 from tigas_experiments.quality.ground_truth import TIMEOUT_S, GroundTruth, pose_at
 from tigas_experiments.quality.picture import BrokenPicture, CaptureQuality, encode
 from tigas_experiments.records.folder import RunRecord, RunWriter, Snapshot
@@ -24,6 +24,7 @@ from tigas_experiments.records.machine import Server
 from tigas_experiments.records.recording import BrokenRecording
 from tigas_experiments.run.browser import Viewer, viewer
 from tigas_experiments.run.environment import Environment, Setup
+from tigas_experiments.run.inputs import points_sha256
 from tigas_experiments.run.link import held, link_sample, watching_link
 from tigas_experiments.run.targets import alive
 
@@ -98,7 +99,7 @@ async def _measure(
             inputs_sha256=setup.digests,
             server=Server.of(setup.target.config),
             scene_bytes=setup.scene.file_bytes,
-            points_sha256=digest(setup.points),
+            points_sha256=points_sha256(setup.points),
             load=Load.of(during),
             recording=recording.head,
         )

@@ -88,15 +88,19 @@ class Experiment:
 
 
 async def make_missing_runs(
-    experiment: Experiment, url: str | None, scenes: Path | None, traces: Path | None, listener: Listener
+    experiment: Experiment,
+    missing: Sequence[Configuration],
+    url: str | None,
+    scenes: Path | None,
+    traces: Path | None,
+    listener: Listener,
 ) -> None:
-    """Make the runs that are missing, against the services at a URL or the lab's.
+    """Make an experiment's runs that are missing, against the services at a URL or the lab's.
 
     Raises StartError if nothing can be begun, or if GIVE_UP_AFTER runs have failed in a row, and OSError.
     """
     async with open_environment(url, scenes, traces, experiment.inputs) as environment:
         listener.stage("starts the services")
-        missing = experiment.missing()
         await environment.check(missing)
         _say_what_is_planned(experiment)
         await _make(experiment, missing, environment, listener)
