@@ -10,7 +10,9 @@ import pytest
 
 from tests.render.scenes import plys
 from tigas_common.errors import BrokenScene
+from tigas_render.scenes import directory
 from tigas_render.scenes.directory import find_ply, read_folder, scan_directory
+from tigas_render.scenes.ply_header import PlyHeader, read_header
 
 
 def test_of_several_files_the_first_counts_and_the_log_says_so(
@@ -59,6 +61,42 @@ def test_links_are_followed_also_out_of_the_directory(tmp_path: Path) -> None:
     sources = scan_directory(models)
     assert list(sources) == ["linked"]
     assert sources["linked"].gaussians == 3
+
+
+@pytest.mark.parametrize("line", [b"element vertex 0_0", b"element vertex +0", b"element\x0bvertex 0"])
+def test_a_hostile_header_breaks_its_own_scene_only(tmp_path: Path, line: bytes) -> None:
+    plys.write(tmp_path / "bad" / "scene.ply", plys.binary_ply().replace(b"element vertex 3", line))
+    plys.write(tmp_path / "good" / "scene.ply", plys.binary_ply())
+    sources = scan_directory(tmp_path)
+    assert "broken PLY header" in (sources["bad"].error or "")
+    assert sources["good"].error is None
+
+
+@pytest.mark.parametrize("error", [MemoryError(), KeyError("vertex"), RecursionError()])
+def test_whatever_a_scene_provokes_breaks_no_other(
+    tmp_path: Path, error: Exception, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    def read(path: Path) -> PlyHeader:
+        if path.parent.name == "bad":
+            raise error
+        return read_header(path)
+
+    monkeypatch.setattr(directory, "read_header", read)
+    for name in ("bad", "good"):
+        plys.write(tmp_path / name / "scene.ply", plys.binary_ply())
+    sources = scan_directory(tmp_path)
+    assert sources["bad"].error == "bad could not be read; the server's log says why."
+    assert sources["bad"].open is None
+    assert sources["good"].error is None
+    assert type(error).__name__ in caplog.text
+
+
+def test_a_link_that_cannot_be_followed_is_one_broken_scene(tmp_path: Path) -> None:
+    plys.write(tmp_path / "good" / "scene.ply", plys.binary_ply())
+    (tmp_path / "bad").symlink_to("x" * 300)
+    sources = scan_directory(tmp_path)
+    assert sources["bad"].error == "bad cannot be read: File name too long."
+    assert sources["good"].error is None
 
 
 def test_a_directory_that_is_not_there_has_no_scenes(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:

@@ -46,6 +46,13 @@ HEADER = {
     "10⁵⁰⁰⁰ vertices": (plys.header(FLOATS, 3).replace(b"x 3", b"x " + b"9" * 5000), "impossible number"),
     "negative count": (plys.header(FLOATS, -1), "broken PLY header"),
     "no count": (GOOD.replace(b"element vertex 3", b"element vertex"), "broken PLY header"),
+    "an underscore in the count": (plys.header(FLOATS, 3).replace(b"x 3", b"x 0_0"), "line 3 is not 'element', a name"),
+    "a sign before the count": (plys.header(FLOATS, 3).replace(b"x 3", b"x +0"), "line 3 is not 'element', a name"),
+    "a sign before 10¹²": (plys.header(FLOATS, 3).replace(b"x 3", b"x +1000000000000"), "line 3 is not 'element'"),
+    "a vertical tab": (GOOD.replace(b"element vertex", b"element\x0bvertex"), "line 3 is not plain ASCII text"),
+    "a carriage return": (GOOD.replace(b"element vertex", b"element\rvertex"), "line 3 is not plain ASCII text"),
+    "a tab": (GOOD.replace(b"element vertex", b"element\tvertex"), "line 3 is not plain ASCII text"),
+    "a line with an indent": (GOOD.replace(b"element vertex", b" element vertex"), "line 3 is not plain ASCII text"),
     "zero vertices": (plys.header(FLOATS, 0), "0 vertices"),
     "no vertices": (GOOD.replace(b"element vertex", b"element points"), "no element 'vertex'"),
     "two vertex elements": (

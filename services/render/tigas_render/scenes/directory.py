@@ -28,12 +28,12 @@ _SAFE_NAME = re.compile(r"\w[\w .()+-]{0,127}")
 def scan_directory(directory: Path) -> dict[str, SceneSource]:
     """Every scene of a models directory by id, broken ones included. A directory that cannot be read has none."""
     try:
-        folders = sorted(path for path in directory.iterdir() if path.is_dir())
+        paths = sorted(directory.iterdir())
     except OSError as error:
         _log.warning("The models directory %s cannot be read: %s", directory, error.strerror or error)
         return {}
     sources = {}
-    for folder in folders:
+    for folder in filter(_is_folder, paths):
         if _SAFE_NAME.fullmatch(folder.name):
             sources[folder.name] = read_folder(folder)
         else:
@@ -41,6 +41,13 @@ def scan_directory(directory: Path) -> dict[str, SceneSource]:
                 "Skipped the folder %r: its name is hidden or has characters that an id may not have", folder.name
             )
     return sources
+
+
+def _is_folder(path: Path) -> bool:
+    try:
+        return path.is_dir()
+    except OSError:  # a link to where nobody can look: a scene that `read_folder` finds broken
+        return True
 
 
 def read_folder(folder: Path) -> SceneSource:
@@ -52,10 +59,15 @@ def read_folder(folder: Path) -> SceneSource:
         version = f"{ply}:{status.st_size}:{status.st_mtime_ns}"
         metadata = read_metadata(folder / "scene.json")
         header = read_header(ply)
+        preview = next(filter(Path.is_file, (folder / f"preview.{end}" for end in ("jpg", "jpeg", "png"))), None)
     except BrokenScene as error:
         return SceneSource(folder.name, metadata, version, None, error.detail)
     except OSError as error:
         sentence = f"{folder.name} cannot be read: {error.strerror or error}."
+        return SceneSource(folder.name, metadata, version, None, sentence)
+    except Exception:  # so that the others are found, whatever this one provokes
+        _log.exception("%s was not read", folder)
+        sentence = f"{folder.name} could not be read; the server's log says why."
         return SceneSource(folder.name, metadata, version, None, sentence)
     return SceneSource(
         folder.name,
@@ -66,7 +78,7 @@ def read_folder(folder: Path) -> SceneSource:
         sh_degree=header.sh_degree,
         file_bytes=header.file_bytes,
         memory_bytes=header.tensor_bytes,
-        preview=next(filter(Path.is_file, (folder / f"preview.{end}" for end in ("jpg", "jpeg", "png"))), None),
+        preview=preview,
     )
 
 

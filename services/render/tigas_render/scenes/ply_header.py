@@ -24,8 +24,10 @@ REQUIRED = (
     *("scale_0", "scale_1", "scale_2", "rot_0", "rot_1", "rot_2", "rot_3"),
 )
 
-_END = re.compile(rb"^end_header[ \t]*\r?\n", re.MULTILINE)
-_ELEMENT = re.compile(rb"^(element[ \t]+(\S+)[ \t]+)(\d+)[ \t]*(\r?)$", re.MULTILINE)
+_END = re.compile(rb"^end_header *\r?\n", re.MULTILINE)
+_LINE = re.compile(rb" *|[!-~][ -~]*|(comment|obj_info)[\t -~]*")
+"""Without its end. plyfile takes more for white space, and would see elements where `_ELEMENT` sees none."""
+_ELEMENT = re.compile(rb"^(element +([!-~]+) +)([0-9]+) *(\r?)$", re.MULTILINE)
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,6 +116,12 @@ def _header_and_counts(name: str, start: bytes, file_bytes: int) -> tuple[bytes,
             raise BrokenScene(f"{name} has a header of more than {MAX_HEADER // 1024} KiB; that is no 3DGS PLY.")
         raise BrokenScene(f"{name} is truncated: its header has no 'end_header'.")
     header = start[: end.end()]
+    for number, line in enumerate(header.split(b"\n"), 1):
+        line = line.removesuffix(b"\r")
+        if not _LINE.fullmatch(line):
+            raise BrokenScene(f"{name} has a broken PLY header: line {number} is not plain ASCII text.")
+        if line.split(b" ")[0] == b"element" and not _ELEMENT.fullmatch(line):
+            raise BrokenScene(f"{name} has a broken PLY header: line {number} is not 'element', a name and a count.")
     counts: dict[str, int] = {}
     for match in _ELEMENT.finditer(header):
         if len(match[3]) > 18:
