@@ -143,7 +143,18 @@ def write_run(
     writer.capture(0, png(100))
     writer.snapshot(Snapshot(at=500.0, capture=0), png(200))
     quality = Quality(psnr_db=30.0, ssim=0.9)
-    writer.quality([CaptureQuality(at=500.0, pose=20, rung=2, picture=quality, view=Quality(psnr_db=20.0, ssim=0.6))])
+    writer.quality(
+        [
+            CaptureQuality(
+                at=500.0,
+                pose=20,
+                rung=2,
+                picture=quality,
+                view=Quality(psnr_db=20.0, ssim=0.6),
+                seen=Quality(psnr_db=18.0, ssim=0.5),
+            )
+        ]
+    )
     writer.close(status="complete", browser="156", backend="netem", load=Load.of(load), recording=made.head)
     return folder
 

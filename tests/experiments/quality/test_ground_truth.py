@@ -11,6 +11,7 @@ from tests.experiments.made_up import LENS, inputs, png
 from tigas_common.wire.recording import Capture
 from tigas_experiments.errors import RunFailed
 from tigas_experiments.quality.ground_truth import GroundTruth
+from tigas_experiments.quality.picture import compare, decode
 
 pytestmark = pytest.mark.anyio
 SAMPLED = inputs(10)  # poses 1 to 10, at 0, 20, … ms, at x = 0, 1, …
@@ -37,18 +38,19 @@ def truth(renderer: Renderer) -> GroundTruth:
     return GroundTruth(http, "courtyard", LENS)
 
 
-def capture(at: float, pose: int) -> Capture:
-    """A frame of a pose, shown at a time."""
-    return Capture(at=at, pose=pose, rung=2, width=64, height=36)
+def capture(at: float, pose: int, shown_at: float | None = None) -> Capture:
+    """A frame of a pose, on the screen at a tick, and since when."""
+    return Capture(at=at, shown_at=at if shown_at is None else shown_at, pose=pose, rung=2, width=64, height=36)
 
 
 async def test_a_picture_is_compared_with_its_own_pose_and_by_the_viewer_s() -> None:
     renderer = Renderer()
-    quality = await truth(renderer).assess(png(shade=40), capture(at=110, pose=3), SAMPLED)
-    assert renderer.asked == [2, 5], "pose 3 stands at x = 2; at 110 ms the newest pose is number 6, at x = 5"
+    quality = await truth(renderer).assess(png(shade=40), capture(at=150, pose=3, shown_at=110), SAMPLED)
+    assert renderer.asked == [2, 5, 7], "pose 3 stands at x = 2; at 110 ms the viewer was at x = 5, at 150 ms at x = 7"
     assert quality is not None
-    assert quality.picture.psnr_db == 100
-    assert quality.view.psnr_db < 30
+    assert (quality.picture, quality.view, quality.seen) == tuple(
+        compare(decode(png(shade=40)), decode(png(shade=shade))) for shade in (40, 100, 140)
+    )
 
 
 async def test_a_picture_that_is_not_late_is_rendered_once() -> None:
@@ -56,13 +58,32 @@ async def test_a_picture_that_is_not_late_is_rendered_once() -> None:
     quality = await truth(renderer).assess(png(shade=40), capture(at=45, pose=3), SAMPLED)
     assert renderer.asked == [2]
     assert quality is not None
-    assert quality.picture == quality.view
+    assert quality.picture == quality.view == quality.seen
 
 
-@pytest.mark.parametrize(("at", "pose"), [(100, 0), (100, 11), (-5, 3)])
-async def test_a_picture_from_outside_the_run_is_not_compared(at: float, pose: int) -> None:
+async def test_a_stalled_page_s_picture_is_compared_with_where_the_viewer_should_have_been() -> None:
+    """From 40 to 100 ms nothing was sampled; the poses that were due have the next one's number."""
+    stalled = [
+        entry.model_copy(update={"missed": True, "pose": 6}) if 40 <= entry.at < 100 else entry for entry in SAMPLED
+    ]
     renderer = Renderer()
-    assert await truth(renderer).assess(png(), capture(at, pose), SAMPLED) is None
+    await truth(renderer).assess(png(shade=40), capture(at=85, pose=2, shown_at=30), stalled)
+    await truth(renderer).assess(png(shade=40), capture(at=105, pose=6, shown_at=105), stalled)
+    assert renderer.asked == [1, 4, 5]
+
+
+async def test_a_frame_from_before_the_run_counts_for_what_is_seen_alone() -> None:
+    renderer = Renderer()
+    quality = await truth(renderer).assess(png(shade=100), capture(at=100, pose=0, shown_at=-400), SAMPLED)
+    assert quality is not None
+    assert (quality.picture, quality.view) == (None, None)
+    assert quality.seen is not None
+    assert quality.seen.psnr_db == 100
+
+
+async def test_nothing_is_compared_before_the_viewer_moves() -> None:
+    renderer = Renderer()
+    assert await truth(renderer).assess(png(), capture(-5, 3), SAMPLED) is None
     assert renderer.asked == []
 
 

@@ -10,6 +10,7 @@ import pytest
 from pydantic import JsonValue
 
 from tests.experiments.made_up import recording, reply, write_run
+from tigas_experiments.quality.picture import Quality
 from tigas_experiments.records.folder import ExperimentRecord, RunWriter, StoredRun, read_experiment, write_experiment
 from tigas_experiments.records.recording import BrokenRecording, parse_recording
 from tigas_experiments.records.summary import summarise
@@ -20,7 +21,8 @@ def test_what_is_written_comes_back(tmp_path: Path) -> None:
     assert stored.record.status == "complete"
     assert [entry.pose for entry in stored.inputs()] == list(range(1, 51))
     assert [frame.at for frame in stored.frames()][:2] == [40, 60]
-    assert stored.quality()[0].view.ssim == 0.6
+    assert stored.quality()[0].view == Quality(psnr_db=20.0, ssim=0.6)
+    assert stored.quality()[0].seen == Quality(psnr_db=18.0, ssim=0.5)
     figures = summarise(tmp_path / "run").figures
     assert figures is not None
     assert (figures.latencies.p50, figures.latencies.share_interactive) == (40, 1.0)

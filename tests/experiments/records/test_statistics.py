@@ -7,7 +7,7 @@ import math
 import pytest
 
 from tests.experiments.made_up import frame, inputs, late, reply
-from tigas_common.wire.figures import FrameAges, Freezes, RenderTimes, Requests, ResponseTimes, Rungs
+from tigas_common.wire.figures import ContentAges, FrameAges, Freezes, RenderTimes, Requests, ResponseTimes, Rungs
 from tigas_common.wire.recording import Fate, Reply, Request, Traffic
 from tigas_common.wire.render import ServerTiming
 from tigas_experiments.records import statistics
@@ -79,6 +79,23 @@ def test_a_frame_s_age_is_that_of_its_own_pose_and_skips_what_no_frame_was_asked
     assert statistics.ages_when_new(sampled, shown) == [(50, 40), (130, 100)]
     assert statistics.frame_ages(sampled, shown) == FrameAges(frames=2, mean=70, p50=40, p95=100)
     assert statistics.frame_ages(sampled, []).mean is None
+
+
+def test_content_ages_grow_while_the_picture_stands_and_the_viewer_moves() -> None:
+    """Poses 1 to 4 at 0, 20, 40 and 60 ms; then the viewer rests. Pose 1 is shown from 30 ms, pose 4 from 80 ms on."""
+    sampled = inputs(4, every_ms=20)
+    shown = [frame(30, 1), frame(80, 4)]
+    found = statistics.content_ages(sampled, shown, duration_ms=100, interval_ms=20)
+    # At 0, 5, … 25 ms the viewer has left the first picture for 20, 25, … 45 ms; at 30, … 75 ms pose 1 for 30, … 75 ms.
+    ages = [20, 25, 30, 35, 40, 45, *range(30, 80, 5), 0, 0, 0, 0]
+    assert found == ContentAges(mean=sum(ages) / 20, p50=35, p95=70)
+
+
+def test_a_frozen_picture_ages_until_the_end_and_a_resting_viewer_s_never() -> None:
+    sampled = inputs(50)
+    assert statistics.content_ages(sampled, [], 10_000).p95 > 9_000
+    assert statistics.content_ages([], [], 10_000) == ContentAges(mean=0, p50=0, p95=0)
+    assert statistics.content_ages(sampled, late(sampled, 40), 10_000).p95 < 60
 
 
 def test_a_response_takes_from_the_request_to_the_last_byte() -> None:

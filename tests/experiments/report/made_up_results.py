@@ -111,7 +111,7 @@ def write_run(
     writer.link_and_load([_link(at, link_kbps, kbps) for at in ticks(duration, 200)], load)
     quality = Quality(psnr_db=30.0, ssim=0.9)
     view = Quality(psnr_db=20.0, ssim=view_ssim)
-    writer.quality([CaptureQuality(at=500.0, pose=20, rung=2, picture=quality, view=view)])
+    writer.quality([CaptureQuality(at=500.0, pose=20, rung=2, picture=quality, view=view, seen=view)])
     writer.close(status="complete", browser="156", backend="netem", load=Load.of(load), recording=made.head)
     return folder
 

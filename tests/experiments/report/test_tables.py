@@ -59,6 +59,8 @@ def test_a_row_of_runs_csv_has_every_field_and_figure(tmp_path: Path) -> None:
         "profile_changes_per_min": 1 * 30,  # one in two seconds
         "picture_ssim": 0.9,
         "view_psnr_db": 20,
+        "seen_psnr_db": 20,
+        "content_age_p50_ms": 80 - 20 + 1000 / 60 + 5,  # left after 20 ms, in frames of 60 Hz, every 5 ms
     }
     assert {name: float(one[name]) for name in figures} == pytest.approx(figures)
     # Rung 1 from 80 ms to 1080 ms, then rung 3 until 2000 ms.

@@ -19,8 +19,8 @@ function reply(sentAt: number, lastByteAt: number, more: Partial<Reply> = {}): R
 
 /** Along x, a unit a millisecond. */
 const walk = (elapsed: number): ScenePose => ({ position: [elapsed, 0, 0], quaternion: [0, 0, 0, 1] });
-const recorderFrom = (start: Omit<RecorderStart, "duration" | "movement"> & Partial<RecorderStart>) =>
-  new Recorder({ duration: 3500, movement: walk, ...start });
+const recorderFrom = (start: Omit<RecorderStart, "duration" | "movement" | "captureOffset"> & Partial<RecorderStart>) =>
+  new Recorder({ duration: 3500, movement: walk, captureOffset: 0, ...start });
 
 test("keeps each pose once, since the run's start", () => {
   const recorder = recorderFrom({ startedAt: 1000, pose: 5, received: 0, captureEvery: 0 });
@@ -103,15 +103,15 @@ test("keeps each reply in the order of time: what was asked for, and when and ho
   expect(second).toMatchObject({ at: 70, asked_rung: null, rung: null, server: null, throughput_kbps: null });
 });
 
-test("asks for a picture at most once in an interval, whatever the frame rate, while the movement lasts", () => {
-  const recorder = recorderFrom({ startedAt: 0, pose: 0, received: 0, captureEvery: 1000 });
-  const kept = [10, 990, 1005, 1500, 1990, 2600, 2700, 3001, 4100].filter((at) => recorder.presented(frame(at, 1)));
-  expect(kept).toEqual([1005, 2600, 3001]);
+test("a picture is due at each tick of the clock while the movement lasts, whatever is shown", () => {
+  const recorder = recorderFrom({ startedAt: 100, pose: 0, received: 0, captureEvery: 1000, captureOffset: 300 });
+  const due = [100, 390, 410, 420, 1390, 1400, 1410, 3700, 3720, 9000].map((now) => recorder.due(now));
+  expect(due).toEqual([0, 0, 1, 0, 0, 1, 0, 2, 0, 0]);
 });
 
-test("asks for no picture if none is wanted", () => {
+test("no picture is due if none is wanted", () => {
   const recorder = recorderFrom({ startedAt: 0, pose: 0, received: 0, captureEvery: 0 });
-  expect(recorder.presented(frame(5000, 1))).toBe(false);
+  expect(recorder.due(5000)).toBe(0);
 });
 
 test("is settled when the newest pose is on the screen", () => {
@@ -135,8 +135,12 @@ test("counts what came in since the start", () => {
   ]);
 });
 
-test("a captured frame keeps its own size", () => {
+test("a captured frame keeps its own size, and since when it was on the screen", () => {
   const recorder = recorderFrom({ startedAt: 100, pose: 0, received: 0, captureEvery: 1000 });
-  recorder.captured(frame(1200, 9), { width: 320, height: 180 });
-  expect(recorder.events.captures).toEqual([{ at: 1100, pose: 9, rung: 2, width: 320, height: 180 }]);
+  recorder.captured(frame(1050, 9), 1200, { width: 320, height: 180 });
+  recorder.captured(frame(1216, 10), 1200, { width: 320, height: 180 });
+  expect(recorder.events.captures).toEqual([
+    { at: 1100, shown_at: 950, pose: 9, rung: 2, width: 320, height: 180 },
+    { at: 1116, shown_at: 1116, pose: 10, rung: 2, width: 320, height: 180 },
+  ]);
 });

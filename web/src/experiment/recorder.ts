@@ -26,8 +26,9 @@ export interface RecorderStart {
   readonly pose: number;
   /** Bytes that have come in. */
   readonly received: number;
-  /** How often a picture is kept while the movement lasts; 0 keeps none. */
+  /** A picture is kept at each tick of a clock while the movement lasts: so often, and first after `captureOffset`; 0 keeps none. */
   readonly captureEvery: number;
+  readonly captureOffset: number;
 }
 
 export class Recorder {
@@ -48,7 +49,7 @@ export class Recorder {
     this.#start = start;
     this.#pose = start.pose;
     this.#shown = start.pose;
-    this.#captureAt = start.captureEvery; // the first picture is that of a camera that moves
+    this.#captureAt = start.captureOffset;
   }
 
   /** The rig stands at `pose` since a time. */
@@ -59,16 +60,21 @@ export class Recorder {
     this.#inputs.push({ at: at - this.#start.startedAt, pose: seq, position, quaternion, missed: false });
   }
 
-  /** A frame is on the screen. Returns whether its picture is to be kept. */
-  presented(frame: PresentedFrame): boolean {
+  /** How many ticks of the clock were due by now, after the last time that it was asked: for each, a picture is to be kept. */
+  due(now: number): number {
+    const { startedAt, captureEvery, duration } = this.#start;
+    if (captureEvery === 0) return 0;
+    let ticks = 0;
+    for (; this.#captureAt <= now - startedAt && this.#captureAt < duration; this.#captureAt += captureEvery) ticks++;
+    return ticks;
+  }
+
+  /** A frame is on the screen. */
+  presented(frame: PresentedFrame): void {
     const at = frame.at - this.#start.startedAt;
-    if (at < 0) return false;
+    if (at < 0) return;
     this.#frames.push({ ...frame, at, latencies: [...frame.latencies] });
     this.#shown = Math.max(this.#shown, frame.pose);
-    const { captureEvery, duration } = this.#start;
-    if (captureEvery === 0 || at < this.#captureAt || at >= duration) return false;
-    this.#captureAt = (Math.floor(at / captureEvery) + 1) * captureEvery;
-    return true;
   }
 
   /** A request went out. */
@@ -92,10 +98,14 @@ export class Recorder {
     });
   }
 
-  /** The picture of a frame was kept. */
-  captured({ at, pose, rung }: PresentedFrame, picture: { readonly width: number; readonly height: number }): void {
+  /** The picture of the frame that was on the screen at a time was kept. */
+  captured(frame: PresentedFrame, at: number, picture: { readonly width: number; readonly height: number }): void {
+    const { startedAt } = this.#start;
+    const { pose, rung } = frame;
     const { width, height } = picture;
-    this.#captures.push({ at: at - this.#start.startedAt, pose, rung, width, height });
+    // A video's frame is told of a moment before it is on the screen.
+    const later = Math.max(at, frame.at) - startedAt;
+    this.#captures.push({ at: later, shown_at: frame.at - startedAt, pose, rung, width, height });
   }
 
   /** So many bytes have come in since the page was opened. */

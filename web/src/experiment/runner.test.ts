@@ -30,6 +30,7 @@ beforeEach(() => {
   const session = {
     rig,
     receivedBytes: 0,
+    seed: signal(1),
     connected: signal(null),
     dash: signal(null),
     onPresented: nothing,

@@ -17,7 +17,7 @@ export interface RunPlan {
   /** In the order of time, in the scene's own frame. */
   readonly points: readonly TimedPose[];
   readonly duration_ms: number;
-  /** How often a picture is kept; 0 keeps none. */
+  /** How often what is on the screen is kept; 0 keeps nothing. */
   readonly capture_every_ms: number;
 }
 
@@ -35,6 +35,8 @@ const DRAIN = 5000;
 /** A camera that stood for so long while the movement went on has missed some of it: hidden pages get no animation frames. In ms. */
 const PAUSE = 1000;
 const TRAFFIC_EVERY = 250;
+/** Spreads the seeds' clocks evenly over an interval. */
+const GOLDEN = (Math.sqrt(5) - 1) / 2;
 
 export class Runner {
   readonly #session: ViewerSession;
@@ -43,6 +45,7 @@ export class Runner {
   #recorder: Recorder | undefined;
   #shown = 0;
   #newest = -1;
+  #frame: PresentedFrame | undefined;
 
   constructor(session: ViewerSession) {
     this.#session = session;
@@ -101,6 +104,7 @@ export class Runner {
       pose: rig.pose.seq,
       received: this.#session.receivedBytes,
       captureEvery: capture_every_ms,
+      captureOffset: capture_every_ms * ((this.#session.seed.peek() * GOLDEN) % 1),
     });
     this.#recorder = recorder;
     let hidden = document.visibilityState === "hidden";
@@ -117,6 +121,7 @@ export class Runner {
         recorder.sampled(rig.pose, sampledAt); // the pose of the sample before this one
         if (sampledAt < movedUntil) longestPause = Math.max(longestPause, now - sampledAt);
         sampledAt = now;
+        for (let ticks = recorder.due(now); ticks > 0; ticks--) void this.#keep(recorder, now);
         return movement(now - startedAt);
       });
       const targets: number[] = [];
@@ -169,15 +174,18 @@ export class Runner {
   #presented(frame: PresentedFrame): void {
     this.#shown++;
     this.#newest = Math.max(this.#newest, frame.pose);
-    if (this.#recorder?.presented(frame)) void this.#keep(this.#recorder, frame);
+    this.#frame = frame;
+    this.#recorder?.presented(frame);
   }
 
   /** A copy on the graphics processor, or in memory where there is none: encoding waits until the run has ended. */
-  async #keep(recorder: Recorder, frame: PresentedFrame): Promise<void> {
+  async #keep(recorder: Recorder, at: number): Promise<void> {
+    const frame = this.#frame;
+    if (frame === undefined) return;
     const { canvas, video } = this.#session.stage;
     try {
       const picture = await createImageBitmap(frame.side === "dash" ? video : canvas);
-      recorder.captured(frame, picture);
+      recorder.captured(frame, at, picture);
       this.#pictures.push(picture);
     } catch {
       // a picture that cannot be had: the next one will do

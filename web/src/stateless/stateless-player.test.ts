@@ -64,6 +64,7 @@ beforeEach(() => {
 async function frames(count: number, { answer = true } = {}): Promise<void> {
   for (let i = 0; i < count; i++) {
     now += 1000 / 60;
+    player.presented(now);
     player.tick(now, rig.sample(now));
     if (answer) for (const { reply } of transport.requests) reply();
     await settle();

@@ -118,9 +118,17 @@ export class StatelessPlayer {
     this.#presenting = undefined;
   }
 
+  /** Once per animation frame, first of all: the frame that was handed to the compositor in the last one is on the screen by now. */
+  presented(now: number): void {
+    if (this.#presenting === undefined) return;
+    const { pose, header } = this.#presenting;
+    const { width, height, profile } = header;
+    this.#meter.presented({ at: now, pose, rung: profile ?? null, width: width ?? 0, height: height ?? 0 });
+    this.#presenting = undefined;
+  }
+
   /** Once per animation frame, after the rig was sampled; `moved` is what the rig said. */
   tick(now: number, moved: boolean): void {
-    this.#presented(now);
     const { rig } = this.#options;
     if (this.#pipeline && rig.scene) {
       if (moved) this.#meter.moved(rig.pose.seq, now);
@@ -142,15 +150,6 @@ export class StatelessPlayer {
       canvas.height = bitmap.height;
     }
     this.#context.transferFromImageBitmap(bitmap);
-  }
-
-  /** The frame that was handed to the compositor in the last animation frame is on the screen by now. */
-  #presented(now: number): void {
-    if (this.#presenting === undefined) return;
-    const { pose, header } = this.#presenting;
-    const { width, height, profile } = header;
-    this.#meter.presented({ at: now, pose, rung: profile ?? null, width: width ?? 0, height: height ?? 0 });
-    this.#presenting = undefined;
   }
 
   #view(scene: SceneInfo, now: number): ViewRequest {

@@ -154,9 +154,12 @@ export class ViewerSession {
   readonly #tick = (): void => {
     this.#animation = requestAnimationFrame(this.#tick);
     const time = now();
+    const stateless = settings.peek().mode !== "dash";
+    if (stateless)
+      this.stateless.presented(time); // whoever hears of the sample finds that frame on the canvas
+    else this.stateless.suspend();
     const moved = this.rig.sample(time);
-    if (settings.peek().mode === "dash") this.stateless.suspend();
-    else this.stateless.tick(time, moved);
+    if (stateless) this.stateless.tick(time, moved);
     this.dash.peek()?.tick(time, moved);
   };
 

@@ -190,10 +190,11 @@ export interface Request {
   fate: "shown" | "overtaken" | "cancelled" | "dropped" | "unanswered";
 }
 /**
- * A frame whose picture was kept.
+ * What was on the screen at a tick of the run's clock, whose picture was kept.
  */
 export interface Capture {
   at: number;
+  shown_at: number;
   pose: number;
   rung: number | null;
   width: number;
@@ -272,6 +273,7 @@ export interface RunRow {
 export interface Figures {
   latencies: Latencies;
   frame_ages: FrameAges;
+  content_ages: ContentAges;
   response_times: ResponseTimes;
   requests: Requests | null;
   render_times: RenderTimes;
@@ -311,6 +313,14 @@ export interface FrameAges {
   mean: number | null;
   p50: number | null;
   p95: number | null;
+}
+/**
+ * How long ago the viewer was last where the picture on the screen is from, sampled by time, in ms.
+ */
+export interface ContentAges {
+  mean: number;
+  p50: number;
+  p95: number;
 }
 /**
  * From sending a request to the last byte of its frame, in ms, as the paper has it; None without replies.
@@ -366,14 +376,16 @@ export interface Rungs {
   switches: number;
 }
 /**
- * Over the kept pictures of a run.
+ * Means over the kept pictures of a run; None where none could be compared so.
  */
 export interface QualityFigures {
   pictures: number;
-  picture_psnr_db: number;
-  picture_ssim: number;
-  view_psnr_db: number;
-  view_ssim: number;
+  picture_psnr_db: number | null;
+  picture_ssim: number | null;
+  view_psnr_db: number | null;
+  view_ssim: number | null;
+  seen_psnr_db: number | null;
+  seen_ssim: number | null;
 }
 /**
  * All movement traces, by name.

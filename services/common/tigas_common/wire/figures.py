@@ -42,6 +42,14 @@ class FrameAges(WireModel):
     p95: float | None
 
 
+class ContentAges(WireModel):
+    """How long ago the viewer was last where the picture on the screen is from, sampled by time, in ms."""
+
+    mean: float
+    p50: float
+    p95: float
+
+
 class ResponseTimes(WireModel):
     """From sending a request to the last byte of its frame, in ms, as the paper has it; None without replies."""
 
@@ -102,15 +110,18 @@ class Rungs(WireModel):
 
 
 class QualityFigures(WireModel):
-    """Over the kept pictures of a run."""
+    """Means over the kept pictures of a run; None where none could be compared so."""
 
     pictures: int
-    picture_psnr_db: float
-    """Mean, against the pose that each was rendered from."""
-    picture_ssim: float
-    view_psnr_db: float
-    """Mean, against the pose that the viewer had when it was on the screen."""
-    view_ssim: float
+    picture_psnr_db: float | None
+    """Against the pose that each was rendered from."""
+    picture_ssim: float | None
+    view_psnr_db: float | None
+    """Against the pose that the viewer had when it came on the screen."""
+    view_ssim: float | None
+    seen_psnr_db: float | None
+    """Against the pose that the viewer had at the clock's tick: what the viewer sees. None of early recordings."""
+    seen_ssim: float | None
 
 
 class Figures(WireModel):
@@ -118,6 +129,7 @@ class Figures(WireModel):
 
     latencies: Latencies
     frame_ages: FrameAges
+    content_ages: ContentAges
     response_times: ResponseTimes
     requests: Requests | None
     """None of DASH, and of early recordings."""

@@ -105,9 +105,12 @@ class Request(WireModel):
 
 
 class Capture(WireModel):
-    """A frame whose picture was kept."""
+    """What was on the screen at a tick of the run's clock, whose picture was kept."""
 
     at: float
+    """The first animation frame at or after the tick."""
+    shown_at: float
+    """When the frame had come on the screen; negative before the run."""
     pose: int
     rung: int | None
     width: int = Field(gt=0, le=MAX_SIDE)

@@ -47,7 +47,7 @@ def compare(
     seed: Annotated[int, typer.Option(help="Seed of generated movements and of the controllers' random numbers.")] = 1,
     capture_every: Annotated[
         float, typer.Option(help="Seconds between pictures kept to measure quality; 0 keeps none.")
-    ] = 1,
+    ] = 0.5,
     warm_up: Annotated[float, typer.Option(help="Seconds before the movement begins.")] = 5,
     out: Annotated[
         Path | None, typer.Option(help="Folder for the report.", show_default="results/compare-TIME")

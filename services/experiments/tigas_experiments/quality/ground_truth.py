@@ -10,7 +10,7 @@ import httpx
 from tigas_common.wire.recording import Capture, Input, Lens
 from tigas_common.wire.render import RenderRequest
 from tigas_experiments.errors import RunFailed
-from tigas_experiments.quality.picture import BrokenPicture, CaptureQuality, Picture, compare, decode
+from tigas_experiments.quality.picture import BrokenPicture, CaptureQuality, Picture, Quality, compare, decode
 
 TIMEOUT_S = 60
 
@@ -34,26 +34,36 @@ class GroundTruth:
         self._http = http
         self._scene = scene
         self._lens = lens
-        self._last: tuple[int, Picture] | None = None
+        self._last: tuple[Input, Picture] | None = None
 
     async def picture(self, pose: Input) -> Picture:
         """Ground truth of a pose."""
-        if self._last is None or self._last[0] != pose.pose:
-            self._last = (pose.pose, await self._render(pose))
+        if self._last is None or self._last[0] != pose:
+            self._last = (pose, await self._render(pose))
         return self._last[1]
 
     async def assess(self, shown: bytes, capture: Capture, inputs: Sequence[Input]) -> CaptureQuality | None:
-        """A capture against ground truth; None if its pose is not of this run. Raises BrokenPicture, too."""
-        own, current = pose_of(inputs, capture.pose), pose_at(inputs, capture.at)
-        if own is None or current is None:
+        """A capture against ground truth; None while the viewer has not moved yet. Raises BrokenPicture, too."""
+        current = pose_at(inputs, capture.at)
+        if current is None:
             return None
         picture = decode(shown)
+        known: dict[Input, Quality] = {}
+
+        async def against(pose: Input | None) -> Quality | None:
+            if pose is None:
+                return None
+            if pose not in known:
+                known[pose] = compare(picture, await self.picture(pose))
+            return known[pose]
+
         return CaptureQuality(
             at=capture.at,
             pose=capture.pose,
             rung=capture.rung,
-            picture=compare(picture, await self.picture(own)),
-            view=compare(picture, await self.picture(current)),
+            picture=await against(pose_of(inputs, capture.pose)),
+            view=await against(pose_at(inputs, capture.shown_at)),
+            seen=await against(current),
         )
 
     async def _render(self, pose: Input) -> Picture:

@@ -29,15 +29,22 @@ class Quality(WireModel):
 
 
 class CaptureQuality(WireModel):
-    """What a person saw at one moment, compared with ground truth twice."""
+    """What a person saw at one moment, compared with ground truth in up to three ways."""
 
     at: float
     pose: int
     rung: int | None
-    picture: Quality
-    """Against the very pose that the frame was rendered from: what resolution and compression cost."""
-    view: Quality
-    """Against the pose that the viewer had at that moment: what lateness costs, too."""
+    picture: Quality | None
+    """Against the very pose that the frame was rendered from: what resolution and compression cost. None of a frame
+    from before the run.
+    """
+    view: Quality | None
+    """Against the pose that the viewer had when the frame came on the screen: what lateness costs, too. None as above.
+    """
+    seen: Quality | None = None
+    """Against the pose that the viewer had at that moment: what ageing and freezes cost, too. None in early records,
+    whose moments were those at which frames came on the screen.
+    """
 
 
 def decode(data: bytes) -> Picture:

@@ -16,6 +16,7 @@ from typing import get_args
 from tigas_common.wire.figures import (
     INTERACTIVE_MS,
     USUAL_INTERVAL_MS,
+    ContentAges,
     FrameAges,
     Freezes,
     Latencies,
@@ -29,6 +30,7 @@ from tigas_common.wire.recording import Fate, Input, Reply, Request, ShownFrame,
 
 FREEZE_MS, FREEZE_HISTORY = 150.0, 30
 """As W3C webrtc-stats has them."""
+AGE_EVERY_MS = 5.0
 
 
 def percentile(values: Sequence[float], rank: float) -> float | None:
@@ -95,6 +97,27 @@ def frame_ages(inputs: Sequence[Input], frames: Sequence[ShownFrame]) -> FrameAg
         p50=percentile(values, 0.5),
         p95=percentile(values, 0.95),
     )
+
+
+def content_ages(
+    inputs: Sequence[Input], frames: Sequence[ShownFrame], duration_ms: float, interval_ms: float = USUAL_INTERVAL_MS
+) -> ContentAges:
+    """At ticks of AGE_EVERY_MS while the movement lasts. 0 while the picture is from where the viewer is; otherwise the
+    time since the last frame of the display, one every `interval_ms`, in which the viewer still was there.
+    """
+    poses = [entry.pose for entry in inputs]
+    ages: list[float] = []
+    shown, frame = -1, 0  # at first, the picture of the time before the run
+    for tick in range(max(1, int(duration_ms / AGE_EVERY_MS))):
+        at = tick * AGE_EVERY_MS
+        while frame < len(frames) and frames[frame].at <= at:
+            shown, frame = frames[frame].pose, frame + 1
+        newer = bisect_right(poses, shown)
+        left = newer < len(inputs) and inputs[newer].at <= at
+        ages.append(at - inputs[newer].at + interval_ms if left else 0.0)
+    ages.sort()
+    p50, p95 = percentile(ages, 0.5), percentile(ages, 0.95)
+    return ContentAges(mean=sum(ages) / len(ages), p50=p50 or 0.0, p95=p95 or 0.0)
 
 
 def response_times(replies: Sequence[Reply]) -> ResponseTimes:

@@ -8,7 +8,7 @@ from pathlib import Path
 from tigas_common.wire.figures import USUAL_INTERVAL_MS, Figures, QualityFigures
 from tigas_common.wire.model import WireModel
 from tigas_common.wire.recording import Input, LinkSample, RecordingHead, Reply, Request, ShownFrame, Traffic
-from tigas_experiments.quality.picture import CaptureQuality
+from tigas_experiments.quality.picture import CaptureQuality, Quality
 from tigas_experiments.records import statistics
 from tigas_experiments.records.folder import RunRecord, StoredRun
 from tigas_experiments.records.recording import BrokenRecording
@@ -77,9 +77,11 @@ def read(folder: Path) -> tuple[Summary, Records | None]:
 def figures(records: Records) -> Figures:
     """All figures of a complete run."""
     inputs, frames, link, duration = records.inputs, records.frames, records.link, records.head.duration_ms
+    interval = records.head.display_interval_ms or USUAL_INTERVAL_MS
     return Figures(
-        latencies=statistics.latencies(inputs, frames, records.head.display_interval_ms or USUAL_INTERVAL_MS),
+        latencies=statistics.latencies(inputs, frames, interval),
         frame_ages=statistics.frame_ages(inputs, frames),
+        content_ages=statistics.content_ages(inputs, frames, duration, interval),
         response_times=statistics.response_times(records.replies),
         requests=statistics.requests(records.requests),
         render_times=statistics.render_times(records.replies),
@@ -107,13 +109,21 @@ def _quality(entries: list[CaptureQuality]) -> QualityFigures | None:
     if not entries:
         return None
 
-    def mean(values: list[float]) -> float:
-        return sum(values) / len(values)
+    def means(found: list[Quality | None]) -> tuple[float | None, float | None]:
+        known = [quality for quality in found if quality is not None]
+        if not known:
+            return None, None
+        return sum(q.psnr_db for q in known) / len(known), sum(q.ssim for q in known) / len(known)
 
+    picture_psnr, picture_ssim = means([entry.picture for entry in entries])
+    view_psnr, view_ssim = means([entry.view for entry in entries])
+    seen_psnr, seen_ssim = means([entry.seen for entry in entries])
     return QualityFigures(
         pictures=len(entries),
-        picture_psnr_db=mean([entry.picture.psnr_db for entry in entries]),
-        picture_ssim=mean([entry.picture.ssim for entry in entries]),
-        view_psnr_db=mean([entry.view.psnr_db for entry in entries]),
-        view_ssim=mean([entry.view.ssim for entry in entries]),
+        picture_psnr_db=picture_psnr,
+        picture_ssim=picture_ssim,
+        view_psnr_db=view_psnr,
+        view_ssim=view_ssim,
+        seen_psnr_db=seen_psnr,
+        seen_ssim=seen_ssim,
     )

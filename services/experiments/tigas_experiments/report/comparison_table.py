@@ -40,7 +40,7 @@ class Column:
 
 
 LATENCY, FRAMES, BANDWIDTH = "Motion-to-photon", "Frames", "Bandwidth"
-PICTURE, VIEW = "Picture", "View"
+PICTURE, VIEW, SEEN = "Picture", "View", "Seen"
 COLUMNS = (
     Column(LATENCY, "p50", metrics.PHOTON_P50, "p50, ms"),
     Column(LATENCY, "p95", metrics.PHOTON_P95, "p95, ms"),
@@ -56,6 +56,9 @@ COLUMNS = (
     Column(PICTURE, "PSNR", metrics.PICTURE_PSNR),
     Column(VIEW, "SSIM", metrics.VIEW_SSIM, "SSIM of the view"),
     Column(VIEW, "PSNR", metrics.VIEW_PSNR),
+    Column(SEEN, "SSIM", metrics.SEEN_SSIM, "SSIM of what is seen"),
+    Column(SEEN, "PSNR", metrics.SEEN_PSNR),
+    Column(SEEN, "content age", metrics.CONTENT_AGE_MEAN, "content age, ms"),
 )
 
 

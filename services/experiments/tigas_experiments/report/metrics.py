@@ -61,7 +61,7 @@ def _plain(of: Callable[[Figures], Value]) -> Callable[[RunRecord, Figures], Val
     return lambda _, figures: of(figures)
 
 
-def _quality(of: Callable[[QualityFigures], float]) -> Callable[[RunRecord, Figures], Value]:
+def _quality(of: Callable[[QualityFigures], Value]) -> Callable[[RunRecord, Figures], Value]:
     return lambda _, figures: None if figures.quality is None else of(figures.quality)
 
 
@@ -145,6 +145,13 @@ PICTURE_SSIM = Metric("picture_ssim", "SSIM of the picture", "", 3, "high", _qua
 PICTURE_PSNR = Metric("picture_psnr_db", "PSNR of the picture", "dB", 1, "high", _quality(lambda q: q.picture_psnr_db))
 VIEW_SSIM = Metric("view_ssim", "SSIM of the view", "", 3, "high", _quality(lambda q: q.view_ssim))
 VIEW_PSNR = Metric("view_psnr_db", "PSNR of the view", "dB", 1, "high", _quality(lambda q: q.view_psnr_db))
+SEEN_SSIM = Metric("seen_ssim", "SSIM of what is seen", "", 3, "high", _quality(lambda q: q.seen_ssim))
+SEEN_PSNR = Metric("seen_psnr_db", "PSNR of what is seen", "dB", 1, "high", _quality(lambda q: q.seen_psnr_db))
+CONTENT_AGE_MEAN = Metric(
+    "content_age_mean_ms", "Mean content age", "ms", 0, "low", _plain(lambda f: f.content_ages.mean)
+)
+CONTENT_AGE_P50 = Metric("content_age_p50_ms", "Content age p50", "ms", 0, "low", _plain(lambda f: f.content_ages.p50))
+CONTENT_AGE_P95 = Metric("content_age_p95_ms", "Content age p95", "ms", 0, "low", _plain(lambda f: f.content_ages.p95))
 
 METRICS = (
     PHOTON_P50,
@@ -157,6 +164,9 @@ METRICS = (
     Metric("inputs", "Inputs", "", 0, None, _plain(lambda f: f.latencies.inputs)),
     Metric("inputs_missed", "Inputs missed by the page", "", 0, "low", _plain(lambda f: f.latencies.missed)),
     Metric("inputs_unanswered", "Unanswered inputs", "", 0, "low", _plain(lambda f: f.latencies.unanswered)),
+    CONTENT_AGE_MEAN,
+    CONTENT_AGE_P50,
+    CONTENT_AGE_P95,
     FRAME_AGE_MEAN,
     FRAME_AGE_P50,
     FRAME_AGE_P95,
@@ -187,6 +197,8 @@ METRICS = (
     PICTURE_PSNR,
     VIEW_SSIM,
     VIEW_PSNR,
+    SEEN_SSIM,
+    SEEN_PSNR,
 )
 TABLE = (
     PHOTON_P50,
