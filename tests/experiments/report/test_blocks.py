@@ -25,10 +25,11 @@ def test_repeats_controllers_and_round_trips_share_a_block_and_other_inputs_do_n
     other = [
         block(scene="guitar"),
         block(movement="a/orbit.csv"),
+        block(movement_offset_s=8.0),
         block(network=Network(trace="bus", rtt_ms=20, offset_s=61)),
         block(network=Network(trace="train", rtt_ms=20, offset_s=60)),
     ]
-    assert len({block(), *other}) == 5
+    assert len({block(), *other}) == 6
 
 
 def test_an_interval_is_that_of_the_mean_and_always_the_same() -> None:

@@ -142,3 +142,24 @@ def test_only_what_is_seen_counts() -> None:
 
     assert points_sha256([moved(0.0)]) == points_sha256([moved(-0.0)]) == points_sha256([moved(1e-15)])
     assert points_sha256([moved(0.0)]) != points_sha256([moved(1e-6)])
+
+
+def test_a_run_may_begin_within_a_movement(tmp_path: Path) -> None:
+    rows = "".join(f"{t},{t / 1000},0,0,0,0,0,1\n" for t in range(0, 10_001, 50))
+    path = tmp_path / "walk.csv"
+    path.write_text(HEADER + rows)
+    run = configuration(movement=str(path), movement_offset_s=4.02, duration_s=2.0)
+    points = movement_points(run, scene())
+    assert (points[0]["t_ms"], points[0]["position"][0]) == pytest.approx((0, 4.02))
+    assert (points[1]["t_ms"], points[1]["position"][0]) == pytest.approx((30, 4.05)), "the file's own poses after it"
+    assert points[-1]["t_ms"] == pytest.approx(2030), "to the run's end or just after it"
+    with pytest.raises(StartError, match=r"lasts 10.0 s, less than a run's 2 s, begun at 8.5 s"):
+        movement_points(run.model_copy(update={"movement_offset_s": 8.5}), scene())
+
+
+def test_a_generated_movement_may_be_begun_later_too() -> None:
+    whole = movement_points(configuration(movement="stroll", duration_s=8.0), scene())
+    part = movement_points(configuration(movement="stroll", movement_offset_s=5.0, duration_s=3.0), scene())
+    at = next(index for index, point in enumerate(whole) if point["t_ms"] > 5000)
+    assert part[1]["position"] == pytest.approx(whole[at]["position"])
+    assert part[1]["t_ms"] == pytest.approx(whole[at]["t_ms"] - 5000)

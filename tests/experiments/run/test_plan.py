@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections import Counter
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -39,6 +40,7 @@ def test_everything_is_combined_and_repeats_go_outermost(tmp_path: Path) -> None
         modes=["stateless", "dash-tuned"],
         controllers=["latency", "lol+", "0"],
         repeats=3,
+        shuffled=False,
     )
     assert len(made) == 3 * 2 * 2 * (3 + 1), "controllers multiply the mode stateless only"
     assert [run.repeat for run in made] == [0] * 16 + [1] * 16 + [2] * 16
@@ -53,6 +55,85 @@ def test_everything_is_combined_and_repeats_go_outermost(tmp_path: Path) -> None
     assert {run.seed for run in made} == {1}, "a repeat has the same inputs"
 
 
+def test_the_order_is_random_but_by_the_seed_alone_and_compares_what_is_close_in_time(tmp_path: Path) -> None:
+    fields: dict[str, Any] = {
+        "networks": ["4g-bus", "20mbit"],
+        "rtts_ms": [20, 50, 300],
+        "controllers": ["latency", "lol+", "l2a"],
+        "repeats": 2,
+    }
+    listed, made, again, other = (
+        runs(tmp_path, **fields, **more) for more in ({"shuffled": False}, {}, {}, {"seed": 2})
+    )
+    assert made == again, "a resumed experiment goes on in the same order"
+    assert [run.slug for run in made] != [run.slug for run in other]
+    assert sorted(run.slug for run in made) == sorted(run.slug for run in listed)
+    assert [run.repeat for run in made] == [0] * 18 + [1] * 18, "an interrupted one has as many of each"
+    blocks = [made[first : first + 3] for first in range(0, 36, 3)]
+    assert all(len({run.network.label for run in block}) == 1 for block in blocks)
+    assert len({tuple(run.profile for run in block) for block in blocks}) > 2, "no controller is always the first"
+
+
+def traces(directory: Path, *, seconds: int = 180) -> dict[str, Any]:
+    """Fields of an experiment with a recorded network and a recorded movement of 60 s."""
+    (directory / "bus.csv").write_text(f"t_ms,down_kbps,up_kbps,delay_ms\n0,1,1,1\n{seconds}000,,,\n")
+    poses = "".join(f"{t},{t / 1000},0,0,0,0,0,1\n" for t in range(0, 60_001, 20))
+    (directory / "walk.csv").write_text(f"t_ms,x,y,z,qx,qy,qz,qw\n{poses}")
+    return {"networks": ["bus.csv"], "movements": ["walk.csv"], "rtts_ms": [20, 50], "duration_s": 8}
+
+
+def test_segments_are_different_parts_of_traces_and_movements(tmp_path: Path) -> None:
+    fields = {**traces(tmp_path), "segments": 6, "trace_offset_s": 60, "controllers": ["latency", "l2a"]}
+    made = runs(tmp_path, **fields)
+    assert len(made) == 6 * 2 * 2
+    assert len({run.slug for run in made}) == len(made)
+    pairs = {(run.segment, run.network.offset_s, run.movement_offset_s) for run in made}
+    assert len(pairs) == 6, "alike for each controller and round trip"
+    for offsets, first, last in (({pair[1] for pair in pairs}, 60, 180), ({pair[2] for pair in pairs}, 0, 60)):
+        ordered = sorted(offsets)
+        assert first <= ordered[0]
+        assert ordered[-1] + 8 <= last
+        assert all(b - a >= 7.998 for a, b in pairwise(ordered)), "none overlap"
+    assert made == runs(tmp_path, **fields)
+    other = runs(tmp_path, **fields, seed=2)
+    assert {run.network.offset_s for run in other}.isdisjoint(pair[1] for pair in pairs)
+
+
+def test_a_short_movement_has_segments_that_overlap_and_a_generated_one_is_long_enough(tmp_path: Path) -> None:
+    fields = {**traces(tmp_path), "duration_s": 25, "segments": 4}
+    made = runs(tmp_path, **{**fields, "movements": ["walk.csv", "stroll"]})
+    walk, stroll = (
+        sorted({run.movement_offset_s for run in made if run.movement == name}) for name in ("walk.csv", "stroll")
+    )
+    assert walk == pytest.approx([0, 35 / 3, 70 / 3, 35], abs=0.001)
+    assert stroll == [0, 25, 50, 75]
+
+
+def test_a_constant_link_has_segments_of_the_movement_alone(tmp_path: Path) -> None:
+    made = runs(tmp_path, **{**traces(tmp_path), "networks": ["20mbit"], "segments": 3})
+    assert {run.network.offset_s for run in made} == {0}
+    assert len({run.movement_offset_s for run in made}) == 3
+
+
+@pytest.mark.parametrize(
+    ("fields", "sentence"),
+    [
+        ({"segments": 0}, "segments: input should be greater"),
+        ({"segments": 23}, "bus.csv has room for 22 segments of 8 s from 0 s on, not 23."),
+        ({"segments": 2, "trace_offset_s": 200}, "bus.csv has room for 0 segments of 8 s from 200 s on, not 2."),
+        ({"segments": 2, "networks": ["4g-bus"]}, "Segments need the trace's file, so '4g-bus' must be a path."),
+        ({"segments": 2, "networks": ["walk.csv"]}, "walk.csv is no trace of TIGAS's own"),
+        ({"segments": 2, "movements": ["bus.csv"]}, "bus.csv"),
+        ({"segments": 2, "duration_s": 61}, "The movement walk.csv lasts 60.0 s, less than a run's 61 s."),
+    ],
+)
+def test_segments_that_cannot_be(tmp_path: Path, fields: dict[str, Any], sentence: str) -> None:
+    with pytest.raises(StartError) as error:
+        runs(tmp_path, **{**traces(tmp_path), **fields})
+    assert sentence in str(error.value)
+    assert "\n" not in str(error.value)
+
+
 def test_a_stream_has_the_frame_rate_that_the_file_asks_for_or_its_preset_has(tmp_path: Path) -> None:
     (chosen,) = runs(tmp_path, modes=["dash-edge"], dash_frame_rate=60)
     (left_out,) = runs(tmp_path, modes=["dash-edge"])
@@ -65,6 +146,7 @@ def test_paths_are_relative_to_the_file_and_traces_begin_where_it_says(tmp_path:
     (tmp_path / "bus.log").touch()
     monkeypatch.chdir("/")
     elsewhere = {"movements": ["walk.csv"], "networks": ["bus.log,50ms-rtt", "20mbit"], "trace_offset_s": 60}
+    elsewhere["shuffled"] = False
     bus, constant = runs(tmp_path, **elsewhere)
     assert (bus.movement, bus.network.trace_file) == ("walk.csv", Path("bus.log")), "as a person named them"
     assert (bus.network.offset_s, bus.network.rtt_ms) == (60, 50)

@@ -65,8 +65,8 @@ def test_a_run_that_fails_is_marked_and_alone_repeated(stub: Stub, file: Path) -
     result = tigas("run", file)
     assert result.exit_code == 1
     assert "1 of 6 runs are incomplete. To repeat them: tigas" in result.output
-    assert "l2a_0: The viewer failed: Target closed" in result.output
     failed = stub.made[1]
+    assert f"{failed}: The viewer failed: Target closed" in result.output
     assert status(file)[failed] == "The viewer failed: Target closed"
     assert list(status(file).values()).count("complete") == 5, "the others go on"
     assert f"missing   {failed}" in tigas("plan", file).output

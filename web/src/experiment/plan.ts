@@ -92,8 +92,9 @@ export function readPlan(stored: unknown): ExperimentPlan | null {
   return read.success ? read.output : null;
 }
 
-/** One run: its configuration before it is known how large the stage is. */
-export interface PlannedRun extends Omit<Required<Configuration>, "width" | "height" | "seed"> {
+/** One run: its configuration before it is known how large the stage is. A page plays movements from their beginning. */
+export interface PlannedRun
+  extends Omit<Required<Configuration>, "width" | "height" | "seed" | "movement_offset_s" | "segment"> {
   readonly network: Network;
   readonly profile: Profile;
 }

@@ -39,6 +39,7 @@ export interface RunUpload {
 export interface Configuration {
   scene: string;
   movement: string;
+  movement_offset_s?: number;
   network: Network;
   mode: "stateless" | "dash-typical" | "dash-tuned" | "dash-edge";
   duration_s: number;
@@ -47,6 +48,7 @@ export interface Configuration {
   profile?: number | string;
   dash_frame_rate?: (30 | 60) | null;
   seed?: number;
+  segment?: number;
   repeat?: number;
   capture_every_ms?: number;
   warm_up_s?: number;

@@ -91,6 +91,8 @@ class Configuration(WireModel):
     scene: str
     movement: str
     """A generated movement's name, or the movement trace's file, as a person named it."""
+    movement_offset_s: float = Field(default=0.0, ge=0, le=MAX_OFFSET_S)
+    """The time of the movement that a run begins at."""
     network: Network
     mode: Mode
     duration_s: float = Field(ge=1, le=7200)
@@ -103,6 +105,8 @@ class Configuration(WireModel):
     """Of the modes with DASH, in frames a second; None: the preset's own."""
     seed: int = Field(default=1, ge=0, le=2**53 - 1)
     """Of generated movements, and of the controllers' random numbers."""
+    segment: int = Field(default=0, ge=0)
+    """Of an experiment that uses several parts of its traces and movements: which of them."""
     repeat: int = Field(default=0, ge=0)
     capture_every_ms: float = Field(default=1000.0, ge=0)
     """A shown frame is kept so often; 0 keeps none."""
@@ -129,7 +133,8 @@ class Configuration(WireModel):
         mode = f"{self.mode}-{self.profile}" if self.mode == "stateless" else self.mode
         name, label = self.network.name, self.network.label
         network = name[:30] + label.removeprefix(name)  # a long name leaves room for the round trip
-        parts = (self.scene, Path(self.movement).stem, network, mode, f"{self.repeat}")
+        segment = (f"s{self.segment}",) if self.segment else ()
+        parts = (self.scene, Path(self.movement).stem, network, mode, *segment, f"{self.repeat}")
         return "_".join(re.sub(r"[^A-Za-z0-9.-]+", "-", part).strip(".-")[:40] or "x" for part in parts)
 
 

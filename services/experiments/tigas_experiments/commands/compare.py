@@ -86,6 +86,7 @@ def compare(
                 "seed": seed,
                 "capture_every_s": capture_every,
                 "warm_up_s": warm_up,
+                "shuffled": False,  # the page has them as they were made
             },
             "This comparison cannot be made",
         )

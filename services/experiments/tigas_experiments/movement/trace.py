@@ -145,6 +145,19 @@ class MovementTrace:
         first, second = Rotation.from_quat(self.quaternions[before]), Rotation.from_quat(self.quaternions[after])
         return positions, between(first, second, share).as_quat()
 
+    def part(self, from_ms: float, to_ms: float) -> MovementTrace:
+        """From a time, which becomes 0, up to the first pose at or after another."""
+        if not from_ms:
+            return self.until(to_ms)
+        first, last = np.searchsorted(self.times_ms, from_ms, side="right"), np.searchsorted(self.times_ms, to_ms) + 1
+        position, quaternion = self.poses_at([from_ms])
+        return replace(
+            self,
+            times_ms=np.concatenate(([0.0], self.times_ms[first:last] - from_ms)),
+            positions=np.concatenate((position, self.positions[first:last])),
+            quaternions=np.concatenate((quaternion, self.quaternions[first:last])),
+        )
+
     def until(self, t_ms: float) -> MovementTrace:
         """Its beginning: up to the first pose at or after a time."""
         count = int(np.searchsorted(self.times_ms, t_ms)) + 1

@@ -34,12 +34,19 @@ class Block:
     trace_offset_s: float
     scene: str
     movement: str
+    movement_offset_s: float
 
     @classmethod
     def of(cls, configuration: Configuration) -> Self:
         """Of a run."""
         network = configuration.network
-        return cls(network.name, network.offset_s, configuration.scene, Path(configuration.movement).name)
+        return cls(
+            network.name,
+            network.offset_s,
+            configuration.scene,
+            Path(configuration.movement).name,
+            configuration.movement_offset_s,
+        )
 
 
 ByBlock = Mapping[Block, float]

@@ -95,5 +95,7 @@ def _pooled(results: Results) -> dict[str, list[str]]:
         "viewports": sorted({f"{each.width}×{each.height}" for each in configurations}),
         "places in the trace": sorted(
             {f"{each.network.offset_s:g} s" for each in configurations if each.network.trace is not None}
+            if not any(each.segment for each in configurations)  # which are blocks
+            else ()
         ),
     }

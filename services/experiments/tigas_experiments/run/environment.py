@@ -164,4 +164,10 @@ def _check_services(runs: Sequence[Configuration], target: Target) -> None:
 
 def _inputs(configuration: Configuration) -> tuple[object, ...]:
     """What decides the poses."""
-    return configuration.scene, configuration.movement, configuration.seed, configuration.duration_s
+    return (
+        configuration.scene,
+        configuration.movement,
+        configuration.movement_offset_s,
+        configuration.seed,
+        configuration.duration_s,
+    )

@@ -49,17 +49,19 @@ class Inputs:
 
     def _movement(self, configuration: Configuration) -> MovementTrace:
         """Generated, or from a file; as much as the run needs."""
-        name, duration_s = configuration.movement, configuration.duration_s
+        name, begin_s = configuration.movement, configuration.movement_offset_s
+        end_s = begin_s + configuration.duration_s
         path = self._movement_file(name)
         if path is None:
-            return generate(name, duration_s, configuration.seed)
+            return generate(name, end_s, configuration.seed).part(begin_s * 1000, end_s * 1000)
         trace = MovementTrace.read(path)
-        if trace.duration_ms < duration_s * 1000:
+        if trace.duration_ms < end_s * 1000:
+            after = f", begun at {begin_s:g} s" if begin_s else ""
             raise StartError(
-                f"The movement {name} lasts {trace.duration_ms / 1000:.1f} s, less than a run's {duration_s:g} s: "
-                "choose a shorter duration."
+                f"The movement {name} lasts {trace.duration_ms / 1000:.1f} s, less than a run's "
+                f"{configuration.duration_s:g} s{after}: choose a shorter duration."
             )
-        return trace.until(duration_s * 1000)
+        return trace.part(begin_s * 1000, end_s * 1000)
 
     def _movement_file(self, name: str) -> Path | None:
         """None for a generated movement."""

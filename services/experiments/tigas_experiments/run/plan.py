@@ -5,10 +5,11 @@ from __future__ import annotations
 import json
 import math
 import tomllib
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from datetime import timedelta
 from itertools import product
 from pathlib import Path
+from random import Random
 from typing import Annotated, Any, Self, TypeVar
 
 from pydantic import AfterValidator, Field, ValidationError
@@ -19,6 +20,7 @@ from tigas_common.wire.model import WireModel
 from tigas_common.wire.run import MAX_OFFSET_S, MAX_RTT_MS, Configuration, FrameRate, Mode, Network
 from tigas_common.wire.store import ExperimentName
 from tigas_experiments.run.parsing import capture_interval_ms, parse_network, parse_viewport
+from tigas_experiments.run.segments import movement_offsets, trace_offsets
 
 MAX_BYTES = 100_000
 """Of a file."""
@@ -50,6 +52,9 @@ def _rung(controller: int | str) -> int | str:
     return int(controller) if isinstance(controller, str) and controller.isdecimal() else controller
 
 
+Profile = tuple[Mode, int | str]
+Inputs = tuple[str, str, tuple[int, Network]]
+"""Scene, movement, and network with the segment that it begins at."""
 Name = Annotated[str, Field(min_length=1, max_length=100), AfterValidator(_no_path)]
 Controller = Annotated[int | Annotated[str, Field(min_length=1, max_length=40)], AfterValidator(_rung)]
 Text = Annotated[str, Field(min_length=1, max_length=1000)]
@@ -72,11 +77,15 @@ class Plan(WireModel):
     """Of the mode `stateless`: controllers' names, and fixed rungs of the ladder."""
     dash_frame_rate: FrameRate | None = None
     """Of the modes with DASH, in frames a second; without it, each preset's own."""
+    segments: int = Field(default=1, ge=1, le=1000)
+    """So many different parts of the traces and movements, chosen by the seed; 1: as they begin."""
     repeats: int = Field(default=1, ge=1, le=1000)
     duration_s: float = 20.0
     viewport: str = "640x360"
     seed: int = 1
-    """Of generated movements, and of the controllers' random numbers; the same in each repeat."""
+    """Of generated movements, segments, the order of runs, and the controllers' random numbers; of all repeats."""
+    shuffled: bool = True
+    """Whether runs are made in random order."""
     capture_every_s: float = Field(default=0.0, ge=0)
     warm_up_s: float = 3.0
     trace_offset_s: float = Field(default=0.0, ge=0, le=MAX_OFFSET_S)
@@ -110,11 +119,14 @@ class Plan(WireModel):
         """All runs, in the order in which they are to be made; paths are relative to `directory`, and stay as they are.
 
         Repeats go outermost, so that an experiment that was interrupted has as many runs of each kind, and controllers
-        innermost, so that a machine that drifts does so for all of them. Raises StartError with one sentence.
+        innermost, so that a machine that drifts does so for all of them; within that, the seed shuffles. Raises
+        StartError with one sentence.
         """
         profiles = self._profiles()
-        count = self.repeats * math.prod(
-            map(len, (self.scenes, self.movements, self.networks, self.rtts_ms or (0,), profiles))
+        count = (
+            self.repeats
+            * self.segments
+            * math.prod(map(len, (self.scenes, self.movements, self.networks, self.rtts_ms or (0,), profiles)))
         )
         if count > MAX_RUNS:
             raise StartError(f"{self.name} would have {count} runs; the limit is {MAX_RUNS}.")
@@ -122,11 +134,12 @@ class Plan(WireModel):
             _check_movement(movement, directory)
         try:
             width, height = parse_viewport(self.viewport)
-            networks = self._networks(directory)
+            networks, movements = self._networks(directory), self._movements(directory)
             runs = [
                 Configuration(
                     scene=scene,
                     movement=movement,
+                    movement_offset_s=movements[movement][segment],
                     network=network,
                     mode=mode,
                     profile=profile,
@@ -135,13 +148,12 @@ class Plan(WireModel):
                     width=width,
                     height=height,
                     seed=self.seed,
+                    segment=segment,
                     repeat=repeat,
                     capture_every_ms=capture_interval_ms(self.capture_every_s, self.duration_s),
                     warm_up_s=self.warm_up_s,
                 )
-                for repeat, scene, movement, network, (mode, profile) in product(
-                    range(self.repeats), self.scenes, self.movements, networks, profiles
-                )
+                for repeat, (scene, movement, (segment, network)), (mode, profile) in self._ordered(networks, profiles)
             ]
         except ValidationError as error:
             raise StartError(f"{self.name}: {sentence(error)}") from None
@@ -152,7 +164,7 @@ class Plan(WireModel):
         _check_folders(runs)
         return runs
 
-    def _profiles(self) -> list[tuple[Mode, int | str]]:
+    def _profiles(self) -> list[Profile]:
         """Each mode, with each controller where it has one."""
         return [
             (mode, controller)
@@ -162,12 +174,53 @@ class Plan(WireModel):
             )
         ]
 
-    def _networks(self, directory: Path) -> list[Network]:
-        networks = [parse_network(text, directory) for text in self.networks]
-        if self.rtts_ms is not None:
-            networks = [network.with_rtt(rtt) for network in networks for rtt in self.rtts_ms]
-        offset = {"offset_s": self.trace_offset_s}
-        return [network.model_copy(update=offset) if network.trace is not None else network for network in networks]
+    def _ordered(
+        self, networks: Sequence[tuple[int, Network]], profiles: Sequence[Profile]
+    ) -> Iterator[tuple[int, Inputs, Profile]]:
+        """A randomised block design: what is compared is compared close in time, in an order that favours nothing."""
+        chance = Random(self.seed)
+
+        def in_order(values: Iterable[Value]) -> list[Value]:
+            every = list(values)
+            return chance.sample(every, len(every)) if self.shuffled else every
+
+        for repeat in range(self.repeats):
+            for inputs in in_order(product(self.scenes, self.movements, networks)):
+                for profile in in_order(profiles):
+                    yield repeat, inputs, profile
+
+    def _networks(self, directory: Path) -> list[tuple[int, Network]]:
+        """Each with the number of the segment that it begins at."""
+        found: list[tuple[int, Network]] = []
+        for network in (parse_network(text, directory) for text in self.networks):
+            for segment, offset in enumerate(self._trace_offsets(network, directory)):
+                begun = network if network.trace is None else network.model_copy(update={"offset_s": offset})
+                rtts = self.rtts_ms
+                found += [(segment, each) for each in ([begun] if rtts is None else map(begun.with_rtt, rtts))]
+        return found
+
+    def _trace_offsets(self, network: Network, directory: Path) -> list[float]:
+        if self.segments == 1 or network.trace is None:
+            return [self.trace_offset_s] * self.segments
+        return trace_offsets(
+            network,
+            directory,
+            begin_s=self.trace_offset_s,
+            length_s=self.duration_s,
+            count=self.segments,
+            seed=self.seed,
+        )
+
+    def _movements(self, directory: Path) -> dict[str, list[float]]:
+        """Where the segments of each begin."""
+        if self.segments == 1:
+            return {movement: [0.0] for movement in self.movements}
+        return {
+            movement: movement_offsets(
+                movement, directory, length_s=self.duration_s, count=self.segments, seed=self.seed
+            )
+            for movement in self.movements
+        }
 
 
 def seconds(runs: Sequence[Configuration]) -> float:
