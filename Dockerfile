@@ -3,7 +3,7 @@
 ARG PYTHON_IMAGE=python:3.11-slim-bookworm
 ARG NODE_IMAGE=node:20-slim
 
-# Wheels that are preferred to the registry's; compose.yaml may put a folder in this stage's place.
+# Wheels to use instead of the registry's; compose.yaml can replace this stage with a folder.
 FROM scratch AS wheels
 
 FROM ${NODE_IMAGE} AS page
@@ -20,10 +20,10 @@ ENV PIP_DISABLE_PIP_VERSION_CHECK=1
 RUN python -m venv /opt/tigas
 WORKDIR /src
 COPY constraints.txt pyproject.toml README.md LICENSE ./
-# Dependencies first: a change in our code installs none of them again. The folders of our packages have to be there.
+# Dependencies first, so that a change in our code does not reinstall them. Our packages' folders must exist.
 RUN python -c "import pathlib, tomllib; packages = tomllib.load(open('pyproject.toml', 'rb'))['tool']['hatch']['build']['targets']['wheel']['packages']; [pathlib.Path(each).mkdir(parents=True) for each in packages]"
 ARG EXTRA
-# PyTorch (for the CPU unless told otherwise) from an index that has little else.
+# PyTorch (for the CPU by default) from its own index, which has little else.
 ARG TORCH_INDEX=https://download.pytorch.org/whl/cpu
 RUN --mount=type=secret,id=ca,target=/run/ca.crt --mount=type=cache,target=/root/.cache/pip \
     --mount=type=bind,from=wheels,target=/wheels \
@@ -52,12 +52,12 @@ HEALTHCHECK --interval=5s --timeout=3s --start-period=180s --retries=3 \
 # The render service, with the page.
 FROM service AS render
 COPY --from=build-with-page /opt/tigas /opt/tigas
-# What is compiled for this machine's processor is kept in /cache, the only place that is written to.
+# Code compiled for this machine's processor is kept in /cache, the only writable place.
 RUN install -d -o tigas /cache /models
 ENV XDG_CACHE_HOME=/cache NUMBA_CACHE_DIR=/cache/numba TIGAS_RENDER_SCENES=/models \
     TIGAS_RENDER_HTTP=0.0.0.0:8080 TIGAS_RENDER_HTTPS=0.0.0.0:8443 TIGAS_RENDER_QUIC=0.0.0.0:4433 \
     HEALTH_URL=http://127.0.0.1:8080/healthz
-# The commit that it is built from, for the records of experiments.
+# The commit of the build, for experiment records.
 ARG TIGAS_COMMIT=
 ENV TIGAS_COMMIT=${TIGAS_COMMIT}
 USER tigas
@@ -73,11 +73,11 @@ USER tigas
 EXPOSE 8081
 ENTRYPOINT ["tigas", "dash"]
 
-# The experiments' store.
+# The experiment store.
 FROM service AS store
 COPY --from=build /opt/tigas /opt/tigas
 COPY traces/movement /movements
-# Results are the only thing that is kept; matplotlib wants a place for its own cache.
+# Only results are kept; matplotlib needs a place for its cache.
 RUN install -d -o tigas /results
 ENV MPLCONFIGDIR=/tmp/matplotlib TIGAS_STORE_RESULTS=/results TIGAS_STORE_MOVEMENTS=/movements \
     TIGAS_STORE_HTTP=0.0.0.0:8091 HEALTH_URL=http://127.0.0.1:8091/healthz
@@ -88,8 +88,8 @@ WORKDIR /results
 EXPOSE 8091
 ENTRYPOINT ["tigas", "store"]
 
-# The shaper: the router hop between clients and services. It configures the network, so it runs as root, with the one
-# capability that this takes (NET_ADMIN) and no other.
+# The shaper: the router hop between clients and services. It configures the network, so it runs as root, with only
+# the capability that this needs (NET_ADMIN).
 FROM service AS shaper
 RUN apt-get update -qq && apt-get install -y -qq --no-install-recommends iproute2 nftables ethtool >/dev/null \
     && rm -rf /var/lib/apt/lists/*

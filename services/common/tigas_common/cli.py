@@ -1,4 +1,4 @@
-"""The `tigas` command: it finds the subcommands of each installed service through entry points."""
+"""The `tigas` command: finds each installed service's subcommands through entry points."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ COMMANDS = "tigas.commands"
 
 @contextmanager
 def in_a_sentence(*expected: type[Exception]) -> Iterator[None]:
-    """Turns expected errors into their sentence and exit status 1."""
+    """Print expected errors as one sentence and exit with status 1."""
     try:
         yield
     except expected as error:
@@ -25,12 +25,12 @@ def in_a_sentence(*expected: type[Exception]) -> Iterator[None]:
 
 
 def log_to_stdout(level: int = logging.INFO) -> None:
-    """Write what a service logs, from this level on, to standard output."""
+    """Log to standard output, from this level up."""
     logging.basicConfig(format="%(asctime)s %(levelname)s %(message)s", level=level, stream=sys.stdout)
 
 
-def main() -> None:
-    """Run the command line."""
+def application() -> typer.Typer:
+    """The `tigas` command with the subcommands of all installed services."""
     app = typer.Typer(
         name="tigas",
         help="Walk through 3D Gaussian Splatting scenes, one JPEG per pose over HTTP/3.",
@@ -44,4 +44,9 @@ def main() -> None:
             app.add_typer(command, name=point.name)
         else:
             app.command(point.name)(command)
-    app()
+    return app
+
+
+def main() -> None:
+    """Run the `tigas` command."""
+    application()()

@@ -12,18 +12,18 @@ from tigas_common.topology import DASH, PAGE
 
 
 class DashSettings(ServiceSettings):
-    """Each may be set in `tigas.toml` under [dash], as TIGAS_DASH_<NAME>, or as a flag of `tigas dash`."""
+    """Each can be set in `tigas.toml` under [dash], as TIGAS_DASH_<NAME>, or as a flag of `tigas dash`."""
 
     model_config = SettingsConfigDict(env_prefix="TIGAS_DASH_", extra="forbid", frozen=True)
     table: ClassVar[str] = "dash"
 
     render: str = Field(default=f"http://{PAGE.loopback}", pattern=r"^https?://[^/]+/?$")
-    """Where the render service is."""
+    """Base URL of the render service."""
     http: Listen = DASH.loopback
-    """Where streams are served."""
+    """Address of the streams and the API."""
     max_sessions: int = Field(default=4, ge=1, le=1000)
-    """How many streams are encoded at a time."""
+    """Maximum number of simultaneous streams."""
     idle_s: float = Field(default=15, gt=0, le=86_400)
-    """A stream that nobody has watched for so long is ended, in seconds."""
+    """Streams that nobody watched for this many seconds are ended."""
     encoder: Literal["auto", "libx264", "h264_nvenc"] = "auto"
-    """`auto` is NVIDIA's where it works."""
+    """`auto` chooses NVIDIA's encoder if it works."""

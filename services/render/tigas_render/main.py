@@ -78,9 +78,9 @@ def _check_directory(scenes: Path | None) -> None:
     if scenes is None:
         return
     if not scenes.is_dir():
-        raise StartError(f"The models directory {scenes} does not exist; make it, or name another with --scenes.")
+        raise StartError(f"The models directory {scenes} does not exist; create it, or choose another with --scenes.")
     if not os.access(scenes, os.R_OK | os.X_OK):
-        raise StartError(f"The models directory {scenes} cannot be read; look at its permissions.")
+        raise StartError(f"The models directory {scenes} cannot be read; check its permissions.")
 
 
 def _announce(service: RenderService, http: Address) -> None:
@@ -94,7 +94,7 @@ def _announce(service: RenderService, http: Address) -> None:
         folder = service.settings.scenes
         print(f"{folder} has no scenes yet: put each model in a folder of its own, such as {folder}/garden/garden.ply.")
     if not STATIC.is_dir():
-        print("The page is not built yet, only the API is there: run `npm ci && npm run build` in web/.")
+        print("Only the API is available, because the page is not built: run `npm ci && npm run build` in web/.")
     if service.https_port:
         print(f"Other devices on the network: https://<this machine's address>:{service.https_port}/")
     print(f"Open http://{http.reachable_host}:{http.port}/", flush=True)

@@ -16,30 +16,30 @@ from tigas_render.cache import cache_directory
 
 
 class RenderSettings(ServiceSettings):
-    """Each may be set in `tigas.toml` under [render], as TIGAS_RENDER_<NAME>, or as a flag of `tigas render`."""
+    """Each can be set in `tigas.toml` under [render], as TIGAS_RENDER_<NAME>, or as a flag of `tigas render`."""
 
     model_config = SettingsConfigDict(env_prefix="TIGAS_RENDER_", extra="forbid", frozen=True)
     table: ClassVar[str] = "render"
 
     scenes: Path | None = None
-    """The models directory: one folder a scene."""
+    """The models directory, one folder per scene."""
     http: Listen = PAGE.loopback
-    """Where the page and the API are served over HTTP/1.1."""
+    """Address of the page and the API over HTTP/1.1."""
     https: ListenOrOff = None
-    """Where they are served over HTTPS too, for other devices on the network."""
+    """Address of the same over HTTPS, for other devices on the network."""
     quic: ListenOrOff = Address("::", WEBTRANSPORT.number)
-    """Where HTTP/3 and WebTransport are served; `off` for neither."""
+    """Address of HTTP/3 and WebTransport; `off` disables both."""
     device: str = Field(default="auto", pattern=r"^(auto|cpu|cuda(:\d{1,3})?)$")
-    """Where scenes are rendered: `cpu`, `cuda`, `cuda:N` for one GPU of several, or whatever is fastest."""
+    """The device to render on: `cpu`, `cuda`, `cuda:N` for one of several GPUs, or `auto` for the fastest."""
     congestion_control: Literal["reno", "cubic"] = "reno"
     """QUIC's congestion control."""
     memory_gb: float = Field(default=8.0, gt=0)
-    """How much memory loaded scenes may take, in gigabytes (10⁹ bytes)."""
+    """Memory limit for loaded scenes, in gigabytes (10⁹ bytes)."""
     idle_minutes: float = Field(default=15.0, gt=0)
-    """A scene that nobody looked at for so long is unloaded."""
+    """Scenes unused for this many minutes are unloaded."""
     ladder: tuple[Rung, ...] = Field(default=DEFAULT_LADDER, min_length=1, max_length=16)
     """Quality levels, the best first."""
     cache: Path = Field(default_factory=cache_directory)
-    """Where rendered previews are kept."""
+    """The cache directory of rendered previews."""
     services: dict[str, str] = Field(default_factory=dict)
-    """Base URLs of other services that the page may use, by name; `:PORT` alone is on the page's own host."""
+    """Base URLs of other services for the page, by name; a bare `:PORT` means the page's own host."""

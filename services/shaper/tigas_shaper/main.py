@@ -27,7 +27,7 @@ async def serve(settings: ShaperSettings) -> None:
     if access == service:
         raise StartError(f"The clients and the services must be on different interfaces, but both are on {access}.")
     if settings.traces is not None and not settings.traces.is_dir():
-        raise StartError(f"The directory {settings.traces} does not exist; name one with --traces.")
+        raise StartError(f"The directory {settings.traces} does not exist; choose another with --traces.")
     try:
         forwards = [Forward.parse(text) for text in settings.forward]
     except ValueError as error:
@@ -58,7 +58,7 @@ def check_rights() -> None:
         raise StartError("The shaper runs on Linux only; on other systems run it in its container.")
     if not holds(CAP_NET_ADMIN):
         raise StartError(
-            "The shaper needs the right to configure the network (CAP_NET_ADMIN): "
+            "The shaper needs permission to configure the network (CAP_NET_ADMIN): "
             "run it as root, or in a container with cap_add: NET_ADMIN."
         )
 

@@ -14,23 +14,23 @@ from tigas_common.wire.shaper import MAX_RATE_KBPS
 
 
 class ShaperSettings(ServiceSettings):
-    """Each may be set in `tigas.toml` under [shaper], as TIGAS_SHAPER_<NAME>, or as a flag of `tigas shaper`."""
+    """Each can be set in `tigas.toml` under [shaper], as TIGAS_SHAPER_<NAME>, or as a flag of `tigas shaper`."""
 
     model_config = SettingsConfigDict(env_prefix="TIGAS_SHAPER_", extra="forbid", frozen=True)
     table: ClassVar[str] = "shaper"
 
     access: str
-    """The interface towards the clients: its name, or an IPv4 network that it has an address in."""
+    """The interface towards the clients: its name, or an IPv4 network in which it has an address."""
     service: str
     """The interface towards the services, likewise."""
     forward: tuple[str, ...] = Field(min_length=1, max_length=64)
-    """What is forwarded: `tcp:PORT=HOST:PORT` and `udp:PORT=HOST:PORT`."""
+    """What to forward: `tcp:PORT=HOST:PORT` and `udp:PORT=HOST:PORT`."""
     traces: Path | None = None
     """A directory of network traces."""
     trace: str | None = None
-    """The trace to play from the start; without it the link is constant."""
+    """The trace to play at start-up; without one, the link is constant."""
     http: Listen = SHAPER.loopback
-    """Where the API is served."""
+    """Address of the API."""
     origins: tuple[str, ...] = PAGE_ORIGINS
     """The pages that may change the link, as browsers name them in `Origin`."""
     down_kbps: float = Field(default=100_000, gt=0, le=MAX_RATE_KBPS)
@@ -38,6 +38,6 @@ class ShaperSettings(ServiceSettings):
     up_kbps: float = Field(default=100_000, gt=0, le=MAX_RATE_KBPS)
     """The rate from the clients, likewise."""
     queue_ms: float = Field(default=150.0, ge=1, le=10_000)
-    """The length of each direction's queue: how long it takes to drain at the mean rate of what plays."""
+    """The length of each direction's queue, as the time to drain it at the current trace's mean rate."""
     backend: Literal["auto", "netem", "relay"] = "auto"
-    """What makes delay, jitter and loss; `auto` is netem where the kernel has it."""
+    """What applies delay, jitter and loss; `auto` chooses netem if the kernel has it."""

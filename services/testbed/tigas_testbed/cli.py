@@ -1,4 +1,4 @@
-"""The commands `tigas lab up`, `down` and `exec`."""
+"""The commands `tigas lab up`, `check`, `down` and `exec`."""
 
 from __future__ import annotations
 
@@ -67,9 +67,9 @@ def exec_(
         check_rights()
         found = next((known for known in ROLES if known == role), None)
         if found is None:
-            raise StartError(f"There is no {role!r} in the lab, only {', '.join(ROLES)}.")
+            raise StartError(f"Unknown role {role!r}: choose one of {', '.join(ROLES)}.")
         if not Lab(NAME).exists():
-            raise StartError("The lab is not up: start it with `tigas lab up`.")
+            raise StartError("The lab is not running: start it with `tigas lab up`.")
         argv = Lab(NAME).command(found, command)
         sys.stdout.flush()
         os.execvp(argv[0], argv)

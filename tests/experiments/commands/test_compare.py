@@ -157,7 +157,7 @@ def test_what_cannot_be_had_is_said_before_anything_is_measured(
         (("--modes", "magic"), "modes.0: input should be"),
         (("--modes", "stateless,stateless"), "modes: 'stateless' is there twice"),
         (("--viewport", "big"), "is not WIDTHxHEIGHT"),
-        (("--out", "."), ". exists already"),
+        (("--out", "."), ". already exists"),
     ],
 )
 def test_nonsense_gets_one_sentence(out: Path, arguments: tuple[str, str], sentence: str) -> None:
@@ -189,7 +189,7 @@ def test_it_is_an_experiment_with_a_page_of_its_own(stub: Stub, out: Path) -> No
     assert stub.reported == [out]
     again = tigas_compare("--out", str(out))
     assert (again.exit_code, len(stub.made)) == (1, 10)
-    assert f"{out} exists already; choose another folder with --out." in again.output
+    assert f"{out} already exists; choose another folder with --out." in again.output
 
 
 def test_a_run_that_fails_costs_the_exit_status_and_no_other_run(stub: Stub, out: Path) -> None:

@@ -46,7 +46,7 @@ def test_make_writes_what_was_asked_for_and_replaces_nothing_unless_told_to(tmp_
     assert run("make", "quick-turns", out, "--seconds", 5, "--seed", 7).exit_code == 0
     assert MovementTrace.read(out).comments["command"] == "tigas movement make quick-turns --seconds 5 --seed 7"
     result = run("make", "stroll", out)
-    assert (result.exit_code, "exists; --force replaces it" in said(result)) == (1, True)
+    assert (result.exit_code, "exists; use --force to overwrite it" in said(result)) == (1, True)
     assert run("make", "stroll", out, "--force").exit_code == 0
     assert MovementTrace.read(out).duration_ms == 60_000
 
@@ -77,17 +77,17 @@ def test_import_makes_a_walk_of_a_recording(recording: Path, settings: Path, tmp
 
 
 @pytest.mark.parametrize(("arguments", "sentence"), [
-    (["--scale", "2"], "are for a walk: --anchor start."),
-    (["--anchor", "start"], "say the scene's scale with --scale, or --settings scene_setting.csv."),
+    (["--scale", "2"], "and --metre need --anchor start."),
+    (["--anchor", "start"], "give the scene's scale with --scale, or use --settings scene_setting.csv."),
     (["--anchor", "start", "--scale", "0"], "--scale and --level: a scale is a positive number."),
-    (["--anchor", "start", "--scale", "1", "--level", "0,0,0,0"], "--level is 4 numbers"),
-    (["--anchor", "start", "--scale", "1", "--level", "1,2"], "--level is 4 numbers such as 0,0,0,1, not '1,2'."),
-    (["--anchor", "start", "--scale", "1", "--up", "0,0,1"], "--up is for the scene that it was recorded in"),
-    (["--anchor", "start", "--scale", "1", "--metre", "nan"], "--metre is a positive number of units."),
-    (["--anchor", "start", "--settings", "scene_setting.csv", "--scale", "1"], "--settings says scale and level"),
+    (["--anchor", "start", "--scale", "1", "--level", "0,0,0,0"], "--level takes 4 numbers"),
+    (["--anchor", "start", "--scale", "1", "--level", "1,2"], "--level takes 4 numbers such as 0,0,0,1, not '1,2'."),
+    (["--anchor", "start", "--scale", "1", "--up", "0,0,1"], "--up needs --anchor scene."),
+    (["--anchor", "start", "--scale", "1", "--metre", "nan"], "--metre must be a positive number of units."),
+    (["--anchor", "start", "--settings", "scene_setting.csv", "--scale", "1"], "--settings already gives scale"),
     (["--anchor", "start", "--settings", "nowhere.csv"], "nowhere.csv cannot be read"),
     (["--anchor", "start", "--scale", "1e-9"], "is farther away than 1,000,000."),
-    (["--up", "0,0,0"], "--up is 3 numbers"),
+    (["--up", "0,0,0"], "--up takes 3 numbers"),
 ])  # fmt: skip
 def test_options_that_make_no_sense_write_nothing(
     recording: Path, tmp_path: Path, arguments: list[str], sentence: str
@@ -126,7 +126,7 @@ def test_show_says_what_is_no_movement_or_picture(tmp_path: Path) -> None:
     path.write_text("t_ms,x\n")
     result = run("show", path)
     assert (result.exit_code, "has no column 'y'" in said(result)) == (1, True)
-    assert "a picture ends in .png, .svg, .pdf." in said(run("show", path, "--plot", tmp_path / "walk.doc"))
+    assert "the file name must end in .png, .svg, .pdf." in said(run("show", path, "--plot", tmp_path / "walk.doc"))
 
 
 def test_a_pose_alone_can_be_shown(tmp_path: Path) -> None:
@@ -139,5 +139,5 @@ def test_a_pose_alone_can_be_shown(tmp_path: Path) -> None:
 
 def test_make_knows_its_kinds(tmp_path: Path) -> None:
     result = run("make", "dance", tmp_path / "out.csv")
-    assert (result.exit_code, "there are stroll, look-around, quick-turns, orbit." in said(result)) == (1, True)
+    assert (result.exit_code, "choose one of stroll, look-around, quick-turns, orbit." in said(result)) == (1, True)
     assert run("make", "stroll", tmp_path / "out.csv", "--seconds", 1e9).exit_code == 2

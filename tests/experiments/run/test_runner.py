@@ -168,7 +168,7 @@ def test_ctrl_c_marks_the_run_and_says_how_to_go_on(stub: Stub, file: Path) -> N
         stub.happenings = [None, lambda _, number=number: signal.raise_signal(number)]  # type: ignore[misc]
         result = tigas("run", file)
         assert result.exit_code == 130, result.output
-        assert "Interrupted. To go on: tigas" in result.output
+        assert "Interrupted. To resume: tigas" in result.output
         assert status(file)[stub.made[1]] == "The run was stopped before its end."
         assert len(stub.made) == 2
     stub.made.clear()

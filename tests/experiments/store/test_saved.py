@@ -84,5 +84,5 @@ def test_what_cannot_be_imported_leaves_nothing(tmp_path: Path, reported: list[P
 
 def test_nothing_is_replaced(tmp_path: Path, reported: list[Path]) -> None:
     (tmp_path / "results" / "walk").mkdir(parents=True)
-    assert "exists already" in tigas_import(tmp_path, saved(complete())).output
+    assert "already exists" in tigas_import(tmp_path, saved(complete())).output
     assert list((tmp_path / "results" / "walk").iterdir()) == []

@@ -46,7 +46,7 @@ def test_import_does_not_replace_a_file_unless_told_to(tmp_path: Path) -> None:
     out.write_text("mine")
     result = run("import", recording, out)
     assert (result.exit_code, out.read_text()) == (1, "mine")
-    assert "exists; --force replaces it" in result.output
+    assert "exists; use --force to overwrite it" in result.output
     assert run("import", recording, out, "--force", "--up-kbps", "7").exit_code == 0
     assert load_trace(out).states[0].up_kbps == 7
 
@@ -61,7 +61,7 @@ def test_a_broken_file_is_named_with_one_sentence(command: str, tmp_path: Path) 
     assert f"{broken}: Line 2: each line of this file must be a number, not 'fast'." in result.output
     assert not out.exists()
     assert run("info", tmp_path / "absent").exit_code == 1
-    assert "There is no format 'x'" in run("info", broken, "--format", "x").output
+    assert "Unknown format 'x'" in run("info", broken, "--format", "x").output
 
 
 def test_info_prints_duration_rates_and_outages() -> None:
@@ -80,7 +80,7 @@ def test_plot_draws_the_trace(tmp_path: Path) -> None:
     assert run("plot", OWN / "outage.csv", svg).exit_code == 0
     assert ElementTree.parse(svg).getroot().tag.endswith("svg")
     result = run("plot", OWN / "dsl.csv", tmp_path / "t.exe")
-    assert (result.exit_code, "ends in .png, .svg or .pdf" in result.output) == (1, True)
+    assert (result.exit_code, "must end in .png, .svg or .pdf" in result.output) == (1, True)
 
 
 def test_generate_writes_every_own_trace(tmp_path: Path) -> None:
@@ -129,4 +129,4 @@ def test_fetch_lists_downloads_unpacks_and_says_what_was_not_checked(published: 
 def test_fetch_of_an_unknown_set_names_those_that_there_are(published: Path) -> None:
     result = run("fetch", "../x", "--sources", published)
     assert result.exit_code == 1
-    assert "There is no trace set '../x'; there are mine." in result.output
+    assert "Unknown trace set '../x': choose one of mine." in result.output

@@ -1,1 +1,1 @@
-"""The commands that make runs and end with a report: `tigas experiment` and `tigas compare`."""
+"""The commands that make runs and write a report: `tigas experiment` and `tigas compare`."""

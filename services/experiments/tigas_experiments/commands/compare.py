@@ -1,4 +1,4 @@
-"""The command `tigas compare`: one plan of an experiment, with a page of its own."""
+"""The command `tigas compare`: an experiment with one plan and its own report page."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ def compare(
     with in_a_sentence(StartError, OSError):
         folder = out or Path("results", f"compare-{datetime.now(UTC):%Y%m%d-%H%M%S}")
         if folder.exists():
-            raise StartError(f"{folder} exists already; choose another folder with --out.")
+            raise StartError(f"{folder} already exists; choose another folder with --out.")
         plan = Plan.of(
             {
                 "name": folder.name,

@@ -81,7 +81,7 @@ def run(
                     with progress(made.runs, len(missing), console) as listener:
                         asyncio.run(make_missing_runs(made, missing, url, scenes, traces, listener))
                 except KeyboardInterrupt:
-                    say(f"Interrupted. To go on: {again}")
+                    say(f"Interrupted. To resume: {again}")
                     raise typer.Exit(130) from None
             incomplete = made.missing()
         if incomplete:

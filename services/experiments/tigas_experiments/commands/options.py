@@ -1,4 +1,4 @@
-"""What the commands that make runs have in common."""
+"""Options shared by the commands that make runs."""
 
 from __future__ import annotations
 
@@ -15,5 +15,5 @@ Traces = Annotated[Path | None, typer.Option(help="The lab's directory of networ
 
 
 def command_as_typed() -> str:
-    """To run it again."""
+    """The command line that runs it again."""
     return shlex.join(["tigas", *sys.argv[1:]])

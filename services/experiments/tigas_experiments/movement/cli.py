@@ -34,7 +34,7 @@ def make(
 
     with in_a_sentence(StartError, OSError):
         if kind not in KINDS:
-            raise StartError(f"There is no movement {kind!r} to make; there are {', '.join(KINDS)}.")
+            raise StartError(f"Unknown movement {kind!r}: choose one of {', '.join(KINDS)}.")
         _write(generate(kind, seconds, seed), out, force)
 
 
@@ -75,12 +75,12 @@ def import_(
         way = eyenavgs.read_eyes(recording, eye)
         if anchor == "scene":
             if any(value is not None for value in (settings, scale, level, metre)):
-                raise StartError("--settings, --scale, --level and --metre are for a walk: --anchor start.")
+                raise StartError("--settings, --scale, --level and --metre need --anchor start.")
             made = eyenavgs.in_its_scene(way, _numbers(up or "0,-1,0", 3, "--up"))
             changes = "in the scene's own place"
         else:
             if up is not None:
-                raise StartError("--up is for the scene that it was recorded in: --anchor scene.")
+                raise StartError("--up needs --anchor scene.")
             chosen = _settings(recording, settings, scale, level)
             made = eyenavgs.from_the_start(way, chosen)
             changes = (
@@ -88,7 +88,7 @@ def import_(
             )
             if metre is not None:
                 if not 0 < metre < 1e6:
-                    raise StartError("--metre is a positive number of units.")
+                    raise StartError("--metre must be a positive number of units.")
                 made = replace(made, positions=made.positions * metre, unit="scene")
                 changes += f", times {metre:g}"
         comments = {
@@ -117,7 +117,7 @@ def show(
 
     with in_a_sentence(StartError, OSError):
         if plot is not None and plot.suffix.lower() not in PICTURES:
-            raise StartError(f"{plot}: a picture ends in {', '.join(PICTURES)}.")
+            raise StartError(f"{plot}: the file name must end in {', '.join(PICTURES)}.")
         trace = MovementTrace.read(file)
         summary, gaps = Summary.of(trace), trace.gaps_ms
         unit = "m" if trace.unit == "m" else "units"
@@ -155,10 +155,12 @@ def _settings(recording: Path, file: Path | None, scale: float | None, level: st
 
     if file is not None:
         if scale is not None or level is not None:
-            raise StartError("--settings says scale and level already.")
+            raise StartError("--settings already gives scale and level.")
         return eyenavgs.read_settings(file, eyenavgs.scene_of(recording))
     if scale is None:
-        raise StartError("A walk is in metres: say the scene's scale with --scale, or --settings scene_setting.csv.")
+        raise StartError(
+            "A walk is in metres: give the scene's scale with --scale, or use --settings scene_setting.csv."
+        )
     try:
         return eyenavgs.settings(scale, _numbers(level or "0,0,0,1", 4, "--level"))
     except ValueError as error:
@@ -174,7 +176,7 @@ def _numbers(text: str, count: int, option: str) -> list[float]:
     except ValueError:
         values = []
     if len(values) != count or not all(map(math.isfinite, values)) or not any(values):
-        raise StartError(f"{option} is {count} numbers such as {','.join(['0'] * (count - 1))},1, not {text!r}.")
+        raise StartError(f"{option} takes {count} numbers such as {','.join(['0'] * (count - 1))},1, not {text!r}.")
     return values
 
 
@@ -185,7 +187,7 @@ def _write(trace: MovementTrace, out: Path, force: bool) -> None:
         with out.open("w" if force else "x", encoding="utf-8", newline="\n") as file:
             file.write(text)
     except FileExistsError:
-        raise StartError(f"{out} exists; --force replaces it.") from None
+        raise StartError(f"{out} exists; use --force to overwrite it.") from None
     print(f"{out}: {len(trace.times_ms):,} poses, {trace.duration_ms / 1000:g} s")
     for note in trace.notes:
         print(note)

@@ -48,7 +48,7 @@ def report(
 
 
 def _print(made: Report) -> None:
-    """What the page says first, what to know of it, and where it is."""
+    """Print the report's main results, its warnings and its path."""
     from tigas_experiments.report.claims import claims
     from tigas_experiments.report.comparison_table import COLUMNS, by_network, cells, label, runs_as_made
 

@@ -36,7 +36,7 @@ def import_saved(file: Path, out: Path) -> None:
     OSError.
     """
     if out.exists():
-        raise StartError(f"{out} exists already; choose another folder with --out.")
+        raise StartError(f"{out} already exists; choose another folder with --out.")
     try:
         saved = SavedExperiment.model_validate_json(file.read_bytes())
     except ValidationError as error:

@@ -12,16 +12,16 @@ from tigas_common.topology import STORE
 
 
 class StoreSettings(ServiceSettings):
-    """Each may be set in `tigas.toml` under [store], as TIGAS_STORE_<NAME>, or as a flag of `tigas store`."""
+    """Each can be set in `tigas.toml` under [store], as TIGAS_STORE_<NAME>, or as a flag of `tigas store`."""
 
     model_config = SettingsConfigDict(env_prefix="TIGAS_STORE_", extra="forbid", frozen=True)
     table: ClassVar[str] = "store"
 
     results: Path = Path("results")
-    """The directory of experiments, one folder each; made if it is not there."""
+    """The directory of experiments, one folder each; created if missing."""
     movements: Path = Path("traces/movement")
     """The directory of movement traces."""
     http: Listen = STORE.loopback
-    """Where the API is served."""
+    """Address of the API."""
     origins: tuple[str, ...] = ()
     """Pages on other hosts that may change experiments, as browsers name them in `Origin`."""

@@ -51,7 +51,7 @@ def import_(
             with target.open("w" if force else "x", encoding="utf-8", newline="\n") as out:
                 out.write(format_csv(loaded))
         except FileExistsError:
-            raise TigasError(f"{target} exists; --force replaces it.") from None
+            raise TigasError(f"{target} exists; use --force to overwrite it.") from None
     print(f"{target}: {len(loaded.times_ms):,} steps, {loaded.duration_ms / 1000:g} s, {_rate(loaded.mean_down_kbps)}")
 
 
@@ -110,12 +110,12 @@ def plot(
 
     with in_a_sentence(TigasError, OSError):
         if picture.suffix.lower() not in (".png", ".svg", ".pdf"):
-            raise TigasError(f"{picture}: a picture ends in .png, .svg or .pdf.")
+            raise TigasError(f"{picture}: the file name must end in .png, .svg or .pdf.")
         loaded = _load(recording, up_kbps, format)
         try:
             plot_trace(loaded, picture)
         except ModuleNotFoundError:
-            raise TigasError("Drawing needs matplotlib: pip install 'tigas[traces]'.") from None
+            raise TigasError("Plotting needs matplotlib: pip install 'tigas[traces]'.") from None
     print(picture)
 
 
@@ -149,7 +149,7 @@ def fetch(
                 print(f"{key}: {source.title}\n    {source.page}\n    licence: {source.licence}")
             return
         if name not in known:
-            raise TigasError(f"There is no trace set {name!r}; there are {', '.join(known)}.")
+            raise TigasError(f"Unknown trace set {name!r}: choose one of {', '.join(known)}.")
         source = known[name]
         print(f"{source.title}\nlicence: {source.licence}\ncite: {source.cite}")
         for path in _fetch_files(source, to / name):
@@ -179,7 +179,7 @@ def _fetch_files(source: Source, directory: Path) -> Iterator[Path]:
 
 def _load(path: Path, up_kbps: float, format: str | None) -> NetworkTrace:
     if format is not None and format not in FORMATS:
-        raise TigasError(f"There is no format {format!r}; there are {', '.join(FORMATS)}.")
+        raise TigasError(f"Unknown format {format!r}: choose one of {', '.join(FORMATS)}.")
     try:
         return load_trace(path, up_kbps=up_kbps, format=format)
     except TigasError as error:
