@@ -3,19 +3,21 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import AsyncIterator, Callable
+from collections.abc import AsyncIterator, Callable, Iterable
 from contextlib import asynccontextmanager
 from pathlib import Path
 
 import pytest
 
-from tests.experiments.made_up import MACHINE
+from tests.experiments.made_up import MACHINE, SERVER
 from tigas_common.wire.run import Configuration
 from tigas_experiments.errors import RunFailed
 from tigas_experiments.records.folder import RunRecord, RunWriter
+from tigas_experiments.records.machine import Server
 from tigas_experiments.report import cli as report_module
 from tigas_experiments.run import measure as run_module
 from tigas_experiments.run import runner
+from tigas_experiments.run.changes import MadeWith
 from tigas_experiments.run.inputs import Inputs
 
 Happening = Callable[[RunWriter], None]
@@ -26,6 +28,10 @@ class Stub:
 
     machine = MACHINE
     inputs: Inputs
+    commit = "abc"
+    browser = "156"
+    server = Server.of(SERVER)
+    scene_bytes = 1000
 
     def __init__(self) -> None:
         self.happenings: list[Happening | None] = []
@@ -36,6 +42,9 @@ class Stub:
     async def check(self, runs: list[Configuration]) -> None:
         self.checked += 1
 
+    async def made_with(self, scenes: Iterable[str]) -> MadeWith:
+        return MadeWith(self.commit, self.browser, self.server, dict.fromkeys(scenes, self.scene_bytes))
+
     async def setup(self, configuration: Configuration) -> None:
         self.made.append(configuration.slug)
 
@@ -44,7 +53,14 @@ class Stub:
         if happening is not None:
             happening(writer)
             await asyncio.sleep(60)  # interrupted
-        return writer.close(status="complete", inputs_sha256=self.inputs.digests(configuration))
+        return writer.close(
+            status="complete",
+            machine=MACHINE.model_copy(update={"commit": self.commit}),
+            browser=self.browser,
+            server=self.server,
+            scene_bytes=self.scene_bytes,
+            inputs_sha256=self.inputs.digests(configuration),
+        )
 
 
 def installed(monkeypatch: pytest.MonkeyPatch) -> Stub:

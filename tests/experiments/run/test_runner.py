@@ -14,12 +14,14 @@ from typing import Any
 import pytest
 from typer.testing import CliRunner, Result
 
+from tests.experiments.made_up import SERVER
 from tests.experiments.run.stub import Stub, fails
 from tests.experiments.run.test_plan import toml
 from tigas_common.errors import StartError
 from tigas_experiments.commands.experiment import experiment
 from tigas_experiments.lock import exclusive
 from tigas_experiments.records.folder import RunWriter, read_experiment
+from tigas_experiments.records.machine import Server
 from tigas_experiments.run import runner
 
 
@@ -159,6 +161,56 @@ def test_an_experiment_may_grow_but_not_become_another(stub: Stub, file: Path) -
     assert result.exit_code == 1
     assert "has 6 runs that are not of this experiment, such as courtyard_stroll_4g-bus_stateless-0_0" in result.output
     assert status(file) == before
+
+
+@pytest.mark.parametrize(
+    ("name", "now", "sentence"),
+    [
+        ("commit", "abd", "another commit (abc, now abd): choose another --out, or --allow-changes"),
+        ("browser", "157", "another browser (156, now 157)"),
+        ("scene_bytes", 1001, "another scene courtyard (1,000 bytes, now 1,001 bytes)"),
+        (
+            "server",
+            Server.of(SERVER.model_copy(update={"ladder": SERVER.ladder[:1]})),
+            "another ladder (1280x720 q90, ",
+        ),
+        (
+            "server",
+            Server.of(SERVER.model_copy(update={"commit": "abd"})),
+            "another render service's commit (abc, now abd)",
+        ),
+    ],
+)
+def test_what_was_changed_since_is_not_taken_together_unseen(
+    stub: Stub, file: Path, name: str, now: object, sentence: str
+) -> None:
+    stub.happenings = [None, fails]
+    tigas("run", file)
+    before = status(file)
+    setattr(stub, name, now)
+    result = tigas("run", file)
+    assert result.exit_code == 1
+    assert sentence in result.output
+    assert (len(stub.made), status(file)) == (6, before), "nothing is made"
+    assert tigas("run", file, "--allow-changes").exit_code == 0
+    assert len(stub.made) == 7
+
+
+def test_with_nothing_kept_or_known_nothing_has_changed(stub: Stub, file: Path) -> None:
+    stub.happenings = [fails] * 5
+    tigas("run", file)
+    stub.browser = "157"
+    assert tigas("run", file).exit_code == 0, "no run was complete"
+    for path in (file.parent / "out" / "runs").glob("*0/run.json"):
+        record = json.loads(path.read_text())
+        for key in ("server", "scene_bytes"):
+            del record[key]
+        record["machine"]["commit"] = record["browser"] = None
+        path.write_text(json.dumps(record))
+    for path in (file.parent / "out" / "runs").glob("*1/run.json"):
+        path.unlink()
+    stub.browser, stub.commit, stub.scene_bytes = "158", "abd", 5
+    assert tigas("run", file).exit_code == 0, "early runs say nothing"
 
 
 def test_ctrl_c_marks_the_run_and_says_how_to_go_on(stub: Stub, file: Path) -> None:

@@ -55,6 +55,9 @@ def run(
     url: Url = None,
     scenes: Scenes = None,
     traces: Traces = None,
+    allow_changes: Annotated[
+        bool, typer.Option("--allow-changes", help="Go on although commit, browser, ladder or a scene has changed.")
+    ] = False,
 ) -> None:
     """Make an experiment's missing runs. Start it again to resume after an interruption."""
     from rich.console import Console
@@ -79,7 +82,9 @@ def run(
                 say(f"{len(missing)} of {len(made.runs)} runs, about {lasting(missing)} (h:mm:ss), into {made.out}")
                 try:
                     with progress(made.runs, len(missing), console) as listener:
-                        asyncio.run(make_missing_runs(made, missing, url, scenes, traces, listener))
+                        asyncio.run(
+                            make_missing_runs(made, missing, url, scenes, traces, listener, allow_changes=allow_changes)
+                        )
                 except KeyboardInterrupt:
                     say(f"Interrupted. To resume: {again}")
                     raise typer.Exit(130) from None

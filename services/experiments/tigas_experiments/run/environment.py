@@ -6,7 +6,7 @@ for the next run.
 
 from __future__ import annotations
 
-from collections.abc import AsyncIterator, Awaitable, Callable, Sequence
+from collections.abc import AsyncIterator, Awaitable, Callable, Iterable, Sequence
 from contextlib import AbstractAsyncContextManager, AsyncExitStack, asynccontextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,8 +21,9 @@ from tigas_experiments.errors import RunFailed
 from tigas_experiments.lock import exclusive, services_lock
 from tigas_experiments.movement.trace import Point
 from tigas_experiments.records.folder import InputDigests
-from tigas_experiments.records.machine import Machine, this_machine
+from tigas_experiments.records.machine import Machine, Server, this_machine
 from tigas_experiments.run.browser import chromium, find_chromium, responds, viewer
+from tigas_experiments.run.changes import MadeWith
 from tigas_experiments.run.inputs import Inputs
 from tigas_experiments.run.link import held
 from tigas_experiments.run.targets import LAB_URL, Target, alive, lab_target, load_scene, url_target
@@ -101,6 +102,12 @@ class Environment:
         controllers = {run.profile for run in runs if run.mode == "stateless" and isinstance(run.profile, str)}
         if controllers:
             await self._ask_the_page(runs[0], sorted(controllers))
+
+    async def made_with(self, scenes: Iterable[str]) -> MadeWith:
+        """What runs in these scenes would be made with now. Raises StartError."""
+        target, browser = await self._target.get(), await self._browser.get()
+        sizes = {scene: (await load_scene(target.url, scene)).file_bytes for scene in scenes}
+        return MadeWith(self.machine.commit, browser.version, Server.of(target.config), sizes)
 
     async def setup(self, configuration: Configuration) -> Setup:
         """What a run needs; the scene is loaded. Raises StartError."""

@@ -22,6 +22,7 @@ from tigas_experiments.records.folder import (
     write_experiment,
 )
 from tigas_experiments.records.recording import BrokenRecording
+from tigas_experiments.run.changes import changes
 from tigas_experiments.run.environment import Environment, open_environment
 from tigas_experiments.run.inputs import Inputs
 from tigas_experiments.run.measure import run
@@ -94,14 +95,19 @@ async def make_missing_runs(
     scenes: Path | None,
     traces: Path | None,
     listener: Listener,
+    *,
+    allow_changes: bool = False,
 ) -> None:
     """Make an experiment's runs that are missing, against the services at a URL or the lab's.
 
-    Raises StartError if nothing can be begun, or if GIVE_UP_AFTER runs have failed in a row, and OSError.
+    Raises StartError if nothing can be begun, if what runs are made with has changed since those that are kept, or if
+    GIVE_UP_AFTER runs have failed in a row, and OSError.
     """
     async with open_environment(url, scenes, traces, experiment.inputs) as environment:
         listener.stage("starts the services")
         await environment.check(missing)
+        if not allow_changes:
+            await _check_changes(experiment, missing, environment)
         _say_what_is_planned(experiment)
         await _make(experiment, missing, environment, listener)
 
@@ -128,6 +134,20 @@ def reserved(experiment: Experiment) -> Iterator[None]:
             if is_new and list(experiment.out.iterdir()) == [lock]:  # which nobody can take meanwhile
                 lock.unlink()
                 experiment.out.rmdir()
+
+
+async def _check_changes(experiment: Experiment, missing: Sequence[Configuration], environment: Environment) -> None:
+    """Raises StartError if commit, browser, ladder or scenes are others than those of the runs that are kept."""
+    todo = {run.slug for run in missing}
+    kept = [StoredRun(experiment.folder(run)).record for run in experiment.runs if run.slug not in todo]
+    if not kept:
+        return
+    changed = changes(kept, await environment.made_with(sorted({record.configuration.scene for record in kept})))
+    if changed:
+        raise StartError(
+            f"Since the complete runs in {experiment.out} were made, there is another {' and another '.join(changed)}: "
+            "choose another --out, or --allow-changes to take them together."
+        )
 
 
 async def _make(
