@@ -1,4 +1,4 @@
-"""The version of aioquic that `quic` and `bulk` are written against: they use names that it keeps private."""
+"""The version of aioquic that `quic`, `h3` and `bulk` are written against: they use names that it keeps private."""
 
 from __future__ import annotations
 

@@ -2,7 +2,7 @@
 
 aioquic's packet writer looks at every limit, every stream and every kind of frame for each packet. Here it still
 writes everything but stream data; the data then follows in packets of one STREAM frame each, written straight
-through. Together with `quic` this is the one place that reaches into aioquic's private attributes.
+through. Together with `quic` and `h3` this is the one place that reaches into aioquic's private attributes.
 """
 
 from __future__ import annotations

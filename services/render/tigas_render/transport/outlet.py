@@ -9,8 +9,9 @@ from collections.abc import Callable, Iterable
 from aioquic.buffer import encode_uint_var
 from aioquic.h3.events import Headers
 
+from tigas_render.transport.h3 import ServerH3Connection
 from tigas_render.transport.limits import Limits
-from tigas_render.transport.quic import ServerH3Connection, ServerQuicConnection
+from tigas_render.transport.quic import ServerQuicConnection
 
 CHUNK = 64 * 1024
 """Bytes handed to QUIC at a time."""

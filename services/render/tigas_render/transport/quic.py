@@ -1,11 +1,11 @@
 """aioquic's connection with bounded memory, and what the rest of the transport wants to know of it.
 
-Together with `bulk` this is the one place that reaches into aioquic's private attributes; see `aioquic_version`.
+Together with `bulk` and `h3` this is the one place that reaches into aioquic's private attributes; see
+`aioquic_version`.
 """
 
 from __future__ import annotations
 
-from aioquic.h3.connection import H3Connection
 from aioquic.quic.configuration import SMALLEST_MAX_DATAGRAM_SIZE
 from aioquic.quic.connection import MAX_STREAM_DATA_FRAME_CAPACITY
 from aioquic.quic.packet import QuicFrameType
@@ -120,21 +120,3 @@ class ServerQuicConnection(BulkQuicConnection):
     def is_established(self) -> bool:
         """Whether the handshake is complete; before that, whatever has arrived is early data that may be a replay."""
         return self._handshake_complete
-
-
-class ServerH3Connection(H3Connection):
-    """A server's HTTP/3 connection."""
-
-    def finished(self, stream_id: int) -> None:
-        """Forget a stream that was ended below HTTP/3, as WebTransport's are; aioquic would keep its state."""
-        stream = self._stream.get(stream_id)
-        if stream is not None:
-            stream.sending_ended = True
-            if stream.is_ended():
-                del self._stream[stream_id]
-
-    @property
-    def control_stream_id(self) -> int:
-        """The stream that GOAWAY is sent on."""
-        assert self._local_control_stream_id is not None
-        return self._local_control_stream_id

@@ -21,10 +21,11 @@ from aioquic.h3.events import (
 from aioquic.quic.events import QuicEvent, StopSendingReceived, StreamReset
 from starlette.types import ASGIApp
 
+from tigas_render.transport.h3 import ServerH3Connection
 from tigas_render.transport.http import HttpRequest, http_scope, refusal
 from tigas_render.transport.limits import Limits
 from tigas_render.transport.outlet import DatagramOutlet, Outlet, Writer
-from tigas_render.transport.quic import ServerH3Connection, ServerQuicConnection
+from tigas_render.transport.quic import ServerQuicConnection
 from tigas_render.transport.webtransport import DRAFT_HEADER, SessionFactory, WebTransportSession, WebTransportStream
 
 logger = logging.getLogger(__name__)
