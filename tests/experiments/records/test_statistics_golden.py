@@ -30,6 +30,7 @@ def test_the_figures_of_records_worked_by_hand(name: str) -> None:
         "share_interactive": latencies.share_interactive,
         "share_frame_less": latencies.share_frame_less,
         "share_frame_more": latencies.share_frame_more,
+        "content_age_mean": pytest.approx(statistics.content_ages(inputs, frames, duration).mean),
         "new_views_per_s": statistics.rates(frames, duration).new_views_per_s,
         "mean_height": statistics.mean_height(frames, duration),
         "switches": statistics.rungs(frames, duration).switches,

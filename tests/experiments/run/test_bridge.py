@@ -71,6 +71,30 @@ def test_pictures_show_the_poses_that_they_are_said_to_show(services: Services, 
         assert (recording.replies, recording.requests) == ((), ())
 
 
+def test_a_stalled_page_owes_the_poses_that_it_did_not_sample(services: Services) -> None:
+    """Its script stands for 400 ms while the camera turns: in each frame of the display, a pose was due."""
+    stall = "() => setTimeout(() => { for (const end = performance.now() + 400; performance.now() < end;); }, 700)"
+
+    async def run() -> Recording:
+        async with chromium() as browser:
+            page = await browser.new_page(viewport={"width": 640, "height": 360})
+            await page.goto(f"{services.url}#/scene/pebbles")
+            await page.wait_for_function("() => window.tigas !== undefined")
+            viewer = Viewer(page)
+            await viewer.prepare({"mode": "stateless", "controller": "fixed", "profile": 2, "refine": False}, TURN[0])
+            await page.evaluate(stall)
+            return await viewer.record({"points": TURN, "duration_ms": 2000, "capture_every_ms": 100}, 30)
+
+    recording = asyncio.run(run())
+    interval = recording.display_interval_ms
+    assert interval is not None
+    missed = [entry for entry in recording.inputs if entry.missed]
+    longest = max(later.at - earlier.at for earlier, later in pairwise(recording.inputs))
+    assert len(missed) * interval > 300
+    assert longest < 2 * interval, "no time in which the camera turned is without inputs"
+    assert len(recording.captures) == 20, "a tick that fell into the stall counts, too"
+
+
 def check_replies(recording: Recording) -> None:
     """Every frame that was shown had come before, of the rung that was asked for."""
     came = {reply.pose: reply for reply in recording.replies}

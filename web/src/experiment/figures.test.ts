@@ -36,7 +36,7 @@ test("an input is answered by the first frame of its pose or of a later one", ()
 test.each(Object.entries(golden as unknown as Readonly<Record<string, Case>>))(
   "%s",
   (_, { figures: worked, ...records }) => {
-    const { received_kbps, ...expected } = worked;
+    const { received_kbps, content_age_mean, ...expected } = worked;
     const found = figures({
       duration_ms: records.duration_ms,
       inputs: records.inputs.map((of) => input(...of)),
@@ -51,6 +51,7 @@ test.each(Object.entries(golden as unknown as Readonly<Record<string, Case>>))(
       interactive: expected.share_interactive,
       interactiveFrameLess: expected.share_frame_less,
       interactiveFrameMore: expected.share_frame_more,
+      contentAge: content_age_mean == null ? null : expect.closeTo(content_age_mean, 5),
       newViewsPerSecond: expected.new_views_per_s,
       meanHeight: expected.mean_height,
       switches: expected.switches,

@@ -16,6 +16,8 @@ export interface RunFigures {
   /** The same, were the limit one frame of the display less, or one more. */
   readonly interactiveFrameLess: number | null;
   readonly interactiveFrameMore: number | null;
+  /** How long ago the viewer was last where the picture on the screen is from, mean over time, in milliseconds; null if nothing moved. */
+  readonly contentAge: number | null;
   /** Frames a second that show a later pose than all before them: a video repeats pictures. */
   readonly newViewsPerSecond: number;
   /** Of what was on the screen, weighted by time, in pixels; null without frames. */
@@ -36,6 +38,8 @@ export interface InputLatency {
 export const INTERACTIVE = 108;
 /** Between two frames of a display, where a recording does not say, in milliseconds. */
 const USUAL_INTERVAL = 1000 / 60;
+/** How often the age of what is on the screen is sampled, in milliseconds. */
+const AGE_EVERY = 5;
 
 /** For each input, the first frame of its pose or of a later one. */
 export function inputLatencies({ inputs, frames }: Pick<RecordedEvents, "inputs" | "frames">): InputLatency[] {
@@ -70,6 +74,7 @@ export function figures(
     interactive: within(INTERACTIVE),
     interactiveFrameLess: within(INTERACTIVE - interval),
     interactiveFrameMore: within(INTERACTIVE + interval),
+    contentAge: contentAge(recording, interval),
     newViewsPerSecond: (newViews(during) * 1000) / duration_ms,
     meanHeight: meanHeight(during, duration_ms),
     switches: rungs.filter((rung, i) => i > 0 && rung !== rungs[i - 1]).length,
@@ -82,6 +87,35 @@ export function percentile(values: readonly number[], rank: number): number | nu
   const sorted = values.toSorted((a, b) => a - b);
   const value = sorted[Math.max(0, Math.ceil(rank * sorted.length) - 1)];
   return value === undefined || !Number.isFinite(value) ? null : value;
+}
+
+/** At each tick: since the last frame of the display in which the viewer was where the picture is from; 0 while still there. */
+function contentAge(
+  { inputs, frames, duration_ms }: Pick<Recording, "inputs" | "frames" | "duration_ms">,
+  interval: number,
+): number | null {
+  if (inputs.length === 0) return null;
+  const ticks = Math.ceil(duration_ms / AGE_EVERY);
+  let shown = -1; // at first, the picture of the time before the run
+  let next = 0;
+  let sum = 0;
+  for (let at = 0; at < ticks * AGE_EVERY; at += AGE_EVERY) {
+    for (let frame = frames[next]; frame !== undefined && frame.at <= at; frame = frames[++next]) shown = frame.pose;
+    const newer = inputs[firstNewer(inputs, shown)];
+    if (newer !== undefined && newer.at <= at) sum += at - newer.at + interval;
+  }
+  return sum / ticks;
+}
+
+/** Where the first input of a later pose is; poses do not go back. */
+function firstNewer(inputs: RecordedEvents["inputs"], pose: number): number {
+  let [low, high] = [0, inputs.length];
+  while (low < high) {
+    const middle = (low + high) >> 1;
+    if ((inputs[middle]?.pose ?? 0) <= pose) low = middle + 1;
+    else high = middle;
+  }
+  return low;
 }
 
 function newViews(frames: RecordedEvents["frames"]): number {

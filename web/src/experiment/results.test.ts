@@ -23,6 +23,7 @@ const FIGURES: RunFigures = {
   interactive: 0.9,
   interactiveFrameLess: 0.9,
   interactiveFrameMore: 0.9,
+  contentAge: 50,
   newViewsPerSecond: 30,
   meanHeight: 720,
   switches: 2,

@@ -45,6 +45,7 @@ export function summarize(results: readonly RunResult[]): ConditionSummary[] {
         interactive: mean("interactive"),
         interactiveFrameLess: mean("interactiveFrameLess"),
         interactiveFrameMore: mean("interactiveFrameMore"),
+        contentAge: mean("contentAge"),
         newViewsPerSecond: mean("newViewsPerSecond"),
         meanHeight: mean("meanHeight"),
         switches: mean("switches"),

@@ -80,7 +80,14 @@ export class StoreApi {
 }
 
 /** The figures that the page shows, from all that the store knows. */
-export function toRunFigures({ latencies, frames, mean_height, rungs, received_kbps }: Figures): RunFigures {
+export function toRunFigures({
+  latencies,
+  content_ages,
+  frames,
+  mean_height,
+  rungs,
+  received_kbps,
+}: Figures): RunFigures {
   return {
     p50: latencies.p50,
     p90: latencies.p90,
@@ -89,6 +96,7 @@ export function toRunFigures({ latencies, frames, mean_height, rungs, received_k
     interactive: latencies.share_interactive,
     interactiveFrameLess: latencies.share_frame_less,
     interactiveFrameMore: latencies.share_frame_more,
+    contentAge: content_ages.mean,
     newViewsPerSecond: frames.new_views_per_s,
     meanHeight: mean_height,
     switches: rungs.switches,

@@ -317,12 +317,13 @@ export interface FrameAges {
   p95: number | null;
 }
 /**
- * How long ago the viewer was last where the picture on the screen is from, sampled by time, in ms.
+ * How long ago the viewer was last where the picture on the screen is from, sampled by time, in ms; None if the
+ * viewer did not move.
  */
 export interface ContentAges {
-  mean: number;
-  p50: number;
-  p95: number;
+  mean: number | null;
+  p50: number | null;
+  p95: number | null;
 }
 /**
  * From sending a request to the last byte of its frame, in ms, as the paper has it; None without replies.

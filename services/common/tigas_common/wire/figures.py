@@ -43,11 +43,13 @@ class FrameAges(WireModel):
 
 
 class ContentAges(WireModel):
-    """How long ago the viewer was last where the picture on the screen is from, sampled by time, in ms."""
+    """How long ago the viewer was last where the picture on the screen is from, sampled by time, in ms; None if the
+    viewer did not move.
+    """
 
-    mean: float
-    p50: float
-    p95: float
+    mean: float | None
+    p50: float | None
+    p95: float | None
 
 
 class ResponseTimes(WireModel):

@@ -108,16 +108,14 @@ def content_ages(
     poses = [entry.pose for entry in inputs]
     ages: list[float] = []
     shown, frame = -1, 0  # at first, the picture of the time before the run
-    for tick in range(max(1, int(duration_ms / AGE_EVERY_MS))):
+    for tick in range(math.ceil(duration_ms / AGE_EVERY_MS) if inputs else 0):
         at = tick * AGE_EVERY_MS
         while frame < len(frames) and frames[frame].at <= at:
             shown, frame = frames[frame].pose, frame + 1
         newer = bisect_right(poses, shown)
         left = newer < len(inputs) and inputs[newer].at <= at
         ages.append(at - inputs[newer].at + interval_ms if left else 0.0)
-    ages.sort()
-    p50, p95 = percentile(ages, 0.5), percentile(ages, 0.95)
-    return ContentAges(mean=sum(ages) / len(ages), p50=p50 or 0.0, p95=p95 or 0.0)
+    return ContentAges(mean=_mean(ages), p50=percentile(ages, 0.5), p95=percentile(ages, 0.95))
 
 
 def response_times(replies: Sequence[Reply]) -> ResponseTimes:

@@ -96,6 +96,7 @@ const COLUMNS = [
   { title: `≤ ${INTERACTIVE} ms`, unit: "%", of: "interactive", digits: 0, factor: 100 },
   { title: "a frame less", unit: "%", of: "interactiveFrameLess", digits: 0, factor: 100 },
   { title: "a frame more", unit: "%", of: "interactiveFrameMore", digits: 0, factor: 100 },
+  { title: "Content age", unit: "ms", of: "contentAge", digits: 0, factor: 1 },
   { title: "New views", unit: "/s", of: "newViewsPerSecond", digits: 1, factor: 1 },
   { title: "Height", unit: "px", of: "meanHeight", digits: 0, factor: 1 },
   { title: "Switches", unit: "", of: "switches", digits: 1, factor: 1 },
