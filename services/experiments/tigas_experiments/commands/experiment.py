@@ -56,7 +56,7 @@ def run(
     scenes: Scenes = None,
     traces: Traces = None,
     allow_changes: Annotated[
-        bool, typer.Option("--allow-changes", help="Go on although commit, browser, ladder or a scene has changed.")
+        bool, typer.Option("--allow-changes", help="Resume even if the commit, browser, ladder or a scene has changed.")
     ] = False,
 ) -> None:
     """Make an experiment's missing runs. Start it again to resume after an interruption."""
