@@ -104,8 +104,8 @@ export class Recorder {
     const { pose, rung } = frame;
     const { width, height } = picture;
     // A video's frame is told of a moment before it is on the screen.
-    const later = Math.max(at, frame.at) - startedAt;
-    this.#captures.push({ at: later, shown_at: frame.at - startedAt, pose, rung, width, height });
+    const seenAt = Math.max(at, frame.at) - startedAt;
+    this.#captures.push({ at: seenAt, shown_at: frame.at - startedAt, pose, rung, width, height });
   }
 
   /** So many bytes have come in since the page was opened. */

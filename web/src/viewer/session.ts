@@ -155,8 +155,8 @@ export class ViewerSession {
     this.#animation = requestAnimationFrame(this.#tick);
     const time = now();
     const stateless = settings.peek().mode !== "dash";
-    if (stateless)
-      this.stateless.presented(time); // whoever hears of the sample finds that frame on the canvas
+    // Before the sample: whoever hears of it finds on the canvas the frame that was told of last.
+    if (stateless) this.stateless.presented(time);
     else this.stateless.suspend();
     const moved = this.rig.sample(time);
     if (stateless) this.stateless.tick(time, moved);

@@ -197,7 +197,7 @@ def mean_height(frames: Sequence[ShownFrame], duration_ms: float) -> float | Non
 
 
 def median_height(frames: Sequence[ShownFrame], duration_ms: float) -> float | None:
-    """The height that what was on the screen had at most for half of that time."""
+    """The least height that what was on the screen did not exceed for half of the time; None without frames."""
     lasted = _heights(frames, duration_ms)
     half, passed = sum(lasted.values()) / 2, 0.0
     for height, time in sorted(lasted.items()):
