@@ -18,7 +18,13 @@ if TYPE_CHECKING:  # heavy
 
 
 def report(
-    folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder of an experiment or a comparison, with runs/.")],
+    folder: Annotated[
+        Path,
+        typer.Argument(
+            metavar="DIR",
+            help="An experiment's or a comparison's folder, with runs/; or an archive of one, unpacked first.",
+        ),
+    ],
     template: Annotated[
         Literal["experiment", "comparison"] | None,
         typer.Option(help="Claims over groups of runs, or run by run with pictures.", show_default="as it was made"),
@@ -30,8 +36,13 @@ def report(
             show_default="the first in the experiment's file",
         ),
     ] = None,
+    archive: Annotated[
+        Path | None,
+        typer.Option(help="Pack the raw runs into this .tar.xz, too, from which the report can be made again."),
+    ] = None,
 ) -> None:
     """Write the report of an experiment or a comparison into its folder: report.html, tables and figures."""
+    from tigas_experiments.report.archive import pack, unpack
     from tigas_experiments.report.report import write_report
 
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
@@ -43,8 +54,14 @@ def report(
                 tasks[what] = bar.add_task(what)
             bar.update(tasks[what], completed=done, total=total)
 
+        if folder.is_file():
+            folder = unpack(folder)
         made = write_report(folder, folder, template, told, baseline=baseline)
+        if archive is not None:
+            pack(folder, archive)
     _print(made)
+    if archive is not None:
+        typer.echo(f"The archive: {archive}")
 
 
 def _print(made: Report) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
@@ -104,15 +105,20 @@ def load(folder: Path, told: Told = lambda what, done, total: None) -> Results:
         experiment = read_experiment(folder)
     runs: list[Run] = []
     failures: list[Failure] = []
+
+    def within(reason: str) -> str:
+        """Without the path to the experiment's folder, so that a report is the same wherever the folder lies."""
+        return reason.replace(f"{folder}{os.sep}", "")
+
     for done, each in enumerate(folders, 1):
         try:
             summary, records = read(each)
             if summary.figures is None or records is None:
-                failures.append(Failure(each.name, summary.problem or "It has no figures.", summary.record))
+                failures.append(Failure(each.name, within(summary.problem or "It has no figures."), summary.record))
             else:
                 runs.append(Run.of(each.name, summary.record, summary.figures, records))
         except BrokenRecording as error:
-            failures.append(Failure(each.name, str(error), None))
+            failures.append(Failure(each.name, within(str(error)), None))
         told("reads runs", done, len(folders))
     return Results(folder, experiment, tuple(runs), tuple(failures))
 

@@ -1,0 +1,56 @@
+"""One archive of the raw runs of a report, from which the report is made again: equal runs give equal bytes."""
+
+from __future__ import annotations
+
+import lzma
+import tarfile
+from collections.abc import Iterator
+from pathlib import Path
+
+from tigas_common.errors import StartError
+from tigas_experiments.report.results import run_folders
+
+
+def pack(folder: Path, archive: Path) -> None:
+    """Write an experiment's record and runs, complete or not, as .tar.xz under the folder's name.
+
+    Whose they are and when they were written is left out, and links are. Raises StartError if there are no runs, and
+    OSError; then the archive is what it was.
+    """
+    name = folder.resolve().name
+    unfinished = archive.with_name(f".{archive.name}.part")
+    try:
+        with tarfile.open(unfinished, "w:xz", format=tarfile.GNU_FORMAT) as tar:
+            for path in _files(folder):
+                entry = tarfile.TarInfo(str(Path(name, path.relative_to(folder))))
+                entry.size = path.stat().st_size
+                with path.open("rb") as file:
+                    tar.addfile(entry, file)
+        unfinished.replace(archive)
+    finally:
+        unfinished.unlink(missing_ok=True)
+
+
+def unpack(archive: Path) -> Path:
+    """The folder of the packed runs, beside the archive. Raises StartError if it exists, or if this is no archive."""
+    try:
+        with tarfile.open(archive, "r:xz") as tar:
+            names = {Path(entry.name).parts[0] for entry in tar.getmembers()}
+            folder = archive.parent / next(iter(names), "")
+            existed = folder.exists()
+            if len(names) == 1 and not existed:
+                tar.extractall(archive.parent, filter="data")
+    except (tarfile.TarError, lzma.LZMAError, EOFError) as error:
+        raise StartError(f"{archive} is not an archive of `tigas report --archive`: {error}.") from None
+    if len(names) != 1:
+        raise StartError(f"{archive} is not an archive of `tigas report --archive`: it does not hold one folder.")
+    if existed:
+        raise StartError(f"{folder} exists already, so {archive} is not unpacked.")
+    return folder
+
+
+def _files(folder: Path) -> Iterator[Path]:
+    if (record := folder / "experiment.json").is_file():
+        yield record
+    for run in run_folders(folder):
+        yield from sorted(path for path in run.rglob("*") if path.is_file() and not path.is_symlink())

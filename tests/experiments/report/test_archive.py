@@ -1,0 +1,95 @@
+"""Reports that are made again from their archives."""
+
+from __future__ import annotations
+
+import os
+import shutil
+from pathlib import Path
+
+import pytest
+
+from tests.experiments.report.made_up_results import write_run
+from tests.experiments.report.test_cli import run_report
+from tigas_common.errors import StartError
+from tigas_experiments.records.folder import ExperimentRecord, Template, write_experiment
+from tigas_experiments.report.archive import pack, unpack
+
+
+def experiment(folder: Path, template: Template = "experiment") -> Path:
+    """Two controllers and a run that broke off."""
+    record = ExperimentRecord(name="It", created="2026-01-01T00:00:00Z", source="command", plan={}, template=template)
+    write_experiment(folder, record)
+    write_run(folder / "runs" / "a", "latency", rtt_ms=20)
+    write_run(folder / "runs" / "b", "budget", rtt_ms=300)
+    write_run(folder / "runs" / "c", "budget", rtt_ms=20)
+    (folder / "runs" / "c" / "frames.ndjson").unlink()
+    return folder
+
+
+def written(folder: Path) -> dict[str, bytes]:
+    """What a report wrote, by name."""
+    return {path.name: path.read_bytes() for path in folder.iterdir() if path.is_file() and path.name != ".lock"}
+
+
+@pytest.mark.parametrize("template", ["experiment", "comparison"])
+def test_a_report_is_made_again_byte_for_byte(tmp_path: Path, template: Template) -> None:
+    folder, archive = experiment(tmp_path / "study", template), tmp_path / "elsewhere" / "runs.tar.xz"
+    archive.parent.mkdir()
+    said = run_report(folder, "--archive", str(archive), "--baseline", "budget")
+    assert said.exit_code == 0, said.output
+    said = run_report(archive, "--baseline", "budget")
+    assert said.exit_code == 0, said.output
+    again = written(archive.parent / "study")
+    assert {"report.html", "runs.csv", "groups.csv", "differences.csv"} < set(again)
+    assert any(name.endswith(".svg") for name in again)
+    assert again == written(folder)
+
+
+def test_equal_runs_give_equal_archives_whenever_and_whoever_wrote_them(tmp_path: Path) -> None:
+    one = experiment(tmp_path / "one" / "study")
+    two = tmp_path / "two" / "study"
+    shutil.copytree(one, two, copy_function=shutil.copyfile)
+    for path in two.rglob("*"):
+        os.utime(path, (1, 1))
+    (two / "runs" / "a" / "run.json").chmod(0o600)
+    (two / "earlier").mkdir()
+    (two / "notes.txt").write_text("not of the runs")
+    for folder in (one, two):
+        pack(folder, folder.parent / "it.tar.xz")
+    assert (one.parent / "it.tar.xz").read_bytes() == (two.parent / "it.tar.xz").read_bytes()
+
+
+def test_what_is_there_is_not_overwritten(tmp_path: Path) -> None:
+    folder = experiment(tmp_path / "study")
+    pack(folder, tmp_path / "it.tar.xz")
+    with pytest.raises(StartError, match="study exists already"):
+        unpack(tmp_path / "it.tar.xz")
+
+
+def test_what_is_no_archive_gets_one_sentence(tmp_path: Path) -> None:
+    path = tmp_path / "it.tar.xz"
+    for content in (b"", b"no", b"\xfd7zXZ\x00 broken"):
+        path.write_bytes(content)
+        said = run_report(path)
+        assert said.exit_code == 1
+        assert "is not an archive of `tigas report --archive`" in said.output
+    pack(experiment(tmp_path / "study"), path)
+    path.write_bytes(path.read_bytes()[:-200])
+    shutil.rmtree(tmp_path / "study")
+    said = run_report(path)
+    assert said.exit_code == 1
+    assert "Traceback" not in said.output
+
+
+def test_an_archive_that_cannot_be_written_leaves_the_old_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    folder, path = experiment(tmp_path / "study"), tmp_path / "it.tar.xz"
+    path.write_bytes(b"old")
+
+    def full(*_: object, **__: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("tarfile.TarFile.addfile", full)
+    with pytest.raises(OSError, match="No space"):
+        pack(folder, path)
+    assert [each.name for each in tmp_path.iterdir() if each.is_file()] == ["it.tar.xz"]
+    assert path.read_bytes() == b"old"
