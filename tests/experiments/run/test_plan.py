@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from collections import Counter
 from itertools import pairwise
 from pathlib import Path
@@ -244,12 +245,34 @@ def test_how_long_it_takes(tmp_path: Path) -> None:
     assert lasting(made).startswith("1:0")
 
 
-@pytest.mark.parametrize("path", sorted((REPOSITORY / "experiments").glob("*.toml")), ids=lambda path: path.name)
-def test_the_experiments_that_come_along_can_be_made(path: Path) -> None:
-    made = Plan.read(path).runs(path.parent)
-    networks = [Inputs(path.parent).network(run.network) for run in made]
+@pytest.fixture
+def experiments(tmp_path: Path) -> Path:
+    """The experiments that come along, where something stands in for the recordings that do not."""
+    shutil.copytree(REPOSITORY / "traces", tmp_path / "traces")
+    folder = shutil.copytree(REPOSITORY / "experiments", tmp_path / "experiments", dirs_exist_ok=True)
+    shutil.rmtree(folder / "recorded", ignore_errors=True)
+    for file in folder.glob("*.toml"):
+        plan = Plan.read(file)
+        for names, source in ((plan.networks, "network/4g-bus.csv"), (plan.movements, "movement/stroll.csv")):
+            for name in names:
+                if name.startswith("recorded/"):
+                    (folder / "recorded").mkdir(exist_ok=True)
+                    shutil.copy(REPOSITORY / "traces" / source, folder / name)
+    return folder
+
+
+@pytest.mark.parametrize("name", sorted(path.name for path in (REPOSITORY / "experiments").glob("*.toml")))
+def test_the_experiments_that_come_along_can_be_made(experiments: Path, name: str) -> None:
+    made = Plan.read(experiments / name).runs(experiments)
+    networks = [Inputs(experiments).network(run.network) for run in made]
     assert all(network.trace_file is None or network.trace_file.is_file() for network in networks)
-    if path.name == "paper.toml":
+    if name == "abr-rtt.toml":
+        return
+    assert all(run.movement.startswith("recorded/") for run in made), "what it is called after"
+    assert all(str(run.network.trace_file).startswith("recorded/") for run in made)
+    assert {run.segment for run in made} == set(range(6)), "as many as an interval needs"
+    if name == "paper.toml":
         assert {run.network.round_trip_ms for run in made} == {20, 50, 100, 200, 300}
+        assert set(Counter((run.mode, run.profile) for run in made).values()) == {3 * 5 * 6}
+    else:
         assert len({run.network.name for run in made}) == 4
-        assert set(Counter((run.mode, run.profile) for run in made).values()) == {4 * 5 * 2 * 3}
