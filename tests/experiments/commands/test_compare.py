@@ -63,9 +63,11 @@ def test_every_mode_is_measured_over_the_same_link_and_movement(services: Servic
         assert figures["frames"]["new_views"] > 5
         assert figures["received_kbps"] > 10
         assert figures["target_kbps"] == 20_000
-        assert figures["quality"]["pictures"] == 1
+        assert figures["quality"]["pictures"] == 4, "two a second"
         assert figures["quality"]["picture_ssim"] > 0.5
         assert figures["quality"]["picture_psnr_db"] > figures["quality"]["view_psnr_db"], "lateness costs"
+        assert figures["quality"]["picture_psnr_db"] > figures["quality"]["seen_psnr_db"]
+        assert figures["content_ages"]["p95"] > figures["content_ages"]["mean"] > 10
         assert run["record"]["load"]["processors"] == psutil.cpu_count()
     streams = [run["record"]["recording"]["dash"] for run in runs]
     assert streams[0] is None
@@ -76,6 +78,9 @@ def test_every_mode_is_measured_over_the_same_link_and_movement(services: Servic
         assert stream["representations"]
         assert all(one["bitrate_kbps"] > 100 and one["codecs"].startswith("avc1.") for one in stream["representations"])
         assert f"{stream['player']}; 30 frames/s" in (out / "report.html").read_text(), "what can be cited"
+    requests, *others = (run["figures"]["requests"] for run in runs)
+    assert requests["sent"] >= requests["shown"] > 5
+    assert others == [None] * 3, "a stream has no requests of its own"
     stateless, typical, *_ = (run["figures"]["latencies"]["p50"] for run in runs)
     assert typical > 500 > stateless, "a stream that aims at a second's latency has about that"
     stored = [StoredRun(out / "runs" / run["folder"]) for run in runs]
