@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import pylsqpack
 import pytest
+from aioquic.buffer import encode_uint_var
 from aioquic.h3.connection import ErrorCode, FrameType, Setting, StreamType, encode_frame, encode_settings
-from aioquic.h3.events import H3Event, HeadersReceived
+from aioquic.h3.events import DataReceived, H3Event, HeadersReceived
 from aioquic.quic.events import StreamDataReceived
 
 from tests.render.transport.simulated import Simulation
@@ -44,6 +45,54 @@ def peer() -> Peer:
 def section(*fields: tuple[bytes, bytes]) -> bytes:
     """A request's encoded fields."""
     return pylsqpack.Encoder().encode(REQUEST, [*FIELDS, *fields])[1]
+
+
+# -- frames ------------------------------------------------------------------------------------------------------------
+
+
+def frame_header(frame_type: int, size: int) -> bytes:
+    return encode_uint_var(frame_type) + encode_uint_var(size)
+
+
+@pytest.mark.parametrize("size", [MAX_FIELD_SECTION + 1, 1 << 30, (1 << 62) - 1])
+def test_headers_that_promise_too_much_are_refused_before_they_arrive(peer: Peer, size: int) -> None:
+    peer.send(REQUEST, frame_header(FrameType.HEADERS, size))
+    assert peer.closed == ErrorCode.H3_EXCESSIVE_LOAD
+
+
+def test_trailers_that_promise_too_much_are_refused_too(peer: Peer) -> None:
+    peer.send(REQUEST, encode_frame(FrameType.HEADERS, section()) + frame_header(FrameType.HEADERS, 1 << 30))
+    assert peer.closed == ErrorCode.H3_EXCESSIVE_LOAD
+
+
+def test_settings_that_promise_too_much_are_refused_before_they_arrive(peer: Peer) -> None:
+    peer.send(CONTROL, bytes([StreamType.CONTROL]) + frame_header(FrameType.SETTINGS, 1 << 30))
+    assert peer.closed == ErrorCode.H3_EXCESSIVE_LOAD
+
+
+def test_a_push_id_that_promises_too_much_is_refused_before_it_arrives(peer: Peer) -> None:
+    peer.settings({})
+    peer.send(CONTROL, frame_header(FrameType.MAX_PUSH_ID, 1 << 30))
+    assert peer.closed == ErrorCode.H3_EXCESSIVE_LOAD
+
+
+def test_bodies_and_unknown_frames_may_be_of_any_size(peer: Peer) -> None:
+    peer.settings({})
+    peer.send(REQUEST, frame_header(0x21, 1 << 20) + bytes(1 << 20))
+    peer.send(REQUEST, encode_frame(FrameType.HEADERS, section()) + frame_header(FrameType.DATA, 1 << 30))
+    assert peer.send(REQUEST, b"body") == [DataReceived(data=b"body", stream_id=REQUEST, stream_ended=False)]
+    peer.send(CONTROL, frame_header(0x21, 1 << 30) + b"grease")
+    assert peer.closed is None
+
+
+def test_a_settings_frame_is_cut_until_its_last_byte(peer: Peer) -> None:
+    content = bytes([StreamType.CONTROL]) + encode_frame(FrameType.SETTINGS, encode_settings({0x21: 1}))
+    for byte in content[:-1]:
+        peer.send(CONTROL, bytes([byte]))
+    assert peer.h3.is_cut(CONTROL)
+    peer.send(CONTROL, content[-1:])
+    assert not peer.h3.is_cut(CONTROL)
+    assert peer.h3.received_settings == {0x21: 1, Setting.QPACK_MAX_TABLE_CAPACITY: 0}
 
 
 # -- header compression ------------------------------------------------------------------------------------------------

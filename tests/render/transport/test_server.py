@@ -12,6 +12,7 @@ from collections.abc import AsyncIterator, Callable
 from datetime import UTC, datetime
 
 import pytest
+from aioquic.h3.connection import ErrorCode
 from aioquic.tls import SessionTicket
 from starlette.types import Receive, Scope, Send
 
@@ -331,6 +332,22 @@ async def test_streams_opened_and_never_finished_leave_room_for_others() -> None
         statuses = [split_frame(bytes((await hoarder.response(s)).body))[0]["status"] for s in streams]
         assert set(statuses) == {400, 503}
         assert (await hoarder.frame(session, request_body()))[0]["status"] == 200
+
+
+async def test_requests_whose_headers_never_end_are_reset_and_leave_room_for_others() -> None:
+    async with (
+        served(Limits(request_timeout=0.1)) as server,
+        connect(server.port) as hoarder,
+        connect(server.port) as good,
+    ):
+        streams = [hoarder._quic.get_next_available_stream_id() + 4 * number for number in range(100)]
+        for stream in streams:
+            hoarder._quic.send_stream_data(stream, b"\x01\x40\xff" + bytes(100))  # HEADERS of 255 bytes
+        hoarder.transmit()
+        assert (await good.fetch("GET", "/")).status == 200
+        resets = [(await hoarder.response(stream)).reset for stream in streams]
+        assert set(resets) == {ErrorCode.H3_REQUEST_INCOMPLETE, ErrorCode.H3_REQUEST_REJECTED}
+        assert (await hoarder.fetch("GET", "/")).status == 200
 
 
 async def test_a_flood_of_requests_and_cancellations_leaves_nothing_behind() -> None:

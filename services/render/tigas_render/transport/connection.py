@@ -80,8 +80,9 @@ class Connection:
     def receive(self, data: bytes, address: Address) -> None:
         """Take one datagram; `transmit` must follow once all that have arrived are in."""
         try:
-            self._quic.receive_datagram(data, address, now=_now())
-            self._process_events()
+            now = _now()
+            self._quic.receive_datagram(data, address, now=now)
+            self._process_events(now)
         except Exception:
             self._fail()
 
@@ -111,7 +112,8 @@ class Connection:
             self._listener.send(datagrams)
         if self.router is not None:
             self.router.writer.wake()
-        timer_at = self._quic.get_timer()
+        deadlines = (self._quic.get_timer(), self.router.deadline if self.router is not None else None)
+        timer_at = min((at for at in deadlines if at is not None), default=None)
         if timer_at != self._timer_at:
             if self._timer is not None:
                 self._timer.cancel()
@@ -124,7 +126,9 @@ class Connection:
         self._timer = self._timer_at = None
         try:
             self._quic.handle_timer(now=now)
-            self._process_events()
+            self._process_events(now)
+            if self.router is not None:
+                self.router.end_late(now)
         except Exception:
             self._fail()
         self.transmit()
@@ -164,7 +168,7 @@ class Connection:
 
     # -- events ------------------------------------------------------------------------------------------------------
 
-    def _process_events(self) -> None:
+    def _process_events(self, now: float) -> None:
         while (event := self._quic.next_event()) is not None:
             match event:
                 case ConnectionIdIssued():
@@ -179,4 +183,4 @@ class Connection:
                 case ProtocolNegotiated():
                     self.router = Router(self._quic, self._service, self._client, self._server, self.transmit_soon)
                 case _ if self.router is not None:
-                    self.router.received(event)
+                    self.router.received(event, now)

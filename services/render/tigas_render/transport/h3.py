@@ -1,4 +1,4 @@
-"""aioquic's HTTP/3 connection with bounded header sections.
+"""aioquic's HTTP/3 connection with bounded frames and header sections.
 
 Together with `quic` and `bulk` this is the one place that reaches into aioquic's private attributes; see
 `aioquic_version`.
@@ -6,11 +6,13 @@ Together with `quic` and `bulk` this is the one place that reaches into aioquic'
 
 from __future__ import annotations
 
-from aioquic.h3.connection import ErrorCode, H3Connection, ProtocolError, Setting
+from aioquic.h3.connection import ErrorCode, FrameType, H3Connection, H3Stream, ProtocolError, Setting
 from aioquic.h3.events import Headers
 
 MAX_FIELD_SECTION = 16 * 1024
 """Bytes of a request's fields, names and values, and 32 for each (RFC 9114, 4.2.2); browsers send about 1,500."""
+FRAME_LIMITS = {int(FrameType.HEADERS): MAX_FIELD_SECTION, int(FrameType.SETTINGS): 1024, int(FrameType.MAX_PUSH_ID): 8}
+"""Bytes of the frames that are kept until they are complete; all others are passed on or skipped as they arrive."""
 MAX_ENCODER_TABLE = 4096
 """Bytes of the fields that we remember in order to send them in short, whatever the client has room for."""
 
@@ -38,9 +40,16 @@ class ServerH3Connection(H3Connection):
         capacity = settings.get(Setting.QPACK_MAX_TABLE_CAPACITY, 0)
         settings[Setting.QPACK_MAX_TABLE_CAPACITY] = min(capacity, MAX_ENCODER_TABLE)
 
+    def _check_request_or_push_frame_type(self, frame_type: int, stream: H3Stream) -> None:
+        super()._check_request_or_push_frame_type(frame_type, stream)
+        _check_size(frame_type, stream)
+
+    def _check_control_frame_type(self, frame_type: int) -> None:
+        super()._check_control_frame_type(frame_type)
+        assert self._peer_control_stream_id is not None
+        _check_size(frame_type, self._stream[self._peer_control_stream_id])
+
     def _decode_headers(self, stream_id: int, frame_data: bytes | None) -> Headers:
-        if frame_data is not None and len(frame_data) > MAX_FIELD_SECTION:
-            raise ExcessiveLoad(f"A header section has more than {MAX_FIELD_SECTION} bytes")
         headers = super()._decode_headers(stream_id, frame_data)
         if sum(len(name) + len(value) + 32 for name, value in headers) > MAX_FIELD_SECTION:
             raise ExcessiveLoad(f"A header section has more than {MAX_FIELD_SECTION} bytes")
@@ -54,8 +63,19 @@ class ServerH3Connection(H3Connection):
             if stream.is_ended():
                 del self._stream[stream_id]
 
+    def is_cut(self, stream_id: int) -> bool:
+        """Whether the rest of something that is kept until it is complete has not arrived on a stream."""
+        stream = self._stream.get(stream_id)
+        return stream is not None and (bool(stream.buffer) or stream.frame_type in FRAME_LIMITS)
+
     @property
     def control_stream_id(self) -> int:
         """The stream that GOAWAY is sent on."""
         assert self._local_control_stream_id is not None
         return self._local_control_stream_id
+
+
+def _check_size(frame_type: int, stream: H3Stream) -> None:
+    """Refuses a frame by what its header says."""
+    if stream.frame_size is not None and stream.frame_size > FRAME_LIMITS.get(frame_type, stream.frame_size):
+        raise ExcessiveLoad(f"A frame of type {frame_type} has more than {FRAME_LIMITS[frame_type]} bytes")

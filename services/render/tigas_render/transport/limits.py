@@ -14,7 +14,8 @@ class Limits:
     unvalidated: int = 64
     """Handshakes under way before new clients must prove their address with a Retry (RFC 9000, 8.1)."""
     requests: int = 64
-    """Running requests per connection, HTTP and WebTransport together; further ones are answered 503."""
+    """Running requests per connection, HTTP and WebTransport together, with those that have not arrived whole; further
+    ones are answered 503, or reset if they have not arrived whole."""
     sessions: int = 4
     """WebTransport sessions per connection."""
     unread: int = 256 * 1024
@@ -28,7 +29,7 @@ class Limits:
     handshake_timeout: float = 5.0
     """For a client to complete the handshake."""
     request_timeout: float = 10.0
-    """For the next part of a request's body to arrive, or for a whole WebTransport request."""
+    """For a request's headers, for the next part of its body, or for a whole WebTransport request to arrive."""
     stall_timeout: float = 30.0
     """For a client that reads nothing, before its stream is cut."""
     idle_timeout: float = 30.0

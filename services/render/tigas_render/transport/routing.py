@@ -18,7 +18,7 @@ from aioquic.h3.events import (
     HeadersReceived,
     WebTransportStreamDataReceived,
 )
-from aioquic.quic.events import QuicEvent, StopSendingReceived, StreamReset
+from aioquic.quic.events import QuicEvent, StopSendingReceived, StreamDataReceived, StreamReset
 from starlette.types import ASGIApp
 
 from tigas_render.transport.h3 import ServerH3Connection
@@ -26,6 +26,7 @@ from tigas_render.transport.http import HttpRequest, http_scope, refusal
 from tigas_render.transport.limits import Limits
 from tigas_render.transport.outlet import DatagramOutlet, Outlet, Writer
 from tigas_render.transport.quic import ServerQuicConnection
+from tigas_render.transport.unfinished import UnfinishedStreams
 from tigas_render.transport.webtransport import DRAFT_HEADER, SessionFactory, WebTransportSession, WebTransportStream
 
 logger = logging.getLogger(__name__)
@@ -84,6 +85,7 @@ class Router:
         self.writer = Writer(quic, self._h3, service.limits, transmit_soon)
         self._streams: dict[int, Stream] = {}
         self._sessions: dict[int, WebTransportSession] = {}
+        self._unfinished = UnfinishedStreams(service.limits.request_timeout)
         self._next_request = 0
         self._goaway: int | None = None
         self._idle: asyncio.Future[None] | None = None
@@ -110,6 +112,7 @@ class Router:
             self._close_session(stream_id)
         for stream in list(self._streams.values()):
             stream.cancelled()
+        self._unfinished.clear()
         self.writer.close()
 
     async def end_tasks(self) -> None:
@@ -122,12 +125,14 @@ class Router:
 
     # -- from the client ---------------------------------------------------------------------------------------------
 
-    def received(self, event: QuicEvent) -> None:
+    def received(self, event: QuicEvent, now: float) -> None:
         """Bring an event to whom it is for."""
         for h3_event in self._h3.handle_event(event):
             self._received(h3_event)
         if isinstance(event, StopSendingReceived | StreamReset):
             self._cancelled(event.stream_id)
+        if isinstance(event, StreamDataReceived | StopSendingReceived | StreamReset):
+            self._watch(event.stream_id, now)
 
     def _received(self, event: H3Event) -> None:
         match event:
@@ -157,9 +162,41 @@ class Router:
         else:
             self._close_session(stream_id)
 
+    # -- what is not finished ----------------------------------------------------------------------------------------
+
+    @property
+    def deadline(self) -> float | None:
+        """When `end_late` is to be called next."""
+        return self._unfinished.deadline
+
+    def end_late(self, now: float) -> None:
+        """End the streams whose first frame has not arrived in time."""
+        for stream_id in self._unfinished.late(now):
+            self._unfinished.end(stream_id)
+            if stream_id % 4 == 0:
+                Outlet(self.writer, stream_id).abort(ErrorCode.H3_REQUEST_INCOMPLETE)
+            else:  # the connection cannot do without its control stream
+                self._quic.close(error_code=ErrorCode.H3_EXCESSIVE_LOAD, reason_phrase="A frame was never finished")
+
+    def _watch(self, stream_id: int, now: float) -> None:
+        """Note whether a stream still waits for what makes it a request, a session, or a session's stream."""
+        if stream_id % 4 != 0:
+            waits = self._h3.is_cut(stream_id)
+        else:
+            answered = stream_id in self._streams or stream_id in self._sessions
+            waits = not answered and self._quic.can_write(stream_id)
+        if not waits:
+            self._unfinished.end(stream_id)
+            return
+        self._unfinished.begin(stream_id, now)
+        if stream_id % 4 == 0 and len(self._streams) + len(self._unfinished) > self._service.limits.requests:
+            self._unfinished.end(stream_id)
+            Outlet(self.writer, stream_id).abort(ErrorCode.H3_REQUEST_REJECTED)
+
     # -- requests ----------------------------------------------------------------------------------------------------
 
     def _request_received(self, event: HeadersReceived) -> None:
+        self._unfinished.end(event.stream_id)
         outlet = Outlet(self.writer, event.stream_id)
         if not outlet.is_open:
             return
@@ -190,7 +227,7 @@ class Router:
 
     @property
     def _overloaded(self) -> bool:
-        return len(self._streams) >= self._service.limits.requests
+        return len(self._streams) + len(self._unfinished) >= self._service.limits.requests
 
     # -- WebTransport ------------------------------------------------------------------------------------------------
 
@@ -224,6 +261,7 @@ class Router:
 
     def _webtransport_data(self, event: WebTransportStreamDataReceived) -> None:
         if event.stream_id not in self._streams:
+            self._unfinished.end(event.stream_id)
             outlet = Outlet(self.writer, event.stream_id)
             session = self._sessions.get(event.session_id)
             if session is None or event.stream_id % 4 != 0 or self._goaway is not None:

@@ -1,0 +1,133 @@
+"""Streams that a client opens without ever saying what for, on a simulated network."""
+
+from __future__ import annotations
+
+import asyncio
+
+import pytest
+from aioquic.h3.connection import ErrorCode, FrameType, StreamType, encode_frame
+from aioquic.quic.events import QuicEvent, StreamReset
+from starlette.types import ASGIApp, Receive, Scope, Send
+
+from tests.render.transport.client import Recorder
+from tests.render.transport.simulated import Simulation
+from tests.render.transport.test_h3 import frame_header, section
+from tigas_render.transport.limits import Limits
+from tigas_render.transport.routing import Router, Service
+
+pytestmark = pytest.mark.anyio
+
+HALF_HEADERS = frame_header(FrameType.HEADERS, 1000) + bytes(500)
+WHOLE_REQUEST = encode_frame(FrameType.HEADERS, section())
+
+
+async def no_app(scope: Scope, receive: Receive, send: Send) -> None:
+    raise NotImplementedError
+
+
+class Routed(Simulation):
+    """A simulated connection whose server side speaks HTTP/3."""
+
+    router: Router | None = None
+
+    def __init__(self, app: ASGIApp = no_app, **limits: int) -> None:
+        self.resets: dict[int, int] = {}
+        super().__init__()
+        service = Service(app, {}, Limits(**limits))
+        self.router = Router(self.server, service, ("::1", 1), ("::1", 2), lambda: None)
+
+    def upload(self, data: bytes, is_unidirectional: bool = False) -> int:
+        """The client opens a stream and sends something on it; the stream's id."""
+        stream_id = self.client.get_next_available_stream_id(is_unidirectional)
+        self.more(stream_id, data)
+        return stream_id
+
+    def more(self, stream_id: int, data: bytes) -> None:
+        self.client.send_stream_data(stream_id, data)
+        self.run()
+
+    def wait(self, seconds: float) -> None:
+        """The server's timer fires after so long."""
+        assert self.router is not None
+        self.now += seconds
+        self.router.end_late(self.now)
+        self.run()
+
+    def _events(self) -> None:
+        while self.router is not None and (event := self.server.next_event()) is not None:
+            self.router.received(event, self.now)
+        super()._events()
+
+    def _client_event(self, event: QuicEvent) -> None:
+        super()._client_event(event)
+        if isinstance(event, StreamReset):
+            self.resets[event.stream_id] = event.error_code
+
+    @property
+    def terminated(self) -> int | None:
+        """What the server has closed the connection with."""
+        event = self.client._close_event
+        return None if event is None else event.error_code
+
+
+@pytest.mark.parametrize(
+    "start",
+    [HALF_HEADERS, b"\x01", frame_header(0x21, 1 << 30) + b"grease", frame_header(FrameType.WEBTRANSPORT_STREAM, 4)],
+    ids=["half headers", "half a frame's header", "an unknown frame", "a session's stream without content"],
+)
+async def test_what_is_no_request_in_time_is_ended(start: bytes) -> None:
+    routed = Routed()
+    stream_id = routed.upload(start)
+    routed.wait(9.0)
+    assert routed.resets == {}
+    routed.wait(1.1)
+    assert routed.resets == {stream_id: ErrorCode.H3_REQUEST_INCOMPLETE}
+    assert routed.router is not None
+    assert routed.router.deadline is None
+    assert routed.terminated is None
+
+
+async def test_bytes_that_trickle_in_win_no_time() -> None:
+    routed = Routed()
+    stream_id = routed.upload(HALF_HEADERS)
+    for _ in range(12):
+        routed.wait(1.0)
+        if stream_id not in routed.resets:
+            routed.more(stream_id, b"x")
+    assert routed.resets == {stream_id: ErrorCode.H3_REQUEST_INCOMPLETE}
+
+
+async def test_unfinished_streams_count_as_requests() -> None:
+    routed = Routed(requests=3)
+    streams = [routed.upload(HALF_HEADERS) for _ in range(5)]
+    assert routed.resets == dict.fromkeys(streams[3:], ErrorCode.H3_REQUEST_REJECTED)
+    routed.wait(10.1)
+    assert set(routed.resets) == set(streams)
+    later = [routed.upload(HALF_HEADERS) for _ in range(3)]
+    assert not set(routed.resets) & set(later), "the first have left room"
+
+
+async def test_a_request_that_arrives_in_two_parts_is_a_request() -> None:
+    seen = Recorder()
+
+    async def app(scope: Scope, receive: Receive, send: Send) -> None:
+        seen.add(scope["path"])
+        await asyncio.Event().wait()
+
+    routed = Routed(app, requests=1)
+    stream_id = routed.upload(WHOLE_REQUEST[:5])
+    routed.more(stream_id, WHOLE_REQUEST[5:])
+    await seen.until("/")
+    routed.wait(20.0)
+    assert routed.resets == {}
+    assert routed.router is not None
+    await routed.router.end_tasks()
+
+
+async def test_settings_that_never_end_end_the_connection() -> None:
+    routed = Routed()
+    routed.upload(bytes([StreamType.CONTROL]) + frame_header(FrameType.SETTINGS, 100) + bytes(50), True)
+    routed.wait(9.0)
+    assert routed.terminated is None
+    routed.wait(1.1)
+    assert routed.terminated == ErrorCode.H3_EXCESSIVE_LOAD
