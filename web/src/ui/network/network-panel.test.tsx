@@ -95,7 +95,7 @@ test("shows what the link carries in both directions, and what it is", async () 
   const down = within(screen.getByRole("row", { name: /Down/ })).getAllByRole("cell");
   expect(down.map((cell) => cell.textContent)).toEqual(["20.0", "12.3", "8 ms", "3"]);
   expect(screen.getByText("A constant link; 20 ms round trip, 0 % loss by the kernel's netem.")).toBeTruthy();
-  tell({ ...PLAYING, mode: "paused", backend: "relay" } as ShaperStatus);
+  await tell({ ...PLAYING, mode: "paused", backend: "relay" } as ShaperStatus);
   expect(screen.getByText("Paused: bus, 0:05 of 1:00; 20 ms round trip, 0 % loss by the shaper's relay.")).toBeTruthy();
 });
 
@@ -114,7 +114,7 @@ test("what plays is paused, resumed, looped and stopped", async () => {
   const user = userEvent.setup();
   await show(PLAYING);
   await user.click(screen.getByRole("button", { name: "Pause" }));
-  tell({ ...PLAYING, mode: "paused" });
+  await tell({ ...PLAYING, mode: "paused" });
   await user.click(screen.getByRole("button", { name: "Resume" }));
   await user.click(screen.getByRole("checkbox", { name: "Start again at the end" }));
   await user.click(screen.getByRole("button", { name: "Stop" }));
@@ -157,7 +157,7 @@ test("a refusal is said, and forgotten when something succeeds", async () => {
 test("a link that is closed, and a shaper that is lost, are said", async () => {
   const { unmount } = await show({ ...CONSTANT, closed: "The gateway has no route." });
   expect(screen.getByText("The gateway has no route.")).toBeTruthy();
-  act(() => events.onerror?.());
+  await act(() => events.onerror?.());
   expect(screen.getByRole("alert").textContent).toContain("http://shaper.test does not answer");
   expect(screen.queryByRole("table")).toBeNull();
   unmount();

@@ -76,9 +76,9 @@ test.each([
   expect(stat(show(stats), "fps")).toBe(expected);
 });
 
-test("figures follow the session", () => {
+test("figures follow the session", async () => {
   const hud = show();
-  act(() => {
+  await act(() => {
     session.stateless.stats.value = { ...STATS, framesPerSecond: 12 };
   });
   expect(stat(hud, "fps")).toBe("12");

@@ -45,9 +45,9 @@ test("opens the scene, names it, and gives the keys to the stage", () => {
   expect(document.activeElement).toBe(stage());
 });
 
-test("the stage tells scripts how it stands", () => {
+test("the stage tells scripts how it stands", async () => {
   show();
-  act(() => {
+  await act(() => {
     session.stateless.stats.value = { ...NO_STATS, shown: 4, settled: false, transport: "fetch" };
     session.dash.value = fakeDash({ kind: "connecting" }, { shown: 2 });
   });
@@ -106,9 +106,9 @@ test("what is typed into a field, or with a modifier, is no shortcut", async () 
   expect(settings.value.hud).toBe(true);
 });
 
-test("the measurements are those of the mode", () => {
+test("the measurements are those of the mode", async () => {
   show();
-  act(() => {
+  await act(() => {
     settings.value = { ...settings.value, mode: "side-by-side" };
     session.dash.value = fakeDash({ kind: "playing" }, { liveLatency: 320, stalls: { count: 2, time: 1500 } });
   });
@@ -117,7 +117,7 @@ test("the measurements are those of the mode", () => {
   const dash = screen.getByRole("region", { name: "Measurements: DASH" });
   expect(dash.querySelector("[data-stat=live-latency]")?.textContent).toBe("320 ms");
   expect(dash.querySelector("[data-stat=stalls]")?.textContent).toBe("2, 1.5 s");
-  act(() => {
+  await act(() => {
     settings.value = { ...settings.value, mode: "dash" };
   });
   expect(screen.getAllByRole("region")).toHaveLength(1);
@@ -154,11 +154,11 @@ test.each([
   expect(screen.getByText(sentence)).toBeTruthy();
 });
 
-test("frames that are refused say why, unless none are asked for", () => {
+test("frames that are refused say why, unless none are asked for", async () => {
   session.stateless.problem.value = "The server has no memory left.";
   show();
   expect(screen.getByText("The server has no memory left.")).toBeTruthy();
-  act(() => {
+  await act(() => {
     settings.value = { ...settings.value, mode: "dash" };
   });
   expect(screen.queryByText("The server has no memory left.")).toBeNull();
