@@ -22,8 +22,8 @@ from tigas_experiments.report.metrics import (
     NEW_VIEWS,
     RESPONSE_TIME_MEAN,
     RESPONSE_TIME_P95,
+    SEEN_SSIM,
     SWITCHES,
-    VIEW_SSIM,
     Metric,
 )
 
@@ -93,7 +93,7 @@ def _of_reading(cells: dict[tuple[str, float | None], Cell], reading: str) -> li
             lambda low, high: _judged(low >= FRAMES_PER_S, high < FRAMES_PER_S),
         ),
         _budget(every, reading, HEIGHT, "at an equal or greater height"),
-        _budget(every, reading, VIEW_SSIM, "at an equal or better SSIM of the view"),
+        _budget(every, reading, SEEN_SSIM, "at an equal or better SSIM of what is seen"),
     ]
 
 

@@ -211,6 +211,6 @@ TABLE = (
     PROFILE,
     SWITCHES,
     RECEIVED,
-    VIEW_SSIM,
+    SEEN_SSIM,
 )
 """Those that a page has room for."""
