@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.experiments.stub import Stub, installed
 from tests.web.conftest import CHROMIUM, STATIC
 from tests.web.fake_shaper import FakeShaper
 from tests.web.scenes import write_scenes
@@ -45,3 +46,9 @@ def services(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Services]:
 def out(tmp_path: Path) -> Path:
     """Where a comparison goes."""
     return tmp_path / "out"
+
+
+@pytest.fixture
+def stub(monkeypatch: pytest.MonkeyPatch) -> Stub:
+    """An environment that only pretends, in place of services and browser."""
+    return installed(monkeypatch)

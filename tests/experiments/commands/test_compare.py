@@ -18,8 +18,8 @@ import typer
 from typer.testing import CliRunner, Result
 
 from tests.experiments.conftest import Services
-from tests.experiments.run.commands import finished, started, until
-from tests.experiments.run.stub import Stub, fails
+from tests.experiments.processes import finished, started, until
+from tests.experiments.stub import Stub, fails
 from tigas_common.wire.run import MODES
 from tigas_experiments.commands.compare import compare as command
 from tigas_experiments.records.folder import StoredRun, read_experiment
@@ -202,7 +202,7 @@ def test_a_run_that_fails_costs_the_exit_status_and_no_other_run(stub: Stub, out
     result = tigas_compare("--out", str(out))
     assert result.exit_code == 1
     assert "dash-typical_0: The viewer failed: Target closed" in result.output
-    assert (len(stub.made), stub.reported) == (3, [out])
+    assert (len(stub.made), stub.reported) == (4, [out])
 
 
 def test_when_nothing_works_there_is_a_report_of_that_too(stub: Stub, out: Path) -> None:

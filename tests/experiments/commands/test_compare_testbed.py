@@ -11,7 +11,7 @@ import psutil
 import pytest
 
 from tests.experiments.commands.test_compare import compare, report
-from tests.experiments.run.commands import finished, until
+from tests.experiments.processes import finished, until
 from tests.web.conftest import CHROMIUM, STATIC
 from tigas_common.errors import StartError
 from tigas_experiments.records.folder import StoredRun

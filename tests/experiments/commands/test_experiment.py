@@ -11,7 +11,7 @@ from typing import Any
 import psutil
 
 from tests.experiments.conftest import Services
-from tests.experiments.run.commands import finished, started, until
+from tests.experiments.processes import finished, started, until
 from tests.experiments.run.test_plan import toml
 
 

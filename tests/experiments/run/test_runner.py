@@ -15,8 +15,8 @@ import pytest
 from typer.testing import CliRunner, Result
 
 from tests.experiments.made_up import SERVER
-from tests.experiments.run.stub import Stub, fails
 from tests.experiments.run.test_plan import toml
+from tests.experiments.stub import Stub, fails
 from tigas_common.errors import StartError
 from tigas_experiments.commands.experiment import experiment
 from tigas_experiments.lock import exclusive
