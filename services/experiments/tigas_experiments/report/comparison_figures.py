@@ -22,7 +22,6 @@ from tigas_experiments.report.plot import (
     Plot,
     add_legend,
     interactive_limit,
-    legend_entries,
     panel_grid,
     plain_log,
     style,
@@ -80,8 +79,7 @@ def write_headline(results: Results, folder: Path) -> None:
             axes.set_title(network, fontsize=9)
         for axes in panels[1:]:
             axes.set_ylabel("")
-        entries = legend_entries(panels)
-        figure.legend(entries.values(), entries.keys(), loc="outside upper center", ncols=5, fontsize=8)
+        add_legend(figure, panels)
         figure.savefig(folder / "headline.svg", metadata=NO_METADATA)
         figure.savefig(folder / "headline.png", dpi=160)
 
