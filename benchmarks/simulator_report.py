@@ -16,6 +16,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from benchmarks.simulator_runs import STAGES, Plan
+from tigas_common.wire.figures import INTERACTIVE_MS
 from tigas_common.wire.recording import Input
 from tigas_common.wire.render import DEFAULT_LADDER
 from tigas_common.wire.run import Configuration
@@ -26,7 +27,7 @@ ROOT = Path(__file__).parent.parent
 FIGURES = {
     "photon p50, ms": "photonP50",
     "p95, ms": "photonP95",
-    "poses ≤ 100 ms, %": "inTime",
+    f"poses ≤ {INTERACTIVE_MS:g} ms, %": "inTime",
     "mean rung": "rungOverTime",
     "switches/min": "switches",
     "frames/s": "framesPerSecond",

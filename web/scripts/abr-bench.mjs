@@ -17,8 +17,8 @@ const USAGE = `npm run abr-bench -- [options] TRACE.csv...
   --json FILE         all runs' figures
 `;
 
-const FIGURES = [
-  ["poses ≤ 100 ms, %", (f) => 100 * f.inTime, 1],
+const figuresWithin = (limit) => [
+  [`poses ≤ ${limit} ms, %`, (f) => 100 * f.inTime, 1],
   ["photon mean, ms", (f) => f.photonMean, 1],
   ["photon p95, ms", (f) => f.photonP95, 0],
   ["mean rung", (f) => f.rungOverTime, 2],
@@ -63,6 +63,7 @@ async function main() {
     { PAPER_LADDER },
     { CONTROLLER_NAMES },
     { seeded },
+    { INTERACTIVE },
   ] = await Promise.all(
     [
       "simulator/simulate",
@@ -74,8 +75,10 @@ async function main() {
       "abr/ladder",
       "abr/registry",
       "abr/random",
+      "experiment/figures",
     ].map(load),
   );
+  const columns = figuresWithin(INTERACTIVE);
   const seed = Number(values.seed);
   const jitter_ms = Number(values.jitter);
   const duration = Number(values.seconds) * 1000;
@@ -119,17 +122,17 @@ async function main() {
   for (const roundTrip of values.rtt.map(Number)) {
     const of = (controller) =>
       runs.filter((run) => run.roundTrip === roundTrip && run.controller === controller).map(({ figures }) => figures);
-    process.stdout.write(`\n| RTT ${roundTrip} ms | ${FIGURES.map(([title]) => title).join(" | ")} |\n`);
-    process.stdout.write(`|---|${FIGURES.map(() => "---:|").join("")}\n`);
+    process.stdout.write(`\n| RTT ${roundTrip} ms | ${columns.map(([title]) => title).join(" | ")} |\n`);
+    process.stdout.write(`|---|${columns.map(() => "---:|").join("")}\n`);
     for (const controller of names) {
-      const cells = FIGURES.map(([, value, digits]) => {
+      const cells = columns.map(([, value, digits]) => {
         const all = of(controller).map(value);
         return (all.reduce((sum, each) => sum + each, 0) / all.length).toFixed(digits);
       });
       process.stdout.write(`| ${controller} | ${cells.join(" | ")} |\n`);
     }
     for (const controller of names.filter((name) => name !== values.of && names.includes(values.of))) {
-      const cells = FIGURES.map(([, value, digits]) => {
+      const cells = columns.map(([, value, digits]) => {
         const [ours, theirs] = [of(values.of), of(controller)];
         const { mean, low, high } = bootstrap(
           ours.map((figures, i) => value(figures) - value(theirs[i])),

@@ -1,12 +1,13 @@
 /** Sums a simulated visit up. */
+import { INTERACTIVE } from "../experiment/figures";
 import type { PresentedFrame } from "../view/presented";
 import type { Stalls } from "../view/stalls";
 import type { Rung } from "../wire/render";
 
 export interface Figures {
-  /** Share of poses whose motion-to-photon latency was at most 100 ms: every pose counts, whether it was asked for or not. */
+  /** Share of poses whose motion-to-photon latency was at most `INTERACTIVE`: every pose counts, whether it was asked for or not. */
   readonly inTime: number;
-  /** Share of frames whose response time (request to last byte) was at most 100 ms. */
+  /** Share of frames whose response time (request to last byte) was at most `INTERACTIVE`. */
   readonly responsesInTime: number;
   /** Response time of frames, in milliseconds. */
   readonly responseP50: number;
@@ -33,8 +34,6 @@ export interface Figures {
   readonly stalls: number;
   readonly stalled: number;
 }
-
-const IN_TIME = 100;
 
 export class Tally {
   readonly #responses: number[] = [];
@@ -110,7 +109,7 @@ export class Tally {
 }
 
 function share(sorted: Float64Array): number {
-  return sorted.filter((value) => value <= IN_TIME).length / Math.max(1, sorted.length);
+  return sorted.filter((value) => value <= INTERACTIVE).length / Math.max(1, sorted.length);
 }
 
 /** The nearest rank. */
