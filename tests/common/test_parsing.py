@@ -106,3 +106,9 @@ def test_a_rung_keeps_its_resolution_for_its_own_shape_and_its_pixels_for_others
     assert width / height == pytest.approx(390 / 844, rel=0.01)
     for extreme in (rung.size_for(8192, 1), rung.size_for(1, 8192), rung.size_for(1, 1)):
         assert all(1 <= side <= 8192 for side in extreme)
+
+
+def test_very_many_mistakes_are_counted_and_not_listed() -> None:
+    raw = body(EULER, **{f"wheel{number}": 4 for number in range(5000)})
+    with pytest.raises(InvalidRequest, match="It is wrong in 5,000 places"):
+        parse(RenderRequest, raw, len(raw))

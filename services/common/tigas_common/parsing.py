@@ -12,6 +12,9 @@ from tigas_common.errors import BodyTooLarge, InvalidRequest
 MAX_BODY = 16 * 1024
 """The largest request body, in bytes, unless a service takes more."""
 
+MOST_ERRORS = 1000
+"""Of more, pydantic's account takes a hundred times as much memory as the text that has them."""
+
 Message = TypeVar("Message")
 
 
@@ -30,7 +33,9 @@ def parse(kind: type[Message], body: bytes, limit: int = MAX_BODY) -> Message:
 
 
 def sentence(error: ValidationError) -> str:
-    """The first thing that is wrong, with the field that it concerns."""
+    """The first thing that is wrong, with the field that it concerns; of very many, only how many they are."""
+    if error.error_count() > MOST_ERRORS:
+        return f"It is wrong in {error.error_count():,} places."
     first = error.errors(include_url=False, include_input=False, include_context=False)[0]
     where = ".".join(map(str, first["loc"]))
     what = first["msg"].removeprefix("Value error, ")

@@ -21,7 +21,9 @@ from tigas_experiments.records.folder import ExperimentRecord, write_experiment
 from tigas_experiments.records.load import LoadSample
 from tigas_experiments.store.app import Store, create_app
 from tigas_experiments.store.experiments import Experiments
+from tigas_experiments.store.limits import Limit
 from tigas_experiments.store.movements import Movements
+from tigas_experiments.store.offload import Offload
 from tigas_experiments.store.reports import Reports
 from tigas_experiments.store.workspace import NAME, Workspace
 
@@ -78,20 +80,22 @@ async def until(condition: Callable[[], bool]) -> None:
         await asyncio.sleep(0.01)
 
 
-async def in_a_thread(function: Callable[[*Ts], T], *arguments: *Ts) -> T:
+async def in_a_thread(function: Callable[[*Ts], T], *arguments: *Ts, limit: Limit | None = None) -> T:
     """Stands in for a process of its own, which takes seconds to start."""
     return await asyncio.to_thread(function, *arguments)
 
 
 @asynccontextmanager
-async def running_store(directory: Path, load: Sequence[LoadSample] = ()) -> AsyncIterator[Running]:
+async def running_store(
+    directory: Path, load: Sequence[LoadSample] = (), offload: Offload = in_a_thread
+) -> AsyncIterator[Running]:
     """A store for as long as the context lasts."""
     results, movements = directory / "results", directory / "movements"
     movements.mkdir(exist_ok=True)
     with Workspace.opened(results) as workspace:
         experiments = Experiments(results, workspace)
-        reports = Reports(experiments, workspace, in_a_thread)
-        store = Store(workspace, experiments, reports, Movements(movements), load, MACHINE, in_a_thread)
+        reports = Reports(experiments, workspace, offload)
+        store = Store(workspace, experiments, reports, Movements(movements), load, MACHINE, offload)
         async with (
             serve_http(create_app(store, ["https://page.example"]), Address("127.0.0.1", 0)) as port,
             httpx.AsyncClient(base_url=f"http://127.0.0.1:{port}", timeout=PATIENCE_S) as client,

@@ -5,12 +5,15 @@ from __future__ import annotations
 import os
 import signal
 import sys
+from collections.abc import Callable
 
 import pytest
 
 from tigas_common.errors import InvalidRequest, Overloaded
 from tigas_common.parsing import parse
 from tigas_common.wire.store import ExperimentRequest
+from tigas_experiments.store.errors import TooCostly
+from tigas_experiments.store.limits import Limit
 from tigas_experiments.store.offload import offload_to_process
 
 pytestmark = pytest.mark.anyio
@@ -32,3 +35,30 @@ async def test_work_that_the_system_ends_is_told_and_the_next_goes_on(monkeypatc
     with pytest.raises(InvalidRequest) as raised:
         await offload_to_process(parse, ExperimentRequest, b"{")
     assert raised.value.detail.startswith("Invalid JSON")
+
+
+def fill_memory() -> None:
+    """As a body that was made for it."""
+    kept = []
+    while True:
+        kept.append(bytearray(b"x" * 1_000_000))
+
+
+def spin() -> None:
+    """Without end."""
+    while True:
+        pass
+
+
+@pytest.mark.parametrize("costly", [fill_memory, spin])
+async def test_work_that_takes_more_than_it_may_is_refused_and_the_next_goes_on(costly: Callable[[], None]) -> None:
+    with pytest.raises(TooCostly, match="more than 64 MB of memory or 1 s to check"):
+        await offload_to_process(costly, limit=Limit(memory=64_000_000, cpu_s=1))
+    assert len(await offload_to_process(bytearray, 200_000_000)) == 200_000_000
+
+
+async def test_a_limit_ends_with_its_work() -> None:
+    tight = Limit(memory=64_000_000, cpu_s=1)
+    worker = await offload_to_process(os.getpid, limit=tight)
+    assert await offload_to_process(len, bytes(200_000_000)) == 200_000_000
+    assert await offload_to_process(os.getpid, limit=tight) == worker

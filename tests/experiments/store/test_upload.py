@@ -15,10 +15,15 @@ import anyio.to_thread
 import httpx
 import pytest
 
-from tests.experiments.made_up import inputs, reply, sample
+from tests.experiments.made_up import frame, inputs, reply, sample
 from tests.experiments.store.conftest import Running, running_store, until, upload
 from tests.web.server import Store
+from tigas_common.errors import InvalidRequest
+from tigas_common.parsing import parse
+from tigas_common.wire.store import RunUpload
 from tigas_experiments.store import app
+from tigas_experiments.store.offload import offload_to_process
+from tigas_experiments.store.upload import check_limit
 from tigas_experiments.store.workspace import NAME
 
 pytestmark = pytest.mark.anyio
@@ -115,6 +120,55 @@ async def test_a_broken_run_is_told_why(store: Running) -> None:
                 inside = inside[parent]
             inside[name] = value
         assert told in await refuses(store, experiment, json.dumps(sent)), changes
+
+
+def repeated(text: str, size: int = 1_000_000) -> str:
+    """An array of the same."""
+    return f"[{','.join([text] * (size // (len(text) + 1)))}]"
+
+
+def named(value: str, size: int = 1_000_000) -> str:
+    """An object of many names."""
+    return "{" + ",".join(f'"{number:x}":{value}' for number in range(size // 10)) + "}"
+
+
+BOMBS = {
+    "link": repeated("{}"),
+    "recording.inputs": repeated("{}"),
+    "recording.frames": repeated(json.dumps(frame(0, 1).model_dump() | {"latencies": ["x"] * 100})),
+    "recording.traffic": f"[{named('0')}]",
+    "recording": named("{}"),
+    "surprise": named(repeated("0", 10)),
+    "configuration": repeated("0"),
+    "configuration.network": "[" * 500_000 + "]" * 500_000,
+    "configuration.network.link": '{"link":' * 100_000 + "0" + "}" * 100_000,
+    "configuration.seed": "9" * 1_000_000,
+    "configuration.scene": '"\\ud800"',
+}
+
+
+async def test_a_megabyte_of_mistakes_is_told_as_cheaply_as_one() -> None:
+    for where, bomb in BOMBS.items():
+        sent = upload()
+        *parents, name = where.split(".")
+        inside = sent
+        for parent in parents:
+            inside = inside[parent]
+        inside[name] = "HERE"
+        body = json.dumps(sent).replace('"HERE"', bomb).encode()
+        with pytest.raises(InvalidRequest) as refused:
+            await offload_to_process(parse, RunUpload, body, len(body), limit=check_limit(len(body)))
+        assert len(refused.value.detail) < 200, where
+
+
+async def test_a_body_that_takes_too_much_is_refused_and_the_store_goes_on(tmp_path: Path) -> None:
+    async with running_store(tmp_path, offload=offload_to_process) as store:
+        experiment = await store.create()
+        before = store.kept()
+        answer = await store.http.post(f"/experiments/{experiment}/runs", content=named("0", 30_000_000))
+        assert (answer.status_code, answer.json()["type"]) == (422, "tigas:too-costly")
+        assert store.kept() == before
+        await store.add(experiment)
 
 
 async def test_only_numbers_are_numbers(store: Running) -> None:

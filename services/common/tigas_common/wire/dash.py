@@ -8,7 +8,7 @@ from typing import Self
 from pydantic import Field, model_validator
 
 from tigas_common.pose import Intrinsics, Pose
-from tigas_common.wire.model import MAX_PIXELS, MAX_SIDE, Point, Quaternion, WireModel
+from tigas_common.wire.model import MAX_PIXELS, MAX_SIDE, Entries, Point, Quaternion, WireModel
 
 MAX_REPRESENTATIONS = 8
 
@@ -37,7 +37,7 @@ class SessionRequest(WireModel):
     width: int = Field(ge=16, le=MAX_SIDE)
     height: int = Field(ge=16, le=MAX_SIDE)
     """fx, fy, cx, cy are in pixels for this viewport."""
-    representations: tuple[RepresentationRequest, ...] | None = Field(
+    representations: Entries[RepresentationRequest] | None = Field(
         default=None, min_length=1, max_length=MAX_REPRESENTATIONS
     )
     """Left out: every rung that fits into the viewport, and the best of them at three times the bitrate, too."""
@@ -116,7 +116,7 @@ class RepresentationInfo(WireModel):
 class StreamInfo(WireModel):
     """What a stream is."""
 
-    representations: tuple[RepresentationInfo, ...]
+    representations: Entries[RepresentationInfo]
     frame_rate: int
     segment_s: float
     frames_per_chunk: int

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, TypeVar
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
@@ -15,6 +15,10 @@ Angle = Annotated[float, Field(ge=-1e6, le=1e6)]
 Coordinate = Annotated[float, Field(ge=-1e9, le=1e9)]
 Point = tuple[Coordinate, Coordinate, Coordinate]
 Unit = Annotated[float, Field(ge=0, le=1)]
+
+Entry = TypeVar("Entry")
+Entries = Annotated[tuple[Entry, ...], Field(fail_fast=True)]
+"""As many as there are. Checking ends at the first wrong one, as a megabyte can hold a million."""
 
 
 def _is_rotation(quaternion: tuple[float, ...]) -> tuple[float, ...]:

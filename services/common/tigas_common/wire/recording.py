@@ -12,7 +12,7 @@ from pydantic import Field, model_validator
 
 from tigas_common.pose import Intrinsics, Pose
 from tigas_common.wire.dash import StreamInfo
-from tigas_common.wire.model import MAX_SIDE, Coordinate, Point, WireModel
+from tigas_common.wire.model import MAX_SIDE, Coordinate, Entries, Point, WireModel
 from tigas_common.wire.render import ServerTiming
 
 MAX_BYTES = 256_000_000
@@ -48,7 +48,7 @@ class ShownFrame(WireModel):
     """When it was on the screen."""
     pose: int
     """The number of the pose that it was rendered from."""
-    latencies: tuple[float, ...]
+    latencies: Entries[float]
     """What the page itself took for the motion-to-photon latency of each input that this frame shows first."""
     rung: int | None
     """Of the ladder."""
@@ -146,7 +146,7 @@ class PlayedStream(StreamInfo):
 
     player: str = Field(max_length=100)
     """Its name and version."""
-    targets_ms: tuple[float, ...] = ()
+    targets_ms: Entries[float] = ()
     """The live latency that it was to hold during the run; each target that was in force, in their order."""
 
     @property
@@ -190,14 +190,14 @@ class RecordingHead(WireModel):
 class Recording(RecordingHead):
     """One run, as the viewer saw it."""
 
-    inputs: tuple[Input, ...]
-    frames: tuple[ShownFrame, ...]
-    replies: tuple[Reply, ...] = ()
+    inputs: Entries[Input]
+    frames: Entries[ShownFrame]
+    replies: Entries[Reply] = ()
     """None of DASH."""
-    requests: tuple[Request, ...] = ()
+    requests: Entries[Request] = ()
     """None of DASH, and of early recordings."""
-    captures: tuple[Capture, ...]
-    traffic: tuple[Traffic, ...]
+    captures: Entries[Capture]
+    traffic: Entries[Traffic]
 
     @model_validator(mode="after")
     def _check(self) -> Self:

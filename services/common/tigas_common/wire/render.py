@@ -9,7 +9,7 @@ from typing import Literal, Self
 from pydantic import Field, model_validator
 
 from tigas_common.pose import Intrinsics, Pose
-from tigas_common.wire.model import MAX_PIXELS, MAX_SIDE, Angle, Point, Quaternion, Unit, WireModel
+from tigas_common.wire.model import MAX_PIXELS, MAX_SIDE, Angle, Entries, Point, Quaternion, Unit, WireModel
 
 FrameFormat = Literal["jpeg", "png", "yuv420p"]
 
@@ -201,7 +201,7 @@ class ServerConfig(WireModel):
     """Of its code, with `-dirty` if that was changed; null if it is unknown."""
     device: str | None = None
     """What it renders with: `cpu`, or the graphics processor's name."""
-    ladder: tuple[Rung, ...]
+    ladder: Entries[Rung]
     certificate_sha256: str | None
     """Base64 of the SHA-256 of the certificate's DER, for `serverCertificateHashes`."""
     webtransport_url: str | None

@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 from pydantic import ConfigDict, Field
 from pydantic.dataclasses import dataclass
 
-from tigas_common.wire.model import WireModel
+from tigas_common.wire.model import Entries, WireModel
 
 MAX_RATE_KBPS = 1e8
 MAX_DELAY_MS = 60_000.0
@@ -84,7 +84,7 @@ class TraceSummary(WireModel):
 class TraceList(WireModel):
     """Every trace that there is."""
 
-    traces: tuple[TraceSummary, ...]
+    traces: Entries[TraceSummary]
 
 
 class TracePoints(WireModel):
@@ -92,10 +92,10 @@ class TracePoints(WireModel):
 
     name: str
     duration_ms: int
-    times_ms: tuple[float, ...]
+    times_ms: Entries[float]
     """Where each span starts; the last one ends at the end of the trace."""
-    down_kbps: tuple[float, ...]
-    up_kbps: tuple[float, ...]
+    down_kbps: Entries[float]
+    up_kbps: Entries[float]
 
 
 class DirectionStatus(WireModel):

@@ -10,7 +10,7 @@ from typing import Annotated, Literal, Self
 from pydantic import AfterValidator, Field, JsonValue, StringConstraints, model_validator
 
 from tigas_common.wire.figures import Figures
-from tigas_common.wire.model import WireModel
+from tigas_common.wire.model import Entries, WireModel
 from tigas_common.wire.recording import LinkSample, Recording
 from tigas_common.wire.run import Configuration
 
@@ -65,7 +65,7 @@ class RunUpload(WireModel):
 
     configuration: Configuration
     recording: Recording
-    link: tuple[LinkSample, ...]
+    link: Entries[LinkSample]
     """What the shaper told of its link meanwhile; none without one."""
     scene_bytes: int | None = Field(default=None, ge=0, le=MOST_BYTES)
     """Of the scene's file; None if unknown."""
@@ -134,7 +134,7 @@ class ExperimentSummary(WireModel):
 class ExperimentList(WireModel):
     """All experiments, the newest first."""
 
-    experiments: tuple[ExperimentSummary, ...]
+    experiments: Entries[ExperimentSummary]
 
 
 class Experiment(WireModel):
@@ -147,7 +147,7 @@ class Experiment(WireModel):
     plan: Plan
     """As it was given."""
     complete: int
-    runs: tuple[RunRow, ...]
+    runs: Entries[RunRow]
 
 
 class Movement(WireModel):
@@ -163,4 +163,4 @@ class Movement(WireModel):
 class MovementList(WireModel):
     """All movement traces, by name."""
 
-    movements: tuple[Movement, ...]
+    movements: Entries[Movement]

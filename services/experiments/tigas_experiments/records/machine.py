@@ -10,7 +10,7 @@ from typing import Self
 import psutil
 
 from tigas_common.commit import this_commit
-from tigas_common.wire.model import WireModel
+from tigas_common.wire.model import Entries, WireModel
 from tigas_common.wire.render import Rung, ServerConfig
 
 PACKAGES = ("aioquic", "av", "numba", "playwright", "scikit-image")
@@ -38,7 +38,7 @@ class Server(WireModel):
     """Of its code."""
     device: str | None
     """What it renders with."""
-    ladder: tuple[Rung, ...]
+    ladder: Entries[Rung]
 
     @classmethod
     def of(cls, config: ServerConfig) -> Self:

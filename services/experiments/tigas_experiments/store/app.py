@@ -28,7 +28,7 @@ from tigas_experiments.store.experiments import MAX_PLAN_BYTES, Experiments
 from tigas_experiments.store.movements import Movements
 from tigas_experiments.store.offload import Offload
 from tigas_experiments.store.reports import Reports
-from tigas_experiments.store.upload import keep_upload
+from tigas_experiments.store.upload import check_limit, keep_upload
 from tigas_experiments.store.workspace import Workspace
 
 SILENCE_S = 30.0
@@ -113,7 +113,8 @@ async def add_run(request: Request) -> Response:
         await _receive(request, body)
         run = folder / "run"
         async with store.one_at_a_time:
-            summary = await store.offload(keep_upload, body, run, tuple(store.load), store.machine)
+            limit = check_limit(body.stat().st_size)
+            summary = await store.offload(keep_upload, body, run, tuple(store.load), store.machine, limit=limit)
         row = await asyncio.to_thread(store.experiments.add_run, name, run, summary)
     return created_response(row, f"/experiments/{quote(name)}")
 

@@ -33,6 +33,12 @@ class NothingToReport(TigasError):
     status, type, title = 409, "no-runs", "The experiment has no runs"
 
 
+class TooCostly(TigasError):
+    """To check what was sent took more memory or time than anything sensible of its size."""
+
+    status, type, title = 422, "too-costly", "It takes too much to check"
+
+
 class DiskFull(TigasError):
     """Nothing more can be kept."""
 

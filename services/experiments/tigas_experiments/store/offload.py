@@ -12,6 +12,8 @@ from typing import Protocol, TypeVar, TypeVarTuple
 from anyio import BrokenWorkerProcess, to_process
 
 from tigas_common.errors import Overloaded
+from tigas_experiments.store.errors import TooCostly
+from tigas_experiments.store.limits import Limit, limited
 
 T = TypeVar("T")
 Ts = TypeVarTuple("Ts")
@@ -20,18 +22,30 @@ Ts = TypeVarTuple("Ts")
 class Offload(Protocol):
     """Where such work is done."""
 
-    async def __call__(self, function: Callable[[*Ts], T], *arguments: *Ts) -> T:
+    async def __call__(self, function: Callable[[*Ts], T], *arguments: *Ts, limit: Limit | None = None) -> T:
         """Call a module's function there, and return or raise what it does. It must not raise OSError."""
 
 
-async def offload_to_process(function: Callable[[*Ts], T], *arguments: *Ts) -> T:
-    """Done in another process; killed there if nobody waits for it any longer.
+async def offload_to_process(function: Callable[[*Ts], T], *arguments: *Ts, limit: Limit | None = None) -> T:
+    """Done in another process; killed there if nobody waits for it any longer, or if it exceeds the limit.
 
-    Raises Overloaded if the process cannot be started, or is ended by the system.
+    Raises TooCostly if it is ended under a limit; Overloaded if the process cannot be started, or is ended without one.
     """
     try:
+        if limit:
+            return await to_process.run_sync(_within, limit, function, *arguments, cancellable=True)
         return await to_process.run_sync(function, *arguments, cancellable=True)
-    except BrokenWorkerProcess:
+    except (BrokenWorkerProcess, MemoryError):
+        if limit:
+            raise TooCostly(
+                f"It took more than {limit.memory // 1_000_000:,} MB of memory or {limit.cpu_s} s to check, "
+                "or more than the machine has."
+            ) from None
         raise Overloaded("The work was ended by the system, probably for want of memory.") from None
     except OSError as error:
         raise Overloaded(f"No process can be started for the work: {error.strerror or error}.") from None
+
+
+def _within(limit: Limit, function: Callable[[*Ts], T], *arguments: *Ts) -> T:
+    with limited(limit):
+        return function(*arguments)

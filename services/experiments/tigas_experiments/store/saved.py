@@ -11,7 +11,7 @@ from pydantic import JsonValue, ValidationError
 
 from tigas_common.errors import StartError
 from tigas_common.parsing import sentence
-from tigas_common.wire.model import WireModel
+from tigas_common.wire.model import Entries, WireModel
 from tigas_common.wire.store import ExperimentName, Plan, RunUpload
 from tigas_experiments.records.folder import ExperimentRecord, write_experiment
 from tigas_experiments.records.machine import this_machine
@@ -25,7 +25,7 @@ class SavedExperiment(WireModel):
     created: str
     source: Literal["page"]
     plan: Plan
-    runs: tuple[dict[str, JsonValue], ...]
+    runs: Entries[dict[str, JsonValue]]
     """What the page would have sent to a store, and what became of it; without a recording where there is none."""
 
 

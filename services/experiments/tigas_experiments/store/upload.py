@@ -14,7 +14,16 @@ from tigas_experiments.records.load import Load, LoadSample
 from tigas_experiments.records.machine import Machine
 from tigas_experiments.records.summary import Summary, summarise
 from tigas_experiments.store.errors import storage_explained
+from tigas_experiments.store.limits import Limit
 from tigas_experiments.store.workspace import to_disk
+
+
+def check_limit(size: int) -> Limit:
+    """What `keep_upload` may take for a body of so many bytes.
+
+    A page's run of 20 Mbit/s takes 13 times its size in memory and a quarter of a second for each megabyte.
+    """
+    return Limit(memory=256_000_000 + 20 * size, cpu_s=30 + 2 * size // 1_000_000)
 
 
 def keep_upload(body: Path, folder: Path, load: Sequence[LoadSample], machine: Machine) -> Summary:
