@@ -9,13 +9,14 @@ from typing import Any
 import httpx
 import pytest
 
+from tests.not_files import NOT_FILES
 from tests.shaper.fakes import FakeGateway, FakeLink, FakeTime, trace
-from tigas_common.wire.shaper import LinkSetting
+from tigas_common.wire.shaper import MAX_UPLOAD_BYTES, LinkSetting
 from tigas_shaper.api import create_app
 from tigas_shaper.player import Player
 from tigas_shaper.service import Shaper
 from tigas_shaper.traces.csv_format import format_csv
-from tigas_shaper.traces.library import MAX_UPLOAD_BYTES, MAX_UPLOADS, TraceLibrary
+from tigas_shaper.traces.library import MAX_UPLOADS, TraceLibrary
 
 pytestmark = pytest.mark.anyio
 PAGE = "http://localhost:8080"
@@ -164,6 +165,16 @@ async def test_an_endless_upload_is_cut_off(client: httpx.AsyncClient) -> None:
     answer = await client.post("/traces", content=endless())
     assert answer.status_code == 413
     assert sent <= MAX_UPLOAD_BYTES + 2_000_000
+
+
+@pytest.mark.parametrize("kind", NOT_FILES)
+async def test_what_is_no_file_among_the_traces_holds_nothing_up(
+    client: httpx.AsyncClient, directory: Path, kind: str
+) -> None:
+    before = (await client.get("/traces")).json()
+    NOT_FILES[kind](directory / "made.csv")
+    assert (await client.get("/traces")).json() == before
+    assert (await client.get("/traces/made")).status_code == 404
 
 
 async def test_uploads_are_bounded(client: httpx.AsyncClient) -> None:

@@ -13,6 +13,7 @@ from pathlib import Path
 
 from PIL import Image
 
+from tigas_common.files import read_regular
 from tigas_common.pose import Intrinsics, Pose
 from tigas_common.wire.model import Point
 from tigas_common.wire.render import StartCamera
@@ -85,9 +86,7 @@ class PreviewCache:
 def read_preview(path: Path) -> Preview | None:
     """An image file, or None if it is missing, too large, or no sound JPEG or PNG, whatever its name says."""
     try:
-        if path.stat().st_size > MAX_BYTES:
-            return None
-        body = path.read_bytes()
+        body = read_regular(path, MAX_BYTES)
         with Image.open(io.BytesIO(body), formats=tuple(_MEDIA_TYPES)) as image:
             if image.width * image.height > MAX_PIXELS or image.format is None:
                 return None

@@ -18,10 +18,10 @@ from starlette.routing import Route
 from tigas_common.errors import Overloaded
 from tigas_common.origins import OriginCheck, OriginPolicy, cross_origin
 from tigas_common.web import EXCEPTION_HANDLERS, NO_STORE, healthy, json_response, read_body, read_message
-from tigas_common.wire.shaper import LinkSetting, LoopRequest, SeekRequest, StartRequest, TraceList
+from tigas_common.wire.shaper import MAX_UPLOAD_BYTES, LinkSetting, LoopRequest, SeekRequest, StartRequest, TraceList
 from tigas_shaper.errors import LinkClosed
 from tigas_shaper.service import Shaper
-from tigas_shaper.traces.library import MAX_UPLOAD_BYTES, points, summary
+from tigas_shaper.traces.library import points, summary
 
 MAX_WATCHERS = 64
 

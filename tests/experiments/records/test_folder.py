@@ -10,6 +10,7 @@ import pytest
 from pydantic import JsonValue
 
 from tests.experiments.made_up import recording, reply, write_run
+from tests.not_files import NOT_FILES
 from tigas_experiments.quality.picture import Quality
 from tigas_experiments.records.folder import ExperimentRecord, RunWriter, StoredRun, read_experiment, write_experiment
 from tigas_experiments.records.recording import BrokenRecording, parse_recording
@@ -39,6 +40,30 @@ def test_replies_come_back_and_may_be_missing(tmp_path: Path) -> None:
     (stored,) = StoredRun(tmp_path / "other").replies()
     assert stored.model_dump(mode="json") == entry
     assert stored.time_ms == 35
+
+
+@pytest.mark.parametrize("kind", NOT_FILES)
+@pytest.mark.parametrize("name", ["run.json", "frames.ndjson", "snapshot.json", "captures/view.png"])
+def test_what_is_no_file_in_a_folder_makes_it_broken(tmp_path: Path, name: str, kind: str) -> None:
+    folder = write_run(tmp_path / "run")
+    (folder / name).unlink()
+    NOT_FILES[kind](folder / name)
+    with pytest.raises(BrokenRecording, match=r"cannot be read: .+\."):
+        _read_all(folder)
+
+
+def test_a_line_without_end_is_refused(tmp_path: Path) -> None:
+    folder = write_run(tmp_path / "run")
+    (folder / "traffic.ndjson").write_text("{" + '"a":0,' * 1_000_000)
+    with pytest.raises(BrokenRecording, match=r"traffic.ndjson, line 1 is longer than 1,000,000 characters\."):
+        _read_all(folder)
+
+
+def _read_all(folder: Path) -> None:
+    stored = StoredRun(folder)
+    stored.frames()
+    stored.traffic()
+    stored.snapshot()
 
 
 @pytest.mark.parametrize(

@@ -93,3 +93,13 @@ def test_an_archive_that_cannot_be_written_leaves_the_old_one(tmp_path: Path, mo
         pack(folder, path)
     assert [each.name for each in tmp_path.iterdir() if each.is_file()] == ["it.tar.xz"]
     assert path.read_bytes() == b"old"
+
+
+def test_an_archive_that_grows_without_measure_is_not_unpacked(tmp_path: Path) -> None:
+    folder = experiment(tmp_path / "study")
+    (folder / "runs" / "a" / "load.ndjson").write_bytes(bytes(100_000_000))
+    pack(folder, tmp_path / "bomb.tar.xz")
+    shutil.rmtree(folder)
+    with pytest.raises(StartError, match=r"bomb\.tar\.xz would unpack to more than 1,000 times its size\."):
+        unpack(tmp_path / "bomb.tar.xz")
+    assert not folder.exists()

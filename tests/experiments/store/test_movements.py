@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 
 from tests.experiments.store.conftest import Running
+from tests.not_files import NOT_FILES
 
 pytestmark = pytest.mark.anyio
 
@@ -29,6 +30,14 @@ async def test_movements_are_listed_and_read(store: Running) -> None:
         refused = await store.http.get(f"/movements/{name}")
         assert (refused.status_code, refused.json()["type"]) == (404, "tigas:unknown-movement")
         assert told in refused.json()["detail"]
+
+
+@pytest.mark.parametrize("kind", NOT_FILES)
+async def test_what_is_no_file_among_them_holds_nothing_up(store: Running, kind: str) -> None:
+    (store.movements / "walk.csv").write_text(WALK)
+    NOT_FILES[kind](store.movements / "made.csv")
+    assert [each["name"] for each in (await store.http.get("/movements")).json()["movements"]] == ["walk"]
+    assert (await store.http.get("/movements/made")).status_code == 404
 
 
 async def test_a_movement_that_was_replaced_is_read_again(store: Running) -> None:

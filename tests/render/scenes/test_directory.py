@@ -8,10 +8,12 @@ from pathlib import Path
 
 import pytest
 
+from tests.not_files import NOT_FILES
 from tests.render.scenes import plys
 from tigas_common.errors import BrokenScene
 from tigas_render.scenes import directory
 from tigas_render.scenes.directory import find_ply, read_folder, scan_directory
+from tigas_render.scenes.ply import load_ply
 from tigas_render.scenes.ply_header import PlyHeader, read_header
 
 
@@ -39,6 +41,27 @@ def test_a_folder_without_a_scene_says_so(tmp_path: Path) -> None:
     (tmp_path / "folder.ply").mkdir()
     with pytest.raises(BrokenScene, match=r"has no \.ply file"):
         find_ply(tmp_path)
+
+
+@pytest.mark.parametrize("kind", NOT_FILES)
+def test_what_is_no_file_makes_its_scene_broken_and_no_other(tmp_path: Path, kind: str) -> None:
+    for name in ("good", "description", "preview"):
+        plys.write(tmp_path / name / "scene.ply", plys.binary_ply())
+    (tmp_path / "scene").mkdir()
+    NOT_FILES[kind](tmp_path / "scene" / "scene.ply")
+    NOT_FILES[kind](tmp_path / "description" / "scene.json")
+    NOT_FILES[kind](tmp_path / "preview" / "preview.jpg")
+    errors = {id: source.error for id, source in scan_directory(tmp_path).items()}
+    assert errors.pop("scene") == "The folder scene has no .ply file."
+    assert str(errors.pop("description")).startswith("scene.json cannot be read: ")
+    assert errors == {"good": None, "preview": None}
+
+
+@pytest.mark.parametrize("kind", NOT_FILES)
+def test_a_scene_that_became_no_file_is_broken(tmp_path: Path, kind: str) -> None:
+    NOT_FILES[kind](tmp_path / "scene.ply")
+    with pytest.raises(BrokenScene, match=r"scene.ply cannot be read: .+\."):
+        load_ply(tmp_path / "scene.ply")
 
 
 def test_hidden_and_unsafe_names_are_skipped_with_a_word(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:

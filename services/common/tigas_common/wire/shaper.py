@@ -14,6 +14,9 @@ MAX_DELAY_MS = 60_000.0
 MAX_DURATION_MS = 30 * 24 * 3600 * 1000
 """Of a trace."""
 
+MAX_UPLOAD_BYTES = 16_000_000
+"""Of a trace's file."""
+
 PlaybackMode = Literal["constant", "playing", "paused", "ended"]
 """What a link does with a trace; `constant` has none."""
 Backend = Literal["netem", "relay"]

@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from tigas_common.files import open_regular
 from tigas_experiments.movement.errors import MovementError
 
 Floats = NDArray[np.float64]
@@ -29,7 +30,7 @@ MAX_LINE = 10_000
 def read_text(path: Path) -> str:
     """A text file, never more of it than the limit. Raises MovementError."""
     try:
-        with path.open("rb") as file:
+        with open_regular(path) as file:
             data = file.read(MAX_BYTES + 1)
     except OSError as error:
         raise MovementError(f"The movement {path} cannot be read: {error.strerror or error}.") from None

@@ -22,6 +22,7 @@ from typing import Literal, TypeVar
 
 from pydantic import BaseModel, Field, ValidationError
 
+from tigas_common.files import read_regular
 from tigas_common.parsing import sentence
 from tigas_common.wire.model import WireModel
 from tigas_common.wire.recording import Input, LinkSample, Recording, RecordingHead, Reply, Request, ShownFrame, Traffic
@@ -33,6 +34,12 @@ from tigas_experiments.records.machine import Machine, Server
 from tigas_experiments.records.recording import BrokenRecording
 
 MAX_FILE_BYTES = 256_000_000
+MAX_RECORD_BYTES = 1_000_000
+"""Of a file that is one record: most have some kilobytes, a plan may have 64 KiB."""
+MAX_LINE = 1_000_000
+"""Characters; most lines have some hundred, and one for each pose that a frame was the first to show."""
+MAX_PICTURE_BYTES = 64_000_000
+"""A PNG of the largest viewport has hardly more."""
 Entry = TypeVar("Entry", bound=BaseModel)
 
 
@@ -155,7 +162,7 @@ class StoredRun:
         snapshot = _read_one(self.folder / "snapshot.json", Snapshot)
         shown, view = _capture(self.folder, snapshot.capture), self.folder / "captures" / "view.png"
         try:
-            return snapshot.at, shown.read_bytes(), view.read_bytes()
+            return snapshot.at, read_regular(shown, MAX_PICTURE_BYTES), read_regular(view, MAX_PICTURE_BYTES)
         except OSError as error:
             raise BrokenRecording(f"{error.filename} cannot be read: {error.strerror}.") from None
 
@@ -220,11 +227,9 @@ def _capture(folder: Path, index: int) -> Path:
     return folder / "captures" / f"{index:04}.png"
 
 
-def _read(path: Path) -> str:
+def _read(path: Path, limit: int) -> str:
     try:
-        if path.stat().st_size > MAX_FILE_BYTES:
-            raise BrokenRecording(f"{path} has more than {MAX_FILE_BYTES} bytes.")
-        return path.read_text(encoding="utf-8")
+        return read_regular(path, limit).decode("utf-8")
     except OSError as error:
         raise BrokenRecording(f"{path} cannot be read: {error.strerror or error}.") from None
     except UnicodeDecodeError:
@@ -233,14 +238,16 @@ def _read(path: Path) -> str:
 
 def _read_one(path: Path, model: type[Entry]) -> Entry:
     try:
-        return model.model_validate_json(_read(path))
+        return model.model_validate_json(_read(path, MAX_RECORD_BYTES))
     except ValidationError as error:
         raise BrokenRecording(f"{path} is broken: {sentence(error)}") from None
 
 
 def _read_lines(path: Path, model: type[Entry]) -> list[Entry]:
     entries = []
-    for number, line in enumerate(_read(path).splitlines(), 1):
+    for number, line in enumerate(_read(path, MAX_FILE_BYTES).splitlines(), 1):
+        if len(line) > MAX_LINE:
+            raise BrokenRecording(f"{path}, line {number} is longer than {MAX_LINE:,} characters.")
         try:
             entries.append(model.model_validate_json(line))
         except ValidationError as error:

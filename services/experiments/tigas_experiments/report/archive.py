@@ -10,6 +10,10 @@ from pathlib import Path
 from tigas_common.errors import StartError
 from tigas_experiments.report.results import run_folders
 
+MOST_TIMES = 1000
+"""What is unpacked may have so many times the archive's bytes: ten to twenty for records, and xz reaches seven
+thousand for zeros."""
+
 
 def pack(folder: Path, archive: Path) -> None:
     """Write an experiment's record and runs, complete or not, as .tar.xz under the folder's name.
@@ -35,7 +39,12 @@ def unpack(archive: Path) -> Path:
     """The folder of the packed runs, beside the archive. Raises StartError if it exists, or if this is no archive."""
     try:
         with tarfile.open(archive, "r:xz") as tar:
-            names = {Path(entry.name).parts[0] for entry in tar.getmembers()}
+            names, room = set(), MOST_TIMES * archive.stat().st_size
+            for entry in tar:
+                names.add(next(iter(Path(entry.name).parts), "."))
+                room -= entry.size
+                if room < 0:
+                    raise StartError(f"{archive} would unpack to more than {MOST_TIMES:,} times its size.")
             folder = archive.parent / next(iter(names), "")
             existed = folder.exists()
             if len(names) == 1 and not existed:

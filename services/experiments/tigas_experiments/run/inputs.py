@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from tigas_common.errors import StartError
+from tigas_common.files import open_regular
 from tigas_common.wire.render import SceneInfo
 from tigas_common.wire.run import Configuration, Network
 from tigas_experiments.movement.generated import KINDS, generate
@@ -91,5 +92,5 @@ def _sha256(path: Path) -> str:
 @lru_cache(1000)
 def _digest(path: Path, _modified_ns: int, _size: int) -> str:
     """Many runs share a file."""
-    with path.open("rb") as file:
+    with open_regular(path) as file:
         return hashlib.file_digest(file, "sha256").hexdigest()

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from random import Random
 
 from tigas_common.errors import StartError
+from tigas_common.files import read_regular
 from tigas_common.wire.run import Network
+from tigas_common.wire.shaper import MAX_UPLOAD_BYTES
 from tigas_experiments.movement.trace import MovementTrace
 
 
@@ -62,11 +65,11 @@ def _milliseconds(seconds: float) -> float:
 def _trace_duration_s(path: Path) -> float:
     """Of a trace in our own CSV, the last row of which says when it ends (docs/traces.md)."""
     try:
-        text = path.read_text(encoding="utf-8", errors="replace")
+        text = read_regular(path, MAX_UPLOAD_BYTES).decode("utf-8", errors="replace")
     except OSError as error:
         raise StartError(f"{path} cannot be read: {error.strerror or error}.") from None
     head, *rows = [line for line in text.splitlines() if line and not line.startswith("#")] or [""]
     end_ms = rows[-1].split(",")[0] if rows else ""
-    if not head.startswith("t_ms,down_kbps") or not end_ms.isdecimal():
+    if not head.startswith("t_ms,down_kbps") or not re.fullmatch("[0-9]{1,15}", end_ms):
         raise StartError(f"{path} is no trace of TIGAS's own, as segments need; `tigas trace import` makes one.")
     return int(end_ms) / 1000

@@ -13,9 +13,10 @@ from typing import Any
 import httpx
 from pydantic import ValidationError
 
+from tigas_common.files import read_regular
 from tigas_common.parsing import sentence
 from tigas_common.wire.run import Network
-from tigas_common.wire.shaper import ShaperStatus
+from tigas_common.wire.shaper import MAX_UPLOAD_BYTES, ShaperStatus
 from tigas_experiments.errors import RunFailed
 
 TIMEOUT_S = 10
@@ -77,7 +78,7 @@ class ShaperClient:
 
     async def _upload(self, path: Path) -> str:
         try:
-            data = await asyncio.to_thread(path.read_bytes)
+            data = await asyncio.to_thread(read_regular, path, MAX_UPLOAD_BYTES)
         except OSError as error:
             raise RunFailed(f"{path} cannot be read: {error.strerror or error}.") from None
         answer = await self._send("POST", "/traces", params={"name": path.name}, content=data, timeout=UPLOAD_TIMEOUT_S)

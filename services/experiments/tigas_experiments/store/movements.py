@@ -6,8 +6,10 @@ import logging
 from functools import lru_cache
 from pathlib import Path
 
+from tigas_common.files import read_regular
 from tigas_common.wire.store import Movement, MovementList
 from tigas_experiments.movement.errors import MovementError
+from tigas_experiments.movement.table import MAX_BYTES
 from tigas_experiments.movement.trace import MovementTrace
 from tigas_experiments.store.errors import UnknownMovement, storage_explained
 
@@ -38,7 +40,7 @@ class Movements:
             raise UnknownMovement(f"There is no movement {name[:100]!r}.")
         _described(path)
         with storage_explained():
-            return path.read_bytes()
+            return read_regular(path, MAX_BYTES)
 
 
 def _described(path: Path) -> Movement:

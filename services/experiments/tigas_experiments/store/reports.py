@@ -8,12 +8,15 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from tigas_common.errors import StartError
+from tigas_common.files import read_regular
 from tigas_experiments.store.errors import NothingToReport, UnknownExperiment, storage_explained
 from tigas_experiments.store.experiments import Experiments, made_runs, version
 from tigas_experiments.store.offload import Offload
 from tigas_experiments.store.workspace import Workspace
 
 REPORT = "report.html"
+MAX_REPORT_BYTES = 1_000_000_000
+"""Reports have some megabytes."""
 Versions = tuple[tuple[str, tuple[int, ...] | None], ...]
 
 
@@ -45,7 +48,7 @@ class Reports:
                         await self._offload(draw, folder, made)
                         await asyncio.to_thread(_move, made, folder)
                     self._made[experiment] = versions
-                return await asyncio.to_thread((folder / REPORT).read_bytes)
+                return await asyncio.to_thread(read_regular, folder / REPORT, MAX_REPORT_BYTES)
 
 
 @contextmanager

@@ -10,12 +10,16 @@ from typing import Literal
 from pydantic import JsonValue, ValidationError
 
 from tigas_common.errors import StartError
+from tigas_common.files import read_regular
 from tigas_common.parsing import sentence
 from tigas_common.wire.model import Entries, WireModel
+from tigas_common.wire.recording import MAX_BYTES
 from tigas_common.wire.store import ExperimentName, Plan, RunUpload
 from tigas_experiments.records.folder import ExperimentRecord, write_experiment
 from tigas_experiments.records.machine import this_machine
 from tigas_experiments.store.upload import write_run
+
+MAX_SAVED_BYTES = 8 * MAX_BYTES
 
 
 class SavedExperiment(WireModel):
@@ -38,7 +42,7 @@ def import_saved(file: Path, out: Path) -> None:
     if out.exists():
         raise StartError(f"{out} already exists; choose another folder with --out.")
     try:
-        saved = SavedExperiment.model_validate_json(file.read_bytes())
+        saved = SavedExperiment.model_validate_json(read_regular(file, MAX_SAVED_BYTES))
     except ValidationError as error:
         raise StartError(f"{file} is no experiment that the page saved: {sentence(error)}") from None
     uploads = [

@@ -8,6 +8,7 @@ from typing import Self
 from pydantic import Field, field_validator, model_validator
 
 from tigas_common.errors import BrokenScene, InvalidRequest
+from tigas_common.files import open_regular
 from tigas_common.parsing import MAX_BODY, parse
 from tigas_common.wire.model import Point, Unit, WireModel
 from tigas_common.wire.render import StartCamera
@@ -42,7 +43,7 @@ class SceneMetadata(WireModel):
 def read_metadata(path: Path) -> SceneMetadata:
     """Read a scene.json; a missing one says nothing. Raises BrokenScene with one sentence about what is wrong."""
     try:
-        with path.open("rb") as file:
+        with open_regular(path) as file:
             content = file.read(MAX_BODY + 1)
     except FileNotFoundError:
         return SceneMetadata()

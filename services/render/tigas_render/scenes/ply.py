@@ -7,8 +7,10 @@ then blue.
 
 from __future__ import annotations
 
+import io
 import itertools
 import logging
+import os
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
@@ -19,6 +21,7 @@ from numpy.typing import NDArray
 from plyfile import PlyData, PlyElement
 
 from tigas_common.errors import BrokenScene
+from tigas_common.files import open_regular
 from tigas_render.gaussians import Gaussians
 from tigas_render.scenes.ply_header import MAX_HEADER, REQUIRED, PlyHeader, read_header
 
@@ -81,18 +84,19 @@ def _rest_names(sh_degree: int) -> str:
 
 
 def _binary_blocks(path: Path, header: PlyHeader) -> Iterator[_Block]:
-    # a mapping per block: pages of earlier blocks do not stay resident, as they would with one mapping of the file
-    for start in range(0, header.count, BLOCK):
-        rows = min(BLOCK, header.count - start)
-        offset = header.offset + start * header.dtype.itemsize
-        if path.stat().st_size != header.file_bytes:
-            raise BrokenScene(f"{path.name} changed while it was being read; load it again.")
-        yield np.memmap(path, header.dtype, "r", offset, (rows,))
+    with open_regular(path) as file:
+        # a mapping per block: pages of earlier blocks do not stay resident, as they would with one mapping of the file
+        for start in range(0, header.count, BLOCK):
+            rows = min(BLOCK, header.count - start)
+            offset = header.offset + start * header.dtype.itemsize
+            if os.fstat(file.fileno()).st_size != header.file_bytes:
+                raise BrokenScene(f"{path.name} changed while it was being read; load it again.")
+            yield np.memmap(file, header.dtype, "r", offset, (rows,))
 
 
 def _ascii_blocks(path: Path, header: PlyHeader) -> Iterator[_Block]:
     # NumPy's text reader, as plyfile's takes about a microsecond for each number and reads all of the file at once
-    with path.open(encoding="ascii", errors="replace") as file:
+    with io.TextIOWrapper(open_regular(path), encoding="ascii", errors="replace") as file:
         file.seek(header.offset)
         lines = iter(lambda: file.readline(MAX_HEADER), "")  # bounded: the file may have no line ends at all
         for _ in itertools.islice(lines, header.skip_lines):

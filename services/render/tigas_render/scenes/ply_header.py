@@ -12,6 +12,7 @@ import numpy as np
 from plyfile import PlyData, PlyElement, PlyListProperty, PlyParseError
 
 from tigas_common.errors import BrokenScene
+from tigas_common.files import open_regular
 
 MAX_HEADER = 64 * 1024
 """The longest header, in bytes; one with SH degree 3 takes about 1,500."""
@@ -59,7 +60,7 @@ def read_header(path: Path) -> PlyHeader:
     Raises BrokenScene, with one sentence, if the file is not an INRIA 3DGS PLY that its size has room for.
     """
     try:
-        with path.open("rb") as file:
+        with open_regular(path) as file:
             file_bytes = file.seek(0, io.SEEK_END)
             file.seek(0)
             start = file.read(MAX_HEADER)

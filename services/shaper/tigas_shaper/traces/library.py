@@ -12,7 +12,6 @@ from tigas_shaper.traces.summary import outages
 from tigas_shaper.traces.trace import NetworkTrace, TraceError
 
 MAX_UPLOADS = 16
-MAX_UPLOAD_BYTES = 16_000_000
 POINTS = 600
 """A trace is drawn with so many points at most."""
 

@@ -13,6 +13,7 @@ import zlib
 from collections.abc import Iterator
 from pathlib import Path
 
+from tigas_common.files import open_regular
 from tigas_shaper.traces.trace import TraceError
 
 MAX_BYTES = 64_000_000
@@ -28,7 +29,7 @@ _NUMBER = re.compile(r"[+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d+)?", re.ASCII)
 
 def read_bounded(path: Path) -> bytes:
     """A file's bytes, or TraceError if there are too many; never reads more than the limit. Raises OSError."""
-    with path.open("rb") as file:
+    with open_regular(path) as file:
         data = file.read(MAX_BYTES + 1)
     if len(data) > MAX_BYTES:
         raise _too_large()

@@ -1,0 +1,32 @@
+"""Opens files that others may have put somewhere, if they are files: a pipe or a device may never end."""
+
+from __future__ import annotations
+
+import errno
+import os
+import stat
+from io import BufferedReader
+from pathlib import Path
+
+
+def open_regular(path: Path) -> BufferedReader:
+    """Open a file to read; links are followed. Raises OSError, also for a pipe, a socket, a device or a folder."""
+    file = open(path, "rb", opener=_open)  # noqa: SIM115 - the caller's to close
+    if not stat.S_ISREG(os.fstat(file.fileno()).st_mode):
+        file.close()
+        raise OSError(errno.EINVAL, "Not a regular file", str(path))
+    return file
+
+
+def read_regular(path: Path, limit: int) -> bytes:
+    """All of a file. Raises OSError as `open_regular` does, and if it has more than `limit` bytes."""
+    with open_regular(path) as file:
+        content = file.read(limit + 1)
+    if len(content) > limit:
+        raise OSError(errno.EFBIG, os.strerror(errno.EFBIG), str(path))
+    return content
+
+
+def _open(path: str, flags: int) -> int:
+    """Without waiting for a writer, and so that no terminal becomes this process' own."""
+    return os.open(path, flags | os.O_NONBLOCK | os.O_NOCTTY)
