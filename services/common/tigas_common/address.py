@@ -6,9 +6,6 @@ import ipaddress
 import socket
 from dataclasses import dataclass
 
-UNREAD_TIMEOUT_S = 30
-"""A peer that takes nothing of what is sent to it for so long loses its connection, in seconds (on Linux)."""
-
 
 @dataclass(frozen=True, slots=True)
 class Address:
@@ -45,8 +42,12 @@ class Address:
             return "localhost"
         return f"[{self.host}]" if ":" in self.host else self.host
 
-    def listen(self) -> socket.socket:
-        """A TCP socket that listens here. Raises OSError."""
+    def listen(self, unread_s: float) -> socket.socket:
+        """A TCP socket that listens here.
+
+        A peer that takes nothing of what is sent to it for `unread_s` seconds loses its connection (on Linux).
+        Raises OSError.
+        """
         family, kind, protocol, _, target = socket.getaddrinfo(
             self.host, self.port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE
         )[0]
@@ -54,7 +55,7 @@ class Address:
         try:
             listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
             if hasattr(socket, "TCP_USER_TIMEOUT"):  # connections that are accepted inherit it
-                listener.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, UNREAD_TIMEOUT_S * 1000)
+                listener.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, round(unread_s * 1000))
             listener.bind(target)
             listener.listen(1024)
         except OSError:

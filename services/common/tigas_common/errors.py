@@ -23,6 +23,18 @@ class InvalidRequest(TigasError):
     status, type, title = 400, "invalid-request", "The request is not valid"
 
 
+class RequestTimeout(TigasError):
+    """The request did not arrive whole in time."""
+
+    status, type, title = 408, "request-timeout", "The request came too slowly"
+
+
+class TooManyConnections(TigasError):
+    """The client's address, or all clients together, have as many connections as they may."""
+
+    status, type, title = 503, "too-many-connections", "There are too many connections"
+
+
 class BodyTooLarge(TigasError):
     """The request's body is over the limit."""
 

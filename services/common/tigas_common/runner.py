@@ -14,34 +14,20 @@ import uvicorn
 
 from tigas_common.address import Address
 from tigas_common.errors import StartError
-
-
-class _Server(uvicorn.Server):
-    """A server that leaves signals to whoever runs it, so that several can share a process."""
-
-    def __init__(self, config: uvicorn.Config) -> None:
-        super().__init__(config)
-        self.started_event = asyncio.Event()
-
-    @contextmanager
-    def capture_signals(self) -> Iterator[None]:
-        yield
-
-    async def startup(self, sockets: Any = None) -> None:
-        await super().startup(sockets)
-        self.started_event.set()
+from tigas_common.http_limits import HttpLimits
+from tigas_common.http_server import LimitedServer
 
 
 @asynccontextmanager
 async def serve_http(
-    app: Any, address: Address, tls: ssl.SSLContext | None = None, *, websockets: bool = False
+    app: Any, address: Address, limits: HttpLimits, tls: ssl.SSLContext | None = None, *, websockets: bool = False
 ) -> AsyncIterator[int]:
     """Serve an ASGI application for as long as the context lasts; gives the port.
 
     Raises OSError if the address cannot be listened on. With `tls`, it is HTTPS; a certificate that is loaded into the
     same context later is used for new connections.
     """
-    listener = address.listen()
+    listener = address.listen(limits.unread_s)
     config = uvicorn.Config(
         app,
         lifespan="off",
@@ -50,9 +36,8 @@ async def serve_http(
         server_header=False,
         timeout_graceful_shutdown=1,
         ws="websockets-sansio" if websockets else "none",
-        ssl_context_factory=(lambda *_: tls) if tls else None,
     )
-    server = _Server(config)
+    server = LimitedServer(config, limits, tls)
     running = asyncio.create_task(server.serve([listener]))
     await asyncio.wait([running, asyncio.create_task(server.started_event.wait())], return_when=asyncio.FIRST_COMPLETED)
     if running.done():

@@ -18,6 +18,7 @@ from pydantic_settings import (
 )
 
 from tigas_common.address import Address
+from tigas_common.http_limits import HttpLimits
 
 FILE_VARIABLE = "TIGAS_CONFIG"
 """Names the settings file; without it, `tigas.toml` in the working directory is read if it is there."""
@@ -45,6 +46,9 @@ class ServiceSettings(BaseSettings):
 
     model_config = SettingsConfigDict(extra="forbid", frozen=True)
     table: ClassVar[str] = ""
+
+    http_limits: HttpLimits = HttpLimits()
+    """Limits on HTTP/1.1 connections; a table of their own in the settings file, JSON in the environment."""
 
     @classmethod
     def settings_customise_sources(

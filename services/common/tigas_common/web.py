@@ -12,15 +12,17 @@ from starlette.exceptions import HTTPException
 from starlette.requests import ClientDisconnect, Request
 from starlette.responses import JSONResponse, Response
 
-from tigas_common.errors import BodyTooLarge, InvalidRequest, TigasError, problem
+from tigas_common.errors import BodyTooLarge, InvalidRequest, RequestTimeout, TigasError, problem
 from tigas_common.parsing import MAX_BODY, Message, parse
+from tigas_common.patience import Patience
 from tigas_common.wire.render import Problem
 
 logger = logging.getLogger(__name__)
 
-BODY_TIMEOUT_S = 10
-"""A body that is not complete by then is given up, in seconds."""
-
+BODY_S = 10.0
+"""A body is given up if nothing of it comes for so long, in seconds,"""
+BODY_BYTES_PER_S = 500.0
+"""or if it comes more slowly than this for long."""
 
 NO_STORE = {"Cache-Control": "no-store"}
 """The header of an answer that nobody keeps."""
@@ -47,17 +49,22 @@ def problem_response(answer: Problem, headers: Mapping[str, str] | None = None) 
 async def read_body(request: Request, limit: int) -> bytes:
     """The request's body.
 
-    Raises BodyTooLarge over `limit` bytes, before reading more; InvalidRequest if it does not come in time.
+    Raises BodyTooLarge over `limit` bytes, before reading more; RequestTimeout if it comes too slowly; InvalidRequest
+    if the client leaves.
     """
     body = bytearray()
+    loop = asyncio.get_running_loop()
+    patience = Patience(BODY_S, BODY_BYTES_PER_S, loop.time())
     try:
-        async with asyncio.timeout(BODY_TIMEOUT_S):
+        async with asyncio.timeout_at(patience.until) as timeout:
             async for part in request.stream():
                 body += part
                 if len(body) > limit:
                     raise BodyTooLarge(f"The body is larger than {limit} bytes.")
+                patience.progress(len(part), loop.time())
+                timeout.reschedule(patience.until)
     except TimeoutError:
-        raise InvalidRequest(f"The body was not complete after {BODY_TIMEOUT_S} seconds.") from None
+        raise RequestTimeout("The request's body did not come in time.") from None
     except ClientDisconnect:
         raise InvalidRequest("The client left before its request was complete.") from None
     return bytes(body)

@@ -32,7 +32,8 @@ async def serve(settings: DashSettings) -> None:
             ).running()
         )
         with explained(settings.http, "--http"):
-            port = await stack.enter_async_context(serve_http(create_app(sessions), settings.http, websockets=True))
+            serving = serve_http(create_app(sessions), settings.http, settings.http_limits, websockets=True)
+            port = await stack.enter_async_context(serving)
         # What start-up made stays: to look through it whenever a session ends would hold up frames.
         gc.collect()
         gc.freeze()

@@ -53,9 +53,11 @@ async def serve(settings: RenderSettings) -> None:
             tls = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
             service.on_renewal(lambda certificate: certificate.load_into(tls))
             with explained(settings.https, "--https"):
-                service.https_port = await stack.enter_async_context(serve_http(app, settings.https, tls))
+                service.https_port = await stack.enter_async_context(
+                    serve_http(app, settings.https, settings.http_limits, tls)
+                )
         with explained(settings.http, "--http"):
-            port = await stack.enter_async_context(serve_http(app, settings.http))
+            port = await stack.enter_async_context(serve_http(app, settings.http, settings.http_limits))
         # What start-up made stays; to look through it for garbage again and again would hold up frames.
         gc.collect()
         gc.freeze()

@@ -44,7 +44,8 @@ async def serve(settings: ShaperSettings) -> None:
             except TigasError as error:
                 raise StartError(error.detail) from None
         with explained(settings.http, "--http"):
-            port = await stack.enter_async_context(serve_http(create_app(shaper, settings.origins), settings.http))
+            app = create_app(shaper, settings.origins)
+            port = await stack.enter_async_context(serve_http(app, settings.http, settings.http_limits))
         shown = ", ".join(settings.forward)
         print(f"Shaping {access} ↔ {service} ({shaper.status().backend}), forwarding {shown}.")
         print(f"API on http://{settings.http.reachable_host}:{port}/", flush=True)

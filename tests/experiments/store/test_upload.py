@@ -19,6 +19,7 @@ from tests.experiments.made_up import frame, inputs, reply, sample
 from tests.experiments.store.conftest import Running, running_store, until, upload
 from tests.web.server import Store
 from tigas_common.errors import InvalidRequest
+from tigas_common.http_limits import HttpLimits
 from tigas_common.parsing import parse
 from tigas_common.wire.store import RunUpload
 from tigas_experiments.store import app
@@ -219,16 +220,16 @@ async def test_a_run_without_end_is_refused_before_it_is_read(store: Running, mo
     assert store.kept() == before
 
 
-async def test_an_upload_that_falls_silent_is_given_up(store: Running, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(app, "SILENCE_S", 0.1)
-    experiment = await store.create()
-    before = store.kept()
-    async with await anyio.connect_tcp("127.0.0.1", store.port) as silent:
-        await silent.send(head(experiment, 1000) + b"{")
-        with anyio.fail_after(5):
-            told = await silent.receive()
-    assert b"400 Bad Request" in told
-    assert store.kept() == before
+async def test_an_upload_that_falls_silent_is_given_up(tmp_path: Path) -> None:
+    async with running_store(tmp_path, limits=HttpLimits(body_s=0.2)) as store:
+        experiment = await store.create()
+        before = store.kept()
+        async with await anyio.connect_tcp("127.0.0.1", store.port) as silent:
+            await silent.send(head(experiment, 1000) + b"{")
+            with anyio.fail_after(5):
+                told = await silent.receive()
+        assert b"408 Request Timeout" in told
+        await until(lambda: store.kept() == before)
 
 
 @pytest.mark.parametrize("share", [0.0, 0.5, 1.0])

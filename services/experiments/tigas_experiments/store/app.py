@@ -31,8 +31,6 @@ from tigas_experiments.store.reports import Reports
 from tigas_experiments.store.upload import check_limit, keep_upload
 from tigas_experiments.store.workspace import Workspace
 
-SILENCE_S = 30.0
-"""An upload of which nothing comes for so long is given up."""
 # A report needs nothing but itself, and must not act as a page of the store.
 REPORT_HEADERS = NO_STORE | {
     "Content-Security-Policy": "default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'; "
@@ -152,10 +150,7 @@ async def _receive(request: Request, path: Path) -> None:
     with path.open("wb") as file:
         while True:
             try:
-                async with asyncio.timeout(SILENCE_S):
-                    part = await anext(parts, None)
-            except TimeoutError:
-                raise InvalidRequest(f"Nothing of the body came for {SILENCE_S:g} seconds.") from None
+                part = await anext(parts, None)  # the server waits no longer than its limits say
             except ClientDisconnect:
                 raise InvalidRequest("The client left before its request was complete.") from None
             if part is None:

@@ -36,6 +36,7 @@ async def serve(settings: StoreSettings) -> None:
             offload=offload_to_process,
         )
         with explained(settings.http, "--http"):
-            port = await stack.enter_async_context(serve_http(create_app(store, settings.origins), settings.http))
+            app = create_app(store, settings.origins)
+            port = await stack.enter_async_context(serve_http(app, settings.http, settings.http_limits))
         print(f"Experiments in {settings.results} on http://{settings.http.reachable_host}:{port}/", flush=True)
         await until_stopped()

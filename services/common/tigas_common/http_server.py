@@ -1,0 +1,118 @@
+"""uvicorn's HTTP/1.1 server, with limits on connections: in all, and per address."""
+
+from __future__ import annotations
+
+import asyncio
+import errno
+import ipaddress
+import socket
+import ssl
+from collections import Counter
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from functools import lru_cache
+
+import uvicorn
+
+from tigas_common.errors import TooManyConnections
+from tigas_common.http_limits import HttpLimits
+from tigas_common.http_protocol import LimitedProtocol, last_answer
+
+EXHAUSTED = {errno.EMFILE, errno.ENFILE, errno.ENOBUFS, errno.ENOMEM}
+EXHAUSTED_S = 0.5
+"""Pause before the next connection is accepted, if the system had nothing to accept one with, in seconds."""
+
+
+class LimitedServer(uvicorn.Server):
+    """Serves one socket that listens, and accepts by itself: a TLS handshake counts as a connection, too.
+
+    It leaves signals to whoever runs it, so that several can share a process.
+    """
+
+    def __init__(self, config: uvicorn.Config, limits: HttpLimits, tls: ssl.SSLContext | None) -> None:
+        super().__init__(config)
+        self.started_event = asyncio.Event()
+        self._limits = limits
+        self._tls = tls
+        self._opening: dict[asyncio.Task[None], str] = {}
+        """Whose connections are being opened; uvicorn knows the open ones."""
+
+    @contextmanager
+    def capture_signals(self) -> Iterator[None]:
+        yield
+
+    async def startup(self, sockets: list[socket.socket] | None = None) -> None:
+        assert sockets is not None
+        [listener] = sockets
+        listener.setblocking(False)
+        self.servers = []
+        self._accepting = asyncio.create_task(self._accept(listener))
+        self.started = True
+        self.started_event.set()
+
+    async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
+        for task in (self._accepting, *self._opening):
+            task.cancel()
+        await asyncio.gather(self._accepting, *self._opening, return_exceptions=True)
+        await super().shutdown(sockets)
+
+    async def _accept(self, listener: socket.socket) -> None:
+        loop = asyncio.get_running_loop()
+        while True:
+            try:
+                connection, peer = await loop.sock_accept(listener)
+            except OSError as error:  # else the client has left
+                await asyncio.sleep(EXHAUSTED_S if error.errno in EXHAUSTED else 0)
+                continue
+            client = client_network(peer[0])
+            try:
+                self._check(client)
+            except TooManyConnections as error:
+                self._refuse(connection, error)
+            else:
+                task = asyncio.create_task(self._open(connection))
+                self._opening[task] = client
+                task.add_done_callback(self._opened)
+            await asyncio.sleep(0)  # accepting may not have to wait, and others have their turns, too
+
+    def _check(self, client: str) -> None:
+        clients = Counter(self._opening.values())
+        for protocol in self.server_state.connections:
+            if (peer := getattr(protocol, "client", None)) is not None:
+                clients[client_network(peer[0])] += 1
+        if clients[client] >= self._limits.connections_per_address:
+            raise TooManyConnections(
+                f"Your address has {clients[client]} connections, and may have no more; close some, or try later."
+            )
+        if clients.total() >= self._limits.connections:
+            raise TooManyConnections(f"There are {clients.total()} connections, and may be no more; try later.")
+
+    def _refuse(self, connection: socket.socket, error: TooManyConnections) -> None:
+        with connection, suppress(OSError):
+            if self._tls is None:
+                connection.send(last_answer(error))
+
+    async def _open(self, connection: socket.socket) -> None:
+        task = asyncio.current_task()
+        assert task is not None
+        with suppress(OSError):  # the client has left, or does not speak TLS
+            await asyncio.get_running_loop().connect_accepted_socket(
+                lambda: LimitedProtocol(self.config, self.server_state, self._limits, lambda: self._opened(task)),
+                connection,
+                ssl=self._tls,
+                ssl_handshake_timeout=self._limits.header_s if self._tls else None,
+            )
+
+    def _opened(self, task: asyncio.Task[None]) -> None:
+        self._opening.pop(task, None)
+
+
+@lru_cache(maxsize=4096)
+def client_network(host: str) -> str:
+    """Whom to count an address with: an IPv4 address stands for itself, an IPv6 address for its /64."""
+    address = ipaddress.ip_address(host.partition("%")[0])
+    if isinstance(address, ipaddress.IPv6Address):
+        if address.ipv4_mapped is None:
+            return str(ipaddress.IPv6Network((address, 64), strict=False))
+        address = address.ipv4_mapped
+    return str(address)

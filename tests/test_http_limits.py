@@ -1,0 +1,177 @@
+"""No service waits for ever for a client over HTTP/1.1, or gives one address every connection."""
+
+from __future__ import annotations
+
+import asyncio
+import socket
+import time
+from collections.abc import AsyncIterator, Callable
+from contextlib import AbstractAsyncContextManager, AsyncExitStack, asynccontextmanager
+from pathlib import Path
+from typing import Any
+
+import httpx
+import psutil
+import pytest
+from starlette.types import ASGIApp
+
+from tests.common.raw_client import ASK, PATIENCE_S, connected
+from tests.experiments.made_up import MACHINE
+from tests.experiments.store.conftest import in_a_thread
+from tests.render.fakes import FakeRasterizer
+from tests.shaper.fakes import FakeGateway, FakeLink, FakeTime
+from tigas_common.address import Address
+from tigas_common.http_limits import HttpLimits
+from tigas_common.runner import serve_http
+from tigas_common.settings import load_settings
+from tigas_common.wire.shaper import LinkSetting
+from tigas_dash.app import create_app as dash_app
+from tigas_dash.clock import Clock
+from tigas_dash.sessions import Sessions
+from tigas_dash.settings import DashSettings
+from tigas_dash.source import RenderClient
+from tigas_experiments.store.app import Store
+from tigas_experiments.store.app import create_app as store_app
+from tigas_experiments.store.experiments import Experiments
+from tigas_experiments.store.movements import Movements
+from tigas_experiments.store.reports import Reports
+from tigas_experiments.store.workspace import Workspace
+from tigas_render.app import create_app as render_app
+from tigas_render.service import RenderService
+from tigas_render.settings import RenderSettings
+from tigas_shaper.api import create_app as shaper_app
+from tigas_shaper.player import Player
+from tigas_shaper.service import Shaper
+from tigas_shaper.traces.library import TraceLibrary
+
+pytestmark = pytest.mark.anyio
+PAGE = "http://localhost:8080"
+LONG_S = 600
+
+
+@asynccontextmanager
+async def render(folder: Path) -> AsyncIterator[ASGIApp]:
+    """Without a rasteriser."""
+    async with RenderService.open(RenderSettings(cache=folder / "cache"), FakeRasterizer()) as service:
+        yield render_app(service)
+
+
+@asynccontextmanager
+async def dash(folder: Path) -> AsyncIterator[ASGIApp]:
+    """Before a render service that is not there."""
+    async with (
+        httpx.AsyncClient(base_url="http://127.0.0.1:9", trust_env=False) as nobody,
+        Sessions(RenderClient(nobody), "libx264", Clock(), limit=1, idle_s=LONG_S).running() as sessions,
+    ):
+        yield dash_app(sessions)
+
+
+@asynccontextmanager
+async def shaper(folder: Path) -> AsyncIterator[ASGIApp]:
+    """Without a link."""
+    link = FakeLink(time := FakeTime())
+    player = Player(link, LinkSetting(100_000, 50_000), clock=time.clock, sleep=time.sleep)
+    yield shaper_app(Shaper(link, FakeGateway(), player, TraceLibrary(None)), [PAGE])  # type: ignore[arg-type]
+    player.close()
+
+
+@asynccontextmanager
+async def store(folder: Path) -> AsyncIterator[ASGIApp]:
+    """Over an empty directory."""
+    with Workspace.opened(folder) as workspace:
+        experiments = Experiments(folder, workspace)
+        reports = Reports(experiments, workspace, in_a_thread)
+        yield store_app(Store(workspace, experiments, reports, Movements(folder), (), MACHINE, in_a_thread), [PAGE])
+
+
+TAKES_A_BODY = {render: "/render", dash: "/sessions", shaper: "/start", store: "/experiments"}
+Serve = Callable[..., AbstractAsyncContextManager[int]]
+
+
+@pytest.fixture(params=TAKES_A_BODY, ids=lambda service: service.__name__)
+def service(request: pytest.FixtureRequest) -> Any:
+    """Each service."""
+    return request.param
+
+
+@pytest.fixture
+def serve(service: Callable[[Path], AbstractAsyncContextManager[ASGIApp]], tmp_path: Path) -> Serve:
+    """Serves it with limits; those that are left out have no effect in a test."""
+
+    @asynccontextmanager
+    async def serving(**limits: Any) -> AsyncIterator[int]:
+        patient = {"header_s": LONG_S, "body_s": LONG_S, "idle_s": LONG_S, "unread_s": LONG_S}
+        async with (
+            service(tmp_path) as app,
+            serve_http(app, Address("127.0.0.1", 0), HttpLimits(**patient | limits)) as port,
+        ):
+            yield port
+
+    return serving
+
+
+async def test_headers_that_never_end_are_given_up(serve: Serve) -> None:
+    async with serve(header_s=0.3) as port, connected(port) as client:
+        client.say(ASK[:-2])
+        answer = await client.answer()
+        assert (answer.status, answer.problem) == (408, "tigas:request-timeout")
+        assert await client.ended() == b""
+
+
+async def test_a_body_that_never_ends_is_given_up(serve: Serve, service: Any) -> None:
+    async with serve(body_s=0.3) as port, connected(port) as client:
+        head = (
+            f"POST {TAKES_A_BODY[service]} HTTP/1.1\r\nHost: localhost\r\nOrigin: {PAGE}\r\nContent-Length: 9\r\n\r\n"
+        )
+        client.say(head.encode() + b"{")
+        answer = await client.answer()
+        assert (answer.status, answer.problem) == (408, "tigas:request-timeout")
+        assert await client.ended() == b""
+
+
+async def test_a_connection_that_asks_nothing_more_is_closed(serve: Serve) -> None:
+    async with serve(idle_s=1) as port, connected(port) as client:
+        client.say(ASK)
+        assert (await client.answer()).status == 200
+        assert await client.ended() == b""
+
+
+@pytest.mark.skipif(not hasattr(socket, "TCP_USER_TIMEOUT"), reason="only Linux cuts such readers off")
+async def test_a_client_that_reads_nothing_loses_its_connection(serve: Serve) -> None:
+    async with serve(unread_s=0.5) as port:
+        with socket.socket() as stuck:
+            stuck.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 1)  # the least that the system gives
+            stuck.connect(("127.0.0.1", port))
+            stuck.sendall(ASK * 100)
+
+            def is_served() -> bool:
+                return any(one.raddr == stuck.getsockname() for one in psutil.Process().net_connections("tcp"))
+
+            deadline = time.monotonic() + PATIENCE_S
+            for wanted in (True, False):
+                while is_served() != wanted:
+                    assert time.monotonic() < deadline
+                    await asyncio.sleep(0.05)
+
+
+async def test_a_thousand_connections_of_one_address_leave_room_for_others(serve: Serve) -> None:
+    async with serve(connections_per_address=20) as port, AsyncExitStack() as stack:
+        crowd = [await stack.enter_async_context(connected(port)) for _ in range(1000)]
+        refused = [await client.answer() for client in crowd[20:]]
+        assert {(answer.status, answer.problem) for answer in refused} == {(503, "tigas:too-many-connections")}
+        polite = await stack.enter_async_context(connected(port, "127.0.0.2"))
+        for client in (polite, *crowd[:20]):
+            client.say(ASK)
+            assert (await client.answer()).status == 200
+
+
+def test_one_address_cannot_take_every_connection() -> None:
+    assert HttpLimits().connections_per_address <= HttpLimits().connections / 4
+
+
+def test_limits_are_settings(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "tigas.toml").write_text("[dash.http_limits]\nheader_s = 3\n[render]\nidle_minutes = 1\n")
+    assert load_settings(DashSettings, {}).http_limits == HttpLimits(header_s=3)
+    monkeypatch.setenv("TIGAS_RENDER_HTTP_LIMITS", '{"connections": 9}')
+    assert load_settings(RenderSettings, {}).http_limits == HttpLimits(connections=9)
