@@ -1,0 +1,64 @@
+"""What compose.yaml lets a container take and do. Needs no containers."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+
+from tigas_experiments.store.upload import check_limit
+from tigas_render.settings import RenderSettings
+
+ROOT = Path(__file__).parents[2]
+TEXT = (ROOT / "compose.yaml").read_text()
+DOCS = (ROOT / "docs/compose.md").read_text()
+DEFAULT = re.compile(r"\$\{(\w+):-([^}]*)\}")
+
+
+def services(text: str) -> dict[str, Any]:
+    """With the defaults of all variables."""
+    found: dict[str, Any] = yaml.safe_load(DEFAULT.sub(r"\2", text))["services"]
+    return found
+
+
+SERVICES = services(TEXT)
+
+
+def gigabytes(service: str) -> float:
+    """A container's memory, in 10⁹ bytes: Docker's g is a binary one."""
+    number, _unit = re.fullmatch(r"(\d+)(g)", SERVICES[service]["mem_limit"]).groups()  # type: ignore[union-attr]
+    return int(number) * 2**30 / 1e9
+
+
+@pytest.mark.parametrize("service", SERVICES)
+def test_every_container_is_limited_and_has_no_rights_to_spare(service: str) -> None:
+    told = SERVICES[service]
+    assert 1 <= gigabytes(service) <= 16
+    assert 128 <= told["pids_limit"] <= 4096
+    assert 0 <= told["cpus"] <= 1, "a machine with one processor refuses to start what is promised two"
+    assert told["cpu_shares"] <= SERVICES["shaper"]["cpu_shares"]
+    assert told["read_only"] is True
+    assert told["cap_drop"] == ["ALL"]
+    assert told.get("cap_add", []) == (["NET_ADMIN"] if service == "shaper" else [])
+    assert "no-new-privileges:true" in told["security_opt"]
+    assert "privileged" not in told
+
+
+def test_a_container_has_room_for_what_its_service_may_take() -> None:
+    scenes = float(SERVICES["render"]["environment"]["TIGAS_RENDER_MEMORY_GB"])
+    assert scenes == RenderSettings.model_fields["memory_gb"].default
+    assert scenes + 2 < gigabytes("render")
+    longest = 224_000_000  # a page's run of two hours
+    assert 13 * longest / 1e9 + 1 < gigabytes("store")
+    assert check_limit(longest).memory / 1e9 + 1 < gigabytes("store")
+
+
+def test_every_setting_of_a_limit_is_documented_with_its_default() -> None:
+    found = [pair for pair in DEFAULT.findall(TEXT) if pair[0].endswith(("_MEMORY", "_CPUS", "_PIDS", "_MEMORY_GB"))]
+    assert len(found) == 13
+    rows = [line for line in DOCS.splitlines() if line.startswith("|")]
+    for name, default in found:
+        assert any(name in row and default in row.replace(" GiB", "g") for row in rows), name
