@@ -34,11 +34,7 @@ demo: .venv/.ready $(STATIC)
 		exec $(VENV)/tigas lab up --traces traces/network $(if $(SCENES),--scenes $(SCENES)); \
 	else \
 		echo "== without the shaped link; everything else works"; \
-		trap 'kill $$(jobs -p) 2>/dev/null; wait' EXIT; trap 'exit 130' INT TERM; \
-		$(VENV)/tigas dash & \
-		$(VENV)/tigas store & \
-		TIGAS_RENDER_SERVICES="$$($(VENV)/python -m tigas_common.topology)" $(VENV)/tigas render $(if $(SCENES),--scenes $(SCENES)) $(ARGS) & \
-		wait $$!; \
+		exec $(VENV)/tigas demo -- $(if $(SCENES),--scenes $(SCENES)) $(ARGS); \
 	fi
 
 test: .venv/.ready $(STATIC)

@@ -1,14 +1,20 @@
-"""A service's process ends when it is asked to, and otherwise with all that it started."""
+"""A service's process ends when it is asked to, or with all that it started; if it dies, it is started again."""
 
 from __future__ import annotations
 
+import os
 import signal
 import subprocess
 import sys
+import threading
+from collections.abc import Callable
 
 import psutil
+import pytest
 
-from tigas_common.processes import end, tigas
+from tigas_common import processes
+from tigas_common.errors import StartError
+from tigas_common.processes import BackOff, Service, end, keep_running, tigas
 
 STUBBORN = """
 import signal, subprocess, sys
@@ -46,3 +52,73 @@ def test_what_does_not_end_is_killed_with_all_that_it_started() -> None:
 def test_a_command_line_is_that_of_this_tigas() -> None:
     done = subprocess.run(tigas("--help"), capture_output=True, text=True, check=True)
     assert "render" in done.stdout
+
+
+def test_waits_grow_and_too_many_ends_are_the_last() -> None:
+    back_off = BackOff()
+    assert [back_off.ended(now) for now in (0, 10, 20, 30, 40)] == [0.5, 1, 2, 4, None]
+
+
+def test_what_has_run_for_long_is_started_again_at_once() -> None:
+    back_off = BackOff()
+    assert [back_off.ended(now) for now in (0, 10, 100, 161)] == [0.5, 1, 0.5, 0.5]
+
+
+class Started:
+    """A service's processes, in the order of their starts. `then` is told how many there are."""
+
+    def __init__(self, argv: list[str], then: Callable[[int], None]) -> None:
+        self.processes: list[subprocess.Popen[bytes]] = []
+        self._argv = argv
+        self._then = then
+
+    def __call__(self) -> subprocess.Popen[bytes]:
+        self.processes.append(subprocess.Popen(self._argv, start_new_session=True))
+        self._then(len(self.processes))
+        return self.processes[-1]
+
+
+WAITS = [sys.executable, "-c", "import signal; signal.pause()"]
+
+
+@pytest.fixture
+def at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Nothing is waited for long."""
+    monkeypatch.setattr(BackOff, "FIRST_S", 0.02)
+    monkeypatch.setattr(processes, "POLL_S", 0.01)
+
+
+def test_a_service_that_is_killed_comes_back_and_the_others_stay(
+    at_once: None, capfd: pytest.CaptureFixture[str]
+) -> None:
+    stop = threading.Event()
+
+    def killed_once(starts: int) -> None:
+        if starts == 1:
+            threading.Timer(0.1, lambda: os.kill(dies.processes[0].pid, signal.SIGKILL)).start()
+        else:
+            stop.set()
+
+    dies, stays = Started(WAITS, killed_once), Started(WAITS, lambda _: None)
+    keep_running([Service("one", stays), Service("other", dies)], stop)
+    assert [process.returncode for process in dies.processes] == [-signal.SIGKILL, -signal.SIGTERM]
+    assert [process.returncode for process in stays.processes] == [-signal.SIGTERM]
+    assert capfd.readouterr().err == "The other has ended (signal SIGKILL); it is started again in 0.02 s.\n"
+
+
+def test_one_that_ends_again_and_again_is_given_up_with_the_others(
+    at_once: None, capfd: pytest.CaptureFixture[str]
+) -> None:
+    ends, stays = Started([sys.executable, "-c", ""], lambda _: None), Started(WAITS, lambda _: None)
+    with pytest.raises(StartError, match=r"^The one has ended 5 times within 60 s, the last time with exit status 0"):
+        keep_running([Service("other", stays), Service("one", ends)], threading.Event())
+    assert len(ends.processes) == 5
+    assert capfd.readouterr().err.count("started again") == 4
+    assert stays.processes[0].returncode == -signal.SIGTERM
+
+
+def test_one_with_wrong_settings_is_not_tried_again(at_once: None) -> None:
+    wrong = Started([sys.executable, "-c", "raise SystemExit(2)"], lambda _: None)
+    with pytest.raises(StartError, match=r"^The one did not start \(exit status 2\)"):
+        keep_running([Service("one", wrong)], threading.Event())
+    assert len(wrong.processes) == 1

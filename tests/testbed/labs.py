@@ -10,7 +10,10 @@ from contextlib import suppress
 
 from tigas_common.errors import StartError
 from tigas_testbed.namespaces import Lab
+from tigas_testbed.user import User
 
+NOBODY = User(65534, 65534)
+"""Whom tests run services as, whoever runs the tests."""
 _numbers = itertools.count()
 _TESTS_CLIENT = re.compile(r"^tigas-(t\d+n\d+)-client\b", re.MULTILINE)
 

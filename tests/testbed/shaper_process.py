@@ -10,12 +10,13 @@ from contextlib import contextmanager, suppress
 from typing import Any
 
 from tests.testbed.inside import inside, wait_until
+from tests.testbed.labs import NOBODY
 from tigas_common.topology import PAGE_ORIGINS, SHAPER
 from tigas_common.wire.shaper import ShaperStatus
 from tigas_shaper.traces.csv_format import format_csv
 from tigas_shaper.traces.trace import NetworkTrace
 from tigas_testbed.namespaces import GATEWAY_ADDRESS, Lab
-from tigas_testbed.services import shaper_command
+from tigas_testbed.services import Runner
 
 ORIGIN = PAGE_ORIGINS[0]
 
@@ -77,8 +78,9 @@ class ShaperProcess:
 @contextmanager
 def shaper(lab: Lab, *more: str) -> Iterator[ShaperProcess]:
     """A shaper that is ready, for as long as the context lasts."""
-    command = lab.command("gateway", shaper_command(*more))
-    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True) as process:
+    with subprocess.Popen(
+        Runner(lab, NOBODY).shaper(*more), stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
+    ) as process:
         running = ShaperProcess(lab, process)
         try:
             wait_until(running.is_up, 20)

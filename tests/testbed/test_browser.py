@@ -12,15 +12,17 @@ import pytest
 from playwright.sync_api import Page, expect, sync_playwright
 
 from tests.testbed.inside import inside, wait_until
+from tests.testbed.labs import NOBODY
 from tests.testbed.shaper_process import ShaperProcess
 from tests.web.conftest import CHROMIUM_ARGS, DESKTOP, PATIENCE, STATIC
 from tests.web.scenes import write_scenes
 from tests.web.stage import SCENE, frames, wait_for_frames
+from tigas_common.processes import STOP_S, end
 from tigas_common.topology import PAGE, PAGE_ORIGINS
 from tigas_common.wire.shaper import LinkSetting
 from tigas_shaper.traces.trace import NetworkTrace
 from tigas_testbed.namespaces import Lab
-from tigas_testbed.services import render_command, running
+from tigas_testbed.services import Runner, render_command
 
 OUTAGE_S = 5
 
@@ -31,9 +33,14 @@ def render(lab: Lab, tmp_path: Path) -> Iterator[None]:
     if not STATIC.exists():
         pytest.skip("the web client is not built: cd web && npm ci && npm run build")
     write_scenes(tmp_path)
-    with running(lab, "service", render_command(tmp_path)):
+    tmp_path.chmod(0o755)  # the service's user is another one
+    runner = Runner(lab, NOBODY, [tmp_path])
+    process = runner.start(runner.service(render_command(tmp_path)))
+    try:
         wait_until(lambda: listens(lab), 90)
         yield
+    finally:
+        end(process, STOP_S)
 
 
 def listens(lab: Lab) -> bool:

@@ -3,19 +3,23 @@
 from __future__ import annotations
 
 import os
+import signal
 import subprocess
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 from urllib.request import urlopen
 
 import pytest
 
 from tests.testbed.inside import wait_until
+from tigas_common.capabilities import CAP_NET_ADMIN, CAP_SYS_NICE
 from tigas_common.errors import StartError
 from tigas_common.processes import tigas
 from tigas_common.topology import DASH, PAGE, SHAPER, STORE
-from tigas_testbed.namespaces import ROLES, Lab
+from tigas_testbed.namespaces import ROLES, Lab, Role
 from tigas_testbed.services import NAME
+from tigas_testbed.user import NOBODY
 
 LAB = Lab(NAME)
 
@@ -73,3 +77,48 @@ def test_a_lab_comes_up_for_this_machine_and_goes_even_after_a_kill(
     assert not serves()
     subprocess.run(tigas("lab", "down"), check=True)
     assert left() == []
+
+
+def statuses(role: Role) -> dict[int, dict[str, str]]:
+    """What the kernel says of each process in a namespace, by its id, with its command line as `Command`."""
+    found = {}
+    for pid in LAB.processes(role):
+        with suppress(FileNotFoundError, ProcessLookupError):  # it has ended meanwhile
+            lines = Path(f"/proc/{pid}/status").read_text().splitlines()
+            found[pid] = dict(line.split(":\t", 1) for line in lines)
+            found[pid]["Command"] = " ".join(Path(f"/proc/{pid}/cmdline").read_text().split("\0"))
+    return found
+
+
+def test_services_are_nobody_in_particular_and_have_no_rights(up: subprocess.Popen[bytes], tmp_path: Path) -> None:
+    wait_until(lambda: all(map(serves, (DASH.number, SHAPER.number, STORE.number))), 20)
+    services, gateway = statuses("service"), statuses("gateway")
+    for service in ("render", "dash", "store"):
+        assert any(f"tigas_common {service} " in status["Command"] for status in services.values())
+    assert any("tigas_common shaper " in status["Command"] for status in gateway.values())
+    shaping = 1 << CAP_NET_ADMIN | 1 << CAP_SYS_NICE
+    for status, rights in (*((each, 0) for each in services.values()), *((each, shaping) for each in gateway.values())):
+        assert set(status["Uid"].split()) == {str(NOBODY)}, status["Command"]
+        assert status["Groups"].split() == []
+        assert {int(status[kind], 16) for kind in ("CapEff", "CapPrm", "CapBnd", "CapInh")} == {rights}
+        assert status["NoNewPrivs"] == "1"
+    assert (tmp_path / "results/.store").stat().st_uid == NOBODY, "the store writes there"
+    up.terminate()
+    assert up.wait(20) == 0
+    assert (tmp_path / "results/.store").stat().st_uid == 0, "results are the caller's"
+
+
+def test_services_that_die_come_back(up: subprocess.Popen[bytes]) -> None:
+    def process(name: str) -> int | None:
+        both = statuses("service") | statuses("gateway")
+        return next((pid for pid, status in both.items() if f"tigas_common {name} " in status["Command"]), None)
+
+    ports = (PAGE.number, DASH.number, SHAPER.number, STORE.number)
+    wait_until(lambda: all(map(serves, ports)), 20)
+    for name in ("render", "dash", "store", "shaper"):
+        killed = process(name)
+        assert killed, name
+        os.kill(killed, signal.SIGKILL)
+        wait_until(lambda name=name, killed=killed: process(name) not in (None, killed), 20)  # type: ignore[misc]
+    wait_until(lambda: all(map(serves, ports)), 90)
+    assert up.poll() is None

@@ -8,6 +8,8 @@ CAP_NET_ADMIN = 12
 """Configure interfaces, filters and queues."""
 CAP_SYS_ADMIN = 21
 """Make network namespaces."""
+CAP_SYS_NICE = 23
+"""Go before other processes."""
 
 
 def holds(*capabilities: int) -> bool:

@@ -1,7 +1,4 @@
-"""Who listens where: every service's port, and what tells the page where the others are.
-
-Run as a program it prints the render service's setting `services` for a host without a shaper.
-"""
+"""Who listens where: every service's port, and what tells the page where the others are."""
 
 from __future__ import annotations
 
@@ -53,7 +50,3 @@ def page_services(*, shaped: bool) -> str:
     """The render service's setting `services` in JSON: the others on the page's own host, the shaper if `shaped`."""
     services = {"dash": DASH, **({"shaper": SHAPER} if shaped else {}), "store": STORE}
     return json.dumps({name: f":{port.number}" for name, port in services.items()})
-
-
-if __name__ == "__main__":
-    print(page_services(shaped=False))

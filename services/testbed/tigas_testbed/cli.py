@@ -1,4 +1,4 @@
-"""The commands `tigas lab up`, `check`, `down` and `exec`."""
+"""The commands `tigas lab up`, `check`, `down` and `exec`, and `tigas demo`."""
 
 from __future__ import annotations
 
@@ -27,9 +27,7 @@ def up(
     """Start the services behind the shaped link until Ctrl+C. The page is at http://localhost:8080."""
     from tigas_testbed.services import run_lab
 
-    stop = threading.Event()
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda *_: stop.set())
+    stop = _told_to_stop()
     with in_a_sentence(StartError, subprocess.CalledProcessError):
         run_lab(scenes=scenes, traces=traces, trace=trace, stop=stop)
 
@@ -73,3 +71,24 @@ def exec_(
         argv = Lab(NAME).command(found, command)
         sys.stdout.flush()
         os.execvp(argv[0], argv)
+
+
+def demo(
+    render_options: Annotated[
+        list[str] | None, typer.Argument(help="Options of the render service, after --, such as: -- --scenes models")
+    ] = None,
+) -> None:
+    """Start the services on this machine, without a shaped link, until Ctrl+C. The page is at http://localhost:8080."""
+    from tigas_testbed.services import run_demo
+
+    stop = _told_to_stop()
+    with in_a_sentence(StartError):
+        run_demo(render_options or (), stop)
+
+
+def _told_to_stop() -> threading.Event:
+    """Set by SIGINT and SIGTERM."""
+    stop = threading.Event()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda *_: stop.set())
+    return stop

@@ -41,6 +41,7 @@ TOOLS = {
     "ethtool": "ethtool",
     "sysctl": "procps",
     "setpriv": "util-linux",
+    "mount": "mount",
 }
 """Commands that the lab and the shaper in it run, and the Debian packages that they are in."""
 _NAME = re.compile(r"[a-z0-9]{1,20}")
@@ -59,7 +60,7 @@ class Lab:
         return f"{PREFIX}{self.name}-{role}"
 
     def command(self, role: Role, argv: Sequence[str]) -> list[str]:
-        """A command line that runs another one in a namespace, and ends it when its parent ends."""
+        """A command line that runs another one in a namespace, as root, and ends it when its parent ends."""
         return ["ip", "netns", "exec", self.namespace(role), "setpriv", "--pdeathsig", "KILL", *argv]
 
     def exists(self) -> bool:

@@ -1,27 +1,33 @@
-"""What runs inside the lab: the services behind the gateway, and the shaper on it."""
+"""What runs inside the lab: the services behind the gateway, and the shaper on it; and the same without a lab."""
 
 from __future__ import annotations
 
 import os
 import subprocess
 import threading
-from collections.abc import Iterator, Mapping
-from contextlib import ExitStack, contextmanager
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType
+from typing import ClassVar
 
-from tigas_common.errors import StartError
-from tigas_common.processes import end, tigas
+from pydantic_settings import SettingsConfigDict
+
+from tigas_common.commit import VARIABLE, this_commit
+from tigas_common.processes import Service, keep_running, tigas
+from tigas_common.settings import ServiceSettings, load_settings
 from tigas_common.topology import DASH, PAGE, SERVICES_VARIABLE, SHAPER, STORE, WEBTRANSPORT, page_services
-from tigas_testbed.namespaces import SERVICE_ADDRESS, Lab, Role, check_rights
+from tigas_testbed.namespaces import SERVICE_ADDRESS, Lab, check_rights
+from tigas_testbed.reach import own_code, reaching
+from tigas_testbed.user import User
 
 NAME = "lab"
 FORWARDED = (PAGE, WEBTRANSPORT, DASH, STORE)
 """The ports of the services, which the gateway forwards."""
 PORTS = (*FORWARDED, SHAPER)
 """All that a client reaches at the gateway."""
-STOP_S = 3
-"""A service that has not stopped by then is killed, in seconds."""
+TUN = Path("/dev/net/tun")
+"""What the shaper's relay needs."""
 
 
 def render_command(scenes: Path | None) -> list[str]:
@@ -47,32 +53,90 @@ def shaper_command(*more: str) -> list[str]:
     return tigas("shaper", *interfaces, "--http", str(SHAPER.everywhere), *forwards, *more)
 
 
-@contextmanager
-def running(
-    lab: Lab, role: Role, argv: list[str], environment: Mapping[str, str] = MappingProxyType({})
-) -> Iterator[subprocess.Popen[bytes]]:
-    """A process inside the lab for as long as the context lasts, with more in its environment."""
-    process = subprocess.Popen(lab.command(role, argv), start_new_session=True, env=os.environ | environment)
-    try:
-        yield process
-    finally:
-        end(process, STOP_S)
+class _StoreSettings(ServiceSettings):
+    """What the lab must know of the store's settings."""
+
+    model_config = SettingsConfigDict(env_prefix="TIGAS_STORE_", extra="ignore", frozen=True)
+    table: ClassVar[str] = "store"
+
+    results: Path = Path("results")
+
+
+@dataclass(frozen=True, slots=True)
+class Runner:
+    """Runs services in a lab as an ordinary user."""
+
+    lab: Lab
+    user: User
+    needed: Sequence[Path] = ()
+    """Directories that they must reach, beside their own code."""
+    environment: Mapping[str, str] = field(default_factory=dict)
+    """More than this process has in its own."""
+
+    def service(self, argv: Sequence[str]) -> list[str]:
+        """A command line that runs a service. Raises StartError."""
+        reached = reaching(self.user, (*own_code(), *self.needed), (), self.user.command(argv))
+        return self.lab.command("service", reached)
+
+    def shaper(self, *more: str) -> list[str]:
+        """A command line that runs the shaper, which alone may change the network of its namespace, and go before other
+        processes. Raises StartError.
+        """
+        argv = self.user.command(shaper_command(*more), ("net_admin", "sys_nice"))
+        return self.lab.command("gateway", reaching(self.user, (*own_code(), *self.needed), (TUN,), argv))
+
+    def start(
+        self, command: Sequence[str], environment: Mapping[str, str] = MappingProxyType({})
+    ) -> subprocess.Popen[bytes]:
+        """Start such a command line as the leader of a session, with more in its environment."""
+        own = {name: value for name, value in os.environ.items() if not name.startswith("XDG_")}  # root's directories
+        return subprocess.Popen(
+            command,
+            start_new_session=True,
+            env={**own, **self.user.environment(), **self.environment, **environment},
+        )
 
 
 def run_lab(*, scenes: Path | None, traces: Path | None, trace: str | None, stop: threading.Event) -> None:
-    """Run the whole lab until `stop` is set. Raises StartError if it cannot start, or if a service of it ends."""
+    """Run the whole lab until `stop` is set. Raises StartError if it cannot start, or if a service ends too often."""
     check_rights()
-    with ExitStack() as stack:
-        lab = stack.enter_context(Lab(NAME).up(PORTS, host=True))
-        options = [*(("--traces", str(traces)) if traces else ()), *(("--trace", trace) if trace else ())]
-        environment = {SERVICES_VARIABLE: page_services(shaped=True)}
-        services = {
-            "shaper": stack.enter_context(running(lab, "gateway", shaper_command(*options))),
-            "render service": stack.enter_context(running(lab, "service", render_command(scenes), environment)),
-            "DASH packager": stack.enter_context(running(lab, "service", dash_command())),
-            "experiments' store": stack.enter_context(running(lab, "service", store_command())),
-        }
-        while not stop.wait(0.2):
-            for name, process in services.items():
-                if process.poll() is not None:
-                    raise StartError(f"The {name} has ended, so the lab ends too.")
+    results = load_settings(_StoreSettings, {}).results
+    caller, user = User.caller(os.environ), User.of_services(os.environ, Path.cwd())
+    options = [*(("--traces", str(traces)) if traces else ()), *(("--trace", trace) if trace else ())]
+    page = {SERVICES_VARIABLE: page_services(shaped=True)}
+    with Lab(NAME).up(PORTS, host=True) as lab:
+        user.give(results)
+        needed = [each for each in (scenes, traces, results) if each is not None and each.is_dir()]
+        runner = Runner(lab, user, needed, {VARIABLE: this_commit() or ""})  # git does not tell everybody
+        try:
+            keep_running(
+                (
+                    Service("shaper", lambda: runner.start(runner.shaper(*options))),
+                    Service("render service", lambda: runner.start(runner.service(render_command(scenes)), page)),
+                    Service("DASH packager", lambda: runner.start(runner.service(dash_command()))),
+                    Service("experiment store", lambda: runner.start(runner.service(store_command()))),
+                ),
+                stop,
+            )
+        finally:
+            caller.give(results)
+
+
+def run_demo(render_options: Sequence[str], stop: threading.Event) -> None:
+    """Run the services on this machine, without a link between them and the page, until `stop` is set.
+
+    Raises StartError as `run_lab` does.
+    """
+
+    def start(argv: Sequence[str]) -> subprocess.Popen[bytes]:
+        environment = {SERVICES_VARIABLE: page_services(shaped=False)}
+        return subprocess.Popen(argv, start_new_session=True, env=os.environ | environment)
+
+    keep_running(
+        (
+            Service("DASH packager", lambda: start(tigas("dash"))),
+            Service("experiment store", lambda: start(tigas("store"))),
+            Service("render service", lambda: start(tigas("render", *render_options))),
+        ),
+        stop,
+    )

@@ -144,3 +144,14 @@ def test_who_else_touches_the_link_spoils_the_run(
     with pytest.raises(RunFailed, match=r"^Somebody else changed the link during the run\.$"):
         watched(shaper, network, request_)
     assert shaper.asked[-1] == ("/stop", {}), "it is fast again all the same"
+
+
+def test_a_shaper_that_ends_in_good_order_spoils_the_run_too() -> None:
+    async def run(shaper: FakeShaper) -> None:
+        target = Target("http://127.0.0.1:9", SERVER.model_copy(update={"services": {"shaper": shaper.url}}))
+        async with held(target, parse_network("unshaped")) as link, watching_link(link) as seen:
+            await until(lambda: bool(seen))
+            await asyncio.to_thread(shaper.stop)
+
+    with FakeShaper() as shaper, pytest.raises(RunFailed, match="stopped telling of its link"):
+        asyncio.run(run(shaper))

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import asyncio
 import json
+import subprocess
+import sys
 import threading
 from collections.abc import Iterator
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 
+import psutil
 import pytest
 
 from tigas_common.errors import StartError
@@ -81,6 +84,37 @@ def test_services_that_are_what_they_were_live(services: Services) -> None:
     assert not asyncio.run(alive(target)), "it was started again"
     services.stop()
     assert not asyncio.run(alive(target)), "it was killed"
+
+
+def test_a_lab_s_service_that_was_started_again_is_another_one(services: Services) -> None:
+    lab = subprocess.Popen([sys.executable, "-c", LAB], stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+    assert lab.stdin
+    assert lab.stdout
+    with lab:
+        lab.stdout.readline()
+        keeper = psutil.Process(lab.pid)
+        config = asyncio.run(read_config(services.url))
+        target = Target(services.url, config, keeper, frozenset(keeper.children()))
+        assert asyncio.run(alive(target))
+        lab.stdin.write(b"again\n")
+        lab.stdin.flush()
+        lab.stdout.readline()
+        assert not asyncio.run(alive(target))
+        lab.stdin.close()
+
+
+LAB = """
+import subprocess, sys
+while True:
+    service = subprocess.Popen([sys.executable, "-c", "import signal; signal.pause()"])
+    print(flush=True)
+    again = sys.stdin.readline()
+    service.kill()
+    service.wait()
+    if not again:
+        break
+"""
+"""Has one service, which it kills and starts again for each line that it is given."""
 
 
 def test_a_scene_s_name_stays_a_name(services: Services) -> None:

@@ -66,6 +66,7 @@ class ShaperClient:
                         yield self._status(json.loads(line.removeprefix("data:")))
         except (httpx.HTTPError, json.JSONDecodeError) as error:
             raise RunFailed(f"The shaper at {self.url} stopped telling of its link ({_reason(error)}).") from None
+        raise RunFailed(f"The shaper at {self.url} stopped telling of its link (it has ended).")
 
     async def _seek(self, network: Network) -> ShaperStatus:
         return await self._post("/seek", {"position_ms": network.offset_s * 1000})

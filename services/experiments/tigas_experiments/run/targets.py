@@ -10,11 +10,12 @@ import subprocess
 import time
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from urllib.parse import quote, urlsplit
 
 import httpx
+import psutil
 from pydantic import ValidationError
 
 from tigas_common.errors import StartError
@@ -38,6 +39,10 @@ class Target:
     url: str
     """Without a slash at its end; also the page's origin."""
     config: ServerConfig
+    lab: psutil.Process | None = None
+    """What keeps the services running, if we have started it."""
+    processes: frozenset[psutil.Process] = frozenset()
+    """The lab's services."""
 
     @property
     def shaper(self) -> str | None:
@@ -68,7 +73,9 @@ async def lab_target(scenes: Path | None, traces: Path | None) -> AsyncIterator[
     )
     log = asyncio.create_task(asyncio.to_thread(_last_words, process))
     try:
-        yield await _ready(process, log)
+        target = await _ready(process, log)
+        lab = psutil.Process(process.pid)
+        yield replace(target, lab=lab, processes=frozenset(lab.children()))
     finally:
         await asyncio.shield(asyncio.to_thread(_end, process))
 
@@ -93,13 +100,15 @@ async def read_config(url: str) -> ServerConfig:
 
 
 async def alive(target: Target) -> bool:
-    """Whether all services answer, the shaper's link works, and the render service is the one that it was.
+    """Whether all services answer, the shaper's link works, and none was started again.
 
-    One that was started again has another certificate, which its configuration tells.
+    A render service that was has another certificate, which its configuration tells; a lab's service another process.
     """
     try:
         config = await read_config(target.url)
-    except StartError:
+        if target.lab is not None and frozenset(target.lab.children()) != target.processes:
+            return False
+    except (StartError, psutil.Error):
         return False
     services = (target.url, target.shaper, target.dash)
     return config == target.config and all([await _serves(url, ANSWER_S) for url in services if url is not None])

@@ -1,0 +1,90 @@
+"""Who the lab's services run as: an ordinary user without capabilities, although the lab itself needs root."""
+
+from __future__ import annotations
+
+import os
+import pwd
+import stat
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from tigas_common.errors import StartError
+
+CACHE = Path("/var/cache")
+"""Where a user who has no home gets a directory."""
+NOBODY = 65534
+
+
+@dataclass(frozen=True, slots=True)
+class User:
+    """A user and their main group; the services have none of their other groups."""
+
+    uid: int
+    gid: int
+
+    @classmethod
+    def caller(cls, environment: Mapping[str, str]) -> User:
+        """Whoever used sudo, or root."""
+        return cls(int(environment.get("SUDO_UID", 0)), int(environment.get("SUDO_GID", 0)))
+
+    @classmethod
+    def of_services(cls, environment: Mapping[str, str], directory: Path) -> User:
+        """The caller, or else the owner of the working directory; where both are root, the system's `nobody`."""
+        state = directory.stat()
+        for user in (cls.caller(environment), cls(state.st_uid, state.st_gid)):
+            if user.uid and user.gid:
+                return user
+        return cls(NOBODY, NOBODY)
+
+    def environment(self) -> dict[str, str]:
+        """Their home, which is made if they have none, and who they are."""
+        try:
+            known = pwd.getpwuid(self.uid)
+        except KeyError:
+            name, home = str(self.uid), Path("/nonexistent")
+        else:
+            name, home = known.pw_name, Path(known.pw_dir)
+        if not home.is_dir():
+            home = CACHE / f"tigas-{self.uid}"
+            home.mkdir(mode=0o700, parents=True, exist_ok=True)
+            os.chown(home, self.uid, self.gid, follow_symlinks=False)
+        return {"HOME": str(home), "USER": name, "LOGNAME": name}
+
+    def give(self, folder: Path) -> None:
+        """Make them the owner of a folder, which is made if it is missing, and of all in it that is root's or nobody's.
+
+        Raises StartError.
+        """
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            for _, folders, files, parent in os.fwalk(folder):  # by descriptors: nobody can put a link in the way
+                for name in (".", *folders, *files):
+                    if os.stat(name, dir_fd=parent, follow_symlinks=False).st_uid in (0, NOBODY):
+                        os.chown(name, self.uid, self.gid, dir_fd=parent, follow_symlinks=False)
+        except OSError as error:
+            raise StartError(f"{folder} cannot be given to user {self.uid}: {error.strerror or error}.") from None
+
+    def may_enter(self, folder: Path) -> bool:
+        """Whether its mode lets them reach what is in it."""
+        state = folder.stat()
+        if state.st_uid == self.uid:
+            return bool(state.st_mode & stat.S_IXUSR)
+        return bool(state.st_mode & (stat.S_IXGRP if state.st_gid == self.gid else stat.S_IXOTH))
+
+    def command(self, argv: Sequence[str], capabilities: Iterable[str] = ()) -> list[str]:
+        """A command line, for root, that runs another one as this user, with these capabilities (capabilities(7), in
+        small letters and without `cap_`) and no way to get others."""
+        held = ",".join(("-all", *(f"+{capability}" for capability in capabilities)))
+        return [
+            "setpriv",
+            f"--reuid={self.uid}",
+            f"--regid={self.gid}",
+            "--clear-groups",
+            f"--inh-caps={held}",
+            f"--ambient-caps={held}",
+            f"--bounding-set={held}",
+            "--no-new-privs",
+            "--pdeathsig=KILL",
+            *argv,
+        ]
