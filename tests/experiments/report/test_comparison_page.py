@@ -70,7 +70,7 @@ def test_the_report_says_what_was_measured(folder: Path) -> None:
     ):
         assert expected in text
     assert "processors were saturated during 100% of the run" in text
-    assert page.count("<svg") == 8
+    assert page.count("<svg") == 10
     assert page.count('src="data:image/jpeg;base64,') == 8
     assert page.count('scope="colgroup"') == 12
     assert "4g-<bus>" not in page, "names are escaped"
@@ -121,7 +121,7 @@ def test_a_comparison_over_no_shaped_link(tmp_path: Path) -> None:
     run = write_run(experiment(tmp_path) / "runs" / "1", network=Network())
     (run / "link.ndjson").write_text("")
     page = write_report(tmp_path, tmp_path).page.read_text()
-    assert page.count("<svg") == 4
+    assert page.count("<svg") == 5
     assert "What the page received, as there was no shaped link." in page
 
 
@@ -139,7 +139,7 @@ def test_a_snapshot_that_is_broken_costs_itself_alone(folder: Path, broken: str)
     report = write_report(folder, folder)
     assert len(report.results.runs) == 4
     page = report.page.read_text()
-    assert (page.count("data:image/jpeg"), page.count("<svg")) == (6, 8)
+    assert (page.count("data:image/jpeg"), page.count("<svg")) == (6, 10)
 
 
 def test_either_page_tells_of_either_folder(folder: Path) -> None:

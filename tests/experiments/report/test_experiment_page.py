@@ -78,7 +78,7 @@ def test_a_large_experiment_is_bounded(tmp_path: Path, monkeypatch: pytest.Monke
     report = write_report(tmp_path, tmp_path, told=lambda *step: heard.append(step))
     assert heard == [
         *(("reads runs", done, 24) for done in range(1, 25)),
-        *(("draws figures", done, None) for done in range(1, 1 + 6 + 1)),
+        *(("draws figures", done, None) for done in range(1, 2 + 7 + 1)),
     ], "one network is drawn by itself"
     assert "Only the first 1 of 2 networks" in report.page.read_text()
     assert report.page.stat().st_size < 1_000_000, "however long the runs are"

@@ -159,6 +159,13 @@ def test_what_the_services_do_not_have_is_said_before_the_first_run(
     assert str(error.value) == sentence
 
 
+def test_a_representation_has_a_rung_of_the_ladder(monkeypatch: pytest.MonkeyPatch) -> None:
+    world = World(monkeypatch, dash="http://127.0.0.1:9")
+    world.check(unshaped(mode="dash-tuned", dash_representation={"rung": 3, "bitrate_kbps": 500}))
+    with pytest.raises(StartError, match="There is no rung 4"):
+        world.check(unshaped(mode="dash-tuned", dash_representation={"rung": 4, "bitrate_kbps": 500}))
+
+
 def test_a_page_that_cannot_be_opened_is_said_before_the_first_run(monkeypatch: pytest.MonkeyPatch) -> None:
     world = World(monkeypatch)
 

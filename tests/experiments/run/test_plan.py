@@ -142,6 +142,22 @@ def test_a_stream_has_the_frame_rate_that_the_file_asks_for_or_its_preset_has(tm
     assert page_settings(left_out)["dashFrameRate"] is None
 
 
+def test_dash_plays_single_representations_beside_all_of_them(tmp_path: Path) -> None:
+    every = ["adaptive", "r3-500", "r2-4242"]
+    made = runs(tmp_path, modes=["stateless", "dash-tuned"], dash_representations=every, shuffled=False)
+    assert [page_settings(run).get("dashRepresentation", "none") for run in made] == [
+        "none",
+        None,
+        {"rung": 3, "bitrate_kbps": 500},
+        {"rung": 2, "bitrate_kbps": 4242},
+    ]
+    assert [run.slug.split("_")[3] for run in made[1:]] == ["dash-tuned", "dash-tuned-r3-500", "dash-tuned-r2-4242"]
+    for odd in ("2-500", "r2", "r2-5", "r300-500"):
+        with pytest.raises(StartError) as error:
+            runs(tmp_path, modes=["dash-tuned"], dash_representations=[odd])
+        assert "representation" in str(error.value)
+
+
 def test_paths_are_relative_to_the_file_and_traces_begin_where_it_says(tmp_path: Path, monkeypatch: Any) -> None:
     (tmp_path / "walk.csv").touch()
     (tmp_path / "bus.log").touch()

@@ -9,7 +9,7 @@ import type { SceneInfo } from "../wire/render";
 import { endSession, openPoseSocket, openSession } from "./api";
 import { DashPlayer } from "./dash-player";
 import { playStream } from "./dashjs-stream";
-import { tuned } from "./presets";
+import { type DashPlan, tuned } from "./presets";
 import { type StreamEvents, StreamUnsupported } from "./streaming";
 
 vi.mock("./api");
@@ -77,7 +77,7 @@ afterEach(() => {
   vi.useRealTimers();
 });
 
-function open(): void {
+function open(plan: Partial<DashPlan> = {}): void {
   const video = {
     requestVideoFrameCallback: (heard: VideoFrameRequestCallback) => {
       present = (mediaTime, expectedDisplayTime) =>
@@ -89,7 +89,7 @@ function open(): void {
     rig,
     base: "http://packager",
     scene: "courtyard",
-    plan: { setup: tuned(30), player: "dash.js", adaptive: true },
+    plan: { setup: tuned(30), player: "dash.js", adaptive: true, representation: null, ...plan },
     stamp: false,
     onPresented: (frame) => shown.push(frame),
     onReceived: () => undefined,
@@ -153,6 +153,21 @@ test("the packager hears of each new pose and of each new lens, and of neither t
   rig.resize(320, 180); // the lens for the new viewport is not one for this stream
   frame(96);
   expect(told.at(-1)).not.toHaveProperty("fx");
+});
+
+test("the packager is asked for a single representation, or left to choose them", async () => {
+  const representation = { rung: 3, bitrate_kbps: 500 };
+  open({ representation });
+  await settle();
+  player.dispose();
+  open();
+  await settle();
+  const [single, several] = vi
+    .mocked(openSession)
+    .mock.calls.slice(-2)
+    .map(([, request]) => request);
+  expect(single?.representations).toEqual([representation]);
+  expect(several).not.toHaveProperty("representations");
 });
 
 test("what may pass is tried again, and a stream that ends is opened anew", async () => {

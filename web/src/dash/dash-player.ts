@@ -201,7 +201,7 @@ export class DashPlayer {
   #open(signal: AbortSignal): Promise<SessionInfo> {
     const { rig, base, scene, plan, stamp } = this.#options;
     const { position, quaternion } = rig.pose;
-    // The representations are the packager's choice: it knows the ladder, and the viewport from here.
+    // Unless there is to be only one, the representations are the packager's choice: it knows the ladder and the viewport.
     const request: SessionRequest = {
       scene,
       position,
@@ -209,6 +209,7 @@ export class DashPlayer {
       ...rig.intrinsics.value,
       ...rig.viewport.value,
       ...plan.setup,
+      ...(plan.representation && { representations: [plan.representation] }),
       stamp,
     };
     return openSession(base, request, signal);

@@ -1,7 +1,12 @@
 import { expect, test } from "vitest";
 import { type DashSettings, FRAME_RATES, PRESETS, planFor, tuned } from "./presets";
 
-const DEFAULT: DashSettings = { dashPreset: "tuned", dashFrameRate: null, dashCustom: tuned(30) };
+const DEFAULT: DashSettings = {
+  dashPreset: "tuned",
+  dashFrameRate: null,
+  dashRepresentation: null,
+  dashCustom: tuned(30),
+};
 
 test.each(FRAME_RATES)(
   "at %i frames/s every preset has chunks that fit its segments, and as long as ever",
@@ -17,8 +22,18 @@ test.each(FRAME_RATES)(
 
 test("a person's own setup is taken as it is", () => {
   const { dashCustom } = DEFAULT;
-  const plan = planFor({ dashPreset: "custom", dashFrameRate: 60, dashCustom: { ...dashCustom, frame_rate: 25 } });
-  expect(plan).toEqual({ setup: { ...dashCustom, frame_rate: 25 }, player: "dash.js", adaptive: false });
+  const plan = planFor({
+    ...DEFAULT,
+    dashPreset: "custom",
+    dashFrameRate: 60,
+    dashCustom: { ...dashCustom, frame_rate: 25 },
+  });
+  expect(plan).toEqual({
+    setup: { ...dashCustom, frame_rate: 25 },
+    player: "dash.js",
+    adaptive: false,
+    representation: null,
+  });
 });
 
 test("from preset to preset the latency is lower", () => {

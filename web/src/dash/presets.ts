@@ -1,5 +1,5 @@
 /** How the DASH stream is set up, and who plays it. */
-import type { SessionRequest } from "../wire/dash";
+import type { RepresentationRequest, SessionRequest } from "../wire/dash";
 
 /** What decides a stream's latency. */
 export type DashSetup = Required<
@@ -10,6 +10,8 @@ export interface DashPlan {
   readonly setup: DashSetup;
   /** dash.js, or the bare player on Media Source Extensions (`mse-stream.ts`). */
   readonly player: "dash.js" | "mse";
+  /** The only representation that the stream has; null: the packager's own choice, of which the player chooses. */
+  readonly representation: Required<RepresentationRequest> | null;
   /** Whether stalls raise the target (`latency-target.ts`); otherwise it stays as it is. */
   readonly adaptive: boolean;
 }
@@ -26,11 +28,17 @@ export interface DashSettings {
   readonly dashPreset: Preset;
   /** Frames a second; null: the preset's own. */
   readonly dashFrameRate: FrameRate | null;
+  /** A single representation; null: all. */
+  readonly dashRepresentation: Required<RepresentationRequest> | null;
   /** What the preset "custom" means. */
   readonly dashCustom: DashSetup;
 }
 
-export function planFor({ dashPreset, dashFrameRate, dashCustom }: DashSettings): DashPlan {
+export function planFor(settings: DashSettings): DashPlan {
+  return { ...chosen(settings), representation: settings.dashRepresentation };
+}
+
+function chosen({ dashPreset, dashFrameRate, dashCustom }: DashSettings): Omit<DashPlan, "representation"> {
   const frame_rate = dashFrameRate ?? DEFAULT_FRAME_RATE;
   switch (dashPreset) {
     case "typical":

@@ -26,6 +26,7 @@ const RUN: PlannedRun = {
   warm_up_s: 3,
   capture_every_ms: 0,
   dash_frame_rate: null,
+  dash_representation: null,
 };
 const DIRECTION = { target_kbps: 20_000, delivered_kbps: 100, queue_ms: 1, drops: 0 };
 const PLAYING = {

@@ -137,8 +137,19 @@ function watchForTrouble(
 
 /** The settings that decide what is measured, as text. */
 function decisiveSettings(): string {
-  const { transport, mode, dashPreset, dashFrameRate, dashCustom, controller, profile, refine } = settings.value;
-  return JSON.stringify([transport, mode, dashPreset, dashFrameRate, dashCustom, controller, profile, refine]);
+  const { transport, mode, dashPreset, dashFrameRate, dashRepresentation, dashCustom, controller, profile, refine } =
+    settings.value;
+  return JSON.stringify([
+    transport,
+    mode,
+    dashPreset,
+    dashFrameRate,
+    dashRepresentation,
+    dashCustom,
+    controller,
+    profile,
+    refine,
+  ]);
 }
 
 function visible(): boolean {

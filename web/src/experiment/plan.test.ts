@@ -45,6 +45,7 @@ test("a run says all that must be known to make it again", () => {
     warm_up_s: 3,
     capture_every_ms: 0,
     dash_frame_rate: null,
+    dash_representation: null,
   });
 });
 

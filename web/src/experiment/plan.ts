@@ -118,6 +118,7 @@ export function runsOf(plan: ExperimentPlan): PlannedRun[] {
     warm_up_s,
     capture_every_ms: 0,
     dash_frame_rate: null,
+    dash_representation: null,
   };
   return Array.from({ length: plan.repeats }, (_, repeat) =>
     plan.modes.flatMap((mode) => {
@@ -155,7 +156,13 @@ export function settingsFor({
 }: Pick<PlannedRun, "mode" | "profile" | "dash_frame_rate">): Partial<Settings> {
   const shared = { sidebar: false, hud: false, refine: false };
   if (mode !== "stateless") {
-    return { ...shared, mode: "dash", dashPreset: RUN_PRESETS[mode], dashFrameRate: dash_frame_rate };
+    return {
+      ...shared,
+      mode: "dash",
+      dashPreset: RUN_PRESETS[mode],
+      dashFrameRate: dash_frame_rate,
+      dashRepresentation: null,
+    };
   }
   const chosen = typeof profile === "number" ? ({ controller: "fixed", profile } as const) : { controller: profile };
   return { ...shared, mode: "stateless", ...chosen };

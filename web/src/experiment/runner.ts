@@ -65,9 +65,9 @@ export class Runner {
   settings(part: Partial<Settings>): void {
     const before = settings.peek();
     changeSettings(validSettings({ ...before, ...part }));
-    const { mode, dashPreset, dashFrameRate } = settings.peek();
-    const same = mode === before.mode && dashPreset === before.dashPreset && dashFrameRate === before.dashFrameRate;
-    if (!same) this.#shown = 0; // other frames are waited for
+    const now = settings.peek();
+    const streamed = ["mode", "dashPreset", "dashFrameRate", "dashRepresentation"] as const;
+    if (streamed.some((name) => now[name] !== before[name])) this.#shown = 0; // other frames are waited for
   }
 
   /** Stand at a pose of the scene's own frame until a run begins, or the camera is released. */

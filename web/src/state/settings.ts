@@ -14,6 +14,16 @@ const Settings = v.object({
   dashPreset: v.fallback(v.picklist(PRESETS), "tuned"),
   /** Frames a second; null: the preset's own. */
   dashFrameRate: v.fallback(v.nullable(v.picklist(FRAME_RATES)), null),
+  /** A single DASH representation, for measurements; null: all that the packager offers. */
+  dashRepresentation: v.fallback(
+    v.nullable(
+      v.object({
+        rung: v.pipe(v.number(), v.integer(), v.minValue(0), v.maxValue(255)),
+        bitrate_kbps: v.pipe(v.number(), v.integer(), v.minValue(50), v.maxValue(100_000)),
+      }),
+    ),
+    null,
+  ),
   /** What the preset "custom" means. */
   dashCustom: v.fallback(
     v.object({

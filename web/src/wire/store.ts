@@ -47,6 +47,7 @@ export interface Configuration {
   height: number;
   profile?: number | string;
   dash_frame_rate?: (30 | 60) | null;
+  dash_representation?: RepresentationRequest | null;
   seed?: number;
   segment?: number;
   repeat?: number;
@@ -72,6 +73,13 @@ export interface LinkSetting {
   delay_ms?: number;
   jitter_ms?: number;
   loss_pct?: number;
+}
+/**
+ * One representation that a session wants.
+ */
+export interface RepresentationRequest {
+  rung: number;
+  bitrate_kbps?: number | null;
 }
 /**
  * One run, as the viewer saw it.

@@ -21,6 +21,9 @@ class RepresentationRequest(WireModel):
     bitrate_kbps: int | None = Field(default=None, ge=50, le=100_000)
     """Left out, it follows from the resolution and the frame rate."""
 
+    def __str__(self) -> str:
+        return f"r{self.rung}" + (f"-{self.bitrate_kbps}" if self.bitrate_kbps is not None else "")
+
 
 class SessionRequest(WireModel):
     """A stream for one viewer."""

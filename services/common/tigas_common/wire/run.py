@@ -9,6 +9,7 @@ from typing import Literal, Self
 
 from pydantic import Field, model_validator
 
+from tigas_common.wire.dash import RepresentationRequest
 from tigas_common.wire.model import MAX_SIDE, WireModel
 from tigas_common.wire.shaper import LinkSetting
 
@@ -103,6 +104,8 @@ class Configuration(WireModel):
     """Of the mode `stateless`: the ladder's rung, or the name of a controller."""
     dash_frame_rate: FrameRate | None = None
     """Of the modes with DASH, in frames a second; None: the preset's own."""
+    dash_representation: RepresentationRequest | None = None
+    """Of the modes with DASH: the only one that the stream has; None: all that the packager offers."""
     seed: int = Field(default=1, ge=0, le=2**53 - 1)
     """Of generated movements, and of the controllers' random numbers."""
     segment: int = Field(default=0, ge=0)
@@ -130,7 +133,8 @@ class Configuration(WireModel):
     @property
     def slug(self) -> str:
         """A name for its folder."""
-        mode = f"{self.mode}-{self.profile}" if self.mode == "stateless" else self.mode
+        chosen = self.profile if self.mode == "stateless" else self.dash_representation
+        mode = self.mode if chosen is None else f"{self.mode}-{chosen}"
         name, label = self.network.name, self.network.label
         network = name[:30] + label.removeprefix(name)  # a long name leaves room for the round trip
         segment = (f"s{self.segment}",) if self.segment else ()

@@ -44,6 +44,13 @@ def compare(
     dash_frame_rate: Annotated[
         int | None, typer.Option(help="DASH frames per second: 30 or 60.", show_default="the preset's")
     ] = None,
+    dash_representation: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="DASH: `adaptive`, or a single representation such as r2-1414 (rung 2, 1414 kbit/s). Repeatable.",
+            show_default="adaptive",
+        ),
+    ] = None,
     seed: Annotated[int, typer.Option(help="Seed of generated movements and of the controllers' random numbers.")] = 1,
     capture_every: Annotated[
         float, typer.Option(help="Seconds between pictures kept to measure quality; 0 keeps none.")
@@ -61,7 +68,7 @@ def compare(
     from rich.console import Console
 
     from tigas_experiments.report.cli import report
-    from tigas_experiments.run.plan import Plan
+    from tigas_experiments.run.plan import ADAPTIVE, Plan
     from tigas_experiments.run.progress import progress
     from tigas_experiments.run.runner import Experiment, make_missing_runs, reserved
     from tigas_experiments.run.signals import end_as_ctrl_c
@@ -80,6 +87,7 @@ def compare(
                 "modes": [mode.strip() for mode in modes.split(",")],
                 "controllers": profile or [DEFAULT_PROFILE],
                 "dash_frame_rate": dash_frame_rate,
+                "dash_representations": dash_representation or [ADAPTIVE],
                 "repeats": repeats,
                 "duration_s": duration,
                 "viewport": viewport,

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from tigas_common.wire.model import WireModel
 from tigas_experiments.records.summary import Summary
+from tigas_experiments.report.blocks import LEAST_BLOCKS, signed
 from tigas_experiments.report.comparison_figures import figures, write_headline
 from tigas_experiments.report.comparison_table import (
     COLUMNS,
@@ -17,8 +18,10 @@ from tigas_experiments.report.comparison_table import (
     markdown,
     runs_as_made,
 )
-from tigas_experiments.report.groups import Groups
+from tigas_experiments.report.groups import Group, Groups
 from tigas_experiments.report.plot import Plot
+from tigas_experiments.report.rate_distortion import QUALITIES, RateDistortion
+from tigas_experiments.report.rate_distortion_figure import rate_distortion
 from tigas_experiments.report.results import Results, Told
 from tigas_experiments.report.snapshots import Snapshot, snapshots
 from tigas_experiments.report.warnings import unreadable
@@ -43,10 +46,11 @@ class Section:
     network: str
     runs: list[Summary]
     plots: list[Plot]
+    distortion: RateDistortion | None
     snapshots: list[Snapshot]
 
 
-def comparison_page(results: Results, _: Groups, out: Path, told: Told) -> dict[str, object]:
+def comparison_page(results: Results, groups: Groups, out: Path, told: Told) -> dict[str, object]:
     """What its template is filled with; writes report.json, table.md, headline.svg and headline.png, too.
 
     Raises OSError.
@@ -68,14 +72,33 @@ def comparison_page(results: Results, _: Groups, out: Path, told: Told) -> dict[
     for network, drawn in figures(results):
         plots[network] = drawn
         told("draws networks", len(plots), len(networks))
+    distortions = _distortions(groups)
+    for network, found in distortions.items():
+        plot = rate_distortion(found, groups.looks, network)
+        plots[network] += [plot] if plot is not None else []
     return {
         "runs": made,
         "sections": [
-            Section(network, runs, plots.get(network, []), snapshots(results.folder, runs))
+            Section(network, runs, plots.get(network, []), distortions.get(network), snapshots(results.folder, runs))
             for network, runs in networks.items()
         ],
         "columns": COLUMNS,
         "column_groups": column_groups(),
         "label": label,
         "cells": cells,
+        "qualities": QUALITIES,
+        "signed": signed,
+        "least_blocks": LEAST_BLOCKS,
     }
+
+
+def _distortions(groups: Groups) -> dict[str, RateDistortion]:
+    """By the network's label."""
+    by_label: dict[str, list[Group]] = {}
+    for group in groups:
+        by_label.setdefault(group.runs[0].record.configuration.network.label, []).append(group)
+    found = {
+        label: RateDistortion.of(own, own[0].condition.network, own[0].condition.rtt_ms)
+        for label, own in by_label.items()
+    }
+    return {label: one for label, one in found.items() if one is not None}

@@ -1,4 +1,6 @@
-"""What an experiment compares: controllers, fixed rungs, DASH's presets; each has one name and one look throughout."""
+"""What an experiment compares: controllers, fixed rungs, DASH's presets and single representations; each has one name
+and one look throughout.
+"""
 
 from __future__ import annotations
 
@@ -6,6 +8,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any, Literal
 
+from tigas_common.wire.dash import RepresentationRequest
 from tigas_common.wire.run import MODE_NAMES, MODES, Configuration, Mode
 
 LineStyle = Literal["-", "--", ":", "-."]
@@ -52,24 +55,35 @@ FIXED_DASHES: tuple[LineStyle, ...] = (":", "-.", "--", "-")
 
 @dataclass(frozen=True, slots=True)
 class Controller:
-    """What decides the profile: a controller, a fixed rung, or a preset of DASH."""
+    """What decides the profile: a controller, a fixed rung, or a preset of DASH, perhaps of one representation."""
 
     mode: Mode
     profile: int | str | None
     """None in the modes that have none."""
+    representation: RepresentationRequest | None = None
+    """The only one that a DASH stream had."""
 
     @classmethod
     def of(cls, configuration: Configuration) -> Controller:
         """Of a run."""
         mode = configuration.mode
-        return cls(mode, configuration.profile if mode == "stateless" else None)
+        return (
+            cls(mode, configuration.profile)
+            if mode == "stateless"
+            else cls(mode, None, configuration.dash_representation)
+        )
+
+    @property
+    def fixed(self) -> bool:
+        """Whether nothing adapts."""
+        return isinstance(self.profile, int) or self.representation is not None
 
     @property
     def name(self) -> str:
         """For programs: `latency`, `profile-2`, `dash-tuned`."""
         if isinstance(self.profile, int):
             return f"profile-{self.profile}"
-        return self.profile or self.mode
+        return self.profile or self._with_representation(self.mode, "-")
 
     @property
     def title(self) -> str:
@@ -78,15 +92,18 @@ class Controller:
             return f"Profile {self.profile}"
         if self.profile is not None:
             return CONTROLLER_TITLES.get(self.profile, self.profile)
-        return MODE_NAMES[self.mode].replace(",", "")  # in lists, too
+        return self._with_representation(MODE_NAMES[self.mode].replace(",", ""), " ")  # without commas, for lists
 
     @property
     def title_with_mode(self) -> str:
         """For people who compare modes."""
         if self.profile is None:
-            return MODE_NAMES[self.mode]
+            return self._with_representation(MODE_NAMES[self.mode], ", ")
         profile = f"rung {self.profile}" if isinstance(self.profile, int) else self.profile
         return f"{MODE_NAMES[self.mode]}, {profile}"
+
+    def _with_representation(self, name: str, separator: str) -> str:
+        return name if self.representation is None else f"{name}{separator}{self.representation}"
 
 
 def in_order(controllers: Iterable[Controller]) -> list[Controller]:
@@ -98,7 +115,8 @@ def in_order(controllers: Iterable[Controller]) -> list[Controller]:
         if isinstance(profile, int):
             return 2, profile, ""
         if profile is None:
-            return 3, MODES.index(controller.mode), ""
+            one = controller.representation
+            return 3, MODES.index(controller.mode), "" if one is None else f"{one.bitrate_kbps or 0:09} {one.rung}"
         return (0, known.index(profile), "") if profile in known else (1, 0, profile)
 
     return sorted(set(controllers), key=place)
@@ -115,6 +133,10 @@ def looks(controllers: Iterable[Controller]) -> dict[Controller, Look]:
         elif isinstance(controller.profile, int):
             rung = controller.profile
             found[controller] = Look(FIXED_COLOUR, FIXED_DASHES[rung % len(FIXED_DASHES)], MARKERS[rung % len(MARKERS)])
+        elif controller.representation is not None:
+            place = sum(each.mode == controller.mode and each.fixed for each in found)
+            colour = KNOWN_LOOKS[controller.mode].colour
+            found[controller] = Look(colour, FIXED_DASHES[place % len(FIXED_DASHES)], MARKERS[place % len(MARKERS)])
         else:
             found[controller] = Look(
                 OTHER_COLOURS[others % len(OTHER_COLOURS)], "-", MARKERS[-1 - others % len(MARKERS)]

@@ -57,6 +57,8 @@ from tigas_experiments.report.plot import (
     style,
     svg,
 )
+from tigas_experiments.report.rate_distortion import RateDistortion, over_all
+from tigas_experiments.report.rate_distortion_figure import rate_distortion
 from tigas_experiments.report.results import Floats
 from tigas_experiments.report.time_series import BINS, binned, downloaded, received
 
@@ -72,9 +74,13 @@ def figures(groups: Groups) -> Iterator[tuple[str | None, Plot]]:
     """All of them, in the order of the page, each with the network that it is of."""
     if (plot := overview(groups)) is not None:
         yield None, plot
+    if (everywhere := over_all(groups)) is not None and (
+        plot := rate_distortion(everywhere, groups.looks, f"all networks, {at_lowest(groups)}")
+    ) is not None:
+        yield None, plot
     for number, network in enumerate(groups.networks[:MOST_NETWORKS], 1):
         slug = f"{number:02}-" + (re.sub(r"[^A-Za-z0-9.-]+", "-", network).strip(".-")[:40] or "network")
-        for draw in (over_rtt, latencies, frame_ages, frame_ages_over_time, profiles, bandwidth):
+        for draw in (over_rtt, latencies, frame_ages, frame_ages_over_time, profiles, bandwidth, quality):
             if (plot := draw(groups, network)) is not None:
                 yield network, replace(plot, name=f"{slug}_{plot.name}")
 
@@ -245,6 +251,12 @@ def bandwidth(groups: Groups, network: str) -> Plot | None:
             "full rate, as a download of the scene's file would take it.",
             svg(figure),
         )
+
+
+def quality(groups: Groups, network: str) -> Plot | None:
+    """Quality against rate, if pictures were kept."""
+    found = RateDistortion.of(_base(groups, network), network, groups.base_rtt(network))
+    return None if found is None else rate_distortion(found, groups.looks, at_base(groups, network))
 
 
 def _by_rtt(

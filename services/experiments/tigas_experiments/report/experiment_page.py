@@ -10,6 +10,7 @@ from tigas_experiments.report.experiment_figures import figures
 from tigas_experiments.report.groups import Groups, Spread, overall
 from tigas_experiments.report.metrics import TABLE, Metric
 from tigas_experiments.report.plot import Plot
+from tigas_experiments.report.rate_distortion import QUALITIES, by_condition, over_all
 from tigas_experiments.report.results import Results, Told
 from tigas_experiments.report.tables import overall_markdown, rtt_text
 
@@ -20,6 +21,7 @@ def experiment_page(_: Results, groups: Groups, out: Path, told: Told) -> dict[s
     (out / "overall.md").write_text(overall_markdown(totals), encoding="utf-8")
     for old in out.glob("[0-9][0-9]-*_*.svg"):  # of a report that had other networks
         old.unlink()
+    (out / "rate-distortion.svg").unlink(missing_ok=True)  # one network has none
     plots: dict[str | None, list[Plot]] = {}
     for count, (network, plot) in enumerate(figures(groups), 1):
         (out / f"{plot.name}.svg").write_text(plot.svg, encoding="utf-8")
@@ -35,6 +37,10 @@ def experiment_page(_: Results, groups: Groups, out: Path, told: Told) -> dict[s
         "cell": cell,
         "signed": signed,
         "least_blocks": LEAST_BLOCKS,
+        "distortions": [
+            one for one in (over_all(groups), *by_condition(groups)) if one is not None and one.equal_rates
+        ],
+        "qualities": QUALITIES,
         "rtt_text": rtt_text,
     }
 

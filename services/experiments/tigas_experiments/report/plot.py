@@ -99,9 +99,11 @@ def svg(figure: Figure) -> str:
     return text[text.index("<svg") :]
 
 
-def panel_grid(count: int, *, width: float = 0.0, share: bool = False) -> tuple[Figure, list[Axes]]:
+def panel_grid(
+    count: int, *, width: float = 0.0, share: bool = False, columns: int = MOST_COLUMNS
+) -> tuple[Figure, list[Axes]]:
     """A figure with so many panels, `width` times PANEL_IN wide; with `share`, all have the same axes."""
-    columns = min(count, MOST_COLUMNS)
+    columns = min(count, columns)
     width = width or (ALONE if count == 1 else 1.0)
     rows = math.ceil(count / columns)
     figure = Figure(figsize=(width * PANEL_IN * columns, HEIGHT_IN * rows + 0.3), layout="constrained")
@@ -119,9 +121,9 @@ def add_legend(figure: Figure, panels: Sequence[Axes]) -> None:
         figure.legend(entries.values(), entries.keys(), loc="outside upper left", ncols=columns, fontsize=8)
 
 
-def label_lowest(panels: Sequence[Axes]) -> None:
+def label_lowest(panels: Sequence[Axes], *, columns: int = MOST_COLUMNS) -> None:
     """Of panels above one another, the lowest says what all of them have from left to right."""
-    for panel in panels[: max(0, len(panels) - MOST_COLUMNS)]:
+    for panel in panels[: max(0, len(panels) - columns)]:
         panel.tick_params(labelbottom=False)
         panel.set_xlabel("")
 

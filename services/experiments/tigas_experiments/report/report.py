@@ -11,9 +11,9 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
 from tigas_common.wire.figures import INTERACTIVE_MS
-from tigas_common.wire.run import MODE_NAMES
 from tigas_experiments.records.folder import RunRecord, Template
 from tigas_experiments.report.comparison_page import comparison_page
+from tigas_experiments.report.controllers import Controller
 from tigas_experiments.report.differences import against, choose_baseline
 from tigas_experiments.report.experiment_page import experiment_page
 from tigas_experiments.report.groups import Groups
@@ -48,7 +48,7 @@ def write_report(
 ) -> Report:
     """Report on the runs of an experiment's folder, into another folder or its own.
 
-    Writes report.html, runs.csv, groups.csv, differences.csv, and what its template has beside them. The experiment
+    Writes report.html, the CSV files, and what its template has beside them. The experiment
     says which one that is, and with which controller the others are compared, unless somebody chooses another.
 
     Raises StartError if it has no runs, or none of the baseline, and OSError if it cannot be written.
@@ -102,5 +102,5 @@ def _streams(records: Iterable[RunRecord]) -> dict[str, str]:
     found: dict[str, str] = {}
     for record in records:
         if record.recording is not None and record.recording.dash is not None:
-            found.setdefault(MODE_NAMES[record.configuration.mode], record.recording.dash.summary)
+            found.setdefault(Controller.of(record.configuration).title_with_mode, record.recording.dash.summary)
     return found

@@ -1,5 +1,6 @@
 """The tables as files: runs.csv with a row for each run, groups.csv with a row for each group, differences.csv with a
-row for each figure of a controller against the baseline, overall.md for papers.
+row for each figure of a controller against the baseline, rate_distortion.csv and equal_rates.csv of quality against
+rate, overall.md for papers.
 
 An empty cell of a CSV file is a metric that there is not; `inf` is a time that never came.
 """
@@ -8,7 +9,7 @@ from __future__ import annotations
 
 import csv
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +18,8 @@ from tigas_experiments.report.blocks import Estimate
 from tigas_experiments.report.controllers import Controller
 from tigas_experiments.report.differences import Difference
 from tigas_experiments.report.groups import Condition, Group, Groups, Overall
-from tigas_experiments.report.metrics import METRICS, TABLE, Metric
+from tigas_experiments.report.metrics import METRICS, RECEIVED, TABLE, Metric
+from tigas_experiments.report.rate_distortion import QUALITIES, RateDistortion, by_condition, over_all
 from tigas_experiments.report.results import Failure, Results, Run
 
 Row = dict[str, Any]
@@ -26,7 +28,7 @@ Row = dict[str, Any]
 def write_csv(
     results: Results, groups: Groups, compared: Sequence[Difference], baseline: Controller | None, folder: Path
 ) -> list[Path]:
-    """runs.csv, groups.csv and differences.csv. Raises OSError."""
+    """All CSV files. Raises OSError."""
     runs = [*map(_run, results.runs), *map(_failure, results.failures)]
     files = {
         "runs.csv": sorted(runs, key=lambda row: str(row["folder"])),
@@ -34,6 +36,13 @@ def write_csv(
         "differences.csv": [_difference(each, baseline.name, metric) for each in compared for metric in METRICS]
         if baseline is not None
         else [],
+        "rate_distortion.csv": [row for found in by_condition(groups) for row in _rate_distortion(found)],
+        "equal_rates.csv": [
+            row
+            for found in (over_all(groups), *by_condition(groups))
+            if found is not None
+            for row in _equal_rates(found)
+        ],
     }
     return [_write(folder / name, rows) for name, rows in files.items()]
 
@@ -133,6 +142,46 @@ def _difference(difference: Difference, baseline: str, metric: Metric) -> Row:
         "ci95_low": low,
         "ci95_high": high,
     }
+
+
+def _rate_distortion(found: RateDistortion) -> Iterator[Row]:
+    """A row for each block of each controller."""
+    for series in found.series:
+        for controller, samples in series.samples.items():
+            for block, sample in samples.items():
+                yield {
+                    "network": found.network,
+                    "rtt_ms": found.rtt_ms,
+                    "controller": controller.name,
+                    "fixed": controller.fixed,
+                    "trace_offset_s": block.trace_offset_s,
+                    "scene": block.scene,
+                    "movement": block.movement,
+                    "movement_offset_s": block.movement_offset_s,
+                    **{metric.name: sample.get(metric) for metric in (RECEIVED, *QUALITIES)},
+                }
+
+
+def _equal_rates(found: RateDistortion) -> Iterator[Row]:
+    """A row for each quality of each series against each curve."""
+    for each in found.equal_rates:
+        for metric in QUALITIES:
+            estimate = each.differences.get(metric)
+            low, high = _ends(estimate)
+            yield {
+                "network": found.network or "all",
+                "rtt_ms": found.rtt_ms,
+                "curve": each.curve.title,
+                "compared": each.other.title,
+                "figure": metric.name,
+                "blocks": each.blocks,
+                "blocks_overlapping": each.overlapping,
+                "from_mbit_s": each.rates and each.rates[0],
+                "to_mbit_s": each.rates and each.rates[1],
+                "difference": estimate and estimate.mean,
+                "ci95_low": low,
+                "ci95_high": high,
+            }
 
 
 def _ends(estimate: Estimate | None) -> tuple[float | None, float | None]:

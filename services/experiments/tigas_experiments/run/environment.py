@@ -165,8 +165,11 @@ def _check_services(runs: Sequence[Configuration], target: Target) -> None:
         if run.mode != "stateless":
             if target.dash is None:
                 raise StartError(f"There is no packager behind {target.url}, so {run.mode} cannot be measured.")
-        elif isinstance(run.profile, int) and run.profile >= rungs:
-            raise StartError(f"There is no rung {run.profile}: the ladder at {target.url} has {rungs}, counted from 0.")
+            rung = None if run.dash_representation is None else run.dash_representation.rung
+        else:
+            rung = run.profile if isinstance(run.profile, int) else None
+        if rung is not None and rung >= rungs:
+            raise StartError(f"There is no rung {rung}: the ladder at {target.url} has {rungs}, counted from 0.")
 
 
 def _inputs(configuration: Configuration) -> tuple[object, ...]:

@@ -111,7 +111,13 @@ def page_settings(configuration: Configuration) -> dict[str, Any]:
     chosen: dict[str, Any]
     if mode != "stateless":
         preset = mode.removeprefix("dash-")
-        chosen = {"mode": "dash", "dashPreset": preset, "dashFrameRate": configuration.dash_frame_rate}
+        representation = configuration.dash_representation
+        chosen = {
+            "mode": "dash",
+            "dashPreset": preset,
+            "dashFrameRate": configuration.dash_frame_rate,
+            "dashRepresentation": None if representation is None else representation.model_dump(),
+        }
     elif isinstance(profile, int):
         chosen = {"mode": "stateless", "controller": "fixed", "profile": profile}
     else:

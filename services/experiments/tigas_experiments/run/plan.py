@@ -16,6 +16,7 @@ from pydantic import AfterValidator, Field, ValidationError
 
 from tigas_common.errors import StartError
 from tigas_common.parsing import sentence
+from tigas_common.wire.dash import RepresentationRequest
 from tigas_common.wire.model import WireModel
 from tigas_common.wire.run import MAX_OFFSET_S, MAX_RTT_MS, Configuration, FrameRate, Mode, Network
 from tigas_common.wire.store import ExperimentName
@@ -52,11 +53,14 @@ def _rung(controller: int | str) -> int | str:
     return int(controller) if isinstance(controller, str) and controller.isdecimal() else controller
 
 
-Profile = tuple[Mode, int | str]
+ADAPTIVE = "adaptive"
+Chosen = tuple[Mode, dict[str, Any]]
+"""A mode, and the fields of a run that say what chooses its quality."""
 Inputs = tuple[str, str, tuple[int, Network]]
 """Scene, movement, and network with the segment that it begins at."""
 Name = Annotated[str, Field(min_length=1, max_length=100), AfterValidator(_no_path)]
 Controller = Annotated[int | Annotated[str, Field(min_length=1, max_length=40)], AfterValidator(_rung)]
+Representation = Annotated[str, Field(pattern=rf"^({ADAPTIVE}|r\d{{1,3}}-\d{{2,6}})$")]
 Text = Annotated[str, Field(min_length=1, max_length=1000)]
 Several = Annotated[tuple[Value, ...], AfterValidator(_several)]
 
@@ -77,6 +81,8 @@ class Plan(WireModel):
     """Of the mode `stateless`: controllers' names, and fixed rungs of the ladder."""
     dash_frame_rate: FrameRate | None = None
     """Of the modes with DASH, in frames a second; without it, each preset's own."""
+    dash_representations: Several[Representation] = (ADAPTIVE,)
+    """Of the modes with DASH: `adaptive`, or single representations by rung and kbit/s, such as `r2-1414`."""
     segments: int = Field(default=1, ge=1, le=1000)
     """So many different parts of the traces and movements, chosen by the seed; 1: as they begin."""
     repeats: int = Field(default=1, ge=1, le=1000)
@@ -142,7 +148,6 @@ class Plan(WireModel):
                     movement_offset_s=movements[movement][segment],
                     network=network,
                     mode=mode,
-                    profile=profile,
                     dash_frame_rate=self.dash_frame_rate,
                     duration_s=self.duration_s,
                     width=width,
@@ -152,8 +157,9 @@ class Plan(WireModel):
                     repeat=repeat,
                     capture_every_ms=capture_interval_ms(self.capture_every_s, self.duration_s),
                     warm_up_s=self.warm_up_s,
+                    **chosen,
                 )
-                for repeat, (scene, movement, (segment, network)), (mode, profile) in self._ordered(networks, profiles)
+                for repeat, (scene, movement, (segment, network)), (mode, chosen) in self._ordered(networks, profiles)
             ]
         except ValidationError as error:
             raise StartError(f"{self.name}: {sentence(error)}") from None
@@ -164,19 +170,19 @@ class Plan(WireModel):
         _check_folders(runs)
         return runs
 
-    def _profiles(self) -> list[Profile]:
-        """Each mode, with each controller where it has one."""
+    def _profiles(self) -> list[Chosen]:
+        """Each mode, with each of its controllers or representations."""
+        controllers = [{"profile": controller} for controller in self.controllers]
+        representations = [{"dash_representation": _representation(name)} for name in self.dash_representations]
         return [
-            (mode, controller)
+            (mode, chosen)
             for mode in self.modes
-            for controller in (
-                self.controllers if mode == "stateless" else (Configuration.model_fields["profile"].default,)
-            )
+            for chosen in (controllers if mode == "stateless" else representations)
         ]
 
     def _ordered(
-        self, networks: Sequence[tuple[int, Network]], profiles: Sequence[Profile]
-    ) -> Iterator[tuple[int, Inputs, Profile]]:
+        self, networks: Sequence[tuple[int, Network]], profiles: Sequence[Chosen]
+    ) -> Iterator[tuple[int, Inputs, Chosen]]:
         """A randomised block design: what is compared is compared close in time, in an order that favours nothing."""
         chance = Random(self.seed)
 
@@ -223,6 +229,16 @@ class Plan(WireModel):
         }
 
 
+def _representation(name: str) -> RepresentationRequest | None:
+    if name == ADAPTIVE:
+        return None
+    rung, bitrate_kbps = map(int, name.removeprefix("r").split("-"))
+    try:
+        return RepresentationRequest(rung=rung, bitrate_kbps=bitrate_kbps)
+    except ValidationError as error:
+        raise StartError(f"There is no representation {name!r}: {sentence(error)}") from None
+
+
 def seconds(runs: Sequence[Configuration]) -> float:
     """How long runs take, about."""
     return sum(run.warm_up_s + run.duration_s + OVERHEAD_S for run in runs)
@@ -247,7 +263,7 @@ def _check_folders(runs: Sequence[Configuration]) -> None:
         if other is not run:
             differ = [
                 f"{getattr(other, name)!r} and {getattr(run, name)!r}"
-                for name in ("scene", "movement", "profile")
+                for name in ("scene", "movement", "profile", "dash_representation")
                 if getattr(other, name) != getattr(run, name)
             ] or [f"{other.network.label!r} and {run.network.label!r}"]
             raise StartError(f"{differ[0]} would get the same folders, {run.slug}: give one of them another name.")
