@@ -1,16 +1,17 @@
 import { describe, expect, test } from "vitest";
 import { InFlightLimit } from "./in-flight-limit";
 
+const AT_60_HZ = { interval: 1000 / 60 };
 const FRAME = { render: 10, encode: 2, transmission: 0, alone: false };
 
-function after(overhead: number, options = {}, overtaking = true): InFlightLimit {
-  const subject = new InFlightLimit(overtaking);
+function after(overhead: number, options = {}, overtaking = true, clock = AT_60_HZ): InFlightLimit {
+  const subject = new InFlightLimit(overtaking, clock);
   for (let now = 0; now < 2000; now += 20) subject.observe({ ...FRAME, overhead, ...options }, now);
   return subject;
 }
 
 test("the first request goes alone: it measures the way", () => {
-  expect(new InFlightLimit(true).limit).toBe(1);
+  expect(new InFlightLimit(true, AT_60_HZ).limit).toBe(1);
 });
 
 test.each([
@@ -21,6 +22,24 @@ test.each([
   [5000, 32],
 ])("with %i ms outside the server, %i are in flight", (overhead, expected) => {
   expect(after(overhead).limit).toBe(expected);
+});
+
+test.each([
+  [30, 3],
+  [60, 5],
+  [120, 8],
+  [144, 9],
+  [240, 13],
+])("a display of %i Hz asks for a view with each of its frames: %i are in flight", (hertz, expected) => {
+  expect(after(40, {}, true, { interval: 1000 / hertz }).limit).toBe(expected);
+});
+
+test("a display that changes its rate changes the limit", () => {
+  const clock = { interval: 1000 / 120 };
+  const subject = after(40, {}, true, clock);
+  clock.interval = 1000 / 60;
+  for (let now = 2000; now < 4000; now += 20) subject.observe({ ...FRAME, overhead: 40 }, now);
+  expect(subject.limit).toBe(after(40).limit);
 });
 
 test("a slow server gets a few requests to choose the newest from, or no more than it can render in order", () => {
@@ -40,7 +59,7 @@ test.each([
 );
 
 test("a slow link gets no more frames than it can carry, however long its own queue becomes", () => {
-  const subject = new InFlightLimit(true);
+  const subject = new InFlightLimit(true, AT_60_HZ);
   let now = 0;
   subject.observe({ ...FRAME, overhead: 220, transmission: 200, alone: true }, now);
   for (let i = 0; i < 100; i++) {

@@ -14,6 +14,9 @@
  * anything above it is our own queue on the link, which a larger limit would only lengthen. A minimum never rises on its own,
  * so when no frame has come close to it for a while, the pipeline drains once (limit 1) and measures it anew.
  */
+import type { FrameClock } from "../abr/frame-clock";
+
+/** One frame's way, from its request to the decoded picture. */
 export interface FrameTimes {
   /** From sending the request to the decoded frame, less all time in the server, in milliseconds. */
   readonly overhead: number;
@@ -32,25 +35,25 @@ const MAX = 32;
 const BASE_MAX_AGE = 5000;
 /** Weight of the newest frame in the averages. */
 const ALPHA = 0.2;
-/** Shortest time between requests: one animation frame at 60 Hz, in milliseconds. */
-const ANIMATION_FRAME = 1000 / 60;
 
 export class InFlightLimit {
   #base: number | undefined;
   #baseAt = 0;
   #observedAt = 0;
   #service = 0;
-  #interval = ANIMATION_FRAME;
+  #interval = 0;
   readonly #overtaking: boolean;
+  readonly #clock: Pick<FrameClock, "interval">;
 
-  /** `overtaking`: whether the server renders the newest request first. */
-  constructor(overtaking: boolean) {
+  /** `overtaking`: whether the server renders the newest request first; `clock` is the display's. */
+  constructor(overtaking: boolean, clock: Pick<FrameClock, "interval">) {
     this.#overtaking = overtaking;
+    this.#clock = clock;
   }
 
   observe({ overhead, render, encode, transmission, alone }: FrameTimes, now: number): void {
     const inOrder = this.#overtaking ? 0 : Math.max(render, encode);
-    const interval = Math.max(ANIMATION_FRAME, transmission, inOrder);
+    const interval = Math.max(this.#clock.interval, transmission, inOrder);
     const first = this.#base === undefined;
     this.#service = first ? render + encode : mix(this.#service, render + encode);
     this.#interval = first ? interval : mix(this.#interval, interval);
@@ -67,8 +70,9 @@ export class InFlightLimit {
   /** How many requests may be in flight now. */
   get limit(): number {
     if (this.#base === undefined || this.#observedAt - this.#baseAt > BASE_MAX_AGE) return 1;
-    const service = this.#overtaking ? Math.min(this.#service, 2 * ANIMATION_FRAME) : this.#service;
-    const depth = Math.ceil((this.#base + service + ANIMATION_FRAME) / this.#interval);
+    const animationFrame = this.#clock.interval;
+    const service = this.#overtaking ? Math.min(this.#service, 2 * animationFrame) : this.#service;
+    const depth = Math.ceil((this.#base + service + animationFrame) / this.#interval);
     return Math.min(MAX, Math.max(MIN, depth));
   }
 }

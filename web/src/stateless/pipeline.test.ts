@@ -111,6 +111,21 @@ describe("asking for frames", () => {
   });
 });
 
+test.each([
+  [60, 6],
+  [120, 12],
+])("at %i frames/s and 95 ms there and back, %i requests are in flight", async (rate, expected) => {
+  const subject = pipeline();
+  for (let x = 0; x < 2 * rate; x++) {
+    now += 1000 / rate;
+    for (const request of transport.requests) if (now - request.sentAt >= 95) request.reply();
+    await settle();
+    subject.want(view(x), 0);
+    subject.take();
+  }
+  expect(subject.inFlight).toBe(expected);
+});
+
 test("what becomes of each request is told", async () => {
   const subject = pipeline();
   subject.want(view(0), 7);

@@ -6,6 +6,7 @@
  * reached the newest view simply waits in its slot and older ones are forgotten. Whatever fails is asked for again as long as
  * it is the newest: the last view is always rendered. A frame that is shown cancels all older requests.
  */
+import { FrameClock } from "../abr/frame-clock";
 import { FrameDropped, type FrameReply, type FrameTransport, RequestProblem } from "../transport/transport";
 import type { FrameHeader, RenderRequest } from "../wire/render";
 import type { Request } from "../wire/store";
@@ -75,6 +76,7 @@ export class FramePipeline {
   readonly #decode: (image: Blob, signal: AbortSignal) => Promise<ImageBitmap>;
   readonly #now: () => number;
   readonly #events: PipelineEvents;
+  readonly #clock = new FrameClock();
   readonly #limit: InFlightLimit;
   readonly #inFlight = new Map<number, Entry>();
   #seq = 0;
@@ -92,7 +94,7 @@ export class FramePipeline {
     events: PipelineEvents,
   ) {
     this.#transport = transport;
-    this.#limit = new InFlightLimit(transport.overtaking);
+    this.#limit = new InFlightLimit(transport.overtaking, this.#clock);
     this.#decode = decode;
     this.#now = now;
     this.#events = events;
@@ -100,13 +102,15 @@ export class FramePipeline {
 
   /** Take the newest view, of pose number `pose`, and ask for it if there is room. */
   want(view: ViewRequest, pose: number): void {
+    const now = this.#now();
+    this.#clock.tick(now);
     if (this.#wanted === undefined || !sameView(view, this.#wanted)) {
       this.#wanted = view;
       this.#version++;
     }
     const covered = Math.max(this.#shown.version, this.#ready?.version ?? 0, ...this.#versionsInFlight());
     const room = Math.min(this.#limit.limit, this.#transport.maxInFlight) - this.#inFlight.size;
-    if (covered < this.#version && room > 0 && this.#now() >= this.#retryAt) void this.#send(view, pose);
+    if (covered < this.#version && room > 0 && now >= this.#retryAt) void this.#send(view, pose);
   }
 
   /** The newest decoded frame that was not taken yet, for the screen; whatever is older gets cancelled. */
