@@ -15,6 +15,7 @@ from tigas_common.errors import Overloaded, Superseded
 from tigas_common.pose import Intrinsics, Pose
 from tigas_common.wire.render import DEFAULT_LADDER, RenderRequest
 from tigas_render.engine import Engine
+from tigas_render.frame import Client
 from tigas_render.metrics import EngineMetrics
 from tigas_render.raster.base import Camera, PreparedScene, Rasterizer
 
@@ -85,7 +86,7 @@ async def closed_loop(
     async def client(name: str) -> None:
         nonlocal done
         while time.perf_counter() < end:
-            await engine.submit(name, next(requests))
+            await engine.submit(Client(name, name), next(requests), time.monotonic())
             done += 1
 
     started = time.perf_counter()
@@ -103,7 +104,7 @@ async def open_loop(
     async def one(client: str, due: float) -> None:
         nonlocal lost
         try:
-            await engine.submit(client, next(requests))
+            await engine.submit(Client(client, client), next(requests), time.monotonic())
         except (Overloaded, Superseded):
             lost += 1
         else:

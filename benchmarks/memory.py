@@ -31,7 +31,7 @@ from aioquic.quic.events import QuicEvent, StreamDataReceived
 from tigas_common.certificate import Certificate
 from tigas_common.pose import Intrinsics, Pose
 from tigas_common.wire.render import RenderRequest, ServerTiming
-from tigas_render.frame import Frame
+from tigas_render.frame import Client, Frame
 from tigas_render.transport.frames import render_session
 from tigas_render.transport.server import Http3Server
 
@@ -50,7 +50,7 @@ class Memory:
     def __init__(self, size: int) -> None:
         self.body = bytes(size)
 
-    async def submit(self, client: str, request: RenderRequest) -> Frame:
+    async def submit(self, client: Client, request: RenderRequest, arrived: float) -> Frame:
         return Frame(self.body, "jpeg", 320, 180, request.seq, request.profile, TIMING)
 
 

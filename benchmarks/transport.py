@@ -33,7 +33,7 @@ from aioquic.quic.events import ProtocolNegotiated, QuicEvent
 from tigas_common.certificate import Certificate
 from tigas_common.pose import Intrinsics, Pose
 from tigas_common.wire.render import FrameHeader, RenderRequest, ServerTiming
-from tigas_render.frame import Frame
+from tigas_render.frame import Client, Frame
 from tigas_render.transport.frames import render_session
 from tigas_render.transport.server import Http3Server
 
@@ -94,7 +94,7 @@ class Memory:
 
     body = bytes(FRAME_BYTES)
 
-    async def submit(self, client: str, request: RenderRequest) -> Frame:
+    async def submit(self, client: Client, request: RenderRequest, arrived: float) -> Frame:
         return Frame(self.body, "jpeg", 1280, 720, request.seq, request.profile, TIMING)
 
 

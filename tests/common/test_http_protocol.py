@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import time
 from collections.abc import AsyncIterator
 
 import pytest
@@ -14,6 +15,7 @@ from websockets.asyncio.client import connect
 from tests.common.raw_client import ASK, Answer, connected
 from tigas_common.address import Address
 from tigas_common.http_limits import HttpLimits
+from tigas_common.peers import ARRIVED
 from tigas_common.runner import serve_http
 
 pytestmark = pytest.mark.anyio
@@ -129,3 +131,22 @@ async def test_a_websocket_has_to_complete_its_handshake_and_then_may_stay() -> 
         assert await client.ended() == b""
         await complete.send("still here?")  # longer than the other's handshake was waited for
         assert await complete.recv() == "still here?"
+
+
+async def test_a_request_arrives_when_its_head_has_been_read() -> None:
+    began = asyncio.Event()
+    arrivals: list[float] = []
+
+    async def app(scope: Scope, receive: Receive, send: Send) -> None:
+        began.set()
+        await takes_the_body(scope, receive, send)
+        arrivals.append(scope["state"][ARRIVED])
+
+    async with serve_http(app, HERE, HttpLimits()) as port, connected(port) as client:
+        before = time.monotonic()
+        client.say(POST % 4)
+        await began.wait()
+        head_read = time.monotonic()
+        client.say(b"body")
+        await client.answer()
+    assert before <= arrivals[0] <= head_read

@@ -14,7 +14,6 @@ from tests.common.raw_client import ASK, connected
 from tigas_common.address import Address
 from tigas_common.certificate import Certificate
 from tigas_common.http_limits import HttpLimits
-from tigas_common.http_server import client_network
 from tigas_common.runner import serve_http
 
 pytestmark = pytest.mark.anyio
@@ -54,16 +53,3 @@ async def test_a_tls_handshake_takes_a_place_and_not_for_ever() -> None:
         assert b" 200 OK" in await reader.readline()
         writer.close()
         await writer.wait_closed()
-
-
-@pytest.mark.parametrize(
-    ("host", "network"),
-    [
-        ("192.0.2.7", "192.0.2.7"),
-        ("::ffff:192.0.2.7", "192.0.2.7"),
-        ("2001:db8:1:2:3:4:5:6", "2001:db8:1:2::/64"),
-        ("fe80::1%eth0", "fe80::/64"),
-    ],
-)
-def test_addresses_that_one_client_has_count_as_one(host: str, network: str) -> None:
-    assert client_network(host) == network

@@ -52,8 +52,10 @@ class FakeImage(Image):
     height: int
     text: str
     closed: bool = False
+    encoded: int = 0
 
     def encode(self, format: FrameFormat, quality: int) -> bytes:
+        self.encoded += 1
         return f"{self.text} {format} {quality}".encode()
 
     def to_host(self) -> NDArray[np.uint8]:

@@ -152,6 +152,16 @@ async def test_hostile_bodies_and_paths(client: httpx.AsyncClient) -> None:
         assert response.json()["type"] in ("tigas:not-found", "tigas:unknown-scene")
 
 
+async def test_a_refusal_says_when_to_come_back(client: httpx.AsyncClient) -> None:
+    """The first request makes its connection, which is a client of its own, active."""
+    assert (await client.post("/render", json=frame())).status_code == 200
+    other = httpx.ASGITransport(client._transport.app, client=("2001:db8::1", 9))  # type: ignore[attr-defined]
+    async with httpx.AsyncClient(transport=other, base_url="http://localhost:8080") as hostile:
+        refused = await hostile.post("/render", json=frame(width=4096, height=4096, profile=None))
+    assert (refused.status_code, refused.json()["type"]) == (503, "tigas:overloaded")
+    assert int(refused.headers["retry-after"]) > 0
+
+
 async def test_extreme_but_valid_views_are_frames(client: httpx.AsyncClient) -> None:
     for changes in (
         {"fx": 1e-3, "fy": 1e6},

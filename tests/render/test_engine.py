@@ -7,6 +7,7 @@ import threading
 from collections.abc import AsyncIterator
 from contextlib import AsyncExitStack
 from dataclasses import dataclass, field
+from typing import Any
 
 import pytest
 
@@ -23,7 +24,7 @@ from tigas_common.errors import (
 from tigas_common.wire.render import DEFAULT_LADDER
 from tigas_render import engine as engine_module
 from tigas_render.engine import Engine
-from tigas_render.frame import Frame
+from tigas_render.frame import Client, Frame
 from tigas_render.metrics import EngineMetrics
 
 pytestmark = pytest.mark.anyio
@@ -45,8 +46,12 @@ class Bench:
         """Wait until the rasteriser has begun one more frame."""
         assert await asyncio.to_thread(self.rasterizer.started.acquire, True, 10)
 
-    def submit(self, client: str, **changes: object) -> asyncio.Task[Frame]:
-        return asyncio.create_task(self.engine.submit(client, render_request(**changes)))
+    def submit(
+        self, session: str, *, address: str = "somewhere", waited: float = 0.0, **changes: object
+    ) -> asyncio.Task[Frame]:
+        """A request that arrived so many seconds ago."""
+        client = Client(address, session)
+        return asyncio.create_task(self.engine.submit(client, render_request(**changes), self.now - waited))
 
     async def waiting(self, count: int) -> None:
         """Wait until so many requests wait."""
@@ -155,6 +160,58 @@ async def test_a_request_past_its_deadline_is_shed_and_others_are_not(bench: Ben
     assert len(bench.rasterizer.cameras) == 2
 
 
+async def test_time_counts_from_the_requests_arrival(bench: Bench) -> None:
+    """Under load a request waits for the transport, too."""
+    bench.rasterizer.gate.set()
+    with pytest.raises(DeadlineExceeded, match="100 ms"):
+        await bench.submit("a", waited=0.2, deadline_ms=100)
+    assert bench.rasterizer.cameras == []
+    assert (await bench.submit("a", waited=0.2)).timing.queue == 200
+
+
+async def test_a_frame_that_was_ready_too_late_is_not_sent(bench: Bench) -> None:
+    late = bench.submit("a", deadline_ms=100)
+    await bench.rendering()
+    bench.now += 0.2
+    bench.rasterizer.gate.set()
+    with pytest.raises(DeadlineExceeded):
+        await late
+    assert bench.outcome("deadline-exceeded") == 1
+
+
+async def test_a_huge_frame_is_refused_while_another_client_wants_frames(bench: Bench) -> None:
+    huge: dict[str, Any] = {"width": 4096, "height": 4096, "profile": None}
+    alone = bench.submit("hostile", **huge)
+    await bench.rendering()
+    queued = [bench.submit("hostile", **huge) for _ in range(3)]
+    await bench.waiting(3)
+    polite = bench.submit("polite")
+    await bench.waiting(4)
+    bench.now += 3
+    bench.rasterizer.gate.set()
+    assert (await alone).width == 4096
+    assert (await polite).width == 320
+    for task in queued:
+        with pytest.raises(Overloaded, match="4096×4096 pixels"):
+            await task
+    bench.now += 10
+    assert (await bench.submit("hostile", **huge)).width == 4096, "nobody else is there any more"
+
+
+async def test_an_image_that_nobody_wants_is_not_encoded_but_paid_for(bench: Bench) -> None:
+    task = await busy(bench)
+    bench.now += 1.0
+    task.cancel()
+    with pytest.raises(asyncio.CancelledError):
+        await task
+    bench.rasterizer.gate.set()
+    async with asyncio.timeout(10):
+        while not (bench.rasterizer.images and bench.rasterizer.images[0].closed):  # noqa: ASYNC110 - as above
+            await asyncio.sleep(0)
+    assert bench.rasterizer.images[0].encoded == 0
+    assert bench.engine._schedule._addresses._starts["somewhere"] == pytest.approx(1.0)
+
+
 async def test_a_request_that_cannot_be_ready_in_time_is_shed_but_not_for_ever(bench: Bench) -> None:
     """After a slow first frame, hopeless deadlines are refused; the estimate then fades until one is tried again."""
     first = await busy(bench)
@@ -227,6 +284,18 @@ async def test_too_many_waiting_requests_are_refused(bench: Bench, monkeypatch: 
     await bench.waiting(3)
     with pytest.raises(Overloaded, match="ask less often"):
         await bench.submit("one more")
+    bench.rasterizer.gate.set()
+    assert all(frame.body for frame in await asyncio.gather(first, *tasks))
+
+
+async def test_one_address_cannot_take_all_places(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(engine_module, "MAX_WAITING_OF_ADDRESS", 3)
+    first = await busy(bench)
+    tasks = [bench.submit(f"session {number}", address="hostile") for number in range(3)]
+    await bench.waiting(3)
+    with pytest.raises(Overloaded, match="from this address"):
+        await bench.submit("one more", address="hostile")
+    tasks.append(bench.submit("polite", address="elsewhere"))
     bench.rasterizer.gate.set()
     assert all(frame.body for frame in await asyncio.gather(first, *tasks))
 

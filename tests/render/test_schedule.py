@@ -1,48 +1,165 @@
-"""The schedule is fair between clients and fresh within one."""
+"""The schedule is fair between addresses, between an address's sessions, and fresh within one."""
 
 from __future__ import annotations
 
+from collections import defaultdict
+
 import pytest
 
-from tigas_render.schedule import FairSchedule
+from tigas_render.frame import Client
+from tigas_render.schedule import FairSchedule, Turns
+
+A, B, C = (Client(name, "only") for name in "abc")
+CLIENTS = {"a": A, "b": B, "c": C}
+
+
+def waiting(*work: str) -> FairSchedule[str]:
+    schedule: FairSchedule[str] = FairSchedule(depth=4)
+    for name in work:
+        schedule.push(CLIENTS[name[0]], name, 1.0)
+    return schedule
 
 
 def drain(schedule: FairSchedule[str]) -> list[str]:
-    return [schedule.pop() for _ in range(len(schedule))]
+    """All work in turn, a second each."""
+    order = []
+    for _ in range(len(schedule)):
+        order.append(schedule.pop())
+        schedule.begin(CLIENTS[order[-1][0]], 1.0)
+    return order
+
+
+def used(costs: dict[Client, float], seconds: float, known: bool = True) -> dict[Client, float]:
+    """What clients get of a renderer who ask again as soon as they have been served. `costs`: seconds a frame."""
+    schedule: FairSchedule[Client] = FairSchedule(depth=4)
+    for client, cost in costs.items():
+        schedule.push(client, client, cost if known else 0.001)
+    used: dict[Client, float] = defaultdict(float)
+    while sum(used.values()) < seconds:
+        client = schedule.pop()
+        cost = costs[client]
+        schedule.begin(client, cost if known else 0.001)
+        schedule.settle(client, 0.0 if known else cost - 0.001)
+        used[client] += cost
+        schedule.push(client, client, cost if known else 0.001)
+    return used
 
 
 def test_clients_take_turns_however_much_one_of_them_asks() -> None:
-    schedule: FairSchedule[str] = FairSchedule(depth=4)
-    for work in ("a1", "a2", "a3"):
-        schedule.push("a", work)
-    schedule.push("b", "b1")
-    schedule.push("c", "c1")
-    assert drain(schedule) == ["a3", "b1", "c1", "a2", "a1"]
+    assert drain(waiting("a1", "a2", "a3", "b1", "c1")) == ["a3", "b1", "c1", "a2", "a1"]
 
 
 def test_a_client_that_was_just_served_goes_to_the_end_of_the_line() -> None:
-    schedule: FairSchedule[str] = FairSchedule(depth=4)
-    schedule.push("a", "a1")
-    schedule.push("b", "b1")
+    schedule = waiting("a1", "b1")
     assert schedule.pop() == "a1"
-    schedule.push("a", "a2")
+    schedule.begin(A, 1.0)
+    schedule.push(A, "a2", 1.0)
     assert drain(schedule) == ["b1", "a2"]
 
 
 def test_the_newest_wins_when_a_clients_queue_is_full() -> None:
     schedule: FairSchedule[str] = FairSchedule(depth=2)
-    assert [schedule.push("a", work) for work in ("a1", "a2", "a3")] == [None, None, "a1"]
+    assert [schedule.push(A, work, 1.0) for work in ("a1", "a2", "a3")] == [None, None, "a1"]
     assert drain(schedule) == ["a3", "a2"]
     assert len(schedule) == 0
 
 
 def test_withdrawn_work_is_not_served() -> None:
-    schedule: FairSchedule[str] = FairSchedule(depth=4)
-    schedule.push("a", "a1")
-    schedule.push("b", "b1")
-    assert schedule.remove("a", "a1")
-    assert not schedule.remove("a", "a1")
-    assert not schedule.remove("unknown", "a1")
+    schedule = waiting("a1", "b1")
+    assert schedule.remove(A, "a1")
+    assert not schedule.remove(A, "a1")
+    assert not schedule.remove(C, "a1")
     assert drain(schedule) == ["b1"]
     with pytest.raises(IndexError):
         schedule.pop()
+
+
+@pytest.mark.parametrize("known", [True, False], ids=["known before", "known afterwards"])
+def test_who_asks_for_large_frames_gets_fewer_of_them(known: bool) -> None:
+    shares = used({A: 2.0, B: 0.05, C: 0.1}, 600, known)
+    for client in (A, B, C):
+        assert shares[client] == pytest.approx(200, abs=2.5)
+
+
+def test_many_sessions_of_one_address_get_no_more_than_one_of_another() -> None:
+    hostile = [Client("a", f"session {number}") for number in range(136)]
+    shares = used(dict.fromkeys(hostile, 0.15) | {B: 0.05}, 300)
+    assert shares[B] == pytest.approx(150, abs=1)
+    assert {round(shares[session] / 0.15) for session in hostile} <= {7, 8}, "and they share alike"
+
+
+@pytest.mark.parametrize("address", ["a", "b", "{}"], ids=["another address", "the same address", "many addresses"])
+def test_a_session_for_every_request_is_no_way_to_jump_the_queue(address: str) -> None:
+    schedule: FairSchedule[str] = FairSchedule(depth=4)
+    for _ in range(100):
+        schedule.push(B, "b", 1.0)
+        schedule.pop()
+        schedule.begin(B, 1.0)
+    schedule.push(B, "b", 1.0)
+    strangers = (Client(address.format(number), f"session {number}") for number in range(1000))
+    for number, stranger in enumerate(strangers):
+        schedule.push(stranger, "a", 1.0)
+        if number % 2 and schedule.pop() == "b":
+            assert number < 10
+            return
+        schedule.begin(stranger, 1.0)
+    pytest.fail("it was never served")
+
+
+def test_time_that_was_used_while_nobody_else_waited_is_not_owed() -> None:
+    schedule = waiting()
+    for _ in range(100):
+        schedule.push(A, "a", 1.0)
+        schedule.pop()
+        schedule.begin(A, 1.0)
+    for work in "abab":
+        schedule.push(CLIENTS[work], work, 1.0)
+    assert sorted(drain(schedule)[:2]) == ["a", "b"]
+
+
+def test_time_that_was_not_used_is_not_saved_up() -> None:
+    schedule = waiting()
+    for client in (B, *[A] * 100):
+        schedule.push(client, "x", 1.0)
+        schedule.pop()
+        schedule.begin(client, 1.0)
+    for work in "ababab":
+        schedule.push(CLIENTS[work], work, 1.0)
+    assert sorted(drain(schedule)[:4]) == ["a", "a", "b", "b"]
+
+
+def test_work_that_is_refused_costs_no_turn() -> None:
+    schedule = waiting("a1", "a2", "b1")
+    assert [schedule.pop(), schedule.pop()] == ["a2", "a1"]
+
+
+def test_how_much_of_an_address_waits() -> None:
+    schedule = waiting("a1", "a2", "b1")
+    schedule.push(Client("a", "other"), "a3", 1.0)
+    assert (schedule.waiting("a"), schedule.waiting("b"), schedule.waiting("c")) == (3, 1, 0)
+
+
+def test_whether_anybody_else_waits() -> None:
+    schedule = waiting("a1", "a2")
+    assert not schedule.others_wait(A)
+    assert schedule.others_wait(B)
+    schedule.push(Client("a", "other"), "a3", 1.0)
+    assert schedule.others_wait(A)
+
+
+def test_clients_that_have_gone_are_forgotten() -> None:
+    schedule: FairSchedule[int] = FairSchedule(depth=4)
+    for number in range(5_000):
+        for client in (Client(f"address {number}", "only"), Client("address", f"session {number}")):
+            schedule.push(client, number, 0.1)
+            schedule.pop()
+            schedule.begin(client, 0.1)
+    kept = [schedule._addresses, *schedule._sessions.values()]
+    assert sum(len(turns._starts) for turns in kept) < 20
+
+
+def test_equals_are_served_in_the_order_in_which_they_came() -> None:
+    turns = Turns()
+    for name in "xyz":
+        turns.join(name, "xyz")
+    assert turns.choose({"y": 1.0, "z": 1.0, "x": 1.0}) == "y"

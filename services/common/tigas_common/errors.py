@@ -66,9 +66,14 @@ class DeadlineExceeded(TigasError):
 
 
 class Overloaded(TigasError):
-    """The server holds as many waiting requests as it may."""
+    """The server, or the client's part of it, has as much to do as it may."""
 
     status, type, title = 503, "overloaded", "The server has too much to do"
+
+    def __init__(self, detail: str, retry_after_s: float | None = None) -> None:
+        super().__init__(detail)
+        self.retry_after_s = retry_after_s
+        """When to try again, in seconds, if that can be told."""
 
 
 class OutOfDeviceMemory(TigasError):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import math
+import time
 from collections.abc import Callable
 from http import HTTPStatus
 
@@ -16,6 +17,7 @@ from uvicorn.server import ServerState
 from tigas_common.errors import RequestTimeout, TigasError, problem
 from tigas_common.http_limits import HttpLimits
 from tigas_common.patience import Patience
+from tigas_common.peers import ARRIVED
 
 
 class LimitedProtocol(H11Protocol):
@@ -44,6 +46,7 @@ class LimitedProtocol(H11Protocol):
 
     def data_received(self, data: bytes) -> None:
         self._began = True
+        self.app_state[ARRIVED] = time.monotonic()  # every request's scope gets a copy when its head is complete
         super().data_received(data)
         self._watch(len(data))
 

@@ -4,19 +4,18 @@ from __future__ import annotations
 
 import asyncio
 import errno
-import ipaddress
 import socket
 import ssl
 from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from functools import lru_cache
 
 import uvicorn
 
 from tigas_common.errors import TooManyConnections
 from tigas_common.http_limits import HttpLimits
 from tigas_common.http_protocol import LimitedProtocol, last_answer
+from tigas_common.peers import client_network
 
 EXHAUSTED = {errno.EMFILE, errno.ENFILE, errno.ENOBUFS, errno.ENOMEM}
 EXHAUSTED_S = 0.5
@@ -105,14 +104,3 @@ class LimitedServer(uvicorn.Server):
 
     def _opened(self, task: asyncio.Task[None]) -> None:
         self._opening.pop(task, None)
-
-
-@lru_cache(maxsize=4096)
-def client_network(host: str) -> str:
-    """Whom to count an address with: an IPv4 address stands for itself, an IPv6 address for its /64."""
-    address = ipaddress.ip_address(host.partition("%")[0])
-    if isinstance(address, ipaddress.IPv6Address):
-        if address.ipv4_mapped is None:
-            return str(ipaddress.IPv6Network((address, 64), strict=False))
-        address = address.ipv4_mapped
-    return str(address)

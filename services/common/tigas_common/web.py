@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import logging
+import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -12,7 +13,7 @@ from starlette.exceptions import HTTPException
 from starlette.requests import ClientDisconnect, Request
 from starlette.responses import JSONResponse, Response
 
-from tigas_common.errors import BodyTooLarge, InvalidRequest, RequestTimeout, TigasError, problem
+from tigas_common.errors import BodyTooLarge, InvalidRequest, Overloaded, RequestTimeout, TigasError, problem
 from tigas_common.parsing import MAX_BODY, Message, parse
 from tigas_common.patience import Patience
 from tigas_common.wire.render import Problem
@@ -89,7 +90,9 @@ async def on_error(request: Request, error: Exception) -> Response:
     """Every failure, as problem+json; those that nobody foresaw are logged."""
     if not isinstance(error, TigasError):
         logger.error("%s %s failed", request.method, request.url.path, exc_info=error)
-    return problem_response(problem(error))
+    retry_after_s = error.retry_after_s if isinstance(error, Overloaded) else None
+    headers = None if retry_after_s is None else {"Retry-After": str(math.ceil(retry_after_s))}
+    return problem_response(problem(error), headers)
 
 
 async def on_http_error(request: Request, error: Exception) -> Response:

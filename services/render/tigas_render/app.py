@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import asyncio
+import time
+from collections.abc import Coroutine
 from pathlib import Path
 
 from prometheus_client import CONTENT_TYPE_LATEST, generate_latest
@@ -14,9 +16,10 @@ from starlette.staticfiles import StaticFiles
 from starlette.types import Scope
 
 from tigas_common.errors import problem
+from tigas_common.peers import ARRIVED, client_network
 from tigas_common.web import EXCEPTION_HANDLERS, NO_STORE, healthy, json_response, problem_response, read_message
 from tigas_common.wire.render import RenderRequest
-from tigas_render.frame import Frame
+from tigas_render.frame import Client, Frame
 from tigas_render.service import RenderService
 
 STATIC = Path(__file__).parent / "static"
@@ -50,10 +53,11 @@ def create_app(service: RenderService) -> Starlette:
 
 async def render(request: Request) -> Response:
     """One frame."""
+    began = time.monotonic()
     render_request = await read_message(request, RenderRequest)
-    client = request.client
-    name = f"{client.host}:{client.port}" if client else "unknown"
-    frame = await _unless_disconnected(request, _service(request), name, render_request)
+    arrived = getattr(request.state, ARRIVED, began)
+    answer = _service(request).engine.submit(_client(request), render_request, arrived)
+    frame = await _unless_disconnected(request, answer)
     if frame is None:
         return Response(status_code=CLIENT_GONE)
     timing = frame.timing
@@ -137,11 +141,14 @@ def _service(request: Request) -> RenderService:
     return service
 
 
-async def _unless_disconnected(
-    request: Request, service: RenderService, client: str, render_request: RenderRequest
-) -> Frame | None:
+def _client(request: Request) -> Client:
+    peer = request.client
+    return Client(client_network(peer.host), f"{peer.host}:{peer.port}") if peer else Client("unknown", "unknown")
+
+
+async def _unless_disconnected(request: Request, answer: Coroutine[None, None, Frame]) -> Frame | None:
     """The frame, or None if the client left: then the engine is told to drop it."""
-    work = asyncio.create_task(service.engine.submit(client, render_request))
+    work = asyncio.create_task(answer)
     gone = asyncio.create_task(_disconnected(request))
     try:
         await asyncio.wait((work, gone), return_when=asyncio.FIRST_COMPLETED)

@@ -25,8 +25,10 @@ from tigas_common.errors import (
     TigasError,
 )
 from tigas_common.wire.render import RenderRequest, Rung, ServerTiming
+from tigas_render.admission import Admission
+from tigas_render.costs import FrameCosts
 from tigas_render.device_memory import with_room
-from tigas_render.frame import Frame
+from tigas_render.frame import Client, Frame
 from tigas_render.metrics import EngineMetrics
 from tigas_render.raster.base import Camera, Image, PreparedScene, Rasterizer
 from tigas_render.raster.host_image import HostImage
@@ -36,9 +38,13 @@ from tigas_render.schedule import FairSchedule
 logger = logging.getLogger(__name__)
 
 QUEUE_DEPTH = 4
-"""Requests of one client that may wait: enough to cover a burst, too few to build up delay."""
+"""Requests of one session that may wait: enough to cover a burst, too few to build up delay."""
 MAX_WAITING = 512
 """Requests of all clients together that may wait."""
+MAX_WAITING_OF_ADDRESS = 128
+"""The same, of one address."""
+MIN_COST_S = 0.0001
+"""What a turn is charged at least, in seconds: so that those take turns whose frames' cost is not known yet."""
 
 STOPPING = "The server is stopping."
 
@@ -67,12 +73,27 @@ class Scenes(Protocol):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Work:
-    client: str
+    client: Client
     request: RenderRequest
     scene: LoadedScene
     arrived: float
+    width: int
+    height: int
+    expected: float
+    """Seconds that the frame is expected to cost."""
     answer: asyncio.Future[Frame]
     loop: asyncio.AbstractEventLoop
+
+    @property
+    def is_withdrawn(self) -> bool:
+        """Whether nobody wants the frame any more."""
+        return self.answer.cancelled()
+
+    def check_deadline(self, ready_at: float) -> None:
+        """Raises DeadlineExceeded if the frame is of no use then."""
+        deadline_ms = self.request.deadline_ms
+        if deadline_ms is not None and ready_at > self.arrived + deadline_ms / 1000:
+            raise DeadlineExceeded(f"The frame could not be ready within {deadline_ms:g} ms.")
 
     def resolve(self, answer: Frame | Exception) -> None:
         """Hand over the frame, or the reason why there is none, from any thread."""
@@ -120,8 +141,8 @@ class Engine:
         self._renderer = ThreadPoolExecutor(1, "render")
         self._encoders = ThreadPoolExecutor(rasterizer.frames_in_flight - 1, "encode")
         self._rendered: SimpleQueue[_Rendered | None] = SimpleQueue()
-        # Seconds that a frame of each scene takes, to tell which requests cannot meet their deadline.
-        self._service_time: dict[str, float] = {}
+        self._costs = FrameCosts()
+        self._admission = Admission(ladder, self._costs)
 
     async def __aenter__(self) -> Self:
         loop = asyncio.get_running_loop()
@@ -141,14 +162,13 @@ class Engine:
         self._encoders.shutdown()
         self._renderer.shutdown()
 
-    async def submit(self, client: str, request: RenderRequest) -> Frame:
-        """The frame for a request of one client (a connection or session); cancel the call to withdraw the request.
+    async def submit(self, client: Client, request: RenderRequest, arrived: float) -> Frame:
+        """The frame for a request that arrived at a time of the engine's clock; cancel the call to withdraw it.
 
         Raises InvalidRequest for a rung that the ladder does not have, UnknownScene, BrokenScene, Superseded,
         DeadlineExceeded and Overloaded; OutOfDeviceMemory, if that is so even after unloading a scene that nobody uses;
         and DeviceLost.
         """
-        arrived = self._clock()
         try:
             if request.profile is not None and request.profile >= len(self._ladder):
                 raise InvalidRequest(f"profile: the ladder has rungs 0 to {len(self._ladder) - 1}.")
@@ -170,22 +190,30 @@ class Engine:
         if not self.device_lost.done():
             self.device_lost.set_result(reason)
 
-    async def _frame(self, client: str, request: RenderRequest, scene: LoadedScene, arrived: float) -> Frame:
+    async def _frame(self, client: Client, request: RenderRequest, scene: LoadedScene, arrived: float) -> Frame:
         loop = asyncio.get_running_loop()
-        work = _Work(client, request, scene, arrived, loop.create_future(), loop)
+        width, height = self._size(request)
+        with self._changed:
+            expected = max(MIN_COST_S, self._costs.at_least(request.scene, request.format, width * height))
+        work = _Work(client, request, scene, arrived, width, height, expected, loop.create_future(), loop)
         self._enqueue(work)
         try:
-            return await work.answer
+            frame = await work.answer
         except asyncio.CancelledError:
             with self._changed:
                 self._schedule.remove(client, work)
             raise
+        work.check_deadline(self._clock())
+        return frame
 
     def _enqueue(self, work: _Work) -> None:
         with self._changed:
             if self._closed or len(self._schedule) >= MAX_WAITING:
                 raise Overloaded(STOPPING if self._closed else "Too many requests wait; ask less often.")
-            pushed_out = self._schedule.push(work.client, work)
+            if self._schedule.waiting(work.client.address) >= MAX_WAITING_OF_ADDRESS:
+                raise Overloaded("Too many requests from this address wait; ask less often.")
+            self._admission.heard_of(work.client, self._clock())
+            pushed_out = self._schedule.push(work.client, work, work.expected)
             self._changed.notify()
         if pushed_out is not None:
             pushed_out.resolve(Superseded("Newer requests of this client took this one's place."))
@@ -208,7 +236,7 @@ class Engine:
         try:
             started = self._clock()
             format = work.request.format if work.request.stamp is None else "png"  # stamped on the host
-            image = self._rasterizer.render(work.scene.prepared, self._camera(work), format)
+            image = self._rasterizer.render(work.scene.prepared, _camera(work), format)
             ended = self._clock()
         except Exception as error:
             self._images.release()
@@ -237,7 +265,7 @@ class Engine:
         work.resolve(error)
 
     def _next(self) -> _Work | None:
-        """The next work that can meet its deadline; None once the engine is closed."""
+        """The next work that is to be rendered, at its client's charge; None once the engine is closed."""
         while True:
             with self._changed:
                 while not self._schedule:
@@ -245,45 +273,68 @@ class Engine:
                         return None
                     self._changed.wait()
                 work = self._schedule.pop()
-            if work.answer.cancelled():
-                continue
-            deadline_ms = work.request.deadline_ms
-            expected = self._service_time.get(work.request.scene, 0.0)
-            if deadline_ms is None or self._clock() + expected <= work.arrived + deadline_ms / 1000:
+                if work.is_withdrawn:
+                    continue
+                try:
+                    self._check(work)
+                except (DeadlineExceeded, Overloaded) as error:
+                    work.resolve(error)
+                    continue
+                self._schedule.begin(work.client, work.expected)
                 return work
-            # The estimate fades with every request it turns away, or a single slow frame could turn all away for good.
-            self._service_time[work.request.scene] = 0.9 * expected
-            work.resolve(DeadlineExceeded(f"The frame could not be ready within {deadline_ms:g} ms."))
 
-    def _camera(self, work: _Work) -> Camera:
-        request = work.request
-        width, height = request.width, request.height
-        if request.profile is not None:
-            width, height = self._ladder[request.profile].size_for(width, height)
-        return Camera(request.pose, request.intrinsics.resized(width, height), work.scene.background)
+    def _check(self, work: _Work) -> None:
+        """Raises DeadlineExceeded and Overloaded if a frame is not to be rendered now."""
+        request, now = work.request, self._clock()
+        try:
+            work.check_deadline(now + self._costs.at_least(request.scene, request.format, work.width * work.height))
+        except DeadlineExceeded:
+            self._costs.doubt(request.scene, request.format)
+            raise
+        self._admission.check(work.client, request, now, others_wait=self._schedule.others_wait(work.client))
+        self._admission.heard_of(work.client, now)
+
+    def _size(self, request: RenderRequest) -> tuple[int, int]:
+        """The frame's width and height, in pixels."""
+        if request.profile is None:
+            return request.width, request.height
+        return self._ladder[request.profile].size_for(request.width, request.height)
 
     def _encode(self, rendered: _Rendered) -> None:
         work, image, request = rendered.work, rendered.image, rendered.work.request
+        rendering = rendered.ended - rendered.started
         try:
             with image:
+                if work.is_withdrawn:
+                    self._settle(work, rendering)
+                    return
                 quality = self._ladder[request.profile or 0].quality
                 begun = self._clock()
                 body = _stamped(image, request.stamp).encode(request.format, quality)
                 encoding = self._clock() - begun
-                width, height = image.width, image.height
         except Exception as error:
             self._failed("Encoding", work, error)
             return
         finally:
             self._images.release()
-        rendering = rendered.ended - rendered.started
+        self._settle(work, rendering + encoding)
+        with self._changed:
+            self._costs.measured(request.scene, request.format, work.width * work.height, rendering + encoding)
         waiting = rendered.started - work.arrived + begun - rendered.ended
-        spent = rendering + encoding
-        self._service_time[request.scene] = 0.8 * self._service_time.get(request.scene, spent) + 0.2 * spent
         timing = ServerTiming(
             queue=round(1000 * waiting, 3), render=round(1000 * rendering, 3), encode=round(1000 * encoding, 3)
         )
-        work.resolve(Frame(body, request.format, width, height, request.seq, request.profile, timing))
+        work.resolve(Frame(body, request.format, work.width, work.height, request.seq, request.profile, timing))
+
+    def _settle(self, work: _Work, seconds: float) -> None:
+        """Charge the client for what its frame has really cost."""
+        with self._changed:
+            self._schedule.settle(work.client, max(seconds, MIN_COST_S) - work.expected)
+
+
+def _camera(work: _Work) -> Camera:
+    request = work.request
+    return Camera(request.pose, request.intrinsics.resized(work.width, work.height), work.scene.background)
 
 
 def _stamped(image: Image, stamp: int | None) -> Image:

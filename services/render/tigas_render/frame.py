@@ -1,4 +1,4 @@
-"""A finished frame, and the one thing a transport needs to know of the engine."""
+"""Who asks for frames, a finished frame, and the one thing a transport needs to know of the engine."""
 
 from __future__ import annotations
 
@@ -12,6 +12,16 @@ CONTENT_TYPES: dict[FrameFormat, str] = {
     "png": "image/png",
     "yuv420p": "video/x-raw; format=I420",
 }
+
+
+@dataclass(frozen=True, slots=True)
+class Client:
+    """One viewer, as far as can be told. The engine is fair between addresses, and between an address's sessions."""
+
+    address: str
+    """Its IPv4 address, or the /64 of its IPv6 address."""
+    session: str
+    """A name that no other session of the address has."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,8 +47,8 @@ class Frame:
 class FrameSource(Protocol):
     """Whatever answers requests with frames: the engine, or a test's stand-in."""
 
-    async def submit(self, client: str, request: RenderRequest) -> Frame:
-        """The frame for a request of one client (a connection or session); cancel the call to withdraw the request.
+    async def submit(self, client: Client, request: RenderRequest, arrived: float) -> Frame:
+        """The frame for a request that arrived at a time of the monotonic clock; cancel the call to withdraw it.
 
         Raises a TigasError: UnknownScene, BrokenScene, Superseded, DeadlineExceeded, Overloaded.
         """

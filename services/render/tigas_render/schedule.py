@@ -1,60 +1,138 @@
-"""Which request is rendered next: every client in turn, each client's newest request first. No clock, no threads."""
+"""Which request is rendered next: clients get equal time of the renderer. No clock, no threads."""
 
 from __future__ import annotations
 
-from collections import OrderedDict
+from collections.abc import Collection, Mapping
 from typing import Generic, TypeVar
+
+from tigas_render.frame import Client
 
 Work = TypeVar("Work")
 
 
-class FairSchedule(Generic[Work]):
-    """Waiting work by client. Clients take turns; a client's newest work goes first: it is what the viewer waits for.
+class Turns:
+    """Self-clocked fair queueing (Golestani, 1994): among those who wait, each uses as many seconds.
 
-    Each client keeps at most `depth` waiting items: the newest wins, so one more pushes its oldest out.
+    Everybody's next turn starts where the last one ended, in virtual time, and the earliest end is next. Virtual time
+    is the end of the turn that was taken last, and whoever waits again starts there at the earliest: time that somebody
+    did not use is not saved up.
+    """
+
+    def __init__(self) -> None:
+        self._now = 0.0
+        self._starts: dict[str, float] = {}
+        """When everybody's next turn starts; the turns of those who are left out start now."""
+
+    def join(self, name: str, waiting: Collection[str]) -> list[str]:
+        """Somebody is among those who wait from now on.
+
+        Returns whom this forgets: all others who neither wait nor have used more than those who do.
+        """
+        past = [other for other, start in self._starts.items() if start <= self._now and other not in waiting]
+        for other in past:
+            del self._starts[other]
+        self._starts[name] = max(self._starts.get(name, self._now), self._now)
+        return past
+
+    def choose(self, costs: Mapping[str, float]) -> str:
+        """Who of those who wait is next, by what each one's turn would cost; of equals, who came first."""
+        return min(costs, key=lambda name: self._starts[name] + costs[name])
+
+    def begin(self, name: str, seconds: float) -> None:
+        """Somebody takes a turn that is expected to take so long."""
+        self.settle(name, seconds)
+        self._now = max(self._now, self._starts[name])
+
+    def settle(self, name: str, seconds: float) -> None:
+        """Somebody has used so much more than was expected; less, if it is negative."""
+        self._starts[name] = self._starts.get(name, self._now) + seconds
+
+
+class FairSchedule(Generic[Work]):
+    """Waiting work by address and session. Addresses get equal time, and so do the sessions of one address.
+
+    A session's newest work goes first: it is what the viewer waits for. Each session keeps at most `depth` waiting
+    items: the newest wins, so one more pushes its oldest out.
     """
 
     def __init__(self, depth: int) -> None:
         self._depth = depth
-        # Each client's work, oldest first; the clients in the order of their turns.
-        self._clients: OrderedDict[str, list[Work]] = OrderedDict()
+        self._waiting: dict[str, dict[str, list[tuple[Work, float]]]] = {}
+        """Work and its cost by address and session, oldest first."""
+        self._addresses = Turns()
+        self._sessions: dict[str, Turns] = {}
+        """By address."""
         self._length = 0
 
     def __len__(self) -> int:
         return self._length
 
-    def push(self, client: str, work: Work) -> Work | None:
-        """Add a client's newest work; returns the work that it pushed out, if any."""
-        waiting = self._clients.setdefault(client, [])
-        waiting.append(work)
+    def waiting(self, address: str) -> int:
+        """How much work of one address waits."""
+        return sum(map(len, self._waiting.get(address, {}).values()))
+
+    def others_wait(self, client: Client) -> bool:
+        """Whether any work waits that is not this client's."""
+        own = len(self._waiting.get(client.address, {}).get(client.session, []))
+        return self._length > own
+
+    def push(self, client: Client, work: Work, cost: float) -> Work | None:
+        """Add a client's newest work, which is expected to take `cost` seconds; returns what it pushed out, if any."""
+        if client.address not in self._waiting:
+            self._waiting[client.address] = {}
+            for forgotten in self._addresses.join(client.address, self._waiting):
+                self._sessions.pop(forgotten, None)
+        sessions = self._waiting[client.address]
+        if client.session not in sessions:
+            sessions[client.session] = []
+            self._sessions.setdefault(client.address, Turns()).join(client.session, sessions)
+        waiting = sessions[client.session]
+        waiting.append((work, cost))
         if len(waiting) > self._depth:
-            return waiting.pop(0)
+            return waiting.pop(0)[0]
         self._length += 1
         return None
 
     def pop(self) -> Work:
-        """Take the newest work of the client whose turn it is; that client goes to the end of the line.
+        """Take the newest work of the client whose turn it is; the client has its turn once the work begins.
 
         Raises IndexError if nothing waits.
         """
-        if not self._clients:
+        if not self._waiting:
             raise IndexError("nothing waits")
-        client, waiting = next(iter(self._clients.items()))
-        work = waiting.pop()
-        self._length -= 1
-        if waiting:
-            self._clients.move_to_end(client)
-        else:
-            del self._clients[client]
-        return work
+        chosen, costs = {}, {}
+        for address, sessions in self._waiting.items():
+            newest = {session: waiting[-1][1] for session, waiting in sessions.items()}
+            chosen[address] = self._sessions[address].choose(newest)
+            costs[address] = newest[chosen[address]]
+        address = self._addresses.choose(costs)
+        return self._take(Client(address, chosen[address]), -1)
 
-    def remove(self, client: str, work: Work) -> bool:
+    def begin(self, client: Client, cost: float) -> None:
+        """A client's work begins, and is expected to take so many seconds."""
+        self._addresses.begin(client.address, cost)
+        self._sessions.setdefault(client.address, Turns()).begin(client.session, cost)
+
+    def settle(self, client: Client, seconds: float) -> None:
+        """A client's work took so much longer than expected; less, if it is negative."""
+        self._addresses.settle(client.address, seconds)
+        self._sessions.setdefault(client.address, Turns()).settle(client.session, seconds)
+
+    def remove(self, client: Client, work: Work) -> bool:
         """Withdraw work that no longer matters; False if it does not wait any more."""
-        waiting = self._clients.get(client, [])
-        if work not in waiting:
-            return False
-        waiting.remove(work)
+        waiting = self._waiting.get(client.address, {}).get(client.session, [])
+        for position, (other, _) in enumerate(waiting):
+            if other is work:
+                self._take(client, position)
+                return True
+        return False
+
+    def _take(self, client: Client, position: int) -> Work:
+        sessions = self._waiting[client.address]
+        work, _ = sessions[client.session].pop(position)
         self._length -= 1
-        if not waiting:
-            del self._clients[client]
-        return True
+        if not sessions[client.session]:
+            del sessions[client.session]
+        if not sessions:
+            del self._waiting[client.address]
+        return work

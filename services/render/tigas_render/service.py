@@ -16,6 +16,7 @@ from tigas_common.commit import this_commit
 from tigas_common.errors import DeviceLost
 from tigas_common.wire.render import RenderRequest, ServerConfig
 from tigas_render.engine import Engine
+from tigas_render.frame import Client
 from tigas_render.metrics import EngineMetrics
 from tigas_render.preview import Preview, PreviewCache, preview_camera
 from tigas_render.raster.base import Rasterizer
@@ -26,6 +27,9 @@ logger = logging.getLogger(__name__)
 
 HOUSEKEEPING_S = 15
 """How often idle scenes and the certificate are looked after, in seconds."""
+
+PREVIEWS = Client("previews", "previews")
+"""Whom thumbnails are rendered for: they are kept, so that all who ask are one client."""
 
 
 class RenderService:
@@ -102,7 +106,7 @@ class RenderService:
             async with self.registry.use(scene_id) as scene:
                 camera = preview_camera(scene.camera, scene.source.metadata.up, width, height)
                 request = RenderRequest.at(scene_id, camera.pose, camera.intrinsics)
-                return (await self.engine.submit("previews", request)).body
+                return (await self.engine.submit(PREVIEWS, request, time.monotonic())).body
 
     @contextmanager
     def _noticing_loss(self) -> Iterator[None]:

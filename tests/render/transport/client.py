@@ -32,6 +32,7 @@ from aioquic.tls import SessionTicket
 from tests.render.fakes import render_request
 from tigas_common.certificate import Certificate
 from tigas_common.wire.render import RenderRequest, ServerTiming
+from tigas_render.frame import Client as FrameClient
 from tigas_render.frame import Frame
 
 CERTIFICATE = Certificate.create([], datetime.now(UTC))
@@ -267,13 +268,15 @@ class FakeFrames:
         self.held: bool | set[int] = False
         """Whether requests wait for `release`: all, none, or those with these numbers."""
         self.error: Exception | None = None
-        self.requests: list[tuple[str, RenderRequest]] = []
+        self.requests: list[tuple[FrameClient, RenderRequest]] = []
+        self.arrivals: list[float] = []
         self.cancelled: list[int] = []
         self._gates: dict[int, asyncio.Future[None]] = {}
         self._news = asyncio.Event()
 
-    async def submit(self, client: str, request: RenderRequest) -> Frame:
+    async def submit(self, client: FrameClient, request: RenderRequest, arrived: float) -> Frame:
         self.requests.append((client, request))
+        self.arrivals.append(arrived)
         self._news.set()
         try:
             if self.held is True or (self.held and request.seq in self.held):

@@ -6,6 +6,7 @@ import json
 import logging
 import random
 import struct
+import time
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from functools import partial
@@ -68,6 +69,23 @@ async def test_frames_side_by_side() -> None:
             assert body == source.body
 
 
+@pytest.mark.parametrize("by", ["stream", "datagram"])
+async def test_a_request_arrives_when_the_kernel_gets_the_datagram_that_completes_it(by: str) -> None:
+    source = FakeFrames()
+    async with served(source) as (_, client, session):
+        stream = client.open_stream(session, request_body()[:5], end=False) if by == "stream" else None
+        await client.ping()
+        before = time.monotonic()
+        if stream is None:
+            client.send_datagram(session, request_body())
+        else:
+            client._quic.send_stream_data(stream, request_body()[5:], end_stream=True)
+            client.transmit()
+        sent = time.monotonic()  # and the server has not had its turn yet
+        await source.until(lambda: source.arrivals)
+    assert before <= source.arrivals[0] <= sent
+
+
 async def test_each_session_is_a_client_of_its_own() -> None:
     source = FakeFrames()
     async with served(source) as (server, client, session):
@@ -79,6 +97,7 @@ async def test_each_session_is_a_client_of_its_own() -> None:
     clients = [client for client, _ in source.requests]
     assert clients[0] == clients[1]
     assert len(set(clients)) == 3
+    assert {client.address for client in clients} == {"127.0.0.1"}
 
 
 @pytest.mark.parametrize(

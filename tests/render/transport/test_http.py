@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import json
 import logging
+import time
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from functools import partial
@@ -14,6 +15,7 @@ from starlette.responses import StreamingResponse
 from starlette.types import ASGIApp, Receive, Scope, Send
 
 from tests.render.transport.client import CERTIFICATE, Client, Recorder, connect
+from tigas_common.peers import ARRIVED
 from tigas_render.transport.limits import Limits
 from tigas_render.transport.server import Http3Server
 
@@ -47,6 +49,25 @@ async def answer(send: Send, body: bytes, status: int = 200) -> None:
 
 async def echo(scope: Scope, receive: Receive, send: Send) -> None:
     await answer(send, await whole_body(receive))
+
+
+async def test_a_request_arrives_when_the_kernel_gets_the_datagram_that_completes_it() -> None:
+    arrivals: list[float] = []
+
+    async def app(scope: Scope, receive: Receive, send: Send) -> None:
+        await whole_body(receive)
+        arrivals.append(scope["state"][ARRIVED])
+        await answer(send, b"")
+
+    async with served(app) as (_, client):
+        stream = client.open_request("POST", "/")
+        await client.ping()
+        before = time.monotonic()
+        client.h3.send_data(stream, b"body", end_stream=True)
+        client.transmit()
+        sent = time.monotonic()  # and the server has not had its turn yet
+        await client.response(stream)
+    assert before <= arrivals[0] <= sent
 
 
 async def test_the_scope_says_what_was_asked() -> None:

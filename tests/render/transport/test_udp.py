@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import errno
 import socket
+import time
 from typing import Any
 
 import pytest
@@ -55,7 +56,7 @@ class Pair:
         receiver = bind("127.0.0.1", 0)
         self.address = receiver.getsockname()
         self.sender = UdpEndpoint(self.socket, lambda *_: None, lambda: None)  # type: ignore[arg-type]
-        self.receiver = UdpEndpoint(receiver, lambda data, _: self.arrived.append(data), self._news.set)
+        self.receiver = UdpEndpoint(receiver, lambda data, *_: self.arrived.append(data), self._news.set)
 
     def send(self, *payloads: bytes) -> None:
         self._expected += len(payloads)
@@ -84,6 +85,21 @@ async def test_batches_arrive_as_single_datagrams() -> None:
     assert await pair.delivered() == payloads
     assert pair.socket.batches == 3
     pair.close()
+
+
+async def test_a_datagram_arrives_when_the_kernel_gets_it() -> None:
+    arrivals: list[float] = []
+    news = asyncio.Event()
+    receiver = bind("127.0.0.1", 0)
+    endpoint = UdpEndpoint(receiver, lambda _, __, arrived: arrivals.append(arrived), news.set)
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
+        before = time.monotonic()
+        sender.sendto(b"x", receiver.getsockname())
+    sent = time.monotonic()  # and nobody has read it yet
+    async with asyncio.timeout(10):
+        await news.wait()
+    endpoint.close()
+    assert before <= arrivals[0] <= sent
 
 
 async def test_a_full_socket_delays_and_loses_nothing() -> None:

@@ -77,12 +77,11 @@ class Connection:
 
     # -- network -----------------------------------------------------------------------------------------------------
 
-    def receive(self, data: bytes, address: Address) -> None:
-        """Take one datagram; `transmit` must follow once all that have arrived are in."""
+    def receive(self, data: bytes, address: Address, arrived: float) -> None:
+        """Take one datagram that arrived some time ago; `transmit` must follow once all that wait are in."""
         try:
-            now = _now()
-            self._quic.receive_datagram(data, address, now=now)
-            self._process_events(now)
+            self._quic.receive_datagram(data, address, now=_now())
+            self._process_events(arrived)
         except Exception:
             self._fail()
 
@@ -168,7 +167,7 @@ class Connection:
 
     # -- events ------------------------------------------------------------------------------------------------------
 
-    def _process_events(self, now: float) -> None:
+    def _process_events(self, arrived: float) -> None:
         while (event := self._quic.next_event()) is not None:
             match event:
                 case ConnectionIdIssued():
@@ -183,4 +182,4 @@ class Connection:
                 case ProtocolNegotiated():
                     self.router = Router(self._quic, self._service, self._client, self._server, self.transmit_soon)
                 case _ if self.router is not None:
-                    self.router.received(event, now)
+                    self.router.received(event, arrived)

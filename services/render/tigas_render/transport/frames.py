@@ -10,7 +10,7 @@ import struct
 from tigas_common.errors import Overloaded, TigasError, problem
 from tigas_common.parsing import MAX_BODY, parse
 from tigas_common.wire.render import FrameHeader, RenderRequest
-from tigas_render.frame import Frame, FrameSource
+from tigas_render.frame import Client, Frame, FrameSource
 from tigas_render.transport.datagrams import DatagramSender
 from tigas_render.transport.outlet import DatagramOutlet
 from tigas_render.transport.webtransport import SessionFactory, WebTransportStream
@@ -29,8 +29,8 @@ def render_session(source: FrameSource) -> SessionFactory:
 class RenderSession:
     """One viewer."""
 
-    def __init__(self, source: FrameSource, client: str, datagrams: DatagramOutlet) -> None:
-        """client: a name that no other session has."""
+    def __init__(self, source: FrameSource, client: Client, datagrams: DatagramOutlet) -> None:
+        """client: one that no other session has."""
         self._source = source
         self._client = client
         self._sender = DatagramSender(datagrams)
@@ -48,14 +48,14 @@ class RenderSession:
         body = b""
         try:
             body = await stream.read(MAX_BODY)
-            answer = _success(await self._frame(body))
+            answer = _success(await self._frame(body, stream.arrived))
         except Exception as error:
             answer = _failure(error, body)
         await stream.outlet.finish(answer)
 
     # -- datagrams ---------------------------------------------------------------------------------------------------
 
-    def datagram(self, body: bytes) -> None:
+    def datagram(self, body: bytes, arrived: float) -> None:
         """Answer the request in a datagram."""
         if not self._sender.can_send:
             return
@@ -64,20 +64,20 @@ class RenderSession:
             error = Overloaded(f"This session has {MAX_DATAGRAM_REQUESTS} requests running.")
             self._sender.send_problem(_seq(body), _failure(error, body))
             return
-        task = asyncio.create_task(self._answer_datagram(number, body))
+        task = asyncio.create_task(self._answer_datagram(number, body, arrived))
         self._tasks.add(task)
         task.add_done_callback(self._tasks.discard)
 
-    async def _answer_datagram(self, number: int, body: bytes) -> None:
+    async def _answer_datagram(self, number: int, body: bytes, arrived: float) -> None:
         try:
-            frame = await self._frame(body)
+            frame = await self._frame(body, arrived)
         except Exception as error:
             self._sender.send_problem(_seq(body), _failure(error, body))
         else:
             self._sender.send_frame(number, frame.seq, _success(frame))
 
-    async def _frame(self, body: bytes) -> Frame:
-        return await self._source.submit(self._client, parse(RenderRequest, body))
+    async def _frame(self, body: bytes, arrived: float) -> Frame:
+        return await self._source.submit(self._client, parse(RenderRequest, body), arrived)
 
 
 def _success(frame: Frame) -> bytes:

@@ -13,6 +13,7 @@ from aioquic.h3.connection import ErrorCode
 from aioquic.h3.events import Headers
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
+from tigas_common.peers import ARRIVED
 from tigas_common.wire.render import Problem
 from tigas_render.transport.outlet import Outlet, StreamClosed
 
@@ -45,6 +46,7 @@ def http_scope(headers: Headers, client: tuple[str, int], server: tuple[str, int
         "headers": [(b"host", pseudo[b":authority"]), *fields],
         "client": client,
         "server": server,
+        "state": {},
     }
 
 
@@ -83,9 +85,10 @@ class HttpRequest:
 
     # -- from the client ---------------------------------------------------------------------------------------------
 
-    def data_received(self, data: bytes, ended: bool) -> None:
+    def data_received(self, data: bytes, ended: bool, arrived: float) -> None:
         """The next part of the body; `ended` with the last."""
         self._ended |= ended
+        self._scope["state"][ARRIVED] = arrived
         if data and not self._disconnected and not self._complete:
             self._body.append(data)
             self._unread += len(data)

@@ -21,6 +21,7 @@ from aioquic.h3.events import (
 from aioquic.quic.events import QuicEvent, StopSendingReceived, StreamDataReceived, StreamReset
 from starlette.types import ASGIApp
 
+from tigas_common.peers import client_network
 from tigas_render.transport.h3 import ServerH3Connection
 from tigas_render.transport.http import HttpRequest, http_scope, refusal
 from tigas_render.transport.limits import Limits
@@ -44,7 +45,7 @@ class Stream(Protocol):
     abort_code: int
     """The error code for a stream whose task ends before the stream is finished."""
 
-    def data_received(self, data: bytes, ended: bool) -> None:
+    def data_received(self, data: bytes, ended: bool, arrived: float) -> None:
         """The next part of what the client sends; `ended` with the last."""
 
     def cancelled(self) -> None:
@@ -125,33 +126,37 @@ class Router:
 
     # -- from the client ---------------------------------------------------------------------------------------------
 
-    def received(self, event: QuicEvent, now: float) -> None:
-        """Bring an event to whom it is for."""
+    def received(self, event: QuicEvent, arrived: float) -> None:
+        """Bring an event to whom it is for.
+
+        A request arrives with the datagram that completes it, the last to come of all that it needs: before that there
+        is nothing to answer.
+        """
         for h3_event in self._h3.handle_event(event):
-            self._received(h3_event)
+            self._received(h3_event, arrived)
         if isinstance(event, StopSendingReceived | StreamReset):
             self._cancelled(event.stream_id)
         if isinstance(event, StreamDataReceived | StopSendingReceived | StreamReset):
-            self._watch(event.stream_id, now)
+            self._watch(event.stream_id, arrived)
 
-    def _received(self, event: H3Event) -> None:
+    def _received(self, event: H3Event, arrived: float) -> None:
         match event:
             case WebTransportStreamDataReceived():
-                self._webtransport_data(event)
+                self._webtransport_data(event, arrived)
             case DatagramReceived():
                 if (session := self._sessions.get(event.stream_id)) is not None:
-                    session.handler.datagram(event.data)
+                    session.handler.datagram(event.data, arrived)
             case HeadersReceived():
                 if event.stream_id in self._streams or event.stream_id in self._sessions:  # trailers
-                    self._data(event.stream_id, b"", event.stream_ended)
+                    self._data(event.stream_id, b"", event.stream_ended, arrived)
                 else:
-                    self._request_received(event)
+                    self._request_received(event, arrived)
             case DataReceived():
-                self._data(event.stream_id, event.data, event.stream_ended)
+                self._data(event.stream_id, event.data, event.stream_ended, arrived)
 
-    def _data(self, stream_id: int, data: bytes, ended: bool) -> None:
+    def _data(self, stream_id: int, data: bytes, ended: bool, arrived: float) -> None:
         if (stream := self._streams.get(stream_id)) is not None:
-            stream.data_received(data, ended)
+            stream.data_received(data, ended, arrived)
         elif ended:  # of a session only its end matters: no capsule needs an answer
             self._close_session(stream_id)
 
@@ -178,7 +183,7 @@ class Router:
             else:  # the connection cannot do without its control stream
                 self._quic.close(error_code=ErrorCode.H3_EXCESSIVE_LOAD, reason_phrase="A frame was never finished")
 
-    def _watch(self, stream_id: int, now: float) -> None:
+    def _watch(self, stream_id: int, arrived: float) -> None:
         """Note whether a stream still waits for what makes it a request, a session, or a session's stream."""
         if stream_id % 4 != 0:
             waits = self._h3.is_cut(stream_id)
@@ -188,14 +193,14 @@ class Router:
         if not waits:
             self._unfinished.end(stream_id)
             return
-        self._unfinished.begin(stream_id, now)
+        self._unfinished.begin(stream_id, arrived)
         if stream_id % 4 == 0 and len(self._streams) + len(self._unfinished) > self._service.limits.requests:
             self._unfinished.end(stream_id)
             Outlet(self.writer, stream_id).abort(ErrorCode.H3_REQUEST_REJECTED)
 
     # -- requests ----------------------------------------------------------------------------------------------------
 
-    def _request_received(self, event: HeadersReceived) -> None:
+    def _request_received(self, event: HeadersReceived, arrived: float) -> None:
         self._unfinished.end(event.stream_id)
         outlet = Outlet(self.writer, event.stream_id)
         if not outlet.is_open:
@@ -212,7 +217,7 @@ class Router:
         app = self._service.app if status is None else refusal(status)
         request = HttpRequest(outlet, http_scope(event.headers, self._client, self._server), app)
         if event.stream_ended:
-            request.data_received(b"", True)
+            request.data_received(b"", True, arrived)
         self._start(request)
 
     def _refusal(self, pseudo: Mapping[bytes, bytes]) -> int | None:
@@ -242,7 +247,7 @@ class Router:
         else:
             outlet.send_headers([(b":status", b"200"), DRAFT_HEADER])
             self._sessions[outlet.stream_id] = WebTransportSession(
-                outlet, DatagramOutlet(self.writer, outlet.stream_id), self._client[0], make_handler
+                outlet, DatagramOutlet(self.writer, outlet.stream_id), client_network(self._client[0]), make_handler
             )
 
     def _refuse_connect(self, outlet: Outlet, status: bytes) -> None:
@@ -259,7 +264,7 @@ class Router:
                 stream.cancelled()
         session.close()
 
-    def _webtransport_data(self, event: WebTransportStreamDataReceived) -> None:
+    def _webtransport_data(self, event: WebTransportStreamDataReceived, arrived: float) -> None:
         if event.stream_id not in self._streams:
             self._unfinished.end(event.stream_id)
             outlet = Outlet(self.writer, event.stream_id)
@@ -270,7 +275,7 @@ class Router:
             if not outlet.is_open:  # answered already; the client has not stopped yet
                 return
             self._start(WebTransportStream(outlet, session, self._overloaded))
-        self._streams[event.stream_id].data_received(event.data, event.stream_ended)
+        self._streams[event.stream_id].data_received(event.data, event.stream_ended, arrived)
 
     # -- tasks -------------------------------------------------------------------------------------------------------
 

@@ -139,11 +139,11 @@ class Http3Server:
         if self._endpoint is not None:
             self._endpoint.send(datagrams)
 
-    def _received(self, data: bytes, address: Address) -> None:
+    def _received(self, data: bytes, address: Address, arrived: float) -> None:
         connection = self._connection_for(data, address)
         if connection is not None:
             self._dirty.add(connection)
-            connection.receive(data, address)
+            connection.receive(data, address, arrived)
 
     def _drained(self) -> None:
         dirty, self._dirty = self._dirty, set()

@@ -6,9 +6,11 @@ import asyncio
 import errno
 import logging
 import socket
+import time
 from collections import deque
 from collections.abc import Callable
 
+from tigas_render.transport.arrival import STAMP_SPACE, arrival, ask_for_stamps, stamp_ns
 from tigas_render.transport.gso import Address, Datagram, batches, segment_size
 
 logger = logging.getLogger(__name__)
@@ -53,6 +55,7 @@ def _bind(family: int, address: Address) -> socket.socket:
                 sock.setsockopt(socket.SOL_SOCKET, forced, SOCKET_BUFFER)  # needs CAP_NET_ADMIN
             except OSError:
                 sock.setsockopt(socket.SOL_SOCKET, option, SOCKET_BUFFER)
+        ask_for_stamps(sock)
         sock.bind(address)
     except BaseException:
         sock.close()
@@ -64,15 +67,19 @@ class UdpEndpoint:
     """Sends and receives on one socket, which it owns from now on."""
 
     def __init__(
-        self, sock: socket.socket, received: Callable[[bytes, Address], None], drained: Callable[[], None]
+        self, sock: socket.socket, received: Callable[[bytes, Address, float], None], drained: Callable[[], None]
     ) -> None:
-        """`received` gets each datagram; `drained` is called when no more wait, to answer them all at once."""
+        """`received` gets each datagram, who sent it, and when it arrived, in seconds of the monotonic clock.
+
+        `drained` is called when no more wait, to answer them all at once.
+        """
         self._loop = asyncio.get_running_loop()
         self._sock = sock
         self._received = received
         self._drained = drained
         self._backlog: deque[tuple[list[bytes], Address]] = deque(maxlen=MAX_BACKLOG)
         self._offload = True
+        self._empty_at = time.monotonic()
         self._loop.add_reader(sock.fileno(), self._read)
 
     def send(self, datagrams: list[Datagram]) -> None:
@@ -100,8 +107,12 @@ class UdpEndpoint:
     def _read(self) -> None:
         try:
             for _ in range(MAX_DRAIN):
-                self._received(*self._sock.recvfrom(MAX_DATAGRAM))
-        except (BlockingIOError, InterruptedError):
+                data, ancillary, _, address = self._sock.recvmsg(MAX_DATAGRAM, STAMP_SPACE)
+                arrived = arrival(stamp_ns(ancillary), time.time_ns(), time.monotonic(), self._empty_at)
+                self._received(data, address, arrived)
+        except BlockingIOError:
+            self._empty_at = time.monotonic()
+        except InterruptedError:
             pass
         except OSError as error:  # such as an ICMP error for an earlier datagram
             logger.debug("UDP receive failed: %s", error)

@@ -11,6 +11,7 @@ from typing import Protocol
 from aioquic.h3.connection import ErrorCode
 
 from tigas_common.errors import BodyTooLarge, InvalidRequest, Overloaded
+from tigas_render.frame import Client
 from tigas_render.transport.outlet import DatagramOutlet, Outlet, StreamClosed
 
 DRAFT_HEADER = (b"sec-webtransport-http3-draft", b"draft02")
@@ -27,15 +28,15 @@ class SessionHandler(Protocol):
     async def stream(self, stream: WebTransportStream) -> None:
         """Answer a bidirectional stream. Each runs in a task, which is cancelled if the client cancels the stream."""
 
-    def datagram(self, data: bytes) -> None:
-        """Take a datagram; must not wait."""
+    def datagram(self, data: bytes, arrived: float) -> None:
+        """Take a datagram that arrived at a time of the monotonic clock; must not wait."""
 
     def closed(self) -> None:
         """The session is over, and its streams are cancelled."""
 
 
-SessionFactory = Callable[[str, DatagramOutlet], SessionHandler]
-"""Makes the handler of a new session, from a name for its client that no other session has, and its datagrams."""
+SessionFactory = Callable[[Client, DatagramOutlet], SessionHandler]
+"""Makes the handler of a new session, from its client, which no other session has, and its datagrams."""
 
 
 class WebTransportSession:
@@ -43,7 +44,7 @@ class WebTransportSession:
 
     def __init__(self, outlet: Outlet, datagrams: DatagramOutlet, address: str, make_handler: SessionFactory) -> None:
         """address: the client's."""
-        self.handler = make_handler(f"{address}#{next(_numbers)}", datagrams)
+        self.handler = make_handler(Client(address, f"session {next(_numbers)}"), datagrams)
         self._outlet = outlet
         self._datagrams = datagrams
 
@@ -64,14 +65,17 @@ class WebTransportStream:
         self.outlet = outlet
         self.task: asyncio.Task[None] | None = None
         self.session = session
+        self.arrived = 0.0
+        """When the newest part of the request arrived, in seconds of the monotonic clock."""
         self._overloaded = overloaded
         self._body = bytearray()
         self._ended = False
         self._news = asyncio.Event()
 
-    def data_received(self, data: bytes, ended: bool) -> None:
+    def data_received(self, data: bytes, ended: bool, arrived: float) -> None:
         """The next part of what the client sends; `ended` with the last."""
         self._ended |= ended
+        self.arrived = arrived
         self._body += data
         if len(self._body) > self.outlet.limits.unread:
             self.outlet.abort(CANCELLED)

@@ -1,0 +1,52 @@
+"""Which frames are too large to be rendered while others want theirs: nothing interrupts one that has begun."""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+
+from tigas_common.errors import Overloaded
+from tigas_common.wire.render import RenderRequest, Rung
+from tigas_render.costs import FrameCosts
+from tigas_render.frame import Client
+
+ACTIVE_S = 2.0
+"""A client that has asked for a frame, or got one, counts as active for so long, in seconds."""
+SHORT_S = 0.05
+"""Nobody minds waiting so long for somebody else's frame, however large it is, in seconds."""
+
+
+class Admission:
+    """Refuses frames above the ladder's best rung that would take long, as long as another client is active."""
+
+    def __init__(self, ladder: tuple[Rung, ...], costs: FrameCosts) -> None:
+        self._costs = costs
+        self._best = max(rung.width * rung.height for rung in ladder)
+        self._active: OrderedDict[Client, float] = OrderedDict()
+        """When each client was heard of last, the longest ago first."""
+
+    def heard_of(self, client: Client, now: float) -> None:
+        """A client has asked for a frame, or one is begun for it."""
+        self._active[client] = now
+        self._active.move_to_end(client)
+        self._forget(now)
+
+    def check(self, client: Client, request: RenderRequest, now: float, *, others_wait: bool) -> None:
+        """Raises Overloaded, with the time to come back, if a request has to wait until nobody else is active."""
+        pixels = request.width * request.height
+        if request.profile is not None or pixels <= self._best or not (others_wait or self._others(client, now)):
+            return
+        usual = self._costs.at_least(request.scene, request.format, self._best)
+        if self._costs.at_most(request.scene, request.format, pixels) > max(usual, SHORT_S):
+            raise Overloaded(
+                f"{request.width}×{request.height} pixels would keep other viewers waiting; ask for a profile, for a "
+                "smaller viewport, or again when they have left.",
+                retry_after_s=ACTIVE_S,
+            )
+
+    def _others(self, client: Client, now: float) -> bool:
+        self._forget(now)
+        return len(self._active) > (client in self._active)
+
+    def _forget(self, now: float) -> None:
+        while self._active and next(iter(self._active.values())) + ACTIVE_S < now:
+            self._active.popitem(last=False)
