@@ -112,3 +112,11 @@ def test_very_many_mistakes_are_counted_and_not_listed() -> None:
     raw = body(EULER, **{f"wheel{number}": 4 for number in range(5000)})
     with pytest.raises(InvalidRequest, match="It is wrong in 5,000 places"):
         parse(RenderRequest, raw, len(raw))
+
+
+def test_names_that_nobody_knows_are_told_on_one_short_line() -> None:
+    for name in ("a" * 10_000, "\x1b[2J\n", "\u202egpj"):
+        with pytest.raises(InvalidRequest) as failure:
+            parse(RenderRequest, body(EULER, **{name: 1}))
+        assert failure.value.detail.isprintable()
+        assert len(failure.value.detail) < 200

@@ -37,10 +37,16 @@ def sentence(error: ValidationError) -> str:
     if error.error_count() > MOST_ERRORS:
         return f"It is wrong in {error.error_count():,} places."
     first = error.errors(include_url=False, include_input=False, include_context=False)[0]
-    where = ".".join(map(str, first["loc"]))
-    what = first["msg"].removeprefix("Value error, ")
+    where = ".".join(legible(str(part), 60) for part in first["loc"])
+    what = legible(first["msg"].removeprefix("Value error, "), 250)
     what = what[:1].lower() + what[1:] if where else what[:1].upper() + what[1:]
     return f"{where}: {what}." if where else f"{what}."
+
+
+def legible(text: str, most: int) -> str:
+    """What a client sent, to be quoted on one line: cut to `most` characters, with what a console acts on escaped."""
+    text = text if len(text) <= most else f"{text[: most - 1]}…"
+    return text if text.isprintable() else ascii(text)[1:-1]
 
 
 @cache

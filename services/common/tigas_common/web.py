@@ -14,7 +14,7 @@ from starlette.requests import ClientDisconnect, Request
 from starlette.responses import JSONResponse, Response
 
 from tigas_common.errors import BodyTooLarge, InvalidRequest, Overloaded, RequestTimeout, TigasError, problem
-from tigas_common.parsing import MAX_BODY, Message, parse
+from tigas_common.parsing import MAX_BODY, Message, legible, parse
 from tigas_common.patience import Patience
 from tigas_common.wire.render import Problem
 
@@ -98,11 +98,12 @@ async def on_error(request: Request, error: Exception) -> Response:
 async def on_http_error(request: Request, error: Exception) -> Response:
     """Starlette's own errors: unknown paths and wrong methods."""
     assert isinstance(error, HTTPException)
+    path = legible(request.url.path, 100)
     if error.status_code == 405:
-        detail = f"{request.url.path} does not take {request.method}."
+        detail = f"{path} does not take {legible(request.method, 20)}."
         answer = Problem(type="tigas:method-not-allowed", title="Method not allowed", status=405, detail=detail)
     else:
-        detail = f"There is nothing at {request.url.path}."
+        detail = f"There is nothing at {path}."
         answer = Problem(type="tigas:not-found", title="Not found", status=error.status_code, detail=detail)
     return problem_response(answer, error.headers)
 
