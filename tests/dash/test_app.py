@@ -77,6 +77,7 @@ async def test_media_time_is_locked_to_the_clock(packager: Packager) -> None:
         ({"representations": [{"rung": 3, "bitrate_kbps": 0}]}, 400, "invalid-request"),
         ({"quaternion": [0, 0, 0, 0]}, 400, "invalid-request"),
         ({"width": 100_000}, 400, "invalid-request"),
+        ({"width": 16, "height": 16, "fy": 500_000}, 400, "invalid-request"),
         ({"more": 1}, 400, "invalid-request"),
     ],
 )

@@ -7,6 +7,8 @@ from dataclasses import replace
 import httpx
 from pydantic import ValidationError
 
+from tigas_common.errors import InvalidRequest
+from tigas_common.parsing import sentence
 from tigas_common.wire.dash import PoseUpdate, SessionRequest
 from tigas_common.wire.render import Problem, RenderRequest, ServerConfig
 from tigas_dash.encoding import RawFrame
@@ -63,11 +65,14 @@ class ViewSource:
         self._width, self._height = size.width, size.height
 
     async def frame(self, pose: PoseUpdate, within_s: float = FRAME_S) -> RawFrame:
-        """The view from a pose. Raises RenderUnavailable and RenderProblem."""
+        """The view from a pose. Raises InvalidRequest, RenderUnavailable and RenderProblem."""
         changed = {name: value for name in ("fx", "fy", "cx", "cy") if (value := getattr(pose, name)) is not None}
         lens = replace(self._lens, **changed).resized(self._width, self._height)
         stamp = pose.seq % 2**24 if self._stamp else None
-        request = RenderRequest.at(self._scene, pose.pose, lens, format="yuv420p", stamp=stamp)
+        try:
+            request = RenderRequest.at(self._scene, pose.pose, lens, format="yuv420p", stamp=stamp)
+        except ValidationError as error:  # a lens that fits the viewport may be too long for the stream's size
+            raise InvalidRequest(f"The stream's size does not suit the lens: {sentence(error)}") from None
         data = await self._client.frame(request, within_s)
         expected = self._width * self._height * 3 // 2
         if len(data) != expected:
