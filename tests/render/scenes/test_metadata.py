@@ -37,6 +37,7 @@ def test_everything_may_be_said_or_left_out(tmp_path: Path) -> None:
         (b'{"nmae": "Garden"}', "nmae"),
         (b'{"name": ""}', "name"),
         (b'{"up": [0, 0, 0]}', "length zero"),
+        (b'{"up": [0, 0, 1e-200]}', "length zero"),
         (b'{"up": [0, 1]}', "up"),
         (b'{"background": [255, 0, 0]}', "background.0"),
         (b'{"camera": {"position": [0, 0, 0], "look_at": [0, 0, 0]}}', "its own position"),

@@ -121,6 +121,12 @@ def test_degenerate_scenes_get_a_camera_too(means: torch.Tensor, opacity: float)
     Pose.look_at(camera.position, camera.look_at, UP)
 
 
+@pytest.mark.parametrize("scale", [1e9, math.exp(88), 3e38])
+def test_a_gaussian_larger_than_any_coordinate_does_not_push_the_camera_away(scale: float) -> None:
+    camera = derive_camera(torch.randn(9, 3), torch.ones(9), torch.full((9, 3), scale), UP)
+    assert camera.position != camera.look_at
+
+
 @pytest.mark.parametrize(
     ("name", "front"),
     [("guitar", (1, 0)), ("flowers", (0, -1)), ("narcissus", (-1, -1)), ("playbot", (0, -1))],

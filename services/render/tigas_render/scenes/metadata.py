@@ -15,6 +15,8 @@ from tigas_common.wire.render import StartCamera
 
 DEFAULT_UP: Point = (0.0, -1.0, 0.0)
 """Captures have OpenCV's axes: y points down."""
+SHORTEST_UP = 1e-6
+"""Of its longest part: the square of a much shorter one is 0 to whoever computes with it."""
 
 
 class SceneMetadata(WireModel):
@@ -29,7 +31,7 @@ class SceneMetadata(WireModel):
     @field_validator("up")
     @classmethod
     def _check_up(cls, up: Point) -> Point:
-        if not any(up):
+        if max(map(abs, up)) < SHORTEST_UP:
             raise ValueError("a vector of length zero points nowhere")
         return up
 

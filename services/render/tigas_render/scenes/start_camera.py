@@ -55,7 +55,7 @@ def _sample(means: torch.Tensor, opacities: torch.Tensor, scales: torch.Tensor) 
     means, opacities, scales = means[::step].cpu(), opacities[::step].cpu(), scales[::step].cpu()
     solid = opacities >= min(SOLID, float(opacities.max()))
     # the protocol's coordinates end at 1e9, and the camera stands outside
-    return means[solid].double().clamp(-1e8, 1e8), scales[solid].double().amax(1)
+    return means[solid].double().clamp(-1e8, 1e8), scales[solid].double().amax(1).clamp(max=1e8)
 
 
 def _level_frame(up: Point) -> torch.Tensor:
