@@ -168,7 +168,7 @@ def test_a_clock_that_stumbles_costs_its_rows_only(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(("content", "sentence"), [
-    ("Scene_Name,Quaternion,Scale\nroom,\"0,0,0,1\",2\n", "says nothing of the scene 'train'; it knows room"),
+    ("Scene_Name,Quaternion,Scale\nroom,\"0,0,0,1\",2\n", "says nothing of the scene 'train'; it knows 'room'"),
     ("Scene_Name,Quaternion,Scale\ntrain,\"0,0,1\",2\n", "no Scale and Quaternion that are numbers"),
     ("Scene_Name,Quaternion,Scale\ntrain,\"0,0,0,0\",2\n", "no Scale and Quaternion that are numbers"),
     ("Scene_Name,Quaternion,Scale\ntrain,\"0,0,0,1\",0\n", "no Scale and Quaternion that are numbers"),

@@ -111,7 +111,7 @@ def read_settings(path: Path, scene: str) -> SceneSettings:
         raise MovementError(f"{path} is no table of scenes: {error}.") from None
     row = next((row for row in rows if row.get("Scene_Name") == scene), None)
     if row is None:
-        known = ", ".join(str(row.get("Scene_Name"))[:40] for row in rows[:50])
+        known = ", ".join(repr(row.get("Scene_Name"))[:30] for row in rows[:8])
         raise MovementError(f"{path} says nothing of the scene {scene!r}; it knows {known or 'none'}.")
     try:
         return settings(float(row["Scale"]), [float(part) for part in row["Quaternion"].split(",")])
