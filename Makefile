@@ -1,7 +1,7 @@
 # Newcomers need only two commands: `make demo` and `make test`.
 SHELL := /bin/bash
 .DEFAULT_GOAL := help
-.PHONY: help demo gpu test test-compose lint format bench compare bench-gpu clean
+.PHONY: help demo gpu test test-compose fuzz lint format bench compare bench-gpu clean
 
 PYTHON ?= python3
 # PyTorch's package index. Without an NVIDIA GPU, save gigabytes with
@@ -13,6 +13,9 @@ SCENES ?= $(wildcard models)
 # What `make compare` measures: make compare NETWORKS="5mbit,80ms-rtt my-trace.csv" ARGS="--duration 20"
 NETWORKS ?= 20mbit,20ms-rtt traces/network/4g-bus.csv
 
+# Inputs that `make fuzz` tries in each fuzzer.
+EXAMPLES ?= 1000
+
 VENV := .venv/bin
 STATIC := services/render/tigas_render/static/index.html
 
@@ -20,6 +23,7 @@ help:
 	@echo "make demo          install dependencies, start the demo and print its URL"
 	@echo "make test          install dependencies and run all tests, including browser tests, except the container tests"
 	@echo "make test-compose  start the containers, test them over the shaped link and remove them"
+	@echo "make fuzz          try EXAMPLES=1000 random inputs in each fuzzer (about 20 minutes)"
 	@echo "make compare       compare one JPEG per pose with low-latency DASH over a shaped link, into results/ (about 10 minutes, needs root)"
 	@echo "make lint          check types, style and generated files"
 	@echo "make bench         measure speed and memory against baselines (about 10 minutes)"
@@ -46,6 +50,9 @@ test: .venv/.ready $(STATIC)
 
 test-compose: .venv/.ready
 	@$(VENV)/python -m pytest tests/compose -m compose -s
+
+fuzz: .venv/.ready
+	@TIGAS_FUZZ_EXAMPLES=$(EXAMPLES) $(VENV)/python -m pytest tests/fuzz --timeout=0 --tb=short $(ARGS)
 
 lint: .venv/.ready web/node_modules/.ready
 	@echo "== ruff, mypy"

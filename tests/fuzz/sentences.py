@@ -1,0 +1,14 @@
+"""What a refusal has to be: one sentence."""
+
+from __future__ import annotations
+
+LONGEST = 400
+"""Characters; what a client sent is quoted in part only."""
+
+
+def assert_sentence(detail: str) -> None:
+    """One line that a person can read, and no traceback."""
+    assert detail.endswith((".", "…")), detail
+    assert detail.isprintable(), detail
+    assert len(detail) <= LONGEST, detail
+    assert "Traceback" not in detail

@@ -1,0 +1,115 @@
+"""Whatever lies in a scene's folder, it is a scene with finite Gaussians or a broken one with a sentence."""
+
+from __future__ import annotations
+
+import tempfile
+import tracemalloc
+from pathlib import Path
+
+import torch
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tests.fuzz.byte_edits import edited
+from tests.fuzz.effort import effort
+from tests.fuzz.json_texts import bodies
+from tests.fuzz.sentences import assert_sentence
+from tests.fuzz.wire_examples import EXAMPLES
+from tests.render.scenes import plys
+from tigas_common.errors import BrokenScene
+from tigas_render.preview import HEIGHT, WIDTH, preview_camera
+from tigas_render.scenes.directory import scan_directory
+from tigas_render.scenes.metadata import SceneMetadata
+from tigas_render.scenes.ply import load_ply
+from tigas_render.scenes.start_camera import derive_camera
+
+PIECES = (
+    *(b"ply\n", b"format ascii 1.0\n", b"format binary_little_endian 1.0\n", b"format binary_big_endian 1.0\n"),
+    *(b"element vertex 3\n", b"element vertex 0\n", b"element vertex 0_0\n"),
+    *(b"element vertex +0\n", b"element face 1\n"),
+    *(b"element vertex 1000000000000\n", b"element vertex -1\n"),
+    *(b"element vertex \xd9\xa3\n", b"element\x0bvertex 0\n"),
+    *(b"property float x\n", b"property list uchar int v\n", b"property double opacity\n", b"property uchar rot_0\n"),
+    *(b"comment c\n", b"obj_info o\n", b"end_header\n", b"end_header\r\n"),
+    *(b"\n", b"\r", b"\0", b" ", b"\t", b"\x0b", b"\x0c"),
+    *(b"nan ", b"inf ", b"-1e999 ", b"1e38 ", b"88.7 ", b"0x1p4 "),
+    *(b"1_0 ", b"#", b"\x00\x00\xc0\x7f", b"\x00\x00\x80\x7f"),
+)  # fmt: skip
+"""Lines of headers, and values as text and as float32."""
+MOST_MEMORY = 20_000_000
+"""Bytes, beside what the file has."""
+
+WIDE = plys.header([f"double {name}" for name in plys.names(0)], 2) + bytes(8 * 2 * len(plys.names(0)))
+TRAILED = (
+    plys.binary_ply().replace(b"end_header", b"element face 1\nproperty list uchar int v\nend_header") + b"\x01ABCD"
+)
+SOUND = (plys.binary_ply(), plys.ascii_ply(), plys.binary_ply(2, 1), plys.ascii_ply(1, 3), WIDE, TRAILED)
+
+files = edited(st.sampled_from(SOUND), PIECES)
+numbers = st.floats(width=32) | st.sampled_from([88.0, 89.0, -104.0, 3e38, 1e-45, 1e9])
+
+
+@st.composite
+def absurd_gaussians(draw: st.DrawFn) -> bytes:
+    """A sound header, and values that nobody trains."""
+    rows = plys.rows(4)
+    for _ in range(draw(st.integers(1, 8))):
+        row, column = draw(st.integers(0, len(rows) - 1)), draw(st.integers(0, rows.shape[1] - 1))
+        rows[row, column] = draw(numbers)
+    return plys.header(plys.names(0), len(rows)) + rows.tobytes()
+
+
+@effort(150)
+@given(files | absurd_gaussians())
+def test_any_ply_loads_or_is_broken(content: bytes) -> None:
+    with tempfile.TemporaryDirectory() as folder:
+        path = plys.write(Path(folder, "scene", "scene.ply"), content)
+        tracemalloc.start()
+        try:
+            gaussians = load_ply(path)
+        except BrokenScene as error:
+            assert_sentence(error.detail)
+            return
+        finally:
+            _, peak = tracemalloc.get_traced_memory()
+            tracemalloc.stop()
+            assert peak < MOST_MEMORY + 10 * len(content)
+    assert len(gaussians) > 0
+    for tensor in (gaussians.means, gaussians.scales, gaussians.quaternions, gaussians.opacities, gaussians.sh):
+        assert bool(torch.isfinite(tensor).all())
+    camera = derive_camera(gaussians.means, gaussians.opacities, gaussians.scales, (0.0, -1.0, 0.0))
+    preview_camera(camera, (0.0, -1.0, 0.0), WIDTH, HEIGHT)
+
+
+@effort(100)
+@given(bodies(SceneMetadata, EXAMPLES[SceneMetadata]), files)
+def test_a_broken_scene_takes_no_other_with_it(description: bytes, content: bytes) -> None:
+    with tempfile.TemporaryDirectory() as folder:
+        models = Path(folder)
+        plys.write(models / "odd" / "scene.json", description)
+        plys.write(models / "odd" / "scene.ply", content)
+        plys.write(models / "sound" / "scene.ply", plys.binary_ply())
+        sources = scan_directory(models)
+        assert set(sources) == {"odd", "sound"}
+        assert sources["sound"].error is None
+        odd = sources["odd"]
+        assert (odd.open is None) == (odd.error is not None)
+        if odd.error is not None:
+            assert_sentence(odd.error)
+
+
+@effort(100)
+@given(bodies(SceneMetadata, EXAMPLES[SceneMetadata]))
+def test_whatever_a_description_says_there_is_a_view_to_begin_with(description: bytes) -> None:
+    with tempfile.TemporaryDirectory() as folder:
+        models = Path(folder)
+        plys.write(models / "scene" / "scene.json", description)
+        plys.write(models / "scene" / "scene.ply", plys.binary_ply())
+        source = scan_directory(models)["scene"]
+    if source.error is not None:
+        return
+    gaussians, metadata = plys.gaussians(10), source.metadata
+    derived = derive_camera(gaussians.means, gaussians.opacities, gaussians.scales, metadata.up)
+    for camera in (derived, metadata.camera or derived):
+        pose = preview_camera(camera, metadata.up, WIDTH, HEIGHT).pose
+        assert abs(sum(part * part for part in pose.quaternion) - 1) < 1e-6

@@ -1,0 +1,290 @@
+"""Whatever is sent to a service, it gives what was asked for, or says in one sentence why not."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import AsyncIterator, Callable, Iterator
+from contextlib import asynccontextmanager
+from pathlib import Path
+from typing import Any
+
+import httpx
+import psutil
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from starlette.types import ASGIApp
+
+from tests.dash.fakes import FakeRender
+from tests.experiments.made_up import MACHINE
+from tests.experiments.store.conftest import in_a_thread
+from tests.fuzz.asgi import HOST, Answer, ask, assert_answered, opened
+from tests.fuzz.byte_edits import chunked
+from tests.fuzz.effort import effort
+from tests.fuzz.json_texts import bodies, dumps
+from tests.fuzz.targets import METHODS, headers, paths
+from tests.fuzz.test_traces import files as trace_files
+from tests.fuzz.wire_examples import EXAMPLES
+from tests.render.fakes import FakeRasterizer
+from tests.render.scenes import plys
+from tests.shaper.fakes import FakeGateway, FakeLink, FakeTime, trace
+from tigas_common.wire.dash import SessionRequest
+from tigas_common.wire.render import RenderRequest
+from tigas_common.wire.shaper import LinkSetting, LoopRequest, SeekRequest, StartRequest
+from tigas_common.wire.store import ExperimentRequest, RunUpload
+from tigas_dash.app import create_app as create_dash
+from tigas_dash.clock import Clock
+from tigas_dash.sessions import Sessions
+from tigas_dash.source import RenderClient
+from tigas_experiments.store.app import Store
+from tigas_experiments.store.app import create_app as create_store
+from tigas_experiments.store.experiments import Experiments
+from tigas_experiments.store.movements import Movements
+from tigas_experiments.store.reports import Reports
+from tigas_experiments.store.workspace import Workspace
+from tigas_render.app import create_app as create_render
+from tigas_render.service import RenderService
+from tigas_render.settings import RenderSettings
+from tigas_shaper.api import create_app as create_shaper
+from tigas_shaper.player import Player
+from tigas_shaper.service import Shaper
+from tigas_shaper.traces.csv_format import format_csv
+from tigas_shaper.traces.library import TraceLibrary
+
+PAGE = (b"origin", b"http://localhost:8080")
+MOST_GROWTH = 300_000_000
+"""Bytes that a service may take for all that it is sent here."""
+
+Ask = Callable[..., Answer]
+
+
+def asking(context: Any) -> Iterator[Ask]:
+    """Asks an application that is open as long as the generator is, and watches its memory."""
+    with opened(context) as (app, run):
+
+        def ask_it(method: str, path: str, **request: Any) -> Answer:
+            answer: Answer = run(ask(app, method, path, **request))
+            return answer
+
+        ask_it("GET", "/healthz")
+        before = psutil.Process().memory_info().rss
+        yield ask_it
+        assert ask_it("GET", "/healthz").status == 200
+        assert psutil.Process().memory_info().rss - before < MOST_GROWTH
+
+
+# -- render ------------------------------------------------------------------------------------------------------------
+
+
+@asynccontextmanager
+async def rendering(directory: Path) -> AsyncIterator[ASGIApp]:
+    models = directory / "models"
+    plys.write(models / "scene" / "scene.ply", plys.binary_ply())
+    settings = RenderSettings(scenes=models, cache=directory / "cache")
+    rasterizer = FakeRasterizer()
+    rasterizer.gate.set()
+    async with RenderService.open(settings, rasterizer) as service:
+        yield create_render(service)
+
+
+@pytest.fixture(scope="module")
+def render(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Ask]:
+    yield from asking(rendering(tmp_path_factory.mktemp("render")))
+
+
+@effort(100)
+@given(bodies(RenderRequest, EXAMPLES[RenderRequest]))
+def test_any_render_request_is_answered(render: Ask, body: bytes) -> None:
+    answer = render("POST", "/render", chunks=[body])
+    assert_answered(answer, "deadline-exceeded")
+    assert answer.status < 400 or answer.status == 504 or b"tigas:" in answer.body
+
+
+@effort(100)
+@given(
+    st.sampled_from(METHODS),
+    paths(
+        [
+            "/",
+            "/render",
+            "/scenes",
+            "/scenes/{}",
+            "/scenes/scene/{}",
+            "/scenes/{}/{}",
+            "/config.json",
+            "/assets/{}",
+            "/{}",
+        ]
+    ),
+    headers(HOST[1]),
+)
+def test_any_target_of_the_render_service_is_answered(
+    render: Ask, method: str, path: str, fields: list[tuple[bytes, bytes]]
+) -> None:
+    assert_answered(render(method, path, headers=fields))
+
+
+# -- dash --------------------------------------------------------------------------------------------------------------
+
+
+@asynccontextmanager
+async def packaging(directory: Path) -> AsyncIterator[ASGIApp]:
+    transport = httpx.ASGITransport(FakeRender().app, raise_app_exceptions=False)
+    async with (
+        httpx.AsyncClient(transport=transport, base_url="http://render") as upstream,
+        Sessions(RenderClient(upstream), "libx264", Clock(), limit=2, idle_s=600).running() as sessions,
+    ):
+        yield create_dash(sessions)
+
+
+@pytest.fixture(scope="module")
+def dash(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Ask]:
+    yield from asking(packaging(tmp_path_factory.mktemp("dash")))
+
+
+@effort(50)
+@given(bodies(SessionRequest, EXAMPLES[SessionRequest]))
+def test_any_session_is_opened_or_refused(dash: Ask, body: bytes) -> None:
+    answer = dash("POST", "/sessions", chunks=[body])
+    assert_answered(answer, "encoder-unavailable")
+    if answer.status == 201:
+        session = json.loads(answer.body)
+        assert_answered(dash("GET", session["manifest"]))
+        for one in session["representations"]:
+            assert_answered(dash("GET", f"/sessions/{session['id']}/{one['id']}/init.mp4"))
+        assert dash("DELETE", f"/sessions/{session['id']}").status == 204
+    assert json.loads(dash("GET", "/sessions").body) == []
+
+
+@effort(100)
+@given(
+    st.sampled_from(METHODS),
+    paths(
+        ["/sessions", "/sessions/{}", "/sessions/{}/{}", "/sessions/{}/{}/init.mp4", "/sessions/{}/{}/{}.m4s", "/time"]
+    ),
+    headers(HOST[1]),
+)
+def test_any_target_of_the_packager_is_answered(
+    dash: Ask, method: str, path: str, fields: list[tuple[bytes, bytes]]
+) -> None:
+    assert_answered(dash(method, path, headers=fields))
+
+
+# -- shaper ------------------------------------------------------------------------------------------------------------
+
+
+@asynccontextmanager
+async def shaping(directory: Path) -> AsyncIterator[ASGIApp]:
+    (directory / "steps.csv").write_text(format_csv(trace(4_000, 0, 8_000, name="steps")))
+    time = FakeTime()
+    link = FakeLink(time)
+    player = Player(link, LinkSetting(100_000, 50_000), clock=time.clock, sleep=time.sleep)
+    shaper = Shaper(link, FakeGateway(), player, TraceLibrary(directory))  # type: ignore[arg-type]
+    try:
+        yield create_shaper(shaper, [PAGE[1].decode()])
+    finally:
+        player.close()
+
+
+@pytest.fixture(scope="module")
+def shaper(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Ask]:
+    yield from asking(shaping(tmp_path_factory.mktemp("traces")))
+
+
+@pytest.mark.parametrize(
+    ("path", "kind"),
+    [("/start", StartRequest), ("/seek", SeekRequest), ("/loop", LoopRequest), ("/link", LinkSetting)],
+)
+def test_any_change_of_the_link_is_made_or_refused(shaper: Ask, path: str, kind: Any) -> None:
+    @effort(30)
+    @given(bodies(kind, EXAMPLES[kind]))
+    def fuzz(body: bytes) -> None:
+        assert_answered(shaper("POST", path, chunks=[body], headers=[HOST, PAGE]))
+        assert shaper("GET", "/status").status == 200
+
+    fuzz()
+
+
+@effort(50)
+@given(trace_files, paths(["/traces"]))
+def test_any_trace_is_taken_or_refused(shaper: Ask, data: bytes, path: str) -> None:
+    answer = shaper("POST", path, chunks=[data], headers=[HOST, PAGE])
+    assert_answered(answer)
+    if answer.status == 200:
+        assert shaper("GET", f"/traces/{json.loads(answer.body)['name']}").status == 200
+    assert_answered(shaper("GET", "/traces"))
+
+
+@effort(100)
+@given(
+    st.sampled_from(METHODS),
+    paths(["/traces", "/traces/{}", "/start", "/stop", "/pause", "/resume", "/status", "/healthz", "/{}"]),
+    headers(HOST[1], PAGE),
+)
+def test_any_target_of_the_shaper_is_answered(
+    shaper: Ask, method: str, path: str, fields: list[tuple[bytes, bytes]]
+) -> None:
+    assert_answered(shaper(method, path, headers=fields))
+
+
+# -- store -------------------------------------------------------------------------------------------------------------
+
+
+@asynccontextmanager
+async def storing(directory: Path) -> AsyncIterator[ASGIApp]:
+    results, movements = directory / "results", directory / "movements"
+    movements.mkdir()
+    with Workspace.opened(results) as workspace:
+        experiments = Experiments(results, workspace)
+        reports = Reports(experiments, workspace, in_a_thread)
+        store = Store(workspace, experiments, reports, Movements(movements), (), MACHINE, in_a_thread)
+        yield create_store(store, ["https://page.example"])
+
+
+@pytest.fixture(scope="module")
+def store(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Ask]:
+    yield from asking(storing(tmp_path_factory.mktemp("store")))
+
+
+@pytest.fixture(scope="module")
+def experiment(store: Ask) -> str:
+    """The path of an experiment."""
+    (example, *_) = EXAMPLES[ExperimentRequest]
+    answer = store("POST", "/experiments", chunks=[dumps(example).encode()])
+    assert answer.status == 201
+    return answer.headers[b"location"].decode()
+
+
+@effort(100)
+@given(bodies(ExperimentRequest, EXAMPLES[ExperimentRequest]))
+def test_any_experiment_is_begun_or_refused(store: Ask, body: bytes) -> None:
+    answer = store("POST", "/experiments", chunks=[body])
+    assert_answered(answer)
+    if answer.status == 201:
+        location = answer.headers[b"location"].decode()
+        assert_answered(store("GET", location))
+        assert store("DELETE", location).status == 204
+
+
+@effort(20)
+@given(st.data())
+def test_any_run_is_kept_or_refused(store: Ask, experiment: str, data: st.DataObject) -> None:
+    body = data.draw(bodies(RunUpload, EXAMPLES[RunUpload]))
+    answer = store("POST", f"{experiment}/runs", chunks=data.draw(chunked(body)))
+    assert_answered(answer)
+    if answer.status == 201:
+        assert_answered(store("GET", experiment))
+        assert_answered(store("GET", "/experiments"))
+        assert store("GET", f"{experiment}/zip").body[:2] == b"PK"
+
+
+@effort(100)
+@given(
+    st.sampled_from(METHODS),
+    paths(["/experiments", "/experiments/{}", "/experiments/{}/{}", "/experiments/{}/report", "/movements/{}", "/{}"]),
+    headers(HOST[1]),
+)
+def test_any_target_of_the_store_is_answered(
+    store: Ask, method: str, path: str, fields: list[tuple[bytes, bytes]]
+) -> None:
+    assert_answered(store(method, path, headers=fields))

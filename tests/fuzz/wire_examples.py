@@ -1,0 +1,61 @@
+"""Every type that a service reads from the wire, with instances that it accepts."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+from tests.dash.conftest import pose, session_request
+from tests.experiments.made_up import STREAM, configuration, frame, inputs, recording, reply
+from tests.experiments.store.conftest import upload
+from tests.render.fakes import render_request
+from tigas_common.wire.dash import PoseUpdate, SessionRequest
+from tigas_common.wire.recording import Recording
+from tigas_common.wire.render import RenderRequest
+from tigas_common.wire.run import Configuration
+from tigas_common.wire.shaper import LinkSetting, LoopRequest, SeekRequest, StartRequest
+from tigas_common.wire.store import ExperimentRequest, RunUpload
+from tigas_render.scenes.metadata import SceneMetadata
+
+EULER = render_request().model_dump(mode="json", exclude_none=True)
+QUATERNION = {name: EULER[name] for name in ("scene", "fx", "fy", "cx", "cy", "width", "height")} | {
+    "position": [0, 0, 0],
+    "quaternion": [0, 0, 0, 1],
+    "profile": 3,
+    "deadline_ms": 50,
+    "format": "png",
+    "stamp": 7,
+}
+SHORT = {
+    "inputs": [entry.model_dump(mode="json") for entry in inputs(2)],
+    "frames": [frame(10.0, 1).model_dump(mode="json")],
+    "replies": [reply(0.0, 10.0).model_dump(mode="json")],
+    "requests": [{"at": 0.0, "pose": 1, "asked_rung": 2, "fate": "shown"}],
+    "captures": [{"at": 500.0, "shown_at": 490.0, "pose": 1, "rung": None, "width": 64, "height": 36}],
+    "dash": STREAM.model_dump(mode="json"),
+}
+"""Lists of a recording, with few entries."""
+RUN_UPLOAD = {**upload(), "recording": recording(**SHORT)}
+TRACE_RUN = {"trace": "4g-bus", "rtt_ms": 40.0, "offset_s": 3.0}
+
+EXAMPLES: dict[Any, list[Any]] = {
+    RenderRequest: [EULER, QUATERNION],
+    SessionRequest: [session_request(), session_request(representations=None, frame_rate=60, stamp=True)],
+    PoseUpdate: [json.loads(pose(1, 50)), json.loads(pose(2, 50)) | {"fx": 100.0, "fy": 100.0, "cx": 1.0, "cy": 0.0}],
+    LinkSetting: [{"down_kbps": 1, "up_kbps": 1}, {"down_kbps": 0, "up_kbps": 9, "delay_ms": 1, "loss_pct": 0.5}],
+    StartRequest: [{"trace": "steps"}, {"trace": "steps", "loop": False, "delay_ms": 20}],
+    SeekRequest: [{"position_ms": 100}],
+    LoopRequest: [{"loop": True}],
+    ExperimentRequest: [{"name": "abr", "plan": {"seed": 1}}, {"name": "x", "plan": {}, "planned": 3}],
+    Configuration: [
+        configuration().model_dump(mode="json"),
+        configuration(profile=2, network=TRACE_RUN).model_dump(mode="json"),
+    ],
+    Recording: [RUN_UPLOAD["recording"]],
+    RunUpload: [RUN_UPLOAD],
+    SceneMetadata: [
+        {},
+        {"name": "A wall", "camera": {"position": [0, 0, 0], "look_at": [0, 0, 3]}, "background": [0, 0, 1]},
+        {"up": [0, 1e-9, 1], "background": [1, 1, 0.5]},
+    ],
+}
