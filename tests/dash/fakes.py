@@ -50,7 +50,7 @@ class FakeRender:
         if self.error is not None:
             raise self.error
         await self.gate.wait()
-        body = grey(wanted.width, wanted.height, round(wanted.pose.position[0]))
+        body = grey(wanted.width, wanted.height, round(wanted.pose.position[0]) % 256)
         return Response(body[: len(body) - self.cut], media_type="video/x-raw; format=I420")
 
 

@@ -142,7 +142,7 @@ def dash(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Ask]:
     yield from asking(packaging(tmp_path_factory.mktemp("dash")))
 
 
-@effort(50)
+@effort(30)
 @given(bodies(SessionRequest, EXAMPLES[SessionRequest]))
 def test_any_session_is_opened_or_refused(dash: Ask, body: bytes) -> None:
     answer = dash("POST", "/sessions", chunks=[body])
