@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from tests.experiments.made_up import MACHINE, SERVER
+from tests.experiments.movement.scenes import scene
 from tigas_common.wire.run import Configuration
 from tigas_experiments.errors import RunFailed
 from tigas_experiments.records.folder import RunRecord, RunWriter
@@ -32,6 +33,7 @@ class Stub:
     browser = "156"
     server = Server.of(SERVER)
     scene_bytes = 1000
+    scene_sha256: str | None = "a" * 64
 
     def __init__(self) -> None:
         self.happenings: list[Happening | None] = []
@@ -43,7 +45,17 @@ class Stub:
         self.checked += 1
 
     async def made_with(self, scenes: Iterable[str]) -> MadeWith:
-        return MadeWith(self.commit, self.browser, self.server, dict.fromkeys(scenes, self.scene_bytes))
+        return MadeWith(
+            self.commit,
+            self.browser,
+            self.server,
+            {
+                name: scene().model_copy(
+                    update={"id": name, "file_bytes": self.scene_bytes, "file_sha256": self.scene_sha256}
+                )
+                for name in scenes
+            },
+        )
 
     async def setup(self, configuration: Configuration) -> None:
         self.made.append(configuration.slug)
@@ -59,6 +71,7 @@ class Stub:
             browser=self.browser,
             server=self.server,
             scene_bytes=self.scene_bytes,
+            scene_sha256=self.scene_sha256,
             inputs_sha256=self.inputs.digests(configuration),
         )
 

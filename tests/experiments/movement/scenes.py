@@ -15,6 +15,7 @@ def scene(up: tuple[float, float, float] = (0.0, -1.0, 0.0), camera: StartCamera
         gaussians=1,
         sh_degree=0,
         file_bytes=1,
+        file_sha256="0" * 64,
         memory_bytes=1,
         preview="",
         up=up,

@@ -19,6 +19,15 @@ def test_runs_that_differ_in_what_a_row_does_not_say_are_named(tmp_path: Path) -
     assert "Runs of different viewports (320×360, 640×360) are taken together." in said
 
 
+def test_a_scene_of_another_content_is_named_even_if_it_is_as_large(tmp_path: Path) -> None:
+    for repeat, digest in enumerate((None, "a" * 64, "a" * 64)):
+        path = write_run(tmp_path / "runs" / f"{repeat}", repeat=repeat) / "run.json"
+        path.write_text(json.dumps(json.loads(path.read_text()) | {"scene_sha256": digest}))
+    assert not any("scene" in warning for warning in experiment_warnings(load(tmp_path))), "early runs say nothing"
+    path.write_text(path.read_text().replace("a" * 64, "b" * 64))
+    assert "The scene courtyard was not the same in all runs." in experiment_warnings(load(tmp_path))
+
+
 def test_inputs_that_were_changed_and_runs_that_are_missing_are_named(tmp_path: Path) -> None:
     record = ExperimentRecord(name="walk", created="2026-01-01T00:00:00Z", source="command", plan={}, planned=5)
     write_experiment(tmp_path, record)

@@ -169,6 +169,7 @@ def test_an_experiment_may_grow_but_not_become_another(stub: Stub, file: Path) -
         ("commit", "abd", "another commit (abc, now abd): choose another --out, or --allow-changes"),
         ("browser", "157", "another browser (156, now 157)"),
         ("scene_bytes", 1001, "another scene courtyard (1,000 bytes, now 1,001 bytes)"),
+        ("scene_sha256", "b" * 64, "another scene courtyard (SHA-256 aaaaaaaaaaaa…, now SHA-256 bbbbbbbbbbbb…)"),
         (
             "server",
             Server.of(SERVER.model_copy(update={"ladder": SERVER.ladder[:1]})),
@@ -203,7 +204,7 @@ def test_with_nothing_kept_or_known_nothing_has_changed(stub: Stub, file: Path) 
     assert tigas("run", file).exit_code == 0, "no run was complete"
     for path in (file.parent / "out" / "runs").glob("*0/run.json"):
         record = json.loads(path.read_text())
-        for key in ("server", "scene_bytes"):
+        for key in ("server", "scene_bytes", "scene_sha256"):
             del record[key]
         record["machine"]["commit"] = record["browser"] = None
         path.write_text(json.dumps(record))

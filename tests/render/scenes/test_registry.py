@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import hashlib
+import os
 import threading
 from pathlib import Path
 from typing import Any
@@ -283,6 +285,27 @@ async def test_a_rescan_follows_the_directory_and_keeps_what_is_loaded(tmp_path:
     async with registry.use("stays") as scene:
         assert scene.prepared is before
         assert scene.camera == StartCamera(position=(1, 2, 3), look_at=(0, 0, 0))
+
+
+async def test_a_scene_has_the_digest_of_the_file_that_was_loaded(tmp_path: Path) -> None:
+    file = make_scene(tmp_path / "garden") / "scene.ply"
+    registry = Bench(budget=10**6).registry(tmp_path)
+    await registry.scan()
+    assert registry.info("garden").file_sha256 is None, "nobody reads gigabytes to list scenes"
+    await registry.load("garden")
+    first = hashlib.sha256(file.read_bytes()).hexdigest()
+    assert registry.info("garden").file_sha256 == first
+    registry.unload("garden")
+    assert registry.info("garden").file_sha256 == first
+    changed = bytearray(file.read_bytes())
+    changed[-1] ^= 1  # of the same size
+    file.write_bytes(changed)
+    os.utime(file, ns=(1, 1))
+    for rescanned in (False, True):
+        if rescanned:
+            await registry.scan()
+        await registry.load("garden")
+        assert registry.info("garden").file_sha256 == hashlib.sha256(changed).hexdigest()
 
 
 async def test_a_scene_that_vanishes_stays_with_whoever_uses_it_and_counts_until_then(tmp_path: Path) -> None:

@@ -78,6 +78,7 @@ export async function measure(
         recording,
         link: linkSamples(watch.history, startedAt, startedAt + recording.ended_ms),
         scene_bytes: session.scene.peek()?.file_bytes ?? null,
+        scene_sha256: session.scene.peek()?.file_sha256 ?? null,
       };
     } finally {
       watch.stop();

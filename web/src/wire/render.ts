@@ -73,6 +73,7 @@ export interface SceneInfo {
   gaussians: number | null;
   sh_degree: number | null;
   file_bytes: number;
+  file_sha256?: string | null;
   memory_bytes: number;
   preview: string;
   /**

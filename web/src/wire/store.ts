@@ -32,6 +32,7 @@ export interface RunUpload {
   recording: Recording;
   link: LinkSample[];
   scene_bytes?: number | null;
+  scene_sha256?: string | null;
 }
 /**
  * One run. Two runs with equal configurations get the same inputs.

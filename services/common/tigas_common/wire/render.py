@@ -183,6 +183,8 @@ class SceneInfo(WireModel):
     gaussians: int | None
     sh_degree: int | None
     file_bytes: int
+    file_sha256: str | None = None
+    """In hexadecimal digits; null until the file was loaded once, and without a file."""
     memory_bytes: int
     """What it takes in memory now; 0 unless loaded."""
     preview: str

@@ -69,6 +69,8 @@ class RunUpload(WireModel):
     """What the shaper told of its link meanwhile; none without one."""
     scene_bytes: int | None = Field(default=None, ge=0, le=MOST_BYTES)
     """Of the scene's file; None if unknown."""
+    scene_sha256: str | None = Field(default=None, pattern=r"^[0-9a-f]{64}$")
+    """Of it, too, in hexadecimal digits; None if unknown, or if there is no file."""
 
     @model_validator(mode="after")
     def _check(self) -> Self:

@@ -108,6 +108,8 @@ class RunRecord(WireModel):
     """What made the link's delay: netem or relay."""
     scene_bytes: int | None = None
     """Of the scene's file: what a viewer that renders for itself would have to download."""
+    scene_sha256: str | None = None
+    """Of the scene's file; None without one, and of early runs."""
     points_sha256: str | None = None
     """Digest of the poses that the page was given: equal inputs have equal ones."""
     load: Load | None = None

@@ -97,6 +97,7 @@ def _record(record: RunRecord) -> Row:
         "browser": record.browser,
         "link_made_by": record.backend,
         "scene_bytes": record.scene_bytes,
+        "scene_sha256": record.scene_sha256,
         "processors": record.machine.processors,
         "processors_busy_pct": None if load is None else 100 * load.cpu_mean,
         "saturated_pct": None if load is None else 100 * load.saturated_share,

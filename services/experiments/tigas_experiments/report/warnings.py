@@ -73,18 +73,19 @@ def experiment_warnings(results: Results) -> list[str]:
 
 def _changed(results: Results) -> list[tuple[str, str]]:
     """Kind and name of the inputs whose content differs between runs."""
-    contents: dict[tuple[str, str], set[str | int]] = {}
+    contents: dict[tuple[str, str, type], set[str | int]] = {}
     for run in results.runs:
         record, configuration = run.record, run.record.configuration
         digests = record.inputs_sha256
         for kind, name, content in (
             ("scene", configuration.scene, record.scene_bytes),
+            ("scene", configuration.scene, record.scene_sha256),
             ("movement", Path(configuration.movement).name, None if digests is None else digests.movement),
             ("trace", configuration.network.name, None if digests is None else digests.trace),
         ):
             if content is not None:
-                contents.setdefault((kind, name), set()).add(content)
-    return [key for key, found in contents.items() if len(found) > 1]
+                contents.setdefault((kind, name, type(content)), set()).add(content)
+    return list(dict.fromkeys((kind, name) for (kind, name, _), found in contents.items() if len(found) > 1))
 
 
 def _pooled(results: Results) -> dict[str, list[str]]:

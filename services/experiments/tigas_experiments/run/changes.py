@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
+from tigas_common.wire.render import SceneInfo
 from tigas_experiments.records.folder import RunRecord
 from tigas_experiments.records.machine import Server
 
@@ -17,8 +18,8 @@ class MadeWith:
     """Of the experiment's own code."""
     browser: str
     server: Server
-    scene_bytes: Mapping[str, int | None]
-    """Of each scene's file."""
+    scenes: Mapping[str, SceneInfo]
+    """By their ids, loaded, so that the digests of their files are known."""
 
 
 def changes(kept: Iterable[RunRecord], now: MadeWith) -> list[str]:
@@ -35,8 +36,10 @@ def changes(kept: Iterable[RunRecord], now: MadeWith) -> list[str]:
         if record.server is not None:
             compare("render service's commit", record.server.commit, now.server.commit)
             compare("ladder", _rungs(record.server), _rungs(now.server))
-        scene = record.configuration.scene
-        compare(f"scene {scene}", _size(record.scene_bytes), _size(now.scene_bytes.get(scene)))
+        scene = now.scenes.get(record.configuration.scene)
+        if scene is not None:
+            compare(f"scene {scene.id}", _size(record.scene_bytes), _size(scene.file_bytes))
+            compare(f"scene {scene.id}", _digest(record.scene_sha256), _digest(scene.file_sha256))
     return list(found.values())
 
 
@@ -46,3 +49,7 @@ def _rungs(server: Server) -> str:
 
 def _size(size: int | None) -> str | None:
     return None if size is None else f"{size:,} bytes"
+
+
+def _digest(sha256: str | None) -> str | None:
+    return None if sha256 is None else f"SHA-256 {sha256[:12]}…"

@@ -106,8 +106,8 @@ class Environment:
     async def made_with(self, scenes: Iterable[str]) -> MadeWith:
         """What runs in these scenes would be made with now. Raises StartError."""
         target, browser = await self._target.get(), await self._browser.get()
-        sizes = {scene: (await load_scene(target.url, scene)).file_bytes for scene in scenes}
-        return MadeWith(self.machine.commit, browser.version, Server.of(target.config), sizes)
+        found = {scene: await load_scene(target.url, scene) for scene in scenes}
+        return MadeWith(self.machine.commit, browser.version, Server.of(target.config), found)
 
     async def setup(self, configuration: Configuration) -> Setup:
         """What a run needs; the scene is loaded. Raises StartError."""

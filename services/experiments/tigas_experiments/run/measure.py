@@ -99,6 +99,7 @@ async def _measure(
             inputs_sha256=setup.digests,
             server=Server.of(setup.target.config),
             scene_bytes=setup.scene.file_bytes,
+            scene_sha256=setup.scene.file_sha256,
             points_sha256=points_sha256(setup.points),
             load=Load.of(during),
             recording=recording.head,

@@ -49,6 +49,7 @@ def write_run(folder: Path, upload: RunUpload, load: Sequence[LoadSample], machi
         machine=machine,
         started=datetime.fromtimestamp(start / 1000, UTC).isoformat(timespec="seconds"),
         scene_bytes=upload.scene_bytes,
+        scene_sha256=upload.scene_sha256,
     )
     writer = RunWriter(folder, record)
     writer.recording(recording)

@@ -10,8 +10,10 @@ here could as well write files, and clients name scenes by id only, never by pat
 
 from __future__ import annotations
 
+import hashlib
 import logging
 import re
+from functools import lru_cache
 from pathlib import Path
 
 from tigas_common.errors import BrokenScene
@@ -77,9 +79,22 @@ def read_folder(folder: Path) -> SceneSource:
         gaussians=header.count,
         sh_degree=header.sh_degree,
         file_bytes=header.file_bytes,
+        digest=lambda: _sha256(ply),
         memory_bytes=header.tensor_bytes,
         preview=preview,
     )
+
+
+def _sha256(path: Path) -> str:
+    status = path.stat()
+    return _read_sha256(path, status.st_size, status.st_mtime_ns)
+
+
+@lru_cache(maxsize=1024)
+def _read_sha256(path: Path, size: int, modified_ns: int) -> str:
+    """Of a file as long as its size and its time stay the same: it may have gigabytes."""
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def find_ply(folder: Path) -> Path:

@@ -55,6 +55,8 @@ class _Entry:
         self.loading: asyncio.Task[TigasError | None] | None = None
         self.reserved = 0
         """Bytes that it takes, or is going to take once it is loaded."""
+        self.sha256: str | None = None
+        """Of the file that was loaded last."""
         self.camera: StartCamera | None = source.metadata.camera
         self.users = 0
         self.last_used = 0.0
@@ -196,6 +198,8 @@ class SceneRegistry:
             self._make_room(entry, source.memory_bytes)
             loaded = await with_room(lambda: asyncio.to_thread(self._read, source), self.evict)
             self._make_room(entry, loaded.prepared.nbytes)
+            if source.digest is not None:
+                entry.sha256 = await asyncio.to_thread(source.digest)
         except TigasError as error:
             if isinstance(error, BrokenScene):
                 entry.error = error.detail
@@ -276,6 +280,7 @@ class SceneRegistry:
             gaussians=loaded.gaussians if loaded else source.gaussians,
             sh_degree=source.sh_degree,
             file_bytes=source.file_bytes,
+            file_sha256=entry.sha256,
             memory_bytes=loaded.prepared.nbytes if loaded else 0,
             preview=f"/scenes/{quote(source.id)}/preview",
             up=source.metadata.up,

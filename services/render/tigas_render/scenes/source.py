@@ -25,6 +25,8 @@ class SceneSource:
     gaussians: int | None = None
     sh_degree: int | None = None
     file_bytes: int = 0
+    digest: Callable[[], str] | None = None
+    """The file's SHA-256, in hexadecimal digits; None without a file. Raises OSError."""
     memory_bytes: int = 0
     """An estimate of what it takes when loaded."""
     preview: Path | None = None
