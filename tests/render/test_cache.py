@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from tigas_render.cache import cache_directory, write_to_cache
+from tigas_render.cache import cache_directory, kept_key, write_to_cache
 
 
 def test_a_file_replaces_another_and_nothing_else_stays(tmp_path: Path) -> None:
@@ -31,3 +31,23 @@ def test_a_file_that_cannot_take_its_place_leaves_nothing(tmp_path: Path, caplog
 def test_users_choose_where_it_is(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("XDG_CACHE_HOME", "/somewhere")
     assert cache_directory() == Path("/somewhere/tigas")
+
+
+def test_a_key_stays_the_same_and_is_for_its_owner_alone(tmp_path: Path) -> None:
+    path = tmp_path / "cache" / "a.key"
+    key = kept_key(path)
+    assert len(key) == 32
+    assert kept_key(path) == key
+    assert path.stat().st_mode & 0o777 == 0o600
+    assert kept_key(tmp_path / "b.key") != key
+
+
+@pytest.mark.parametrize("content", [b"", b"short", bytes(33)])
+def test_a_broken_key_is_replaced_by_one_that_is_not_kept(content: bytes, tmp_path: Path) -> None:
+    (path := tmp_path / "a.key").write_bytes(content)
+    assert len({kept_key(path), kept_key(path)}) == 2
+
+
+def test_a_key_that_cannot_be_kept_is_no_failure(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("in the way")
+    assert len(kept_key(tmp_path / "file" / "a.key")) == 32

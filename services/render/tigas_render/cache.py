@@ -7,12 +7,33 @@ import logging
 import os
 from pathlib import Path
 
+from tigas_common.files import read_regular
+
 logger = logging.getLogger(__name__)
+
+KEY_LENGTH = 32
+"""Bytes."""
 
 
 def cache_directory() -> Path:
     """Where this user's programs keep what they can make again (XDG base directories)."""
     return Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache")) / "tigas"
+
+
+def kept_key(path: Path) -> bytes:
+    """The secret that is kept in a file for this user alone, made if it is missing; one that cannot be is made anew."""
+    key = os.urandom(KEY_LENGTH)
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with open(path, "xb", opener=lambda name, flags: os.open(name, flags, 0o600)) as file:
+            file.write(key)
+    except FileExistsError:
+        with contextlib.suppress(OSError):
+            kept = read_regular(path, KEY_LENGTH)
+            return kept if len(kept) == KEY_LENGTH else key
+    except OSError:
+        pass
+    return key
 
 
 def write_to_cache(path: Path, content: bytes) -> None:

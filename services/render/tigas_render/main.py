@@ -13,6 +13,7 @@ from tigas_common.address import Address
 from tigas_common.errors import StartError, TigasError
 from tigas_common.runner import explained, serve_http, until_stopped
 from tigas_render.app import STATIC, create_app
+from tigas_render.cache import kept_key
 from tigas_render.engine import Engine
 from tigas_render.raster.devices import create_rasterizer
 from tigas_render.service import RenderService
@@ -45,6 +46,7 @@ async def serve(settings: RenderSettings) -> None:
                         certificate=service.certificate,
                         webtransport={"/render": render_session(service.engine)},
                         congestion_control=settings.congestion_control,
+                        reset_key=kept_key(settings.cache / "stateless-reset.key"),
                     )
                 )
             service.quic_port = server.port

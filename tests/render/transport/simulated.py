@@ -55,6 +55,7 @@ class Simulation:
         self.client.connect(SERVER, now=0.0)
         settings: dict[str, Any] = {"max_datagram_size": 1452, "max_stream_data": 64 * 1024}
         self.server = ServerQuicConnection(
+            reset_token=lambda cid: bytes(16),
             configuration=QuicConfiguration(
                 is_client=False,
                 alpn_protocols=["test"],

@@ -30,8 +30,10 @@ from tigas_render.transport.connection import Connection
 from tigas_render.transport.frames import render_session
 from tigas_render.transport.limits import Limits
 from tigas_render.transport.server import Http3Server
+from tigas_render.transport.stateless_reset import StatelessResets
 
 pytestmark = pytest.mark.anyio
+KEY = bytes(range(32))
 
 
 async def hello(scope: Scope, receive: Receive, send: Send) -> None:
@@ -367,3 +369,44 @@ async def test_a_flood_of_requests_and_cancellations_leaves_nothing_behind() -> 
         await client.frame(session, request_body())
         assert len(connection.router._h3._stream) <= 6, "the session and the control streams"
         await eventually(lambda: len(connection._quic._streams) <= 8)
+
+
+# -- restarts ----------------------------------------------------------------------------------------------------------
+
+
+async def test_a_client_of_a_server_that_is_gone_hears_of_it_from_the_next() -> None:
+    async with Http3Server(hello, host="127.0.0.1", certificate=CERTIFICATE, reset_key=KEY) as server:
+        port = server.port
+        async with connect(port) as client:
+            assert (await client.fetch("GET", "/")).status == 200
+            quic = client._quic
+            ids = [quic._peer_cid, *quic._peer_cid_available]
+            assert len(ids) > 1
+    async with Http3Server(hello, host="127.0.0.1", port=port, certificate=CERTIFICATE, reset_key=KEY):
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock:
+            sock.setblocking(False)
+            sock.connect(("127.0.0.1", port))
+            for known in ids:
+                sock.send(b"\x40" + known.cid + bytes(40))
+                async with asyncio.timeout(5):
+                    reset = await asyncio.get_running_loop().sock_recv(sock, 2000)
+                assert len(reset) < 49
+                assert reset[-16:] == known.stateless_reset_token
+
+
+async def test_nobody_gets_a_reset_of_a_connection_that_lives() -> None:
+    async with (
+        Http3Server(hello, host="127.0.0.1", certificate=CERTIFICATE, reset_key=KEY) as server,
+        connect(server.port) as client,
+    ):
+        assert (await client.fetch("GET", "/")).status == 200
+        living, unknown = client._quic._peer_cid.cid, os.urandom(8)
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock:
+            sock.setblocking(False)
+            sock.connect(("127.0.0.1", server.port))
+            for cid in (living, unknown):
+                sock.send(b"\x40" + cid + bytes(40))
+            async with asyncio.timeout(5):
+                only = await asyncio.get_running_loop().sock_recv(sock, 2000)
+        assert only[-16:] == StatelessResets(KEY, server.port).token(unknown)
+        assert (await client.fetch("GET", "/")).status == 200

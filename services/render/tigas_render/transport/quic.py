@@ -6,6 +6,9 @@ Together with `bulk` and `h3` this is the one place that reaches into aioquic's 
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import Any
+
 from aioquic.quic.configuration import SMALLEST_MAX_DATAGRAM_SIZE
 from aioquic.quic.connection import MAX_STREAM_DATA_FRAME_CAPACITY
 from aioquic.quic.packet import QuicFrameType
@@ -23,6 +26,20 @@ BLACK_HOLE_PROBES = 2
 
 class ServerQuicConnection(BulkQuicConnection):
     """A server's connection."""
+
+    def __init__(self, *, reset_token: Callable[[bytes], bytes], **arguments: Any) -> None:
+        """`reset_token` gives a connection id's token of stateless resets; the rest is aioquic's."""
+        super().__init__(**arguments)
+        self._reset_token = reset_token
+        self._assign_reset_tokens()
+
+    def _replenish_connection_ids(self) -> None:
+        super()._replenish_connection_ids()
+        self._assign_reset_tokens()
+
+    def _assign_reset_tokens(self) -> None:
+        for connection_id in self._host_cids:
+            connection_id.stateless_reset_token = self._reset_token(connection_id.cid)
 
     # -- receiving ---------------------------------------------------------------------------------------------------
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import os
 from collections.abc import Mapping
 from typing import Self
 
@@ -26,6 +27,7 @@ from tigas_render.transport.limits import Limits
 from tigas_render.transport.quic import ServerQuicConnection
 from tigas_render.transport.retry import RetryTokens
 from tigas_render.transport.routing import Service
+from tigas_render.transport.stateless_reset import StatelessResets
 from tigas_render.transport.tickets import TicketStore
 from tigas_render.transport.udp import UdpEndpoint, bind
 from tigas_render.transport.webtransport import SessionFactory
@@ -48,8 +50,12 @@ class Http3Server:
         webtransport: Mapping[str, SessionFactory] | None = None,
         congestion_control: CongestionControl = "reno",
         limits: Limits | None = None,
+        reset_key: bytes | None = None,
     ) -> None:
-        """`host` may be `::` for every address of both families; port 0 takes any that is free."""
+        """`host` may be `::` for every address of both families; port 0 takes any that is free.
+
+        With the `reset_key` and the port of an earlier server, that one's clients learn that it is gone.
+        """
         self._host = host
         self._port = port
         self._limits = limits or Limits()
@@ -58,6 +64,7 @@ class Http3Server:
         self._configuration = self._configure(certificate)
         self._tickets = TicketStore()
         self._retry = RetryTokens()
+        self._reset_key = reset_key or os.urandom(32)
         self._connections: dict[Connection, set[bytes]] = {}
         self._by_cid: dict[bytes, Connection] = {}
         self._dirty: set[Connection] = set()
@@ -71,6 +78,7 @@ class Http3Server:
         """Bind and serve. Raises OSError if the address cannot be bound."""
         sock = bind(self._host, self._port)
         self._address = sock.getsockname()[:2]
+        self._resets = StatelessResets(self._reset_key, self.port)
         self._endpoint = UdpEndpoint(sock, self._received, self._drained)
 
     async def close(self) -> None:
@@ -155,7 +163,10 @@ class Http3Server:
         if len(data) <= CID_LENGTH:
             return None
         if not data[0] & 0x80:  # a short header: no new connection begins with one
-            return self._by_cid.get(data[1 : 1 + CID_LENGTH])
+            cid = data[1 : 1 + CID_LENGTH]
+            if (known := self._by_cid.get(cid)) is None:
+                self._reset(len(data), cid, address)
+            return known
         try:
             header = pull_quic_header(Buffer(data=data), host_cid_length=CID_LENGTH)
         except ValueError:
@@ -170,6 +181,11 @@ class Http3Server:
         if header.packet_type != QuicPacketType.INITIAL or self._closing:
             return None
         return self._open(header, address)
+
+    def _reset(self, size: int, cid: bytes, address: Address) -> None:
+        reset = self._resets.answer(size, cid, asyncio.get_running_loop().time())
+        if reset is not None:
+            self.send([(reset, address)])
 
     def _negotiate_version(self, header: QuicHeader, address: Address) -> None:
         answer = encode_quic_version_negotiation(
@@ -195,6 +211,7 @@ class Http3Server:
             self._send_retry(header, address, now)
             return None
         quic = ServerQuicConnection(
+            reset_token=self._resets.token,
             configuration=self._configuration,
             original_destination_connection_id=original,
             retry_source_connection_id=retry_source,
