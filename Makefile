@@ -1,7 +1,7 @@
 # Newcomers need only two commands: `make demo` and `make test`.
 SHELL := /bin/bash
 .DEFAULT_GOAL := help
-.PHONY: help demo gpu test test-compose fuzz lint format bench compare bench-gpu clean
+.PHONY: help demo gpu test test-compose fuzz lint format bench compare bench-gpu bench-hostile clean
 
 PYTHON ?= python3
 # PyTorch's package index. Without an NVIDIA GPU, save gigabytes with
@@ -27,6 +27,7 @@ help:
 	@echo "make compare       compare one JPEG per pose with low-latency DASH over a shaped link, into results/ (about 10 minutes, needs root)"
 	@echo "make lint          check types, style and generated files"
 	@echo "make bench         measure speed and memory against baselines (about 10 minutes)"
+	@echo "make bench-hostile measure a polite viewer while somebody else attacks (about 25 minutes; root for all of it)"
 	@echo "make gpu           install GPU support for NVIDIA, as in: make gpu demo"
 	@echo "make bench-gpu     measure GPU rendering (needs a GPU)"
 	@echo "make format        format the code and fix what can be fixed automatically"
@@ -77,6 +78,9 @@ bench: .venv/.ready $(STATIC)
 
 bench-gpu: .venv/.gpu
 	@$(VENV)/python -m benchmarks.gpu $(ARGS)
+
+bench-hostile: .venv/.ready
+	@$(VENV)/python -m benchmarks.hostile $(ARGS)
 
 gpu: .venv/.gpu
 

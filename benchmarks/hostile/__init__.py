@@ -1,0 +1,1 @@
+"""Whether one hostile address can spoil the service for a polite viewer: `python -m benchmarks.hostile`."""

@@ -1,0 +1,232 @@
+"""Attacks on the render service over HTTP/3 and WebTransport."""
+
+from __future__ import annotations
+
+import asyncio
+import itertools
+import json
+import socket
+import time
+from collections.abc import Awaitable, Callable
+
+from aioquic.buffer import encode_uint_var
+from aioquic.h3.connection import FrameType, encode_frame
+from aioquic.quic.connection import QuicConnection
+
+from benchmarks.hostile.attacker import ADDRESS, Attacker
+from benchmarks.hostile.client import Client, configuration, request
+
+LOW = json.dumps(request(profile=3)).encode()
+HIGH = json.dumps(request(1280, 720, profile=0)).encode()
+PICTURE = json.dumps(request(1280, 720, format="png")).encode()
+LARGEST = json.dumps(request(4096, 4096)).encode()
+GIBIBYTE = 1 << 30
+# QPACK (RFC 9204): a table of 4,096 bytes, an entry of 3,901 in it, and a request that names it a thousand times
+ENTRY = b"\x3f" + b"\xe1\x1f" + b"\x41x" + b"\x7f\xbd\x1d" + bytes(3900)
+FIELDS = b"\xd1\xd7\xc1" + b"\x50\x09localhost"
+DYNAMIC_BOMB = b"\x02\x00" + FIELDS + b"\x80" * 1000
+STATIC_BOMB = b"\x00\x00" + FIELDS + b"\xfa" * 1000
+"""The same with an entry of the static table, which every server has: one byte for 69."""
+
+
+async def qpack_bomb(attacker: Attacker) -> None:
+    """Header sections that are a kilobyte on the wire and megabytes in memory."""
+    bombs = itertools.cycle((DYNAMIC_BOMB, STATIC_BOMB))
+
+    async def attempt() -> None:
+        bomb = next(bombs)
+        async with attacker.connect() as client:
+            attacker.done["connections"] += 1
+            if bomb is DYNAMIC_BOMB:
+                assert client.h3._local_encoder_stream_id is not None
+                client.raw(client.h3._local_encoder_stream_id, ENTRY)
+            while True:
+                client.raw(client.quic.get_next_available_stream_id(), encode_frame(FrameType.HEADERS, bomb))
+                attacker.done["bombs"] += 1
+                await asyncio.sleep(0.01)
+
+    await attacker.again(attempt)
+
+
+async def endless_frames(attacker: Attacker) -> None:
+    """Frames that promise a gibibyte, or as much as is allowed, and never end."""
+    sizes = itertools.cycle((GIBIBYTE, 16 * 1024))
+
+    async def attempt() -> None:
+        size = next(sizes)
+        async with attacker.connect() as client:
+            attacker.done["connections"] += 1
+            start = encode_uint_var(FrameType.HEADERS) + encode_uint_var(size)
+            streams = []
+            for _ in range(60):
+                streams.append(client.quic.get_next_available_stream_id())
+                client.raw(streams[-1], start + bytes(size - 200 if size < GIBIBYTE else 32_000))
+                attacker.done["frames"] += 1
+                await asyncio.sleep(0)
+            for stream_id in itertools.cycle(streams):
+                client.raw(stream_id, b"\x00")
+                await asyncio.sleep(0.01)
+
+    await attacker.again(attempt, copies=8)
+
+
+async def request_flood(attacker: Attacker) -> None:
+    """Eight viewers that ask for frames as fast as they can."""
+
+    async def attempt() -> None:
+        async with attacker.connect() as client:
+            session = await client.session()
+
+            async def ask() -> None:
+                attacker.done[f"status {await client.frame(session, LOW)}"] += 1
+
+            await asyncio.gather(*(_until_closed(client, ask) for _ in range(60)))
+
+    await attacker.again(attempt, copies=8)
+
+
+async def datagram_flood(attacker: Attacker) -> None:
+    """Requests by datagram, as many as leave the machine."""
+
+    async def attempt() -> None:
+        async with attacker.connect() as client:
+            session = await client.session()
+
+            async def ask() -> None:
+                for _ in range(10):
+                    client.h3.send_datagram(session, LOW)
+                client.transmit()
+                attacker.done["requests"] += 10
+                await asyncio.sleep(0.005)
+
+            await _until_closed(client, ask)
+
+    await attacker.again(attempt, copies=4)
+
+
+async def slow_readers(attacker: Attacker) -> None:
+    """Large pictures that are asked for and not read."""
+
+    async def attempt() -> None:
+        async with attacker.connect(max_data=GIBIBYTE, max_stream_data=4096) as client:
+            client.quic._write_stream_limits = lambda *_, **__: None  # type: ignore[method-assign]
+            session = await client.session()
+            for _ in range(60):
+                client.send(session, PICTURE)
+                attacker.done["requests"] += 1
+                await asyncio.sleep(0.1)
+            await _until_closed(client, lambda: asyncio.sleep(1))
+
+    await attacker.again(attempt, copies=8)
+
+
+async def sixteen_megapixels(attacker: Attacker) -> None:
+    """One viewer with four requests for the largest frames that there are."""
+
+    async def attempt() -> None:
+        async with attacker.connect() as client:
+            session = await client.session()
+
+            async def ask() -> None:
+                attacker.done[f"status {await client.frame(session, LARGEST)}"] += 1
+
+            await asyncio.gather(*(_until_closed(client, ask) for _ in range(4)))
+
+    await attacker.again(attempt)
+
+
+async def many_sessions(attacker: Attacker) -> None:
+    """34 connections with four sessions each, every one of which asks for large frames."""
+
+    async def attempt() -> None:
+        async with attacker.connect() as client:
+            attacker.done["connections"] += 1
+
+            async def watch() -> None:
+                session = await client.session()
+                attacker.done["sessions"] += 1
+
+                async def ask() -> None:
+                    attacker.done[f"status {await client.frame(session, HIGH)}"] += 1
+
+                await _until_closed(client, ask)
+
+            await asyncio.gather(*(watch() for _ in range(4)))
+
+    await attacker.again(attempt, copies=34)
+
+
+async def abandoned_streams(attacker: Attacker) -> None:
+    """Requests that are taken back at once."""
+
+    async def attempt() -> None:
+        async with attacker.connect() as client:
+            session = await client.session()
+
+            async def ask() -> None:
+                streams = [client.send(session, HIGH) for _ in range(10)]
+                await asyncio.sleep(0.01)
+                for stream_id in streams:
+                    client.cancel(stream_id)
+                attacker.done["cancelled"] += len(streams)
+
+            await _until_closed(client, ask)
+
+    await attacker.again(attempt, copies=4)
+
+
+async def unfinished_requests(attacker: Attacker) -> None:
+    """Requests of which the last byte never comes."""
+
+    async def attempt() -> None:
+        async with attacker.connect() as client:
+            session = await client.session()
+            while True:
+                client.send(session, LOW[:-1] + b" " * 12_000, end=False)
+                attacker.done["requests"] += 1
+                await asyncio.sleep(0.05)
+
+    await attacker.again(attempt, copies=8)
+
+
+async def handshake_flood(attacker: Attacker) -> None:
+    """First packets of connections that nobody goes on with, from a thousand ports."""
+    sockets = []
+    for _ in range(1000):
+        sock = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        sock.bind((ADDRESS, 0))
+        sock.setblocking(False)
+        sockets.append(sock)
+    server = ("127.0.0.1", attacker.ports.quic)
+    made: list[bytes] = []
+    for sock in itertools.cycle(sockets):
+        if len(made) < 2000:  # to make one takes longer than to send it: the later ones are sent again
+            quic = QuicConnection(configuration=configuration())
+            quic.connect(server, now=time.monotonic())
+            made.append(quic.datagrams_to_send(now=time.monotonic())[0][0])
+        try:
+            sock.sendto(made[attacker.done["initial packets"] % len(made)], server)
+            attacker.done["initial packets"] += 1
+        except BlockingIOError:
+            attacker.done["held back"] += 1
+        await asyncio.sleep(0.0005)
+
+
+async def connection_hoard(attacker: Attacker) -> None:
+    """Six hundred connections that are kept and not used."""
+
+    async def attempt() -> None:
+        async with attacker.connect() as client:
+            attacker.done["connections"] += 1
+            while not client.closed:
+                client.quic.send_ping(1)
+                client.transmit()
+                await asyncio.sleep(5)
+
+    await attacker.again(attempt, copies=600)
+
+
+async def _until_closed(client: Client, action: Callable[[], Awaitable[object]]) -> None:
+    """Do something again and again while there is a connection."""
+    while not client.closed:
+        await action()
