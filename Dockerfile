@@ -20,7 +20,9 @@ ENV PIP_DISABLE_PIP_VERSION_CHECK=1
 RUN python -m venv /opt/tigas
 WORKDIR /src
 COPY constraints.txt pyproject.toml README.md LICENSE ./
-# Dependencies first, so that a change in our code does not reinstall them. Our packages' folders must exist.
+COPY locks locks
+# Dependencies first, so that a change in our code does not reinstall them: what the lock has, whose files are checked, and
+# PyTorch. Our packages' folders must exist.
 RUN python -c "import pathlib, tomllib; packages = tomllib.load(open('pyproject.toml', 'rb'))['tool']['hatch']['build']['targets']['wheel']['packages']; [pathlib.Path(each).mkdir(parents=True) for each in packages]"
 ARG EXTRA
 # PyTorch (for the CPU by default) from its own index, which has little else.
@@ -32,11 +34,12 @@ RUN --mount=type=secret,id=ca,target=/run/ca.crt --mount=type=cache,target=/root
         if ls /wheels/torch-*.whl >/dev/null 2>&1; then index="--find-links /wheels"; else index="--index-url ${TORCH_INDEX}"; fi; \
         /opt/tigas/bin/pip install -q -c constraints.txt ${index} --no-deps torch || exit 1;; \
     esac; \
-    /opt/tigas/bin/pip install -q -c constraints.txt ".[${EXTRA}]"
+    /opt/tigas/bin/pip install -q --require-hashes -r locks/${EXTRA}.txt && \
+    /opt/tigas/bin/pip install -q -c constraints.txt --no-build-isolation ".[${EXTRA}]"
 COPY services services
 RUN --mount=type=secret,id=ca,target=/run/ca.crt --mount=type=cache,target=/root/.cache/pip \
     if [ -s /run/ca.crt ]; then export PIP_CERT=/run/ca.crt; fi; \
-    /opt/tigas/bin/pip install -q --no-deps --force-reinstall .
+    /opt/tigas/bin/pip install -q --no-deps --no-build-isolation --force-reinstall .
 
 FROM build AS build-with-page
 RUN --mount=type=bind,from=page,source=/src/services/render/tigas_render/static,target=/page \

@@ -1,7 +1,7 @@
 # Newcomers need only two commands: `make demo` and `make test`.
 SHELL := /bin/bash
 .DEFAULT_GOAL := help
-.PHONY: help demo gpu test test-compose fuzz lint format bench compare bench-gpu bench-hostile clean
+.PHONY: help demo gpu test test-compose fuzz lint lock format bench compare bench-gpu bench-hostile clean
 
 PYTHON ?= python3
 # PyTorch's package index. Without an NVIDIA GPU, save gigabytes with
@@ -17,6 +17,7 @@ NETWORKS ?= 20mbit,20ms-rtt traces/network/4g-bus.csv
 EXAMPLES ?= 1000
 
 VENV := .venv/bin
+PIP := $(VENV)/pip install --disable-pip-version-check
 STATIC := services/render/tigas_render/static/index.html
 
 help:
@@ -30,6 +31,7 @@ help:
 	@echo "make bench-hostile measure a polite viewer while somebody else attacks (about 25 minutes; root for all of it)"
 	@echo "make gpu           install GPU support for NVIDIA, as in: make gpu demo"
 	@echo "make bench-gpu     measure GPU rendering (needs a GPU)"
+	@echo "make lock          write the locks after a change of pyproject.toml or constraints.txt"
 	@echo "make format        format the code and fix what can be fixed automatically"
 	@echo "make clean         remove installed dependencies, build outputs and caches"
 
@@ -67,6 +69,9 @@ format: .venv/.ready web/node_modules/.ready
 	@$(VENV)/ruff check --fix . ; $(VENV)/ruff format .
 	@cd web && npm run --silent fix
 
+lock: .venv/.ready
+	@$(VENV)/python -m locks.update
+
 compare: .venv/.ready $(STATIC)
 	@$(VENV)/tigas compare $(foreach network,$(NETWORKS),--network $(network)) --profile budget --profile 2 $(if $(SCENES),--scenes $(SCENES)) $(ARGS)
 
@@ -85,16 +90,19 @@ bench-hostile: .venv/.ready
 gpu: .venv/.gpu
 
 .venv/.gpu: .venv/.ready
-	@$(VENV)/pip install --disable-pip-version-check -q -c constraints.txt -e '.[gpu]'
+	@$(PIP) -q --require-hashes -r locks/gpu.txt
+	@$(PIP) -q -c constraints.txt --no-build-isolation -e '.[gpu]'
 	@$(VENV)/python -c 'import sys, torch; sys.exit(torch.version.cuda is None)' || { echo "The installed PyTorch has no CUDA support: run make clean, then make gpu without TORCH_INDEX"; exit 1; }
 	@touch $@
 
-.venv/.ready: pyproject.toml constraints.txt
+# First what the lock has, whose files are checked, then the project with what is left: PyTorch, and the CUDA libraries of one for GPUs.
+.venv/.ready: pyproject.toml constraints.txt locks/dev.txt
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { echo "TIGAS needs Python 3.11 or newer: make PYTHON=python3.12 $(MAKECMDGOALS)"; exit 1; }
 	@echo "== Python environment in .venv (the first install takes minutes: PyTorch is large)"
 	@$(PYTHON) -m venv .venv || { echo "Python cannot create virtual environments: sudo apt-get install python3-venv"; exit 1; }
-	@$(if $(TORCH_INDEX),$(VENV)/pip install --disable-pip-version-check -q -c constraints.txt --index-url $(TORCH_INDEX) --no-deps torch)
-	@set -o pipefail; $(VENV)/pip install --disable-pip-version-check --progress-bar on -c constraints.txt -e '.[dev]' | grep -E '^(Collecting|Downloading|Successfully)' || { echo "pip failed: run it again to see why"; exit 1; }
+	@$(if $(TORCH_INDEX),$(PIP) -q -c constraints.txt --index-url $(TORCH_INDEX) --no-deps torch)
+	@set -o pipefail; { $(PIP) --progress-bar on --require-hashes -r locks/dev.txt && \
+		$(PIP) --progress-bar on -c constraints.txt --no-build-isolation -e '.[dev]'; } | grep -E '^(Collecting|Downloading|Successfully)' || { echo "pip failed: run it again to see why"; exit 1; }
 	@touch $@
 
 web/node_modules/.ready: web/package.json web/package-lock.json

@@ -17,7 +17,7 @@ from tigas_common.errors import StartError
 POLL_S = 0.2
 STOP_S = 3
 """A service that has not stopped by then is killed, in seconds."""
-START_S = 10
+START_S = 30
 """What ends with an error sooner than this after its first start has wrong settings: another start would not help."""
 
 

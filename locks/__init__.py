@@ -1,0 +1,1 @@
+"""What `make` and the images install, with digests; update.py writes it."""
