@@ -81,7 +81,9 @@ def test_addresses_are_read_and_written_alike(text: str, address: Address) -> No
     assert str(address) == text
 
 
-@pytest.mark.parametrize("text", ["", "8080", "host:", "host:port", "host:70000", "host:-1", ":8080"])
+@pytest.mark.parametrize(
+    "text", ["", "8080", "host:", "host:port", "host:70000", "host:-1", ":8080", "host:٣", "host:" + "9" * 5000]
+)
 def test_a_wrong_address_is_refused(text: str) -> None:
     with pytest.raises(ValueError, match=r"HOST:PORT|no host"):
         Address.parse(text)

@@ -110,6 +110,13 @@ def test_an_empty_directory_is_explained_and_the_demo_is_served(tmp_path: Path) 
         (("--device", "abacus"), "device"),
         (("--http", "8080"), "HOST:PORT"),
         (("--memory-gb", "-1"), "memory_gb"),
+        (("--memory-gb", "0"), "memory_gb"),
+        (("--memory-gb", "inf"), "memory_gb"),
+        (("--memory-gb", "nan"), "memory_gb"),
+        (("--memory-gb", "1e308"), "memory_gb"),
+        (("--idle-minutes", "inf"), "idle_minutes"),
+        (("--device", "cuda:٣"), "device"),
+        (("--http", "127.0.0.1:٣"), "HOST:PORT"),
         (("--http", "192.0.2.1:0"), "Cannot listen on 192.0.2.1:0"),
     ],
 )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ipaddress
+import re
 import socket
 from dataclasses import dataclass
 
@@ -21,8 +22,8 @@ class Address:
         Raises ValueError with one sentence.
         """
         host, colon, port = text.rpartition(":")
-        if not colon or not port.isdecimal() or int(port) > 65535:
-            raise ValueError(f"{text!r} is not HOST:PORT, such as 127.0.0.1:8080 or [::]:4433")
+        if not colon or not re.fullmatch("[0-9]{1,5}", port) or int(port) > 65535:
+            raise ValueError(f"{text[:100]!r} is not HOST:PORT, such as 127.0.0.1:8080 or [::]:4433")
         host = host.removeprefix("[").removesuffix("]")
         if not host:
             raise ValueError(f"{text!r} has no host; to listen on every address write 0.0.0.0:{port}")

@@ -10,6 +10,8 @@ from importlib.metadata import entry_points
 
 import typer
 
+from tigas_common.terminal import LogFormatter, printable
+
 COMMANDS = "tigas.commands"
 """The entry-point group: a `typer.Typer` becomes a group of commands, a function one command."""
 
@@ -20,13 +22,15 @@ def in_a_sentence(*expected: type[Exception]) -> Iterator[None]:
     try:
         yield
     except expected as error:
-        typer.secho(str(error), err=True, fg="red")
+        typer.secho(printable(str(error)), err=True, fg="red")
         raise typer.Exit(1) from None
 
 
 def log_to_stdout(level: int = logging.INFO) -> None:
     """Log to standard output, from this level up."""
-    logging.basicConfig(format="%(asctime)s %(levelname)s %(message)s", level=level, stream=sys.stdout)
+    handler = logging.StreamHandler(sys.stdout)
+    handler.setFormatter(LogFormatter("%(asctime)s %(levelname)s %(message)s"))
+    logging.basicConfig(level=level, handlers=[handler])
 
 
 def application() -> typer.Typer:

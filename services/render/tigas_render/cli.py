@@ -11,6 +11,7 @@ import typer
 from tigas_common.cli import in_a_sentence, log_to_stdout
 from tigas_common.errors import StartError, TigasError
 from tigas_common.settings import load_settings
+from tigas_common.terminal import make_console
 from tigas_common.topology import PAGE, WEBTRANSPORT
 
 scene = typer.Typer(help="Inspect, generate and preview scene files.", no_args_is_help=True)
@@ -71,7 +72,6 @@ def render(
 @scene.command("info")
 def info(ply: Annotated[Path, typer.Argument(help="An INRIA 3DGS PLY.")]) -> None:
     """Print what a scene file contains."""
-    from rich.console import Console
     from rich.table import Table
 
     from tigas_render.scenes.metadata import DEFAULT_UP
@@ -91,7 +91,7 @@ def info(ply: Annotated[Path, typer.Argument(help="An INRIA 3DGS PLY.")]) -> Non
     table.add_row("median opacity", f"{gaussians.opacities.median():.3f}")
     table.add_row("median scale", f"{gaussians.scales.median():.4g}")
     table.add_row("start camera", _point(camera.position) + " → " + _point(camera.look_at))
-    Console().print(table)
+    make_console().print(table)
 
 
 @scene.command("synth")

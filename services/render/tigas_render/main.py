@@ -12,6 +12,7 @@ from pathlib import Path
 from tigas_common.address import Address
 from tigas_common.errors import StartError, TigasError
 from tigas_common.runner import explained, serve_http, until_stopped
+from tigas_common.terminal import printable
 from tigas_render.app import STATIC, create_app
 from tigas_render.cache import kept_key
 from tigas_render.engine import Engine
@@ -91,7 +92,7 @@ def _announce(service: RenderService, http: Address) -> None:
     scenes = service.registry.infos()
     for scene in scenes:
         if scene.state == "broken":
-            print(f"  {scene.id} is left out: {scene.error}")
+            print(printable(f"  {scene.id} is left out: {scene.error}"))
     usable = sum(scene.state != "broken" for scene in scenes)
     print(f"{usable} {'scene' if usable == 1 else 'scenes'} ready on {service.device}.")
     if service.settings.scenes is not None and len(scenes) == 1:

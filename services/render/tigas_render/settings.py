@@ -29,13 +29,13 @@ class RenderSettings(ServiceSettings):
     """Address of the same over HTTPS, for other devices on the network."""
     quic: ListenOrOff = Address("::", WEBTRANSPORT.number)
     """Address of HTTP/3 and WebTransport; `off` disables both."""
-    device: str = Field(default="auto", pattern=r"^(auto|cpu|cuda(:\d{1,3})?)$")
+    device: str = Field(default="auto", pattern=r"^(auto|cpu|cuda(:[0-9]{1,3})?)$")
     """The device to render on: `cpu`, `cuda`, `cuda:N` for one of several GPUs, or `auto` for the fastest."""
     congestion_control: Literal["reno", "cubic"] = "reno"
     """QUIC's congestion control."""
-    memory_gb: float = Field(default=8.0, gt=0)
+    memory_gb: float = Field(default=8.0, gt=0, le=100_000)
     """Memory limit for loaded scenes, in gigabytes (10⁹ bytes)."""
-    idle_minutes: float = Field(default=15.0, gt=0)
+    idle_minutes: float = Field(default=15.0, gt=0, le=525_600)
     """Scenes unused for this many minutes are unloaded."""
     ladder: tuple[Rung, ...] = Field(default=DEFAULT_LADDER, min_length=1, max_length=16)
     """Quality levels, the best first."""

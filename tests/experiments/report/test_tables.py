@@ -111,3 +111,19 @@ def test_differences_csv_has_each_figure_against_the_baseline(tmp_path: Path) ->
     ends = [float(row[name]) for name in ("difference", "ci95_low", "ci95_high")]
     assert ends == pytest.approx([-20, -20, -20]), "blocks differ by far more than controllers do in each of them"
     assert rows["response_time_mean_ms"]["difference"] == "", "nobody recorded replies"
+
+
+@pytest.mark.parametrize("start", ["=", "+", "-", "@", "\t", "\r"])
+def test_text_that_would_be_a_formula_is_marked_as_text_and_numbers_are_not(tmp_path: Path, start: str) -> None:
+    name = f"{start}cmd|' /C calc'!A0"
+    write_run(tmp_path / "runs" / "a", name, "bus", 50.0, delay_ms=80, kbps=4000)
+    write_run(tmp_path / "runs" / "=1+1", "budget", "bus", 50.0, delay_ms=80, kbps=4000)
+    results = load(tmp_path)
+    write_csv(results, Groups.of(results.runs), [], None, tmp_path)
+    for file in ("runs.csv", "groups.csv"):
+        with (tmp_path / file).open(newline="") as opened:
+            cells = [cell for row in csv.reader(opened) for cell in row]
+        assert f"'{name}".replace("\r", " ") in cells
+        assert "'=1+1" in cells or file == "groups.csv"
+        for cell in cells:
+            assert not cell.startswith(("=", "+", "-", "@", "\t", "\r")) or math.isfinite(float(cell))

@@ -8,7 +8,7 @@ import pytest
 
 from tigas_common.wire.run import Network
 from tigas_common.wire.shaper import LinkSetting
-from tigas_experiments.run.parsing import parse_network
+from tigas_experiments.run.parsing import parse_network, parse_viewport
 
 
 @pytest.mark.parametrize(
@@ -24,6 +24,18 @@ from tigas_experiments.run.parsing import parse_network
 )
 def test_constant_links(text: str, link: LinkSetting) -> None:
     assert parse_network(text) == Network(link=link)
+
+
+@pytest.mark.parametrize("text", ["٣x٣", "640×360", "640", "x", "9" * 5000 + "x1", "-1x1"])
+def test_a_viewport_that_is_none_is_told(text: str) -> None:
+    with pytest.raises(ValueError, match="is not WIDTHxHEIGHT") as told:
+        parse_viewport(text)
+    assert len(str(told.value)) < 200
+
+
+def test_only_plain_digits_make_a_link() -> None:
+    assert parse_network("٣mbit").link is None
+    assert parse_network("bus,٣ms-rtt").rtt_ms is None
 
 
 def test_traces_by_name_and_by_file(tmp_path: Path) -> None:

@@ -11,6 +11,7 @@ import typer
 
 from tigas_common.cli import in_a_sentence
 from tigas_common.errors import StartError
+from tigas_common.terminal import make_console
 from tigas_common.wire.run import MODES
 from tigas_experiments.commands.options import Scenes, Traces, Url, command_as_typed
 
@@ -65,8 +66,6 @@ def compare(
     traces: Traces = None,
 ) -> None:
     """Compare one JPEG per pose with low-latency DASH over the same movement and network, and write a report."""
-    from rich.console import Console
-
     from tigas_experiments.report.cli import report
     from tigas_experiments.run.plan import ADAPTIVE, Plan
     from tigas_experiments.run.progress import progress
@@ -100,7 +99,7 @@ def compare(
         )
         made = Experiment.of(plan, Path(), folder, "comparison", command_as_typed())
         try:
-            with reserved(made), progress(made.runs, len(made.runs), Console(stderr=True)) as listener:
+            with reserved(made), progress(made.runs, len(made.runs), make_console(stderr=True)) as listener:
                 asyncio.run(make_missing_runs(made, made.missing(), url, scenes, traces, listener))
         finally:  # Ctrl+C, too, leaves a report of what there is
             if made.begun:

@@ -10,6 +10,7 @@ import typer
 
 from tigas_common.cli import in_a_sentence
 from tigas_common.errors import StartError
+from tigas_common.terminal import make_console
 from tigas_experiments.commands.options import Scenes, Traces, Url, command_as_typed
 
 experiment = typer.Typer(help="Run a matrix of runs described in one file (docs/experiments.md).", no_args_is_help=True)
@@ -60,8 +61,6 @@ def run(
     ] = False,
 ) -> None:
     """Make an experiment's missing runs. Start it again to resume after an interruption."""
-    from rich.console import Console
-
     from tigas_experiments.report.cli import report
     from tigas_experiments.run.plan import lasting
     from tigas_experiments.run.progress import progress
@@ -69,10 +68,10 @@ def run(
     from tigas_experiments.run.signals import end_as_ctrl_c
 
     def say(text: str) -> None:
-        console.print(text, highlight=False, markup=False, soft_wrap=True)
+        console.print(text, soft_wrap=True)
 
     end_as_ctrl_c()
-    console = Console(stderr=True)
+    console = make_console(stderr=True)
     again = command_as_typed()
     with in_a_sentence(StartError, OSError):
         made = Experiment.read(file, out, again)

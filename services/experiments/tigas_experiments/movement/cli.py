@@ -9,6 +9,7 @@ import typer
 
 from tigas_common.cli import in_a_sentence
 from tigas_common.errors import StartError
+from tigas_common.terminal import make_console, printable
 
 if TYPE_CHECKING:
     from tigas_experiments.movement.eyenavgs import SceneSettings
@@ -108,9 +109,7 @@ def show(
     plot: Annotated[Path | None, typer.Option(help="Also plot it, to a .png, .svg or .pdf.")] = None,
 ) -> None:
     """Print a movement's duration, sampling rate, distance and speed."""
-    from rich.console import Console
     from rich.table import Table
-    from rich.text import Text
 
     from tigas_experiments.movement.summary import Summary
     from tigas_experiments.movement.trace import GAP_MS, MovementTrace
@@ -124,7 +123,7 @@ def show(
         begins = {"start": "at the scene's start camera", "scene": "where it is in the scene"}
         facts = Table(show_header=False, box=None)
         for key, value in trace.comments.items():
-            facts.add_row(Text(key), Text(value))
+            facts.add_row(key, value)
         facts.add_row("begins", begins[trace.anchor])
         facts.add_row("duration", f"{summary.duration_s:g} s in {summary.poses:,} poses")
         facts.add_row("rate", f"{summary.median_rate_hz:.1f}/s, longest step {summary.longest_step_ms:.0f} ms")
@@ -133,7 +132,7 @@ def show(
         )
         facts.add_row("way", f"{summary.path:.1f} {unit}, {summary.speed:.2f} {unit}/s on average")
         for note in trace.notes:
-            facts.add_row("note", Text(note))
+            facts.add_row("note", note)
         turning = Table(box=None)
         turning.add_column("turning")
         for percent in summary.turning:
@@ -143,7 +142,7 @@ def show(
             from tigas_experiments.movement.plot import plot_movement
 
             plot_movement(trace, file.stem, plot)
-    console = Console(soft_wrap=True)
+    console = make_console(soft_wrap=True)
     console.print(facts)
     console.print(turning)
     if plot is not None:
@@ -190,4 +189,4 @@ def _write(trace: MovementTrace, out: Path, force: bool) -> None:
         raise StartError(f"{out} exists; use --force to overwrite it.") from None
     print(f"{out}: {len(trace.times_ms):,} poses, {trace.duration_ms / 1000:g} s")
     for note in trace.notes:
-        print(note)
+        print(printable(note))

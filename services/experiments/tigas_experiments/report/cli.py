@@ -6,12 +6,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
-from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskID, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
 from tigas_common.cli import in_a_sentence
 from tigas_common.errors import StartError
+from tigas_common.terminal import make_console, printable
 
 if TYPE_CHECKING:  # heavy
     from tigas_experiments.report.report import Report
@@ -46,7 +46,10 @@ def report(
     from tigas_experiments.report.report import write_report
 
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
-    with in_a_sentence(StartError, OSError), Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+    with (
+        in_a_sentence(StartError, OSError),
+        Progress(*columns, console=make_console(stderr=True), transient=True) as bar,
+    ):
         tasks: dict[str, TaskID] = {}
 
         def told(what: str, done: int, total: int | None) -> None:
@@ -61,7 +64,7 @@ def report(
             pack(folder, archive)
     _print(made)
     if archive is not None:
-        typer.echo(f"The archive: {archive}")
+        typer.echo(printable(f"The archive: {archive}"))
 
 
 def _print(made: Report) -> None:
@@ -69,7 +72,7 @@ def _print(made: Report) -> None:
     from tigas_experiments.report.claims import claims
     from tigas_experiments.report.comparison_table import COLUMNS, by_network, cells, label, runs_as_made
 
-    console = Console()
+    console = make_console()
     if made.template == "comparison":
         for network, runs in by_network(runs_as_made(made.results)).items():
             table = Table(title=network, title_justify="left")
@@ -81,7 +84,7 @@ def _print(made: Report) -> None:
             console.print(table)
     else:
         for claim in claims(made.groups):
-            console.print(f"{claim.verdict}: {claim.text}. {claim.figures}", highlight=False, markup=False)
+            console.print(f"{claim.verdict}: {claim.text}. {claim.figures}")
     for warning in made.warnings:
-        console.print(warning, style="yellow", highlight=False, markup=False)
-    console.print(f"The report: {made.page}", highlight=False, markup=False, soft_wrap=True)
+        console.print(warning, style="yellow")
+    console.print(f"The report: {made.page}", soft_wrap=True)

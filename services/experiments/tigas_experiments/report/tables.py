@@ -203,10 +203,18 @@ def _flat(prefix: str, value: Any) -> Row:
 def _write(path: Path, rows: Sequence[Row]) -> Path:
     columns = list(dict.fromkeys(name for row in rows for name in row))
     with path.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.DictWriter(file, columns, lineterminator="\n")
-        writer.writeheader()
-        writer.writerows(rows)
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(map(_cell, columns))
+        writer.writerows([_cell(row.get(name)) for name in columns] for row in rows)
     return path
+
+
+def _cell(value: Any) -> Any:
+    """Text that a spreadsheet would take for a formula has an apostrophe before it, as OWASP has it; numbers stay."""
+    if not isinstance(value, str):
+        return value
+    text = value.replace("\r", " ")  # which would end the row, as Python does not quote it
+    return f"'{text}" if value.startswith(("=", "+", "-", "@", "\t", "\r", "\n")) else text
 
 
 def escaped(text: str) -> str:

@@ -10,7 +10,7 @@ from tigas_common.wire.shaper import LinkSetting
 
 MOST_PICTURES = 120
 """Of a run: they lie in the page's memory until it has ended."""
-_PART = re.compile(r"(?P<value>\d+(?:\.\d+)?)(?P<unit>mbit-up|kbit-up|mbit|kbit|ms-rtt|ms-jitter|%-loss)")
+_PART = re.compile(r"(?P<value>\d+(?:\.\d+)?)(?P<unit>mbit-up|kbit-up|mbit|kbit|ms-rtt|ms-jitter|%-loss)", re.ASCII)
 _UNITS = {
     "mbit": ("down_kbps", 1000.0),
     "kbit": ("down_kbps", 1.0),
@@ -20,7 +20,8 @@ _UNITS = {
     "ms-jitter": ("jitter_ms", 1.0),
     "%-loss": ("loss_pct", 1.0),
 }
-_OVERRIDE = re.compile(r"(?P<trace>.+),(?P<rtt>\d+(?:\.\d+)?)ms-rtt")
+_OVERRIDE = re.compile(r"(?P<trace>.+),(?P<rtt>\d+(?:\.\d+)?)ms-rtt", re.ASCII)
+_PIXELS = re.compile("[0-9]{1,5}")
 
 
 def parse_network(text: str, directory: Path = Path()) -> Network:
@@ -45,8 +46,8 @@ def parse_network(text: str, directory: Path = Path()) -> Network:
 def parse_viewport(text: str) -> tuple[int, int]:
     """Width and height from `640x360`. Raises ValueError with one sentence."""
     width, _, height = text.partition("x")
-    if not width.isdecimal() or not height.isdecimal():
-        raise ValueError(f"{text!r} is not WIDTHxHEIGHT, such as 1280x720")
+    if not (_PIXELS.fullmatch(width) and _PIXELS.fullmatch(height)):
+        raise ValueError(f"{text[:100]!r} is not WIDTHxHEIGHT, such as 1280x720")
     return int(width), int(height)
 
 

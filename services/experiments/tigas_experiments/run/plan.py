@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 import tomllib
 from collections.abc import Iterable, Iterator, Sequence
 from datetime import timedelta
@@ -50,7 +51,7 @@ def _several(values: tuple[Value, ...]) -> tuple[Value, ...]:
 
 
 def _rung(controller: int | str) -> int | str:
-    return int(controller) if isinstance(controller, str) and controller.isdecimal() else controller
+    return int(controller) if isinstance(controller, str) and re.fullmatch("[0-9]{1,9}", controller) else controller
 
 
 ADAPTIVE = "adaptive"

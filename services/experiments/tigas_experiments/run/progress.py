@@ -61,7 +61,7 @@ def progress(runs: Sequence[Configuration], missing: int, console: Console) -> I
         overall.advance(bar)
 
     def say(text: str, style: str | None = None) -> None:
-        console.print(text, style=style, highlight=False, markup=False, soft_wrap=True)
+        console.print(text, style=style, soft_wrap=True)
 
     shown = Group(overall, current) if console.is_terminal else ""
     with Live(shown, console=console, refresh_per_second=REFRESHES_PER_S, transient=True):

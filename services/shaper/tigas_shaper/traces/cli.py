@@ -10,6 +10,8 @@ import typer
 
 from tigas_common.cli import in_a_sentence
 from tigas_common.errors import TigasError
+from tigas_common.terminal import make_console
+from tigas_common.wire.shaper import MAX_RATE_KBPS
 from tigas_shaper.traces.combine import combine
 from tigas_shaper.traces.formats import FORMATS, load_trace
 from tigas_shaper.traces.text import DEFAULT_UP_KBPS
@@ -21,7 +23,7 @@ if TYPE_CHECKING:
 trace = typer.Typer(help="Inspect, convert, fetch and generate network traces.", no_args_is_help=True)
 
 Recording = Annotated[Path, typer.Argument(help="A trace in any format that TIGAS reads, gzipped or not.")]
-UpKbps = Annotated[float, typer.Option(help="Uplink in kbit/s if the recording has none.")]
+UpKbps = Annotated[float, typer.Option(min=0, max=MAX_RATE_KBPS, help="Uplink in kbit/s if the recording has none.")]
 Format = Annotated[
     str | None,
     typer.Option(metavar="|".join(FORMATS), help="Format of the recording.", show_default="detected from the content"),
@@ -58,7 +60,6 @@ def import_(
 @trace.command("info")
 def info(recording: Recording, up_kbps: UpKbps = DEFAULT_UP_KBPS, format: Format = None) -> None:
     """Print a trace's duration, rates and outages."""
-    from rich.console import Console
     from rich.table import Table
 
     from tigas_shaper.traces.summary import PERCENTILES, outages, rate_percentiles
@@ -93,7 +94,7 @@ def info(recording: Recording, up_kbps: UpKbps = DEFAULT_UP_KBPS, format: Format
     ):
         row = (mean, min(kbps), *rate_percentiles(kbps, loaded.steps_ms).values(), max(kbps))
         rates.add_row(label, *(f"{value / 1000:.2f}" for value in row))
-    console = Console()
+    console = make_console()
     console.print(facts)
     console.print(rates)
 

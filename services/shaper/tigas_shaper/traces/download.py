@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from pathlib import Path
 
@@ -69,7 +70,7 @@ def _store(response: httpx.Response, part: Path, tag: Path, have: int, progress:
     else:
         tag.unlink(missing_ok=True)
     length = response.headers.get("Content-Length", "")
-    total = have + int(length) if length.isdecimal() else None
+    total = have + int(length) if re.fullmatch("[0-9]{1,15}", length) else None
     with part.open("ab" if have else "wb") as out:
         for chunk in response.iter_raw():
             have += len(chunk)
