@@ -12,16 +12,17 @@ from tests.experiments.report.made_up_results import write_run
 from tests.experiments.report.test_cli import run_report
 from tigas_common.errors import StartError
 from tigas_experiments.records.folder import ExperimentRecord, Template, write_experiment
-from tigas_experiments.report.archive import pack, unpack
+from tigas_experiments.report.archive import Options, pack, unpack
 
 
 def experiment(folder: Path, template: Template = "experiment") -> Path:
-    """Two controllers and a run that broke off."""
+    """Two controllers that can be compared, and a run that broke off."""
     record = ExperimentRecord(name="It", created="2026-01-01T00:00:00Z", source="command", plan={}, template=template)
     write_experiment(folder, record)
     write_run(folder / "runs" / "a", "latency", rtt_ms=20)
     write_run(folder / "runs" / "b", "budget", rtt_ms=300)
     write_run(folder / "runs" / "c", "budget", rtt_ms=20)
+    write_run(folder / "runs" / "d", "budget", rtt_ms=20)
     (folder / "runs" / "c" / "frames.ndjson").unlink()
     return folder
 
@@ -31,18 +32,35 @@ def written(folder: Path) -> dict[str, bytes]:
     return {path.name: path.read_bytes() for path in folder.iterdir() if path.is_file() and path.name != ".lock"}
 
 
-@pytest.mark.parametrize("template", ["experiment", "comparison"])
-def test_a_report_is_made_again_byte_for_byte(tmp_path: Path, template: Template) -> None:
-    folder, archive = experiment(tmp_path / "study", template), tmp_path / "elsewhere" / "runs.tar.xz"
+@pytest.mark.parametrize(
+    "options", [(), ("--baseline", "budget"), ("--template", "comparison")], ids=["as it was made", "baseline", "page"]
+)
+def test_a_report_is_made_again_byte_for_byte_without_telling_how(tmp_path: Path, options: tuple[str, ...]) -> None:
+    folder, archive = experiment(tmp_path / "study"), tmp_path / "elsewhere" / "runs.tar.xz"
     archive.parent.mkdir()
-    said = run_report(folder, "--archive", str(archive), "--baseline", "budget")
+    said = run_report(folder, "--archive", str(archive), *options)
     assert said.exit_code == 0, said.output
-    said = run_report(archive, "--baseline", "budget")
+    said = run_report(archive, "--archive", str(tmp_path / "again.tar.xz"))
     assert said.exit_code == 0, said.output
     again = written(archive.parent / "study")
+    del again["options.json"]
     assert {"report.html", "runs.csv", "groups.csv", "differences.csv"} < set(again)
-    assert any(name.endswith(".svg") for name in again)
     assert again == written(folder)
+    assert (tmp_path / "again.tar.xz").read_bytes() == archive.read_bytes()
+
+
+def test_who_asks_for_another_report_of_an_archive_gets_it(tmp_path: Path) -> None:
+    folder, archive = experiment(tmp_path / "study"), tmp_path / "it.tar.xz"
+    run_report(folder, "--archive", str(archive), "--baseline", "budget")
+    shutil.rmtree(folder)
+    assert run_report(archive, "--baseline", "latency").exit_code == 0
+    assert "Against Latency" in (folder / "report.html").read_text()
+    assert run_report(folder).exit_code == 0
+    assert "Against Budget" in (folder / "report.html").read_text(), "as the archive has it"
+    (folder / "options.json").write_text('{"template": "poem"}')
+    said = run_report(folder)
+    assert said.exit_code == 1
+    assert "options.json cannot be read" in said.output
 
 
 def test_equal_runs_give_equal_archives_whenever_and_whoever_wrote_them(tmp_path: Path) -> None:
@@ -55,13 +73,13 @@ def test_equal_runs_give_equal_archives_whenever_and_whoever_wrote_them(tmp_path
     (two / "earlier").mkdir()
     (two / "notes.txt").write_text("not of the runs")
     for folder in (one, two):
-        pack(folder, folder.parent / "it.tar.xz")
+        pack(folder, folder.parent / "it.tar.xz", Options())
     assert (one.parent / "it.tar.xz").read_bytes() == (two.parent / "it.tar.xz").read_bytes()
 
 
 def test_what_is_there_is_not_overwritten(tmp_path: Path) -> None:
     folder = experiment(tmp_path / "study")
-    pack(folder, tmp_path / "it.tar.xz")
+    pack(folder, tmp_path / "it.tar.xz", Options())
     with pytest.raises(StartError, match="study exists already"):
         unpack(tmp_path / "it.tar.xz")
 
@@ -73,7 +91,7 @@ def test_what_is_no_archive_gets_one_sentence(tmp_path: Path) -> None:
         said = run_report(path)
         assert said.exit_code == 1
         assert "is not an archive of `tigas report --archive`" in said.output
-    pack(experiment(tmp_path / "study"), path)
+    pack(experiment(tmp_path / "study"), path, Options())
     path.write_bytes(path.read_bytes()[:-200])
     shutil.rmtree(tmp_path / "study")
     said = run_report(path)
@@ -90,7 +108,7 @@ def test_an_archive_that_cannot_be_written_leaves_the_old_one(tmp_path: Path, mo
 
     monkeypatch.setattr("tarfile.TarFile.addfile", full)
     with pytest.raises(OSError, match="No space"):
-        pack(folder, path)
+        pack(folder, path, Options())
     assert [each.name for each in tmp_path.iterdir() if each.is_file()] == ["it.tar.xz"]
     assert path.read_bytes() == b"old"
 
@@ -98,7 +116,7 @@ def test_an_archive_that_cannot_be_written_leaves_the_old_one(tmp_path: Path, mo
 def test_an_archive_that_grows_without_measure_is_not_unpacked(tmp_path: Path) -> None:
     folder = experiment(tmp_path / "study")
     (folder / "runs" / "a" / "load.ndjson").write_bytes(bytes(100_000_000))
-    pack(folder, tmp_path / "bomb.tar.xz")
+    pack(folder, tmp_path / "bomb.tar.xz", Options())
     shutil.rmtree(folder)
     with pytest.raises(StartError, match=r"bomb\.tar\.xz would unpack to more than 1,000 times its size\."):
         unpack(tmp_path / "bomb.tar.xz")

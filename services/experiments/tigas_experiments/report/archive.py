@@ -2,21 +2,45 @@
 
 from __future__ import annotations
 
+import io
 import lzma
 import tarfile
 from collections.abc import Iterator
 from pathlib import Path
 
+from pydantic import ValidationError
+
 from tigas_common.errors import StartError
+from tigas_common.wire.model import WireModel
+from tigas_experiments.records.folder import Template
 from tigas_experiments.report.results import run_folders
 
 MOST_TIMES = 1000
 """What is unpacked may have so many times the archive's bytes: ten to twenty for records, and xz reaches seven
 thousand for zeros."""
+OPTIONS = "options.json"
 
 
-def pack(folder: Path, archive: Path) -> None:
-    """Write an experiment's record and runs, complete or not, as .tar.xz under the folder's name.
+class Options(WireModel):
+    """options.json of an archive, and of a folder that came from one: how its report was made."""
+
+    template: Template | None = None
+    baseline: str | None = None
+    """A controller's name."""
+
+
+def read_options(folder: Path) -> Options:
+    """What an archive says; nothing, if the folder came from none. Raises StartError."""
+    try:
+        return Options.model_validate_json((folder / OPTIONS).read_bytes())
+    except FileNotFoundError:
+        return Options()
+    except (OSError, ValidationError) as error:
+        raise StartError(f"{folder / OPTIONS} cannot be read: {' '.join(str(error).split())[:200]}") from None
+
+
+def pack(folder: Path, archive: Path, options: Options) -> None:
+    """Write an experiment's record and runs, complete or not, as .tar.xz under the folder's name, with the options.
 
     Whose they are and when they were written is left out, and links are. Raises StartError if there are no runs, and
     OSError; then the archive is what it was.
@@ -25,6 +49,10 @@ def pack(folder: Path, archive: Path) -> None:
     unfinished = archive.with_name(f".{archive.name}.part")
     try:
         with tarfile.open(unfinished, "w:xz", format=tarfile.GNU_FORMAT) as tar:
+            data = (options.model_dump_json(indent=2) + "\n").encode()
+            entry = tarfile.TarInfo(str(Path(name, OPTIONS)))
+            entry.size = len(data)
+            tar.addfile(entry, io.BytesIO(data))
             for path in _files(folder):
                 entry = tarfile.TarInfo(str(Path(name, path.relative_to(folder))))
                 entry.size = path.stat().st_size

@@ -27,13 +27,16 @@ def report(
     ],
     template: Annotated[
         Literal["experiment", "comparison"] | None,
-        typer.Option(help="Claims over groups of runs, or run by run with pictures.", show_default="as it was made"),
+        typer.Option(
+            help="Claims over groups of runs, or run by run with pictures.",
+            show_default="as packed; else as it was made",
+        ),
     ] = None,
     baseline: Annotated[
         str | None,
         typer.Option(
             help="The controller that the others are compared with, such as latency, profile-2 or dash-tuned.",
-            show_default="the first in the experiment's file",
+            show_default="as packed; else the first in the experiment's file",
         ),
     ] = None,
     archive: Annotated[
@@ -42,7 +45,7 @@ def report(
     ] = None,
 ) -> None:
     """Write the report of an experiment or a comparison into its folder: report.html, tables and figures."""
-    from tigas_experiments.report.archive import pack, unpack
+    from tigas_experiments.report.archive import Options, pack, read_options, unpack
     from tigas_experiments.report.report import write_report
 
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
@@ -59,9 +62,10 @@ def report(
 
         if folder.is_file():
             folder = unpack(folder)
-        made = write_report(folder, folder, template, told, baseline=baseline)
+        packed = read_options(folder)
+        made = write_report(folder, folder, template or packed.template, told, baseline=baseline or packed.baseline)
         if archive is not None:
-            pack(folder, archive)
+            pack(folder, archive, Options(template=made.template, baseline=made.baseline))
     _print(made)
     if archive is not None:
         typer.echo(printable(f"The archive: {archive}"))

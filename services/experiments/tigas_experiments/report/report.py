@@ -34,6 +34,8 @@ class Report:
     results: Results
     groups: Groups
     template: Template
+    baseline: str | None
+    """The name of the controller that the others were compared with; None without runs."""
     warnings: list[str]
     page: Path
 
@@ -60,7 +62,9 @@ def write_report(
     csv_files = write_csv(results, groups, compared, base, out)
     template = template or ("experiment" if results.experiment is None else results.experiment.template)
     values, warnings = PAGES[template]
-    report = Report(results, groups, template, warnings(results), out / "report.html")
+    report = Report(
+        results, groups, template, None if base is None else base.name, warnings(results), out / "report.html"
+    )
     shown = {"baseline": base, "compared": compared, **values(results, groups, out, told)}
     page = _filled(report, csv_files, shown)
     report.page.write_text(page, encoding="utf-8")
