@@ -27,6 +27,7 @@ class Attack:
 ATTACKS = (
     Attack("qpack-bomb", http3.qpack_bomb),
     Attack("endless-frames", http3.endless_frames),
+    Attack("endless-settings", http3.endless_settings),
     Attack("request-flood", http3.request_flood),
     Attack("datagram-flood", http3.datagram_flood),
     Attack("slow-readers", http3.slow_readers),

@@ -6,8 +6,8 @@ import asyncio
 import ssl
 import struct
 from collections.abc import AsyncIterator
-from contextlib import asynccontextmanager
-from typing import Any
+from contextlib import AbstractAsyncContextManager, asynccontextmanager
+from typing import Any, TypeVar
 
 from aioquic.asyncio.protocol import QuicConnectionProtocol
 from aioquic.h3.connection import H3_ALPN, H3Connection
@@ -22,6 +22,7 @@ HANDSHAKE_S = 10
 FAR = 2.5
 """From the scene's centre, in scene units."""
 CANCELLED = 0x52E4A40FA8DB
+Protocol = TypeVar("Protocol", bound=QuicConnectionProtocol)
 
 
 def request(width: int = 320, height: int = 180, **changes: Any) -> dict[str, Any]:
@@ -163,11 +164,11 @@ def configuration(**changes: Any) -> QuicConfiguration:
 
 
 @asynccontextmanager
-async def connect(port: int, address: str, **changes: Any) -> AsyncIterator[Client]:
-    """A connected client from an address of this machine. Raises ConnectionError and TimeoutError."""
+async def connect_as(kind: type[Protocol], port: int, address: str, **changes: Any) -> AsyncIterator[Protocol]:
+    """A connection from an address of this machine. Raises ConnectionError and TimeoutError."""
     loop = asyncio.get_running_loop()
     quic = QuicConnection(configuration=configuration(**changes))
-    transport, client = await loop.create_datagram_endpoint(lambda: Client(quic), local_addr=(address, 0))
+    transport, client = await loop.create_datagram_endpoint(lambda: kind(quic), local_addr=(address, 0))
     try:
         client.connect(("127.0.0.1", port))
         async with asyncio.timeout(HANDSHAKE_S):
@@ -178,3 +179,8 @@ async def connect(port: int, address: str, **changes: Any) -> AsyncIterator[Clie
         if client._timer is not None:
             client._timer.cancel()
         transport.close()
+
+
+def connect(port: int, address: str, **changes: Any) -> AbstractAsyncContextManager[Client]:
+    """A connected client from an address of this machine. Raises ConnectionError and TimeoutError."""
+    return connect_as(Client, port, address, **changes)

