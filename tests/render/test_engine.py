@@ -38,9 +38,12 @@ class Bench:
     scenes: FakeScenes = field(default_factory=FakeScenes)
     metrics: EngineMetrics = field(default_factory=EngineMetrics)
     now: float = 1000.0
+    waiting_per_address: int = 128
 
     def __post_init__(self) -> None:
-        self.engine = Engine(self.rasterizer, self.scenes, DEFAULT_LADDER, self.metrics, lambda: self.now)
+        self.engine = Engine(
+            self.rasterizer, self.scenes, DEFAULT_LADDER, self.metrics, lambda: self.now, self.waiting_per_address
+        )
 
     async def rendering(self) -> None:
         """Wait until the rasteriser has begun one more frame."""
@@ -288,16 +291,17 @@ async def test_too_many_waiting_requests_are_refused(bench: Bench, monkeypatch: 
     assert all(frame.body for frame in await asyncio.gather(first, *tasks))
 
 
-async def test_one_address_cannot_take_all_places(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(engine_module, "MAX_WAITING_OF_ADDRESS", 3)
-    first = await busy(bench)
-    tasks = [bench.submit(f"session {number}", address="hostile") for number in range(3)]
-    await bench.waiting(3)
-    with pytest.raises(Overloaded, match="from this address"):
-        await bench.submit("one more", address="hostile")
-    tasks.append(bench.submit("polite", address="elsewhere"))
-    bench.rasterizer.gate.set()
-    assert all(frame.body for frame in await asyncio.gather(first, *tasks))
+async def test_one_address_cannot_take_all_places() -> None:
+    bench = Bench(waiting_per_address=3)
+    async with bench.engine:
+        first = await busy(bench)
+        tasks = [bench.submit(f"session {number}", address="hostile") for number in range(3)]
+        await bench.waiting(3)
+        with pytest.raises(Overloaded, match="from this address"):
+            await bench.submit("one more", address="hostile")
+        tasks.append(bench.submit("polite", address="elsewhere"))
+        bench.rasterizer.gate.set()
+        assert all(frame.body for frame in await asyncio.gather(first, *tasks))
 
 
 async def test_closing_finishes_what_is_rendered_and_refuses_what_waits() -> None:

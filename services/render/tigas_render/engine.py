@@ -41,8 +41,6 @@ QUEUE_DEPTH = 4
 """Requests of one session that may wait: enough to cover a burst, too few to build up delay."""
 MAX_WAITING = 512
 """Requests of all clients together that may wait."""
-MAX_WAITING_OF_ADDRESS = 128
-"""The same, of one address."""
 MIN_COST_S = 0.0001
 """What a turn is charged at least, in seconds: so that those take turns whose frames' cost is not known yet."""
 
@@ -126,12 +124,15 @@ class Engine:
         ladder: tuple[Rung, ...],
         metrics: EngineMetrics,
         clock: Callable[[], float],
+        waiting_per_address: int = MAX_WAITING,
     ) -> None:
+        """waiting_per_address: how many requests of one address may wait."""
         self._rasterizer = rasterizer
         self._scenes = scenes
         self._ladder = ladder
         self._metrics = metrics
         self._clock = clock
+        self._waiting_per_address = waiting_per_address
         self.device_lost: asyncio.Future[DeviceLost] = asyncio.get_running_loop().create_future()
         """Why nothing can be rendered any more, once that is so."""
         self._schedule: FairSchedule[_Work] = FairSchedule(QUEUE_DEPTH)
@@ -210,7 +211,7 @@ class Engine:
         with self._changed:
             if self._closed or len(self._schedule) >= MAX_WAITING:
                 raise Overloaded(STOPPING if self._closed else "Too many requests wait; ask less often.")
-            if self._schedule.waiting(work.client.address) >= MAX_WAITING_OF_ADDRESS:
+            if self._schedule.waiting(work.client.address) >= self._waiting_per_address:
                 raise Overloaded("Too many requests from this address wait; ask less often.")
             self._admission.heard_of(work.client, self._clock())
             pushed_out = self._schedule.push(work.client, work, work.expected)

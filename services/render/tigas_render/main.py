@@ -47,6 +47,7 @@ async def serve(settings: RenderSettings) -> None:
                         certificate=service.certificate,
                         webtransport={"/render": render_session(service.engine)},
                         congestion_control=settings.congestion_control,
+                        limits=settings.quic_limits,
                         reset_key=kept_key(settings.cache / "stateless-reset.key"),
                     )
                 )

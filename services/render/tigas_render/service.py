@@ -48,7 +48,9 @@ class RenderService:
             idle_s=60 * settings.idle_minutes,
             clock=time.monotonic,
         )
-        self.engine = Engine(rasterizer, self.registry, settings.ladder, self.metrics, time.monotonic)
+        self.engine = Engine(
+            rasterizer, self.registry, settings.ladder, self.metrics, time.monotonic, settings.waiting_per_address
+        )
         self.certificate = Certificate.create(_own_names(settings), datetime.now(UTC))
         self.quic_port: int | None = None
         """Where QUIC is served, once it is."""

@@ -13,6 +13,7 @@ from tigas_common.settings import Listen, ListenOrOff, ServiceSettings
 from tigas_common.topology import PAGE, WEBTRANSPORT
 from tigas_common.wire.render import DEFAULT_LADDER, Rung
 from tigas_render.cache import cache_directory
+from tigas_render.transport.limits import Limits
 
 
 class RenderSettings(ServiceSettings):
@@ -33,6 +34,10 @@ class RenderSettings(ServiceSettings):
     """The device to render on: `cpu`, `cuda`, `cuda:N` for one of several GPUs, or `auto` for the fastest."""
     congestion_control: Literal["reno", "cubic"] = "reno"
     """QUIC's congestion control."""
+    quic_limits: Limits = Limits()
+    """What clients may ask of HTTP/3 and WebTransport, each, by address, and together."""
+    waiting_per_address: int = Field(default=128, ge=1)
+    """Requests of one address that may wait for the renderer; further ones are refused."""
     memory_gb: float = Field(default=8.0, gt=0, le=100_000)
     """Memory limit for loaded scenes, in gigabytes (10⁹ bytes)."""
     idle_minutes: float = Field(default=15.0, gt=0, le=525_600)

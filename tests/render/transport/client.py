@@ -203,13 +203,14 @@ async def connect(
     port: int,
     *,
     host: str = "127.0.0.1",
+    source: str | None = None,
     ticket: SessionTicket | None = None,
     on_ticket: Callable[[SessionTicket], None] | None = None,
     wait: bool = True,
     certificate: Certificate = CERTIFICATE,
     **configuration: Any,
 ) -> AsyncIterator[Client]:
-    """A connected client; `configuration` goes to aioquic."""
+    """A connected client, from the address `source` if it is not the server's; `configuration` goes to aioquic."""
     config = QuicConfiguration(
         alpn_protocols=H3_ALPN,
         max_datagram_frame_size=65536,
@@ -222,7 +223,7 @@ async def connect(
     loop = asyncio.get_running_loop()
     quic = QuicConnection(configuration=config, session_ticket_handler=on_ticket)
     transport, client = await loop.create_datagram_endpoint(
-        lambda: Client(quic), family=socket.AF_INET6 if ":" in host else socket.AF_INET, local_addr=(host, 0)
+        lambda: Client(quic), family=socket.AF_INET6 if ":" in host else socket.AF_INET, local_addr=(source or host, 0)
     )
     try:
         client.connect((host, port) if "." in host else (host, port, 0, 0), transmit=wait)

@@ -130,6 +130,11 @@ def test_a_short_section_that_stands_for_a_long_one_is_refused(peer: Peer, encod
     assert peer.closed == ErrorCode.H3_EXCESSIVE_LOAD
 
 
+def test_nobody_needs_ten_kilobytes_of_fields(peer: Peer) -> None:
+    peer.send(REQUEST, encode_frame(FrameType.HEADERS, section(*[(b"%d" % number, b"") for number in range(250)])))
+    assert peer.closed == ErrorCode.H3_EXCESSIVE_LOAD
+
+
 def test_what_browsers_send_is_far_below_the_limit(peer: Peer) -> None:
     fields = [(b"user-agent", b"Mozilla/5.0" * 20), (b"referer", b"https://localhost/" * 10), (b"cookie", b"c" * 4096)]
     (event,) = peer.send(REQUEST, encode_frame(FrameType.HEADERS, section(*fields)), end=True)

@@ -14,6 +14,7 @@ from tests.render.transport.simulated import Simulation
 from tests.render.transport.test_h3 import frame_header, section
 from tigas_render.transport.limits import Limits
 from tigas_render.transport.routing import Router, Service
+from tigas_render.transport.usage import Usage
 
 pytestmark = pytest.mark.anyio
 
@@ -34,7 +35,8 @@ class Routed(Simulation):
         self.resets: dict[int, int] = {}
         super().__init__()
         service = Service(app, {}, Limits(**limits))
-        self.router = Router(self.server, service, ("::1", 1), ("::1", 2), lambda: None)
+        self.usage = Usage("::/64")
+        self.router = Router(self.server, service, ("::1", 1), ("::1", 2), self.usage, lambda: None)
 
     def upload(self, data: bytes, is_unidirectional: bool = False) -> int:
         """The client opens a stream and sends something on it; the stream's id."""
@@ -56,6 +58,8 @@ class Routed(Simulation):
     def _events(self) -> None:
         while self.router is not None and (event := self.server.next_event()) is not None:
             self.router.received(event, self.now)
+        if self.router is not None:
+            self.router.watch(self.server.take_begun(), self.now)
         super()._events()
 
     def _client_event(self, event: QuicEvent) -> None:
@@ -85,6 +89,43 @@ async def test_what_is_no_request_in_time_is_ended(start: bytes) -> None:
     assert routed.router is not None
     assert routed.router.deadline is None
     assert routed.terminated is None
+
+
+@pytest.mark.parametrize("is_unidirectional", [False, True], ids=["request", "unidirectional"])
+async def test_a_stream_whose_start_never_comes_is_ended(is_unidirectional: bool) -> None:
+    """Nobody above QUIC hears of it, and QUIC keeps its bytes."""
+    routed = Routed()
+    stream_id = routed.client.get_next_available_stream_id(is_unidirectional)
+    sender = routed.client._get_or_create_stream_for_send(stream_id).sender
+    sender._buffer_start = sender._buffer_stop = 1  # so that it never sends the first byte
+    routed.more(stream_id, bytes(1000))
+    assert routed.usage.requests == 1
+    routed.wait(10.1)
+    assert routed.usage.requests == 0
+    if is_unidirectional:
+        assert routed.terminated == ErrorCode.H3_EXCESSIVE_LOAD
+    else:
+        assert routed.resets == {stream_id: ErrorCode.H3_REQUEST_INCOMPLETE}
+
+
+async def test_what_one_connection_has_open_counts_for_its_address() -> None:
+    seen = Recorder()
+
+    async def app(scope: Scope, receive: Receive, send: Send) -> None:
+        seen.add(scope["path"])
+        await asyncio.Event().wait()
+
+    routed = Routed(app, requests_per_address=3)
+    routed.usage.requests = 1  # another connection's
+    routed.upload(WHOLE_REQUEST)
+    routed.upload(HALF_HEADERS)
+    assert routed.usage.requests == 3
+    rejected = routed.upload(HALF_HEADERS)
+    assert routed.resets == {rejected: ErrorCode.H3_REQUEST_REJECTED}
+    assert routed.router is not None
+    routed.router.close()
+    await routed.router.end_tasks()
+    assert routed.usage.requests == 1
 
 
 async def test_bytes_that_trickle_in_win_no_time() -> None:

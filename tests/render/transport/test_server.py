@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import gc
+import json
 import os
 import random
 import socket
@@ -13,6 +14,7 @@ from datetime import UTC, datetime
 
 import pytest
 from aioquic.h3.connection import ErrorCode
+from aioquic.quic.packet import QuicErrorCode
 from aioquic.tls import SessionTicket
 from starlette.types import Receive, Scope, Send
 
@@ -222,19 +224,100 @@ async def test_closing_does_not_wait_for_an_application_that_never_returns() -> 
 # -- limits and hostile clients ----------------------------------------------------------------------------------------
 
 
-async def test_clients_beyond_the_limit_wait_until_one_leaves() -> None:
+async def refusal(server: Http3Server, source: str = "127.0.0.1") -> str:
+    """Why a client from an address is not connected."""
+    async with connect(server.port, source=source, wait=False) as client:
+        client.transmit()
+        await client.until(lambda: client.terminated)
+        assert client.terminated is not None
+        assert client.terminated.error_code == QuicErrorCode.CONNECTION_REFUSED
+        return client.terminated.reason_phrase
+
+
+async def test_clients_beyond_the_limit_are_told_so_until_one_leaves() -> None:
+    async with served(Limits(connections=1)) as server:
+        async with connect(server.port) as first:
+            assert "The server has" in await refusal(server, "127.0.0.2")
+            assert (await first.fetch("GET", "/")).status == 200
+        await eventually(lambda: server.connections == 0)
+        async with connect(server.port, source="127.0.0.2") as second:
+            assert (await second.fetch("GET", "/")).status == 200
+
+
+async def test_one_address_cannot_take_every_place() -> None:
+    async with served(Limits(connections_per_address=2)) as server:
+        async with connect(server.port), connect(server.port):
+            assert "Your address has" in await refusal(server)
+            async with connect(server.port, source="127.0.0.2") as other:
+                assert (await other.fetch("GET", "/")).status == 200
+        await eventually(lambda: server.connections == 0)
+        assert server._usage == {}
+
+
+async def test_one_address_cannot_open_connections_all_the_time() -> None:
+    async with served(Limits(connections_per_address=2, handshakes_per_s=0.001)) as server:
+        for _ in range(2):
+            async with connect(server.port) as client:
+                assert (await client.fetch("GET", "/")).status == 200
+            await eventually(lambda: server.connections == 0)
+        assert "too fast" in await refusal(server)
+        async with connect(server.port, source="127.0.0.2") as other:
+            assert (await other.fetch("GET", "/")).status == 200
+
+
+async def test_an_address_with_unanswered_handshakes_has_to_prove_itself() -> None:
     async with (
-        served(Limits(connections=1)) as server,
-        connect(server.port) as first,
-        connect(server.port, wait=False) as second,
+        served(Limits(unvalidated_per_address=1)) as server,
+        connect(server.port, wait=False) as deaf,
     ):
-        second.transmit()
-        assert (await first.fetch("GET", "/")).status == 200
-        assert server.connections == 1
-        assert second.handshake is None
-        first.close()
-        await second.until(lambda: second.handshake)
-        assert (await second.fetch("GET", "/")).status == 200
+        deaf.datagram_received = lambda *_: None  # type: ignore[method-assign]
+        deaf.transmit()
+        await eventually(lambda: server.connections == 1)
+        async with connect(server.port) as suspect, connect(server.port, source="127.0.0.2") as other:
+            assert suspect._quic._retry_count == 1
+            assert other._quic._retry_count == 0
+            assert (await suspect.fetch("GET", "/")).status == 200
+        async with connect(server.port) as first:
+            await first.fetch("GET", "/")
+
+
+async def test_one_address_has_so_many_sessions_and_no_more() -> None:
+    limits = Limits(sessions_per_address=3)
+    async with served(limits) as server, connect(server.port) as one, connect(server.port) as two:
+        sessions = [await client.connect_webtransport() for client in (one, one, two)]
+        refused = await two.response(await two.connect_webtransport())
+        assert refused.status == 429
+        assert "Your address has" in json.loads(refused.body)["detail"]
+        async with connect(server.port, source="127.0.0.2") as other:
+            assert other.responses[await other.connect_webtransport()].status == 200
+        one._quic.send_stream_data(sessions[0], b"", end_stream=True)
+        one.transmit()
+        await one.response(sessions[0])
+        assert two.responses[await two.connect_webtransport()].status == 200
+
+
+async def test_one_address_has_so_many_requests_and_no_more() -> None:
+    source = FakeFrames()
+    source.held = True
+    limits = Limits(requests_per_address=3)
+    async with (
+        served(limits, source) as server,
+        connect(server.port) as one,
+        connect(server.port) as two,
+        connect(server.port, source="127.0.0.2") as other,
+    ):
+        its, session = await one.connect_webtransport(), await two.connect_webtransport()
+        waiting = [one.open_stream(its, request_body(seq=seq)) for seq in range(3)]
+        await source.until(lambda: len(source.requests) == 3)
+        header, problem = await two.frame(session, request_body())
+        assert header["status"] == 503
+        assert "Your address has" in json.loads(problem)["detail"]
+        assert (await two.fetch("GET", "/")).status == 503
+        assert (await other.fetch("GET", "/")).status == 200
+        for seq, stream in enumerate(waiting):
+            source.release(seq)
+            await one.response(stream)
+        assert (await two.fetch("GET", "/")).status == 200
 
 
 async def test_a_busy_server_asks_for_proof_of_the_address() -> None:
@@ -244,7 +327,7 @@ async def test_a_busy_server_asks_for_proof_of_the_address() -> None:
 
 
 async def test_two_hundred_connections_that_are_dropped_are_forgotten() -> None:
-    async with served(Limits(idle_timeout=1.0)) as server:
+    async with served(Limits(idle_timeout=1.0, connections_per_address=512)) as server:
         for number in range(200):
             async with connect(server.port) as client:
                 client.request("GET", "/")

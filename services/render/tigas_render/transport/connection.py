@@ -19,6 +19,7 @@ from aioquic.quic.events import (
 from tigas_render.transport.gso import Address, Datagram
 from tigas_render.transport.quic import ServerQuicConnection
 from tigas_render.transport.routing import Router, Service
+from tigas_render.transport.usage import Usage
 
 logger = logging.getLogger(__name__)
 
@@ -39,6 +40,9 @@ class Listener(Protocol):
     def retired(self, connection: Connection, cid: bytes) -> None:
         """The client does not use this connection id any more."""
 
+    def established(self, connection: Connection) -> None:
+        """The handshake is complete."""
+
     def terminated(self, connection: Connection) -> None:
         """The connection is over."""
 
@@ -53,7 +57,10 @@ class Connection:
         service: Service,
         client: tuple[str, int],
         server: tuple[str, int],
+        usage: Usage,
     ) -> None:
+        """usage: what the client's address uses."""
+        self.usage = usage
         self.router: Router | None = None
         """What the client has open, once the handshake has begun."""
         self._quic = quic
@@ -179,7 +186,12 @@ class Connection:
                     self._listener.terminated(self)
                 case HandshakeCompleted():
                     self._handshake_timer.cancel()
+                    self._listener.established(self)
                 case ProtocolNegotiated():
-                    self.router = Router(self._quic, self._service, self._client, self._server, self.transmit_soon)
+                    self.router = Router(
+                        self._quic, self._service, self._client, self._server, self.usage, self.transmit_soon
+                    )
                 case _ if self.router is not None:
                     self.router.received(event, arrived)
+        if self.router is not None:
+            self.router.watch(self._quic.take_begun(), arrived)

@@ -9,7 +9,7 @@ from __future__ import annotations
 from aioquic.h3.connection import ErrorCode, FrameType, H3Connection, H3Stream, ProtocolError, Setting
 from aioquic.h3.events import Headers
 
-MAX_FIELD_SECTION = 16 * 1024
+MAX_FIELD_SECTION = 8 * 1024
 """Bytes of a request's fields, names and values, and 32 for each (RFC 9114, 4.2.2); browsers send about 1,500."""
 FRAME_LIMITS = {int(FrameType.HEADERS): MAX_FIELD_SECTION, int(FrameType.SETTINGS): 1024, int(FrameType.MAX_PUSH_ID): 8}
 """Bytes of the frames that are kept until they are complete; all others are passed on or skipped as they arrive."""

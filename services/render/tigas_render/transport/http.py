@@ -21,11 +21,6 @@ logger = logging.getLogger(__name__)
 
 HOP_BY_HOP = frozenset((b"connection", b"keep-alive", b"proxy-connection", b"te", b"transfer-encoding", b"upgrade"))
 """Fields that HTTP/3 forbids (RFC 9114, 4.2)."""
-REFUSALS = {
-    425: "This request may not be sent before the connection is established; send it again.",
-    500: "The server failed; its log says why.",
-    503: "This connection has too many requests running.",
-}
 
 
 def http_scope(headers: Headers, client: tuple[str, int], server: tuple[str, int]) -> Scope:
@@ -50,9 +45,9 @@ def http_scope(headers: Headers, client: tuple[str, int], server: tuple[str, int
     }
 
 
-def refusal(status: int) -> ASGIApp:
-    """The application that answers in place of the real one."""
-    problem = Problem(type="about:blank", title=HTTPStatus(status).phrase, status=status, detail=REFUSALS[status])
+def refusal(status: int, detail: str) -> ASGIApp:
+    """The application that answers in place of the real one, with one sentence."""
+    problem = Problem(type="about:blank", title=HTTPStatus(status).phrase, status=status, detail=detail)
     body = problem.model_dump_json().encode()
     headers = [(b"content-type", b"application/problem+json"), (b"content-length", str(len(body)).encode())]
 
@@ -114,7 +109,7 @@ class HttpRequest:
             logger.exception("%s %s failed", self._scope["method"], self._scope["path"])
             failed = True
         if failed and not self._started:
-            await refusal(500)(self._scope, self.receive, self.send)
+            await refusal(500, "The server failed; its log says why.")(self._scope, self.receive, self.send)
         elif failed:
             self.outlet.abort(ErrorCode.H3_INTERNAL_ERROR)
 

@@ -32,6 +32,7 @@ class ServerQuicConnection(BulkQuicConnection):
         super().__init__(**arguments)
         self._reset_token = reset_token
         self._assign_reset_tokens()
+        self._begun: set[int] = set()
 
     def _replenish_connection_ids(self) -> None:
         super()._replenish_connection_ids()
@@ -42,6 +43,25 @@ class ServerQuicConnection(BulkQuicConnection):
             connection_id.stateless_reset_token = self._reset_token(connection_id.cid)
 
     # -- receiving ---------------------------------------------------------------------------------------------------
+
+    def _get_or_create_stream(self, frame_type: int, stream_id: int) -> QuicStream:
+        stream = super()._get_or_create_stream(frame_type, stream_id)
+        if not stream.receiver.starting_offset():
+            self._begun.add(stream_id)
+        return stream
+
+    def take_begun(self) -> set[int]:
+        """The streams that something has come for whose first byte had not been there before; of each once.
+
+        aioquic says nothing of what is kept for a stream until that byte has come.
+        """
+        begun, self._begun = self._begun, set()
+        return begun
+
+    def has_gap(self, stream_id: int) -> bool:
+        """Whether a stream's first byte has not come."""
+        stream = self._streams.get(stream_id)
+        return stream is not None and not stream.receiver.starting_offset() and not stream.receiver.is_finished
 
     def _write_stream_limits(self, builder: QuicPacketBuilder, space: QuicPacketSpace, stream: QuicStream) -> None:
         """Let a client be one window ahead of what has arrived in order.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import logging
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field
 from typing import Protocol
 from urllib.parse import urlsplit
@@ -21,19 +21,20 @@ from aioquic.h3.events import (
 from aioquic.quic.events import QuicEvent, StopSendingReceived, StreamDataReceived, StreamReset
 from starlette.types import ASGIApp
 
-from tigas_common.peers import client_network
 from tigas_render.transport.h3 import ServerH3Connection
 from tigas_render.transport.http import HttpRequest, http_scope, refusal
 from tigas_render.transport.limits import Limits
 from tigas_render.transport.outlet import DatagramOutlet, Outlet, Writer
 from tigas_render.transport.quic import ServerQuicConnection
 from tigas_render.transport.unfinished import UnfinishedStreams
+from tigas_render.transport.usage import Usage
 from tigas_render.transport.webtransport import DRAFT_HEADER, SessionFactory, WebTransportSession, WebTransportStream
 
 logger = logging.getLogger(__name__)
 
 BUFFERED_STREAM_REJECTED = 0x3994BD84
 """WebTransport's error for a stream of a session that does not exist."""
+TOO_EARLY = "This request may not be sent before the connection is established; send it again."
 
 
 class Stream(Protocol):
@@ -76,12 +77,17 @@ class Router:
         service: Service,
         client: tuple[str, int],
         server: tuple[str, int],
+        usage: Usage,
         transmit_soon: Callable[[], None],
     ) -> None:
+        """usage: what the client's address uses, which counts here."""
         self._quic = quic
         self._service = service
         self._client = client
         self._server = server
+        self._usage = usage
+        self._counted = 0
+        """How many requests are counted in `usage`."""
         self._h3 = ServerH3Connection(quic, enable_webtransport=True)
         self.writer = Writer(quic, self._h3, service.limits, transmit_soon)
         self._streams: dict[int, Stream] = {}
@@ -114,6 +120,7 @@ class Router:
         for stream in list(self._streams.values()):
             stream.cancelled()
         self._unfinished.clear()
+        self._count()
         self.writer.close()
 
     async def end_tasks(self) -> None:
@@ -182,21 +189,27 @@ class Router:
                 Outlet(self.writer, stream_id).abort(ErrorCode.H3_REQUEST_INCOMPLETE)
             else:  # the connection cannot do without its control stream
                 self._quic.close(error_code=ErrorCode.H3_EXCESSIVE_LOAD, reason_phrase="A frame was never finished")
+        self._count()
+
+    def watch(self, stream_ids: Collection[int], arrived: float) -> None:
+        """Note streams that something has come for, though perhaps not what they begin with."""
+        for stream_id in stream_ids:
+            self._watch(stream_id, arrived)
 
     def _watch(self, stream_id: int, arrived: float) -> None:
         """Note whether a stream still waits for what makes it a request, a session, or a session's stream."""
         if stream_id % 4 != 0:
-            waits = self._h3.is_cut(stream_id)
+            waits = self._h3.is_cut(stream_id) or self._quic.has_gap(stream_id)
         else:
             answered = stream_id in self._streams or stream_id in self._sessions
             waits = not answered and self._quic.can_write(stream_id)
         if not waits:
             self._unfinished.end(stream_id)
-            return
-        self._unfinished.begin(stream_id, arrived)
-        if stream_id % 4 == 0 and len(self._streams) + len(self._unfinished) > self._service.limits.requests:
-            self._unfinished.end(stream_id)
+        elif stream_id % 4 == 0 and stream_id not in self._unfinished and self._overload() is not None:
             Outlet(self.writer, stream_id).abort(ErrorCode.H3_REQUEST_REJECTED)
+        else:
+            self._unfinished.begin(stream_id, arrived)
+        self._count()
 
     # -- requests ----------------------------------------------------------------------------------------------------
 
@@ -211,54 +224,67 @@ class Router:
             return
         pseudo = {name: value for name, value in event.headers if name.startswith(b":")}
         if pseudo[b":method"] == b"CONNECT":
-            self._connect_received(outlet, pseudo)
-            return
-        status = self._refusal(pseudo)
-        app = self._service.app if status is None else refusal(status)
+            app = self._connect_received(outlet, pseudo)
+            if app is None:
+                return
+        else:
+            app = self._refusal(pseudo) or self._service.app
         request = HttpRequest(outlet, http_scope(event.headers, self._client, self._server), app)
         if event.stream_ended:
             request.data_received(b"", True, arrived)
         self._start(request)
 
-    def _refusal(self, pseudo: Mapping[bytes, bytes]) -> int | None:
-        """The status of a request that does not reach the application."""
-        if self._overloaded:
-            return 503
+    def _refusal(self, pseudo: Mapping[bytes, bytes]) -> ASGIApp | None:
+        """What answers a request that does not reach the application."""
+        if (overload := self._overload()) is not None:
+            return refusal(503, overload)
         if not self._quic.is_established and pseudo[b":method"] not in (b"GET", b"HEAD"):
             path = urlsplit(pseudo.get(b":path", b"")).path.decode("latin-1")
             if pseudo[b":method"] != b"POST" or path not in self._service.early_posts:
-                return 425  # Too Early (RFC 8470): it may be a replay
+                return refusal(425, TOO_EARLY)  # RFC 8470
         return None
 
-    @property
-    def _overloaded(self) -> bool:
-        return len(self._streams) + len(self._unfinished) >= self._service.limits.requests
+    def _overload(self) -> str | None:
+        """Why no further request is taken now."""
+        self._count()
+        if self._counted >= self._service.limits.requests:
+            return "This connection has too many requests running."
+        if self._usage.requests >= self._service.limits.requests_per_address:
+            return "Your address has too many requests running."
+        return None
+
+    def _count(self) -> None:
+        """Let the address's usage know what is open now."""
+        now = len(self._streams) + len(self._unfinished)
+        self._usage.requests += now - self._counted
+        self._counted = now
 
     # -- WebTransport ------------------------------------------------------------------------------------------------
 
-    def _connect_received(self, outlet: Outlet, pseudo: Mapping[bytes, bytes]) -> None:
+    def _connect_received(self, outlet: Outlet, pseudo: Mapping[bytes, bytes]) -> ASGIApp | None:
+        """Open a session; what answers the client if there is none to be opened."""
+        limits = self._service.limits
         make_handler = self._service.webtransport.get(urlsplit(pseudo.get(b":path", b"")).path.decode("latin-1"))
         if pseudo.get(b":protocol") != b"webtransport":
-            self._refuse_connect(outlet, b"501")
-        elif make_handler is None:
-            self._refuse_connect(outlet, b"404")
-        elif len(self._sessions) >= self._service.limits.sessions:
-            self._refuse_connect(outlet, b"429")
-        else:
-            outlet.send_headers([(b":status", b"200"), DRAFT_HEADER])
-            self._sessions[outlet.stream_id] = WebTransportSession(
-                outlet, DatagramOutlet(self.writer, outlet.stream_id), client_network(self._client[0]), make_handler
-            )
-
-    def _refuse_connect(self, outlet: Outlet, status: bytes) -> None:
-        outlet.send_headers([(b":status", status)])
-        outlet.end()
-        outlet.abort(ErrorCode.H3_NO_ERROR)
+            return refusal(501, "Only WebTransport sessions are connected to.")
+        if make_handler is None:
+            return refusal(404, "There are no sessions at this path.")
+        if len(self._sessions) >= limits.sessions:
+            return refusal(429, "This connection has as many sessions as it may.")
+        if self._usage.sessions >= limits.sessions_per_address:
+            return refusal(429, "Your address has as many sessions as it may.")
+        outlet.send_headers([(b":status", b"200"), DRAFT_HEADER])
+        self._usage.sessions += 1
+        self._sessions[outlet.stream_id] = WebTransportSession(
+            outlet, DatagramOutlet(self.writer, outlet.stream_id), self._usage.address, make_handler
+        )
+        return None
 
     def _close_session(self, stream_id: int) -> None:
         session = self._sessions.pop(stream_id, None)
         if session is None:
             return
+        self._usage.sessions -= 1
         for stream in list(self._streams.values()):
             if isinstance(stream, WebTransportStream) and stream.session is session:
                 stream.cancelled()
@@ -274,13 +300,14 @@ class Router:
                 return
             if not outlet.is_open:  # answered already; the client has not stopped yet
                 return
-            self._start(WebTransportStream(outlet, session, self._overloaded))
+            self._start(WebTransportStream(outlet, session, self._overload()))
         self._streams[event.stream_id].data_received(event.data, event.stream_ended, arrived)
 
     # -- tasks -------------------------------------------------------------------------------------------------------
 
     def _start(self, stream: Stream) -> None:
         self._streams[stream.outlet.stream_id] = stream
+        self._count()
         stream.task = asyncio.create_task(stream.run())
         # A callback, because a task that is cancelled before it starts never enters its own `finally`.
         stream.task.add_done_callback(lambda task: self._ended(stream, task))
@@ -289,6 +316,7 @@ class Router:
         if not task.cancelled() and (error := task.exception()) is not None:
             logger.error("A stream's handler failed", exc_info=error)
         del self._streams[stream.outlet.stream_id]
+        self._count()
         stream.outlet.abort(stream.abort_code)
         if self._idle is not None and not self._streams and not self._idle.done():
             self._idle.set_result(None)

@@ -20,16 +20,19 @@ from aioquic.quic.packet import (
 from starlette.types import ASGIApp
 
 from tigas_common.certificate import Certificate
+from tigas_common.peers import client_network
 from tigas_render.transport.congestion import CongestionControl, algorithm
 from tigas_render.transport.connection import Connection
 from tigas_render.transport.gso import Address, Datagram
 from tigas_render.transport.limits import Limits
 from tigas_render.transport.quic import ServerQuicConnection
+from tigas_render.transport.refusal import encode_refusal
 from tigas_render.transport.retry import RetryTokens
 from tigas_render.transport.routing import Service
 from tigas_render.transport.stateless_reset import StatelessResets
 from tigas_render.transport.tickets import TicketStore
 from tigas_render.transport.udp import UdpEndpoint, bind
+from tigas_render.transport.usage import RateLimit, Usage
 from tigas_render.transport.webtransport import SessionFactory
 
 MAX_DATAGRAM_SIZE = 1452
@@ -67,6 +70,10 @@ class Http3Server:
         self._reset_key = reset_key or os.urandom(32)
         self._connections: dict[Connection, set[bytes]] = {}
         self._by_cid: dict[bytes, Connection] = {}
+        self._handshaking: set[Connection] = set()
+        self._usage: dict[str, Usage] = {}
+        """By address, of those that have connections."""
+        self._openings = RateLimit(self._limits.handshakes_per_s, self._limits.connections_per_address)
         self._dirty: set[Connection] = set()
         self._endpoint: UdpEndpoint | None = None
         self._address: tuple[str, int] = (host, port)
@@ -102,6 +109,8 @@ class Http3Server:
             connection.abandon()
         self._connections.clear()
         self._by_cid.clear()
+        self._handshaking.clear()
+        self._usage.clear()
         self._endpoint.close()
         self._endpoint = None
 
@@ -198,17 +207,20 @@ class Http3Server:
     # -- connections -------------------------------------------------------------------------------------------------
 
     def _open(self, header: QuicHeader, address: Address) -> Connection | None:
-        if len(self._connections) >= self._limits.connections:
-            return None
         original, retry_source = header.destination_cid, None
         now = asyncio.get_running_loop().time()
+        network = client_network(str(address[0]))
+        usage = self._usage.get(network) or Usage(network)
         if header.token:
             validated = self._retry.validate(header.token, address, header.destination_cid, now)
             if validated is None:
                 return None
             original, retry_source = validated, header.destination_cid
-        elif self._handshaking() >= self._limits.unvalidated:
+        elif self._has_to_prove_its_address(usage):
             self._send_retry(header, address, now)
+            return None
+        if (reason := self._refusal(usage, now)) is not None:
+            self.send([(encode_refusal(header, reason), address)])
             return None
         quic = ServerQuicConnection(
             reset_token=self._resets.token,
@@ -219,14 +231,28 @@ class Http3Server:
             session_ticket_handler=self._tickets.add,
         )
         client = (str(address[0]).removeprefix("::ffff:"), int(address[1]))
-        connection = Connection(quic, self, self._service, client, self._address)
+        connection = Connection(quic, self, self._service, client, self._address, usage)
         self._connections[connection] = set()
+        self._handshaking.add(connection)
+        self._usage[network] = usage
+        usage.connections += 1
         self.issued(connection, header.destination_cid)
         self.issued(connection, quic.host_cid)
         return connection
 
-    def _handshaking(self) -> int:
-        return sum(not connection.is_established for connection in self._connections)
+    def _has_to_prove_its_address(self, usage: Usage) -> bool:
+        of_address = sum(connection.usage is usage for connection in self._handshaking)
+        return len(self._handshaking) >= self._limits.unvalidated or of_address >= self._limits.unvalidated_per_address
+
+    def _refusal(self, usage: Usage, now: float) -> str | None:
+        """Why an address may not open another connection now."""
+        if len(self._connections) >= self._limits.connections:
+            return "The server has as many connections as it may; try again later."
+        if usage.connections >= self._limits.connections_per_address:
+            return "Your address has as many connections as it may; close some."
+        if not self._openings.allows(usage.address, now):
+            return "Your address opens connections too fast; try again in a second."
+        return None
 
     def _send_retry(self, header: QuicHeader, address: Address, now: float) -> None:
         source_cid = self._retry.new_connection_id()
@@ -249,8 +275,18 @@ class Http3Server:
         self._by_cid.pop(cid, None)
         self._connections[connection].discard(cid)
 
+    def established(self, connection: Connection) -> None:
+        """The handshake is complete."""
+        self._handshaking.discard(connection)
+
     def terminated(self, connection: Connection) -> None:
         """The connection is over."""
         self._dirty.discard(connection)
-        for cid in self._connections.pop(connection, ()):
+        self._handshaking.discard(connection)
+        if connection not in self._connections:
+            return
+        for cid in self._connections.pop(connection):
             self._by_cid.pop(cid, None)
+        connection.usage.connections -= 1
+        if not connection.usage.connections:
+            del self._usage[connection.usage.address]

@@ -14,6 +14,9 @@ class UnfinishedStreams:
     def __len__(self) -> int:
         return len(self._since)
 
+    def __contains__(self, stream_id: int) -> bool:
+        return stream_id in self._since
+
     def begin(self, stream_id: int, now: float) -> None:
         """Something has arrived on a stream, and it is not enough; the time since the first counts."""
         self._since.setdefault(stream_id, now)

@@ -61,13 +61,14 @@ class WebTransportStream:
 
     abort_code: int = CANCELLED
 
-    def __init__(self, outlet: Outlet, session: WebTransportSession, overloaded: bool = False) -> None:
+    def __init__(self, outlet: Outlet, session: WebTransportSession, overload: str | None = None) -> None:
+        """overload: why the request is not taken, if it is not."""
         self.outlet = outlet
         self.task: asyncio.Task[None] | None = None
         self.session = session
         self.arrived = 0.0
         """When the newest part of the request arrived, in seconds of the monotonic clock."""
-        self._overloaded = overloaded
+        self._overload = overload
         self._body = bytearray()
         self._ended = False
         self._news = asyncio.Event()
@@ -95,11 +96,11 @@ class WebTransportStream:
     async def read(self, limit: int) -> bytes:
         """All that the client sends, once it has ended its side.
 
-        Raises Overloaded if the connection has too many streams already, BodyTooLarge over `limit` bytes, and
+        Raises Overloaded if the client has too many requests running already, BodyTooLarge over `limit` bytes, and
         InvalidRequest if it takes longer than the request timeout.
         """
-        if self._overloaded:
-            raise Overloaded("This connection has too many requests running.")
+        if self._overload is not None:
+            raise Overloaded(self._overload)
         try:
             async with asyncio.timeout(self.outlet.limits.request_timeout):
                 while not self._ended and len(self._body) <= limit:
