@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import gc
 import io
 import math
 from dataclasses import dataclass, field, replace
@@ -98,6 +99,23 @@ async def test_a_corrupt_entry_is_rendered_again(tmp_path: Path, renderer: Rende
     assert await cache.get(SOURCE) == good
     assert entry.read_bytes() == good.body
     assert len(renderer.calls) == 2
+
+
+async def test_a_failure_that_nobody_waits_for_is_no_surprise(
+    tmp_path: Path, renderer: Renderer, caplog: pytest.LogCaptureFixture
+) -> None:
+    renderer.gate.clear()
+    renderer.error = BrokenScene("It is torn.")
+    cache = PreviewCache(tmp_path, renderer)
+    asked = asyncio.create_task(cache.get(SOURCE))
+    while not renderer.calls:  # noqa: ASYNC110 - the renderer runs in this event loop
+        await asyncio.sleep(0)
+    asked.cancel()
+    renderer.gate.set()
+    while cache._rendering:  # noqa: ASYNC110 - as above
+        await asyncio.sleep(0)
+    gc.collect()
+    assert "never retrieved" not in caplog.text
 
 
 async def test_a_failure_is_passed_on_and_not_kept(tmp_path: Path, renderer: Renderer) -> None:

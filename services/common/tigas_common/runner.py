@@ -16,6 +16,7 @@ from tigas_common.address import Address
 from tigas_common.errors import StartError
 from tigas_common.http_limits import HttpLimits
 from tigas_common.http_server import LimitedServer
+from tigas_common.stopping import told_when_stopping
 
 
 @asynccontextmanager
@@ -29,7 +30,7 @@ async def serve_http(
     """
     listener = address.listen(limits.unread_s)
     config = uvicorn.Config(
-        app,
+        told_when_stopping(app),
         lifespan="off",
         log_level="critical",  # applications log their own failures; the rest is clients that leave
         access_log=False,

@@ -66,8 +66,13 @@ class PreviewCache:
         if task is None:
             task = asyncio.create_task(self._cached_or_rendered(source.id, path))
             self._rendering[path] = task
-            task.add_done_callback(lambda _: self._rendering.pop(path))
+            task.add_done_callback(lambda done: self._rendered(path, done))
         return await asyncio.shield(task)  # shielded: one client that leaves must not fail the others
+
+    def _rendered(self, path: Path, task: asyncio.Task[Preview]) -> None:
+        del self._rendering[path]
+        if not task.cancelled():
+            task.exception()  # which nobody else may hear of, if all who asked have left
 
     def _path(self, source: SceneSource) -> Path:
         """The file's name depends on everything that the picture depends on."""
