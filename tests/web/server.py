@@ -5,10 +5,13 @@ from __future__ import annotations
 import json
 import os
 import re
+import signal
 import socket
 import subprocess
 import sys
 import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from queue import Empty, Queue
 from typing import Any, Self
@@ -76,6 +79,15 @@ class _Service:
         """As a machine that loses its power: no connection is closed."""
         self._process.kill()
         self._process.wait()
+
+    @contextmanager
+    def held(self) -> Iterator[None]:
+        """As a machine that has no time for it: connections stay, and nothing is answered."""
+        self._process.send_signal(signal.SIGSTOP)
+        try:
+            yield
+        finally:
+            self._process.send_signal(signal.SIGCONT)
 
     def stop(self) -> None:
         """End it as Ctrl-C would."""

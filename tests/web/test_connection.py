@@ -4,12 +4,16 @@ from __future__ import annotations
 
 import json
 import socket
+import time
 
 from playwright.sync_api import Route, expect
 
 from tests.web.conftest import OpenPage
 from tests.web.server import RenderServer
-from tests.web.stage import SCENE, changes, picture, wait_for_frames, wait_until_settled
+from tests.web.stage import SCENE, changes, frames, picture, wait_for_frames, wait_until_settled
+
+WITHIN_S = 10
+"""Twice what it takes, for a machine that may be busy; a connection that nobody answers is idle for 30 s."""
 
 
 def test_falls_back_to_fetch_where_quic_does_not_get_through(open_page: OpenPage) -> None:
@@ -48,6 +52,32 @@ def test_a_page_over_plain_http_works_and_names_the_secure_one(open_page: OpenPa
     expect(page.locator("[data-stat=fallback]")).to_contain_text("secure context")
     wait_for_frames(page)
     assert picture(page).std() > 10, "the picture is blank"
+
+
+def test_frames_flow_again_within_seconds_of_a_restart(open_page: OpenPage, server: RenderServer) -> None:
+    page = open_page(SCENE, expected_errors="ERR_")
+    wait_for_frames(page)
+    page.keyboard.down("ArrowRight")
+    server.kill()
+    server.start()
+    shown, started = frames(page), time.monotonic()
+    wait_for_frames(page, shown + 5)
+    assert time.monotonic() - started < WITHIN_S
+    page.keyboard.up("ArrowRight")
+    wait_until_settled(page)
+    expect(page.locator(".stage")).to_have_attribute("data-transport", "webtransport-streams")
+
+
+def test_a_server_that_falls_silent_is_named_and_keeps_its_viewers(open_page: OpenPage, server: RenderServer) -> None:
+    page = open_page(SCENE)
+    wait_for_frames(page)
+    page.keyboard.down("ArrowRight")
+    with server.held():
+        expect(page.locator("[data-stat=silence]")).to_contain_text("no answer")
+    expect(page.locator("[data-stat=silence]")).to_have_count(0)
+    wait_for_frames(page, frames(page) + 5)
+    page.keyboard.up("ArrowRight")
+    wait_until_settled(page)
 
 
 def test_a_lost_server_is_announced_and_found_again(open_page: OpenPage, server: RenderServer) -> None:

@@ -152,3 +152,40 @@ async def test_chromium_gets_frames(host: str) -> None:
     assert result["fragments"] > 30
     assert result["after"] == {**frame, "seq": 21}
     assert len({client for client, _ in source.requests}) == 1
+
+
+OPEN = """
+async ({ url, hash }) => {
+  const algorithm = "sha-256";
+  const value = Uint8Array.from(atob(hash), (c) => c.charCodeAt(0));
+  globalThis.transport = new WebTransport(url, { serverCertificateHashes: [{ algorithm, value }] });
+  await transport.ready;
+}
+"""
+ASK_AND_WAIT = """
+async ({ request, patience }) => {
+  const ask = async () => {
+    const writer = (await transport.createBidirectionalStream()).writable.getWriter();
+    await writer.write(new TextEncoder().encode(request));
+  };
+  ask().catch(() => undefined);
+  const late = new Promise((resolve) => setTimeout(() => resolve("open"), patience));
+  return Promise.race([late, transport.closed.then(() => "closed", () => "broken")]);
+}
+"""
+PATIENCE_S = 4
+"""Chromium alone gives up what it sends after twice that, and a connection on which it sends nothing after 30 s."""
+
+
+async def test_chromium_does_not_wait_for_a_server_that_has_forgotten_it() -> None:
+    sessions = {"/render": render_session(FakeFrames())}
+    async with Http3Server(no_app, certificate=CERTIFICATE, webtransport=sessions) as server:
+        with secure_page() as url:
+            async with browser_page(url) as page:
+                target = {"url": f"https://127.0.0.1:{server.port}/render", "hash": CERTIFICATE.sha256}
+                await page.evaluate(OPEN, target)
+                for connection in list(server._connections):  # as if it had been started again
+                    connection.abandon()
+                    server.terminated(connection)
+                asked = {"request": request_body(seq=1).decode(), "patience": PATIENCE_S * 1000}
+                assert await page.evaluate(ASK_AND_WAIT, asked) == "broken"

@@ -1,8 +1,11 @@
-import { beforeEach, expect, test, vi } from "vitest";
+import { beforeEach, describe, expect, test, vi } from "vitest";
 import { deferred } from "../async/deferred";
 import type { ServerConfig } from "../wire/render";
-import { type ConnectionState, maintainConnection } from "./connection";
-import { FakeTransport } from "./fake";
+import { CHECK_EVERY, type ConnectionState, LOOK_EVERY, maintainConnection } from "./connection";
+import { FakeTransport, turn } from "./fake";
+import { RequestProblem } from "./transport";
+
+const UNKNOWN_SCENE = { type: "tigas:unknown-scene", title: "", status: 404, detail: "" };
 
 const config = (certificate: string): ServerConfig => ({
   version: "1",
@@ -18,6 +21,11 @@ let reachable: boolean;
 let transports: FakeTransport[];
 let states: ConnectionState[];
 let checks: (() => void)[];
+let looks: (() => void)[];
+let silence: boolean[];
+let now: number;
+/** Settles when the server's configuration comes. */
+let reply: () => Promise<void>;
 let stop: AbortController;
 
 /** Waits until the connection has been in this state so often. */
@@ -30,20 +38,23 @@ function start(): Promise<void> {
   return maintainConnection(
     {
       fetchConfig: async () => {
+        await reply();
         if (!reachable) throw new Error("The server does not answer.");
         return config(certificate);
       },
       connect: async () => {
-        const transport = new FakeTransport(() => 0);
+        const transport = new FakeTransport(() => now);
         transports.push(transport);
         return { transport, fallback: null };
       },
       onState: (state) => states.push(state),
+      onSilence: (silent) => silence.push(silent),
+      now: () => now,
       sleep: async (milliseconds, signal) => {
         if (milliseconds < 100) return;
         const { promise, resolve, reject } = deferred<void>();
         signal.addEventListener("abort", () => reject(signal.reason));
-        checks.push(() => resolve());
+        (milliseconds === CHECK_EVERY ? checks : looks).push(() => resolve());
         await promise;
       },
       retry: { minTimeout: 1, maxTimeout: 2 },
@@ -58,6 +69,10 @@ beforeEach(() => {
   transports = [];
   states = [];
   checks = [];
+  looks = [];
+  silence = [];
+  now = 0;
+  reply = async () => undefined;
   stop = new AbortController();
 });
 
@@ -116,6 +131,86 @@ test("a server that was started again is noticed by its certificate", async () =
   expect(states[2]).toEqual({ status: "lost", reason: "The server was started again." });
   stop.abort();
   await running;
+});
+
+describe("a server that has fallen silent", () => {
+  const request = { scene: "s", seq: 0, fx: 1, fy: 1, cx: 1, cy: 1, width: 2, height: 2 };
+  const never = new AbortController().signal;
+  let running: Promise<void>;
+
+  /** Lets so much time pass, and everything happen that comes of it. */
+  async function pass(milliseconds: number): Promise<void> {
+    for (const end = now + milliseconds; now < end; now += LOOK_EVERY) {
+      for (const look of looks.splice(0)) look();
+      await turn();
+    }
+  }
+
+  /** Connects, asks for a view, and hears nothing for long enough. */
+  async function fallSilent(): Promise<void> {
+    running = start();
+    await reached("connected");
+    const connected = states.find((state) => state.status === "connected");
+    connected?.transport.request(request, never).catch(() => undefined);
+    await turn();
+  }
+
+  const probes = () => (transports[0]?.requests.length ?? 0) - 1;
+
+  test("is asked again, over the connection and beside it, and a restart is noticed at once", async () => {
+    await fallSilent();
+    await pass(1500);
+    expect([silence, probes()]).toEqual([[], 0]);
+    certificate = "b";
+    await pass(1000);
+    expect(silence[0]).toBe(true);
+    await reached("connected", 2);
+    expect(states[2]).toEqual({ status: "lost", reason: "The server was started again." });
+    expect(silence.at(-1)).toBe(false);
+    expect(transports.map(({ closed }) => closed)).toEqual([true, false]);
+    stop.abort();
+    await running;
+  });
+
+  test("but can be reached has lost the connection", async () => {
+    await fallSilent();
+    await pass(5000);
+    expect(transports).toHaveLength(1);
+    await pass(3000);
+    await reached("connected", 2);
+    expect(states[2]).toEqual({ status: "lost", reason: "The connection fell silent." });
+    stop.abort();
+    await running;
+  });
+
+  test("and refuses what it is asked then is only slow", async () => {
+    await fallSilent();
+    for (let i = 0; i < 20; i++) {
+      await pass(1000);
+      for (const { fail } of transports[0]?.requests.slice(1) ?? []) fail(new RequestProblem(UNKNOWN_SCENE));
+    }
+    expect(transports).toHaveLength(1);
+    expect(states).toHaveLength(2);
+    expect(silence).toContain(false);
+    stop.abort();
+    await running;
+  });
+
+  test("for as long as the network is out keeps its connection", async () => {
+    const { promise: backAgain, resolve: comeBack } = deferred<void>();
+    await fallSilent();
+    reply = () => backAgain;
+    await pass(20_000);
+    expect(probes()).toBeGreaterThan(0);
+    comeBack();
+    await turn();
+    for (const { reply } of transports[0]?.requests ?? []) reply();
+    await pass(10_000);
+    expect(states).toHaveLength(2);
+    expect(silence.at(-1)).toBe(false);
+    stop.abort();
+    await running;
+  });
 });
 
 test("stopping ends the attempts", async () => {

@@ -24,6 +24,7 @@ export function fakeSession() {
     phase: signal<Phase>({ kind: "playing" }),
     scene: signal<SceneInfo | null>(COURTYARD),
     connected: signal<Connected | null>(null),
+    silent: signal(false),
     rig,
     movement: new MovementDeck(rig),
     stateless: { stats: signal<Stats>(NO_STATS), problem: signal<string | null>(null) },

@@ -41,6 +41,8 @@ export class ViewerSession {
   readonly phase = signal<Phase>({ kind: "connecting" });
   readonly scene = signal<SceneInfo | null>(null);
   readonly connected = signal<Connected | null>(null);
+  /** Connected, but the server does not answer. */
+  readonly silent = signal(false);
   readonly rig: Rig;
   readonly movement: MovementDeck;
   readonly stateless: StatelessPlayer;
@@ -191,7 +193,11 @@ export class ViewerSession {
             return connect(server, chosen, signal, now);
           },
           onState: (state) => untracked(() => this.#heard(state, connection.signal)),
+          onSilence: (silent) => {
+            this.silent.value = silent;
+          },
           sleep,
+          now,
         },
         connection.signal,
       );

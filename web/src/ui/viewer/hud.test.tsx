@@ -89,6 +89,15 @@ test("a fallback says why it is one", () => {
   expect(stat(show({ transport: "fetch" }), "fallback")).toBe(" – QUIC did not answer in time");
 });
 
+test("a server that has fallen silent is named while it is", async () => {
+  const hud = show();
+  expect(stat(hud, "silence")).toBeUndefined();
+  await act(() => {
+    session.silent.value = true;
+  });
+  expect(stat(hud, "silence")).toBe(" – no answer, asking again…");
+});
+
 test.each([
   [true, "Fewer measurements"],
   [false, "More measurements"],

@@ -45,6 +45,7 @@ export function Hud({ session, wide }: { session: ViewerSession; wide: boolean }
             – {fallback}
           </span>
         )}
+        {session.silent.value && <span data-stat="silence"> – no answer, asking again…</span>}
       </p>
     </section>
   );

@@ -1,0 +1,92 @@
+/** A transport that knows when the server has fallen silent: views were asked for, and nothing is answered. */
+import type { RenderRequest } from "../wire/render";
+import type { Clock } from "./reception";
+import { type FrameReply, type FrameTransport, RequestProblem, type TransportKind } from "./transport";
+
+/** Silence is what lasts longer than so many of the longest recent answers took, and than MIN_PATIENCE (ms). */
+const ANSWERS = 8;
+export const MIN_PATIENCE = 2000;
+/** How often a silent server is asked again, in milliseconds: the first packets after an outage wake a connection up. */
+const PROBE_EVERY = 500;
+/** Refused at once, without a scene to load or a place in a queue. */
+const PROBE: RenderRequest = { scene: "", seq: 2 ** 32 - 1, fx: 1, fy: 1, cx: 1, cy: 1, width: 2, height: 2 };
+
+export class WatchedTransport implements FrameTransport {
+  readonly kind: TransportKind;
+  readonly maxInFlight: number;
+  readonly overtaking: boolean;
+  readonly lost: Promise<string>;
+  readonly #transport: FrameTransport;
+  readonly #now: Clock;
+  /** When the first request went out that nothing was answered after; undefined if there is none. */
+  #unansweredSince: number | undefined;
+  #outstanding = 0;
+  #answers = 0;
+  /** The longest that recent answers took, in milliseconds. */
+  #usual = 0;
+
+  constructor(transport: FrameTransport, now: Clock) {
+    this.#transport = transport;
+    this.#now = now;
+    this.kind = transport.kind;
+    this.maxInFlight = transport.maxInFlight;
+    this.overtaking = transport.overtaking;
+    this.lost = transport.lost;
+  }
+
+  async request(request: RenderRequest, signal: AbortSignal): Promise<FrameReply> {
+    const sentAt = this.#now();
+    this.#outstanding++;
+    this.#unansweredSince ??= sentAt;
+    try {
+      const reply = await this.#transport.request(request, signal);
+      this.#answered(sentAt);
+      return reply;
+    } catch (error) {
+      if (error instanceof RequestProblem) this.#answered(sentAt);
+      throw error;
+    } finally {
+      this.#outstanding--;
+      if (this.#outstanding === 0 && signal.aborted) this.#unansweredSince = undefined; // nobody waits any more
+    }
+  }
+
+  /** Whether nothing has been answered for longer than is usual. */
+  get silent(): boolean {
+    return this.#unansweredSince !== undefined && this.#now() - this.#unansweredSince > this.#patience;
+  }
+
+  /** Asks the server for a sign of life; whether it gave one in time, to whatever it was asked. */
+  async probe(
+    sleep: (milliseconds: number, signal: AbortSignal) => Promise<void>,
+    signal: AbortSignal,
+  ): Promise<boolean> {
+    const enough = new AbortController();
+    const before = this.#answers;
+    const end = this.#now() + this.#patience;
+    try {
+      while (this.#answers === before && this.#now() < end) {
+        this.request(PROBE, AbortSignal.any([signal, enough.signal])).catch(() => undefined);
+        await sleep(PROBE_EVERY, signal);
+      }
+    } finally {
+      enough.abort(new Error("there has been an answer, or none in time"));
+    }
+    return this.#answers !== before;
+  }
+
+  close(): void {
+    this.#transport.close();
+  }
+
+  get #patience(): number {
+    return Math.max(MIN_PATIENCE, ANSWERS * this.#usual);
+  }
+
+  #answered(sentAt: number): void {
+    const now = this.#now();
+    this.#answers++;
+    this.#usual = Math.max(now - sentAt, 0.8 * this.#usual);
+    this.#unansweredSince = this.#outstanding > 1 ? now : undefined;
+  }
+}
