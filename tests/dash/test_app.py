@@ -10,6 +10,8 @@ from typing import Any
 
 import httpx
 import pytest
+from websockets.exceptions import ConnectionClosed
+from websockets.frames import CloseCode
 
 from tests.dash.boxes import contents
 from tests.dash.conftest import Packager, pose, session_request
@@ -47,6 +49,16 @@ async def test_a_growing_segment_is_sent_chunk_by_chunk_to_every_reader(packager
     for times in await asyncio.gather(arrivals(), arrivals()):
         assert len(times) > 20
         assert times[-1] - times[0] > 0.7, "the segment came as a whole"
+
+
+async def test_a_message_longer_than_any_pose_is_refused_by_its_first_bytes(packager: Packager) -> None:
+    session = await packager.open()
+    async with packager.poses(session) as socket_:
+        text, masked_and_64_bits, mask = b"\x81", b"\xff", bytes(4)
+        socket_.transport.write(text + masked_and_64_bits + (15_000_000).to_bytes(8) + mask)
+        with pytest.raises(ConnectionClosed):
+            await asyncio.wait_for(told(socket_, lambda _: False), 5)
+    assert socket_.close_code == CloseCode.MESSAGE_TOO_BIG
 
 
 async def test_media_time_is_locked_to_the_clock(packager: Packager) -> None:

@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+import asyncio
 from collections.abc import AsyncIterator
 from pathlib import Path
 from typing import Any
 
 import httpx
 import pytest
+from starlette.types import Message
 
 from tests.not_files import NOT_FILES
 from tests.shaper.fakes import FakeGateway, FakeLink, FakeTime, trace
 from tigas_common.wire.shaper import MAX_UPLOAD_BYTES, LinkSetting
-from tigas_shaper.api import create_app
+from tigas_shaper.api import MAX_WATCHERS, create_app
 from tigas_shaper.player import Player
 from tigas_shaper.service import Shaper
 from tigas_shaper.traces.csv_format import format_csv
@@ -206,6 +208,34 @@ async def test_the_page_may_read_across_origins(client: httpx.AsyncClient) -> No
     assert (await client.options("/link", headers=asked)).status_code == 200
     refused = await client.options("/link", headers=asked | {"origin": "https://evil.example"})
     assert refused.status_code == 400
+
+
+async def test_watchers_are_counted_from_the_first_byte_that_waits(shaper: Shaper) -> None:
+    app = create_app(shaper, [PAGE])
+    answers: asyncio.Queue[int] = asyncio.Queue()
+    unread = asyncio.Event()
+
+    async def send(message: Message) -> None:
+        if message["type"] == "http.response.start":
+            await answers.put(message["status"])
+            await unread.wait()  # as a connection that nobody reads
+
+    async def receive() -> Message:
+        await asyncio.Event().wait()
+        raise AssertionError
+
+    def watch() -> asyncio.Task[None]:
+        scope = {"type": "http", "method": "GET", "path": "/events", "headers": [], "query_string": b""}
+        return asyncio.create_task(app(scope, receive, send))
+
+    watching = [watch() for _ in range(MAX_WATCHERS + 3)]
+    assert sorted([await answers.get() for _ in watching]) == [200] * MAX_WATCHERS + [503] * 3
+    for task in watching:
+        task.cancel()
+    await asyncio.gather(*watching, return_exceptions=True)
+    again = watch()
+    assert await answers.get() == 200
+    again.cancel()
 
 
 async def test_a_closed_link_says_why(client: httpx.AsyncClient, link: FakeLink) -> None:

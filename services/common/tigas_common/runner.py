@@ -16,6 +16,7 @@ from tigas_common.address import Address
 from tigas_common.errors import StartError
 from tigas_common.http_limits import HttpLimits
 from tigas_common.http_server import LimitedServer
+from tigas_common.parsing import MAX_BODY
 from tigas_common.stopping import told_when_stopping
 
 
@@ -37,6 +38,7 @@ async def serve_http(
         server_header=False,
         timeout_graceful_shutdown=1,
         ws="websockets-sansio" if websockets else "none",
+        ws_max_size=MAX_BODY,
     )
     server = LimitedServer(config, limits, tls)
     running = asyncio.create_task(server.serve([listener]))

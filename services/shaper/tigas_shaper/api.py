@@ -14,6 +14,7 @@ from starlette.middleware import Middleware
 from starlette.requests import Request
 from starlette.responses import Response, StreamingResponse
 from starlette.routing import Route
+from starlette.types import Receive, Scope, Send
 
 from tigas_common.errors import Overloaded
 from tigas_common.origins import OriginCheck, OriginPolicy, cross_origin
@@ -127,19 +128,26 @@ async def status(request: Request) -> Response:
 
 async def events(request: Request) -> Response:
     """The link about five times a second, as server-sent events: each one's data is a ShaperStatus."""
-    if request.app.state.watchers >= MAX_WATCHERS:
-        raise Overloaded(f"{MAX_WATCHERS} pages watch the link already.")
-    return StreamingResponse(_events(request), media_type="text/event-stream", headers=NO_STORE)
+    return _Events(_events(request), media_type="text/event-stream", headers=NO_STORE)
+
+
+class _Events(StreamingResponse):
+    """Counted from before its first byte, which a client may take its time for, to its end, whichever that is."""
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        state = scope["app"].state
+        if state.watchers >= MAX_WATCHERS:
+            raise Overloaded(f"{MAX_WATCHERS} pages watch the link already.")
+        state.watchers += 1
+        try:
+            await super().__call__(scope, receive, send)
+        finally:
+            state.watchers -= 1
 
 
 async def _events(request: Request) -> AsyncIterator[str]:
-    state = request.app.state
-    state.watchers += 1
-    try:
-        async for seen in _shaper(request).watch():
-            yield f"data: {seen.model_dump_json()}\n\n"
-    finally:
-        state.watchers -= 1
+    async for seen in _shaper(request).watch():
+        yield f"data: {seen.model_dump_json()}\n\n"
 
 
 async def healthz(request: Request) -> Response:

@@ -92,9 +92,22 @@ def test_gaussians_that_are_not_finite_are_dropped_and_counted(
         assert len(tensor) == len(scene)
 
 
+@pytest.mark.parametrize(("name", "value"), [("scale_1", 88.0), ("scale_0", 21.0), ("x", 3e38), ("z", -1.1e9)])
+def test_a_gaussian_without_measure_is_dropped_and_changes_no_picture(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture, name: str, value: float
+) -> None:
+    values, columns = plys.rows(5), plys.names(0)
+    values[2, columns.index(name)] = value
+    others = np.delete(values, 2, axis=0)
+    with caplog.at_level(logging.WARNING):
+        scene = load_ply(plys.write(tmp_path / "scene.ply", plys.header(columns, 5) + values.tobytes()))
+    assert "dropped 1 of 5" in caplog.text
+    assert_same(scene, load_ply(plys.write(tmp_path / "others.ply", plys.header(columns, 4) + others.tobytes())))
+
+
 def test_a_scene_without_any_finite_gaussian_is_broken(tmp_path: Path) -> None:
     content = plys.header(plys.names(0), 2) + np.full((2, 17), np.nan, "<f4").tobytes()
-    with pytest.raises(BrokenScene, match="no Gaussian without NaN"):
+    with pytest.raises(BrokenScene, match="no Gaussian whose attributes are finite"):
         load_ply(plys.write(tmp_path / "scene.ply", content))
 
 

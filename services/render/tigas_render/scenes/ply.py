@@ -27,6 +27,8 @@ from tigas_render.scenes.ply_header import MAX_HEADER, REQUIRED, PlyHeader, read
 
 BLOCK = 4096
 """Vertices that are converted at a time, so that nothing but the tensors grows with the scene."""
+FARTHEST = 1e9
+"""Scene units: no camera goes farther, and squares of larger standard deviations overflow."""
 
 _log = logging.getLogger(__name__)
 
@@ -35,7 +37,8 @@ _Floats = NDArray[np.floating[Any]]
 
 
 def load_ply(path: Path, device: str | torch.device = "cpu") -> Gaussians:
-    """Load a scene; Gaussians with NaN or infinite attributes or without a rotation are dropped with a warning.
+    """Load a scene; Gaussians that are not finite, lie or reach beyond FARTHEST, or have no rotation are dropped
+    with a warning.
 
     Memory beyond the tensors themselves is a few megabytes, whatever the scene's size.
     Raises BrokenScene, with one sentence, if the file is not a complete INRIA 3DGS PLY.
@@ -55,9 +58,9 @@ def load_ply(path: Path, device: str | torch.device = "cpu") -> Gaussians:
     except OSError as error:
         raise BrokenScene(f"{path.name} cannot be read: {error.strerror or error}.") from None
     if kept == 0:
-        raise BrokenScene(f"{path.name} has no Gaussian without NaN or infinite attributes.")
+        raise BrokenScene(f"{path.name} has no Gaussian whose attributes are finite and within 10⁹.")
     if kept < n:
-        _log.warning("%s: dropped %d of %d Gaussians with NaN or infinite attributes", path, n - kept, n)
+        _log.warning("%s: dropped %d of %d Gaussians that are not finite, or beyond 10⁹", path, n - kept, n)
     return Gaussians(*(torch.from_numpy(array[:kept]).to(device) for array in arrays))
 
 
@@ -125,7 +128,7 @@ def _text_error(error: Exception, start: int) -> str:
 
 
 def _activate(block: _Block, sh_degree: int) -> tuple[_Floats, _Floats, _Floats, _Floats, _Floats]:
-    """A block's means, scales, quaternions, opacities and SH, activated, without the Gaussians that are not finite."""
+    """A block's means, scales, quaternions, opacities and SH, activated, without the Gaussians that cannot be used."""
     with np.errstate(all="ignore"):  # what overflows is dropped below
         columns = _columns(block, REQUIRED)
         scales = np.exp(columns[:, 7:10])
@@ -134,9 +137,9 @@ def _activate(block: _Block, sh_degree: int) -> tuple[_Floats, _Floats, _Floats,
         opacities = 1 / (1 + np.exp(-columns[:, 6]))
         rest = _columns(block, _rest_names(sh_degree).split()).reshape(len(block), 3, (sh_degree + 1) ** 2 - 1)
     sh = np.concatenate((columns[:, None, 3:6], rest.transpose(0, 2, 1)), axis=1)
-    finite = np.isfinite(columns).all(1) & np.isfinite(scales).all(1) & np.isfinite(quaternions).all(1)
-    finite &= np.isfinite(sh).all((1, 2))
-    return columns[finite, 0:3], scales[finite], quaternions[finite].astype(np.float32), opacities[finite], sh[finite]
+    usable = np.isfinite(columns).all(1) & np.isfinite(quaternions).all(1) & np.isfinite(sh).all((1, 2))
+    usable &= (np.abs(columns[:, 0:3]) <= FARTHEST).all(1) & (scales <= FARTHEST).all(1)
+    return columns[usable, 0:3], scales[usable], quaternions[usable].astype(np.float32), opacities[usable], sh[usable]
 
 
 def _columns(block: _Block, names: Sequence[str]) -> _Floats:
