@@ -3,8 +3,9 @@ import { settings, settingsOverridden } from "../state/app";
 import type { Experiment } from "./experiment";
 import type { MeasurementContext } from "./measure";
 
-export async function conduct(experiment: Experiment, { runner, shaper }: MeasurementContext): Promise<void> {
+export async function conduct(experiment: Experiment, { session, runner, shaper }: MeasurementContext): Promise<void> {
   const person = settings.peek();
+  const seed = session.seed.peek();
   const abandon = () => experiment.plan.network.trace !== null && shaper?.api.abandon();
   addEventListener("pagehide", abandon);
   settingsOverridden.value = true;
@@ -13,6 +14,7 @@ export async function conduct(experiment: Experiment, { runner, shaper }: Measur
   } finally {
     removeEventListener("pagehide", abandon);
     settings.value = person;
+    runner.seed(seed);
     settingsOverridden.value = false;
     runner.release();
   }

@@ -1,6 +1,6 @@
 import { expect, test } from "vitest";
 import { type Draft, parseDraft, toggled } from "./draft";
-import { constantLink, type Network } from "./plan";
+import { constantLink, type ExperimentPlan, FROM_THE_START, type Network } from "./plan";
 
 const DRAFT: Draft = {
   name: " bus ",
@@ -9,14 +9,17 @@ const DRAFT: Draft = {
   rtt: "100",
   modes: ["stateless"],
   profiles: ["latency"],
+  frameRate: null,
+  segments: "1",
   repeats: "3",
   duration: "20",
+  seed: "1",
   locked: true,
   exportAtEnd: false,
 };
 const PRESENT = constantLink({ down_kbps: 20_000, up_kbps: 5000, delay_ms: 10 });
 const parsed = (more: Partial<Draft> = {}, present: Network | string = PRESENT) =>
-  parseDraft({ ...DRAFT, ...more }, "courtyard", present);
+  parseDraft({ ...DRAFT, ...more }, "courtyard", present, { movement: 60_000, traces: { "4g-bus": 180_000 } });
 
 test("a draft becomes a plan", () => {
   expect(parsed()).toEqual({
@@ -27,9 +30,13 @@ test("a draft becomes a plan", () => {
       network: { link: null, trace: "4g-bus", rtt_ms: 100 },
       modes: ["stateless"],
       profiles: ["latency"],
+      segments: FROM_THE_START,
       repeats: 3,
       duration_s: 20,
       warm_up_s: 3,
+      dash_frame_rate: null,
+      seed: 1,
+      shuffled: true,
     },
   });
 });
@@ -51,7 +58,19 @@ test("a comma is a decimal point, and DASH needs no controller", () => {
   expect(parsed({ duration: "2,5", modes: ["dash-tuned"], profiles: [] })).toMatchObject({ plan: { duration_s: 2.5 } });
 });
 
+test("different parts are taken of trace and movement, by the seed", () => {
+  const parts = (more: Partial<Draft>) =>
+    (parsed({ segments: "3", ...more }) as { plan: ExperimentPlan }).plan.segments;
+  expect(parts({})).toHaveLength(3);
+  expect(parts({})).toEqual(parts({}));
+  expect(parts({ seed: "2" })).not.toEqual(parts({}));
+  expect(parts({ trace: null }).map(({ trace_s }) => trace_s)).toEqual([0, 0, 0]);
+});
+
 test.each<[Partial<Draft>, string]>([
+  [{ segments: "10" }, "The trace has room for 9 parts of 20 s, not for 10."],
+  [{ segments: "0" }, "“Different parts” must be a whole number from 1 to 100."],
+  [{ seed: "-1" }, "“Seed” must be a whole number from 0 to 4,294,967,295."],
   [{ name: "  " }, "The experiment needs a name."],
   [{ name: "x".repeat(101) }, "The name must not be longer than 100 characters."],
   [{ movement: null }, "Choose a movement."],

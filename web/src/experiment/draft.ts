@@ -1,5 +1,7 @@
 /** What a person has filled in to set up an experiment: from a draft to a plan, or a sentence that says what is wrong. Pure. */
-import { type ExperimentPlan, MAX_REPEATS, type Network, type Profile, type RunMode } from "./plan";
+import type { FrameRate } from "../dash/presets";
+import { type ExperimentPlan, MAX_REPEATS, MAX_SEGMENTS, type Network, type Profile, type RunMode } from "./plan";
+import { segments } from "./segments";
 
 export interface Draft {
   readonly name: string;
@@ -11,8 +13,12 @@ export interface Draft {
   readonly rtt: string;
   readonly modes: readonly RunMode[];
   readonly profiles: readonly Profile[];
+  /** Of the modes with DASH, in frames a second; null: the preset's own. */
+  readonly frameRate: FrameRate | null;
+  readonly segments: string;
   readonly repeats: string;
   readonly duration: string;
+  readonly seed: string;
   /** A person's input is ignored during the runs. */
   readonly locked: boolean;
   /** Save everything when the last run has ended. */
@@ -23,6 +29,8 @@ export interface Draft {
 const LIMITS = {
   name: 100,
   rtt: { label: "Round trip", unit: "ms", min: 0, max: 120_000, whole: false },
+  segments: { label: "Different parts", unit: "", min: 1, max: MAX_SEGMENTS, whole: true },
+  seed: { label: "Seed", unit: "", min: 0, max: 2 ** 32 - 1, whole: true },
   repeats: { label: "Runs of each", unit: "", min: 1, max: MAX_REPEATS, whole: true },
   duration: { label: "Each run lasts", unit: "s", min: 1, max: 7200, whole: false },
 } as const;
@@ -30,14 +38,21 @@ const LIMITS = {
 /** How long the camera stands at the first pose before it moves, in seconds: until controllers know the link. */
 const WARM_UP = 3;
 
+/** How long the chosen movement lasts, and the traces by their names, in milliseconds. */
+export interface Lengths {
+  readonly movement: number;
+  readonly traces: Readonly<Record<string, number>>;
+}
+
 /** `present` is the link as it is, or why it cannot be used as that. */
 export function parseDraft(
   draft: Draft,
   scene: string,
   present: Network | string,
+  lengths: Lengths,
 ): { plan: ExperimentPlan } | { problems: readonly string[] } {
   const problems: string[] = [];
-  const number = (name: "rtt" | "repeats" | "duration"): number => {
+  const number = (name: "rtt" | "segments" | "repeats" | "duration" | "seed"): number => {
     const { label, unit, min, max, whole } = LIMITS[name];
     const typed = draft[name].trim().replace(",", ".");
     const value = typed === "" ? Number.NaN : Number(typed);
@@ -57,8 +72,21 @@ export function parseDraft(
   if (typeof network === "string") problems.push(network);
   if (draft.modes.length === 0) problems.push("Choose a mode.");
   if (draft.modes.includes("stateless") && draft.profiles.length === 0) problems.push("Choose a controller.");
-  const [repeats, duration_s] = [number("repeats"), number("duration")];
+  const [count, repeats, duration_s, seed] = [
+    number("segments"),
+    number("repeats"),
+    number("duration"),
+    number("seed"),
+  ];
   if (problems.length > 0 || typeof network === "string") return { problems };
+  const parts = segments({
+    count,
+    length_s: duration_s,
+    trace_s: network.trace === null ? null : (lengths.traces[network.trace] ?? 0) / 1000,
+    movement_s: lengths.movement / 1000,
+    seed,
+  });
+  if (typeof parts === "string") return { problems: [parts] };
   return {
     plan: {
       name,
@@ -67,9 +95,13 @@ export function parseDraft(
       network,
       modes: draft.modes,
       profiles: draft.profiles,
+      segments: parts,
       repeats,
       duration_s,
       warm_up_s: WARM_UP,
+      dash_frame_rate: draft.frameRate,
+      seed,
+      shuffled: true,
     },
   };
 }

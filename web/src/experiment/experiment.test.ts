@@ -3,7 +3,7 @@ import { ApiError } from "../http/problem";
 import type { Recording, RunUpload } from "../wire/store";
 import { RunFailed } from "./errors";
 import { Experiment, type ExperimentDependencies } from "./experiment";
-import { type ExperimentPlan, type PlannedRun, runsOf, UNSHAPED } from "./plan";
+import { type ExperimentPlan, FROM_THE_START, type PlannedRun, runsOf, UNSHAPED } from "./plan";
 import type { StoreApi } from "./store-api";
 
 const PLAN: ExperimentPlan = {
@@ -14,6 +14,10 @@ const PLAN: ExperimentPlan = {
   modes: ["stateless"],
   profiles: ["latency", "budget"],
   repeats: 2,
+  segments: FROM_THE_START,
+  dash_frame_rate: null,
+  seed: 1,
+  shuffled: false,
   duration_s: 10,
   warm_up_s: 2,
 };

@@ -12,7 +12,7 @@ export type LinkHistory = readonly { readonly at: number; readonly status: Shape
 export interface RunLink {
   /** Put the network's first state in force, and keep it. */
   hold(): Promise<void>;
-  /** Play the held trace from its start. How the link is then; null without a shaper. */
+  /** Play the held trace from there. How the link is then; null without a shaper. */
   play(): Promise<ShaperStatus | null>;
   /** Back to the shaper's own rate, which is fast. */
   release(): Promise<void>;
@@ -35,7 +35,7 @@ export function presentNetwork(shaper: Shaper | null): Network | string {
 
 /** A run's network; to the link as it is, nothing is done. */
 export function linkFor(shaper: Shaper | null, { network }: Pick<PlannedRun, "network">): RunLink {
-  const { link, trace, rtt_ms } = network;
+  const { link, trace, rtt_ms, offset_s = 0 } = network;
   if (link === null && trace === null) return { hold: async () => {}, play: async () => null, release: async () => {} };
   if (shaper === null)
     throw new RunFailed(`There is no shaper, so that the network cannot be ${networkLabel(network)}.`);
@@ -54,10 +54,10 @@ export function linkFor(shaper: Shaper | null, { network }: Pick<PlannedRun, "ne
     async hold() {
       await api.start({ trace, loop: true, delay_ms: rtt_ms === null ? null : rtt_ms / 2 });
       await api.pause();
-      await api.seek(0);
+      await api.seek(offset_s * 1000);
     },
     async play() {
-      await api.seek(0);
+      await api.seek(offset_s * 1000);
       return api.resume();
     },
     async release() {

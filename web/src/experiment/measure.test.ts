@@ -1,6 +1,7 @@
 // @vitest-environment happy-dom
 import { signal } from "@preact/signals";
 import { afterEach, beforeEach, expect, test, vi } from "vitest";
+import type { TimedPose } from "../movement/playback";
 import { ShaperError } from "../network/api";
 import type { Shaper } from "../network/shaper";
 import { changeSettings, settings } from "../state/app";
@@ -12,15 +13,18 @@ import type { ShaperStatus } from "../wire/shaper";
 import type { Recording } from "../wire/store";
 import { measure } from "./measure";
 import { type PlannedRun, UNSHAPED } from "./plan";
-import type { Runner } from "./runner";
+import type { Runner, RunPlan } from "./runner";
 
-const FIRST = { t_ms: 0, position: [1, 2, 3], quaternion: [0, 0, 0, 1] } as const;
+const FIRST: TimedPose = { t_ms: 0, position: [1, 2, 3], quaternion: [0, 0, 0, 1] };
 const RUN: PlannedRun = {
   scene: "courtyard",
   movement: "stroll",
   network: { link: null, trace: "bus", rtt_ms: 80 },
   mode: "stateless",
   profile: "budget",
+  movement_offset_s: 0,
+  segment: 0,
+  seed: 1,
   repeat: 0,
   duration_s: 10,
   warm_up_s: 3,
@@ -50,9 +54,12 @@ let ready: boolean;
 let recording: Recording;
 /** What happens while the movement plays. */
 let meanwhile: () => void;
+let points: readonly TimedPose[];
 let shaper: ReturnType<typeof fakeShaper>;
 let session: ReturnType<typeof fakeSession>;
 let cancelling: AbortController;
+let stood: object;
+let played: RunPlan;
 
 function fakeShaper() {
   const ask = (name: string) => async (what?: unknown) => {
@@ -74,12 +81,17 @@ function fakeSession() {
 }
 
 const runner = {
-  stand: () => events.push("stand at the first pose"),
+  stand: (pose: object) => {
+    stood = pose;
+    events.push("stand at the first pose");
+  },
   settings: (part: object) => changeSettings(part),
+  seed: vi.fn(),
   state: () => ({ ready }),
-  run: (_: unknown, signal: AbortSignal) =>
+  run: (plan: RunPlan, signal: AbortSignal) =>
     new Promise((resolve, reject) => {
       events.push("play");
+      played = plan;
       playedAt = now;
       signal.addEventListener("abort", () => reject(signal.reason));
       recording = { ...recording, started_unix_ms: performance.timeOrigin + now };
@@ -96,6 +108,7 @@ beforeEach(() => {
   now = 0;
   ready = true;
   recording = PROMISED;
+  points = [FIRST];
   meanwhile = () => undefined;
   shaper = fakeShaper();
   session = fakeSession();
@@ -113,7 +126,7 @@ async function measured(run: Partial<PlannedRun> = {}, { told = Number.POSITIVE_
     session: session as unknown as ViewerSession,
     runner: runner as unknown as Runner,
     shaper: shaper as unknown as Shaper,
-    points: [FIRST as never],
+    points,
   };
   const stages: string[] = [];
   const made = measure(context, { ...RUN, ...run }, (stage) => stages.push(stage), cancelling.signal);
@@ -133,6 +146,17 @@ async function measured(run: Partial<PlannedRun> = {}, { told = Number.POSITIVE_
   }
   return { outcome: await outcome, stages };
 }
+
+test("a part begins within trace and movement, and the controller has the run's seed", async () => {
+  points = [FIRST, { ...FIRST, t_ms: 10_000, position: [11, 2, 3] }];
+  const network = { ...RUN.network, offset_s: 2.5 };
+  const { outcome } = await measured({ network, movement_offset_s: 5, segment: 1, seed: 7 });
+  expect(outcome).toMatchObject({ configuration: { network, movement_offset_s: 5, segment: 1, seed: 7 } });
+  expect(events.filter((event) => event.startsWith("seek"))).toEqual(["seek 2500", "seek 2500"]);
+  expect(stood).toMatchObject({ position: [6, 2, 3] });
+  expect(played.points.map(({ t_ms }) => t_ms)).toEqual([-5000, 5000]);
+  expect(runner.seed).toHaveBeenCalledWith(7);
+});
 
 test("holds the network at its start, warms up, and plays link and movement together", async () => {
   const { outcome, stages } = await measured();

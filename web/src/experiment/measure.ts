@@ -1,7 +1,7 @@
 /** Makes one run in this very page: settings, network, first pose, warm-up, movement. */
 import { effect } from "@preact/signals";
 import { sleep } from "../async/sleep";
-import type { TimedPose } from "../movement/playback";
+import { poseAt, type TimedPose } from "../movement/playback";
 import type { Shaper } from "../network/shaper";
 import { settings } from "../state/app";
 import type { ViewerSession } from "../viewer/session";
@@ -37,8 +37,9 @@ export async function measure(
   stage: (what: string) => void,
   signal: AbortSignal,
 ): Promise<RunUpload> {
-  const first = points[0];
-  if (first === undefined) throw new RunFailed("The movement has no point.");
+  if (points.length === 0) throw new RunFailed("The movement has no point.");
+  const part = from(points, run.movement_offset_s * 1000);
+  const first = poseAt(part, 0);
   const link = linkFor(shaper, run);
   runner.stand(first);
   try {
@@ -47,6 +48,7 @@ export async function measure(
     stage("Waits for the first view");
     await link.hold();
     runner.settings(settingsFor(run));
+    runner.seed(run.seed);
     const asked = decisiveSettings();
     await waitUntil(
       () => runner.state().ready,
@@ -63,7 +65,7 @@ export async function measure(
     const watch = watchLink(shaper, () => performance.now());
     try {
       const configuration = { ...run, ...session.rig.viewport.peek() };
-      const plan = { points, duration_ms: run.duration_s * 1000, capture_every_ms: run.capture_every_ms };
+      const plan = { points: part, duration_ms: run.duration_s * 1000, capture_every_ms: run.capture_every_ms };
       const recording = await runner.run(plan, AbortSignal.any([signal, trouble.signal]));
       if (!recording.complete) {
         throw new RunFailed(recording.hidden ? HIDDEN : "The movement was not played to its end without a pause.");
@@ -134,6 +136,11 @@ function watchForTrouble(
     if (said !== null) controller.abort(new RunFailed(said));
   });
   return { signal: controller.signal, stop };
+}
+
+/** A movement from a time on, in milliseconds. */
+function from(points: readonly TimedPose[], begin: number): readonly TimedPose[] {
+  return points.map((point) => ({ ...point, t_ms: point.t_ms - begin }));
 }
 
 /** The settings that decide what is measured, as text. */

@@ -5,6 +5,7 @@ import {
   conditionLabel,
   constantLink,
   type ExperimentPlan,
+  FROM_THE_START,
   missingRuns,
   networkLabel,
   RUN_MODES,
@@ -23,6 +24,10 @@ const PLAN: ExperimentPlan = {
   modes: ["stateless", "dash-tuned"],
   profiles: ["latency", "budget", 1],
   repeats: 2,
+  segments: FROM_THE_START,
+  dash_frame_rate: null,
+  seed: 1,
+  shuffled: false,
   duration_s: 20,
   warm_up_s: 3,
 };
@@ -37,9 +42,12 @@ test("a run says all that must be known to make it again", () => {
   expect(runsOf(PLAN)[0]).toEqual({
     scene: "courtyard",
     movement: "stroll",
-    network: { link: null, trace: "4g-bus", rtt_ms: 100 },
+    network: { link: null, trace: "4g-bus", rtt_ms: 100, offset_s: 0 },
+    movement_offset_s: 0,
+    segment: 0,
     mode: "stateless",
     profile: "latency",
+    seed: 1,
     duration_s: 20,
     repeat: 0,
     warm_up_s: 3,
@@ -47,6 +55,39 @@ test("a run says all that must be known to make it again", () => {
     dash_frame_rate: null,
     dash_representation: null,
   });
+});
+
+const PARTS = [
+  { trace_s: 60, movement_s: 3 },
+  { trace_s: 5, movement_s: 40 },
+];
+
+test("every part is played by all that is compared, from where it begins", () => {
+  const runs = runsOf({ ...PLAN, segments: PARTS, dash_frame_rate: 60 });
+  expect(runs).toHaveLength(2 * 2 * 4);
+  const begins = runs.map(({ segment, network, movement_offset_s }) => [segment, network.offset_s, movement_offset_s]);
+  expect(begins.slice(0, 8)).toEqual([...Array(4).fill([0, 60, 3]), ...Array(4).fill([1, 5, 40])]);
+  expect(new Set(runs.map(({ dash_frame_rate }) => dash_frame_rate))).toEqual(new Set([60]));
+  expect(runsOf({ ...PLAN, segments: PARTS, network: UNSHAPED })[4]?.network).toEqual(UNSHAPED);
+});
+
+test("the order follows from the seed, compares what is close in time, and leaves repeats outermost", () => {
+  const plan = { ...PLAN, segments: PARTS, shuffled: true };
+  const runs = runsOf(plan);
+  expect(runsOf(plan)).toEqual(runs);
+  const labels = (seed: number) => runsOf({ ...plan, seed }).map((run) => conditionLabel(run));
+  expect(new Set([1, 2, 3, 4].map((seed) => labels(seed).join())).size).toBeGreaterThan(1);
+  expect(runs.map(({ repeat }) => repeat)).toEqual([...Array(8).fill(0), ...Array(8).fill(1)]);
+  for (let block = 0; block < 16; block += 4) {
+    const own = runs.slice(block, block + 4);
+    expect(new Set(own.map(({ segment }) => segment)).size).toBe(1);
+    expect(new Set(own.map((run) => conditionLabel(run))).size).toBe(4);
+  }
+});
+
+test("plans of before have one part and their own order", () => {
+  const { segments: _, dash_frame_rate: __, seed: ___, shuffled: ____, ...before } = PLAN;
+  expect(readPlan(before)).toEqual(PLAN);
 });
 
 const FAST = { down_kbps: 100_000, up_kbps: 50_000 };

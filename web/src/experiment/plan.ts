@@ -1,10 +1,12 @@
 /** What an experiment of the page is, and the runs that it consists of. Pure. */
 import * as v from "valibot";
+import { seeded } from "../abr/random";
 import { CONTROLLER_NAMES, CONTROLLERS, type ControllerName } from "../abr/registry";
-import type { Preset } from "../dash/presets";
+import { FRAME_RATES, type Preset } from "../dash/presets";
 import type { Settings } from "../state/settings";
 import type { LinkSetting } from "../wire/shaper";
 import type { Configuration, RunRow } from "../wire/store";
+import { type Segment, shuffled } from "./segments";
 
 export const RUN_MODES = [
   "stateless",
@@ -70,6 +72,9 @@ export function networkLabel({ link, trace, rtt_ms }: Network): string {
 }
 
 export const MAX_REPEATS = 100;
+export const MAX_SEGMENTS = 100;
+/** A single part: trace and movement as they begin. */
+export const FROM_THE_START: readonly Segment[] = [{ trace_s: 0, movement_s: 0 }];
 const Plan = v.object({
   name: v.string(),
   scene: v.string(),
@@ -81,6 +86,17 @@ const Plan = v.object({
   profiles: v.pipe(v.array(v.union([v.picklist(CONTROLLER_NAMES), v.number()])), v.readonly()),
   /** Runs of each controller, and of each DASH mode. */
   repeats: v.pipe(v.number(), v.integer(), v.maxValue(MAX_REPEATS)),
+  /** Parts of trace and movement, which every controller and mode plays; plans of before have one. */
+  segments: v.optional(
+    v.pipe(v.array(v.object({ trace_s: v.number(), movement_s: v.number() })), v.minLength(1), v.readonly()),
+    () => [...FROM_THE_START],
+  ),
+  /** Of the modes with DASH, in frames a second; null: the preset's own. */
+  dash_frame_rate: v.optional(v.nullable(v.picklist(FRAME_RATES)), null),
+  /** Of segments, the order of runs, and controllers' random numbers. */
+  seed: v.optional(v.pipe(v.number(), v.integer(), v.minValue(0)), 1),
+  /** Whether runs are made in random order. */
+  shuffled: v.optional(v.boolean(), false),
   duration_s: v.number(),
   warm_up_s: v.number(),
 });
@@ -92,10 +108,9 @@ export function readPlan(stored: unknown): ExperimentPlan | null {
   return read.success ? read.output : null;
 }
 
-/** One run: its configuration before it is known how large the stage is. A page plays movements from their beginning. */
-export interface PlannedRun
-  extends Omit<Required<Configuration>, "width" | "height" | "seed" | "movement_offset_s" | "segment"> {
-  readonly network: Network;
+/** One run: its configuration before it is known how large the stage is. */
+export interface PlannedRun extends Omit<Required<Configuration>, "width" | "height"> {
+  readonly network: Network & { readonly offset_s?: number };
   readonly profile: Profile;
 }
 
@@ -105,33 +120,42 @@ const NO_CONTROLLER: Profile = "budget";
 const OVERHEAD = 5000;
 
 /**
- * All runs, in their order: every mode and controller once, then all of them again, so that whatever changes in the course of an
- * experiment (another load, another hour) falls on all of them.
+ * All runs, in their order: every segment with every mode and controller once, then all of them again, so that whatever changes in
+ * the course of an experiment (another load, another hour) falls on all of them. Within that, the seed shuffles.
  */
 export function runsOf(plan: ExperimentPlan): PlannedRun[] {
-  const { scene, movement, network, duration_s, warm_up_s } = plan;
+  const { scene, movement, network, duration_s, warm_up_s, dash_frame_rate, seed } = plan;
   const shared = {
     scene,
     movement,
-    network,
     duration_s,
     warm_up_s,
+    seed,
     capture_every_ms: 0,
-    dash_frame_rate: null,
+    dash_frame_rate,
     dash_representation: null,
   };
+  const random = seeded(seed);
+  const inOrder = <T>(values: readonly T[]) => (plan.shuffled ? shuffled(values, random) : values);
+  const conditions = plan.modes.flatMap((mode) =>
+    (mode === "stateless" ? plan.profiles : [NO_CONTROLLER]).map((profile) => ({ mode, profile })),
+  );
+  const parts = plan.segments.map((begins, segment) => ({
+    segment,
+    network: network.trace === null ? network : { ...network, offset_s: begins.trace_s },
+    movement_offset_s: begins.movement_s,
+  }));
   return Array.from({ length: plan.repeats }, (_, repeat) =>
-    plan.modes.flatMap((mode) => {
-      const profiles = mode === "stateless" ? plan.profiles : [NO_CONTROLLER];
-      return profiles.map((profile) => ({ ...shared, mode, profile, repeat }));
-    }),
+    inOrder(parts).flatMap((part) =>
+      inOrder(conditions).map((condition) => ({ ...shared, ...part, ...condition, repeat })),
+    ),
   ).flat();
 }
 
 /** The runs of a plan of which no complete one was stored, in their order. */
 export function missingRuns(plan: ExperimentPlan, stored: readonly RunRow[]): PlannedRun[] {
-  const keyOf = ({ mode, profile, repeat }: Pick<Configuration, "mode" | "profile" | "repeat">) =>
-    JSON.stringify([mode, profile, repeat]);
+  const keyOf = ({ mode, profile, segment = 0, repeat }: Configuration | PlannedRun) =>
+    JSON.stringify([mode, profile, segment, repeat]);
   const complete = stored.filter(({ status }) => status === "complete");
   const made = new Set(complete.map(({ configuration }) => keyOf(configuration)));
   return runsOf(plan).filter((run) => !made.has(keyOf(run)));

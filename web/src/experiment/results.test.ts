@@ -1,7 +1,7 @@
 import { expect, test } from "vitest";
 import { LATENCY_BINS_MS } from "../charts/histogram";
 import type { RunFigures } from "./figures";
-import { type ExperimentPlan, runsOf, UNSHAPED } from "./plan";
+import { type ExperimentPlan, FROM_THE_START, runsOf, UNSHAPED } from "./plan";
 import { cumulativeDistribution, medianOverTime, type RunResult, summarize, toJson } from "./results";
 
 const PLAN: ExperimentPlan = {
@@ -12,6 +12,10 @@ const PLAN: ExperimentPlan = {
   modes: ["stateless", "dash-typical"],
   profiles: ["latency"],
   repeats: 2,
+  segments: FROM_THE_START,
+  dash_frame_rate: null,
+  seed: 1,
+  shuffled: false,
   duration_s: 10,
   warm_up_s: 2,
 };

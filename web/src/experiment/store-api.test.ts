@@ -2,7 +2,7 @@ import { afterEach, beforeEach, expect, test, vi } from "vitest";
 import { ApiError } from "../http/problem";
 import { storeUnreachable } from "../http/reach";
 import type { RunUpload } from "../wire/store";
-import { type ExperimentPlan, UNSHAPED } from "./plan";
+import { type ExperimentPlan, FROM_THE_START, UNSHAPED } from "./plan";
 import { StoreApi } from "./store-api";
 
 const PLAN: ExperimentPlan = {
@@ -13,6 +13,10 @@ const PLAN: ExperimentPlan = {
   modes: ["stateless", "dash-tuned"],
   profiles: ["latency", "budget"],
   repeats: 2,
+  segments: FROM_THE_START,
+  dash_frame_rate: null,
+  seed: 1,
+  shuffled: false,
   duration_s: 10,
   warm_up_s: 2,
 };

@@ -136,8 +136,11 @@ function initialDraft({ scene, movement }: ViewerSession): Draft {
     rtt: "",
     modes: ["stateless"],
     profiles: ["latency", "budget"],
+    frameRate: null,
+    segments: "1",
     repeats: "1",
     duration: "20",
+    seed: "1",
     locked: true,
     exportAtEnd: false,
   };

@@ -38,18 +38,19 @@ interface SelectProps {
   readonly label: string;
   readonly value: string;
   readonly onValue: (value: string) => void;
+  readonly disabled?: boolean;
   /** What must be known of it. */
   readonly note?: string | undefined;
   readonly children: ComponentChildren;
 }
 
-export function Select({ label, value, onValue, note, children }: SelectProps) {
+export function Select({ label, value, disabled, onValue, note, children }: SelectProps) {
   return (
     <div class="number-field">
       <label>
         {label}
         <div class="select">
-          <select value={value} onChange={(event) => onValue(event.currentTarget.value)}>
+          <select value={value} disabled={disabled} onChange={(event) => onValue(event.currentTarget.value)}>
             {children}
           </select>
           <Icon of={ChevronDown} size={16} />

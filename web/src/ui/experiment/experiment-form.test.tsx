@@ -31,8 +31,11 @@ const DRAFT: Draft = {
   rtt: "",
   modes: ["stateless"],
   profiles: ["latency", "budget"],
+  frameRate: null,
+  segments: "1",
   repeats: "2",
   duration: "20",
+  seed: "1",
   locked: true,
   exportAtEnd: false,
 };
@@ -93,6 +96,7 @@ test("a movement of the store starts an experiment of what was chosen", async ()
   await userEvent.click(screen.getByRole("checkbox", { name: "LoL+" }));
   await userEvent.click(screen.getByRole("checkbox", { name: "Budget" }));
   await userEvent.click(screen.getByRole("checkbox", { name: /Save all files/ }));
+  await userEvent.type(screen.getByRole("textbox", { name: "Seed" }), "2");
   await start();
   await vi.waitFor(() => expect(onStart).toHaveBeenCalledOnce());
   expect(onStart.mock.calls[0]?.[0]).toMatchObject({
@@ -103,12 +107,28 @@ test("a movement of the store starts an experiment of what was chosen", async ()
       modes: ["stateless"],
       profiles: ["latency", "lol+"],
       repeats: 2,
+      seed: 12,
+      shuffled: true,
       duration_s: 20,
     },
     points: [{ t_ms: 0, position: [1, 2, 3] }],
     locked: true,
     exportAtEnd: true,
   });
+});
+
+test("the frame rate can be chosen where DASH is measured", async () => {
+  addFile("walk.csv", WALK);
+  config.value = serverConfig({ dash: "http://dash.test" });
+  render(<Filled />);
+  const rate = screen.getByRole<HTMLSelectElement>("combobox", { name: /DASH frame rate/ });
+  expect(rate.disabled).toBe(true);
+  await userEvent.click(screen.getByRole("checkbox", { name: "DASH, edge" }));
+  await userEvent.selectOptions(rate, "60 /s");
+  await userEvent.selectOptions(screen.getByRole("combobox", { name: /Movement/ }), "walk.csv · 0:04");
+  await start();
+  await vi.waitFor(() => expect(onStart).toHaveBeenCalledOnce());
+  expect(onStart.mock.calls[0]?.[0].plan.dash_frame_rate).toBe(60);
 });
 
 test("a file of this visit is offered, and a movement that cannot be had is said", async () => {

@@ -3,7 +3,8 @@
 import { useSignal } from "@preact/signals";
 import type { ComponentChildren, TargetedSubmitEvent } from "preact";
 import { CONTROLLER_NAMES } from "../../abr/registry";
-import { type Draft, parseDraft, toggled } from "../../experiment/draft";
+import { FRAME_RATES } from "../../dash/presets";
+import { type Draft, type Lengths, parseDraft, toggled } from "../../experiment/draft";
 import type { ResumedExperiment } from "../../experiment/experiment";
 import { presentNetwork } from "../../experiment/link";
 import {
@@ -60,7 +61,12 @@ export function ExperimentForm({ session, shaper, store, draft, onDraft, onStart
 
   const submit = async (event: TargetedSubmitEvent<HTMLFormElement>) => {
     event.preventDefault();
-    const parsed = parseDraft({ ...draft, movement: movement?.name ?? null }, scene?.id ?? "", presentNetwork(shaper));
+    const parsed = parseDraft(
+      { ...draft, movement: movement?.name ?? null },
+      scene?.id ?? "",
+      presentNetwork(shaper),
+      lengths(shaper, movement?.duration),
+    );
     problems.value = "problems" in parsed ? parsed.problems : [];
     if (scene === null) problems.value = [...problems.value, "The scene is not there yet."];
     const { locked, exportAtEnd } = draft;
@@ -75,7 +81,7 @@ export function ExperimentForm({ session, shaper, store, draft, onDraft, onStart
     }
   };
 
-  const { name, repeats, duration, locked, exportAtEnd } = draft;
+  const { name, segments, repeats, duration, seed, locked, exportAtEnd } = draft;
   return (
     <form class="experiment-form" noValidate onSubmit={(event) => void submit(event)}>
       <TextField label="Name" value={name} wide onValue={(typed) => set({ name: typed })} />
@@ -89,6 +95,7 @@ export function ExperimentForm({ session, shaper, store, draft, onDraft, onStart
       />
       <NetworkChoice shaper={shaper} draft={draft} onChange={set} />
       <ConditionChoice draft={draft} onChange={set} />
+      <TextField label="Different parts" numeric value={segments} onValue={(typed) => set({ segments: typed })} />
       <TextField label="Runs of each" numeric value={repeats} onValue={(typed) => set({ repeats: typed })} />
       <TextField
         label="Each run lasts"
@@ -97,6 +104,7 @@ export function ExperimentForm({ session, shaper, store, draft, onDraft, onStart
         value={duration}
         onValue={(typed) => set({ duration: typed })}
       />
+      <TextField label="Seed" numeric value={seed} onValue={(typed) => set({ seed: typed })} />
       <Check checked={locked} onChange={() => set({ locked: !locked })}>
         Lock input: keys, pointers and buttons rest while it runs
       </Check>
@@ -110,7 +118,7 @@ export function ExperimentForm({ session, shaper, store, draft, onDraft, onStart
           ))}
         </div>
         <p class="muted small" data-experiment="estimate">
-          {estimate(draft, movement?.duration)}
+          {estimate(draft, lengths(shaper, movement?.duration))}
           {!store && " There is no store: the results stay in this page until you save them."}
         </p>
         {store && (
@@ -185,6 +193,19 @@ function ConditionChoice({ draft, onChange }: PartProps) {
         ))}
         {!streams && <p class="muted small">This server has no DASH packager.</p>}
       </fieldset>
+      <Select
+        label="DASH frame rate"
+        value={String(draft.frameRate ?? "")}
+        disabled={!draft.modes.some((mode) => mode !== "stateless")}
+        onValue={(value) => onChange({ frameRate: FRAME_RATES.find((rate) => String(rate) === value) ?? null })}
+      >
+        <option value="">the preset’s own</option>
+        {FRAME_RATES.map((rate) => (
+          <option key={rate} value={rate}>
+            {rate} /s
+          </option>
+        ))}
+      </Select>
       <fieldset disabled={!stateless}>
         <legend>Controllers, stateless</legend>
         {profiles.map((profile) => (
@@ -217,11 +238,17 @@ function Check({ checked, disabled, onChange, children }: CheckProps) {
   );
 }
 
-/** How many runs it is, and how long they take; `movement` is its duration in milliseconds. */
-function estimate(draft: Draft, movement = Number.POSITIVE_INFINITY): string {
-  const parsed = parseDraft({ ...draft, name: "x", movement: "x" }, "", UNSHAPED);
+/** Of the chosen movement, which is as long as it takes where none is chosen, and of the shaper's traces. */
+function lengths(shaper: Shaper | null, movement = Number.POSITIVE_INFINITY): Lengths {
+  const traces = shaper?.traces.value ?? [];
+  return { movement, traces: Object.fromEntries(traces.map(({ name, duration_ms = 0 }) => [name, duration_ms])) };
+}
+
+/** How many runs it is, and how long they take. */
+function estimate(draft: Draft, lengths: Lengths): string {
+  const parsed = parseDraft({ ...draft, name: "x", movement: "x" }, "", UNSHAPED, lengths);
   if ("problems" in parsed) return "";
   const runs = runsOf(parsed.plan).length;
-  const short = movement < parsed.plan.duration_s * 1000 ? " The movement ends before a run does." : "";
+  const short = lengths.movement < parsed.plan.duration_s * 1000 ? " The movement ends before a run does." : "";
   return `${runs} ${runs === 1 ? "run" : "runs"}, about ${clock(timeFor(parsed.plan, runs))} min.${short}`;
 }

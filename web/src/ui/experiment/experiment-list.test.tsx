@@ -2,7 +2,7 @@
 import { cleanup, render, screen, within } from "@testing-library/preact";
 import userEvent from "@testing-library/user-event";
 import { afterEach, beforeEach, expect, test, vi } from "vitest";
-import { type ExperimentPlan, UNSHAPED } from "../../experiment/plan";
+import { type ExperimentPlan, FROM_THE_START, UNSHAPED } from "../../experiment/plan";
 import { fetchConfig, fetchScenes } from "../../state/api";
 import { config } from "../../state/app";
 import { serverConfig } from "../../state/fake-server";
@@ -17,6 +17,10 @@ const PLAN: ExperimentPlan = {
   network: UNSHAPED,
   modes: ["stateless"],
   profiles: ["budget"],
+  segments: FROM_THE_START,
+  dash_frame_rate: null,
+  seed: 1,
+  shuffled: false,
   repeats: 4,
   duration_s: 10,
   warm_up_s: 3,
