@@ -7,7 +7,7 @@ from pathlib import Path
 from tests.experiments.made_up import write_run
 from tigas_common.wire.run import Network
 from tigas_experiments.records.folder import RunRecord, StoredRun
-from tigas_experiments.report.comparison_table import label, markdown, runs_as_made
+from tigas_experiments.report.comparison_table import by_network, label, markdown, runs_as_made, titles
 from tigas_experiments.report.results import load
 
 
@@ -39,3 +39,16 @@ def test_runs_stand_in_the_order_in_which_they_were_made(tmp_path: Path) -> None
     made = runs_as_made(load(tmp_path))
     assert [run.record.configuration.mode for run in made] == ["stateless", "dash-typical", "dash-tuned"]
     assert [run.problem is None for run in made] == [True, False, True]
+
+
+def test_runs_of_one_controller_stand_together_and_are_told_apart(tmp_path: Path) -> None:
+    for number, (profile, scene) in enumerate(((2, "room"), ("budget", "room"), (2, "garden"), ("budget", "garden"))):
+        write_run(tmp_path / "runs" / f"{number}", profile=profile, scene=scene)
+    (runs,) = by_network(runs_as_made(load(tmp_path))).values()
+    assert list(titles(runs).values()) == [
+        "Stateless, rung 2, room",
+        "Stateless, rung 2, garden",
+        "Stateless, budget, room",
+        "Stateless, budget, garden",
+    ]
+    assert list(titles(runs[:1]).values()) == ["Stateless, rung 2"]

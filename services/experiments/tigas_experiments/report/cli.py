@@ -16,6 +16,9 @@ from tigas_common.terminal import make_console, printable
 if TYPE_CHECKING:  # heavy
     from tigas_experiments.report.report import Report
 
+MAX_COLUMNS = 8
+"""So many runs fit into a terminal side by side."""
+
 
 def report(
     folder: Annotated[
@@ -74,15 +77,18 @@ def report(
 def _print(made: Report) -> None:
     """Print the report's main results, its warnings and its path."""
     from tigas_experiments.report.claims import claims
-    from tigas_experiments.report.comparison_table import COLUMNS, by_network, cells, label, runs_as_made
+    from tigas_experiments.report.comparison_table import COLUMNS, by_network, cells, runs_as_made, titles
 
     console = make_console()
     if made.template == "comparison":
         for network, runs in by_network(runs_as_made(made.results)).items():
+            if len(runs) > MAX_COLUMNS:
+                console.print(f"{network}: {len(runs)} runs, a row each in table.md.")
+                continue
             table = Table(title=network, title_justify="left")
             table.add_column("", no_wrap=True)
-            for run in runs:
-                table.add_column(label(run.record), justify="right")
+            for title in titles(runs).values():
+                table.add_column(title, justify="right")
             for column, *row in zip(COLUMNS, *map(cells, runs), strict=True):
                 table.add_row(column.heading, *row)
             console.print(table)

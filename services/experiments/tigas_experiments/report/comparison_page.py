@@ -17,6 +17,7 @@ from tigas_experiments.report.comparison_table import (
     label,
     markdown,
     runs_as_made,
+    titles,
 )
 from tigas_experiments.report.groups import Group, Groups
 from tigas_experiments.report.plot import Plot
@@ -85,6 +86,7 @@ def comparison_page(results: Results, groups: Groups, out: Path, told: Told) -> 
         "columns": COLUMNS,
         "column_groups": column_groups(),
         "label": label,
+        "titles": titles,
         "cells": cells,
         "qualities": QUALITIES,
         "signed": signed,

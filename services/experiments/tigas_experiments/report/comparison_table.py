@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import groupby
+from pathlib import Path
 
 from tigas_common.wire.figures import INTERACTIVE_MS
 from tigas_experiments.records.folder import RunRecord
@@ -88,12 +89,31 @@ def cells(summary: Summary) -> list[str]:
     return [column.cell(summary) for column in COLUMNS]
 
 
+def titles(summaries: Sequence[Summary]) -> dict[str, str]:
+    """Of runs over one network, by their folders: with what tells those of one controller apart."""
+    configurations = {summary.folder: summary.record.configuration for summary in summaries}
+    several = {
+        name: len({getattr(configuration, name) for configuration in configurations.values()}) > 1
+        for name in ("scene", "movement", "segment")
+    }
+    return {
+        summary.folder: ", ".join(
+            [label(summary.record)]
+            + ([configuration.scene] if several["scene"] else [])
+            + ([Path(configuration.movement).stem] if several["movement"] else [])
+            + ([f"part {configuration.segment + 1}"] if several["segment"] else [])
+        )
+        for summary, configuration in zip(summaries, configurations.values(), strict=True)
+    }
+
+
 def by_network(summaries: Iterable[Summary]) -> dict[str, list[Summary]]:
-    """In the order that they have."""
-    found: dict[str, list[Summary]] = {}
+    """In the order that they have, but runs of one controller together."""
+    found: dict[str, dict[str, list[Summary]]] = {}
     for summary in summaries:
-        found.setdefault(summary.record.configuration.network.label, []).append(summary)
-    return found
+        runs = found.setdefault(summary.record.configuration.network.label, {})
+        runs.setdefault(label(summary.record), []).append(summary)
+    return {network: [run for alike in runs.values() for run in alike] for network, runs in found.items()}
 
 
 def markdown(summaries: Iterable[Summary]) -> str:
@@ -104,10 +124,11 @@ def markdown(summaries: Iterable[Summary]) -> str:
         "|---|---|" + "---:|" * len(chosen),
     ]
     for network, runs in by_network(summaries).items():
+        named = titles(runs)
         for run in runs:
             if run.figures is None:
                 row = [f"no result: {run.problem}", *[""] * (len(chosen) - 1)]
             else:
                 row = [column.cell(run) for column in chosen]
-            lines.append(f"| {' | '.join(map(escaped, (network, label(run.record), *row)))} |")
+            lines.append(f"| {' | '.join(map(escaped, (network, named[run.folder], *row)))} |")
     return "\n".join(lines) + "\n"
