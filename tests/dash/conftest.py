@@ -15,6 +15,7 @@ from websockets.asyncio.client import ClientConnection, connect
 from tests.dash.fakes import FakeRender
 from tigas_common.address import Address
 from tigas_common.http_limits import HttpLimits
+from tigas_common.origins import OriginPolicy
 from tigas_common.runner import serve_http
 from tigas_dash.app import create_app
 from tigas_dash.clock import Clock
@@ -78,7 +79,9 @@ async def running_packager(idle_s: float = IDLE_S, limit: int = 3) -> AsyncItera
     async with (
         httpx.AsyncClient(transport=transport, base_url="http://render") as upstream,
         Sessions(RenderClient(upstream), "libx264", Clock(), limit=limit, idle_s=idle_s).running() as sessions,
-        serve_http(create_app(sessions), Address("127.0.0.1", 0), HttpLimits(), websockets=True) as port,
+        serve_http(
+            create_app(sessions, OriginPolicy()), Address("127.0.0.1", 0), HttpLimits(), websockets=True
+        ) as port,
         httpx.AsyncClient(base_url=f"http://127.0.0.1:{port}", timeout=10) as client,
     ):
         yield Packager(render, sessions, client, port)

@@ -10,12 +10,15 @@ from typing import Any
 
 import httpx
 import pytest
-from websockets.exceptions import ConnectionClosed
+from websockets.asyncio.client import connect
+from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.frames import CloseCode
+from websockets.typing import Origin
 
 from tests.dash.boxes import contents
 from tests.dash.conftest import Packager, pose, session_request
 from tests.dash.watching import brightness, told, until
+from tigas_common.origins import OriginPolicy
 from tigas_dash.app import create_app
 
 pytestmark = pytest.mark.anyio
@@ -41,7 +44,7 @@ async def test_a_growing_segment_is_sent_chunk_by_chunk_to_every_reader(packager
         path = f"/sessions/{session['id']}/r3-500/2.m4s"
         async with packager.http.stream("GET", path, headers={"origin": "http://localhost:8080"}) as answer:
             assert answer.headers["transfer-encoding"] == "chunked"
-            assert answer.headers["access-control-allow-origin"] == "*"
+            assert answer.headers["access-control-allow-origin"] == "http://localhost:8080"
             async for part in answer.aiter_raw():
                 times += [time.monotonic()] * len(contents(part, b"moof"))
         return times
@@ -160,7 +163,9 @@ async def test_a_reader_that_stops_reading_holds_up_nobody(packager: Packager) -
     stuck = socket.create_connection(("127.0.0.1", packager.port))
     stuck.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 1024)
     for number in range(1, 4):
-        stuck.sendall(f"GET /sessions/{session['id']}/r3-5000/{number}.m4s HTTP/1.1\r\nHost: x\r\n\r\n".encode())
+        stuck.sendall(
+            f"GET /sessions/{session['id']}/r3-5000/{number}.m4s HTTP/1.1\r\nHost: localhost\r\n\r\n".encode()
+        )
     before = (await packager.status(session))["frames"]
     await until(lambda status: status["frames"] > before + 30, packager, session)
     assert await brightness(packager, session, 3, "r3-5000")
@@ -177,8 +182,9 @@ async def test_a_client_that_left_while_its_stream_was_opened_leaves_none_behind
     async def send(_: Any) -> None:
         pass
 
-    scope = {"type": "http", "method": "POST", "path": "/sessions", "query_string": b"", "headers": []}
-    await create_app(packager.sessions)(scope, receive, send)
+    scope = {"type": "http", "method": "POST", "path": "/sessions", "query_string": b""}
+    scope["headers"] = [(b"host", b"localhost")]
+    await create_app(packager.sessions, OriginPolicy())(scope, receive, send)
     assert len(packager.render.requests) == 1
     assert packager.sessions.all() == []
 
@@ -192,3 +198,23 @@ async def test_a_packager_without_a_render_service_says_so(packager: Packager) -
         answer = await packager.http.post("/sessions", json=session_request())
     assert (answer.status_code, answer.json()["type"]) == (502, "tigas:render-unavailable")
     assert "Connection refused" in answer.json()["detail"]
+
+
+@pytest.mark.parametrize(
+    ("host", "origin", "status"),
+    [
+        ("localhost", "https://evil.example", 403),
+        ("localhost", "null", 403),
+        ("evil.example", "http://evil.example", 421),
+    ],
+)
+async def test_a_foreign_page_does_not_turn_a_viewers_camera(
+    packager: Packager, host: str, origin: Origin, status: int
+) -> None:
+    session = await packager.open()
+    with pytest.raises(InvalidStatus) as refused:
+        await connect(f"ws://{host}{session['poses']}", origin=origin, host="127.0.0.1", port=packager.port)
+    answer = refused.value.response
+    assert answer.status_code == status
+    assert json.loads(answer.body)["detail"].endswith(".")
+    assert answer.headers["Cross-Origin-Resource-Policy"] == "same-origin"

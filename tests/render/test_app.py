@@ -17,7 +17,7 @@ from PIL import Image
 
 from tests.render.fakes import FakeRasterizer, render_request
 from tigas_common.errors import DeviceLost
-from tigas_render.app import create_app
+from tigas_render.app import STATIC, create_app
 from tigas_render.gaussians import Gaussians
 from tigas_render.raster.devices import create_rasterizer
 from tigas_render.raster.stamp import read_stamp
@@ -188,6 +188,27 @@ async def test_scenes_are_listed_loaded_and_unloaded(client: httpx.AsyncClient) 
     assert (await client.get("/scenes/wall")).json()["state"] == "unloaded"
     assert (await client.post("/scenes/nowhere/load")).status_code == 404
     assert (await client.post("/scenes/broken/load")).status_code == 422
+
+
+async def test_a_scene_that_is_viewed_stays_loaded(client: httpx.AsyncClient) -> None:
+    assert (await client.post("/render", json=frame())).status_code == 200
+    refused = await client.post("/scenes/wall/unload")
+    assert (refused.status_code, refused.json()["type"]) == (409, "tigas:scene-in-use")
+    assert (await client.get("/scenes/wall")).json()["state"] == "loaded"
+
+
+async def test_the_page_may_reach_the_services_and_nothing_else(client: httpx.AsyncClient) -> None:
+    if not STATIC.is_dir():
+        pytest.skip("the web client is not built: cd web && npm ci && npm run build")
+    policy = (await client.get("/")).headers["content-security-policy"]
+    directives = dict(directive.split(" ", 1) for directive in policy.split("; "))
+    assert (
+        directives["connect-src"]
+        == "'self' http://localhost:99 https://example.org ws://localhost:99 wss://example.org"
+    )
+    assert directives["default-src"] == "'self'"
+    assert directives["frame-ancestors"] == "'none'"
+    assert "script-src" not in directives
 
 
 async def test_a_scene_added_later_is_found_on_request(client: httpx.AsyncClient, models: Path) -> None:

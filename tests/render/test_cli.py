@@ -19,6 +19,7 @@ import pytest
 
 from tests.render import losing_device
 from tests.render.fakes import render_request
+from tigas_render.settings import RenderSettings
 
 ROOT = Path(__file__).parents[2]
 TIGAS = str(Path(sys.executable).parent / "tigas")
@@ -81,6 +82,28 @@ def test_the_server_says_what_it_serves_and_stops_at_once_when_told(tmp_path: Pa
         process.send_signal(signal.SIGTERM)
         assert process.wait(5) == 0
         assert time.monotonic() - stopping < 2
+
+
+def test_by_default_only_this_machine_is_served_and_the_network_when_asked_for(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delenv("TIGAS_CONFIG", raising=False)
+    local, lan = RenderSettings(), RenderSettings(lan=True)
+    assert all(address.is_loopback for address in local.addresses)
+    assert str(local.quic) == "localhost:4433"
+    assert [str(address) for address in lan.addresses] == ["0.0.0.0:8080", "0.0.0.0:8443", "[::]:4433"]
+    assert RenderSettings(lan=True, http="127.0.0.1:0").http.is_loopback  # type: ignore[arg-type]
+    with serving("--scenes", str(tmp_path)) as (_, printed):
+        assert "Open to the network" not in printed
+    with serving("--scenes", str(tmp_path), "--quic", "[::]:0") as (_, printed):
+        assert "Open to the network on [::]:0: whoever reaches this machine can use this service." in printed
+
+
+def test_another_machine_is_not_sent_to_a_port_that_only_this_one_reaches(tmp_path: Path) -> None:
+    with serving("--scenes", str(tmp_path)) as (_, printed):
+        for host, offered in (("localhost", True), ("192.0.2.1", False)):
+            config = httpx.get(url_in(printed) + "config.json", headers={"Host": host}).json()
+            assert (config["webtransport_url"] is not None) == offered
 
 
 def test_a_server_whose_gpu_is_lost_answers_and_ends_so_that_another_can_be_started() -> None:

@@ -105,14 +105,14 @@ class RenderServer(_Service):
 
     def __init__(self, *arguments: str, environment: dict[str, str] | None = None) -> None:
         super().__init__("render", *arguments, environment=environment)
-        self._http, self._quic = "127.0.0.1:0", "[::]:0"
+        self._http, self._quic = "127.0.0.1:0", "localhost:0"
 
     def start(self) -> None:
         """As any service; learns its ports."""
         super().start()
         with urlopen(f"{self.url}config.json") as answer:
             quic = urlsplit(json.load(answer)["webtransport_url"])
-        self._http, self._quic = f"127.0.0.1:{urlsplit(self.url).port}", f"[::]:{quic.port}"
+        self._http, self._quic = f"127.0.0.1:{urlsplit(self.url).port}", f"localhost:{quic.port}"
 
     def _addresses(self) -> list[str]:
         return ["--http", self._http, "--quic", self._quic]

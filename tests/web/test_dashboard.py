@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import shutil
+from collections.abc import Iterator
 from pathlib import Path
 
-from playwright.sync_api import expect
+import pytest
+from playwright.sync_api import Page, expect
 
 from tests.web.conftest import OpenPage
 from tests.web.server import RenderServer
@@ -40,11 +42,27 @@ def test_the_filter_finds_by_name(open_page: OpenPage) -> None:
     expect(page.locator(".card")).to_have_count(3)
 
 
-def test_scenes_are_loaded_and_unloaded(open_page: OpenPage, server: RenderServer) -> None:
-    page = open_page()
-    page.request.post(f"{server.url}scenes/pebbles/unload")
+@pytest.fixture
+def dashboard_with_more(open_page: OpenPage, models: Path) -> Iterator[Page]:
+    """The list after a scene was added that nobody has viewed."""
+    page = open_page(expected_errors="422")  # the broken scene's preview is asked for again
+    expect(page.locator(".card")).to_have_count(3)
+    shutil.copytree(models / "pebbles", models / "more-pebbles")
+    try:
+        page.get_by_role("button", name="Look for new scenes").click()
+        expect(page.locator("[data-scene=more-pebbles] .thumbnail")).to_have_attribute("data-state", "there")
+        yield page
+    finally:
+        shutil.rmtree(models / "more-pebbles")
+        page.get_by_role("button", name="Look for new scenes").click()
+        expect(page.locator(".card")).to_have_count(3)
+
+
+def test_scenes_are_loaded_and_unloaded(dashboard_with_more: Page, server: RenderServer) -> None:
+    page = dashboard_with_more
+    page.request.post(f"{server.url}scenes/more-pebbles/unload")
     page.reload()
-    card = page.locator("[data-scene=pebbles]")
+    card = page.locator("[data-scene=more-pebbles]")
     expect(card).to_have_attribute("data-state", "unloaded")
     card.get_by_role("button", name="Load: Pebbles").click()
     expect(card).to_have_attribute("data-state", "loaded")
@@ -53,17 +71,8 @@ def test_scenes_are_loaded_and_unloaded(open_page: OpenPage, server: RenderServe
     expect(card).to_have_attribute("data-state", "unloaded")
 
 
-def test_new_scenes_are_found_when_asked_for(open_page: OpenPage, models: Path) -> None:
-    page = open_page(expected_errors="422")  # the broken scene's preview is asked for again
-    expect(page.locator(".card")).to_have_count(3)
-    shutil.copytree(models / "pebbles", models / "more-pebbles")
-    try:
-        page.get_by_role("button", name="Look for new scenes").click()
-        expect(page.locator("[data-scene=more-pebbles]")).to_be_visible()
-    finally:
-        shutil.rmtree(models / "more-pebbles")
-        page.get_by_role("button", name="Look for new scenes").click()
-        expect(page.locator(".card")).to_have_count(3)
+def test_new_scenes_are_found_when_asked_for(dashboard_with_more: Page) -> None:
+    expect(dashboard_with_more.locator("[data-scene=more-pebbles]")).to_be_visible()
 
 
 def test_links_reloading_and_the_back_button_work(open_page: OpenPage) -> None:

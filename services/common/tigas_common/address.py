@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-import ipaddress
 import re
 import socket
+from collections.abc import Iterable
 from dataclasses import dataclass
+
+from tigas_common.hosts import is_loopback
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,13 +35,14 @@ class Address:
         return f"[{self.host}]:{self.port}" if ":" in self.host else f"{self.host}:{self.port}"
 
     @property
+    def is_loopback(self) -> bool:
+        """Whether only this machine reaches it."""
+        return is_loopback(self.host)
+
+    @property
     def reachable_host(self) -> str:
         """A host name under which this machine reaches itself, for URLs shown to people."""
-        try:
-            unspecified = ipaddress.ip_address(self.host).is_unspecified
-        except ValueError:
-            return self.host
-        if unspecified or ipaddress.ip_address(self.host).is_loopback:
+        if self.is_loopback or self.host in ("0.0.0.0", "::"):
             return "localhost"
         return f"[{self.host}]" if ":" in self.host else self.host
 
@@ -63,3 +66,9 @@ class Address:
             listener.close()
             raise
         return listener
+
+
+def say_if_open(addresses: Iterable[Address]) -> None:
+    """Print one line if others than this machine reach a service that listens here."""
+    if opened := [str(address) for address in addresses if not address.is_loopback]:
+        print(f"Open to the network on {' and '.join(opened)}: whoever reaches this machine can use this service.")

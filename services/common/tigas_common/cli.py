@@ -7,6 +7,7 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from importlib.metadata import entry_points
+from typing import Annotated
 
 import typer
 
@@ -14,6 +15,17 @@ from tigas_common.terminal import LogFormatter, printable
 
 COMMANDS = "tigas.commands"
 """The entry-point group: a `typer.Typer` becomes a group of commands, a function one command."""
+
+AllowHosts = Annotated[
+    list[str] | None,
+    typer.Option("--allow-host", metavar="NAME", help="Answer under this host name as well. Repeatable."),
+]
+"""The option of every service for its setting `allow_hosts`."""
+AllowOrigins = Annotated[
+    list[str] | None,
+    typer.Option("--allow-origin", metavar="URL", help="Let pages of another host use the service. Repeatable."),
+]
+"""The same for `allow_origins`."""
 
 
 @contextmanager

@@ -53,6 +53,12 @@ class BrokenScene(TigasError):
     status, type, title = 422, "broken-scene", "The scene cannot be loaded"
 
 
+class SceneInUse(TigasError):
+    """Somebody views the scene that another asks to unload."""
+
+    status, type, title = 409, "scene-in-use", "The scene is in use"
+
+
 class Superseded(TigasError):
     """A newer request of the same client took this one's place before it was rendered."""
 

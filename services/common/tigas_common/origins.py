@@ -1,91 +1,166 @@
-"""Which web origins may change something, as browsers tell by `Origin`.
+"""Who may use a service from a browser: the hosts that it answers under, and the web pages that may ask it.
 
-Without this, any page that somebody visits could change that person's link or remove their experiments.
+Without this, any page that somebody visits could use what listens on that person's machine: the browser sends requests
+for it, and takes it for our own page once a name of its own leads here (DNS rebinding).
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import socket
+from collections.abc import Iterable
 from dataclasses import dataclass
-from ipaddress import ip_address
-from urllib.parse import urlsplit
 
-from starlette.middleware import Middleware
+from starlette.datastructures import Headers, MutableHeaders
 from starlette.middleware.cors import CORSMiddleware
-from starlette.requests import Request
-from starlette.types import ASGIApp, Receive, Scope, Send
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
+from starlette.websockets import WebSocket
 
-from tigas_common.errors import TigasError
-from tigas_common.web import on_error
+from tigas_common.address import Address
+from tigas_common.errors import TigasError, problem
+from tigas_common.hosts import host_of, host_of_origin, is_address, is_loopback, is_network_name
+from tigas_common.web import problem_response
 
-LOOPBACK = frozenset({"localhost", "127.0.0.1", "::1"})
 SAFE_METHODS = frozenset({"GET", "HEAD", "OPTIONS"})
 """They change nothing (RFC 9110, 9.2.1)."""
+SECURITY_HEADERS = {
+    "Cross-Origin-Resource-Policy": "same-origin",
+    # Not `no-referrer`, nor `same-origin`: beacons to a service on another port would say that they come from nowhere.
+    "Referrer-Policy": "strict-origin",
+    "X-Content-Type-Options": "nosniff",
+}
+NOTHING = "default-src 'none'"
+"""The content security policy of an answer that is no page."""
+
+
+class ForeignHost(TigasError):
+    """The request names a host that is not ours."""
+
+    status, type, title = 421, "foreign-host", "This service has another name"
 
 
 class ForeignOrigin(TigasError):
-    """A page that may not, or a program that does not say who it is, asked for a change."""
+    """A page that may not, or a program that does not say who it is, asked for something."""
 
-    status, type, title = 403, "foreign-origin", "This origin may change nothing here"
+    status, type, title = 403, "foreign-origin", "This origin may not use the service"
 
 
 @dataclass(frozen=True, slots=True)
 class OriginPolicy:
-    """Who may ask for a change: `pages`, and whoever the rest allows."""
+    """Pages of the service's own host may use it, on any port; others if `pages` names them.
 
-    pages: Sequence[str]
-    """Origins, as browsers name them."""
-    own_host: bool = False
-    """Pages of the service's own host, on any port. A name with dots may be anybody's, who can make it lead here (DNS
-    rebinding): pages of such a host have to be named."""
-    programs: bool = False
-    """Requests without an origin: they come from programs that are no browser."""
+    Its own hosts are loopback, every address, since no name server can make one lead elsewhere, and the names below.
+    """
 
-    def check(self, origin: str | None, host: str) -> None:
-        """Raises ForeignOrigin for a change that `origin` may not ask for; `host` is what the request names ours."""
+    hosts: frozenset[str] = frozenset()
+    """Names, in small letters."""
+    pages: tuple[str, ...] = ()
+    """Origins, as browsers name them. They may also show the service's pages in a frame."""
+    on_network: bool = False
+    """Names that only the own network can give (`labhost`, `lab.local`) are its own, too."""
+    programs: bool = True
+    """Whether a change may be asked for without an origin, as programs do that are no browser."""
+
+    @classmethod
+    def of(
+        cls,
+        listening: Iterable[Address],
+        hosts: Iterable[str] = (),
+        pages: Iterable[str] = (),
+        *,
+        programs: bool = True,
+    ) -> OriginPolicy:
+        """The policy of a service that listens on these addresses."""
+        names = [address.host for address in listening]
+        on_network = not all(map(is_loopback, names))
+        own = [*names, socket.gethostname()] if on_network else names
+        return cls(frozenset(name.lower() for name in (*own, *hosts)), tuple(pages), on_network, programs)
+
+    def check(self, host: str, origin: str | None, *, changes: bool = True) -> None:
+        """Whether a request may be answered whose Host and Origin are these, and that `changes` something.
+
+        Raises ForeignHost and ForeignOrigin.
+        """
+        name = host_of(host)
+        if name is None or not self._is_own(name):
+            raise ForeignHost(f"This service does not answer under the name {host[:100]!r}; --allow-host allows it.")
         if origin is None:
-            if not self.programs:
+            if changes and not self.programs:
                 raise ForeignOrigin("A request that changes something must have an allowed Origin; this one has none.")
-        elif origin not in self.pages and not (self.own_host and _same_host(origin, host)):
-            raise ForeignOrigin(f"A request that changes something must have an allowed Origin, not {origin[:100]}.")
+        elif origin not in self.pages and not _same(host_of_origin(origin), name):
+            raise ForeignOrigin(f"Pages of {origin[:100]!r} may not use this service; --allow-origin allows them.")
+
+    def check_request(self, method: str, headers: Headers) -> None:
+        """The same for an HTTP request, of which a browser says where it comes from even if it has no Origin."""
+        origin = headers.get("origin")
+        self.check(headers.get("host", ""), origin, changes=method not in SAFE_METHODS)
+        if origin is None and headers.get("sec-fetch-site") == "cross-site" and not self._is_visit(method, headers):
+            raise ForeignOrigin("Pages of another site may not use this service; --allow-origin allows them.")
+
+    @property
+    def frame_ancestors(self) -> str:
+        """The directive that says who may show an answer in a frame."""
+        return "frame-ancestors " + (" ".join(self.pages) or "'none'")
+
+    def _is_own(self, name: str) -> bool:
+        return (
+            is_loopback(name) or is_address(name) or name in self.hosts or (self.on_network and is_network_name(name))
+        )
+
+    def _is_visit(self, method: str, headers: Headers) -> bool:
+        """Whether somebody follows a link to here, or a page that may do so shows us in a frame."""
+        shown_in = {"document", "iframe"} if self.pages else {"document"}
+        navigates = method in SAFE_METHODS and headers.get("sec-fetch-mode") == "navigate"
+        return navigates and headers.get("sec-fetch-dest") in shown_in
 
 
 class OriginCheck:
-    """ASGI middleware: refuses requests for a change that the policy does not allow."""
+    """ASGI middleware around a whole application: refuses what the policy does not allow, lets allowed pages read the
+    answers, and gives every answer the headers that keep other pages from using it."""
 
     def __init__(self, app: ASGIApp, policy: OriginPolicy) -> None:
         self._app = app
         self._policy = policy
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        if scope["type"] == "http" and scope["method"] not in SAFE_METHODS:
-            request = Request(scope)
-            try:
-                self._policy.check(request.headers.get("origin"), request.headers.get("host", ""))
-            except ForeignOrigin as error:
-                return await (await on_error(request, error))(scope, receive, send)
-        return await self._app(scope, receive, send)
+        if scope["type"] not in ("http", "websocket"):
+            return await self._app(scope, receive, send)
+        headers = Headers(scope=scope)
+        try:
+            self._policy.check_request(scope.get("method", "GET"), headers)
+        except TigasError as error:
+            refusal = problem_response(problem(error))
+            send = self._protecting(send)
+            if scope["type"] == "websocket":
+                return await WebSocket(scope, receive, send).send_denial_response(refusal)
+            return await refusal(scope, receive, send)
+        if scope["type"] == "websocket":
+            return await self._app(scope, receive, send)
+        origin = headers.get("origin")
+        app = self._app if origin is None or _is_page_of(origin, headers["host"]) else _readable(self._app, origin)
+        return await app(scope, receive, self._protecting(send))
+
+    def _protecting(self, send: Send) -> Send:
+        async def protect(message: Message) -> None:
+            if message["type"] in ("http.response.start", "websocket.http.response.start"):
+                message.setdefault("headers", [])
+                headers = MutableHeaders(scope=message)
+                headers.update(SECURITY_HEADERS)
+                content = headers.get("content-security-policy", NOTHING)
+                headers["Content-Security-Policy"] = f"{content}; {self._policy.frame_ancestors}"
+            await send(message)
+
+        return protect
 
 
-def cross_origin(readers: Sequence[str] = ("*",)) -> Middleware:
-    """Lets pages of these origins read answers: the page is on another port than most services."""
-    return Middleware(
-        CORSMiddleware, allow_origins=readers, allow_methods=["GET", "POST", "DELETE"], allow_headers=["*"]
-    )
+def _readable(app: ASGIApp, origin: str) -> ASGIApp:
+    """The application for an allowed page of another origin: to most services the page is one, by its port."""
+    methods = ["GET", "POST", "DELETE"]
+    return CORSMiddleware(app, allow_origins=[origin], allow_methods=methods, allow_headers=["*"])
 
 
-def _same_host(origin: str, host: str) -> bool:
-    try:
-        theirs, ours = urlsplit(origin).hostname, urlsplit(f"//{host}").hostname
-    except ValueError:
-        return False
-    return theirs is not None and ((theirs == ours and _local(theirs)) or LOOPBACK.issuperset((theirs, ours)))
+def _is_page_of(origin: str, host: str) -> bool:
+    return origin.partition("://")[2] == host
 
 
-def _local(host: str) -> bool:
-    """Whether it is an address, or a name that only the own network can give."""
-    try:
-        ip_address(host)
-    except ValueError:
-        return "." not in host or host.endswith((".local", ".internal", ".home.arpa"))
-    return True
+def _same(theirs: str | None, ours: str) -> bool:
+    return theirs is not None and (theirs == ours or (is_loopback(theirs) and is_loopback(ours)))

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Annotated, Any, ClassVar, TypeVar
 
 import typer
-from pydantic import BeforeValidator, ValidationError
+from pydantic import AfterValidator, BeforeValidator, ValidationError
 from pydantic_settings import (
     BaseSettings,
     NoDecode,
@@ -18,6 +18,7 @@ from pydantic_settings import (
 )
 
 from tigas_common.address import Address
+from tigas_common.hosts import host_of, host_of_origin
 from tigas_common.http_limits import HttpLimits
 
 FILE_VARIABLE = "TIGAS_CONFIG"
@@ -32,11 +33,26 @@ def _address_or_off(value: Any) -> Any:
     return None if value == "off" else _address(value)
 
 
+def _host(value: str) -> str:
+    if host_of(value) != value.lower():
+        raise ValueError(f"{value!r} is not a host name, such as tigas.example.org")
+    return value.lower()
+
+
+def _page(value: str) -> str:
+    page = value.lower().removesuffix("/")
+    if host_of_origin(page) is None:
+        raise ValueError(f"{value!r} is not a page's origin, such as https://tigas.example.org")
+    return page
+
+
 # NoDecode: what the environment holds is HOST:PORT, not JSON.
 Listen = Annotated[Address, NoDecode, BeforeValidator(_address)]
 """A setting that is an address, written HOST:PORT."""
 ListenOrOff = Annotated[Address | None, NoDecode, BeforeValidator(_address_or_off)]
 """An address, or `off` for None."""
+Origins = tuple[Annotated[str, AfterValidator(_page)], ...]
+"""Pages, as browsers name them in `Origin`."""
 
 Settings = TypeVar("Settings", bound="ServiceSettings")
 
@@ -49,6 +65,10 @@ class ServiceSettings(BaseSettings):
 
     http_limits: HttpLimits = HttpLimits()
     """Limits on HTTP/1.1 connections; a table of their own in the settings file, JSON in the environment."""
+    allow_hosts: tuple[Annotated[str, AfterValidator(_host)], ...] = ()
+    """Names that the service answers under, beside addresses and names that only the own network gives."""
+    allow_origins: Origins = ()
+    """Pages of other hosts that may use the service and show it in a frame."""
 
     @classmethod
     def settings_customise_sources(
@@ -77,12 +97,12 @@ def _from_file(model: type[BaseSettings], table: str) -> tuple[TomlConfigSetting
 
 
 def load_settings(model: type[Settings], flags: dict[str, Any]) -> Settings:
-    """Settings from file, environment and the flags that were given (those that are not None).
+    """Settings from file, environment and the flags that were given (those that are neither None nor empty).
 
     Raises typer.BadParameter with one sentence if a value is wrong.
     """
     try:
-        return model(**{name: value for name, value in flags.items() if value is not None})
+        return model(**{name: value for name, value in flags.items() if value not in (None, [])})
     except ValidationError as error:
         first = error.errors(include_url=False, include_context=False)[0]
         name = ".".join(map(str, first["loc"]))

@@ -1,7 +1,4 @@
-"""The packager's HTTP interface: Starlette routes, nothing else.
-
-Every origin may use it: the page has another port, and there is nothing to steal but a view of public scenes.
-"""
+"""The packager's HTTP interface: Starlette routes, nothing else."""
 
 from __future__ import annotations
 
@@ -12,10 +9,11 @@ from starlette.applications import Starlette
 from starlette.requests import Request
 from starlette.responses import JSONResponse, PlainTextResponse, Response, StreamingResponse
 from starlette.routing import Route, WebSocketRoute
+from starlette.types import ASGIApp
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from tigas_common.errors import TigasError, problem
-from tigas_common.origins import cross_origin
+from tigas_common.origins import OriginCheck, OriginPolicy
 from tigas_common.parsing import parse
 from tigas_common.web import EXCEPTION_HANDLERS, NO_STORE, created_response, healthz, json_response, read_message
 from tigas_common.wire.dash import FrameShown, PoseUpdate, SessionRequest
@@ -30,7 +28,7 @@ UNKNOWN_SESSION = 4004
 """The pose socket's close code when there is no such session."""
 
 
-def create_app(sessions: Sessions) -> Starlette:
+def create_app(sessions: Sessions, policy: OriginPolicy) -> ASGIApp:
     """The application over running sessions, which are its caller's to open and close."""
     app = Starlette(
         routes=[
@@ -45,11 +43,10 @@ def create_app(sessions: Sessions) -> Starlette:
             Route("/time", time),
             Route("/healthz", healthz),
         ],
-        middleware=[cross_origin()],
         exception_handlers=EXCEPTION_HANDLERS,
     )
     app.state.sessions = sessions
-    return app
+    return OriginCheck(app, policy)
 
 
 async def open_session(request: Request) -> Response:

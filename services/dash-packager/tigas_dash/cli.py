@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from tigas_common.cli import in_a_sentence, log_to_stdout
+from tigas_common.cli import AllowHosts, AllowOrigins, in_a_sentence, log_to_stdout
 from tigas_common.settings import load_settings
 from tigas_common.topology import DASH, PAGE
 
@@ -29,6 +29,8 @@ def dash(
     encoder: Annotated[
         str | None, typer.Option(metavar="auto|libx264|h264_nvenc", help="H.264 encoder.", show_default="auto")
     ] = None,
+    allow_hosts: AllowHosts = None,
+    allow_origins: AllowOrigins = None,
 ) -> None:
     """Serve low-latency DASH (CMAF) streams of the render service's views, one per viewer.
 

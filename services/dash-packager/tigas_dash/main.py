@@ -8,6 +8,8 @@ from contextlib import AsyncExitStack
 import av.logging
 import httpx
 
+from tigas_common.address import say_if_open
+from tigas_common.origins import OriginPolicy
 from tigas_common.runner import explained, serve_http, until_stopped
 from tigas_dash.app import create_app
 from tigas_dash.clock import Clock
@@ -32,10 +34,13 @@ async def serve(settings: DashSettings) -> None:
             ).running()
         )
         with explained(settings.http, "--http"):
-            serving = serve_http(create_app(sessions), settings.http, settings.http_limits, websockets=True)
+            policy = OriginPolicy.of([settings.http], settings.allow_hosts, settings.allow_origins)
+            app = create_app(sessions, policy)
+            serving = serve_http(app, settings.http, settings.http_limits, websockets=True)
             port = await stack.enter_async_context(serving)
         # What start-up made stays: to look through it whenever a session ends would hold up frames.
         gc.collect()
         gc.freeze()
+        say_if_open([settings.http])
         print(f"DASH streams by {encoder} on http://{settings.http.reachable_host}:{port}/", flush=True)
         await until_stopped()

@@ -6,6 +6,7 @@ import asyncio
 import time
 from collections.abc import Coroutine
 from pathlib import Path
+from urllib.parse import urlsplit
 
 from prometheus_client import CONTENT_TYPE_LATEST, generate_latest
 from starlette.applications import Starlette
@@ -13,12 +14,13 @@ from starlette.requests import Request
 from starlette.responses import JSONResponse, Response
 from starlette.routing import Route
 from starlette.staticfiles import StaticFiles
-from starlette.types import Scope
+from starlette.types import ASGIApp, Scope
 
 from tigas_common.errors import problem
+from tigas_common.origins import OriginCheck
 from tigas_common.peers import ARRIVED, client_network
 from tigas_common.web import EXCEPTION_HANDLERS, NO_STORE, healthy, json_response, problem_response, read_message
-from tigas_common.wire.render import RenderRequest
+from tigas_common.wire.render import RenderRequest, ServerConfig
 from tigas_render.frame import Client, Frame
 from tigas_render.service import RenderService
 
@@ -28,7 +30,7 @@ CLIENT_GONE = 499
 """Nobody reads this status: the client left before its answer."""
 
 
-def create_app(service: RenderService) -> Starlette:
+def create_app(service: RenderService) -> ASGIApp:
     """The application over a running service, which is its caller's to open and close."""
     app = Starlette(
         routes=[
@@ -48,7 +50,7 @@ def create_app(service: RenderService) -> Starlette:
     if STATIC.is_dir():
         # Not a mount: that would match before a wrong method of the routes above is noticed.
         app.router.default = _Client(directory=STATIC, html=True)
-    return app
+    return OriginCheck(app, service.origins)
 
 
 async def render(request: Request) -> Response:
@@ -56,7 +58,7 @@ async def render(request: Request) -> Response:
     began = time.monotonic()
     render_request = await read_message(request, RenderRequest)
     arrived = getattr(request.state, ARRIVED, began)
-    answer = _service(request).engine.submit(_client(request), render_request, arrived)
+    answer = _service(request).submit(_client(request), render_request, arrived)
     frame = await _unless_disconnected(request, answer)
     if frame is None:
         return Response(status_code=CLIENT_GONE)
@@ -95,7 +97,7 @@ async def load(request: Request) -> Response:
 
 
 async def unload(request: Request) -> Response:
-    """Unload a scene as soon as nobody renders it."""
+    """Unload a scene that nobody views."""
     registry = _service(request).registry
     registry.unload(request.path_params["id"])
     return json_response(registry.info(request.path_params["id"]))
@@ -109,7 +111,7 @@ async def preview(request: Request) -> Response:
 
 async def config(request: Request) -> Response:
     """What the page needs to know, fitted to the address that it was opened under."""
-    return json_response(_service(request).config(request.url.hostname or "localhost"))
+    return json_response(_config(request))
 
 
 async def healthz(request: Request) -> Response:
@@ -132,8 +134,22 @@ class _Client(StaticFiles):
         response = await super().get_response(path, scope)
         hashed = path.startswith("assets/")
         response.headers["Cache-Control"] = "max-age=31536000, immutable" if hashed else "no-cache"
-        response.headers["X-Content-Type-Options"] = "nosniff"
+        response.headers["Content-Security-Policy"] = _page_policy(_config(Request(scope)))
         return response
+
+
+def _page_policy(config: ServerConfig) -> str:
+    """What the page may do: only what is its own, and to speak with the services."""
+    urls = [urlsplit(url) for url in (*config.services.values(), config.webtransport_url) if url]
+    hosts = " ".join(f"{url.scheme}://{url.netloc}" for url in urls)
+    return (
+        "default-src 'self'; img-src 'self' blob: data:; media-src 'self' blob:; object-src 'none'; base-uri 'none'; "
+        f"form-action 'none'; connect-src 'self' {hosts} {hosts.replace('http', 'ws')}; frame-src {hosts}"
+    )
+
+
+def _config(request: Request) -> ServerConfig:
+    return _service(request).config(request.url.hostname or "localhost")
 
 
 def _service(request: Request) -> RenderService:

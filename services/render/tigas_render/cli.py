@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from tigas_common.cli import in_a_sentence, log_to_stdout
+from tigas_common.cli import AllowHosts, AllowOrigins, in_a_sentence, log_to_stdout
 from tigas_common.errors import StartError, TigasError
 from tigas_common.settings import load_settings
 from tigas_common.terminal import make_console
@@ -19,6 +19,10 @@ scene = typer.Typer(help="Inspect, generate and preview scene files.", no_args_i
 
 def render(
     scenes: Annotated[Path | None, typer.Option(help="Models directory, one folder per scene.")] = None,
+    lan: Annotated[
+        bool | None,
+        typer.Option("--lan", help="Serve other devices on the network, too, over HTTPS as well.", show_default="off"),
+    ] = None,
     http: Annotated[
         str | None, typer.Option(metavar="HOST:PORT", help="Page and API.", show_default=str(PAGE.loopback))
     ] = None,
@@ -31,7 +35,9 @@ def render(
     quic: Annotated[
         str | None,
         typer.Option(
-            metavar="HOST:PORT", help="HTTP/3 and WebTransport, or 'off'.", show_default=f"[::]:{WEBTRANSPORT.number}"
+            metavar="HOST:PORT",
+            help="HTTP/3 and WebTransport, or 'off'.",
+            show_default=f"localhost:{WEBTRANSPORT.number}",
         ),
     ] = None,
     device: Annotated[
@@ -46,12 +52,14 @@ def render(
     idle_minutes: Annotated[
         float | None, typer.Option(help="Unload scenes that were unused for this long.", show_default="15")
     ] = None,
+    allow_hosts: AllowHosts = None,
+    allow_origins: AllowOrigins = None,
 ) -> None:
     """Serve scenes: open the printed URL, pick a scene and walk through it.
 
     Settings are also read from table `render` of tigas.toml (or the file that TIGAS_CONFIG names) and TIGAS_RENDER_*.
     """
-    flags = {name: value for name, value in locals().items() if value is not None}
+    flags = dict(locals())
     from tigas_render.settings import RenderSettings
 
     settings = load_settings(RenderSettings, flags)

@@ -9,7 +9,7 @@ import ssl
 from contextlib import AsyncExitStack
 from pathlib import Path
 
-from tigas_common.address import Address
+from tigas_common.address import Address, say_if_open
 from tigas_common.errors import StartError, TigasError
 from tigas_common.runner import explained, serve_http, until_stopped
 from tigas_common.terminal import printable
@@ -45,10 +45,11 @@ async def serve(settings: RenderSettings) -> None:
                         host=settings.quic.host,
                         port=settings.quic.port,
                         certificate=service.certificate,
-                        webtransport={"/render": render_session(service.engine)},
+                        webtransport={"/render": render_session(service)},
                         congestion_control=settings.congestion_control,
                         limits=settings.quic_limits,
                         reset_key=kept_key(settings.cache / "stateless-reset.key"),
+                        origins=service.origins,
                     )
                 )
             service.quic_port = server.port
@@ -103,4 +104,5 @@ def _announce(service: RenderService, http: Address) -> None:
         print("Only the API is available, because the page is not built: run `npm ci && npm run build` in web/.")
     if service.https_port:
         print(f"Other devices on the network: https://<this machine's address>:{service.https_port}/")
+    say_if_open(service.settings.addresses)
     print(f"Open http://{http.reachable_host}:{http.port}/", flush=True)

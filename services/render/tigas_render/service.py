@@ -14,9 +14,11 @@ from importlib.metadata import version
 from tigas_common.certificate import Certificate
 from tigas_common.commit import this_commit
 from tigas_common.errors import DeviceLost
+from tigas_common.hosts import is_loopback
+from tigas_common.origins import OriginPolicy
 from tigas_common.wire.render import RenderRequest, ServerConfig
 from tigas_render.engine import Engine
-from tigas_render.frame import Client
+from tigas_render.frame import Client, Frame
 from tigas_render.metrics import EngineMetrics
 from tigas_render.preview import Preview, PreviewCache, preview_camera
 from tigas_render.raster.base import Rasterizer
@@ -33,7 +35,7 @@ PREVIEWS = Client("previews", "previews")
 
 
 class RenderService:
-    """The running service. Transports ask `engine` for frames; `app` turns the rest into HTTP."""
+    """The running service. Transports ask it for frames; `app` turns the rest into HTTP."""
 
     def __init__(self, settings: RenderSettings, rasterizer: Rasterizer) -> None:
         self.settings = settings
@@ -52,6 +54,7 @@ class RenderService:
             rasterizer, self.registry, settings.ladder, self.metrics, time.monotonic, settings.waiting_per_address
         )
         self.certificate = Certificate.create(_own_names(settings), datetime.now(UTC))
+        self.origins = OriginPolicy.of(settings.addresses, settings.allow_hosts, settings.allow_origins)
         self.quic_port: int | None = None
         """Where QUIC is served, once it is."""
         self.https_port: int | None = None
@@ -82,16 +85,27 @@ class RenderService:
         """What a page that was opened under `host` needs to know."""
         # QUIC does not fall back from ::1 to 127.0.0.1, so a browser must not choose between them.
         quic_host = "127.0.0.1" if host == "localhost" else host
+        quic_port = self.quic_port if self._reaches_quic(host) else None
         return ServerConfig(
             version=version("tigas"),
             commit=self._commit,
             device=self._hardware,
             ladder=self.settings.ladder,
-            certificate_sha256=self.certificate.sha256 if self.quic_port else None,
-            webtransport_url=f"https://{_bracketed(quic_host)}:{self.quic_port}/render" if self.quic_port else None,
+            certificate_sha256=self.certificate.sha256 if quic_port else None,
+            webtransport_url=f"https://{_bracketed(quic_host)}:{quic_port}/render" if quic_port else None,
             https_url=f"https://{_bracketed(host)}:{self.https_port}/" if self.https_port else None,
             services={name: _fitted(url, host) for name, url in self.settings.services.items()},
         )
+
+    def _reaches_quic(self, host: str) -> bool:
+        """Whether a page that was opened under `host` may find QUIC there: another machine does not, on loopback."""
+        return self.settings.quic is not None and (not self.settings.quic.is_loopback or is_loopback(host))
+
+    async def submit(self, client: Client, request: RenderRequest, arrived: float) -> Frame:
+        """A viewer's frame, as `Engine.submit`."""
+        frame = await self.engine.submit(client, request, arrived)
+        self.registry.viewed(request.scene)
+        return frame
 
     async def load(self, scene_id: str) -> None:
         """Load a scene and wait until it is loaded. Raises as `SceneRegistry.load` does."""
@@ -142,8 +156,7 @@ class RenderService:
 
 
 def _own_names(settings: RenderSettings) -> list[str]:
-    addresses = [address.host for address in (settings.http, settings.https, settings.quic) if address]
-    return [socket.gethostname(), *addresses]
+    return [socket.gethostname(), *(address.host for address in settings.addresses)]
 
 
 def _fitted(url: str, host: str) -> str:

@@ -10,7 +10,7 @@ from pydantic_settings import SettingsConfigDict
 
 from tigas_common.address import Address
 from tigas_common.settings import Listen, ListenOrOff, ServiceSettings
-from tigas_common.topology import PAGE, WEBTRANSPORT
+from tigas_common.topology import PAGE, PAGE_HTTPS, WEBTRANSPORT
 from tigas_common.wire.render import DEFAULT_LADDER, Rung
 from tigas_render.cache import cache_directory
 from tigas_render.transport.limits import Limits
@@ -24,12 +24,16 @@ class RenderSettings(ServiceSettings):
 
     scenes: Path | None = None
     """The models directory, one folder per scene."""
-    http: Listen = PAGE.loopback
+    lan: bool = False
+    """Whether other devices on the network are served, too, where the addresses below are left as they are."""
+    http: Listen = Field(default_factory=lambda given: PAGE.everywhere if given["lan"] else PAGE.loopback)
     """Address of the page and the API over HTTP/1.1."""
-    https: ListenOrOff = None
+    https: ListenOrOff = Field(default_factory=lambda given: PAGE_HTTPS.everywhere if given["lan"] else None)
     """Address of the same over HTTPS, for other devices on the network."""
-    quic: ListenOrOff = Address("::", WEBTRANSPORT.number)
-    """Address of HTTP/3 and WebTransport; `off` disables both."""
+    quic: ListenOrOff = Field(
+        default_factory=lambda given: Address("::" if given["lan"] else "localhost", WEBTRANSPORT.number)
+    )
+    """Address of HTTP/3 and WebTransport; `localhost` is 127.0.0.1 and ::1; `off` disables both."""
     device: str = Field(default="auto", pattern=r"^(auto|cpu|cuda(:[0-9]{1,3})?)$")
     """The device to render on: `cpu`, `cuda`, `cuda:N` for one of several GPUs, or `auto` for the fastest."""
     congestion_control: Literal["reno", "cubic"] = "reno"
@@ -48,3 +52,8 @@ class RenderSettings(ServiceSettings):
     """The cache directory of rendered previews."""
     services: dict[str, str] = Field(default_factory=dict)
     """Base URLs of other services for the page, by name; a bare `:PORT` means the page's own host."""
+
+    @property
+    def addresses(self) -> list[Address]:
+        """All that the service listens on."""
+        return [address for address in (self.http, self.https, self.quic) if address]

@@ -1,23 +1,22 @@
 """The shaper's HTTP interface: Starlette routes, nothing else.
 
-Requests that change something need an `Origin` that the settings allow: browsers send it by themselves, so that no
+Requests that change something need an `Origin` that the policy allows: browsers send it by themselves, so that no
 other page can change the link; command-line tools say it (`curl -H 'Origin: http://localhost:8080' …`).
 """
 
 from __future__ import annotations
 
 import asyncio
-from collections.abc import AsyncIterator, Sequence
+from collections.abc import AsyncIterator
 
 from starlette.applications import Starlette
-from starlette.middleware import Middleware
 from starlette.requests import Request
 from starlette.responses import Response, StreamingResponse
 from starlette.routing import Route
-from starlette.types import Receive, Scope, Send
+from starlette.types import ASGIApp, Receive, Scope, Send
 
 from tigas_common.errors import Overloaded
-from tigas_common.origins import OriginCheck, OriginPolicy, cross_origin
+from tigas_common.origins import OriginCheck, OriginPolicy
 from tigas_common.web import EXCEPTION_HANDLERS, NO_STORE, healthy, json_response, read_body, read_message
 from tigas_common.wire.shaper import MAX_UPLOAD_BYTES, LinkSetting, LoopRequest, SeekRequest, StartRequest, TraceList
 from tigas_shaper.errors import LinkClosed
@@ -27,7 +26,7 @@ from tigas_shaper.traces.library import points, summary
 MAX_WATCHERS = 64
 
 
-def create_app(shaper: Shaper, origins: Sequence[str]) -> Starlette:
+def create_app(shaper: Shaper, policy: OriginPolicy) -> ASGIApp:
     """The application over a running shaper, which is its caller's to open and close."""
     app = Starlette(
         routes=[
@@ -45,15 +44,11 @@ def create_app(shaper: Shaper, origins: Sequence[str]) -> Starlette:
             Route("/events", events),
             Route("/healthz", healthz),
         ],
-        middleware=[
-            cross_origin(readers=origins),
-            Middleware(OriginCheck, policy=OriginPolicy(origins)),
-        ],
         exception_handlers=EXCEPTION_HANDLERS,
     )
     app.state.shaper = shaper
     app.state.watchers = 0
-    return app
+    return OriginCheck(app, policy)
 
 
 async def traces(request: Request) -> Response:

@@ -8,9 +8,9 @@ from typing import Annotated
 
 import typer
 
-from tigas_common.cli import in_a_sentence, log_to_stdout
+from tigas_common.cli import AllowHosts, AllowOrigins, in_a_sentence, log_to_stdout
 from tigas_common.settings import load_settings
-from tigas_common.topology import PAGE_ORIGINS, SHAPER
+from tigas_common.topology import SHAPER
 
 
 def shaper(
@@ -31,12 +31,6 @@ def shaper(
     http: Annotated[
         str | None, typer.Option(metavar="HOST:PORT", help="API.", show_default=str(SHAPER.loopback))
     ] = None,
-    origins: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--origin", metavar="URL", help="Page that may change the link. Repeatable.", show_default=PAGE_ORIGINS[0]
-        ),
-    ] = None,
     down_kbps: Annotated[
         float | None, typer.Option(help="Rate to the clients when no trace plays.", show_default="100000")
     ] = None,
@@ -50,12 +44,14 @@ def shaper(
         str | None,
         typer.Option(metavar="auto|netem|relay", help="What applies delay, jitter and loss.", show_default="auto"),
     ] = None,
+    allow_hosts: AllowHosts = None,
+    allow_origins: AllowOrigins = None,
 ) -> None:
     """Forward between clients and services over a link that replays a network trace.
 
     Settings are also read from table `shaper` of tigas.toml (or the file that TIGAS_CONFIG names) and TIGAS_SHAPER_*.
     """
-    flags = {name: value or None for name, value in locals().items()}
+    flags = dict(locals())
     from tigas_common.errors import StartError
     from tigas_shaper.main import check_rights, serve
     from tigas_shaper.settings import ShaperSettings

@@ -11,8 +11,10 @@ import subprocess
 import sys
 from contextlib import AsyncExitStack, suppress
 
+from tigas_common.address import say_if_open
 from tigas_common.capabilities import CAP_NET_ADMIN, holds
 from tigas_common.errors import StartError, TigasError
+from tigas_common.origins import OriginPolicy
 from tigas_common.runner import explained, serve_http, until_stopped
 from tigas_shaper.api import create_app
 from tigas_shaper.link.gateway import Forward
@@ -44,10 +46,12 @@ async def serve(settings: ShaperSettings) -> None:
             except TigasError as error:
                 raise StartError(error.detail) from None
         with explained(settings.http, "--http"):
-            app = create_app(shaper, settings.origins)
+            policy = OriginPolicy.of([settings.http], settings.allow_hosts, settings.allow_origins, programs=False)
+            app = create_app(shaper, policy)
             port = await stack.enter_async_context(serve_http(app, settings.http, settings.http_limits))
         shown = ", ".join(settings.forward)
         print(f"Shaping {access} ↔ {service} ({shaper.status().backend}), forwarding {shown}.")
+        say_if_open([settings.http])
         print(f"API on http://{settings.http.reachable_host}:{port}/", flush=True)
         await until_stopped()
         shaper.stop_watching()

@@ -8,7 +8,7 @@ from typing import ClassVar, Literal
 from pydantic import Field
 from pydantic_settings import SettingsConfigDict
 
-from tigas_common.settings import Listen, ServiceSettings
+from tigas_common.settings import Listen, Origins, ServiceSettings
 from tigas_common.topology import PAGE_ORIGINS, SHAPER
 from tigas_common.wire.shaper import MAX_RATE_KBPS
 
@@ -31,8 +31,8 @@ class ShaperSettings(ServiceSettings):
     """The trace to play at start-up; without one, the link is constant."""
     http: Listen = SHAPER.loopback
     """Address of the API."""
-    origins: tuple[str, ...] = PAGE_ORIGINS
-    """The pages that may change the link, as browsers name them in `Origin`."""
+    allow_origins: Origins = PAGE_ORIGINS
+    """As every service's; by default the page on this machine, wherever the shaper is."""
     down_kbps: float = Field(default=100_000, gt=0, le=MAX_RATE_KBPS)
     """The rate towards the clients while no trace plays, kbit/s."""
     up_kbps: float = Field(default=100_000, gt=0, le=MAX_RATE_KBPS)

@@ -16,6 +16,7 @@ import pytest
 from tests.experiments.made_up import MACHINE, configuration, recording, sample, write_run
 from tigas_common.address import Address
 from tigas_common.http_limits import HttpLimits
+from tigas_common.origins import OriginPolicy
 from tigas_common.runner import serve_http
 from tigas_common.wire.run import Mode
 from tigas_experiments.records.folder import ExperimentRecord, write_experiment
@@ -86,12 +87,16 @@ async def in_a_thread(function: Callable[[*Ts], T], *arguments: *Ts, limit: Limi
     return await asyncio.to_thread(function, *arguments)
 
 
+POLICY = OriginPolicy(pages=("https://page.example",), on_network=True)
+
+
 @asynccontextmanager
 async def running_store(
     directory: Path,
     load: Sequence[LoadSample] = (),
     offload: Offload = in_a_thread,
     limits: HttpLimits = HttpLimits(),  # noqa: B008 - it is frozen
+    policy: OriginPolicy = POLICY,
 ) -> AsyncIterator[Running]:
     """A store for as long as the context lasts."""
     results, movements = directory / "results", directory / "movements"
@@ -101,7 +106,7 @@ async def running_store(
         reports = Reports(experiments, workspace, offload)
         store = Store(workspace, experiments, reports, Movements(movements), load, MACHINE, offload)
         async with (
-            serve_http(create_app(store, ["https://page.example"]), Address("127.0.0.1", 0), limits) as port,
+            serve_http(create_app(store, policy), Address("127.0.0.1", 0), limits) as port,
             httpx.AsyncClient(base_url=f"http://127.0.0.1:{port}", timeout=PATIENCE_S) as client,
         ):
             yield Running(results, movements, client, port)

@@ -62,7 +62,9 @@ def long_upload(poses: int) -> bytes:
 
 def head(experiment: str, length: int) -> bytes:
     """An upload's first lines."""
-    return f"POST /experiments/{experiment}/runs HTTP/1.1\r\nHost: x\r\nContent-Length: {length}\r\n\r\n".encode()
+    return (
+        f"POST /experiments/{experiment}/runs HTTP/1.1\r\nHost: localhost\r\nContent-Length: {length}\r\n\r\n".encode()
+    )
 
 
 FAR = 1e300

@@ -14,7 +14,7 @@ import pytest
 
 from tests.render.scenes import plys
 from tests.render.scenes.registry_bench import Bench
-from tigas_common.errors import BrokenScene, Overloaded, TigasError, UnknownScene
+from tigas_common.errors import BrokenScene, Overloaded, SceneInUse, TigasError, UnknownScene
 from tigas_common.wire.render import StartCamera
 from tigas_render.raster.base import PreparedScene
 from tigas_render.scenes.metadata import SceneMetadata
@@ -193,16 +193,36 @@ async def test_a_scene_beyond_the_budget_is_broken_and_disturbs_nobody(bench: Be
     await registry.load("b")  # nothing stays reserved
 
 
-async def test_unload_waits_for_the_last_user(bench: Bench) -> None:
+async def test_nobody_unloads_what_another_views(bench: Bench) -> None:
     registry = bench.registry()
-    async with registry.use("a"), registry.use("a"):
+    async with registry.use("a"):
+        with pytest.raises(SceneInUse, match=r"less than 30 seconds ago"):
+            registry.unload("a")
+    registry.viewed("a")
+    bench.now += 29  # the viewer stands still
+    with pytest.raises(SceneInUse):
         registry.unload("a")
-        assert states(registry)["a"] == "loaded"
-    assert states(registry)["a"] == "unloaded"
-    registry.unload("a")
-    assert states(registry)["a"] == "unloaded"
+    assert states(registry)["a"] == "loaded"
+    bench.now += 30
+    for _ in range(2):
+        registry.unload("a")
+        assert states(registry)["a"] == "unloaded"
     await registry.load("a")
+    registry.unload("a")  # whoever loads it does not view it
+    assert states(registry)["a"] == "unloaded"
     assert bench.opened == ["a", "a"]
+
+
+async def test_nobody_unloads_what_another_waits_for(bench: Bench) -> None:
+    bench.gates["a"] = threading.Event()
+    registry = bench.registry()
+    waiting = asyncio.create_task(registry.load("a"))
+    await until_opened(bench)
+    with pytest.raises(SceneInUse):
+        registry.unload("a")
+    bench.gates["a"].set()
+    await waiting
+    assert states(registry)["a"] == "loaded"
 
 
 async def test_unload_while_loading_unloads_afterwards(bench: Bench) -> None:

@@ -157,14 +157,17 @@ class Client(QuicConnectionProtocol):
 
     # -- WebTransport ------------------------------------------------------------------------------------------------
 
-    async def connect_webtransport(self, path: str = "/render") -> int:
+    async def connect_webtransport(
+        self, path: str = "/render", authority: str = "localhost", origin: str | None = None
+    ) -> int:
         stream_id = self._quic.get_next_available_stream_id()
         headers = [
             (b":method", b"CONNECT"),
             (b":protocol", b"webtransport"),
             (b":scheme", b"https"),
-            (b":authority", b"localhost"),
+            (b":authority", authority.encode()),
             (b":path", path.encode()),
+            *([] if origin is None else [(b"origin", origin.encode())]),
         ]
         self.h3.send_headers(stream_id, headers)
         self.transmit()

@@ -12,6 +12,7 @@ import socket
 from collections.abc import AsyncIterator, Callable
 from datetime import UTC, datetime
 
+import psutil
 import pytest
 from aioquic.h3.connection import ErrorCode
 from aioquic.quic.packet import QuicErrorCode
@@ -61,20 +62,51 @@ async def eventually(condition: Callable[[], object]) -> None:
 # -- addresses ---------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.parametrize("listening", ["::", "localhost"])
 @pytest.mark.parametrize("host", ["127.0.0.1", "::1"])
-async def test_one_socket_serves_both_families(host: str) -> None:
+async def test_one_port_serves_both_families(host: str, listening: str) -> None:
     clients = Recorder()
 
     async def app(scope: Scope, receive: Receive, send: Send) -> None:
         clients.add(scope["client"][0])
         await hello(scope, receive, send)
 
-    async with Http3Server(app, certificate=CERTIFICATE) as server, connect(server.port, host=host) as client:
+    async with (
+        Http3Server(app, certificate=CERTIFICATE, host=listening) as server,
+        connect(server.port, host=host) as client,
+    ):
         assert (await client.fetch("GET", "/")).status == 200
     assert clients.events == [host]
 
 
-async def test_without_ipv6_it_serves_ipv4(monkeypatch: pytest.MonkeyPatch) -> None:
+async def test_by_default_only_this_machine_is_served() -> None:
+    async with Http3Server(hello, certificate=CERTIFICATE) as server:
+        listening = {
+            one.laddr.ip
+            for one in psutil.Process().net_connections("udp")
+            if one.laddr and one.laddr.port == server.port
+        }
+    assert listening == {"127.0.0.1", "::1"}
+
+
+@pytest.mark.parametrize(
+    ("host", "origin", "status"),
+    [
+        ("localhost", None, 200),
+        ("127.0.0.1", "http://localhost:8080", 200),
+        ("localhost", "https://evil.example", 403),
+        ("localhost", "null", 403),
+        ("evil.example", "https://evil.example", 421),
+    ],
+)
+async def test_a_session_is_opened_for_the_services_own_pages(host: str, origin: str | None, status: int) -> None:
+    async with served() as server, connect(server.port) as client:
+        session = await client.connect_webtransport(authority=host, origin=origin)
+        assert client.responses[session].status == status
+
+
+@pytest.mark.parametrize("listening", ["::", "localhost"])
+async def test_without_ipv6_it_serves_ipv4(listening: str, monkeypatch: pytest.MonkeyPatch) -> None:
     real = socket.socket
 
     def without_ipv6(family: int = -1, *args: int, **kwargs: int) -> socket.socket:
@@ -84,7 +116,7 @@ async def test_without_ipv6_it_serves_ipv4(monkeypatch: pytest.MonkeyPatch) -> N
 
     with monkeypatch.context() as patch:
         patch.setattr(socket, "socket", without_ipv6)
-        server = Http3Server(hello, certificate=CERTIFICATE)
+        server = Http3Server(hello, certificate=CERTIFICATE, host=listening)
         await server.start()
     async with connect(server.port) as client:
         assert (await client.fetch("GET", "/")).status == 200
@@ -95,6 +127,10 @@ async def test_a_port_in_use_is_an_os_error() -> None:
     async with served() as server:
         with pytest.raises(OSError, match="in use"):
             await Http3Server(hello, host="127.0.0.1", port=server.port, certificate=CERTIFICATE).start()
+    with contextlib.closing(socket.socket(socket.AF_INET6, socket.SOCK_DGRAM)) as taken:
+        taken.bind(("::1", 0))
+        with pytest.raises(OSError, match="in use"):
+            await Http3Server(hello, port=taken.getsockname()[1], certificate=CERTIFICATE).start()
 
 
 # -- certificates ------------------------------------------------------------------------------------------------------

@@ -1,4 +1,4 @@
-"""The store's HTTP interface: Starlette routes, nothing else. Any page may read; `origins` says which may change."""
+"""The store's HTTP interface: Starlette routes, nothing else."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from pathlib import Path
 from urllib.parse import quote
 
 from starlette.applications import Starlette
-from starlette.middleware import Middleware
 from starlette.requests import ClientDisconnect, Request
 from starlette.responses import Response, StreamingResponse
 from starlette.routing import Route
+from starlette.types import ASGIApp
 
 from tigas_common.errors import BodyTooLarge, InvalidRequest
-from tigas_common.origins import OriginCheck, OriginPolicy, cross_origin
+from tigas_common.origins import OriginCheck, OriginPolicy
 from tigas_common.web import EXCEPTION_HANDLERS, NO_STORE, created_response, healthz, json_response, read_body
 from tigas_common.wire.recording import MAX_BYTES
 from tigas_common.wire.store import ExperimentCreated
@@ -54,7 +54,7 @@ class Store:
     """Runs are checked in turn: a long one takes much memory."""
 
 
-def create_app(store: Store, origins: Sequence[str]) -> Starlette:
+def create_app(store: Store, policy: OriginPolicy) -> ASGIApp:
     """The application over a store."""
     app = Starlette(
         routes=[
@@ -69,14 +69,10 @@ def create_app(store: Store, origins: Sequence[str]) -> Starlette:
             Route("/movements/{name}", movement),
             Route("/healthz", healthz),
         ],
-        middleware=[
-            cross_origin(),
-            Middleware(OriginCheck, policy=OriginPolicy(origins, own_host=True, programs=True)),
-        ],
         exception_handlers=EXCEPTION_HANDLERS,
     )
     app.state.store = store
-    return app
+    return OriginCheck(app, policy)
 
 
 async def experiments(request: Request) -> Response:

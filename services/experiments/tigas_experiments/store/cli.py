@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from tigas_common.cli import in_a_sentence, log_to_stdout
+from tigas_common.cli import AllowHosts, AllowOrigins, in_a_sentence, log_to_stdout
 from tigas_common.settings import load_settings
 from tigas_common.topology import STORE
 
@@ -24,10 +24,8 @@ def store(
     http: Annotated[
         str | None, typer.Option(metavar="HOST:PORT", help="API.", show_default=str(STORE.loopback))
     ] = None,
-    origins: Annotated[
-        list[str] | None,
-        typer.Option("--origin", metavar="URL", help="Page on another host that may change experiments. Repeatable."),
-    ] = None,
+    allow_hosts: AllowHosts = None,
+    allow_origins: AllowOrigins = None,
 ) -> None:
     """Store experiments made in the page; serve reports and archives of all experiments.
 

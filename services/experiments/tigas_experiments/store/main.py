@@ -5,6 +5,8 @@ from __future__ import annotations
 import asyncio
 from contextlib import AsyncExitStack
 
+from tigas_common.address import say_if_open
+from tigas_common.origins import OriginPolicy
 from tigas_common.runner import explained, serve_http, until_stopped
 from tigas_experiments.records.load import EVERY_S, watching_load
 from tigas_experiments.records.machine import this_machine
@@ -36,7 +38,9 @@ async def serve(settings: StoreSettings) -> None:
             offload=offload_to_process,
         )
         with explained(settings.http, "--http"):
-            app = create_app(store, settings.origins)
+            policy = OriginPolicy.of([settings.http], settings.allow_hosts, settings.allow_origins)
+            app = create_app(store, policy)
             port = await stack.enter_async_context(serve_http(app, settings.http, settings.http_limits))
+        say_if_open([settings.http])
         print(f"Experiments in {settings.results} on http://{settings.http.reachable_host}:{port}/", flush=True)
         await until_stopped()

@@ -23,5 +23,3 @@ class StoreSettings(ServiceSettings):
     """The directory of movement traces."""
     http: Listen = STORE.loopback
     """Address of the API."""
-    origins: tuple[str, ...] = ()
-    """Pages on other hosts that may change experiments, as browsers name them in `Origin`."""

@@ -7,13 +7,14 @@ from __future__ import annotations
 
 import asyncio
 import logging
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
 from urllib.parse import quote
 
-from tigas_common.errors import BrokenScene, Overloaded, TigasError, UnknownScene
+from tigas_common.errors import BrokenScene, Overloaded, SceneInUse, TigasError, UnknownScene
 from tigas_common.wire.render import SceneInfo, StartCamera
 from tigas_render.device_memory import with_room
 from tigas_render.gaussians import Gaussians
@@ -27,6 +28,8 @@ _log = logging.getLogger(__name__)
 
 BUILTIN: Mapping[str, SceneSource] = {DEMO_SOURCE.id: DEMO_SOURCE}
 """Scenes that need no file; a folder of the same name takes their place."""
+IN_USE_S = 30.0
+"""A scene is in use for so long after its last frame, in seconds: its viewer may only be standing still."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,6 +63,7 @@ class _Entry:
         self.camera: StartCamera | None = source.metadata.camera
         self.users = 0
         self.last_used = 0.0
+        self.last_viewed = -math.inf
         self.leaving = False
         """To be unloaded as soon as nobody uses it."""
 
@@ -142,9 +146,22 @@ class SceneRegistry:
         async with SceneUse(self, scene_id):
             self._entry(scene_id).leaving = False
 
+    def viewed(self, scene_id: str) -> None:
+        """A viewer had a frame of this scene, if there still is one."""
+        if (entry := self._entries.get(scene_id)) is not None:
+            entry.last_viewed = self._clock()
+
     def unload(self, scene_id: str) -> None:
-        """Give a scene's memory back, as soon as nobody uses it. Raises UnknownScene."""
+        """Give a scene's memory back, as soon as it is loaded if that is under way.
+
+        Raises SceneInUse, since no viewer may take a scene from another, and UnknownScene.
+        """
         entry = self._entry(scene_id)
+        if entry.users or self._clock() - entry.last_viewed < IN_USE_S:
+            raise SceneInUse(
+                f"{entry.source.name} is in use, or was less than {IN_USE_S:.0f} seconds ago; unload it once nobody"
+                " views it."
+            )
         entry.leaving = True
         self._drop_if_leaving(entry)
 

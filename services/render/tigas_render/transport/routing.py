@@ -21,6 +21,9 @@ from aioquic.h3.events import (
 from aioquic.quic.events import QuicEvent, StopSendingReceived, StreamDataReceived, StreamReset
 from starlette.types import ASGIApp
 
+from tigas_common.errors import TigasError, problem
+from tigas_common.origins import OriginPolicy
+from tigas_common.web import problem_response
 from tigas_render.transport.h3 import ServerH3Connection
 from tigas_render.transport.http import HttpRequest, http_scope, refusal
 from tigas_render.transport.limits import Limits
@@ -64,6 +67,8 @@ class Service:
     webtransport: Mapping[str, SessionFactory]
     """By path."""
     limits: Limits = field(default_factory=Limits)
+    origins: OriginPolicy = field(default_factory=OriginPolicy)
+    """Which pages may open sessions."""
     early_posts: frozenset[str] = frozenset({"/render"})
     """Paths whose POST is idempotent, so that it may arrive as early data."""
 
@@ -224,7 +229,7 @@ class Router:
             return
         pseudo = {name: value for name, value in event.headers if name.startswith(b":")}
         if pseudo[b":method"] == b"CONNECT":
-            app = self._connect_received(outlet, pseudo)
+            app = self._connect_received(outlet, pseudo, dict(event.headers).get(b"origin"))
             if app is None:
                 return
         else:
@@ -261,7 +266,9 @@ class Router:
 
     # -- WebTransport ------------------------------------------------------------------------------------------------
 
-    def _connect_received(self, outlet: Outlet, pseudo: Mapping[bytes, bytes]) -> ASGIApp | None:
+    def _connect_received(
+        self, outlet: Outlet, pseudo: Mapping[bytes, bytes], origin: bytes | None
+    ) -> ASGIApp | None:
         """Open a session; what answers the client if there is none to be opened."""
         limits = self._service.limits
         make_handler = self._service.webtransport.get(urlsplit(pseudo.get(b":path", b"")).path.decode("latin-1"))
@@ -269,6 +276,11 @@ class Router:
             return refusal(501, "Only WebTransport sessions are connected to.")
         if make_handler is None:
             return refusal(404, "There are no sessions at this path.")
+        try:
+            page = None if origin is None else origin.decode("latin-1")
+            self._service.origins.check(pseudo[b":authority"].decode("latin-1"), page)
+        except TigasError as error:
+            return problem_response(problem(error))
         if len(self._sessions) >= limits.sessions:
             return refusal(429, "This connection has as many sessions as it may.")
         if self._usage.sessions >= limits.sessions_per_address:

@@ -20,6 +20,7 @@ from aioquic.quic.packet import (
 from starlette.types import ASGIApp
 
 from tigas_common.certificate import Certificate
+from tigas_common.origins import OriginPolicy
 from tigas_common.peers import client_network
 from tigas_render.transport.congestion import CongestionControl, algorithm
 from tigas_render.transport.connection import Connection
@@ -31,7 +32,7 @@ from tigas_render.transport.retry import RetryTokens
 from tigas_render.transport.routing import Service
 from tigas_render.transport.stateless_reset import StatelessResets
 from tigas_render.transport.tickets import TicketStore
-from tigas_render.transport.udp import UdpEndpoint, bind
+from tigas_render.transport.udp import UdpEndpoint, bind_all
 from tigas_render.transport.usage import RateLimit, Usage
 from tigas_render.transport.webtransport import SessionFactory
 
@@ -48,21 +49,23 @@ class Http3Server:
         app: ASGIApp,
         *,
         certificate: Certificate,
-        host: str = "::",
+        host: str = "localhost",
         port: int = 0,
         webtransport: Mapping[str, SessionFactory] | None = None,
         congestion_control: CongestionControl = "reno",
         limits: Limits | None = None,
         reset_key: bytes | None = None,
+        origins: OriginPolicy | None = None,
     ) -> None:
         """`host` may be `::` for every address of both families; port 0 takes any that is free.
 
-        With the `reset_key` and the port of an earlier server, that one's clients learn that it is gone.
+        With the `reset_key` and the port of an earlier server, that one's clients learn that it is gone. `origins` says
+        which pages may open sessions; requests are for `app` to refuse.
         """
         self._host = host
         self._port = port
         self._limits = limits or Limits()
-        self._service = Service(app, dict(webtransport or {}), self._limits)
+        self._service = Service(app, dict(webtransport or {}), self._limits, origins or OriginPolicy())
         self._algorithm = algorithm(congestion_control)
         self._configuration = self._configure(certificate)
         self._tickets = TicketStore()
@@ -75,7 +78,8 @@ class Http3Server:
         """By address, of those that have connections."""
         self._openings = RateLimit(self._limits.handshakes_per_s, self._limits.connections_per_address)
         self._dirty: set[Connection] = set()
-        self._endpoint: UdpEndpoint | None = None
+        self._endpoints: dict[int, UdpEndpoint] = {}
+        """By the length of the addresses that they give, which differs between IPv4 and IPv6."""
         self._address: tuple[str, int] = (host, port)
         self._closing = False
 
@@ -83,14 +87,14 @@ class Http3Server:
 
     async def start(self) -> None:
         """Bind and serve. Raises OSError if the address cannot be bound."""
-        sock = bind(self._host, self._port)
-        self._address = sock.getsockname()[:2]
+        for sock in bind_all(self._host, self._port):
+            self._address = sock.getsockname()[:2]
+            self._endpoints[len(sock.getsockname())] = UdpEndpoint(sock, self._received, self._drained)
         self._resets = StatelessResets(self._reset_key, self.port)
-        self._endpoint = UdpEndpoint(sock, self._received, self._drained)
 
     async def close(self) -> None:
         """Stop taking requests, give running ones a moment to finish (`Limits.grace`), and close every connection."""
-        if self._endpoint is None:
+        if not self._endpoints:
             return
         self._closing = True
         connections = list(self._connections)
@@ -111,8 +115,9 @@ class Http3Server:
         self._by_cid.clear()
         self._handshaking.clear()
         self._usage.clear()
-        self._endpoint.close()
-        self._endpoint = None
+        for endpoint in self._endpoints.values():
+            endpoint.close()
+        self._endpoints.clear()
 
     async def __aenter__(self) -> Self:
         await self.start()
@@ -152,9 +157,9 @@ class Http3Server:
     # -- the network -------------------------------------------------------------------------------------------------
 
     def send(self, datagrams: list[Datagram]) -> None:
-        """Put datagrams on the network."""
-        if self._endpoint is not None:
-            self._endpoint.send(datagrams)
+        """Put datagrams on the network; all are for one address."""
+        if datagrams and (endpoint := self._endpoints.get(len(datagrams[0][1]))) is not None:
+            endpoint.send(datagrams)
 
     def _received(self, data: bytes, address: Address, arrived: float) -> None:
         connection = self._connection_for(data, address)

@@ -27,6 +27,25 @@ SO_RCVBUFFORCE, SO_SNDBUFFORCE = 33, 32
 OFFLOAD_REFUSED = frozenset((errno.EINVAL, errno.EIO, errno.EMSGSIZE, errno.ENOPROTOOPT, errno.EOPNOTSUPP))
 """What the kernel says when it cannot cut a batch: an old kernel, a device without checksums, a small path MTU."""
 
+NO_IPV6 = (errno.EAFNOSUPPORT, errno.EADDRNOTAVAIL)
+"""What the kernel says of an IPv6 address on a machine without IPv6."""
+
+
+def bind_all(host: str, port: int) -> list[socket.socket]:
+    """The sockets of a port: for `localhost` those of 127.0.0.1 and, if there is IPv6, ::1, since QUIC does not fall
+    back from one to the other; as `bind` makes it otherwise.
+    """
+    if host != "localhost":
+        return [bind(host, port)]
+    sockets = [bind("127.0.0.1", port)]
+    try:
+        sockets.append(bind("::1", sockets[0].getsockname()[1]))
+    except OSError as error:
+        if error.errno not in NO_IPV6:
+            sockets[0].close()
+            raise
+    return sockets
+
 
 def bind(host: str, port: int) -> socket.socket:
     """A non-blocking UDP socket. `::` is dual-stack; without IPv6 it becomes 0.0.0.0.
@@ -37,7 +56,7 @@ def bind(host: str, port: int) -> socket.socket:
         try:
             return _bind(socket.AF_INET6, ("::", port, 0, 0))
         except OSError as error:
-            if error.errno not in (errno.EAFNOSUPPORT, errno.EADDRNOTAVAIL):
+            if error.errno not in NO_IPV6:
                 raise
             host = "0.0.0.0"
     family, _, _, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_DGRAM)[0]
