@@ -8,21 +8,8 @@ from pathlib import Path
 
 import httpx
 import pytest
-from starlette.types import ASGIApp
 
-from tests.dash.conftest import running_packager
-from tests.experiments.store.conftest import running_store
-from tests.render.fakes import FakeRasterizer
-from tests.shaper.fakes import FakeGateway, FakeLink, FakeTime
-from tigas_common.origins import OriginPolicy
-from tigas_common.wire.shaper import LinkSetting
-from tigas_render.app import create_app as create_render
-from tigas_render.service import RenderService
-from tigas_render.settings import RenderSettings
-from tigas_shaper.api import create_app as create_shaper
-from tigas_shaper.player import Player
-from tigas_shaper.service import Shaper
-from tigas_shaper.traces.library import TraceLibrary
+from tests.every_service import SERVICES
 
 pytestmark = pytest.mark.anyio
 
@@ -60,43 +47,11 @@ CASES = [(service, request) for service, requests in REQUESTS.items() for reques
 
 
 @asynccontextmanager
-async def render(directory: Path) -> AsyncIterator[httpx.AsyncClient]:
-    async with (
-        RenderService.open(RenderSettings(cache=directory), FakeRasterizer()) as service,
-        client(create_render(service)) as http,
-    ):
-        yield http
-
-
-@asynccontextmanager
-async def dash(directory: Path) -> AsyncIterator[httpx.AsyncClient]:
-    async with running_packager() as packager:
-        yield packager.http
-
-
-@asynccontextmanager
-async def shaper(directory: Path) -> AsyncIterator[httpx.AsyncClient]:
-    time = FakeTime()
-    link = FakeLink(time)
-    player = Player(link, LinkSetting(100_000, 50_000), clock=time.clock, sleep=time.sleep)
-    running = Shaper(link, FakeGateway(), player, TraceLibrary(None))  # type: ignore[arg-type]
-    async with client(create_shaper(running, OriginPolicy(programs=False))) as http:
-        yield http
-    player.close()
-
-
-@asynccontextmanager
-async def store(directory: Path) -> AsyncIterator[httpx.AsyncClient]:
-    async with running_store(directory, policy=OriginPolicy()) as running:
-        yield running.http
-
-
-def client(app: ASGIApp) -> httpx.AsyncClient:
-    transport = httpx.ASGITransport(app, raise_app_exceptions=False)
-    return httpx.AsyncClient(transport=transport, base_url="http://localhost:8080")
-
-
-SERVICES = {"render": render, "dash": dash, "shaper": shaper, "store": store}
+async def asking(service: str, folder: Path) -> AsyncIterator[httpx.AsyncClient]:
+    async with SERVICES[service](folder) as app:
+        transport = httpx.ASGITransport(app, raise_app_exceptions=False)
+        async with httpx.AsyncClient(transport=transport, base_url="http://localhost:8080") as http:
+            yield http
 
 
 @pytest.mark.parametrize(("service", "request_line"), CASES)
@@ -105,7 +60,7 @@ async def test_a_foreign_page_reads_changes_and_opens_nothing(service: str, requ
     attacks: list[tuple[Mapping[str, str], int]] = [(EVIL, 403), (NOBODY, 403), (REBOUND, 421)]
     if method == "GET":
         attacks += [(IMAGE, 403), (FRAME, 403), ({"Host": "evil.example"}, 421)]
-    async with SERVICES[service](tmp_path) as http:
+    async with asking(service, tmp_path) as http:
         for headers, status in attacks:
             answer = await http.request(method, path, headers=headers)
             assert answer.status_code == status, headers
@@ -117,7 +72,7 @@ async def test_a_foreign_page_reads_changes_and_opens_nothing(service: str, requ
 
 @pytest.mark.parametrize("service", SERVICES)
 async def test_the_viewers_page_reads_and_every_answer_is_protected(service: str, tmp_path: Path) -> None:
-    async with SERVICES[service](tmp_path) as http:
+    async with asking(service, tmp_path) as http:
         for path, status in (("/healthz", 200), ("/nowhere", 404)):
             answer = await http.get(path, headers={"Origin": "http://localhost:9999"})
             assert (answer.status_code, answer.headers["access-control-allow-origin"]) == (

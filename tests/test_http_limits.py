@@ -10,99 +10,42 @@ from contextlib import AbstractAsyncContextManager, AsyncExitStack, asynccontext
 from pathlib import Path
 from typing import Any
 
-import httpx
 import psutil
 import pytest
-from starlette.types import ASGIApp
 
 from tests.common.raw_client import ASK, PATIENCE_S, connected
-from tests.experiments.made_up import MACHINE
-from tests.experiments.store.conftest import in_a_thread
-from tests.render.fakes import FakeRasterizer
-from tests.shaper.fakes import FakeGateway, FakeLink, FakeTime
+from tests.every_service import SERVICES
 from tigas_common.address import Address
 from tigas_common.http_limits import HttpLimits
 from tigas_common.runner import serve_http
 from tigas_common.settings import load_settings
-from tigas_common.wire.shaper import LinkSetting
-from tigas_dash.app import create_app as dash_app
-from tigas_dash.clock import Clock
-from tigas_dash.sessions import Sessions
 from tigas_dash.settings import DashSettings
-from tigas_dash.source import RenderClient
-from tigas_experiments.store.app import Store
-from tigas_experiments.store.app import create_app as store_app
-from tigas_experiments.store.experiments import Experiments
-from tigas_experiments.store.movements import Movements
-from tigas_experiments.store.reports import Reports
-from tigas_experiments.store.workspace import Workspace
-from tigas_render.app import create_app as render_app
-from tigas_render.service import RenderService
 from tigas_render.settings import RenderSettings
-from tigas_shaper.api import create_app as shaper_app
-from tigas_shaper.player import Player
-from tigas_shaper.service import Shaper
-from tigas_shaper.traces.library import TraceLibrary
 
 pytestmark = pytest.mark.anyio
 PAGE = "http://localhost:8080"
 LONG_S = 600
 
 
-@asynccontextmanager
-async def render(folder: Path) -> AsyncIterator[ASGIApp]:
-    """Without a rasteriser."""
-    async with RenderService.open(RenderSettings(cache=folder / "cache"), FakeRasterizer()) as service:
-        yield render_app(service)
-
-
-@asynccontextmanager
-async def dash(folder: Path) -> AsyncIterator[ASGIApp]:
-    """Before a render service that is not there."""
-    async with (
-        httpx.AsyncClient(base_url="http://127.0.0.1:9", trust_env=False) as nobody,
-        Sessions(RenderClient(nobody), "libx264", Clock(), limit=1, idle_s=LONG_S).running() as sessions,
-    ):
-        yield dash_app(sessions)
-
-
-@asynccontextmanager
-async def shaper(folder: Path) -> AsyncIterator[ASGIApp]:
-    """Without a link."""
-    link = FakeLink(time := FakeTime())
-    player = Player(link, LinkSetting(100_000, 50_000), clock=time.clock, sleep=time.sleep)
-    yield shaper_app(Shaper(link, FakeGateway(), player, TraceLibrary(None)), [PAGE])  # type: ignore[arg-type]
-    player.close()
-
-
-@asynccontextmanager
-async def store(folder: Path) -> AsyncIterator[ASGIApp]:
-    """Over an empty directory."""
-    with Workspace.opened(folder) as workspace:
-        experiments = Experiments(folder, workspace)
-        reports = Reports(experiments, workspace, in_a_thread)
-        yield store_app(Store(workspace, experiments, reports, Movements(folder), (), MACHINE, in_a_thread), [PAGE])
-
-
-TAKES_A_BODY = {render: "/render", dash: "/sessions", shaper: "/start", store: "/experiments"}
+TAKES_A_BODY = {"render": "/render", "dash": "/sessions", "shaper": "/start", "store": "/experiments"}
 Serve = Callable[..., AbstractAsyncContextManager[int]]
 
 
-@pytest.fixture(params=TAKES_A_BODY, ids=lambda service: service.__name__)
-def service(request: pytest.FixtureRequest) -> Any:
+@pytest.fixture(params=SERVICES)
+def service(request: pytest.FixtureRequest) -> str:
     """Each service."""
-    return request.param
+    return str(request.param)
 
 
 @pytest.fixture
-def serve(service: Callable[[Path], AbstractAsyncContextManager[ASGIApp]], tmp_path: Path) -> Serve:
+def serve(service: str, tmp_path: Path) -> Serve:
     """Serves it with limits; those that are left out have no effect in a test."""
 
     @asynccontextmanager
     async def serving(**limits: Any) -> AsyncIterator[int]:
         patient = {"header_s": LONG_S, "body_s": LONG_S, "idle_s": LONG_S, "unread_s": LONG_S}
         async with (
-            service(tmp_path) as app,
+            SERVICES[service](tmp_path) as app,
             serve_http(app, Address("127.0.0.1", 0), HttpLimits(**patient | limits)) as port,
         ):
             yield port
@@ -118,7 +61,7 @@ async def test_headers_that_never_end_are_given_up(serve: Serve) -> None:
         assert await client.ended() == b""
 
 
-async def test_a_body_that_never_ends_is_given_up(serve: Serve, service: Any) -> None:
+async def test_a_body_that_never_ends_is_given_up(serve: Serve, service: str) -> None:
     async with serve(body_s=0.3) as port, connected(port) as client:
         head = (
             f"POST {TAKES_A_BODY[service]} HTTP/1.1\r\nHost: localhost\r\nOrigin: {PAGE}\r\nContent-Length: 9\r\n\r\n"

@@ -28,6 +28,7 @@ from tests.fuzz.wire_examples import EXAMPLES
 from tests.render.fakes import FakeRasterizer
 from tests.render.scenes import plys
 from tests.shaper.fakes import FakeGateway, FakeLink, FakeTime, trace
+from tigas_common.origins import OriginPolicy
 from tigas_common.wire.dash import SessionRequest
 from tigas_common.wire.render import RenderRequest
 from tigas_common.wire.shaper import LinkSetting, LoopRequest, SeekRequest, StartRequest
@@ -134,7 +135,7 @@ async def packaging(directory: Path) -> AsyncIterator[ASGIApp]:
         httpx.AsyncClient(transport=transport, base_url="http://render") as upstream,
         Sessions(RenderClient(upstream), "libx264", Clock(), limit=2, idle_s=600).running() as sessions,
     ):
-        yield create_dash(sessions)
+        yield create_dash(sessions, OriginPolicy())
 
 
 @pytest.fixture(scope="module")
@@ -181,7 +182,7 @@ async def shaping(directory: Path) -> AsyncIterator[ASGIApp]:
     player = Player(link, LinkSetting(100_000, 50_000), clock=time.clock, sleep=time.sleep)
     shaper = Shaper(link, FakeGateway(), player, TraceLibrary(directory))  # type: ignore[arg-type]
     try:
-        yield create_shaper(shaper, [PAGE[1].decode()])
+        yield create_shaper(shaper, OriginPolicy(programs=False))
     finally:
         player.close()
 
@@ -238,7 +239,7 @@ async def storing(directory: Path) -> AsyncIterator[ASGIApp]:
         experiments = Experiments(results, workspace)
         reports = Reports(experiments, workspace, in_a_thread)
         store = Store(workspace, experiments, reports, Movements(movements), (), MACHINE, in_a_thread)
-        yield create_store(store, ["https://page.example"])
+        yield create_store(store, OriginPolicy())
 
 
 @pytest.fixture(scope="module")

@@ -202,10 +202,14 @@ async def test_the_page_may_reach_the_services_and_nothing_else(client: httpx.As
         pytest.skip("the web client is not built: cd web && npm ci && npm run build")
     policy = (await client.get("/")).headers["content-security-policy"]
     directives = dict(directive.split(" ", 1) for directive in policy.split("; "))
-    assert (
-        directives["connect-src"]
-        == "'self' http://localhost:99 https://example.org ws://localhost:99 wss://example.org"
-    )
+    reached = directives["connect-src"].split()
+    assert reached == [
+        "'self'",
+        "http://localhost:*",
+        "https://example.org:*",
+        "ws://localhost:*",
+        "wss://example.org:*",
+    ]
     assert directives["default-src"] == "'self'"
     assert directives["frame-ancestors"] == "'none'"
     assert "script-src" not in directives

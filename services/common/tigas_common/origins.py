@@ -82,12 +82,12 @@ class OriginPolicy:
         """
         name = host_of(host)
         if name is None or not self._is_own(name):
-            raise ForeignHost(f"This service does not answer under the name {host[:100]!r}; --allow-host allows it.")
+            raise ForeignHost(f"This service does not answer under the name {host[:60]!r}; --allow-host allows it.")
         if origin is None:
             if changes and not self.programs:
                 raise ForeignOrigin("A request that changes something must have an allowed Origin; this one has none.")
         elif origin not in self.pages and not _same(host_of_origin(origin), name):
-            raise ForeignOrigin(f"Pages of {origin[:100]!r} may not use this service; --allow-origin allows them.")
+            raise ForeignOrigin(f"Pages of {origin[:60]!r} may not use this service; --allow-origin allows them.")
 
     def check_request(self, method: str, headers: Headers) -> None:
         """The same for an HTTP request, of which a browser says where it comes from even if it has no Origin."""

@@ -139,12 +139,15 @@ class _Client(StaticFiles):
 
 
 def _page_policy(config: ServerConfig) -> str:
-    """What the page may do: only what is its own, and to speak with the services."""
+    """What the page may do: only what is its own, and to speak with the services' hosts, whose ports may yet change."""
     urls = [urlsplit(url) for url in (*config.services.values(), config.webtransport_url) if url]
-    hosts = " ".join(f"{url.scheme}://{url.netloc}" for url in urls)
+    # There is no way to write an IPv6 address.
+    sources = (f"{url.scheme}:" if "[" in url.netloc else f"{url.scheme}://{url.hostname}:*" for url in urls)
+    hosts = sorted(set(sources))
+    sockets = [host.replace("http", "ws", 1) for host in hosts]
     return (
         "default-src 'self'; img-src 'self' blob: data:; media-src 'self' blob:; object-src 'none'; base-uri 'none'; "
-        f"form-action 'none'; connect-src 'self' {hosts} {hosts.replace('http', 'ws')}; frame-src {hosts}"
+        f"form-action 'none'; connect-src 'self' {' '.join((*hosts, *sockets))}; frame-src 'self' {' '.join(hosts)}"
     )
 
 

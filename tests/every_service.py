@@ -1,0 +1,77 @@
+"""Each service's application over stand-ins: no rasteriser, no render service, no link, an empty directory."""
+
+from __future__ import annotations
+
+from collections.abc import AsyncIterator, Callable
+from contextlib import AbstractAsyncContextManager, asynccontextmanager
+from pathlib import Path
+
+import httpx
+from starlette.types import ASGIApp
+
+from tests.experiments.made_up import MACHINE
+from tests.experiments.store.conftest import in_a_thread
+from tests.render.fakes import FakeRasterizer
+from tests.shaper.fakes import FakeGateway, FakeLink, FakeTime
+from tigas_common.origins import OriginPolicy
+from tigas_common.wire.shaper import LinkSetting
+from tigas_dash.app import create_app as dash_app
+from tigas_dash.clock import Clock
+from tigas_dash.sessions import Sessions
+from tigas_dash.source import RenderClient
+from tigas_experiments.store.app import Store
+from tigas_experiments.store.app import create_app as store_app
+from tigas_experiments.store.experiments import Experiments
+from tigas_experiments.store.movements import Movements
+from tigas_experiments.store.reports import Reports
+from tigas_experiments.store.workspace import Workspace
+from tigas_render.app import create_app as render_app
+from tigas_render.service import RenderService
+from tigas_render.settings import RenderSettings
+from tigas_shaper.api import create_app as shaper_app
+from tigas_shaper.player import Player
+from tigas_shaper.service import Shaper
+from tigas_shaper.traces.library import TraceLibrary
+
+Service = Callable[[Path], AbstractAsyncContextManager[ASGIApp]]
+LONG_S = 600
+
+
+@asynccontextmanager
+async def render(folder: Path) -> AsyncIterator[ASGIApp]:
+    """Without a rasteriser."""
+    async with RenderService.open(RenderSettings(cache=folder / "cache"), FakeRasterizer()) as service:
+        yield render_app(service)
+
+
+@asynccontextmanager
+async def dash(folder: Path) -> AsyncIterator[ASGIApp]:
+    """Before a render service that is not there."""
+    async with (
+        httpx.AsyncClient(base_url="http://127.0.0.1:9", trust_env=False) as nobody,
+        Sessions(RenderClient(nobody), "libx264", Clock(), limit=1, idle_s=LONG_S).running() as sessions,
+    ):
+        yield dash_app(sessions, OriginPolicy())
+
+
+@asynccontextmanager
+async def shaper(folder: Path) -> AsyncIterator[ASGIApp]:
+    """Without a link."""
+    link = FakeLink(time := FakeTime())
+    player = Player(link, LinkSetting(100_000, 50_000), clock=time.clock, sleep=time.sleep)
+    running = Shaper(link, FakeGateway(), player, TraceLibrary(None))  # type: ignore[arg-type]
+    yield shaper_app(running, OriginPolicy(programs=False))
+    player.close()
+
+
+@asynccontextmanager
+async def store(folder: Path) -> AsyncIterator[ASGIApp]:
+    """Over an empty directory."""
+    with Workspace.opened(folder) as workspace:
+        experiments = Experiments(folder, workspace)
+        reports = Reports(experiments, workspace, in_a_thread)
+        kept = Store(workspace, experiments, reports, Movements(folder), (), MACHINE, in_a_thread)
+        yield store_app(kept, OriginPolicy())
+
+
+SERVICES: dict[str, Service] = {"render": render, "dash": dash, "shaper": shaper, "store": store}
