@@ -266,9 +266,7 @@ class Router:
 
     # -- WebTransport ------------------------------------------------------------------------------------------------
 
-    def _connect_received(
-        self, outlet: Outlet, pseudo: Mapping[bytes, bytes], origin: bytes | None
-    ) -> ASGIApp | None:
+    def _connect_received(self, outlet: Outlet, pseudo: Mapping[bytes, bytes], origin: bytes | None) -> ASGIApp | None:
         """Open a session; what answers the client if there is none to be opened."""
         limits = self._service.limits
         make_handler = self._service.webtransport.get(urlsplit(pseudo.get(b":path", b"")).path.decode("latin-1"))
