@@ -212,7 +212,7 @@ async def test_the_page_may_read_across_origins(client: httpx.AsyncClient) -> No
 
 
 async def test_watchers_are_counted_from_the_first_byte_that_waits(shaper: Shaper) -> None:
-    app = create_app(shaper, [PAGE])
+    app = create_app(shaper, OriginPolicy(programs=False))
     answers: asyncio.Queue[int] = asyncio.Queue()
     unread = asyncio.Event()
 
@@ -225,9 +225,10 @@ async def test_watchers_are_counted_from_the_first_byte_that_waits(shaper: Shape
         await asyncio.Event().wait()
         raise AssertionError
 
-    def watch() -> asyncio.Task[None]:
-        scope = {"type": "http", "method": "GET", "path": "/events", "headers": [], "query_string": b""}
-        return asyncio.create_task(app(scope, receive, send))
+    def watch() -> asyncio.Future[None]:
+        headers = [(b"host", b"localhost")]
+        scope = {"type": "http", "method": "GET", "path": "/events", "headers": headers, "query_string": b""}
+        return asyncio.ensure_future(app(scope, receive, send))
 
     watching = [watch() for _ in range(MAX_WATCHERS + 3)]
     assert sorted([await answers.get() for _ in watching]) == [200] * MAX_WATCHERS + [503] * 3
