@@ -119,7 +119,6 @@ async def test_poses_that_cannot_be_read_are_answered_and_change_nothing(package
             pose(1, 50).replace("50", "1e999"),
             pose(-1, 50),
             '{"seq": 1}',
-            "x" * 20_000,
         ):
             await socket_.send(text)
             assert (await told(socket_, lambda message: "type" in message))["type"].startswith("tigas:")
