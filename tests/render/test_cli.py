@@ -69,9 +69,15 @@ def scene_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_the_server_says_what_it_serves_and_stops_at_once_when_told(tmp_path: Path) -> None:
     (tmp_path / "torn").mkdir()
     (tmp_path / "torn" / "torn.ply").write_bytes(b"ply\nformat binary_little_endian 1.0\n")
+    (tmp_path / "pipe").mkdir()
+    (tmp_path / "pipe" / "pipe.ply").write_bytes(b"")
+    os.mkfifo(tmp_path / "pipe" / "scene.json")
     with serving("--scenes", str(tmp_path), "--https", "127.0.0.1:0") as (process, printed):
         assert "torn is left out: torn.ply is truncated" in printed
+        assert "pipe is left out: scene.json cannot be read: Not a regular file." in printed
         assert "1 scene ready on cpu." in printed
+        for _ in range(8):
+            assert httpx.get(url_in(printed) + "scenes?scan=1").status_code == 200
         config = httpx.get(url_in(printed) + "config.json").json()
         assert config["webtransport_url"].startswith("https://127.0.0.1:")
         context = ssl.create_default_context()

@@ -13,17 +13,17 @@ class HttpLimits(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
-    connections: int = Field(default=512, ge=1)
+    connections: int = Field(default=512, ge=1, le=100_000)
     """Connections at once; further ones are answered 503."""
-    connections_per_address: int = Field(default=128, ge=1)
+    connections_per_address: int = Field(default=128, ge=1, le=100_000)
     """The same of one IPv4 address, or one /64 of IPv6."""
-    header_s: float = Field(default=10.0, gt=0)
+    header_s: float = Field(default=10.0, gt=0, le=86_400)
     """For a TLS handshake, and for a request's headers to be complete."""
-    body_s: float = Field(default=30.0, gt=0)
+    body_s: float = Field(default=30.0, gt=0, le=86_400)
     """For the next part of a request's body."""
-    body_bytes_per_s: float = Field(default=500.0, gt=0)
+    body_bytes_per_s: float = Field(default=500.0, gt=0, le=1e9)
     """The lasting rate below which a body is given up, although its parts come in time."""
-    idle_s: int = Field(default=5, ge=1)
+    idle_s: int = Field(default=5, ge=1, le=86_400)
     """For the next request on a connection."""
-    unread_s: float = Field(default=30.0, gt=0)
+    unread_s: float = Field(default=30.0, gt=0, le=86_400)
     """For a client that takes nothing of what is sent to it (on Linux)."""

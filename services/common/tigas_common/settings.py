@@ -60,7 +60,7 @@ Settings = TypeVar("Settings", bound="ServiceSettings")
 class ServiceSettings(BaseSettings):
     """Settings of one service. Subclasses set `env_prefix`, and `table`, their table in the settings file."""
 
-    model_config = SettingsConfigDict(extra="forbid", frozen=True)
+    model_config = SettingsConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
     table: ClassVar[str] = ""
 
     http_limits: HttpLimits = HttpLimits()

@@ -61,7 +61,7 @@ Inputs = tuple[str, str, tuple[int, Network]]
 """Scene, movement, and network with the segment that it begins at."""
 Name = Annotated[str, Field(min_length=1, max_length=100), AfterValidator(_no_path)]
 Controller = Annotated[int | Annotated[str, Field(min_length=1, max_length=40)], AfterValidator(_rung)]
-Representation = Annotated[str, Field(pattern=rf"^({ADAPTIVE}|r\d{{1,3}}-\d{{2,6}})$")]
+Representation = Annotated[str, Field(pattern=rf"^({ADAPTIVE}|r[0-9]{{1,3}}-[0-9]{{2,6}})$")]
 Text = Annotated[str, Field(min_length=1, max_length=1000)]
 Several = Annotated[tuple[Value, ...], AfterValidator(_several)]
 
