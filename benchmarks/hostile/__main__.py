@@ -14,6 +14,7 @@ import argparse
 import math
 import os
 import platform
+import signal
 import sys
 
 from rich.console import Console
@@ -62,6 +63,7 @@ def main() -> int:
     parser.add_argument("--seconds", type=float, default=10, help="of each attack, and of the time before it")
     parser.add_argument(ISOLATED, action="store_true", help=argparse.SUPPRESS)
     arguments = parser.parse_args()
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))  # so that the services end, too
     if os.geteuid() == 0 and not arguments.isolated:
         isolate([sys.executable, "-m", "benchmarks.hostile", ISOLATED, *sys.argv[1:]])
     if arguments.isolated:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import os
+import time
 from collections.abc import Mapping
 from typing import Self
 
@@ -25,6 +26,7 @@ from tigas_common.peers import client_network
 from tigas_render.transport.congestion import CongestionControl, algorithm
 from tigas_render.transport.connection import Connection
 from tigas_render.transport.gso import Address, Datagram
+from tigas_render.transport.inbox import Inbox, Received
 from tigas_render.transport.limits import Limits
 from tigas_render.transport.quic import ServerQuicConnection
 from tigas_render.transport.refusal import encode_refusal
@@ -39,6 +41,8 @@ from tigas_render.transport.webtransport import SessionFactory
 MAX_DATAGRAM_SIZE = 1452
 """Bytes of UDP payload that fit an Ethernet frame over IPv6 (1500 − 40 − 8), and over IPv4."""
 CID_LENGTH = 8
+TURNS_S = 0.001
+"""How long datagrams are handled at a time, in seconds: what follows from them may take several times as long."""
 
 
 class Http3Server:
@@ -78,6 +82,8 @@ class Http3Server:
         """By address, of those that have connections."""
         self._openings = RateLimit(self._limits.handshakes_per_s, self._limits.connections_per_address)
         self._dirty: set[Connection] = set()
+        self._inbox = Inbox()
+        self._next_turns: asyncio.Handle | None = None
         self._endpoints: dict[int, UdpEndpoint] = {}
         """By the length of the addresses that they give, which differs between IPv4 and IPv6."""
         self._address: tuple[str, int] = (host, port)
@@ -118,6 +124,8 @@ class Http3Server:
         for endpoint in self._endpoints.values():
             endpoint.close()
         self._endpoints.clear()
+        if self._next_turns is not None:
+            self._next_turns.cancel()
 
     async def __aenter__(self) -> Self:
         await self.start()
@@ -162,15 +170,32 @@ class Http3Server:
             endpoint.send(datagrams)
 
     def _received(self, data: bytes, address: Address, arrived: float) -> None:
-        connection = self._connection_for(data, address)
-        if connection is not None:
-            self._dirty.add(connection)
-            connection.receive(data, address, arrived)
+        self._inbox.add(Received(data, address, arrived))
 
     def _drained(self) -> None:
+        if self._next_turns is None:
+            self._take_turns()
+
+    def _take_turns(self) -> None:
+        """Handle what has arrived for a moment, and the rest once the event loop has done what follows from it."""
+        self._next_turns = None
+        until = (now := time.monotonic()) + TURNS_S
+        while self._inbox and now < until:
+            network, datagram = self._inbox.take()
+            self._handle(datagram)
+            begun, now = now, time.monotonic()
+            self._inbox.settle(network, now - begun)
         dirty, self._dirty = self._dirty, set()
         for connection in dirty:
             connection.transmit()
+        if self._inbox:
+            self._next_turns = asyncio.get_running_loop().call_soon(self._take_turns)
+
+    def _handle(self, datagram: Received) -> None:
+        connection = self._connection_for(datagram.data, datagram.address)
+        if connection is not None:
+            self._dirty.add(connection)
+            connection.receive(*datagram)
 
     def _connection_for(self, data: bytes, address: Address) -> Connection | None:
         """The connection that a datagram belongs to, a new one if it opens one, or None if nothing is to be done."""

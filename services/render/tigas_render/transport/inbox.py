@@ -1,0 +1,60 @@
+"""Datagrams that were read and wait to be handled: addresses get equal time of the event loop, whatever they send."""
+
+from __future__ import annotations
+
+from collections import deque
+from typing import NamedTuple
+
+from tigas_common.peers import client_network
+from tigas_render.schedule import Turns
+from tigas_render.transport.gso import Address
+
+MAX_WAITING = 512
+"""Datagrams of one address that wait; further ones are dropped, which QUIC sees as loss."""
+EXPECTED_S = 0.0001
+"""What a datagram is expected to cost before that is measured, in seconds."""
+
+
+class Received(NamedTuple):
+    """A datagram."""
+
+    data: bytes
+    address: Address
+    arrived: float
+    """Seconds of the monotonic clock."""
+
+
+class Inbox:
+    """First come, first served would serve whoever sends the most."""
+
+    def __init__(self) -> None:
+        self._waiting: dict[str, deque[Received]] = {}
+        """By network; none is empty."""
+        self._turns = Turns()
+
+    def __bool__(self) -> bool:
+        return bool(self._waiting)
+
+    def add(self, datagram: Received) -> None:
+        """Keep a datagram until it is its sender's turn."""
+        network = client_network(str(datagram.address[0]))
+        if network not in self._waiting:
+            self._waiting[network] = deque()
+            self._turns.join(network, self._waiting)
+        if len(self._waiting[network]) < MAX_WAITING:
+            self._waiting[network].append(datagram)
+
+    def take(self) -> tuple[str, Received]:
+        """Whose turn it is, and the oldest datagram from there. Raises IndexError if nothing waits."""
+        if not self._waiting:
+            raise IndexError("nothing waits")
+        network = self._turns.choose(dict.fromkeys(self._waiting, EXPECTED_S))
+        self._turns.begin(network, EXPECTED_S)
+        datagram = self._waiting[network].popleft()
+        if not self._waiting[network]:
+            del self._waiting[network]
+        return network, datagram
+
+    def settle(self, network: str, seconds: float) -> None:
+        """How long the datagram took that was taken for somebody."""
+        self._turns.settle(network, seconds - EXPECTED_S)
