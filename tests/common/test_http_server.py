@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
+import socket
 import ssl
 from contextlib import AsyncExitStack
 from datetime import UTC, datetime
@@ -10,7 +12,7 @@ from datetime import UTC, datetime
 import pytest
 from starlette.responses import Response
 
-from tests.common.raw_client import ASK, connected
+from tests.common.raw_client import ASK, PATIENCE_S, connected
 from tigas_common.address import Address
 from tigas_common.certificate import Certificate
 from tigas_common.http_limits import HttpLimits
@@ -19,6 +21,20 @@ from tigas_common.runner import serve_http
 pytestmark = pytest.mark.anyio
 HERE = Address("127.0.0.1", 0)
 LONG_S = 60
+
+
+def server_tls() -> ssl.SSLContext:
+    """With a certificate of its own."""
+    tls = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
+    Certificate.create(["localhost"], datetime.now(UTC)).load_into(tls)
+    return tls
+
+
+def client_tls() -> ssl.SSLContext:
+    """Trusts every certificate."""
+    tls = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
+    tls.check_hostname, tls.verify_mode = False, ssl.CERT_NONE
+    return tls
 
 
 async def test_all_addresses_together_have_a_limit_and_a_place_that_is_left_is_free() -> None:
@@ -38,18 +54,31 @@ async def test_all_addresses_together_have_a_limit_and_a_place_that_is_left_is_f
 
 
 async def test_a_tls_handshake_takes_a_place_and_not_for_ever() -> None:
-    tls = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
-    Certificate.create(["localhost"], datetime.now(UTC)).load_into(tls)
     limits = HttpLimits(connections_per_address=2, header_s=1)
-    async with serve_http(Response("ok"), HERE, limits, tls) as port, AsyncExitStack() as stack:
+    async with serve_http(Response("ok"), HERE, limits, server_tls()) as port, AsyncExitStack() as stack:
         silent = [await stack.enter_async_context(connected(port)) for _ in range(2)]
         async with connected(port) as refused:
             assert await refused.ended() == b""
         assert [await client.ended() for client in silent] == [b"", b""]
-        trusting = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
-        trusting.check_hostname, trusting.verify_mode = False, ssl.CERT_NONE
-        reader, writer = await asyncio.open_connection("127.0.0.1", port, ssl=trusting)
+        reader, writer = await asyncio.open_connection("127.0.0.1", port, ssl=client_tls())
         writer.write(ASK)
         assert b" 200 OK" in await reader.readline()
         writer.close()
         await writer.wait_closed()
+
+
+async def test_a_client_that_does_not_end_tls_keeps_no_connection() -> None:
+    async with serve_http(Response("ok"), HERE, HttpLimits(header_s=0.5), server_tls()) as port:
+
+        def answer_nothing() -> None:
+            plain = socket.create_connection(("127.0.0.1", port), timeout=PATIENCE_S)
+            with client_tls().wrap_socket(plain) as client, contextlib.suppress(ConnectionResetError):
+                while plain_read(client):
+                    pass
+
+        await asyncio.to_thread(answer_nothing)
+
+
+def plain_read(client: ssl.SSLSocket) -> bytes:
+    """What comes, past TLS, which would answer the server's wish to end it."""
+    return socket.socket.recv(client, 4096)

@@ -18,7 +18,7 @@ class HttpLimits(BaseModel):
     connections_per_address: int = Field(default=128, ge=1, le=100_000)
     """The same of one IPv4 address, or one /64 of IPv6."""
     header_s: float = Field(default=10.0, gt=0, le=86_400)
-    """For a TLS handshake, and for a request's headers to be complete."""
+    """For a request's headers to be complete, and for TLS to begin and to end."""
     body_s: float = Field(default=30.0, gt=0, le=86_400)
     """For the next part of a request's body."""
     body_bytes_per_s: float = Field(default=500.0, gt=0, le=1e9)

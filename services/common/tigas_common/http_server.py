@@ -94,12 +94,14 @@ class LimitedServer(uvicorn.Server):
     async def _open(self, connection: socket.socket) -> None:
         task = asyncio.current_task()
         assert task is not None
+        patience_s = self._limits.header_s if self._tls else None
         with suppress(OSError):  # the client has left, or does not speak TLS
             await asyncio.get_running_loop().connect_accepted_socket(
                 lambda: LimitedProtocol(self.config, self.server_state, self._limits, lambda: self._opened(task)),
                 connection,
                 ssl=self._tls,
-                ssl_handshake_timeout=self._limits.header_s if self._tls else None,
+                ssl_handshake_timeout=patience_s,
+                ssl_shutdown_timeout=patience_s,
             )
 
     def _opened(self, task: asyncio.Task[None]) -> None:
