@@ -94,6 +94,20 @@ def test_every_mode_is_measured_over_the_same_link_and_movement(services: Servic
     assert (out / "report.html").stat().st_size > 50_000
 
 
+def test_a_stream_may_have_a_single_representation(services: Services, out: Path) -> None:
+    single = ("--modes", "dash-tuned,dash-edge", "--dash-representation", "r3-300")
+    status, _, errors = finished(
+        compare("--url", services.url, "--network", "unshaped", *single, "--out", str(out), *SHORT)
+    )
+    assert status == 0, errors
+    runs = report(out)
+    assert [run["folder"].split("_")[3] for run in runs] == ["dash-tuned-r3-300", "dash-edge-r3-300"]
+    for run in runs:
+        assert [one["id"] for one in run["record"]["recording"]["dash"]["representations"]] == ["r3-300"]
+        assert run["figures"]["frames"]["new_views"] > 5
+    assert "DASH, tuned, r3-300" in (out / "report.html").read_text()
+
+
 @pytest.mark.parametrize(
     "end_it",
     [

@@ -68,7 +68,9 @@ def test_two_curves_are_compared_over_the_rates_that_both_have(tmp_path: Path) -
     (one,) = found.equal_rates
     assert (one.other.title, one.rates) == ("DASH tuned, fixed", (2.0, 4.0))
     assert one.differences[SEEN_SSIM].mean == pytest.approx(0.2), "as both rise alike from 2 to 4 Mbit/s"
-    assert title(found, every) == "SSIM of what is seen at rates that fixed rungs have, too: DASH tuned, fixed +0.200"
+    assert (
+        title(found, every) == "SSIM of what is seen at equal rates, less that of Fixed rungs: DASH tuned, fixed +0.200"
+    )
 
 
 def test_rates_that_do_not_overlap_give_no_difference_and_it_is_said(tmp_path: Path) -> None:
@@ -77,7 +79,10 @@ def test_rates_that_do_not_overlap_give_no_difference_and_it_is_said(tmp_path: P
     (one,) = found.equal_rates
     assert (one.differences, one.rates, one.blocks, one.overlapping) == ({}, None, 1, 0)
     assert one.apart == "no overlap: Fixed rungs 1.0–4.0, DASH tuned 5.0 Mbit/s"
-    assert title(found, every) == "SSIM of what is seen at rates that fixed rungs have, too: DASH tuned shares none"
+    assert (
+        title(found, every)
+        == "SSIM of what is seen at equal rates, less that of Fixed rungs: DASH tuned shares no rate"
+    )
     page = write_report(tmp_path, tmp_path, "comparison").page.read_text()
     assert one.apart in page
 
@@ -138,7 +143,7 @@ def test_the_values_are_in_csv_files_and_the_page(tmp_path: Path) -> None:
     assert float(seen["difference"]) == pytest.approx(-0.05)
     page = report.page.read_text()
     assert "Quality at equal rates" in page
-    assert "SSIM of what is seen at rates that fixed rungs have, too: DASH tuned -0.050" in page
+    assert "SSIM of what is seen at equal rates, less that of Fixed rungs: DASH tuned -0.050" in page
     assert (tmp_path / "01-bus_rate-distortion.svg").is_file()
 
 

@@ -8,7 +8,6 @@ from matplotlib.axes import Axes
 
 from tigas_experiments.report.blocks import Estimate, signed
 from tigas_experiments.report.charts import Looks
-from tigas_experiments.report.controllers import FIXED_COLOUR
 from tigas_experiments.report.metrics import PICTURE_SSIM, RECEIVED, SEEN_SSIM, Metric
 from tigas_experiments.report.plot import Plot, add_legend, label_lowest, panel_grid, style, svg
 from tigas_experiments.report.rate_distortion import QUALITIES, EqualRate, RateDistortion, Series
@@ -54,18 +53,14 @@ def _title(compared: Sequence[EqualRate]) -> str:
     against = [one for one in compared if one.curve is curve]
     seen = any(SEEN_SSIM in sample for samples in curve.samples.values() for sample in samples.values())
     metric = SEEN_SSIM if seen else PICTURE_SSIM
-    told = [
-        f"{one.other.title} {signed(metric, found.mean) if (found := one.differences.get(metric)) else 'shares none'}"
-        for one in against[:MOST_COMPARED]
-    ]
-    more = ", more in the table" if len(compared) > MOST_COMPARED else ""
-    return f"{metric.title} at rates that {curve.title.lower()} have, too: {', '.join(told)}{more}"
+    found = {one.other.title: one.differences.get(metric) for one in against[:MOST_COMPARED]}
+    told = [f"{title} {signed(metric, one.mean) if one else 'shares no rate'}" for title, one in found.items()]
+    more = ["more in the table"] if len(against) > MOST_COMPARED else []
+    return f"{metric.title} at equal rates, less that of {curve.title}: {'; '.join(told + more)}"
 
 
 def _draw(axes: Axes, series: Series, metric: Metric, looks: Looks) -> None:
-    first = series.controllers[0]
-    curve = series.is_curve
-    colour = (FIXED_COLOUR if first.mode == "stateless" else looks[first].colour) if curve else looks[first].colour
+    colour = looks[series.controllers[0]].colour
     means: list[tuple[float, float]] = []
     for controller in series.controllers:
         blocks = [sample for sample in series.samples[controller].values() if metric in sample]
@@ -93,7 +88,7 @@ def _draw(axes: Axes, series: Series, metric: Metric, looks: Looks) -> None:
             label=controller.title,
         )
         means.append((rate.mean, quality.mean))
-    if curve and means:
+    if series.is_curve and means:
         axes.plot(*zip(*sorted(means), strict=True), color=colour, linewidth=1.2, zorder=1)
 
 
