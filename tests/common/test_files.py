@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tracemalloc
 from pathlib import Path
 
 import pytest
@@ -17,6 +18,16 @@ def test_a_file_is_read_also_through_a_link(tmp_path: Path) -> None:
     assert read_regular(link, 4) == b"text"
     with pytest.raises(OSError, match="too large"):
         read_regular(link, 3)
+
+
+def test_a_small_file_takes_little_memory_whatever_the_limit(tmp_path: Path) -> None:
+    (tmp_path / "file").write_bytes(b"text")
+    tracemalloc.start()
+    try:
+        read_regular(tmp_path / "file", 1_000_000_000)
+        assert tracemalloc.get_traced_memory()[1] < 1_000_000
+    finally:
+        tracemalloc.stop()
 
 
 @pytest.mark.parametrize("kind", NOT_FILES)
