@@ -6,11 +6,13 @@ import io
 import lzma
 import tarfile
 from collections.abc import Iterator
-from pathlib import Path
+from pathlib import Path, PurePosixPath
+from tempfile import TemporaryDirectory
 
 from pydantic import ValidationError
 
 from tigas_common.errors import StartError
+from tigas_common.parsing import legible
 from tigas_common.wire.model import WireModel
 from tigas_experiments.records.folder import Template
 from tigas_experiments.report.results import run_folders
@@ -64,26 +66,42 @@ def pack(folder: Path, archive: Path, options: Options) -> None:
 
 
 def unpack(archive: Path) -> Path:
-    """The folder of the packed runs, beside the archive. Raises StartError if it exists, or if this is no archive."""
-    try:
-        with tarfile.open(archive, "r:xz") as tar:
-            names, room = set(), MOST_TIMES * archive.stat().st_size
-            for entry in tar:
-                names.add(next(iter(Path(entry.name).parts), "."))
-                room -= entry.size
-                if room < 0:
-                    raise StartError(f"{archive} would unpack to more than {MOST_TIMES:,} times its size.")
-            folder = archive.parent / next(iter(names), "")
-            existed = folder.exists()
-            if len(names) == 1 and not existed:
-                tar.extractall(archive.parent, filter="data")
-    except (tarfile.TarError, lzma.LZMAError, EOFError) as error:
-        raise StartError(f"{archive} is not an archive of `tigas report --archive`: {error}.") from None
-    if len(names) != 1:
-        raise StartError(f"{archive} is not an archive of `tigas report --archive`: it does not hold one folder.")
-    if existed:
-        raise StartError(f"{folder} exists already, so {archive} is not unpacked.")
+    """The folder of the packed runs, beside the archive; complete or not there at all.
+
+    Raises StartError if it exists, or if this is no archive, and OSError.
+    """
+    with TemporaryDirectory(dir=archive.parent, prefix=".unpack-") as scratch:
+        try:
+            with tarfile.open(archive, "r:xz") as tar:
+                name = _one_folder(archive, tar)
+                folder = archive.parent / name
+                if folder.exists():
+                    raise StartError(f"{folder} exists already, so {archive} is not unpacked.")
+                tar.extractall(scratch, filter="data")
+        except (tarfile.TarError, lzma.LZMAError, EOFError, ValueError, OverflowError, KeyError) as error:
+            raise _no_archive(archive, legible(str(error), 200)) from None
+        Path(scratch, name).rename(folder)
     return folder
+
+
+def _one_folder(archive: Path, tar: tarfile.TarFile) -> str:
+    """The name of the folder that holds all of an archive. Raises StartError if `pack` wrote no such archive."""
+    names, room = set(), MOST_TIMES * archive.stat().st_size
+    for entry in tar:
+        parts = PurePosixPath(entry.name).parts
+        if not entry.isreg() or len(parts) < 2 or parts[0] == "/" or ".." in parts:
+            raise _no_archive(archive, f"it holds {legible(entry.name, 60)!r}, which is no file in a folder")
+        names.add(parts[0])
+        room -= entry.size
+        if room < 0:
+            raise StartError(f"{archive} would unpack to more than {MOST_TIMES:,} times its size.")
+    if len(names) != 1:
+        raise _no_archive(archive, "it does not hold one folder")
+    return names.pop()
+
+
+def _no_archive(archive: Path, why: str) -> StartError:
+    return StartError(f"{archive} is not an archive of `tigas report --archive`: {why.rstrip('.')}.")
 
 
 def _files(folder: Path) -> Iterator[Path]:
