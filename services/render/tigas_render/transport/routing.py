@@ -7,7 +7,6 @@ import logging
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field
 from typing import Protocol
-from urllib.parse import urlsplit
 
 from aioquic.buffer import encode_uint_var
 from aioquic.h3.connection import ErrorCode, FrameType, encode_frame
@@ -244,7 +243,7 @@ class Router:
         if (overload := self._overload()) is not None:
             return refusal(503, overload)
         if not self._quic.is_established and pseudo[b":method"] not in (b"GET", b"HEAD"):
-            path = urlsplit(pseudo.get(b":path", b"")).path.decode("latin-1")
+            path = _path(pseudo)
             if pseudo[b":method"] != b"POST" or path not in self._service.early_posts:
                 return refusal(425, TOO_EARLY)  # RFC 8470
         return None
@@ -269,7 +268,7 @@ class Router:
     def _connect_received(self, outlet: Outlet, pseudo: Mapping[bytes, bytes], origin: bytes | None) -> ASGIApp | None:
         """Open a session; what answers the client if there is none to be opened."""
         limits = self._service.limits
-        make_handler = self._service.webtransport.get(urlsplit(pseudo.get(b":path", b"")).path.decode("latin-1"))
+        make_handler = self._service.webtransport.get(_path(pseudo))
         if pseudo.get(b":protocol") != b"webtransport":
             return refusal(501, "Only WebTransport sessions are connected to.")
         if make_handler is None:
@@ -330,3 +329,8 @@ class Router:
         stream.outlet.abort(stream.abort_code)
         if self._idle is not None and not self._streams and not self._idle.done():
             self._idle.set_result(None)
+
+
+def _path(pseudo: Mapping[bytes, bytes]) -> str:
+    """The path of a request, without its query."""
+    return pseudo.get(b":path", b"").partition(b"?")[0].decode("latin-1")
