@@ -11,6 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.fuzz.byte_edits import edited
+from tests.fuzz.corpus import found
 from tests.fuzz.effort import effort
 from tests.fuzz.json_texts import bodies
 from tests.fuzz.sentences import assert_sentence
@@ -62,6 +63,17 @@ def absurd_gaussians(draw: st.DrawFn) -> bytes:
 @effort(150)
 @given(files | absurd_gaussians())
 def test_any_ply_loads_or_is_broken(content: bytes) -> None:
+    assert_loads_or_is_broken(content)
+
+
+@found("ply")
+def test_a_ply_that_was_found_loads_or_is_broken(content: bytes) -> None:
+    assert_loads_or_is_broken(content)
+    assert_no_other_is_broken(b"{}", content)
+
+
+def assert_loads_or_is_broken(content: bytes) -> None:
+    """It becomes finite Gaussians that can be looked at, or a sentence, in bounded memory."""
     with tempfile.TemporaryDirectory() as folder:
         path = plys.write(Path(folder, "scene", "scene.ply"), content)
         tracemalloc.start()
@@ -84,6 +96,11 @@ def test_any_ply_loads_or_is_broken(content: bytes) -> None:
 @effort(100)
 @given(bodies(SceneMetadata, EXAMPLES[SceneMetadata]), files)
 def test_a_broken_scene_takes_no_other_with_it(description: bytes, content: bytes) -> None:
+    assert_no_other_is_broken(description, content)
+
+
+def assert_no_other_is_broken(description: bytes, content: bytes) -> None:
+    """A scan finds the scene, and a sound one beside it."""
     with tempfile.TemporaryDirectory() as folder:
         models = Path(folder)
         plys.write(models / "odd" / "scene.json", description)
@@ -101,6 +118,16 @@ def test_a_broken_scene_takes_no_other_with_it(description: bytes, content: byte
 @effort(100)
 @given(bodies(SceneMetadata, EXAMPLES[SceneMetadata]))
 def test_whatever_a_description_says_there_is_a_view_to_begin_with(description: bytes) -> None:
+    assert_view(description)
+
+
+@found("scene-json")
+def test_a_description_that_was_found_gives_a_view(content: bytes) -> None:
+    assert_view(content)
+
+
+def assert_view(description: bytes) -> None:
+    """A scene with this scene.json is broken, or has a camera to begin with."""
     with tempfile.TemporaryDirectory() as folder:
         models = Path(folder)
         plys.write(models / "scene" / "scene.json", description)

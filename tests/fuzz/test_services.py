@@ -20,6 +20,7 @@ from tests.experiments.made_up import MACHINE
 from tests.experiments.store.conftest import in_a_thread
 from tests.fuzz.asgi import HOST, Answer, ask, assert_answered, opened
 from tests.fuzz.byte_edits import chunked
+from tests.fuzz.corpus import found
 from tests.fuzz.effort import effort
 from tests.fuzz.json_texts import bodies, dumps
 from tests.fuzz.targets import METHODS, headers, paths
@@ -146,6 +147,16 @@ def dash(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Ask]:
 @effort(30)
 @given(bodies(SessionRequest, EXAMPLES[SessionRequest]))
 def test_any_session_is_opened_or_refused(dash: Ask, body: bytes) -> None:
+    assert_opened_or_refused(dash, body)
+
+
+@found("session")
+def test_a_session_that_was_found_is_opened_or_refused(dash: Ask, content: bytes) -> None:
+    assert_opened_or_refused(dash, content)
+
+
+def assert_opened_or_refused(dash: Ask, body: bytes) -> None:
+    """The packager opens a stream that can be played and ended, or says why not and keeps none."""
     answer = dash("POST", "/sessions", chunks=[body])
     assert_answered(answer, "encoder-unavailable")
     if answer.status == 201:
