@@ -54,7 +54,8 @@ test: .venv/.ready $(STATIC)
 test-compose: .venv/.ready
 	@$(VENV)/python -m pytest tests/compose -m compose -s
 
-fuzz: .venv/.ready
+fuzz: .venv/.ready web/node_modules/.ready
+	@cd web && VITE_FUZZ_EXAMPLES=$(EXAMPLES) npx vitest run --test-timeout=0 fuzz
 	@TIGAS_FUZZ_EXAMPLES=$(EXAMPLES) $(VENV)/python -m pytest tests/fuzz --timeout=0 --tb=short $(ARGS)
 
 lint: .venv/.ready web/node_modules/.ready

@@ -1,0 +1,6 @@
+/** How many inputs a fuzzer tries: the same few in every `make test`, many random ones with `make fuzz`. */
+const examples: string | undefined = import.meta.env.VITE_FUZZ_EXAMPLES;
+
+export const EFFORT: { numRuns: number; seed?: number } = examples
+  ? { numRuns: Number(examples) }
+  : { numRuns: 100, seed: 1 };
