@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import contextlib
 import os
 import re
@@ -13,12 +14,14 @@ import sys
 import time
 from collections.abc import Iterator, Sequence
 from pathlib import Path
+from urllib.parse import urlsplit
 
 import httpx
 import pytest
 
 from tests.render import losing_device
 from tests.render.fakes import render_request
+from tests.render.transport.client import connect
 from tigas_render.settings import RenderSettings
 
 ROOT = Path(__file__).parents[2]
@@ -103,6 +106,28 @@ def test_by_default_only_this_machine_is_served_and_the_network_when_asked_for(
         assert "Open to the network" not in printed
     with serving("--scenes", str(tmp_path), "--quic", "[::]:0") as (_, printed):
         assert "Open to the network on [::]:0: whoever reaches this machine can use this service." in printed
+
+
+def test_pages_and_names_that_are_allowed_may_use_http_and_webtransport(tmp_path: Path) -> None:
+    allowed = ("--allow-origin", "https://page.example", "--allow-host", "tigas.example")
+
+    async def session(port: int, host: str, origin: str) -> str:
+        async with connect(port, certificate=None) as client:
+            opened = await client.connect_webtransport(authority=host, origin=origin)
+            return str(client.responses[opened].status)
+
+    with serving("--scenes", str(tmp_path), *allowed) as (_, printed):
+        url = url_in(printed) + "config.json"
+        port = urlsplit(httpx.get(url).json()["webtransport_url"]).port
+        assert port is not None
+        for host, origin, status in (
+            ("localhost", "https://page.example", 200),
+            ("tigas.example", "https://tigas.example", 200),
+            ("localhost", "https://evil.example", 403),
+            ("evil.example", "https://evil.example", 421),
+        ):
+            assert httpx.get(url, headers={"Host": host, "Origin": origin}).status_code == status
+            assert asyncio.run(session(port, host, origin)) == str(status)
 
 
 def test_another_machine_is_not_sent_to_a_port_that_only_this_one_reaches(tmp_path: Path) -> None:

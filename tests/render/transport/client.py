@@ -210,16 +210,19 @@ async def connect(
     ticket: SessionTicket | None = None,
     on_ticket: Callable[[SessionTicket], None] | None = None,
     wait: bool = True,
-    certificate: Certificate = CERTIFICATE,
+    certificate: Certificate | None = CERTIFICATE,
     **configuration: Any,
 ) -> AsyncIterator[Client]:
-    """A connected client, from the address `source` if it is not the server's; `configuration` goes to aioquic."""
+    """A connected client, from the address `source` if it is not the server's; `configuration` goes to aioquic.
+
+    Without a `certificate` it takes every server's.
+    """
     config = QuicConfiguration(
         alpn_protocols=H3_ALPN,
         max_datagram_frame_size=65536,
         server_name="localhost",
-        verify_mode=ssl.CERT_REQUIRED,
-        cadata=certificate.pem,
+        verify_mode=ssl.CERT_REQUIRED if certificate else ssl.CERT_NONE,
+        cadata=certificate.pem if certificate else None,
         session_ticket=ticket,
         **configuration,
     )
