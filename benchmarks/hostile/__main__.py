@@ -75,24 +75,25 @@ def main() -> int:
         attacks = [one for one in attacks if one.service != "shaper"]
     cores, outcomes = Cores.share(), []
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
-    with Progress(*columns, console=Console(stderr=True)) as progress:
-        task = progress.add_task("", total=len(attacks))
-        for attack in attacks:
-            outcome = measure(
-                attack,
-                arguments.seconds,
-                cores,
-                lambda phase, name=attack.name: progress.update(task, description=f"{name}: {phase}"),  # type: ignore[misc]
-            )
-            outcomes.append(outcome)
-            done = ", ".join(f"{count:,} {what}" for what, count in sorted(outcome.done.items())) or "unknown"
-            console.print(f"{attack.name}: {done}", highlight=False)
-            progress.advance(task)
-    console.print(show(outcomes))
-    console.print(
-        f"Commit {this_commit() or 'unknown'}, {platform.machine()}, {os.cpu_count()} cores: {len(cores.services)} for "
-        f"the services, {len(cores.clients)} for viewer and attacker."
-    )
+    try:
+        with Progress(*columns, console=Console(stderr=True)) as progress:
+            task = progress.add_task("", total=len(attacks))
+            for attack in attacks:
+
+                def tell(phase: str, name: str = attack.name) -> None:
+                    progress.update(task, description=f"{name}: {phase}")
+
+                outcome = measure(attack, arguments.seconds, cores, tell)
+                outcomes.append(outcome)
+                done = ", ".join(f"{count:,} {what}" for what, count in sorted(outcome.done.items())) or "unknown"
+                console.print(f"{attack.name}: {done}", highlight=False)
+                progress.advance(task)
+    finally:  # what was measured before somebody stopped it counts, too
+        console.print(show(outcomes))
+        console.print(
+            f"Commit {this_commit() or 'unknown'}, {platform.machine()}, {os.cpu_count()} cores: {len(cores.services)} "
+            f"for the services, {len(cores.clients)} for viewer and attacker."
+        )
     return int(not all(outcome.holds for outcome in outcomes))
 
 
