@@ -15,7 +15,7 @@ from tests.not_files import NOT_FILES
 from tests.shaper.fakes import FakeGateway, FakeLink, FakeTime, trace
 from tigas_common.origins import OriginPolicy
 from tigas_common.wire.shaper import MAX_UPLOAD_BYTES, LinkSetting
-from tigas_shaper.api import MAX_WATCHERS, create_app
+from tigas_shaper.api import MAX_UPLOADING, MAX_WATCHERS, create_app
 from tigas_shaper.player import Player
 from tigas_shaper.service import Shaper
 from tigas_shaper.traces.csv_format import format_csv
@@ -178,6 +178,24 @@ async def test_what_is_no_file_among_the_traces_holds_nothing_up(
     NOT_FILES[kind](directory / "made.csv")
     assert (await client.get("/traces")).json() == before
     assert (await client.get("/traces/made")).status_code == 404
+
+
+async def test_few_uploads_run_at_a_time_and_each_gives_its_place_back(client: httpx.AsyncClient) -> None:
+    complete, begun = asyncio.Event(), asyncio.Semaphore(0)
+
+    async def slow() -> AsyncIterator[bytes]:
+        begun.release()
+        await complete.wait()
+        yield b"1000\n2000\n"
+
+    uploading = [asyncio.create_task(client.post("/traces?name=slow", content=slow())) for _ in range(MAX_UPLOADING)]
+    for _ in uploading:
+        await begun.acquire()
+    refused = await client.post("/traces?name=late", content=b"1000\n")
+    assert (refused.status_code, refused.json()["type"]) == (503, "tigas:overloaded")
+    complete.set()
+    assert [(await each).status_code for each in uploading] == [200] * MAX_UPLOADING
+    assert (await client.post("/traces?name=late", content=b"1000\n")).status_code == 200
 
 
 async def test_uploads_are_bounded(client: httpx.AsyncClient) -> None:

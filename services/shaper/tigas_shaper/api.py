@@ -24,6 +24,8 @@ from tigas_shaper.service import Shaper
 from tigas_shaper.traces.library import points, summary
 
 MAX_WATCHERS = 64
+MAX_UPLOADING = 4
+"""Traces at a time: each may take some hundred megabytes until it is read."""
 
 
 def create_app(shaper: Shaper, policy: OriginPolicy) -> ASGIApp:
@@ -48,6 +50,7 @@ def create_app(shaper: Shaper, policy: OriginPolicy) -> ASGIApp:
     )
     app.state.shaper = shaper
     app.state.watchers = 0
+    app.state.uploading = 0
     return OriginCheck(app, policy)
 
 
@@ -58,9 +61,16 @@ async def traces(request: Request) -> Response:
 
 async def upload(request: Request) -> Response:
     """Keep a trace in any format that can be imported; `?name=` is the file's name."""
-    data = await read_body(request, MAX_UPLOAD_BYTES)
-    name = request.query_params.get("name", "uploaded")[:255]
-    added = await asyncio.to_thread(_shaper(request).library.add, name, data)
+    state = request.app.state
+    if state.uploading >= MAX_UPLOADING:
+        raise Overloaded(f"{MAX_UPLOADING} traces are being uploaded already; try again later.")
+    state.uploading += 1
+    try:
+        data = await read_body(request, MAX_UPLOAD_BYTES)
+        name = request.query_params.get("name", "uploaded")[:255]
+        added = await asyncio.to_thread(_shaper(request).library.add, name, data)
+    finally:
+        state.uploading -= 1
     return json_response(summary(added, uploaded=True))
 
 
