@@ -14,6 +14,7 @@ from tests.experiments.store.conftest import in_a_thread
 from tests.render.fakes import FakeRasterizer
 from tests.shaper.fakes import FakeGateway, FakeLink, FakeTime
 from tigas_common.origins import OriginPolicy
+from tigas_common.topology import PAGE_ORIGINS
 from tigas_common.wire.shaper import LinkSetting
 from tigas_dash.app import create_app as dash_app
 from tigas_dash.clock import Clock
@@ -60,7 +61,7 @@ async def shaper(folder: Path) -> AsyncIterator[ASGIApp]:
     link = FakeLink(time := FakeTime())
     player = Player(link, LinkSetting(100_000, 50_000), clock=time.clock, sleep=time.sleep)
     running = Shaper(link, FakeGateway(), player, TraceLibrary(None))  # type: ignore[arg-type]
-    yield shaper_app(running, OriginPolicy(programs=False))
+    yield shaper_app(running, OriginPolicy(pages=PAGE_ORIGINS, programs=False))
     player.close()
 
 

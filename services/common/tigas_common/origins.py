@@ -54,7 +54,7 @@ class OriginPolicy:
     hosts: frozenset[str] = frozenset()
     """Names, in small letters."""
     pages: tuple[str, ...] = ()
-    """Origins, as browsers name them. They may also show the service's pages in a frame."""
+    """Origins, as browsers name them. Those of other machines may also show the service's pages in a frame."""
     on_network: bool = False
     """Names that only the own network can give (`labhost`, `lab.local`) are its own, too."""
     programs: bool = True
@@ -99,7 +99,11 @@ class OriginPolicy:
     @property
     def frame_ancestors(self) -> str:
         """The directive that says who may show an answer in a frame."""
-        return "frame-ancestors " + (" ".join(self.pages) or "'none'")
+        return "frame-ancestors " + (" ".join(self._embedders) or "'none'")
+
+    @property
+    def _embedders(self) -> list[str]:
+        return [page for page in self.pages if not is_loopback(host_of_origin(page) or "")]
 
     def _is_own(self, name: str) -> bool:
         return (
@@ -108,7 +112,7 @@ class OriginPolicy:
 
     def _is_visit(self, method: str, headers: Headers) -> bool:
         """Whether somebody follows a link to here, or a page that may do so shows us in a frame."""
-        shown_in = {"document", "iframe"} if self.pages else {"document"}
+        shown_in = {"document", "iframe"} if self._embedders else {"document"}
         navigates = method in SAFE_METHODS and headers.get("sec-fetch-mode") == "navigate"
         return navigates and headers.get("sec-fetch-dest") in shown_in
 
