@@ -35,6 +35,8 @@ from tigas_render.transport.server import Http3Server
 
 FIELDS = [(b":method", b"POST"), (b":scheme", b"https"), (b":authority", b"localhost"), (b":path", b"/render")]
 SESSION = [(b":method", b"CONNECT"), (b":protocol", b"webtransport"), *FIELDS[1:]]
+FILL = 2 * MAX_FIELD_SECTION
+"""Bytes that follow on streams that have not ended; no server keeps so many."""
 MOST_MEMORY = 8_000_000
 """Bytes for what one client of this test sends, which is some hundred kilobytes at most."""
 
@@ -62,12 +64,13 @@ STREAMS: dict[int, bytes] = {
     14: encode_uint_var(StreamType.WEBTRANSPORT) + encode_uint_var(4) + b"unidirectional",
 }  # fmt: skip
 """What a sound client sends, by stream."""
+SECTION = pylsqpack.Encoder().encode(0, FIELDS)[1]
 PIECES = (
     *(frame_header(kind, size) for kind in (*range(8), 0xD, 0x21, 0x41) for size in (0, 1, 63, 64, 16_385, 1 << 30)),
     *(frame_header(FrameType.HEADERS, (1 << 62) - 1), encode_uint_var((1 << 62) - 1), b"\xff", b"\x80\x00\x00\x00"),
     *(headers(), headers(*FIELDS), headers(*SESSION), headers((b":path", b"//["))),
     *(headers((b"X", b"\r\n")), headers(*FIELDS * 2)),
-    *(encode_frame(FrameType.HEADERS, b"\x00\x00" + b"\xfa" * 1000), encode_frame(FrameType.HEADERS, b"\x02\x00\x80")),
+    *(encode_frame(FrameType.HEADERS, SECTION + b"\xfa" * 1000), encode_frame(FrameType.HEADERS, b"\x02\x00\x80")),
     *(b"\x3f\xe1\x1f", b"\xc0\x01\x00", b"\x80" * 64, encode_frame(FrameType.SETTINGS, b"\x01\x40")),
 )  # fmt: skip
 METHODS = (b"GET", b"POST", b"CONNECT", b"CONNECT", b"HEAD", b"get", b"", b"\xff", b"M" * 300)
@@ -174,6 +177,8 @@ class Heard:
     data: dict[int, bytes] = field(default_factory=lambda: defaultdict(bytes))
     sessions: dict[int, int] = field(default_factory=dict)
     ended: set[int] = field(default_factory=set)
+    kept: int = field(default=0, compare=False)
+    """The most bytes of a stream that waited for the rest of a frame."""
 
     def add(self, event: H3Event) -> None:
         match event:
@@ -196,6 +201,7 @@ def hear(pieces: list[tuple[int, bytes, bool]]) -> Heard:
         if quic.closed is None:
             for event in h3.handle_event(StreamDataReceived(data=data, end_stream=ends, stream_id=stream_id)):
                 heard.add(event)
+            heard.kept = max(heard.kept, *(len(stream.buffer) for stream in h3._stream.values()))
     heard.closed = quic.closed
     return heard
 
@@ -238,11 +244,17 @@ def test_a_control_stream_that_was_found_is_cheap(kind: int, content: bytes) -> 
 
 def assert_cheap(pieces: list[tuple[int, bytes, bool]]) -> None:
     """What a client sends is understood or refused in bounded memory."""
+    endless = [
+        (stream_id, b"\x21" * FILL, False)
+        for stream_id in (0, 2)
+        if (stream_id, True) not in {(p[0], p[2]) for p in pieces}
+    ]
     tracemalloc.start()
-    heard = hear(pieces)
+    heard = hear(pieces + endless)
     _, peak = tracemalloc.get_traced_memory()
     tracemalloc.stop()
     assert peak < MOST_MEMORY
+    assert heard.kept < FILL
     for sections in heard.headers.values():
         assert all(sum(len(name) + len(value) + 32 for name, value in one) <= MAX_FIELD_SECTION for one in sections)
 

@@ -182,7 +182,7 @@ class StreamMachine(RuleBasedStateMachine):
             self.runner.run(self._end_everything())
         encoders = [thread for thread in threading.enumerate() if thread.name.startswith("encoder-")]
         for thread in encoders:
-            thread.join(LONGEST_S)
+            thread.join(5)
             assert not thread.is_alive(), "an encoder was left behind"
         assert threading.active_count() <= self.threads, "a thread was left behind"
 
