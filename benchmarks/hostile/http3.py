@@ -8,6 +8,7 @@ import json
 import socket
 import time
 from collections.abc import Awaitable, Callable
+from contextlib import AsyncExitStack
 
 from aioquic.asyncio.protocol import QuicConnectionProtocol
 from aioquic.buffer import encode_uint_var
@@ -236,8 +237,12 @@ async def handshake_flood(attacker: Attacker) -> None:
 async def connection_hoard(attacker: Attacker) -> None:
     """Six hundred connections that are kept and not used."""
 
+    opening = asyncio.Semaphore(8)  # more at once, and none is opened in time
+
     async def attempt() -> None:
-        async with attacker.connect() as client:
+        async with AsyncExitStack() as stack:
+            async with opening:
+                client = await stack.enter_async_context(attacker.connect())
             attacker.done["connections"] += 1
             while not client.closed:
                 client.quic.send_ping(1)

@@ -18,6 +18,7 @@ from typing import Any
 
 from benchmarks.hostile.attacks import Attack
 from benchmarks.hostile.services import START_S, Ports, running
+from benchmarks.hostile.warm_up import warm_up
 
 WARM_UP_S = 5.0
 RECOVERY_S = 30.0
@@ -126,6 +127,7 @@ def measure(attack: Attack, seconds: float, cores: Cores, now: Callable[[str], N
         now("starting")
         wanted = tuple(dict.fromkeys(("render", attack.service)))
         with running(wanted, ports, folder, set(cores.services)) as services:
+            warm_up(services, ports)
             attacked = services[attack.service]
             with _process("polite", ports, cores, folder / "polite", *attack.guests) as polite:
                 samples: list[tuple[float, float]] = []

@@ -125,14 +125,13 @@ def _commands(ports: Ports, folder: Path) -> dict[Name, list[str]]:
 
     models, results = str(folder / "models"), str(folder / "results")
     render = f"http://127.0.0.1:{ports.render}"
-    page = f"http://127.0.0.1:{ports.render}"
     return {
         "render": tigas("render", "--scenes", models, "--device", "cpu", "--quic", f"127.0.0.1:{ports.quic}",
                         *listens(ports.render)),
         "dash": tigas("dash", "--render", render, "--encoder", "libx264", *listens(ports.dash)),
         "store": tigas("store", "--results", results, "--movements", models, *listens(ports.store)),
         "shaper": tigas("shaper", "--access", "access", "--service", "service", "--forward", "tcp:8080=10.9.2.2:8080",
-                        "--origin", page, *listens(ports.shaper)),
+                        *listens(ports.shaper)),
     }  # fmt: skip
 
 
