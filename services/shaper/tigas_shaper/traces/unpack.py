@@ -45,6 +45,8 @@ def _check(archive: str, members: list[zipfile.ZipInfo]) -> None:
         raise FetchError(f"{archive} cannot be unpacked: it holds two files of one name.")
     for member in members:
         path = PurePosixPath(member.filename)
+        if not path.name:
+            raise FetchError(f"{archive} cannot be unpacked: it holds a file without a name.")
         if path.is_absolute() or ".." in path.parts or "\\" in member.filename or ":" in member.filename:
             raise FetchError(f"{archive} was refused: {member.filename[:100]!r} would be written elsewhere.")
         if stat.S_ISLNK(member.external_attr >> 16):
