@@ -21,6 +21,5 @@ def effort(examples: int = 50) -> settings:
         print_blob=bool(long),
         database=settings().database if long else None,
         stateful_step_count=STEPS,
-        deadline=None,  # how long an example may take is the business of the tests that bound it
         suppress_health_check=(HealthCheck.too_slow, HealthCheck.data_too_large, HealthCheck.filter_too_much),
     )
