@@ -201,7 +201,8 @@ def hear(pieces: list[tuple[int, bytes, bool]]) -> Heard:
         if quic.closed is None:
             for event in h3.handle_event(StreamDataReceived(data=data, end_stream=ends, stream_id=stream_id)):
                 heard.add(event)
-            heard.kept = max(heard.kept, *(len(stream.buffer) for stream in h3._stream.values()))
+            if quic.closed is None:
+                heard.kept = max(heard.kept, *(len(stream.buffer) for stream in h3._stream.values()))
     heard.closed = quic.closed
     return heard
 
