@@ -28,7 +28,7 @@ help:
 	@echo "make compare       compare one JPEG per pose with low-latency DASH over a shaped link, into results/ (about 10 minutes, needs root)"
 	@echo "make lint          check types, style and generated files"
 	@echo "make bench         measure speed and memory against baselines (about 10 minutes)"
-	@echo "make bench-hostile measure a polite viewer while somebody else attacks (about 25 minutes; root for all of it)"
+	@echo "make bench-hostile measure a polite viewer while somebody else attacks (about 30 minutes; needs root for all of it)"
 	@echo "make gpu           install GPU support for NVIDIA, as in: make gpu demo"
 	@echo "make bench-gpu     measure GPU rendering (needs a GPU)"
 	@echo "make lock          write the locks after a change of pyproject.toml or constraints.txt"
