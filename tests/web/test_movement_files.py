@@ -6,10 +6,11 @@ import json
 import threading
 from collections.abc import Iterator
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from pathlib import Path
 from urllib.parse import unquote
 
 import pytest
-from playwright.sync_api import Page, Route, expect
+from playwright.sync_api import Page, expect
 
 from tests.web.conftest import OpenPage
 from tests.web.movements import HEADER, Poses, choose, expect_state, file, opened, press, turning_walk
@@ -112,15 +113,16 @@ def store() -> Iterator[str]:
         server.shutdown()
 
 
-def test_the_stores_movements(open_page: OpenPage, server: RenderServer, store: str) -> None:
-    page, poses = opened(open_page, server.url, expected_errors="404")
+@pytest.fixture
+def server_with_store(models: Path, store: str) -> Iterator[str]:
+    """The page's URL, of a render service that tells it of the store."""
+    services = {"TIGAS_RENDER_SERVICES": json.dumps({"store": store})}
+    with RenderServer("--scenes", str(models), environment=services) as running:
+        yield running.url
 
-    def add_store(route: Route) -> None:
-        answer = route.fetch()
-        route.fulfill(response=answer, json=answer.json() | {"services": {"store": store}})
 
-    page.route("**/config.json", add_store)
-    page.reload()
+def test_the_stores_movements(open_page: OpenPage, server_with_store: str) -> None:
+    page, poses = opened(open_page, server_with_store, expected_errors="404")
     walk, gone = (page.get_by_role("radio", name=name) for name in ("walk 1", "gone"))
     walk.check()
     expect(page.locator(".movement")).to_contain_text("A walk along x")
