@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import os
 import re
 import socket
 from collections.abc import Iterable
 from dataclasses import dataclass
 
 from tigas_common.hosts import is_loopback
+
+ISOLATED = "TIGAS_ISOLATED"
+"""The environment variable of services in a network of their own, whose every address only this machine reaches."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,5 +74,7 @@ class Address:
 
 def say_if_open(addresses: Iterable[Address]) -> None:
     """Print one line if others than this machine reach a service that listens here."""
+    if ISOLATED in os.environ:
+        return
     if opened := [str(address) for address in addresses if not address.is_loopback]:
         print(f"Open to the network on {' and '.join(opened)}: whoever reaches this machine can use this service.")

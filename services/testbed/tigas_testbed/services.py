@@ -13,6 +13,7 @@ from typing import ClassVar
 
 from pydantic_settings import SettingsConfigDict
 
+from tigas_common.address import ISOLATED
 from tigas_common.commit import VARIABLE, this_commit
 from tigas_common.processes import Service, keep_running, tigas
 from tigas_common.settings import ServiceSettings, load_settings
@@ -93,7 +94,7 @@ class Runner:
         return subprocess.Popen(
             command,
             start_new_session=True,
-            env={**own, **self.user.environment(), **self.environment, **environment},
+            env={**own, **self.user.environment(), ISOLATED: "yes", **self.environment, **environment},
         )
 
 
