@@ -1,21 +1,15 @@
-"""The server as a whole: addresses, certificates, resumption, limits, and clients that mean no good."""
+"""The server as a whole: addresses, certificates, resumption, ending and restarts."""
 
 from __future__ import annotations
 
 import asyncio
 import contextlib
-import gc
-import json
 import os
-import random
 import socket
-from collections.abc import AsyncIterator, Callable
 from datetime import UTC, datetime
 
 import psutil
 import pytest
-from aioquic.h3.connection import ErrorCode
-from aioquic.quic.packet import QuicErrorCode
 from aioquic.tls import SessionTicket
 from starlette.types import Receive, Scope, Send
 
@@ -26,37 +20,15 @@ from tests.render.transport.client import (
     Recorder,
     connect,
     request_body,
-    split_frame,
 )
+from tests.render.transport.serving import hello, served
 from tigas_common.certificate import Certificate
-from tigas_render.transport.connection import Connection
-from tigas_render.transport.frames import render_session
 from tigas_render.transport.limits import Limits
 from tigas_render.transport.server import Http3Server
 from tigas_render.transport.stateless_reset import StatelessResets
 
 pytestmark = pytest.mark.anyio
 KEY = bytes(range(32))
-
-
-async def hello(scope: Scope, receive: Receive, send: Send) -> None:
-    await send({"type": "http.response.start", "status": 200, "headers": []})
-    await send({"type": "http.response.body", "body": scope["path"].encode()})
-
-
-@contextlib.asynccontextmanager
-async def served(limits: Limits | None = None, source: FakeFrames | None = None) -> AsyncIterator[Http3Server]:
-    sessions = {"/render": render_session(source or FakeFrames())}
-    async with Http3Server(
-        hello, host="127.0.0.1", certificate=CERTIFICATE, webtransport=sessions, limits=limits
-    ) as server:
-        yield server
-
-
-async def eventually(condition: Callable[[], object]) -> None:
-    async with asyncio.timeout(20):
-        while not condition():  # noqa: ASYNC110 - the server's state has no event to wait for
-            await asyncio.sleep(0.005)
 
 
 # -- addresses ---------------------------------------------------------------------------------------------------------
@@ -255,239 +227,6 @@ async def test_closing_does_not_wait_for_an_application_that_never_returns() -> 
         await seen.until("started")
         await server.close()
         assert seen.events == ["started", "ended"]
-
-
-# -- limits and hostile clients ----------------------------------------------------------------------------------------
-
-
-async def refusal(server: Http3Server, source: str = "127.0.0.1") -> str:
-    """Why a client from an address is not connected."""
-    async with connect(server.port, source=source, wait=False) as client:
-        client.transmit()
-        await client.until(lambda: client.terminated)
-        assert client.terminated is not None
-        assert client.terminated.error_code == QuicErrorCode.CONNECTION_REFUSED
-        return client.terminated.reason_phrase
-
-
-async def test_clients_beyond_the_limit_are_told_so_until_one_leaves() -> None:
-    async with served(Limits(connections=1)) as server:
-        async with connect(server.port) as first:
-            assert "The server has" in await refusal(server, "127.0.0.2")
-            assert (await first.fetch("GET", "/")).status == 200
-        await eventually(lambda: server.connections == 0)
-        async with connect(server.port, source="127.0.0.2") as second:
-            assert (await second.fetch("GET", "/")).status == 200
-
-
-async def test_one_address_cannot_take_every_place() -> None:
-    async with served(Limits(connections_per_address=2)) as server:
-        async with connect(server.port), connect(server.port):
-            assert "Your address has" in await refusal(server)
-            async with connect(server.port, source="127.0.0.2") as other:
-                assert (await other.fetch("GET", "/")).status == 200
-        await eventually(lambda: server.connections == 0)
-        assert server._usage == {}
-
-
-async def test_one_address_cannot_open_connections_all_the_time() -> None:
-    async with served(Limits(connections_per_address=2, handshakes_per_s=0.001)) as server:
-        for _ in range(2):
-            async with connect(server.port) as client:
-                assert (await client.fetch("GET", "/")).status == 200
-            await eventually(lambda: server.connections == 0)
-        assert "too fast" in await refusal(server)
-        async with connect(server.port, source="127.0.0.2") as other:
-            assert (await other.fetch("GET", "/")).status == 200
-
-
-async def test_an_address_with_unanswered_handshakes_has_to_prove_itself() -> None:
-    async with (
-        served(Limits(unvalidated_per_address=1)) as server,
-        connect(server.port, wait=False) as deaf,
-    ):
-        deaf.datagram_received = lambda *_: None  # type: ignore[method-assign]
-        deaf.transmit()
-        await eventually(lambda: server.connections == 1)
-        async with connect(server.port) as suspect, connect(server.port, source="127.0.0.2") as other:
-            assert suspect._quic._retry_count == 1
-            assert other._quic._retry_count == 0
-            assert (await suspect.fetch("GET", "/")).status == 200
-        async with connect(server.port) as first:
-            await first.fetch("GET", "/")
-
-
-async def test_one_address_has_so_many_sessions_and_no_more() -> None:
-    limits = Limits(sessions_per_address=3)
-    async with served(limits) as server, connect(server.port) as one, connect(server.port) as two:
-        sessions = [await client.connect_webtransport() for client in (one, one, two)]
-        refused = await two.response(await two.connect_webtransport())
-        assert refused.status == 429
-        assert "Your address has" in json.loads(refused.body)["detail"]
-        async with connect(server.port, source="127.0.0.2") as other:
-            assert other.responses[await other.connect_webtransport()].status == 200
-        one._quic.send_stream_data(sessions[0], b"", end_stream=True)
-        one.transmit()
-        await one.response(sessions[0])
-        assert two.responses[await two.connect_webtransport()].status == 200
-
-
-async def test_one_address_has_so_many_requests_and_no_more() -> None:
-    source = FakeFrames()
-    source.held = True
-    limits = Limits(requests_per_address=3)
-    async with (
-        served(limits, source) as server,
-        connect(server.port) as one,
-        connect(server.port) as two,
-        connect(server.port, source="127.0.0.2") as other,
-    ):
-        its, session = await one.connect_webtransport(), await two.connect_webtransport()
-        waiting = [one.open_stream(its, request_body(seq=seq)) for seq in range(3)]
-        await source.until(lambda: len(source.requests) == 3)
-        header, problem = await two.frame(session, request_body())
-        assert header["status"] == 503
-        assert "Your address has" in json.loads(problem)["detail"]
-        assert (await two.fetch("GET", "/")).status == 503
-        assert (await other.fetch("GET", "/")).status == 200
-        for seq, stream in enumerate(waiting):
-            source.release(seq)
-            await one.response(stream)
-        assert (await two.fetch("GET", "/")).status == 200
-
-
-async def test_a_busy_server_asks_for_proof_of_the_address() -> None:
-    async with served(Limits(unvalidated=0)) as server, connect(server.port) as client:
-        assert client._quic._retry_count == 1
-        assert (await client.fetch("GET", "/")).status == 200
-
-
-async def test_two_hundred_connections_that_are_dropped_are_forgotten() -> None:
-    async with served(Limits(idle_timeout=1.0, connections_per_address=512)) as server:
-        for number in range(200):
-            async with connect(server.port) as client:
-                client.request("GET", "/")
-                if number % 2:
-                    client.vanish()
-        async with connect(server.port) as client:
-            assert (await client.fetch("GET", "/")).status == 200
-        await eventually(lambda: server.connections == 0)
-        assert server._by_cid == {}
-        gc.collect()
-        assert not any(type(thing) is Connection for thing in gc.get_objects())
-
-
-async def test_a_handshake_that_is_never_finished_is_forgotten() -> None:
-    async with served(Limits(handshake_timeout=0.05)) as server, connect(server.port, wait=False) as client:
-        client.datagram_received = lambda *_: None  # type: ignore[method-assign]  # deaf to the answer
-        client.transmit()
-        await eventually(lambda: server.connections == 1)
-        await eventually(lambda: server.connections == 0)
-
-
-async def test_garbage_is_ignored() -> None:
-    generator = random.Random(6)
-    async with served(Limits(handshake_timeout=0.2)) as server, connect(server.port) as client:
-        known = next(iter(server._by_cid))
-        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock:
-            target = ("127.0.0.1", server.port)
-            version = (1).to_bytes(4, "big")
-            for data in (
-                b"",
-                b"\0",
-                b"\xff" * 1500,
-                b"\x40" + known + generator.randbytes(50),  # a short header with a good connection id
-                b"\xc0" + version + b"\x08" + known + b"\x00" + generator.randbytes(1300),
-                b"\xc0" + version + b"\x08" + b"12345678" + b"\x00\x00\x44\xb0" + bytes(1300),  # an Initial of zeros
-                b"\xc0" + version + b"\xff" * 1300,
-                b"\xc0" + b"\x0a\x0a\x0a\x0a" + b"\x08" + b"12345678" + b"\x00" + bytes(1300),  # another version
-                *(generator.randbytes(generator.randrange(1, 1500)) for _ in range(300)),
-                *(b"\xc0" + version + generator.randbytes(1300) for _ in range(300)),
-            ):
-                sock.sendto(data, target)
-        assert (await client.fetch("GET", "/")).status == 200
-        async with connect(server.port) as other:
-            assert (await other.fetch("GET", "/")).status == 200
-
-
-async def test_another_version_is_negotiated() -> None:
-    async with (
-        served() as server,
-        connect(server.port, supported_versions=[0x0A0A0A0A, 1], original_version=0x0A0A0A0A) as client,
-    ):
-        assert (await client.fetch("GET", "/")).status == 200
-
-
-async def test_a_client_that_breaks_the_protocol_loses_its_connection_only() -> None:
-    async with served() as server, connect(server.port) as good, connect(server.port) as bad:
-        stream = bad._quic.get_next_available_stream_id()
-        bad._quic.send_stream_data(stream, b"\x00\x01x")  # DATA before HEADERS
-        bad.transmit()
-        await bad.until(lambda: bad.terminated)
-        assert (await good.fetch("GET", "/")).status == 200
-
-
-async def test_an_error_in_the_quic_stack_ends_one_connection_only(caplog: pytest.LogCaptureFixture) -> None:
-    async with served() as server, connect(server.port) as good:
-        (healthy,) = server._connections
-        async with connect(server.port) as bad:
-            (broken,) = set(server._connections) - {healthy}
-            broken._quic.receive_datagram = lambda *_, **__: 1 / 0  # type: ignore[method-assign,assignment]
-            bad.request("GET", "/")
-            await eventually(lambda: server.connections == 1)
-        assert (await good.fetch("GET", "/")).status == 200
-    assert "ZeroDivisionError" in caplog.text
-
-
-async def test_streams_opened_and_never_finished_leave_room_for_others() -> None:
-    source = FakeFrames()
-    async with (
-        served(Limits(request_timeout=0.1), source) as server,
-        connect(server.port) as hoarder,
-        connect(server.port) as good,
-    ):
-        session = await hoarder.connect_webtransport()
-        its = await good.connect_webtransport()
-        streams = [hoarder.open_stream(session, b"{", end=False) for _ in range(120)]
-        assert (await good.frame(its, request_body()))[0]["status"] == 200
-        statuses = [split_frame(bytes((await hoarder.response(s)).body))[0]["status"] for s in streams]
-        assert set(statuses) == {400, 503}
-        assert (await hoarder.frame(session, request_body()))[0]["status"] == 200
-
-
-async def test_requests_whose_headers_never_end_are_reset_and_leave_room_for_others() -> None:
-    async with (
-        served(Limits(request_timeout=0.1)) as server,
-        connect(server.port) as hoarder,
-        connect(server.port) as good,
-    ):
-        streams = [hoarder._quic.get_next_available_stream_id() + 4 * number for number in range(100)]
-        for stream in streams:
-            hoarder._quic.send_stream_data(stream, b"\x01\x40\xff" + bytes(100))  # HEADERS of 255 bytes
-        hoarder.transmit()
-        assert (await good.fetch("GET", "/")).status == 200
-        resets = [(await hoarder.response(stream)).reset for stream in streams]
-        assert set(resets) == {ErrorCode.H3_REQUEST_INCOMPLETE, ErrorCode.H3_REQUEST_REJECTED}
-        assert (await hoarder.fetch("GET", "/")).status == 200
-
-
-async def test_a_flood_of_requests_and_cancellations_leaves_nothing_behind() -> None:
-    source = FakeFrames(os.urandom(3000))
-    async with served(source=source) as server, connect(server.port) as client:
-        session = await client.connect_webtransport()
-        for _ in range(20):
-            streams = [client.open_stream(session, request_body()) for _ in range(50)]
-            for stream in streams[::2]:
-                client.stop(stream)
-            for stream in streams:
-                await client.response(stream)
-        (connection,) = server._connections
-        assert connection.router is not None
-        async with asyncio.timeout(20):
-            await connection.router.finish()
-        await client.frame(session, request_body())
-        assert len(connection.router._h3._stream) <= 6, "the session and the control streams"
-        await eventually(lambda: len(connection._quic._streams) <= 8)
 
 
 # -- restarts ----------------------------------------------------------------------------------------------------------
