@@ -1,0 +1,1 @@
+"""Networks that a scene's own views train to enhance the low rungs of its quality ladder."""

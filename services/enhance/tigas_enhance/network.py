@@ -1,0 +1,67 @@
+"""The network that enhances one rung: a small residual CNN (architecture `tigas-sr-1`)."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import torch
+from torch import Tensor, nn
+from torch.nn import functional
+
+NEGATIVE_SLOPE = 0.1
+"""Of the leaky ReLU after every convolution but the last."""
+
+
+class Network(nn.Module):
+    """`layers` 3×3 convolutions, of which the last gives the pixels of a picture `scale` times the size.
+
+    What the convolutions give is added to the input, enlarged bilinearly. Edges are replicated before each convolution.
+    """
+
+    def __init__(self, scale: int = 2, layers: int = 5, channels: int = 16) -> None:
+        super().__init__()
+        self.scale = scale
+        self.layers = layers
+        self.channels = channels
+        widths = [3, *[channels] * (layers - 1), 3 * scale**2]
+        convolutions = [
+            nn.Conv2d(before, after, 3, padding=1, padding_mode="replicate") for before, after in pairwise(widths)
+        ]
+        for convolution in convolutions:
+            nn.init.kaiming_normal_(convolution.weight, NEGATIVE_SLOPE, nonlinearity="leaky_relu")
+            nn.init.zeros_(convolution.bias)  # type: ignore[arg-type]  # each has one
+        nn.init.zeros_(convolutions[-1].weight)  # an untrained network enlarges bilinearly
+        self.convolutions = nn.ModuleList(convolutions)
+
+    def forward(self, pictures: Tensor) -> Tensor:
+        """Pictures [B, 3, H, W] of sRGB-coded values from 0 to 1, `scale` times as large."""
+        return self.unclamped(pictures).clamp(0, 1)
+
+    def unclamped(self, pictures: Tensor) -> Tensor:
+        """The same with values that may lie outside of 0 to 1: where they are cut off, nothing could be learnt."""
+        features = pictures
+        for convolution in self.convolutions[:-1]:
+            features = functional.leaky_relu(convolution(features), NEGATIVE_SLOPE)
+        residual = functional.pixel_shuffle(self.convolutions[-1](features), self.scale)
+        return residual + enlarged(pictures, self.scale)
+
+
+def enlarged(pictures: Tensor, scale: int) -> Tensor:
+    """Pictures [B, C, H, W], bilinearly `scale` times as large."""
+    if scale == 1:
+        return pictures
+    return functional.interpolate(pictures, scale_factor=float(scale), mode="bilinear", align_corners=False)
+
+
+def resampled(pictures: Tensor, width: int, height: int) -> Tensor:
+    """Pictures [B, C, H, W] at another size, by Catmull-Rom's bicubic, widened where it reduces, as Pillow does it."""
+    if pictures.shape[-2:] == (height, width):
+        return pictures
+    return functional.interpolate(pictures, (height, width), mode="bicubic", align_corners=False, antialias=True)
+
+
+def shown(network: Network, pictures: Tensor, width: int, height: int) -> Tensor:
+    """Pictures [B, 3, H, W] of a rung, enhanced, at the size at which they are displayed."""
+    enhanced = network(pictures)
+    result: Tensor = torch.clamp(resampled(enhanced, width, height), 0, 1)
+    return result
