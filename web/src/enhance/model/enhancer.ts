@@ -4,7 +4,7 @@
  * Pictures are textures whose red, green and blue are sRGB-coded, from 0 to 1; alpha means nothing. They are read as
  * `texture_2d<f32>`, by `textureLoad` or through a sampler.
  */
-import type { SceneInfo } from "../../wire/render";
+import type { Rung, SceneInfo } from "../../wire/render";
 
 export type Kind = "restore" | "upscale";
 /** How a picture is brought to the size at which it is displayed. */
@@ -24,9 +24,10 @@ export interface Enhancer {
   readonly weights?: (scene: SceneInfo) => string | null;
   /**
    * Makes ready whatever does not depend on a picture's size. `weights` is the content of the URL, null where there is none to
-   * load. Rejects with an `EnhancementError`, whose message a person reads, if the weights are not what they should be.
+   * load. Rejects with an `EnhancementError`, whose message a person reads, if the weights are not what they should be, such as
+   * for another ladder than the server's.
    */
-  readonly load: (device: GPUDevice, weights: ArrayBuffer | null) => Promise<Loaded>;
+  readonly load: (device: GPUDevice, weights: ArrayBuffer | null, ladder: readonly Rung[]) => Promise<Loaded>;
 }
 
 /** A model on a device. */
@@ -36,9 +37,10 @@ export interface Loaded {
    *
    * Pictures of one size come in the same texture, frame after frame, and sizes change with the ladder's rung while a person
    * walks: keep pipelines and textures by `input`, in a `WeakMap`. The result must stay as it is until the next call, and
-   * may have any format that shaders can read as `texture_2d<f32>`.
+   * may have any format that shaders can read as `texture_2d<f32>`. `rung` is the frame's place in the ladder, null for one of no
+   * rung: the size does not tell it, since a rung's frames have the shape of the viewport.
    */
-  run(encoder: GPUCommandEncoder, input: GPUTexture): GPUTexture;
+  run(encoder: GPUCommandEncoder, input: GPUTexture, rung: number | null): GPUTexture;
   /** Destroys its textures and buffers; nothing is called afterwards. */
   dispose(): void;
 }
