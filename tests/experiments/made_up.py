@@ -10,9 +10,20 @@ from typing import Any
 import numpy as np
 from PIL import Image
 
+from tigas_common.pose import Pose
 from tigas_common.wire.dash import RepresentationInfo
-from tigas_common.wire.recording import Input, Lens, LinkSample, PlayedStream, Recording, Reply, ShownFrame, Traffic
-from tigas_common.wire.render import DEFAULT_LADDER, ServerConfig, ServerTiming
+from tigas_common.wire.recording import (
+    Input,
+    Lens,
+    LinkSample,
+    PlayedStream,
+    Recording,
+    Reply,
+    Sample,
+    ShownFrame,
+    Traffic,
+)
+from tigas_common.wire.render import DEFAULT_LADDER, RenderRequest, ServerConfig, ServerTiming
 from tigas_common.wire.run import Configuration, Mode, Network
 from tigas_common.wire.shaper import LinkSetting
 from tigas_experiments.quality.picture import CaptureQuality, Quality
@@ -90,6 +101,13 @@ def reply(asked_at: float, took_ms: float, pose: int = 1, rung: int | None = 2) 
         server=ServerTiming(queue=0, render=11, encode=1),
         throughput_kbps=32_000,
     )
+
+
+def sampled(seq: int, at: float = 100.0, **changes: Any) -> Sample:
+    """A frame that was kept: of request number `seq`, which stands `seq` units along x."""
+    request = RenderRequest.at("courtyard", Pose.from_quaternion((seq, 0, 0), (0, 0, 0, 1)), LENS.intrinsics, profile=2)
+    fields = {"seq": seq, "at": at, "request": request.model_copy(update={"seq": seq}), "rung": 2, "bytes": 20_000}
+    return Sample.model_validate({**fields, "width": 64, "height": 36, **changes})
 
 
 def recording(**changes: Any) -> dict[str, Any]:

@@ -6,11 +6,11 @@ import json
 from typing import Any
 
 from tests.dash.conftest import pose, session_request
-from tests.experiments.made_up import STREAM, configuration, frame, inputs, recording, reply
+from tests.experiments.made_up import STREAM, configuration, frame, inputs, recording, reply, sampled
 from tests.experiments.store.conftest import upload
 from tests.render.fakes import render_request
 from tigas_common.wire.dash import PoseUpdate, SessionRequest
-from tigas_common.wire.recording import Recording
+from tigas_common.wire.recording import Recording, Sample
 from tigas_common.wire.render import RenderRequest
 from tigas_common.wire.run import Configuration
 from tigas_common.wire.shaper import LinkSetting, LoopRequest, SeekRequest, StartRequest
@@ -53,6 +53,7 @@ EXAMPLES: dict[Any, list[Any]] = {
     ],
     Recording: [RUN_UPLOAD["recording"]],
     RunUpload: [RUN_UPLOAD],
+    Sample: [sampled(7).model_dump(mode="json", exclude_none=True) | {"rung": 2}],
     SceneMetadata: [
         {},
         {"name": "A wall", "camera": {"position": [0, 0, 0], "look_at": [0, 0, 3]}, "background": [0, 0, 1]},

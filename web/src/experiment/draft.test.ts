@@ -14,6 +14,7 @@ const DRAFT: Draft = {
   repeats: "3",
   duration: "20",
   seed: "1",
+  stride: "30",
   locked: true,
   exportAtEnd: false,
 };
@@ -37,6 +38,7 @@ test("a draft becomes a plan", () => {
       dash_frame_rate: null,
       seed: 1,
       shuffled: true,
+      sample_stride: 30,
     },
   });
 });
@@ -58,6 +60,10 @@ test("a comma is a decimal point, and DASH needs no controller", () => {
   expect(parsed({ duration: "2,5", modes: ["dash-tuned"], profiles: [] })).toMatchObject({ plan: { duration_s: 2.5 } });
 });
 
+test("frames are sampled in the mode that asks for each", () => {
+  expect(parsed({ modes: ["dash-tuned"], stride: "no number" })).toMatchObject({ plan: { sample_stride: 0 } });
+});
+
 test("different parts are taken of trace and movement, by the seed", () => {
   const parts = (more: Partial<Draft>) =>
     (parsed({ segments: "3", ...more }) as { plan: ExperimentPlan }).plan.segments;
@@ -71,6 +77,7 @@ test.each<[Partial<Draft>, string]>([
   [{ segments: "10" }, "The trace has room for 9 parts of 20 s, not for 10."],
   [{ segments: "0" }, "“Different parts” must be a whole number from 1 to 100."],
   [{ seed: "-1" }, "“Seed” must be a whole number from 0 to 4,294,967,295."],
+  [{ stride: "0.5" }, "“Sample a frame in” must be a whole number from 0 to 100,000."],
   [{ name: "  " }, "The experiment needs a name."],
   [{ name: "x".repeat(101) }, "The name must not be longer than 100 characters."],
   [{ movement: null }, "Choose a movement."],

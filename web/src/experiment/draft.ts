@@ -19,6 +19,8 @@ export interface Draft {
   readonly repeats: string;
   readonly duration: string;
   readonly seed: string;
+  /** Of the mode `stateless`: every so many shown frames, one is sampled; 0 samples none. */
+  readonly stride: string;
   /** A person's input is ignored during the runs. */
   readonly locked: boolean;
   /** Save everything when the last run has ended. */
@@ -32,6 +34,7 @@ const LIMITS = {
   segments: { label: "Different parts", unit: "", min: 1, max: MAX_SEGMENTS, whole: true },
   seed: { label: "Seed", unit: "", min: 0, max: 2 ** 32 - 1, whole: true },
   repeats: { label: "Runs of each", unit: "", min: 1, max: MAX_REPEATS, whole: true },
+  stride: { label: "Sample a frame in", unit: "", min: 0, max: 100_000, whole: true },
   duration: { label: "Each run lasts", unit: "s", min: 1, max: 7200, whole: false },
 } as const;
 
@@ -52,7 +55,7 @@ export function parseDraft(
   lengths: Lengths,
 ): { plan: ExperimentPlan } | { problems: readonly string[] } {
   const problems: string[] = [];
-  const number = (name: "rtt" | "segments" | "repeats" | "duration" | "seed"): number => {
+  const number = (name: Exclude<keyof typeof LIMITS, "name">): number => {
     const { label, unit, min, max, whole } = LIMITS[name];
     const typed = draft[name].trim().replace(",", ".");
     const value = typed === "" ? Number.NaN : Number(typed);
@@ -72,11 +75,12 @@ export function parseDraft(
   if (typeof network === "string") problems.push(network);
   if (draft.modes.length === 0) problems.push("Choose a mode.");
   if (draft.modes.includes("stateless") && draft.profiles.length === 0) problems.push("Choose a controller.");
-  const [count, repeats, duration_s, seed] = [
+  const [count, repeats, duration_s, seed, sample_stride] = [
     number("segments"),
     number("repeats"),
     number("duration"),
     number("seed"),
+    draft.modes.includes("stateless") ? number("stride") : 0,
   ];
   if (problems.length > 0 || typeof network === "string") return { problems };
   const parts = segments({
@@ -99,6 +103,7 @@ export function parseDraft(
       repeats,
       duration_s,
       warm_up_s: WARM_UP,
+      sample_stride,
       dash_frame_rate: draft.frameRate,
       seed,
       shuffled: true,

@@ -29,6 +29,7 @@ const RUN: PlannedRun = {
   duration_s: 10,
   warm_up_s: 3,
   capture_every_ms: 0,
+  sample_stride: 0,
   dash_frame_rate: null,
   dash_representation: null,
 };

@@ -30,6 +30,7 @@ const PLAN: ExperimentPlan = {
   shuffled: false,
   duration_s: 20,
   warm_up_s: 3,
+  sample_stride: 30,
 };
 
 test("repeats all of them, not each of them, and multiplies only the stateless mode by the controllers", () => {
@@ -52,6 +53,7 @@ test("a run says all that must be known to make it again", () => {
     repeat: 0,
     warm_up_s: 3,
     capture_every_ms: 0,
+    sample_stride: 30,
     dash_frame_rate: null,
     dash_representation: null,
   });

@@ -99,6 +99,8 @@ const Plan = v.object({
   shuffled: v.optional(v.boolean(), false),
   duration_s: v.number(),
   warm_up_s: v.number(),
+  /** Of the mode `stateless`: every so many shown frames, one is sampled; 0 samples none. */
+  sample_stride: v.optional(v.pipe(v.number(), v.integer(), v.minValue(0)), 0),
 });
 export type ExperimentPlan = Readonly<v.InferOutput<typeof Plan>>;
 
@@ -138,7 +140,11 @@ export function runsOf(plan: ExperimentPlan): PlannedRun[] {
   const random = seeded(seed);
   const inOrder = <T>(values: readonly T[]) => (plan.shuffled ? shuffled(values, random) : values);
   const conditions = plan.modes.flatMap((mode) =>
-    (mode === "stateless" ? plan.profiles : [NO_CONTROLLER]).map((profile) => ({ mode, profile })),
+    (mode === "stateless" ? plan.profiles : [NO_CONTROLLER]).map((profile) => ({
+      mode,
+      profile,
+      sample_stride: mode === "stateless" ? plan.sample_stride : 0,
+    })),
   );
   const parts = plan.segments.map((begins, segment) => ({
     segment,

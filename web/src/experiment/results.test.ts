@@ -18,6 +18,7 @@ const PLAN: ExperimentPlan = {
   shuffled: false,
   duration_s: 10,
   warm_up_s: 2,
+  sample_stride: 0,
 };
 const FIGURES: RunFigures = {
   p50: 40,

@@ -19,6 +19,7 @@ const PLAN: ExperimentPlan = {
   shuffled: false,
   duration_s: 10,
   warm_up_s: 2,
+  sample_stride: 0,
 };
 const store = new StoreApi("http://lab:8091/");
 

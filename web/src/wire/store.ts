@@ -8,6 +8,7 @@ export type JsonValue = unknown;
 export interface StoreWire {
   ExperimentRequest: ExperimentRequest;
   RunUpload: RunUpload;
+  Sample: Sample;
   ExperimentCreated: ExperimentCreated;
   ExperimentList: ExperimentList;
   Experiment: Experiment;
@@ -53,6 +54,7 @@ export interface Configuration {
   segment?: number;
   repeat?: number;
   capture_every_ms?: number;
+  sample_stride?: number;
   warm_up_s?: number;
 }
 /**
@@ -229,6 +231,45 @@ export interface LinkSample {
   queue_ms: number;
   drops: number;
   up_delivered_kbps: number;
+}
+/**
+ * A shown frame of the mode `stateless` that was kept: the JPEG as it came and, where it was enhanced, as shown.
+ */
+export interface Sample {
+  seq: number;
+  at: number;
+  request: RenderRequest;
+  rung: number | null;
+  bytes: number;
+  restore?: string;
+  upscale?: string;
+  enhance_ms?: number | null;
+  width: number;
+  height: number;
+  enhanced?: boolean;
+}
+/**
+ * One view to render. The pose is either Euler angles and `translation`, or `position` and `quaternion`.
+ */
+export interface RenderRequest {
+  scene: string;
+  seq?: number;
+  azimuth?: number | null;
+  elevation?: number | null;
+  roll?: number | null;
+  translation?: [number, number, number] | null;
+  position?: [number, number, number] | null;
+  quaternion?: [number, number, number, number] | null;
+  fx: number;
+  fy: number;
+  cx: number;
+  cy: number;
+  width: number;
+  height: number;
+  profile?: number | null;
+  format?: "jpeg" | "png" | "yuv420p";
+  deadline_ms?: number | null;
+  stamp?: number | null;
 }
 /**
  * The answer to it.

@@ -13,7 +13,7 @@ from pydantic import Field, model_validator
 from tigas_common.pose import Intrinsics, Pose
 from tigas_common.wire.dash import StreamInfo
 from tigas_common.wire.model import MAX_SIDE, Coordinate, Entries, Point, WireModel
-from tigas_common.wire.render import ServerTiming
+from tigas_common.wire.render import RenderRequest, ServerTiming
 
 MAX_BYTES = 256_000_000
 """A longer recording is refused."""
@@ -115,6 +115,39 @@ class Capture(WireModel):
     rung: int | None
     width: int = Field(gt=0, le=MAX_SIDE)
     height: int = Field(gt=0, le=MAX_SIDE)
+
+
+class Sample(WireModel):
+    """A shown frame of the mode `stateless` that was kept: the JPEG as it came and, where it was enhanced, as shown."""
+
+    seq: int = Field(ge=0, lt=2**32)
+    """Of the request: what belongs to one sample is matched by it, never by order."""
+    at: float
+    """When it was on the screen."""
+    request: RenderRequest
+    """Exactly what was asked for, to be asked again."""
+    rung: int | None = Field(ge=0, le=255)
+    """The one that it has."""
+    bytes: int = Field(ge=0, le=MAX_BYTES)
+    """Of the JPEG."""
+    restore: str = Field(default="off", max_length=100)
+    """The model that restored it, or `off`."""
+    upscale: str = Field(default="off", max_length=100)
+    enhance_ms: float | None = Field(default=None, ge=0)
+    """What the two took; None where both were off, or nobody measured it."""
+    width: int = Field(gt=0, le=MAX_SIDE)
+    height: int = Field(gt=0, le=MAX_SIDE)
+    """Of the picture as it was shown, in pixels."""
+    enhanced: bool = False
+    """Whether that picture was kept, too, without loss."""
+
+    @model_validator(mode="after")
+    def _check(self) -> Self:
+        if self.request.seq != self.seq:
+            raise ValueError("a sample has its request's sequence number")
+        if self.request.format != "jpeg":
+            raise ValueError("only JPEGs are sampled")
+        return self
 
 
 class Lens(WireModel):

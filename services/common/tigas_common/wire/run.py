@@ -113,6 +113,8 @@ class Configuration(WireModel):
     repeat: int = Field(default=0, ge=0)
     capture_every_ms: float = Field(default=1000.0, ge=0)
     """A shown frame is kept so often; 0 keeps none."""
+    sample_stride: int = Field(default=0, ge=0, le=100_000)
+    """Of the mode `stateless`: every so many shown frames, one is sampled, with its request; 0 samples none."""
     warm_up_s: float = Field(default=5.0, ge=0, le=600)
     """How long the viewer stands at the first pose, with frames on the screen, before the movement begins."""
 

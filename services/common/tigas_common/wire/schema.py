@@ -12,7 +12,7 @@ from typing import Any, Literal
 
 from pydantic.json_schema import models_json_schema
 
-from tigas_common.wire import dash, render, shaper, store
+from tigas_common.wire import dash, recording, render, shaper, store
 from tigas_common.wire.model import WireModel
 
 
@@ -61,7 +61,7 @@ def schemas() -> dict[str, dict[str, Any]]:
         "store": messages_schema(
             "StoreWire",
             "All messages between the experiments' store and the page.",
-            requests=[store.ExperimentRequest, store.RunUpload],
+            requests=[store.ExperimentRequest, store.RunUpload, recording.Sample],
             answers=[
                 store.ExperimentCreated,
                 store.ExperimentList,

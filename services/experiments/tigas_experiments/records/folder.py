@@ -8,6 +8,7 @@
     captures/        pictures that were shown, as PNG     captures.ndjson which frames these are
     quality.ndjson   how they compare with ground truth
     snapshot.json    one of them, beside which captures/view.png shows what the viewer should have seen then
+    samples.ndjson   every n-th shown frame (if any)      samples/        their pictures (`samples.py`)
 
 A run is complete when its run.json says so, which is written last: whatever happens before leaves an incomplete run.
 
@@ -18,30 +19,31 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import Literal, TypeVar
+from typing import Literal
 
-from pydantic import BaseModel, Field, ValidationError
+from pydantic import BaseModel, Field
 
 from tigas_common.files import read_regular
-from tigas_common.parsing import sentence
 from tigas_common.wire.model import WireModel
-from tigas_common.wire.recording import Input, LinkSample, Recording, RecordingHead, Reply, Request, ShownFrame, Traffic
+from tigas_common.wire.recording import (
+    Input,
+    LinkSample,
+    Recording,
+    RecordingHead,
+    Reply,
+    Request,
+    Sample,
+    ShownFrame,
+    Traffic,
+)
 from tigas_common.wire.run import Configuration
 from tigas_common.wire.store import ExperimentName, Plan
 from tigas_experiments.quality.picture import CaptureQuality
+from tigas_experiments.records.lines import read_lines, read_record, write_lines, write_record
 from tigas_experiments.records.load import Load, LoadSample
 from tigas_experiments.records.machine import Machine, Server
 from tigas_experiments.records.recording import BrokenRecording
-
-MAX_FILE_BYTES = 256_000_000
-MAX_RECORD_BYTES = 1_000_000
-"""Of a file that is one record: most have some kilobytes, a plan may have 64 KiB."""
-MAX_LINE = 1_000_000
-"""Characters; most lines have some hundred, and one for each pose that a frame was the first to show."""
-MAX_PICTURE_BYTES = 64_000_000
-"""A PNG of the largest viewport has hardly more."""
-Entry = TypeVar("Entry", bound=BaseModel)
-
+from tigas_experiments.records.samples import MAX_PICTURE_BYTES, read_samples
 
 Template = Literal["experiment", "comparison"]
 """Which page tells of it: claims over groups of runs, or run by run."""
@@ -67,12 +69,12 @@ class ExperimentRecord(WireModel):
 def write_experiment(folder: Path, record: ExperimentRecord) -> None:
     """Make an experiment's folder, if it is not there, and say in it what is planned. Raises OSError."""
     (folder / "runs").mkdir(parents=True, exist_ok=True)
-    _replace(folder / "experiment.json", record)
+    write_record(folder / "experiment.json", record)
 
 
 def read_experiment(folder: Path) -> ExperimentRecord:
     """What write_experiment wrote. Raises BrokenRecording."""
-    return _read_one(folder / "experiment.json", ExperimentRecord)
+    return read_record(folder / "experiment.json", ExperimentRecord)
 
 
 class Snapshot(WireModel):
@@ -121,47 +123,51 @@ class StoredRun:
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
-        self.record = _read_one(folder / "run.json", RunRecord)
+        self.record = read_record(folder / "run.json", RunRecord)
 
     def inputs(self) -> list[Input]:
         """Poses that were sampled."""
-        return _read_lines(self.folder / "inputs.ndjson", Input)
+        return read_lines(self.folder / "inputs.ndjson", Input)
 
     def frames(self) -> list[ShownFrame]:
         """Frames that were shown."""
-        return _read_lines(self.folder / "frames.ndjson", ShownFrame)
+        return read_lines(self.folder / "frames.ndjson", ShownFrame)
 
     def replies(self) -> list[Reply]:
         """Frames that came; empty for DASH, and where nobody recorded them."""
         path = self.folder / "replies.ndjson"
-        return _read_lines(path, Reply) if path.exists() else []
+        return read_lines(path, Reply) if path.exists() else []
 
     def requests(self) -> list[Request]:
         """Frames that were asked for; empty for DASH, and where nobody recorded them."""
         path = self.folder / "requests.ndjson"
-        return _read_lines(path, Request) if path.exists() else []
+        return read_lines(path, Request) if path.exists() else []
 
     def traffic(self) -> list[Traffic]:
         """What was received."""
-        return _read_lines(self.folder / "traffic.ndjson", Traffic)
+        return read_lines(self.folder / "traffic.ndjson", Traffic)
 
     def link(self) -> list[LinkSample]:
         """What the link did; empty for an unshaped run."""
-        return _read_lines(self.folder / "link.ndjson", LinkSample)
+        return read_lines(self.folder / "link.ndjson", LinkSample)
 
     def load(self) -> list[LoadSample]:
         """How busy the machine was."""
-        return _read_lines(self.folder / "load.ndjson", LoadSample)
+        return read_lines(self.folder / "load.ndjson", LoadSample)
 
     def quality(self) -> list[CaptureQuality]:
         """How the kept pictures compare with ground truth."""
-        return _read_lines(self.folder / "quality.ndjson", CaptureQuality)
+        return read_lines(self.folder / "quality.ndjson", CaptureQuality)
+
+    def samples(self) -> list[Sample]:
+        """Shown frames that were sampled; empty where none were. Their files: `samples.py`."""
+        return read_samples(self.folder)
 
     def snapshot(self) -> tuple[float, bytes, bytes] | None:
         """When (ms), what was on the screen, and the view that the viewer had then, both as PNG; None without."""
         if not (self.folder / "snapshot.json").exists():
             return None
-        snapshot = _read_one(self.folder / "snapshot.json", Snapshot)
+        snapshot = read_record(self.folder / "snapshot.json", Snapshot)
         shown, view = _capture(self.folder, snapshot.capture), self.folder / "captures" / "view.png"
         try:
             return snapshot.at, read_regular(shown, MAX_PICTURE_BYTES), read_regular(view, MAX_PICTURE_BYTES)
@@ -176,7 +182,7 @@ class RunWriter:
         self.folder = folder
         self._record = record
         (folder / "captures").mkdir(parents=True)
-        _replace(folder / "run.json", record)
+        write_record(folder / "run.json", record)
 
     def recording(self, recording: Recording) -> None:
         """What the page recorded."""
@@ -210,48 +216,12 @@ class RunWriter:
     def close(self, **changes: object) -> RunRecord:
         """The last word: the record with changes."""
         self._record = self._record.model_copy(update=changes)
-        _replace(self.folder / "run.json", self._record)
+        write_record(self.folder / "run.json", self._record)
         return self._record
 
     def _lines(self, name: str, entries: Iterable[BaseModel]) -> None:
-        with (self.folder / f"{name}.ndjson").open("w", encoding="utf-8") as file:
-            file.writelines(f"{entry.model_dump_json()}\n" for entry in entries)
-
-
-def _replace(path: Path, record: BaseModel) -> None:
-    """Write a record whole: whoever reads meanwhile sees the old one or the new one."""
-    new = path.with_name(f"{path.name}.new")
-    new.write_text(record.model_dump_json(indent=2) + "\n", encoding="utf-8")
-    new.replace(path)
+        write_lines(self.folder / f"{name}.ndjson", entries)
 
 
 def _capture(folder: Path, index: int) -> Path:
     return folder / "captures" / f"{index:04}.png"
-
-
-def _read(path: Path, limit: int) -> str:
-    try:
-        return read_regular(path, limit).decode("utf-8")
-    except OSError as error:
-        raise BrokenRecording(f"{path} cannot be read: {error.strerror or error}.") from None
-    except UnicodeDecodeError:
-        raise BrokenRecording(f"{path} is no text.") from None
-
-
-def _read_one(path: Path, model: type[Entry]) -> Entry:
-    try:
-        return model.model_validate_json(_read(path, MAX_RECORD_BYTES))
-    except ValidationError as error:
-        raise BrokenRecording(f"{path} is broken: {sentence(error)}") from None
-
-
-def _read_lines(path: Path, model: type[Entry]) -> list[Entry]:
-    entries = []
-    for number, line in enumerate(_read(path, MAX_FILE_BYTES).splitlines(), 1):
-        if len(line) > MAX_LINE:
-            raise BrokenRecording(f"{path}, line {number} is longer than {MAX_LINE:,} characters.")
-        try:
-            entries.append(model.model_validate_json(line))
-        except ValidationError as error:
-            raise BrokenRecording(f"{path}, line {number}: {sentence(error)}") from None
-    return entries

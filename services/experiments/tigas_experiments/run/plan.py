@@ -94,6 +94,8 @@ class Plan(WireModel):
     shuffled: bool = True
     """Whether runs are made in random order."""
     capture_every_s: float = Field(default=0.0, ge=0)
+    sample_stride: int = Field(default=0, ge=0, le=100_000)
+    """Of the mode `stateless`: every so many shown frames, one is sampled; 0 samples none."""
     warm_up_s: float = 3.0
     trace_offset_s: float = Field(default=0.0, ge=0, le=MAX_OFFSET_S)
     """The position that network traces begin at."""
@@ -157,6 +159,7 @@ class Plan(WireModel):
                     segment=segment,
                     repeat=repeat,
                     capture_every_ms=capture_interval_ms(self.capture_every_s, self.duration_s),
+                    sample_stride=self.sample_stride if mode == "stateless" else 0,
                     warm_up_s=self.warm_up_s,
                     **chosen,
                 )

@@ -141,6 +141,7 @@ function initialDraft({ scene, movement }: ViewerSession): Draft {
     repeats: "1",
     duration: "20",
     seed: "1",
+    stride: "0",
     locked: true,
     exportAtEnd: false,
   };

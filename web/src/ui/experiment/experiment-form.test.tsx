@@ -36,6 +36,7 @@ const DRAFT: Draft = {
   repeats: "2",
   duration: "20",
   seed: "1",
+  stride: "0",
   locked: true,
   exportAtEnd: false,
 };

@@ -81,7 +81,7 @@ export function ExperimentForm({ session, shaper, store, draft, onDraft, onStart
     }
   };
 
-  const { name, segments, repeats, duration, seed, locked, exportAtEnd } = draft;
+  const { name, segments, repeats, duration, seed, stride, locked, exportAtEnd } = draft;
   return (
     <form class="experiment-form" noValidate onSubmit={(event) => void submit(event)}>
       <TextField label="Name" value={name} wide onValue={(typed) => set({ name: typed })} />
@@ -105,6 +105,14 @@ export function ExperimentForm({ session, shaper, store, draft, onDraft, onStart
         onValue={(typed) => set({ duration: typed })}
       />
       <TextField label="Seed" numeric value={seed} onValue={(typed) => set({ seed: typed })} />
+      <TextField
+        label="Sample a frame in"
+        unit="0: none"
+        numeric
+        value={stride}
+        disabled={!draft.modes.includes("stateless")}
+        onValue={(typed) => set({ stride: typed })}
+      />
       <Check checked={locked} onChange={() => set({ locked: !locked })}>
         Lock input: keys, pointers and buttons rest while it runs
       </Check>

@@ -24,6 +24,7 @@ const PLAN: ExperimentPlan = {
   repeats: 4,
   duration_s: 10,
   warm_up_s: 3,
+  sample_stride: 0,
 };
 const SUMMARY = {
   id: "e1",

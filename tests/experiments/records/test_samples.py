@@ -1,0 +1,68 @@
+"""Samples: what is written comes back by its number, and what is broken is said in a sentence."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from pydantic import ValidationError
+
+from tests.experiments.made_up import sampled, write_run
+from tests.not_files import NOT_FILES
+from tigas_common.wire.recording import Sample
+from tigas_experiments.records.folder import StoredRun
+from tigas_experiments.records.recording import BrokenRecording
+from tigas_experiments.records.samples import (
+    ENHANCED,
+    enhanced_path,
+    read_sample_file,
+    sample_path,
+    write_sample_file,
+    write_samples,
+)
+
+
+def test_what_is_written_comes_back(tmp_path: Path) -> None:
+    run = write_run(tmp_path / "run")
+    assert StoredRun(run).samples() == [], "as in a run without any"
+    samples = [sampled(3), sampled(1_234_567, enhanced=True, restore="scene", enhance_ms=4.5)]
+    for sample in samples:
+        write_sample_file(run, sample.seq, "jpg", b"jpeg of %d" % sample.seq)
+    write_sample_file(run, 1_234_567, ENHANCED[0], b"lossless")
+    write_samples(run, samples)
+    assert StoredRun(run).samples() == samples
+    assert read_sample_file(sample_path(run, 3, "jpg")) == b"jpeg of 3"
+    assert sample_path(run, 3, "jpg").name == "000003.jpg"
+    assert enhanced_path(run, 3) is None
+    path = enhanced_path(run, 1_234_567)
+    assert path is not None
+    assert read_sample_file(path) == b"lossless"
+
+
+def test_two_samples_of_one_number_are_refused(tmp_path: Path) -> None:
+    run = write_run(tmp_path / "run")
+    write_samples(run, [sampled(3), sampled(3)])
+    with pytest.raises(BrokenRecording, match="two samples of one sequence number"):
+        StoredRun(run).samples()
+
+
+@pytest.mark.parametrize("kind", NOT_FILES)
+def test_what_is_no_file_gets_a_sentence(tmp_path: Path, kind: str) -> None:
+    run = write_run(tmp_path / "run")
+    (run / "samples").mkdir()
+    NOT_FILES[kind](run / "samples.ndjson")
+    NOT_FILES[kind](sample_path(run, 3, "jpg"))
+    with pytest.raises(BrokenRecording, match=r"samples.ndjson cannot be read: .+\."):
+        StoredRun(run).samples()
+    with pytest.raises(BrokenRecording, match=r"000003.jpg cannot be read: .+\."):
+        read_sample_file(sample_path(run, 3, "jpg"))
+
+
+@pytest.mark.parametrize("changes", [{"seq": 4}, {"request": {"format": "png"}}, {"width": 0}, {"bytes": -1}])
+def test_samples_that_cannot_be_are_refused(changes: dict[str, object]) -> None:
+    made = sampled(3).model_dump(exclude_none=True) | {"rung": 2}
+    if isinstance(request := changes.get("request"), dict):
+        changes = {"request": made["request"] | request}
+    assert Sample.model_validate(made)
+    with pytest.raises(ValidationError):
+        Sample.model_validate(made | changes)
