@@ -34,6 +34,7 @@ beforeEach(() => {
     connected: signal(null),
     dash: signal(null),
     onPresented: nothing,
+    onShown: nothing,
     onSent: nothing,
     onReplied: nothing,
   };

@@ -37,6 +37,9 @@ export interface DecodedFrame {
   readonly pose: number;
   readonly header: FrameHeader;
   readonly bitmap: ImageBitmap;
+  /** What was asked for, and the image as it came: only a reference, which is gone once the frame has been shown. */
+  readonly asked: RenderRequest;
+  readonly image: Blob;
 }
 
 export interface PipelineEvents {
@@ -161,12 +164,13 @@ export class FramePipeline {
     this.#counts.sent++;
     this.#events.sent(request);
     try {
-      const reply = await this.#transport.request({ ...view, seq }, abort.signal);
+      const asked = { ...view, seq };
+      const reply = await this.#transport.request(asked, abort.signal);
       if (!abort.signal.aborted) request.fate = "overtaken";
       this.#events.replied(reply, view, pose);
       const bitmap = await this.#decode(reply.image, abort.signal);
       this.#observe(reply, alone);
-      this.#decoded({ seq, version, pose, header: reply.header, bitmap, request });
+      this.#decoded({ seq, version, pose, header: reply.header, bitmap, asked, image: reply.image, request });
     } catch (error) {
       if (abort.signal.aborted) return;
       request.fate = "dropped";

@@ -4,7 +4,7 @@ import { FakeTransport, settle } from "../transport/fake";
 import { NO_NUDGE } from "../view/motion";
 import { Rig } from "../view/rig";
 import type { SceneInfo } from "../wire/render";
-import { type Reply, StatelessPlayer } from "./stateless-player";
+import { type Reply, type ShownFrame, StatelessPlayer } from "./stateless-player";
 
 const SCENE: SceneInfo = {
   id: "courtyard",
@@ -28,6 +28,7 @@ let profile: number;
 let refine: boolean;
 let drawn: unknown[];
 let replies: Reply[];
+let shown: ShownFrame[];
 let transport: FakeTransport;
 let rig: Rig;
 let player: StatelessPlayer;
@@ -39,6 +40,7 @@ beforeEach(() => {
   refine = false;
   drawn = [];
   replies = [];
+  shown = [];
   transport = new FakeTransport(() => now);
   const canvas = { getContext: () => ({ transferFromImageBitmap: (bitmap: unknown) => drawn.push(bitmap) }) };
   rig = new Rig({ sampleInput: () => ({ axes, nudge: NO_NUDGE }), turnSpeed: () => 60 });
@@ -50,6 +52,7 @@ beforeEach(() => {
     refine: () => refine,
     stamp: false,
     onPresented: () => undefined,
+    onShown: (frame) => shown.push(frame),
     onSent: () => undefined,
     onReplied: (reply) => replies.push(reply),
     onReceived: () => undefined,
@@ -72,6 +75,17 @@ async function frames(count: number, { answer = true } = {}): Promise<void> {
 }
 
 const last = () => transport.requests.at(-1)?.request;
+
+test("tells of each frame on the screen what was asked for and what came, one animation frame later", async () => {
+  await frames(2);
+  expect([shown, drawn]).toEqual([[], [expect.anything()]]);
+  await frames(1);
+  const [asked] = transport.requests.map(({ request }) => request);
+  expect(shown).toEqual([{ at: now, asked, header: expect.objectContaining({ seq: 0 }), image: expect.any(Blob) }]);
+  expect(asked).toMatchObject({ seq: 0, scene: "courtyard", width: 1280 });
+  await frames(2);
+  expect(shown).toHaveLength(1);
+});
 
 test("enters at the scene's start camera, with the stage's own lens", async () => {
   await frames(1);

@@ -19,6 +19,12 @@ export interface Reply extends Observation {
   readonly asked: number | null;
 }
 
+/** A frame that is on the screen, as it came. */
+export interface ShownFrame extends Pick<DecodedFrame, "asked" | "header" | "image"> {
+  /** When it was on the screen, on the page's clock. */
+  readonly at: number;
+}
+
 export interface StatelessPlayerOptions {
   readonly canvas: HTMLCanvasElement;
   readonly rig: Rig;
@@ -29,6 +35,8 @@ export interface StatelessPlayerOptions {
   /** Whether frames carry their pose's number, for tests that read it from the screen. */
   readonly stamp: boolean;
   readonly onPresented: (frame: PresentedFrame) => void;
+  /** The same frame, as it came; it is on the canvas while this is called. */
+  readonly onShown: (frame: ShownFrame) => void;
   /** A request went out. */
   readonly onSent: (request: SentRequest) => void;
   /** A frame came, and the controller has heard of it. */
@@ -121,9 +129,10 @@ export class StatelessPlayer {
   /** Once per animation frame, first of all: the frame that was handed to the compositor in the last one is on the screen by now. */
   presented(now: number): void {
     if (this.#presenting === undefined) return;
-    const { pose, header } = this.#presenting;
+    const { pose, header, asked, image } = this.#presenting;
     const { width, height, profile } = header;
     this.#meter.presented({ at: now, pose, rung: profile ?? null, width: width ?? 0, height: height ?? 0 });
+    this.#options.onShown({ at: now, asked, header, image });
     this.#presenting = undefined;
   }
 

@@ -41,6 +41,7 @@ export function fakeSession() {
       listeners.add(listener);
       return () => listeners.delete(listener);
     },
+    onShown: () => () => undefined,
     onSent: () => () => undefined,
     onReplied: () => () => undefined,
     dispose: () => {

@@ -12,7 +12,7 @@ import { config, settings } from "../state/app";
 import { Decoder } from "../stateless/decoder";
 import type { SentRequest } from "../stateless/pipeline";
 import { selectedController } from "../stateless/selected-controller";
-import { type Reply, StatelessPlayer } from "../stateless/stateless-player";
+import { type Reply, type ShownFrame, StatelessPlayer } from "../stateless/stateless-player";
 import { type Connected, connect } from "../transport/connect";
 import { type ConnectionState, maintainConnection } from "../transport/connection";
 import type { PresentedFrame } from "../view/presented";
@@ -64,6 +64,7 @@ export class ViewerSession {
   });
   readonly #controller = selectedController(this.seed, this.#pixels);
   readonly #listeners = new Set<(frame: PresentedFrame) => void>();
+  readonly #shownListeners = new Set<(frame: ShownFrame) => void>();
   readonly #sentListeners = new Set<(request: SentRequest) => void>();
   readonly #replyListeners = new Set<(reply: Reply) => void>();
   #loading: Promise<SceneInfo> | undefined;
@@ -92,6 +93,9 @@ export class ViewerSession {
       refine: () => settings.value.refine,
       stamp,
       onPresented: this.#tell,
+      onShown: (frame) => {
+        for (const listener of this.#shownListeners) listener(frame);
+      },
       onSent: (request) => {
         for (const listener of this.#sentListeners) listener(request);
       },
@@ -116,6 +120,12 @@ export class ViewerSession {
   onPresented(listener: (frame: PresentedFrame) => void): () => void {
     this.#listeners.add(listener);
     return () => this.#listeners.delete(listener);
+  }
+
+  /** Hear of every frame of the stateless mode that is on the screen, as it came, until the function that this returns is called. */
+  onShown(listener: (frame: ShownFrame) => void): () => void {
+    this.#shownListeners.add(listener);
+    return () => this.#shownListeners.delete(listener);
   }
 
   /** Hear of every request of the stateless mode, until the function that this returns is called. */
