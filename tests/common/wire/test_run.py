@@ -69,6 +69,33 @@ def test_a_folder_name_is_safe_whatever_the_names() -> None:
     assert "/" not in slug
 
 
+def test_a_folder_says_which_models_enhanced_its_frames() -> None:
+    plain = configuration().slug
+    assert configuration(restore="off", upscale="off").slug == plain
+    slugs = {
+        configuration(restore=restore, upscale=upscale).slug
+        for restore in ("off", "anime4k-restore-m")
+        for upscale in ("off", "scene", "bicubic")
+    }
+    assert len(slugs) == 6
+    assert plain.replace("_0", "_restore-anime4k-restore-m_upscale-scene_0") in slugs
+
+
+def test_the_longest_names_fit_into_a_file_system() -> None:
+    long = "x" * 200
+    models = {"restore": "r" * 24, "upscale": "u" * 24}
+    network = Network(trace="t" * 100, rtt_ms=1e5)
+    made = configuration(scene=long, movement=long, network=network, profile=long, segment=999, repeat=999)
+    slug = made.model_copy(update=models).slug
+    assert len(slug) < 250
+
+
+@pytest.mark.parametrize("name", ["", "Off", "../x", "x" * 25, "a b", "ä"])
+def test_what_cannot_be_a_model_is_told_in_a_sentence(name: str) -> None:
+    with pytest.raises(ValidationError, match=r"is no model's name"):
+        configuration(upscale=name)
+
+
 def test_a_long_name_leaves_room_for_the_round_trip() -> None:
     network = Network(trace="t" * 100)
     assert configuration(network=network.with_rtt(20)).slug != configuration(network=network.with_rtt(200)).slug

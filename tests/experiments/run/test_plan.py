@@ -293,3 +293,19 @@ def test_the_experiments_that_come_along_can_be_made(experiments: Path, name: st
         assert set(Counter((run.mode, run.profile) for run in made).values()) == {3 * 5 * 6}
     else:
         assert len({run.network.name for run in made}) == 4
+
+
+def test_models_enhance_what_is_stateless(tmp_path: Path) -> None:
+    plain, streamed = runs(tmp_path, modes=["stateless", "dash-edge"], shuffled=False)
+    assert (plain.restore, plain.upscale) == ("off", "off")
+    chosen, other = runs(
+        tmp_path, modes=["stateless", "dash-edge"], shuffled=False, restore="anime4k-restore-m", upscale="scene"
+    )
+    assert (page_settings(chosen)["restore"], page_settings(chosen)["upscale"]) == ("anime4k-restore-m", "scene")
+    assert other == streamed
+    assert page_settings(other)["upscale"] == "off"
+
+
+def test_what_is_no_model_s_name_is_told_in_a_sentence(tmp_path: Path) -> None:
+    with pytest.raises(StartError, match=r"upscale: 'Scene!' is no model's name\.$"):
+        runs(tmp_path, upscale="Scene!")

@@ -15,6 +15,9 @@ export interface Draft {
   readonly profiles: readonly Profile[];
   /** Of the modes with DASH, in frames a second; null: the preset's own. */
   readonly frameRate: FrameRate | null;
+  /** Of the mode `stateless`: the models that enhance frames, by name, or `off`. */
+  readonly restore: string;
+  readonly upscale: string;
   readonly segments: string;
   readonly repeats: string;
   readonly duration: string;
@@ -105,6 +108,8 @@ export function parseDraft(
       warm_up_s: WARM_UP,
       sample_stride,
       dash_frame_rate: draft.frameRate,
+      restore: draft.restore,
+      upscale: draft.upscale,
       seed,
       shuffled: true,
     },

@@ -31,6 +31,8 @@ const RUN: PlannedRun = {
   capture_every_ms: 0,
   sample_stride: 0,
   dash_frame_rate: null,
+  restore: "off",
+  upscale: "off",
   dash_representation: null,
 };
 const DIRECTION = { target_kbps: 20_000, delivered_kbps: 100, queue_ms: 1, drops: 0 };

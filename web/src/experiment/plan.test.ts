@@ -26,6 +26,8 @@ const PLAN: ExperimentPlan = {
   repeats: 2,
   segments: FROM_THE_START,
   dash_frame_rate: null,
+  restore: "off",
+  upscale: "off",
   seed: 1,
   shuffled: false,
   duration_s: 20,
@@ -55,8 +57,18 @@ test("a run says all that must be known to make it again", () => {
     capture_every_ms: 0,
     sample_stride: 30,
     dash_frame_rate: null,
+    restore: "off",
+    upscale: "off",
     dash_representation: null,
   });
+});
+
+test("models enhance what is stateless", () => {
+  const runs = runsOf({ ...PLAN, restore: "anime4k-restore-m", upscale: "bicubic", repeats: 1 });
+  expect(new Set(runs.map(({ mode, restore, upscale }) => `${mode} ${restore} ${upscale}`))).toEqual(
+    new Set(["stateless anime4k-restore-m bicubic", "dash-tuned off off"]),
+  );
+  expect(runs.map((run) => settingsFor(run).upscale)).toEqual(["bicubic", "bicubic", "bicubic", "off"]);
 });
 
 const PARTS = [
@@ -88,7 +100,7 @@ test("the order follows from the seed, compares what is close in time, and leave
 });
 
 test("plans of before have one part and their own order", () => {
-  const { segments: _, dash_frame_rate: __, seed: ___, shuffled: ____, ...before } = PLAN;
+  const { segments: _, dash_frame_rate: __, restore: _r, upscale: _u, seed: ___, shuffled: ____, ...before } = PLAN;
   expect(readPlan(before)).toEqual(PLAN);
 });
 

@@ -3,6 +3,7 @@ import * as v from "valibot";
 import { seeded } from "../abr/random";
 import { CONTROLLER_NAMES, CONTROLLERS, type ControllerName } from "../abr/registry";
 import { FRAME_RATES, type Preset } from "../dash/presets";
+import { OFF } from "../enhance/registry";
 import type { Settings } from "../state/settings";
 import type { LinkSetting } from "../wire/shaper";
 import type { Configuration, RunRow } from "../wire/store";
@@ -93,6 +94,9 @@ const Plan = v.object({
   ),
   /** Of the modes with DASH, in frames a second; null: the preset's own. */
   dash_frame_rate: v.optional(v.nullable(v.picklist(FRAME_RATES)), null),
+  /** Of the mode `stateless`: the models that enhance each frame, by name, or `off`. */
+  restore: v.optional(v.string(), OFF),
+  upscale: v.optional(v.string(), OFF),
   /** Of segments, the order of runs, and controllers' random numbers. */
   seed: v.optional(v.pipe(v.number(), v.integer(), v.minValue(0)), 1),
   /** Whether runs are made in random order. */
@@ -118,6 +122,8 @@ export interface PlannedRun extends Omit<Required<Configuration>, "width" | "hei
 
 /** What `Configuration` has where no controller chooses: equal runs have equal configurations. */
 const NO_CONTROLLER: Profile = "budget";
+/** What only the mode `stateless` has. */
+const OF_A_STREAM = { restore: OFF, upscale: OFF, sample_stride: 0 };
 /** What a run takes beside its warm-up and its movement, before any was made: connecting, the first view, storing. In ms. */
 const OVERHEAD = 5000;
 
@@ -126,7 +132,7 @@ const OVERHEAD = 5000;
  * the course of an experiment (another load, another hour) falls on all of them. Within that, the seed shuffles.
  */
 export function runsOf(plan: ExperimentPlan): PlannedRun[] {
-  const { scene, movement, network, duration_s, warm_up_s, dash_frame_rate, seed } = plan;
+  const { scene, movement, network, duration_s, warm_up_s, dash_frame_rate, restore, upscale, seed } = plan;
   const shared = {
     scene,
     movement,
@@ -139,13 +145,13 @@ export function runsOf(plan: ExperimentPlan): PlannedRun[] {
   };
   const random = seeded(seed);
   const inOrder = <T>(values: readonly T[]) => (plan.shuffled ? shuffled(values, random) : values);
-  const conditions = plan.modes.flatMap((mode) =>
-    (mode === "stateless" ? plan.profiles : [NO_CONTROLLER]).map((profile) => ({
-      mode,
-      profile,
-      sample_stride: mode === "stateless" ? plan.sample_stride : 0,
-    })),
-  );
+  const conditions = plan.modes.flatMap((mode) => {
+    const [profiles, chosen] =
+      mode === "stateless"
+        ? [plan.profiles, { restore, upscale, sample_stride: plan.sample_stride }]
+        : [[NO_CONTROLLER], OF_A_STREAM];
+    return profiles.map((profile) => ({ mode, profile, ...chosen }));
+  });
   const parts = plan.segments.map((begins, segment) => ({
     segment,
     network: network.trace === null ? network : { ...network, offset_s: begins.trace_s },
@@ -183,8 +189,10 @@ export function settingsFor({
   mode,
   profile,
   dash_frame_rate,
-}: Pick<PlannedRun, "mode" | "profile" | "dash_frame_rate">): Partial<Settings> {
-  const shared = { sidebar: false, hud: false, refine: false };
+  restore,
+  upscale,
+}: Pick<PlannedRun, "mode" | "profile" | "dash_frame_rate" | "restore" | "upscale">): Partial<Settings> {
+  const shared = { sidebar: false, hud: false, refine: false, restore, upscale };
   if (mode !== "stateless") {
     return {
       ...shared,

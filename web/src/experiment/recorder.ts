@@ -73,7 +73,15 @@ export class Recorder {
   presented(frame: PresentedFrame): void {
     const at = frame.at - this.#start.startedAt;
     if (at < 0) return;
-    this.#frames.push({ ...frame, at, latencies: [...frame.latencies] });
+    const { shownWidth, shownHeight, enhanceMs, ...shown } = frame;
+    this.#frames.push({
+      ...shown,
+      at,
+      latencies: [...frame.latencies],
+      shown_width: shownWidth ?? null,
+      shown_height: shownHeight ?? null,
+      enhance_ms: enhanceMs ?? null,
+    });
     this.#shown = Math.max(this.#shown, frame.pose);
   }
 

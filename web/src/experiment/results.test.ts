@@ -14,6 +14,8 @@ const PLAN: ExperimentPlan = {
   repeats: 2,
   segments: FROM_THE_START,
   dash_frame_rate: null,
+  restore: "off",
+  upscale: "off",
   seed: 1,
   shuffled: false,
   duration_s: 10,

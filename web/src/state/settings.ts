@@ -2,6 +2,7 @@
 import * as v from "valibot";
 import { CONTROLLER_NAMES } from "../abr/registry";
 import { FRAME_RATES, PRESETS, tuned } from "../dash/presets";
+import { enhancersOf, OFF } from "../enhance/registry";
 
 export const MODES = ["stateless", "dash", "side-by-side"] as const;
 export type Mode = (typeof MODES)[number];
@@ -40,6 +41,9 @@ const Settings = v.object({
   profile: v.fallback(v.pipe(v.number(), v.integer(), v.minValue(0), v.maxValue(255)), 0),
   /** When the camera stands still, ask for the view once more at the best rung. */
   refine: v.fallback(v.boolean(), true),
+  /** The models that enhance each frame before it is shown, by name, or `off`. */
+  restore: v.fallback(v.picklist([OFF, ...enhancersOf("restore").map(({ name }) => name)]), OFF),
+  upscale: v.fallback(v.picklist([OFF, ...enhancersOf("upscale").map(({ name }) => name)]), OFF),
   /** Degrees a second. */
   turnSpeed: v.fallback(v.pipe(v.number(), v.minValue(1), v.maxValue(720)), 60),
   /** Null: open where there is room. */

@@ -15,4 +15,9 @@ export interface PresentedFrame {
   /** Pixels, as it was encoded. */
   readonly width: number;
   readonly height: number;
+  /** Pixels, as it was shown after the page enhanced it; left out where it did not. */
+  readonly shownWidth?: number;
+  readonly shownHeight?: number;
+  /** How long that took the graphics processor, in milliseconds. */
+  readonly enhanceMs?: number;
 }

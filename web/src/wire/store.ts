@@ -50,6 +50,8 @@ export interface Configuration {
   profile?: number | string;
   dash_frame_rate?: (30 | 60) | null;
   dash_representation?: RepresentationRequest | null;
+  restore?: string;
+  upscale?: string;
   seed?: number;
   segment?: number;
   repeat?: number;
@@ -170,6 +172,9 @@ export interface ShownFrame {
   rung: number | null;
   width: number;
   height: number;
+  shown_width?: number | null;
+  shown_height?: number | null;
+  enhance_ms?: number | null;
 }
 /**
  * A frame that came in the mode `stateless`, whether or not it was shown. What was overtaken has none.

@@ -54,6 +54,11 @@ class ShownFrame(WireModel):
     """Of the ladder."""
     width: int = Field(ge=0, le=MAX_SIDE)
     height: int = Field(ge=0, le=MAX_SIDE)
+    shown_width: int | None = Field(default=None, ge=0, le=MAX_SIDE)
+    shown_height: int | None = Field(default=None, ge=0, le=MAX_SIDE)
+    """Pixels, as the page showed it after enhancing it; None where it was not enhanced."""
+    enhance_ms: float | None = Field(default=None, ge=0)
+    """How long that took the page's graphics processor."""
 
 
 class Reply(WireModel):

@@ -5,9 +5,9 @@ from __future__ import annotations
 import re
 from dataclasses import replace
 from pathlib import Path
-from typing import Literal, Self
+from typing import Annotated, Literal, Self
 
-from pydantic import Field, model_validator
+from pydantic import AfterValidator, Field, model_validator
 
 from tigas_common.wire.dash import RepresentationRequest
 from tigas_common.wire.model import MAX_SIDE, WireModel
@@ -23,11 +23,23 @@ MODE_NAMES: dict[Mode, str] = {
     "dash-edge": "DASH, edge",
 }
 FrameRate = Literal[30, 60]
+OFF = "off"
+"""In place of a model's name."""
 UNSHAPED = "unshaped"
 USUAL_UP_KBPS = 10_000.0
 """The uplink of a constant link that says nothing of it."""
 MAX_RTT_MS = 120_000.0
 MAX_OFFSET_S = 86_400.0
+
+
+def _model_name(name: str) -> str:
+    if not re.fullmatch("[a-z0-9][a-z0-9-]{0,23}", name):
+        raise ValueError(f"{name!r} is no model's name")
+    return name
+
+
+ModelName = Annotated[str, AfterValidator(_model_name)]
+"""Of the page's models; it alone knows which there are."""
 
 
 class Network(WireModel):
@@ -106,6 +118,10 @@ class Configuration(WireModel):
     """Of the modes with DASH, in frames a second; None: the preset's own."""
     dash_representation: RepresentationRequest | None = None
     """Of the modes with DASH: the only one that the stream has; None: all that the packager offers."""
+    restore: ModelName = OFF
+    """Of the mode `stateless`: the model that restores frames in the page, or `off`."""
+    upscale: ModelName = OFF
+    """The model that enlarges them afterwards, or `off`."""
     seed: int = Field(default=1, ge=0, le=2**53 - 1)
     """Of generated movements, and of the controllers' random numbers."""
     segment: int = Field(default=0, ge=0)
@@ -139,8 +155,10 @@ class Configuration(WireModel):
         mode = self.mode if chosen is None else f"{self.mode}-{chosen}"
         name, label = self.network.name, self.network.label
         network = name[:30] + label.removeprefix(name)  # a long name leaves room for the round trip
+        models = (("restore", self.restore), ("upscale", self.upscale))
+        enhanced = (f"{kind}-{name}" for kind, name in models if name != OFF)
         segment = (f"s{self.segment}",) if self.segment else ()
-        parts = (self.scene, Path(self.movement).stem, network, mode, *segment, f"{self.repeat}")
+        parts = (self.scene, Path(self.movement).stem, network, mode, *enhanced, *segment, f"{self.repeat}")
         return "_".join(re.sub(r"[^A-Za-z0-9.-]+", "-", part).strip(".-")[:40] or "x" for part in parts)
 
 

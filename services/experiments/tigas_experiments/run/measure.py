@@ -124,7 +124,8 @@ def page_settings(configuration: Configuration) -> dict[str, Any]:
     else:
         chosen = {"mode": "stateless", "controller": profile}
     # Nothing beside the picture, so that the stage is the viewport; no second request for a view that stands still.
-    return {**chosen, "seed": configuration.seed, "sidebar": False, "hud": False, "refine": False}
+    enhancement = {"restore": configuration.restore, "upscale": configuration.upscale}
+    return {**chosen, **enhancement, "seed": configuration.seed, "sidebar": False, "hud": False, "refine": False}
 
 
 async def _record(page: Viewer, configuration: Configuration, points: Sequence[Point]) -> Recording:

@@ -19,7 +19,7 @@ from tigas_common.errors import StartError
 from tigas_common.parsing import sentence
 from tigas_common.wire.dash import RepresentationRequest
 from tigas_common.wire.model import WireModel
-from tigas_common.wire.run import MAX_OFFSET_S, MAX_RTT_MS, Configuration, FrameRate, Mode, Network
+from tigas_common.wire.run import MAX_OFFSET_S, MAX_RTT_MS, OFF, Configuration, FrameRate, Mode, ModelName, Network
 from tigas_common.wire.store import ExperimentName
 from tigas_experiments.run.parsing import capture_interval_ms, parse_network, parse_viewport
 from tigas_experiments.run.segments import movement_offsets, trace_offsets
@@ -80,6 +80,10 @@ class Plan(WireModel):
     modes: Several[Mode] = ("stateless",)
     controllers: Several[Controller] = ("budget",)
     """Of the mode `stateless`: controllers' names, and fixed rungs of the ladder."""
+    restore: ModelName = OFF
+    """Of the mode `stateless`: the page's model that restores each frame (docs/enhancement.md), or `off`."""
+    upscale: ModelName = OFF
+    """The one that enlarges it afterwards, or `off`."""
     dash_frame_rate: FrameRate | None = None
     """Of the modes with DASH, in frames a second; without it, each preset's own."""
     dash_representations: Several[Representation] = (ADAPTIVE,)
@@ -176,7 +180,8 @@ class Plan(WireModel):
 
     def _profiles(self) -> list[Chosen]:
         """Each mode, with each of its controllers or representations."""
-        controllers = [{"profile": controller} for controller in self.controllers]
+        models = {"restore": self.restore, "upscale": self.upscale}
+        controllers = [{"profile": controller, **models} for controller in self.controllers]
         representations = [{"dash_representation": _representation(name)} for name in self.dash_representations]
         return [
             (mode, chosen)

@@ -4,6 +4,7 @@ import { computed, type Signal, signal, useSignal } from "@preact/signals";
 import { X } from "lucide";
 import type { ComponentChildren } from "preact";
 import { useEffect, useRef } from "preact/hooks";
+import { OFF } from "../../enhance/registry";
 import { conduct } from "../../experiment/conduct";
 import type { Draft } from "../../experiment/draft";
 import { Experiment, type ExperimentDependencies } from "../../experiment/experiment";
@@ -137,6 +138,8 @@ function initialDraft({ scene, movement }: ViewerSession): Draft {
     modes: ["stateless"],
     profiles: ["latency", "budget"],
     frameRate: null,
+    restore: OFF,
+    upscale: OFF,
     segments: "1",
     repeats: "1",
     duration: "20",

@@ -32,6 +32,8 @@ const DRAFT: Draft = {
   modes: ["stateless"],
   profiles: ["latency", "budget"],
   frameRate: null,
+  restore: "off",
+  upscale: "off",
   segments: "1",
   repeats: "2",
   duration: "20",

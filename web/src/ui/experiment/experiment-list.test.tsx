@@ -19,6 +19,8 @@ const PLAN: ExperimentPlan = {
   profiles: ["budget"],
   segments: FROM_THE_START,
   dash_frame_rate: null,
+  restore: "off",
+  upscale: "off",
   seed: 1,
   shuffled: false,
   repeats: 4,
