@@ -97,6 +97,19 @@ async def test_without_a_profile_the_frame_has_the_viewports_resolution(bench: B
     bench.rasterizer.gate.set()
     frame = await bench.submit("a", profile=None, format="png")
     assert frame.body == b"320x180 png 90"
+    assert bench.rasterizer.cameras[0].display_scale == 1
+
+
+@pytest.mark.parametrize(
+    ("viewport", "profile", "scale"),
+    [((1280, 720), 0, 1), ((1280, 720), 1, 4 / 3), ((1280, 720), 3, 4), ((640, 360), 0, 1), ((390, 844), 2, 1.195)],
+)
+async def test_frames_are_rendered_for_the_viewport_that_they_are_shown_on(
+    bench: Bench, viewport: tuple[int, int], profile: int, scale: float
+) -> None:
+    bench.rasterizer.gate.set()
+    await bench.submit("a", width=viewport[0], height=viewport[1], profile=profile)
+    assert bench.rasterizer.cameras[0].display_scale == pytest.approx(scale, rel=1e-3)
 
 
 async def test_a_portrait_viewport_gets_as_many_square_pixels(bench: Bench) -> None:

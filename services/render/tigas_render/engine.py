@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import asyncio
 import logging
+import math
 import threading
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
@@ -335,7 +336,13 @@ class Engine:
 
 def _camera(work: _Work) -> Camera:
     request = work.request
-    return Camera(request.pose, request.intrinsics.resized(work.width, work.height), work.scene.background)
+    return Camera(
+        request.pose,
+        request.intrinsics.resized(work.width, work.height),
+        work.scene.background,
+        # the viewport is what the frame is shown on; one number, as sides differ by rounding only
+        display_scale=max(1.0, math.sqrt(request.width * request.height / (work.width * work.height))),
+    )
 
 
 def _stamped(image: Image, stamp: int | None) -> Image:

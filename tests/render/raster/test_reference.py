@@ -9,14 +9,14 @@ import pytest
 import torch
 
 from tests.render.raster.views import balls, camera, pixels
-from tigas_render.raster.base import ALPHA_MAX, BLUR
+from tigas_render.raster.base import ALPHA_MAX, DILATION
 from tigas_render.raster.reference import ReferenceRasterizer, render_float, sh_basis
 
 
 def test_one_gaussian_falls_off_as_the_formula_says() -> None:
     scene = balls((0.0, 0.0, 0.0), size=0.1, opacity=0.8, colours=[[1.0, 0.5, 0.25]])
     picture = render_float(scene, camera(65, 65, focal=100.0))
-    variance = (100 / 4 * 0.1) ** 2 + BLUR
+    variance = (100 / 4 * 0.1) ** 2 + DILATION
     for offset in (0, 1, 3):
         alpha = 0.8 * math.exp(-(offset**2) / (2 * variance))
         torch.testing.assert_close(picture[32, 32 + offset], alpha * torch.tensor([1.0, 0.5, 0.25]), atol=1e-4, rtol=0)

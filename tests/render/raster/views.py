@@ -53,11 +53,12 @@ def camera(
     pose: Pose | None = None,
     focal: float | None = None,
     background: tuple[float, float, float] = (0.0, 0.0, 0.0),
+    display_scale: float = 1.0,
 ) -> Camera:
     """A camera at (0, 0, -4) looking at the origin, unless a pose is given."""
     focal = focal or 0.6 * max(width, height)
     pose = pose or Pose((0.0, 0.0, -4.0), LEVEL)
-    return Camera(pose, Intrinsics(focal, focal, width / 2, height / 2, width, height), background)
+    return Camera(pose, Intrinsics(focal, focal, width / 2, height / 2, width, height), background, display_scale)
 
 
 def pixels(image: Image) -> Pixels:

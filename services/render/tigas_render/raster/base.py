@@ -16,8 +16,8 @@ from tigas_render.gaussians import Gaussians
 
 NEAR_PLANE = 0.01
 """Gaussians whose centre is nearer than this to the camera's plane, or behind it, are not drawn (scene units)."""
-BLUR = 0.3
-"""Added to the diagonal of each projected covariance, in pixels² (EWA's low-pass filter as in 3DGS)."""
+DILATION = 0.3
+"""Added to the diagonal of each projected covariance while scenes are trained, in pixels² (3DGS)."""
 ALPHA_MIN = 1 / 255
 """A Gaussian contributes to a pixel only where its alpha is at least this."""
 ALPHA_MAX = 0.999
@@ -45,6 +45,8 @@ class Camera:
     intrinsics: Intrinsics
     background: tuple[float, float, float] = (0.0, 0.0, 0.0)
     """RGB, 0 to 1."""
+    display_scale: float = 1.0
+    """How many times larger than the picture it is shown, linearly; at least 1. See `footprint`."""
 
 
 class PreparedScene(ABC):
@@ -107,6 +109,23 @@ class Rasterizer(ABC):
 
     def warm_up(self) -> None:  # noqa: B027 - a rasteriser without a compiler has nothing to do
         """Pay once for what the first frame would otherwise wait for, such as compiling."""
+
+
+def footprint(display_scale: float) -> tuple[float, float]:
+    """How a Gaussian grows on the screen: dilation, and variance of the low-pass filter, both in the picture's pixels².
+
+    The projected covariance Σ becomes Σ' = Σ + dilation · I, which makes it as large on the display as in training, and
+    then Σ" = Σ' + low_pass · I, with the opacity times √(det Σ' / det Σ"), so that what it covers stays the same.
+
+    With s = display_scale, the picture that is wanted is the one of the display's size, averaged over the s × s pixels
+    of the display that one of the picture's pixels stands for. Mip-Splatting (Yu et al., CVPR 2024, section 5.2, "2D
+    Mip filter") approximates a box filter by the Gaussian of its variance, and compensates opacity as above. A box one
+    pixel wide has a variance of 1/12; but each of the display's pixels is a sample of a scene that was trained with
+    such samples, and so already has its own box in it, 1/s wide. Variances add: 1/12 - 1/(12 s²) is left, just the
+    variance of s equally spaced samples. At s = 1 nothing is: 3DGS's picture.
+    """
+    shrunk = 1 / display_scale**2
+    return DILATION * shrunk, (1 - shrunk) / 12
 
 
 def derivative_limits(k: Intrinsics) -> tuple[float, float, float, float]:

@@ -5,6 +5,8 @@ It draws what gsplat 1.5.3 draws. Sources of the formulas:
 - [3DGS] Kerbl et al., "3D Gaussian Splatting for Real-Time Radiance Field Rendering", 2023: blending, SH.
 - [EWA] Zwicker et al., "EWA Splatting", 2002: the projected covariance J W Σ Wᵀ Jᵀ.
 - [gsplat] Ye et al., "gsplat: An Open-Source Library for Gaussian Splatting", 2024: tangent clamping, stopping rules.
+
+A picture that is shown larger than it is has filters of its own: `base.footprint`.
 """
 
 from __future__ import annotations
@@ -19,12 +21,12 @@ from tigas_render.gaussians import Gaussians
 from tigas_render.raster.base import (
     ALPHA_MAX,
     ALPHA_MIN,
-    BLUR,
     NEAR_PLANE,
     TRANSMITTANCE_MIN,
     Camera,
     PreparedScene,
     Rasterizer,
+    footprint,
 )
 from tigas_render.raster.host_image import HostImage
 
@@ -101,13 +103,16 @@ def _project(gaussians: Gaussians, camera: Camera) -> _Splats:
     points = from_camera @ rotation.T
     keep = torch.nonzero((points[:, 2] >= NEAR_PLANE) & (gaussians.opacities >= ALPHA_MIN)).squeeze(1)
     keep = keep[torch.argsort(points[keep, 2], stable=True)]
-    points, opacities = points[keep], gaussians.opacities[keep]
+    points = points[keep]
 
     x, y, z = points.unbind(1)
     axes = _rotation_matrices(gaussians.quaternions[keep]) * gaussians.scales[keep, None, :]
     jacobian = _jacobian(points, k)  # [M, 2, 3]
     half = jacobian @ rotation @ axes  # [M, 2, 3]: a square root of the projected covariance
-    covariance = half @ half.mT + BLUR * torch.eye(2, device=device)
+    covariance = half @ half.mT
+    dilation, low_pass = footprint(camera.display_scale)
+    opacities = gaussians.opacities[keep] * _compensation(covariance, dilation, low_pass)
+    covariance = covariance + (dilation + low_pass) * torch.eye(2, device=device)
     cxx, cxy, cyy = covariance[:, 0, 0], covariance[:, 0, 1], covariance[:, 1, 1]
     determinant = cxx * cyy - cxy * cxy
     reach = torch.sqrt(2 * torch.log(opacities / ALPHA_MIN))  # alpha falls below ALPHA_MIN at this many deviations
@@ -119,8 +124,19 @@ def _project(gaussians: Gaussians, camera: Camera) -> _Splats:
         opacities=opacities,
     )
     numbers = torch.cat([splats.centres, splats.conics, splats.extents], 1)
-    ok = (determinant > 0) & numbers.isfinite().all(1)
+    ok = (determinant > 0) & (opacities >= ALPHA_MIN) & numbers.isfinite().all(1)
     return _Splats(splats.centres[ok], splats.conics[ok], splats.extents[ok], splats.colours[ok], splats.opacities[ok])
+
+
+def _compensation(covariance: torch.Tensor, dilation: float, low_pass: float) -> torch.Tensor:
+    """[M]: the factor of opacity that keeps what a Gaussian covers while its covariance [M, 2, 2] is filtered.
+
+    det(Σ + c I) = det Σ + c tr Σ + c² does not cancel where Σ is thin; det Σ itself is nearly 0 there, but never less.
+    """
+    cxx, cxy, cyy = covariance[:, 0, 0], covariance[:, 0, 1], covariance[:, 1, 1]
+    determinant, trace = (cxx * cyy - cxy * cxy).clamp_min(0), cxx + cyy
+    before, after = (determinant + c * (trace + c) for c in (dilation, dilation + low_pass))
+    return (before / after).sqrt()
 
 
 def _jacobian(points: torch.Tensor, k: Intrinsics) -> torch.Tensor:

@@ -46,6 +46,15 @@ def test_specks_and_giants(size: float) -> None:
     assert agreement(cloud(1000, 1, size=size), camera(96, 64)) >= 55
 
 
+@pytest.mark.parametrize("display_scale", [1.001, 4 / 3, 2, 4, 20])
+@pytest.mark.parametrize("size", [0.002, 0.05, 3.0])
+def test_pictures_that_are_shown_larger(size: float, display_scale: float) -> None:
+    gaussians = cloud(1000, 1, size=size)
+    needles = dataclasses.replace(gaussians, scales=gaussians.scales * torch.tensor([4.0, 0.01, 0.01]))
+    for scene in (gaussians, needles):
+        assert agreement(scene, camera(96, 64, background=(0.2, 0.4, 0.6), display_scale=display_scale)) >= 55
+
+
 def test_a_dense_wall_ends_early_in_both() -> None:
     gaussians = dataclasses.replace(cloud(4000, 1, size=0.3), opacities=torch.ones(4000))
     assert agreement(gaussians, camera(96, 64, background=(1.0, 1.0, 1.0))) >= 55

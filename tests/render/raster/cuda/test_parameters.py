@@ -5,11 +5,12 @@ from __future__ import annotations
 import ctypes
 import re
 
+import pytest
 import torch
 
-from tests.render.raster.views import LEVEL, cloud
+from tests.render.raster.views import LEVEL, camera, cloud
 from tigas_common.pose import Intrinsics, Pose
-from tigas_render.raster.base import Camera
+from tigas_render.raster.base import Camera, footprint
 from tigas_render.raster.cuda import compiler
 from tigas_render.raster.cuda.layout import tile_layout
 from tigas_render.raster.cuda.parameters import LAYOUT, write_frame
@@ -33,9 +34,18 @@ def test_parameters_are_laid_out_as_the_kernels_read_them() -> None:
 
 def test_the_shortest_focal_length_has_limits_that_the_kernels_can_hold() -> None:
     scene = pack(cloud(10, 0), torch.device("cpu"))
-    camera = Camera(Pose((0.0, 0.0, 0.0), LEVEL), Intrinsics(1e-300, 1e-300, 640.0, 360.0, 1280, 720))
+    shortest = Camera(Pose((0.0, 0.0, 0.0), LEVEL), Intrinsics(1e-300, 1e-300, 640.0, 360.0, 1280, 720))
     frame = ctypes.create_string_buffer(LAYOUT.size)
-    write_frame(frame, scene, camera, tile_layout(1280, 720, scene.padded), "jpeg", (0,) * 18, 0)
+    write_frame(frame, scene, shortest, tile_layout(1280, 720, scene.padded), "jpeg", (0,) * 18, 0)
     left, right, top, bottom = LAYOUT.unpack(frame.raw)[-7:-3]
     assert -3.5e38 < left < 0 < right < 3.5e38
     assert -3.5e38 < top < 0 < bottom < 3.5e38
+
+
+def test_the_kernels_learn_how_much_larger_the_picture_is_shown() -> None:
+    scene = pack(cloud(10, 0), torch.device("cpu"))
+    frame = ctypes.create_string_buffer(LAYOUT.size)
+    view = camera(640, 360, display_scale=2)
+    write_frame(frame, scene, view, tile_layout(640, 360, scene.padded), "jpeg", (0,) * 18, 0)
+    dilation, low_pass = footprint(2)
+    assert LAYOUT.unpack(frame.raw)[-9:-7] == pytest.approx((dilation, dilation + low_pass))

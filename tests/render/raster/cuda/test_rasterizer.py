@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import io
 import threading
 from pathlib import Path
@@ -62,6 +63,18 @@ def reference(gaussians: Gaussians, view: Camera) -> Pixels:
 def test_every_degree_of_colour_is_drawn_as_the_reference_draws_it(rasterizer: CudaRasterizer, degree: int) -> None:
     gaussians, view = cloud(20_000, degree), camera(320, 200, background=(0.2, 0.4, 0.6))
     assert psnr(draw(rasterizer, gaussians, view), reference(gaussians, view)) >= 55
+
+
+@pytest.mark.parametrize("display_scale", [1.001, 4 / 3, 2, 4, 20])
+@pytest.mark.parametrize("size", [0.002, 0.05, 0.5])
+def test_a_picture_that_is_shown_larger_is_drawn_as_the_reference_draws_it(
+    rasterizer: CudaRasterizer, size: float, display_scale: float
+) -> None:
+    gaussians = cloud(5_000, 1, size=size)
+    needles = dataclasses.replace(gaussians, scales=gaussians.scales * torch.tensor([4.0, 0.01, 0.01]))
+    view = camera(320, 180, background=(0.2, 0.4, 0.6), display_scale=display_scale)
+    for scene in (gaussians, needles):
+        assert psnr(draw(rasterizer, scene, view), reference(scene, view)) >= 50
 
 
 @pytest.mark.parametrize(

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import math
 
-from tigas_render.raster.base import ALPHA_MIN, BLUR, NEAR_PLANE
+from tigas_render.raster.base import ALPHA_MIN, NEAR_PLANE
 from tigas_render.raster.cpu import layout as L
 from tigas_render.raster.cpu import view as V
 from tigas_render.raster.cpu.kernel import kernel
@@ -41,8 +41,8 @@ def chunk_is_outside(bounds, view):
     deviation = bounds[L.BOUND_SCALE] / nearest
     slope_x = max(abs(view[V.LEFT]), abs(view[V.RIGHT]))
     slope_y = max(abs(view[V.TOP]), abs(view[V.BOTTOM]))
-    reach_x = REACH * math.sqrt((view[V.FX] * deviation) ** 2 * (1 + slope_x * slope_x) + BLUR) + 1
-    reach_y = REACH * math.sqrt((view[V.FY] * deviation) ** 2 * (1 + slope_y * slope_y) + BLUR) + 1
+    reach_x = REACH * math.sqrt((view[V.FX] * deviation) ** 2 * (1 + slope_x * slope_x) + view[V.FILTERED]) + 1
+    reach_y = REACH * math.sqrt((view[V.FY] * deviation) ** 2 * (1 + slope_y * slope_y) + view[V.FILTERED]) + 1
     u0, u1 = view[V.FX] * left + view[V.CX] - reach_x, view[V.FX] * right + view[V.CX] + reach_x
     v0, v1 = view[V.FY] * top + view[V.CY] - reach_y, view[V.FY] * bottom + view[V.CY] + reach_y
     return u1 < 0 or u0 > view[V.WIDTH] or v1 < 0 or v0 > view[V.HEIGHT]

@@ -8,7 +8,7 @@ import math
 import numpy as np
 from numba import prange
 
-from tigas_render.raster.base import BLUR, NEAR_PLANE
+from tigas_render.raster.base import NEAR_PLANE
 from tigas_render.raster.cpu import layout as L
 from tigas_render.raster.cpu import view as V
 from tigas_render.raster.cpu.culling import chunk_is_outside
@@ -23,6 +23,11 @@ LOG_E = F(math.log2(math.e) * L.ALPHA_SCALE)
 TWO_LN_2 = F(2 * math.log(2) / L.ALPHA_SCALE)
 FARTHEST = F(1e7)
 """Centres farther outside than this many pixels are not drawn: float32 has no fractions of a pixel there."""
+
+# log2(1 + x) for -1/3 ≤ x < 1/3 is x p(x); p is a minimax polynomial, to an error of 2e-5.
+L0, L1, L2, L3, L4 = F(1.4427446), F(-0.71988666), F(0.47765657), F(-0.40174732), F(0.33878011)
+TWO_THIRDS = np.uint32(0x3F2AAAAB)
+"""The bits of a float32."""
 
 
 @kernel(parallel=True)
@@ -67,6 +72,7 @@ def project_chunk(geometry, start, view, out):
     fx, fy, cx, cy = F(view[V.FX]), F(view[V.FY]), F(view[V.CX]), F(view[V.CY])
     x_low, x_high, y_low, y_high = F(view[V.LEFT]), F(view[V.RIGHT]), F(view[V.TOP]), F(view[V.BOTTOM])
     width, height = F(view[V.WIDTH]), F(view[V.HEIGHT])
+    dilation, filtered = F(view[V.DILATION]), F(view[V.FILTERED])
     for i in range(U(L.CHUNK)):
         at = start + i
         x = geometry[at + U(L.MEAN_X * L.CHUNK)] - ex
@@ -86,12 +92,17 @@ def project_chunk(geometry, start, view, out):
         syz, szz = geometry[at + U(L.COV_YZ * L.CHUNK)], geometry[at + U(L.COV_ZZ * L.CHUNK)]
         ux, uy, uz = sxx * ax + sxy * ay + sxz * az, sxy * ax + syy * ay + syz * az, sxz * ax + syz * ay + szz * az
         vx, vy, vz = sxx * bx + sxy * by + sxz * bz, sxy * bx + syy * by + syz * bz, sxz * bx + syz * by + szz * bz
-        cxx = ax * ux + ay * uy + az * uz + F(BLUR)
+        cxx = ax * ux + ay * uy + az * uz
         cxy = ax * vx + ay * vy + az * vz
-        cyy = bx * vx + by * vy + bz * vz + F(BLUR)
+        cyy = bx * vx + by * vy + bz * vz
+        # what opacity loses to the filter: det(Σ + c I) = det Σ + c tr Σ + c², safe where det Σ is nearly 0
+        area, trace = max(cxx * cyy - cxy * cxy, F(0)), cxx + cyy
+        lost = (area + dilation * (trace + dilation)) / (area + filtered * (trace + filtered))
+        cxx += filtered
+        cyy += filtered
         determinant = cxx * cyy - cxy * cxy
         scale = LOG_E / determinant
-        log_alpha = geometry[at + U(L.LOG_ALPHA * L.CHUNK)]
+        log_alpha = geometry[at + U(L.LOG_ALPHA * L.CHUNK)] + F(0.5 * L.ALPHA_SCALE) * log2(lost)
         reach = (log_alpha - F(L.LOG_ALPHA_MIN)) * TWO_LN_2  # squared, in standard deviations
         rx, ry = np.sqrt(reach * cxx), np.sqrt(reach * cyy)
         # False for NaN and for what would overflow later on
@@ -123,6 +134,14 @@ def project_chunk(geometry, start, view, out):
         out[U(L.COLUMNS * L.CHUNK) + i] = float_of(np.uint32(columns if inside else np.int32(0)))
         out[U(L.ROWS * L.CHUNK) + i] = float_of(np.uint32(rows))
         out[U(L.DEPTH * L.CHUNK) + i] = pz
+
+
+@kernel(inline=True)
+def log2(x):
+    """The binary logarithm of a positive float32; exactly 0 of 1. It vectorises, which numpy's does not."""
+    exponent = np.int32(bits_of(x) - TWO_THIRDS) >> np.int32(23)
+    fraction = float_of(np.uint32(bits_of(x) - np.uint32(exponent << np.int32(23)))) - F(1)
+    return F(exponent) + fraction * (L0 + fraction * (L1 + fraction * (L2 + fraction * (L3 + fraction * L4))))
 
 
 @kernel()

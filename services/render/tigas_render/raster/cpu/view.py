@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from tigas_render.raster.base import Camera, derivative_limits
+from tigas_render.raster.base import Camera, derivative_limits, footprint
 
 ROTATION = 0
 """Nine numbers: world to camera, row by row."""
@@ -15,7 +15,9 @@ FX, FY, CX, CY = 12, 13, 14, 15
 LEFT, RIGHT, TOP, BOTTOM = 16, 17, 18, 19
 """Limits of x/z and y/z at which the projection's derivative is taken."""
 WIDTH, HEIGHT = 20, 21
-VIEW = 22
+DILATION, FILTERED = 22, 23
+"""Added to the diagonal of a projected covariance, in pixels²: before the low-pass filter, and with it."""
+VIEW = 24
 
 
 def fill_view(camera: Camera, view: NDArray[np.float64]) -> None:
@@ -26,3 +28,5 @@ def fill_view(camera: Camera, view: NDArray[np.float64]) -> None:
     view[FX:LEFT] = k.fx, k.fy, k.cx, k.cy
     view[LEFT:WIDTH] = derivative_limits(k)
     view[WIDTH], view[HEIGHT] = k.width, k.height
+    dilation, low_pass = footprint(camera.display_scale)
+    view[DILATION], view[FILTERED] = dilation, dilation + low_pass

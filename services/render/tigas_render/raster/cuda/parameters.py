@@ -7,11 +7,11 @@ import struct
 from typing import Final
 
 from tigas_common.wire.render import FrameFormat
-from tigas_render.raster.base import Camera, derivative_limits
+from tigas_render.raster.base import Camera, derivative_limits, footprint
 from tigas_render.raster.cuda.layout import TileLayout
 from tigas_render.raster.cuda.scene import CHUNK, CudaScene
 
-LAYOUT: Final = struct.Struct("=22Q6I4i25f4x")
+LAYOUT: Final = struct.Struct("=22Q6I4i27f4x")
 """Pointers; padded, chunks, capacity, tiles, tiles_x, slices; width, height, format, sh_coefficients; the floats."""
 FORMATS: Final[dict[FrameFormat, int]] = {"png": 0, "jpeg": 1, "yuv420p": 2}
 """How the blending kernel lays out pixels: RGB, JPEG's planes, video's planes."""
@@ -31,6 +31,7 @@ def write_frame(
     """Fill `struct Frame`. buffers: the device's addresses from `splats` to `progress`, in the struct's order."""
     k = camera.intrinsics
     rotation = camera.pose.rotation
+    dilation, low_pass = footprint(camera.display_scale)
     LAYOUT.pack_into(
         into, 0,
         scene.means.data_ptr(), scene.shapes.data_ptr(), scene.sh.data_ptr(), scene.bounds.data_ptr(), *buffers,
@@ -39,7 +40,7 @@ def write_frame(
         scene.scale_low, scene.scale_step,
         *(rotation[column][row] for row in range(3) for column in range(3)),  # world to camera
         *camera.pose.position,
-        k.fx, k.fy, k.cx, k.cy, *map(_float32, derivative_limits(k)),
+        k.fx, k.fy, k.cx, k.cy, dilation, dilation + low_pass, *map(_float32, derivative_limits(k)),
         *camera.background,
     )  # fmt: skip
 

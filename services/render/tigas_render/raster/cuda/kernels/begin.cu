@@ -19,8 +19,8 @@ __device__ bool chunk_is_outside(const Frame& f, u32 chunk, float& depth) {
     constexpr float REACH = 3.37f;  // sqrt(2 ln 255), and a little
     float slope_x = fmaxf(fabsf(f.left), fabsf(f.right)), slope_y = fmaxf(fabsf(f.top), fabsf(f.bottom));
     float sx = f.fx * deviation / nearest, sy = f.fy * deviation / nearest;
-    float margin_x = (REACH * sqrtf(sx * sx * (1 + slope_x * slope_x) + BLUR) + 2) / f.fx;
-    float margin_y = (REACH * sqrtf(sy * sy * (1 + slope_y * slope_y) + BLUR) + 2) / f.fy;
+    float margin_x = (REACH * sqrtf(sx * sx * (1 + slope_x * slope_x) + f.filtered) + 2) / f.fx;
+    float margin_y = (REACH * sqrtf(sy * sy * (1 + slope_y * slope_y) + f.filtered) + 2) / f.fy;
     // planes through the eye: outside where the signed distance of the sphere's centre is more than its radius
     float l = -f.cx / f.fx - margin_x, rr = (f.width - f.cx) / f.fx + margin_x;
     float t = -f.cy / f.fy - margin_y, b = (f.height - f.cy) / f.fy + margin_y;

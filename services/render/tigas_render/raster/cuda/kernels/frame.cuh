@@ -10,9 +10,8 @@ typedef unsigned long long u64;
 constexpr int CHUNK = 256;  // Gaussians that are neighbours in space, and one block's threads
 constexpr u32 ALL = 0xffffffffu;
 
-// The renderer's rules; base.py defines the first five.
+// The renderer's rules; base.py defines the first four.
 constexpr float NEAR_PLANE = 0.01f;
-constexpr float BLUR = 0.3f;
 constexpr float LOG2_ALPHA_MIN = -7.9943534f;  // log2(1 / 255)
 constexpr float ALPHA_MAX = 0.999f;
 constexpr float TRANSMITTANCE_MIN = 1e-4f;
@@ -83,6 +82,7 @@ struct Frame {
     float rotation[9];      // world to camera, row by row
     float eye[3];
     float fx, fy, cx, cy;
+    float dilation, filtered;  // added to a projected covariance, in pixels²: before the low-pass filter, and with it
     float left, right, top, bottom;  // limits of x / z and y / z where the projection's derivative is taken [gsplat]
     float background[3];
 };

@@ -1,6 +1,6 @@
 // From Gaussians in space to records of those that are visible, and how many entries each tile's list will have.
 // [3DGS] Kerbl et al. 2023: spherical harmonics. [EWA] Zwicker et al. 2002: the projected covariance.
-// [gsplat] Ye et al. 2024: clamping of the derivative. Twin: raster/reference.py.
+// [gsplat] Ye et al. 2024: clamping of the derivative. Twin: raster/reference.py. Filters: `footprint` in raster/base.py.
 #include "frame.cuh"
 #include "tiles.cuh"
 
@@ -75,8 +75,13 @@ __device__ bool project_one(const Frame& f, u32 i, float4& s0, float4& s1, ushor
     float p2 = scale2 * (ax * x2 + ay * y2 + az * z2);
     float q0 = scale0 * (bx * x0 + by * y0 + bz * z0), q1 = scale1 * (bx * x1 + by * y1 + bz * z1);
     float q2 = scale2 * (bx * x2 + by * y2 + bz * z2);
-    float cxx = p0 * p0 + p1 * p1 + p2 * p2 + BLUR, cyy = q0 * q0 + q1 * q1 + q2 * q2 + BLUR;
+    float cxx = p0 * p0 + p1 * p1 + p2 * p2, cyy = q0 * q0 + q1 * q1 + q2 * q2;
     float cxy = p0 * q0 + p1 * q1 + p2 * q2;
+    // what opacity loses to the filter: det(Σ + c I) = det Σ + c tr Σ + c², safe where det Σ is nearly 0
+    float area = fmaxf(cxx * cyy - cxy * cxy, 0.f), trace = cxx + cyy;
+    log_alpha += 0.5f * log2f((area + f.dilation * (trace + f.dilation)) / (area + f.filtered * (trace + f.filtered)));
+    if (!(log_alpha >= LOG2_ALPHA_MIN)) return false;
+    cxx += f.filtered, cyy += f.filtered;
     float determinant = cxx * cyy - cxy * cxy;
     float scale = 0.5f * LOG2_E / determinant;
     float reach = (log_alpha - LOG2_ALPHA_MIN) * (2 / LOG2_E);  // squared, in deviations
