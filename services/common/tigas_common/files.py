@@ -9,18 +9,22 @@ from io import BufferedReader
 from pathlib import Path
 
 
-def open_regular(path: Path) -> BufferedReader:
-    """Open a file to read; links are followed. Raises OSError, also for a pipe, a socket, a device or a folder."""
-    file = open(path, "rb", opener=_open)  # noqa: SIM115 - the caller's to close
+def open_regular(path: Path, *, follow: bool = True) -> BufferedReader:
+    """Open a file to read, through links unless told otherwise.
+
+    Raises OSError, also for a pipe, a socket, a device or a folder, and for a link that is not to be followed.
+    """
+    opener = _open if follow else _open_itself
+    file = open(path, "rb", opener=opener)  # noqa: SIM115 - the caller's to close
     if not stat.S_ISREG(os.fstat(file.fileno()).st_mode):
         file.close()
         raise OSError(errno.EINVAL, "Not a regular file", str(path))
     return file
 
 
-def read_regular(path: Path, limit: int) -> bytes:
+def read_regular(path: Path, limit: int, *, follow: bool = True) -> bytes:
     """All of a file. Raises OSError as `open_regular` does, and if it has more than `limit` bytes."""
-    with open_regular(path) as file:
+    with open_regular(path, follow=follow) as file:
         size = os.fstat(file.fileno()).st_size
         if size > limit:
             raise OSError(errno.EFBIG, os.strerror(errno.EFBIG), str(path))
@@ -30,3 +34,7 @@ def read_regular(path: Path, limit: int) -> bytes:
 def _open(path: str, flags: int) -> int:
     """Without waiting for a writer, and so that no terminal becomes this process' own."""
     return os.open(path, flags | os.O_NONBLOCK | os.O_NOCTTY)
+
+
+def _open_itself(path: str, flags: int) -> int:
+    return _open(path, flags | os.O_NOFOLLOW)

@@ -11,9 +11,11 @@ import typer
 from tigas_common.cli import in_a_sentence
 from tigas_common.errors import StartError
 from tigas_common.terminal import make_console
+from tigas_experiments.commands.materialise import materialise
 from tigas_experiments.commands.options import Scenes, Traces, Url, command_as_typed
 
 experiment = typer.Typer(help="Run a matrix of runs described in one file (docs/experiments.md).", no_args_is_help=True)
+experiment.command("materialise")(materialise)
 
 File = Annotated[Path, typer.Argument(help="The experiment's TOML file.")]
 Out = Annotated[Path | None, typer.Option(help="Folder for the runs.", show_default="results/NAME")]

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import io
 import math
+from collections.abc import Iterator
+from contextlib import contextmanager
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +17,8 @@ Picture = NDArray[np.uint8]
 """[height, width, 3], RGB."""
 MAX_PSNR_DB = 100.0
 """Stands for the infinite PSNR of equal pictures."""
+FORMATS = ("PNG", "JPEG", "WEBP")
+Image.MAX_IMAGE_PIXELS = None  # Pillow only warns of many; `opened` refuses them
 
 
 class BrokenPicture(Exception):
@@ -48,12 +52,22 @@ class CaptureQuality(WireModel):
 
 
 def decode(data: bytes) -> Picture:
-    """A PNG or JPEG as RGB. Raises BrokenPicture."""
+    """A PNG, JPEG or WebP as RGB. Raises BrokenPicture."""
+    with opened(data) as image:
+        return np.asarray(image.convert("RGB"))
+
+
+@contextmanager
+def opened(data: bytes) -> Iterator[Image.Image]:
+    """A picture in a format that we write, of which no more than its size is known to be right.
+
+    Raises BrokenPicture, also for what goes wrong with the picture in the context.
+    """
     try:
-        with Image.open(io.BytesIO(data)) as image:
+        with Image.open(io.BytesIO(data), formats=FORMATS) as image:
             if image.width * image.height > MAX_PIXELS:
                 raise BrokenPicture(f"A picture has {image.width}×{image.height} pixels; the limit is {MAX_PIXELS}.")
-            return np.asarray(image.convert("RGB"))
+            yield image
     except (UnidentifiedImageError, OSError, ValueError, SyntaxError) as error:
         raise BrokenPicture(f"A picture cannot be read: {error}.") from None
 

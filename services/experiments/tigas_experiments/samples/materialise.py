@@ -1,0 +1,159 @@
+"""All samples of a run, rendered again: what is there already is not asked for, and a few are at once."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from tigas_common.errors import StartError
+from tigas_common.wire.recording import Sample
+from tigas_experiments.lock import EXPERIMENT, exclusive
+from tigas_experiments.records.folder import RunRecord, StoredRun
+from tigas_experiments.records.materialised import (
+    REPLAYED,
+    Materialised,
+    add_materialised,
+    materialised_log,
+    read_materialised,
+)
+from tigas_experiments.records.recording import BrokenRecording
+from tigas_experiments.records.samples import sample_path
+from tigas_experiments.samples.renderer import AT_ONCE, NotRendered, Renderer, RendererAway
+from tigas_experiments.samples.replay import has_truth, replay
+
+Told = Callable[[int, int], None]
+"""Who wants to know how many samples of a run are done, and how many there are."""
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """What is known of a run's samples now."""
+
+    folder: str
+    samples: tuple[Sample, ...]
+    known: Mapping[int, Materialised]
+    """By sequence number."""
+    problem: str | None = None
+    """Why the rest was not even asked for, or what is wrong with the records."""
+
+    def _count(self, found: Callable[[Materialised], bool]) -> int:
+        return sum(sample.seq in self.known and found(self.known[sample.seq]) for sample in self.samples)
+
+    @property
+    def identical(self) -> int:
+        """So many frames came again, byte for byte."""
+        return self._count(lambda one: one.identical is True)
+
+    @property
+    def different(self) -> int:
+        """So many came again otherwise than in the run."""
+        return self._count(lambda one: one.identical is False)
+
+    @property
+    def missing(self) -> int:
+        """Of so many something is missing."""
+        return len(self.samples) - self._count(lambda one: one.problem is None)
+
+    @property
+    def problems(self) -> list[str]:
+        """Why, each reason once."""
+        told = [self.problem, *(self.known[one.seq].problem for one in self.samples if one.seq in self.known)]
+        return list(dict.fromkeys(each for each in told if each is not None))
+
+
+def outcome(run: Path) -> Outcome:
+    """What is known so far, from a run's folder."""
+    try:
+        return Outcome(run.name, tuple(StoredRun(run).samples()), read_materialised(run))
+    except BrokenRecording as error:
+        return Outcome(run.name, (), {}, str(error))
+
+
+async def materialise(run: Path, renderer: Renderer, told: Told = lambda done, total: None) -> Outcome:
+    """Ask for all samples of a run of which something is missing; it may be ended at any time, and begun again.
+
+    Raises OSError, and RendererAway if the service does not answer.
+    """
+    before = await asyncio.to_thread(outcome, run)
+    if before.problem is not None or not before.samples:
+        return before
+    if (run / "samples").is_symlink() or not (run / "samples").is_dir():
+        return replace(before, problem=f"{run / 'samples'} is no folder of pictures.")
+    record = StoredRun(run).record
+    try:
+        scene = await renderer.load(record.configuration.scene)
+    except NotRendered as error:
+        return replace(before, problem=str(error))
+    if (changed := changed_scene(record, scene.file_sha256)) is not None:
+        return replace(before, problem=changed)
+    todo = [one for one in before.samples if not await asyncio.to_thread(_is_complete, run, one, before.known)]
+    await _ask_for(run, todo, renderer, lambda done: told(len(before.samples) - len(todo) + done, len(before.samples)))
+    return await asyncio.to_thread(outcome, run)
+
+
+async def _ask_for(run: Path, todo: Sequence[Sample], renderer: Renderer, told: Callable[[int], None]) -> None:
+    """A few at once; what became of each is written down as soon as it is known."""
+    left, done = iter(todo), 0
+    told(done)
+    with materialised_log(run) as log:
+
+        async def work() -> None:
+            nonlocal done
+            for sample in left:
+                add_materialised(log, await replay(run, sample, renderer))
+                done += 1
+                told(done)
+
+        try:
+            async with asyncio.TaskGroup() as group:
+                for _ in range(AT_ONCE):
+                    group.create_task(work())
+        except* (RendererAway, OSError) as errors:
+            raise errors.exceptions[0] from None
+
+
+def changed_scene(record: RunRecord, sha256: str | None) -> str | None:
+    """A sentence if the scene's file is another one than in the run, as far as that is known."""
+    if None in (record.scene_sha256, sha256) or record.scene_sha256 == sha256:
+        return None
+    return (
+        f"The file of the scene {record.configuration.scene!r} has changed since the run: what the service would "
+        "render now is no ground truth of it."
+    )
+
+
+def sampled_runs(folder: Path) -> list[Path]:
+    """The runs with samples, of an experiment's folder or of a run's own. Raises StartError if there are none."""
+    if (folder / "run.json").is_file():
+        runs = [folder]
+    else:
+        try:
+            runs = sorted(path for path in (folder / "runs").iterdir() if (path / "run.json").is_file())
+        except OSError as error:
+            raise StartError(
+                f"{folder} is neither a run nor an experiment: {error.filename} cannot be read ({error.strerror})."
+            ) from None
+    found = [run for run in runs if (run / "samples.ndjson").exists()]
+    if not found:
+        raise StartError(f"{folder} has no samples: only runs with a `sample_stride` have (docs/samples.md).")
+    return found
+
+
+@contextmanager
+def alone(folder: Path) -> Iterator[None]:
+    """Nobody makes runs of an experiment meanwhile, or asks for their samples. Raises StartError and OSError."""
+    experiment = folder.parent.parent if folder.parent.name == "runs" else folder
+    busy = f"Something else is at work on {experiment}, such as an experiment that makes its runs; try again after it."
+    with exclusive(experiment / EXPERIMENT, busy):
+        yield
+
+
+def _is_complete(run: Path, sample: Sample, known: Mapping[int, Materialised]) -> bool:
+    """Whether there is nothing left to ask for."""
+    one = known.get(sample.seq)
+    if one is None or one.problem is not None or not has_truth(run, sample):
+        return False
+    return one.identical is True or sample_path(run, sample.seq, REPLAYED).is_file()

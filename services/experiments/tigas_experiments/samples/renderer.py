@@ -1,0 +1,88 @@
+"""The render service, asked for one frame after another, with the patience that nobody has who watches."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from typing import Self
+from urllib.parse import quote
+
+import httpx
+from pydantic import ValidationError
+
+from tigas_common.topology import PAGE
+from tigas_common.wire.render import Problem, RenderRequest, SceneInfo
+
+RENDER_URL = f"http://{PAGE.loopback}"
+"""Where it listens unless told otherwise."""
+AT_ONCE = 4
+"""Frames that are asked for: enough to keep a renderer and the encoders behind it busy."""
+LOAD_S = 300
+FRAME_S = 60
+TRIES = 5
+"""Of a frame that the service has no time for."""
+LONGEST_PAUSE_S = 10.0
+LATER = (409, 503)
+"""A newer request came first; there is too much to do."""
+
+
+class RendererAway(Exception):
+    """Why no frame at all can be had, in one sentence."""
+
+
+class NotRendered(Exception):
+    """Why one frame cannot be had, in one sentence; others may be."""
+
+
+class Renderer:
+    """One render service. Its caller says how often it is asked at once."""
+
+    def __init__(self, http: httpx.AsyncClient) -> None:
+        self._http = http
+
+    @classmethod
+    @asynccontextmanager
+    async def at(cls, url: str) -> AsyncIterator[Self]:
+        """The one at a URL, for as long as the context lasts."""
+        limits = httpx.Limits(max_connections=AT_ONCE)
+        async with httpx.AsyncClient(base_url=url, trust_env=False, verify=False, limits=limits) as http:
+            yield cls(http)
+
+    async def load(self, scene: str) -> SceneInfo:
+        """A scene's description, once it is loaded. Raises RendererAway and NotRendered."""
+        answer = await self._ask(f"/scenes/{quote(scene, safe='')}/load", None, LOAD_S)
+        try:
+            return SceneInfo.model_validate_json(answer.content)
+        except ValidationError:
+            raise RendererAway(f"What answers at {self._http.base_url} is no TIGAS render service.") from None
+
+    async def frame(self, request: RenderRequest) -> bytes:
+        """The frame that was asked for. Raises RendererAway and NotRendered."""
+        return (await self._ask("/render", request.model_dump_json(exclude_none=True), FRAME_S)).content
+
+    async def _ask(self, path: str, body: str | None, within_s: float) -> httpx.Response:
+        for tried in range(1, TRIES + 1):
+            try:
+                answer = await self._http.post(path, content=body, timeout=within_s)
+            except (httpx.HTTPError, httpx.InvalidURL) as error:
+                reason = str(error) or type(error).__name__
+                raise RendererAway(f"The render service at {self._http.base_url} does not answer ({reason}).") from None
+            if answer.is_success:
+                return answer
+            if answer.status_code not in LATER or tried == TRIES:
+                break
+            await asyncio.sleep(_pause_s(answer))
+        try:
+            detail = Problem.model_validate_json(answer.content).detail
+        except ValidationError:
+            raise RendererAway(
+                f"What answers at {self._http.base_url} is no TIGAS render service: it says {answer.status_code}."
+            ) from None
+        raise NotRendered(detail)
+
+
+def _pause_s(answer: httpx.Response) -> float:
+    """As long as the service says, within reason."""
+    told = answer.headers.get("retry-after", "")
+    return min(float(told), LONGEST_PAUSE_S) if told.isdecimal() else 1.0

@@ -1,0 +1,86 @@
+"""Render services that only pretend, and runs with samples of what they once sent."""
+
+from __future__ import annotations
+
+import io
+import json
+from collections.abc import AsyncIterator, Callable, Sequence
+from contextlib import asynccontextmanager
+from pathlib import Path
+from typing import Any
+
+import httpx
+import numpy as np
+from PIL import Image
+
+from tests.experiments.made_up import sampled, write_run
+from tests.experiments.movement.scenes import scene
+from tigas_common.wire.recording import Sample
+from tigas_experiments.records.folder import StoredRun
+from tigas_experiments.records.samples import JPEG, write_sample_file, write_samples
+from tigas_experiments.samples.renderer import Renderer
+
+SHA256 = "a" * 64
+
+
+def picture(x: float, width: int, height: int, form: str, shade: int = 0) -> bytes:
+    """A view that tells where the camera stands; another renderer has another shade."""
+    pixels = np.zeros((height, width, 3), np.uint8)
+    pixels[:, :, 0] = np.linspace(0, 255, width, dtype=np.uint8)
+    pixels[:, :, 1] = int(x) * 20 % 256
+    pixels[:, :, 2] = shade
+    buffer = io.BytesIO()
+    Image.fromarray(pixels).save(buffer, form)
+    return buffer.getvalue()
+
+
+class FakeRenderer:
+    """Answers each request by what it asks for, and remembers that; `refuse` may answer in its place."""
+
+    def __init__(
+        self,
+        shade: int = 0,
+        refuse: Callable[[dict[str, Any]], httpx.Response | None] = lambda wanted: None,
+        file_sha256: str | None = SHA256,
+    ) -> None:
+        self.asked: list[tuple[int, str]] = []
+        """Sequence numbers, and formats."""
+        self._shade, self._refuse = shade, refuse
+        self._scene = scene().model_copy(update={"file_sha256": file_sha256})
+
+    async def __call__(self, request: httpx.Request) -> httpx.Response:
+        if request.url.path.startswith("/scenes/"):
+            return httpx.Response(200, content=self._scene.model_dump_json())
+        wanted = json.loads(request.content)
+        if (refused := self._refuse(wanted)) is not None:
+            return refused
+        self.asked.append((wanted["seq"], wanted["format"]))
+        full = "profile" not in wanted
+        width, height = (wanted["width"], wanted["height"]) if full else (wanted["width"] // 2, wanted["height"] // 2)
+        return httpx.Response(
+            200, content=picture(wanted["position"][0], width, height, wanted["format"].upper(), self._shade)
+        )
+
+    @asynccontextmanager
+    async def client(self) -> AsyncIterator[Renderer]:
+        """As the code under test uses it."""
+        async with httpx.AsyncClient(base_url="http://render", transport=httpx.MockTransport(self)) as http:
+            yield Renderer(http)
+
+
+def sampled_run(folder: Path, numbers: Sequence[int], **changes: Any) -> list[Sample]:
+    """A run whose samples are what FakeRenderer sends; `changes` are its configuration's."""
+    write_run(folder, **changes)
+    record = StoredRun(folder).record
+    (folder / "run.json").write_text(record.model_copy(update={"scene_sha256": SHA256}).model_dump_json())
+    samples = [sampled(seq, at=10.0 * seq) for seq in numbers]
+    for each in samples:
+        write_sample_file(folder, each.seq, JPEG, picture(each.seq, 32, 18, "JPEG"))
+    write_samples(folder, samples)
+    return samples
+
+
+def problem(status: int, detail: str, **headers: str) -> httpx.Response:
+    """As the service says no."""
+    told = {"type": "tigas:x", "title": "No", "status": status, "detail": detail}
+    return httpx.Response(status, json=told, headers=headers)
