@@ -1,0 +1,104 @@
+"""`tigas experiment materialise` as a person uses it, against a real render service."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import httpx
+import pytest
+
+from tests.experiments.made_up import sampled, write_run
+from tests.experiments.processes import finished, started, until
+from tests.web.scenes import SMALL, write_scenes
+from tests.web.server import RenderServer
+from tigas_experiments.quality.picture import decode
+from tigas_experiments.records.folder import StoredRun
+from tigas_experiments.records.materialised import INDEX, REPLAYED, TRUTH
+from tigas_experiments.records.samples import JPEG, sample_path, write_sample_file, write_samples
+
+NUMBERS = (8, 3, 40)
+
+
+@pytest.fixture(scope="module")
+def models(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    made = tmp_path_factory.mktemp("models")
+    write_scenes(made)
+    return made
+
+
+@pytest.fixture(scope="module")
+def server(models: Path) -> Iterator[RenderServer]:
+    """What frames come from."""
+    with RenderServer("--scenes", str(models)) as running:
+        yield running
+
+
+def sample_run(server: RenderServer, folder: Path, count: int = 3) -> Path:
+    """A run whose samples are the service's own frames."""
+    run = write_run(folder, scene=SMALL)
+    samples = []
+    with httpx.Client(base_url=server.url, timeout=60) as http:
+        info = http.post(f"/scenes/{SMALL}/load").json()
+        for seq in NUMBERS if count == 3 else range(count):
+            request = sampled(seq).request.model_copy(
+                update={"scene": SMALL, "position": (0.01 * seq, 0.0, 0.0), "deadline_ms": 5000.0}
+            )
+            frame = http.post("/render", content=request.model_dump_json(exclude_none=True))
+            assert frame.status_code == 200
+            write_sample_file(run, seq, JPEG, frame.content)
+            samples.append(sampled(seq, request=request, bytes=len(frame.content)))
+    write_samples(run, samples)
+    record = StoredRun(run).record.model_copy(update={"scene_sha256": info["file_sha256"]})
+    (run / "run.json").write_text(record.model_dump_json())
+    return run
+
+
+def test_the_same_service_sends_every_frame_again_and_another_is_flagged(server: RenderServer, tmp_path: Path) -> None:
+    run = sample_run(server, tmp_path / "runs" / "one")
+    write_run(tmp_path / "runs" / "old")
+    command = ("experiment", "materialise", str(tmp_path), "--render", server.url)
+    status, output, errors = finished(started(*command))
+    assert status == 0, errors
+    assert output.split("\n")[3].replace("│", " ").split() == ["one", "3", "3", "0", "0"]
+    for seq in NUMBERS:
+        assert decode(sample_path(run, seq, TRUTH).read_bytes()).shape == (36, 64, 3)
+
+    write_sample_file(run, 3, JPEG, sample_path(run, 8, JPEG).read_bytes())
+    (run / INDEX).unlink()
+    status, output, errors = finished(started(*command))
+    assert status == 0, errors
+    assert output.split("\n")[3].replace("│", " ").split() == ["one", "3", "2", "1", "0"]
+    assert "The render service answers differently now" in output
+    assert sample_path(run, 3, REPLAYED).is_file()
+
+
+def test_a_kill_in_the_middle_loses_nothing_that_is_there(server: RenderServer, tmp_path: Path) -> None:
+    run = sample_run(server, tmp_path / "one", 60)
+    command = ("experiment", "materialise", str(run), "--render", server.url)
+    process = started(*command)
+    index = run / INDEX
+    until(process, lambda: index.exists() and index.read_text().count("\n") >= 4, "no sample was rendered")
+    process.kill()
+    finished(process)
+    kept = {path: path.stat().st_mtime_ns for path in (run / "samples").glob("[0-9]*.truth.png")}
+    assert 4 <= len(kept) < 60
+    status, output, errors = finished(started(*command))
+    assert status == 0, errors
+    assert output.split("\n")[3].replace("│", " ").split() == ["one", "60", "60", "0", "0"]
+    assert {path: path.stat().st_mtime_ns for path in kept} == kept
+
+
+def test_what_cannot_be_done_gets_a_sentence(server: RenderServer, models: Path, tmp_path: Path) -> None:
+    run = sample_run(server, tmp_path / "runs" / "one")
+    record = StoredRun(run).record
+    old = write_run(tmp_path / "old")
+    nobody = "http://127.0.0.1:9"
+    status, _, errors = finished(started("experiment", "materialise", str(old), "--render", server.url))
+    assert (status, "has no samples" in errors) == (1, True)
+    status, _, errors = finished(started("experiment", "materialise", str(run), "--render", nobody))
+    assert (status, f"The render service at {nobody} does not answer" in errors) == (1, True)
+    (run / "run.json").write_text(record.model_copy(update={"scene_sha256": "b" * 64}).model_dump_json())
+    status, output, _ = finished(started("experiment", "materialise", str(run), "--render", server.url))
+    assert (status, f"The file of the scene '{SMALL}' has changed since the run" in output) == (1, True)
+    assert not list((run / "samples").glob("*.png"))
