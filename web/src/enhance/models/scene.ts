@@ -1,0 +1,31 @@
+/**
+ * Ours: small networks, one a rung, that were trained on views of the very scene, or on several scenes for one without its own.
+ * `docs/enhancement.md` describes them.
+ */
+
+import type { Rung } from "../../wire/render";
+import { EnhancementError, type Enhancer, type Loaded } from "../model/enhancer";
+import { readNetworks, requireRungs } from "../network/networks";
+import { NetworkPipelines } from "../network/pipelines";
+
+export const SCENE: Enhancer = {
+  name: "scene",
+  label: "Scene's own network",
+  kind: "upscale",
+  scale: 2,
+  load,
+};
+
+async function load(device: GPUDevice, weights: ArrayBuffer | null, ladder: readonly Rung[]): Promise<Loaded> {
+  if (weights === null) throw new EnhancementError("There is no network for this scene.");
+  const networks = readNetworks(weights);
+  requireRungs(networks, ladder);
+  const pipelines = await Promise.all(networks.map((network) => NetworkPipelines.compile(device, network)));
+  const byRung = new Map(networks.map(({ rung }, i) => [rung, pipelines[i]]));
+  return {
+    run: (encoder, input, rung) => (rung === null ? undefined : byRung.get(rung))?.run(encoder, input) ?? input,
+    dispose: () => {
+      for (const each of pipelines) each.dispose();
+    },
+  };
+}

@@ -1,0 +1,119 @@
+/**
+ * The networks of a file of weights: one for each rung that it was trained for, of the architecture "tigas-sr-1", which
+ * docs/enhancement.md describes. Strict: a file is sound as a whole or refused in one sentence. Pure.
+ */
+import * as v from "valibot";
+import type { Rung } from "../../wire/render";
+import { EnhancementError } from "../model/enhancer";
+import { quoted, readSafetensors, type Safetensors, type Tensor } from "./safetensors";
+
+const ARCHITECTURE = "tigas-sr-1";
+
+const integer = (low: number, high: number) => v.pipe(v.number(), v.integer(), v.minValue(low), v.maxValue(high));
+const Descriptions = v.pipe(
+  v.array(
+    v.object({
+      rung: integer(0, 255),
+      width: integer(1, 8192),
+      height: integer(1, 8192),
+      quality: integer(1, 100),
+      scale: v.picklist([1, 2]),
+      layers: integer(2, 8),
+      channels: v.pipe(integer(4, 32), v.multipleOf(4)),
+    }),
+  ),
+  v.minLength(1),
+  v.maxLength(16),
+);
+type Description = v.InferOutput<typeof Descriptions>[number];
+
+/** A convolution of 3×3 pixels; its numbers are halves, as in Tensor. */
+export interface Layer {
+  readonly inputs: number;
+  readonly outputs: number;
+  /** [outputs, inputs, 3, 3] */
+  readonly weights: Uint16Array;
+  /** [outputs] */
+  readonly bias: Uint16Array;
+}
+
+export interface Network {
+  /** The rung whose frames it enhances. */
+  readonly rung: number;
+  /** Of that rung: pixels, and JPEG's quality. */
+  readonly width: number;
+  readonly height: number;
+  readonly quality: number;
+  /** Its picture has so many times the frame's width and height. */
+  readonly scale: 1 | 2;
+  readonly layers: readonly Layer[];
+}
+
+/** The networks in a file of weights. Throws EnhancementError. */
+export function readNetworks(file: ArrayBuffer): Network[] {
+  const safetensors = readSafetensors(file);
+  const { architecture = "" } = safetensors.metadata;
+  if (architecture !== ARCHITECTURE) {
+    throw new EnhancementError(`The weights are for a network that this page does not know: ${quoted(architecture)}.`);
+  }
+  const left = new Map(safetensors.tensors);
+  const networks = descriptions(safetensors).map((description) => network(description, left));
+  const [spare] = left.keys();
+  if (spare !== undefined)
+    throw new EnhancementError(`The weights hold a tensor that is no network's: ${quoted(spare)}.`);
+  return networks;
+}
+
+function descriptions({ metadata }: Safetensors): Description[] {
+  let networks: Description[];
+  try {
+    networks = v.parse(Descriptions, JSON.parse(metadata.networks ?? ""));
+  } catch {
+    throw new EnhancementError("The weights do not say soundly which networks they are for.");
+  }
+  const rungs = networks.map(({ rung }) => rung);
+  if (new Set(rungs).size < rungs.length) throw new EnhancementError("The weights are for one rung twice.");
+  return networks;
+}
+
+/** Takes its tensors out of `tensors`. */
+function network(description: Description, tensors: Map<string, Tensor>): Network {
+  const { rung, scale, layers, channels } = description;
+  return {
+    ...description,
+    layers: Array.from({ length: layers }, (_, i) => {
+      const inputs = i === 0 ? 3 : channels;
+      const outputs = i === layers - 1 ? 3 * scale ** 2 : channels;
+      const name = `rung${rung}.conv${i}`;
+      const weights = take(tensors, `${name}.weight`, [outputs, inputs, 3, 3]);
+      return { inputs, outputs, weights, bias: take(tensors, `${name}.bias`, [outputs]) };
+    }),
+  };
+}
+
+function take(tensors: Map<string, Tensor>, name: string, shape: readonly number[]): Uint16Array {
+  const tensor = tensors.get(name);
+  if (tensor === undefined) throw new EnhancementError(`The weights lack the tensor ${name}.`);
+  if (tensor.shape.join() !== shape.join()) {
+    throw new EnhancementError(
+      `The weights' tensor ${name} is of shape [${tensor.shape.slice(0, 8)}], not [${shape}].`,
+    );
+  }
+  tensors.delete(name);
+  return tensor.halves;
+}
+
+/** Throws EnhancementError unless each network was trained for a rung of this ladder. */
+export function requireRungs(networks: readonly Network[], ladder: readonly Rung[]): void {
+  for (const { rung, width, height, quality } of networks) {
+    const own = ladder[rung];
+    if (own?.width === width && own.height === height && own.quality === quality) continue;
+    const trained = `rung ${rung} of ${width}×${height} pixels at quality ${quality}`;
+    throw new EnhancementError(`The weights were trained for ${trained}, which this server's ladder does not have.`);
+  }
+}
+
+/** Multiply-accumulate operations for a pixel of the frame, without the bilinear enlargement. */
+export function multiplications({ layers }: Network): number {
+  return layers.reduce((sum, { inputs, outputs }) => sum + 9 * inputs * outputs, 0);
+}

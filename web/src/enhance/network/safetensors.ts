@@ -1,0 +1,89 @@
+/**
+ * Reads safetensors, strictly: a length, a JSON header, then the tensors one after the other (github.com/huggingface/safetensors).
+ * Weights come from a server that may be another's: whatever is wrong with them is said in one sentence. Pure.
+ */
+import * as v from "valibot";
+import { EnhancementError } from "../model/enhancer";
+
+export interface Tensor {
+  readonly shape: readonly number[];
+  /** Half-precision floats (IEEE 754 binary16) as they are stored, row-major; all are finite. */
+  readonly halves: Uint16Array;
+}
+
+export interface Safetensors {
+  readonly metadata: Readonly<Record<string, string>>;
+  readonly tensors: ReadonlyMap<string, Tensor>;
+}
+
+/** Bytes. A network of tens of thousands of weights takes a tenth of it. */
+export const MAX_BYTES = 1_000_000;
+const MAX_HEADER_BYTES = 65_536;
+/** All exponent bits: infinite or not a number. */
+const NOT_FINITE = 0x7c00;
+
+const natural = v.pipe(v.number(), v.safeInteger(), v.minValue(0));
+const Metadata = v.record(v.string(), v.string());
+const Description = v.strictObject({
+  dtype: v.literal("F16"),
+  shape: v.array(natural),
+  data_offsets: v.tuple([natural, natural]),
+});
+
+/** Throws EnhancementError. */
+export function readSafetensors(file: ArrayBuffer): Safetensors {
+  if (file.byteLength > MAX_BYTES) throw new EnhancementError("The weights are larger than 1 MB.");
+  const [header, data] = parts(file);
+  const { __metadata__: metadata = {}, ...descriptions } = header;
+  if (!v.is(Metadata, metadata)) throw new EnhancementError("The weights' metadata are not all text.");
+  const tensors = new Map<string, Tensor>();
+  let end = 0;
+  for (const { name, description } of inFileOrder(descriptions)) {
+    const { shape, data_offsets: offsets } = description;
+    const size = shape.reduce((product, extent) => product * extent, 2);
+    if (offsets[0] !== end || offsets[1] !== end + size) {
+      throw new EnhancementError(`The weights' tensor ${quoted(name)} is not where its shape says.`);
+    }
+    end = offsets[1];
+    if (end > data.byteLength) throw new EnhancementError("The weights are cut off.");
+    const halves = new Uint16Array(data.slice(offsets[0], end));
+    if (halves.some((half) => (half & NOT_FINITE) === NOT_FINITE)) {
+      throw new EnhancementError(`The weights' tensor ${quoted(name)} holds a value that is not a finite number.`);
+    }
+    tensors.set(name, { shape, halves });
+  }
+  if (end !== data.byteLength) throw new EnhancementError("The weights' file goes on after its last tensor.");
+  return { metadata, tensors };
+}
+
+function parts(file: ArrayBuffer): [header: Record<string, unknown>, data: ArrayBuffer] {
+  if (file.byteLength < 8) throw new EnhancementError("The weights are cut off.");
+  const length = new DataView(file).getBigUint64(0, true);
+  if (length > MAX_HEADER_BYTES) throw new EnhancementError("The weights' header is larger than 64 KiB.");
+  const start = 8 + Number(length);
+  if (start > file.byteLength) throw new EnhancementError("The weights are cut off.");
+  try {
+    const header: unknown = JSON.parse(new TextDecoder("utf-8", { fatal: true }).decode(file.slice(8, start)));
+    return [v.parse(v.record(v.string(), v.unknown()), header), file.slice(start)];
+  } catch {
+    throw new EnhancementError("The weights are not a safetensors file.");
+  }
+}
+
+function inFileOrder(descriptions: Record<string, unknown>) {
+  return Object.entries(descriptions)
+    .map(([name, description]) => {
+      if (!v.is(Description, description)) {
+        throw new EnhancementError(
+          `The weights' tensor ${quoted(name)} is not described as one of half-precision numbers.`,
+        );
+      }
+      return { name, description };
+    })
+    .sort((a, b) => a.description.data_offsets[1] - b.description.data_offsets[1]);
+}
+
+/** A name that somebody else chose, fit for a sentence. */
+export function quoted(name: string): string {
+  return JSON.stringify(name.length > 40 ? `${name.slice(0, 40)}…` : name);
+}
