@@ -8,6 +8,7 @@ from collections import Counter
 from itertools import pairwise
 from typing import Any
 
+import httpx
 import numpy as np
 import pytest
 from PIL import Image
@@ -15,7 +16,7 @@ from PIL import Image
 from tests.experiments.conftest import Services
 from tigas_common.wire.recording import Recording
 from tigas_experiments.errors import RunFailed
-from tigas_experiments.run.browser import Viewer, chromium
+from tigas_experiments.run.browser import SampleList, Viewer, chromium
 from tigas_render.raster.stamp import read_stamp
 
 TURN = [
@@ -93,6 +94,55 @@ def test_a_stalled_page_owes_the_poses_that_it_did_not_sample(services: Services
     assert len(missed) * interval > 300
     assert longest < 2 * interval, "no time in which the camera turned is without inputs"
     assert len(recording.captures) == 20, "a tick that fell into the stall counts, too"
+
+
+def test_every_third_shown_frame_is_sampled_as_it_came(services: Services) -> None:
+    async def run() -> tuple[Recording, SampleList, dict[str, bytes]]:
+        async with chromium() as browser:
+            page = await browser.new_page(viewport={"width": 640, "height": 360})
+            await page.goto(f"{services.url}#/scene/pebbles")
+            await page.wait_for_function("() => window.tigas !== undefined")
+            viewer = Viewer(page)
+            await viewer.prepare({"mode": "stateless", "controller": "fixed", "profile": 2, "refine": False}, TURN[0])
+            plan = {"points": TURN, "duration_ms": 2000, "capture_every_ms": 0, "sample_stride": 3}
+            recording = await viewer.record(plan, 30)
+            told = await viewer.samples()
+            return recording, told, {name: await viewer.sample_picture(name) for name in told.pictures}
+
+    recording, told, pictures = asyncio.run(run())
+    assert told.problem is None
+    assert list(pictures) == [f"{sample.seq:06}.jpg" for sample in told.samples]
+    assert [sample.at for sample in told.samples] == [frame.at for frame in recording.frames][::3]
+    for sample in told.samples[::4]:
+        jpeg = pictures[f"{sample.seq:06}.jpg"]
+        assert (sample.rung, sample.bytes) == (2, len(jpeg))
+        answer = httpx.post(f"{services.url}render", content=sample.request.model_dump_json(exclude_none=True))
+        assert answer.content == jpeg, "the same request has another answer"
+        with Image.open(io.BytesIO(jpeg)) as image:
+            assert image.size == (sample.width, sample.height)
+
+
+REFUSED = "navigator.storage.getDirectory = () => Promise.reject(new DOMException('', 'SecurityError'))"
+
+
+def test_a_run_goes_on_where_the_browser_keeps_no_files(services: Services) -> None:
+    async def run() -> tuple[Recording, SampleList]:
+        async with chromium() as browser:
+            page = await browser.new_page(viewport={"width": 640, "height": 360})
+            await page.add_init_script(REFUSED)
+            await page.goto(f"{services.url}#/scene/pebbles")
+            await page.wait_for_function("() => window.tigas !== undefined")
+            viewer = Viewer(page)
+            await viewer.prepare({"mode": "stateless", "controller": "fixed", "profile": 3, "refine": False}, TURN[0])
+            plan = {"points": TURN, "duration_ms": 1000, "capture_every_ms": 0, "sample_stride": 3}
+            return await viewer.record(plan, 30), await viewer.samples()
+
+    recording, told = asyncio.run(run())
+    assert recording.complete
+    assert (told.samples, told.pictures) == ((), ())
+    assert told.problem == (
+        "The browser keeps no files for this page, as in a private window or without HTTPS. Nothing was sampled."
+    )
 
 
 def check_replies(recording: Recording) -> None:

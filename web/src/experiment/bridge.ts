@@ -1,8 +1,9 @@
 /** `window.tigas`: how scripts drive the viewer and measure it. Pictures are fetched one by one after a run. */
 import * as v from "valibot";
+import { readSampledRun, type SampledRun } from "../samples/sampled-runs";
 import type { Settings } from "../state/settings";
 import type { ScenePose } from "../view/camera";
-import type { Recording } from "../wire/store";
+import type { Recording, Sample } from "../wire/store";
 import type { Runner, RunnerState, RunPlan } from "./runner";
 
 const Numbers = <N extends number>(length: N) => v.pipe(v.array(v.pipe(v.number(), v.finite())), v.length(length));
@@ -12,10 +13,18 @@ const Plan = v.object({
   points: v.pipe(v.array(v.object({ t_ms: v.pipe(v.number(), v.finite()), ...Pose.entries })), v.minLength(1)),
   duration_ms: v.pipe(v.number(), v.minValue(1)),
   capture_every_ms: v.pipe(v.number(), v.minValue(0)),
+  sample_stride: v.optional(v.pipe(v.number(), v.integer(), v.minValue(0)), 0),
 });
+
+export interface SampleList {
+  readonly samples: readonly Sample[];
+  readonly pictures: readonly string[];
+  readonly problem: string | null;
+}
 
 export class Bridge {
   readonly #runner: Runner;
+  #sampled: SampledRun | null = null;
 
   constructor(runner: Runner) {
     this.#runner = runner;
@@ -39,6 +48,20 @@ export class Bridge {
   /** Play a movement and record it; one at a time. */
   async run(plan: unknown): Promise<Recording> {
     return this.#runner.run(v.parse(Plan, plan) as unknown as RunPlan);
+  }
+
+  /** The last run's samples, the names of their pictures, and why there are no more; the page gives none of them up. */
+  async samples(): Promise<SampleList> {
+    const { key = null, problem = null } = this.#runner.sampled ?? {};
+    this.#sampled = key === null ? null : await readSampledRun(key);
+    return { samples: this.#sampled?.samples ?? [], pictures: [...(this.#sampled?.pictures.keys() ?? [])], problem };
+  }
+
+  /** A picture of these by its name, as base64 text. */
+  async samplePicture(name: string): Promise<string> {
+    const picture = this.#sampled?.pictures.get(name);
+    if (!picture) throw new Error(`there is no picture ${name}`);
+    return base64(new Uint8Array(await picture.arrayBuffer()));
   }
 
   /** A kept picture as the base64 text of a PNG; the page gives it up then. */

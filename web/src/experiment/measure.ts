@@ -65,7 +65,12 @@ export async function measure(
     const watch = watchLink(shaper, () => performance.now());
     try {
       const configuration = { ...run, ...session.rig.viewport.peek() };
-      const plan = { points: part, duration_ms: run.duration_s * 1000, capture_every_ms: run.capture_every_ms };
+      const plan = {
+        points: part,
+        duration_ms: run.duration_s * 1000,
+        capture_every_ms: run.capture_every_ms,
+        sample_stride: run.sample_stride,
+      };
       const recording = await runner.run(plan, AbortSignal.any([signal, trouble.signal]));
       if (!recording.complete) {
         throw new RunFailed(recording.hidden ? HIDDEN : "The movement was not played to its end without a pause.");

@@ -68,7 +68,12 @@ test.each([
 ])("a movement of four seconds that %s", async (_, times, complete) => {
   await drawn(-20);
   const { position, quaternion } = rig.pose;
-  const plan = { points: [{ t_ms: 0, position, quaternion }], duration_ms: 4000, capture_every_ms: 0 };
+  const plan = {
+    points: [{ t_ms: 0, position, quaternion }],
+    duration_ms: 4000,
+    capture_every_ms: 0,
+    sample_stride: 0,
+  };
   const run = runner.run(plan);
   await drawn(...times.flat());
   await expect(run).resolves.toMatchObject({ complete, hidden: false });
@@ -76,7 +81,12 @@ test.each([
 
 test("a page that was hidden says so", async () => {
   const { position, quaternion } = rig.pose;
-  const run = runner.run({ points: [{ t_ms: 0, position, quaternion }], duration_ms: 1000, capture_every_ms: 0 });
+  const run = runner.run({
+    points: [{ t_ms: 0, position, quaternion }],
+    duration_ms: 1000,
+    capture_every_ms: 0,
+    sample_stride: 0,
+  });
   await drawn(...every20(0, 500));
   page.visibilityState = "hidden";
   page.dispatchEvent(new Event("visibilitychange"));

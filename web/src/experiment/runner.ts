@@ -5,6 +5,9 @@
 
 import { effect } from "@preact/signals";
 import { poseAt, type TimedPose } from "../movement/playback";
+import type { About } from "../samples/layout";
+import { removeSampledRun } from "../samples/sampled-runs";
+import { type Sampled, Sampler } from "../samples/sampler";
 import { changeSettings, settings } from "../state/app";
 import { type Mode, type Settings, validSettings } from "../state/settings";
 import type { ScenePose } from "../view/camera";
@@ -19,6 +22,10 @@ export interface RunPlan {
   readonly duration_ms: number;
   /** How often what is on the screen is kept; 0 keeps nothing. */
   readonly capture_every_ms: number;
+  /** Of the mode `stateless`: every so many shown frames, one is sampled; 0 samples none. */
+  readonly sample_stride: number;
+  /** Whose samples they are; without it, only scripts have a use for them. */
+  readonly about?: About | null;
 }
 
 export interface RunnerState {
@@ -46,11 +53,15 @@ export class Runner {
   #shown = 0;
   #newest = -1;
   #frame: PresentedFrame | undefined;
+  #running = false;
+  #sampler: Sampler | null = null;
+  #sampled: Sampled | null = null;
 
   constructor(session: ViewerSession) {
     this.#session = session;
     this.#stops = [
       session.onPresented((frame) => this.#presented(frame)),
+      session.onShown((frame) => this.#sampler?.shown(frame)),
       session.onSent((request) => this.#recorder?.sent(request)),
       session.onReplied((reply) => this.#recorder?.replied(reply)),
     ];
@@ -91,11 +102,53 @@ export class Runner {
   }
 
   /** Play a movement and record it; one at a time. If `signal` is aborted, it rejects with its reason. */
-  async run({ points, duration_ms, capture_every_ms }: RunPlan, signal?: AbortSignal): Promise<Required<Recording>> {
+  async run(plan: RunPlan, signal?: AbortSignal): Promise<Required<Recording>> {
+    if (this.#running) throw new Error("a run is under way");
+    this.#running = true;
+    this.#forgetPictures();
+    const { about = null, sample_stride } = plan;
+    this.#sampler = sample_stride > 0 ? await Sampler.open(about, sample_stride) : null;
+    try {
+      return await this.#record(plan, signal);
+    } finally {
+      this.#sampled = (await this.#sampler?.finish()) ?? null;
+      this.#sampler = null;
+      this.#running = false;
+    }
+  }
+
+  /** A kept picture of the last run, once: whoever takes it closes it. */
+  takePicture(index: number): ImageBitmap {
+    const picture = this.#pictures[index];
+    if (!picture) throw new Error(`there is no picture ${index}`);
+    this.#pictures[index] = null;
+    return picture;
+  }
+
+  /** What became of the samples of the last run; null if there were to be none. */
+  get sampled(): Sampled | null {
+    return this.#sampled;
+  }
+
+  /** Removes the samples of the last run: it has failed, or they have been fetched. */
+  async discardSamples(): Promise<void> {
+    const key = this.#sampled?.key;
+    this.#sampled = null;
+    if (key) await removeSampledRun(key);
+  }
+
+  dispose(): void {
+    for (const stop of this.#stops) stop();
+    this.#forgetPictures();
+  }
+
+  async #record(
+    { points, duration_ms, capture_every_ms }: RunPlan,
+    signal: AbortSignal | undefined,
+  ): Promise<Required<Recording>> {
     const { rig } = this.#session;
     const startedAt = await animationFrame();
-    if (this.#recorder) throw new Error("a run is under way");
-    this.#forgetPictures();
+    this.#sampler?.begin(startedAt);
     const movement = (elapsed: number) => poseAt(points, Math.min(elapsed, duration_ms));
     const recorder = new Recorder({
       startedAt,
@@ -151,19 +204,6 @@ export class Runner {
       this.#recorder = undefined;
       this.release();
     }
-  }
-
-  /** A kept picture of the last run, once: whoever takes it closes it. */
-  takePicture(index: number): ImageBitmap {
-    const picture = this.#pictures[index];
-    if (!picture) throw new Error(`there is no picture ${index}`);
-    this.#pictures[index] = null;
-    return picture;
-  }
-
-  dispose(): void {
-    for (const stop of this.#stops) stop();
-    this.#forgetPictures();
   }
 
   #forgetPictures(): void {

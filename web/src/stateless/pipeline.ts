@@ -38,7 +38,7 @@ export interface DecodedFrame {
   readonly header: FrameHeader;
   readonly bitmap: ImageBitmap;
   /** What was asked for, and the image as it came: only a reference, which is gone once the frame has been shown. */
-  readonly asked: RenderRequest;
+  readonly asked: ViewRequest & { readonly seq: number };
   readonly image: Blob;
 }
 

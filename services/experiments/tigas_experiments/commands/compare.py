@@ -56,6 +56,9 @@ def compare(
     capture_every: Annotated[
         float, typer.Option(help="Seconds between pictures kept to measure quality; 0 keeps none.")
     ] = 0.5,
+    sample_stride: Annotated[
+        int, typer.Option(help="Stateless: sample every n-th shown frame to render it again later; 0 samples none.")
+    ] = 0,
     warm_up: Annotated[float, typer.Option(help="Seconds before the movement begins.")] = 5,
     out: Annotated[
         Path | None, typer.Option(help="Folder for the report.", show_default="results/compare-TIME")
@@ -92,6 +95,7 @@ def compare(
                 "viewport": viewport,
                 "seed": seed,
                 "capture_every_s": capture_every,
+                "sample_stride": sample_stride,
                 "warm_up_s": warm_up,
                 "shuffled": False,  # the page has them as they were made
             },

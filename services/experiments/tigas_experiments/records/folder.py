@@ -43,7 +43,7 @@ from tigas_experiments.records.lines import read_lines, read_record, write_lines
 from tigas_experiments.records.load import Load, LoadSample
 from tigas_experiments.records.machine import Machine, Server
 from tigas_experiments.records.recording import BrokenRecording
-from tigas_experiments.records.samples import MAX_PICTURE_BYTES, read_samples
+from tigas_experiments.records.samples import MAX_PICTURE_BYTES, read_samples, write_sample_file, write_samples
 
 Template = Literal["experiment", "comparison"]
 """Which page tells of it: claims over groups of runs, or run by run."""
@@ -112,6 +112,8 @@ class RunRecord(WireModel):
     """Of the scene's file: what a viewer that renders for itself would have to download."""
     scene_sha256: str | None = None
     """Of the scene's file; None without one, and of early runs."""
+    sampling_problem: str | None = None
+    """Why there are fewer samples than were asked for."""
     points_sha256: str | None = None
     """Digest of the poses that the page was given: equal inputs have equal ones."""
     load: Load | None = None
@@ -208,6 +210,14 @@ class RunWriter:
         """Ground truth of what the viewer should have seen at a capture's time."""
         (self.folder / "captures" / "view.png").write_bytes(view)
         (self.folder / "snapshot.json").write_text(snapshot.model_dump_json() + "\n", encoding="utf-8")
+
+    def sample_picture(self, seq: int, kind: str, picture: bytes) -> None:
+        """One of a sample's files, such as its `jpg`."""
+        write_sample_file(self.folder, seq, kind, picture)
+
+    def samples(self, samples: Iterable[Sample]) -> None:
+        """Which there are, once all of their files are."""
+        write_samples(self.folder, samples)
 
     def quality(self, entries: Iterable[CaptureQuality]) -> None:
         """How the pictures compare with ground truth."""

@@ -10,13 +10,16 @@ import os
 import shutil
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
-from typing import Any
+from typing import Annotated, Any
 from urllib.parse import quote
 
 from playwright.async_api import Browser, BrowserContext, Error, Page, async_playwright
+from pydantic import Field, ValidationError
 
 from tigas_common.errors import StartError
-from tigas_common.wire.recording import Recording
+from tigas_common.parsing import sentence
+from tigas_common.wire.model import Entries, WireModel
+from tigas_common.wire.recording import Recording, Sample
 from tigas_experiments.errors import RunFailed
 from tigas_experiments.records.recording import parse_recording
 
@@ -80,6 +83,16 @@ async def responds(browser: Browser) -> bool:
     return True
 
 
+class SampleList(WireModel):
+    """The samples of a run that the page has."""
+
+    samples: Entries[Sample]
+    pictures: Entries[Annotated[str, Field(pattern=r"^[0-9]{6,10}\.(jpg|enhanced\.webp|enhanced\.png)$")]]
+    """Files that belong to them, by name."""
+    problem: str | None
+    """Why there are no more."""
+
+
 class Viewer:
     """A viewer's page. Every failure is a RunFailed with one sentence."""
 
@@ -106,6 +119,21 @@ class Viewer:
         picture = await self._call("capture", index)
         if not isinstance(picture, str):
             raise RunFailed(f"The viewer gave no picture {index}.")
+        return base64.b64decode(picture)
+
+    async def samples(self) -> SampleList:
+        """What the last run sampled."""
+        told = await self._call("samples", None)
+        try:
+            return SampleList.model_validate_json(json.dumps(told))
+        except ValidationError as error:
+            raise RunFailed(f"The viewer's samples cannot be used: {sentence(error)}") from None
+
+    async def sample_picture(self, name: str) -> bytes:
+        """A picture of these, by its name."""
+        picture = await self._call("samplePicture", name)
+        if not isinstance(picture, str):
+            raise RunFailed(f"The viewer gave no picture {name}.")
         return base64.b64decode(picture)
 
     async def _call(self, name: str, argument: object, patience_s: float = ANSWER_S) -> Any:

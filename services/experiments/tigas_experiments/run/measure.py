@@ -89,6 +89,7 @@ async def _measure(
         start = recording.started_unix_ms
         during = [sample for sample in load if 0 <= sample.unix_ms - start <= recording.ended_ms]
         writer.link_and_load([link_sample(status, at - start) for at, status in seen], during)
+        problem = await _keep_samples(page, writer) if configuration.sample_stride else None
         stage("compares with ground truth")
         writer.quality(await _assess(page, url, recording, writer))
         return writer.close(
@@ -98,6 +99,7 @@ async def _measure(
             backend=seen[-1][1].backend if seen else None,
             inputs_sha256=setup.digests,
             server=Server.of(setup.target.config),
+            sampling_problem=problem,
             scene_bytes=setup.scene.file_bytes,
             scene_sha256=setup.scene.file_sha256,
             points_sha256=points_sha256(setup.points),
@@ -130,8 +132,23 @@ def page_settings(configuration: Configuration) -> dict[str, Any]:
 
 async def _record(page: Viewer, configuration: Configuration, points: Sequence[Point]) -> Recording:
     duration_ms = configuration.duration_s * 1000
-    plan = {"points": points, "duration_ms": duration_ms, "capture_every_ms": configuration.capture_every_ms}
+    plan = {
+        "points": points,
+        "duration_ms": duration_ms,
+        "capture_every_ms": configuration.capture_every_ms,
+        "sample_stride": configuration.sample_stride,
+    }
     return await page.record(plan, patience_s=configuration.duration_s + DRAIN_S)
+
+
+async def _keep_samples(page: Viewer, writer: RunWriter) -> str | None:
+    """Fetch what the page sampled, picture by picture; why there is not all of it."""
+    told = await page.samples()
+    for name in told.pictures:
+        seq, _, kind = name.partition(".")
+        writer.sample_picture(int(seq), kind, await page.sample_picture(name))
+    writer.samples(told.samples)
+    return told.problem
 
 
 async def _assess(page: Viewer, url: str, recording: Recording, writer: RunWriter) -> list[CaptureQuality]:

@@ -1,0 +1,48 @@
+/**
+ * What a run's samples are in the browser's private files (OPFS), until a store has them:
+ *
+ *     samples/KEY/run.json             whose they are (`About`)
+ *     samples/KEY/samples.ndjson       a Sample a line, written when its pictures are
+ *     samples/KEY/000123.jpg           and the rest as in a run's folder of the store (`docs/samples.md`)
+ */
+import * as v from "valibot";
+import type { Configuration } from "../wire/store";
+
+export const FOLDER = "samples";
+export const ABOUT = "run.json";
+export const INDEX = "samples.ndjson";
+
+const AboutSchema = v.object({
+  /** The experiment's name, and its plan as a store takes it. */
+  name: v.string(),
+  plan: v.record(v.string(), v.unknown()),
+  /** The store's names for experiment and run; null while it does not have them. */
+  experiment: v.nullable(v.string()),
+  run: v.nullable(v.string()),
+  configuration: v.custom<Configuration>((value) => typeof value === "object" && value !== null),
+  started_unix_ms: v.number(),
+});
+/** Whose samples these are. */
+export type About = Readonly<v.InferOutput<typeof AboutSchema>>;
+
+/** Null for what is none. */
+export function readAbout(text: string): About | null {
+  try {
+    return v.parse(AboutSchema, JSON.parse(text));
+  } catch {
+    return null;
+  }
+}
+
+export function jpegName(seq: number): string {
+  return `${number(seq)}.jpg`;
+}
+
+/** By the picture's media type. */
+export function enhancedName(seq: number, type: string): string {
+  return `${number(seq)}.enhanced.${type === "image/png" ? "png" : "webp"}`;
+}
+
+function number(seq: number): string {
+  return String(seq).padStart(6, "0");
+}

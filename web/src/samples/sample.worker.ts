@@ -1,0 +1,47 @@
+/** Keeps samples off the main thread: one run after the other. */
+import type { WorkerAnswer, WorkerCall } from "../async/worker-calls";
+import { describe, SampleFiles } from "./sample-files";
+import type { SampleRequest } from "./sample-writer";
+
+const scope = globalThis as unknown as {
+  onmessage: ((event: MessageEvent<WorkerCall<SampleRequest>>) => void) | null;
+  postMessage(answer: WorkerAnswer<number>): void;
+};
+
+let files: SampleFiles | undefined;
+/** Requests are done one after the other, in the order in which they came. */
+let before: Promise<unknown> = Promise.resolve();
+
+scope.onmessage = ({ data: { id, request } }) => {
+  before = before
+    .then(() => answer(request))
+    .then(
+      (value) => scope.postMessage({ id, value }),
+      (error: unknown) => scope.postMessage({ id, error: nameAndMessage(error) }),
+    );
+};
+
+async function answer(request: SampleRequest): Promise<number> {
+  switch (request.kind) {
+    case "begin":
+      files?.close();
+      files = await SampleFiles.create(request.folder, request.about);
+      return 0;
+    case "keep":
+      if (files === undefined) throw new Error("no run is sampled");
+      return files.keep(request.sample, request.jpeg, request.enhanced);
+    case "describe":
+      await describe(request.folder, request.about);
+      return 0;
+    case "end":
+      files?.close();
+      files = undefined;
+      return 0;
+  }
+}
+
+function nameAndMessage(error: unknown): { name: string; message: string } {
+  return error instanceof Error || error instanceof DOMException
+    ? { name: error.name, message: error.message }
+    : { name: "Error", message: String(error) };
+}
