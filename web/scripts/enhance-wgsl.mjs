@@ -28,7 +28,7 @@ async function main() {
       });
     return {
       ...{ rung, width, height, scale, channels: layers[0].outputs, multiplications: multiplications(network) },
-      shaders: { f16: write("f16"), f32: write("f32") },
+      layers: { f16: write("f16"), f32: write("f32") },
     };
   });
   writeFileSync(join(folder, "shaders.json"), `${JSON.stringify(networks, null, 1)}\n`);
