@@ -10,7 +10,7 @@ import httpx
 from starlette.types import ASGIApp
 
 from tests.experiments.made_up import MACHINE
-from tests.experiments.store.conftest import in_a_thread
+from tests.experiments.store.conftest import NOBODY, in_a_thread
 from tests.render.fakes import FakeRasterizer
 from tests.shaper.fakes import FakeGateway, FakeLink, FakeTime
 from tigas_common.origins import OriginPolicy
@@ -23,6 +23,7 @@ from tigas_dash.source import RenderClient
 from tigas_experiments.store.app import Store
 from tigas_experiments.store.app import create_app as store_app
 from tigas_experiments.store.experiments import Experiments
+from tigas_experiments.store.materialisations import Materialisations
 from tigas_experiments.store.movements import Movements
 from tigas_experiments.store.reports import Reports
 from tigas_experiments.store.workspace import Workspace
@@ -70,9 +71,10 @@ async def store(folder: Path) -> AsyncIterator[ASGIApp]:
     """Over an empty directory."""
     with Workspace.opened(folder) as workspace:
         experiments = Experiments(folder, workspace)
-        reports = Reports(experiments, workspace, in_a_thread)
-        kept = Store(workspace, experiments, reports, Movements(folder), (), MACHINE, in_a_thread)
-        yield store_app(kept, OriginPolicy())
+        reports, kept = Reports(experiments, workspace, in_a_thread), Movements(folder)
+        materialisations = Materialisations(experiments, NOBODY)
+        made = Store(workspace, experiments, reports, kept, (), MACHINE, in_a_thread, materialisations)
+        yield store_app(made, OriginPolicy())
 
 
 SERVICES: dict[str, Service] = {"render": render, "dash": dash, "shaper": shaper, "store": store}

@@ -17,7 +17,7 @@ from starlette.types import ASGIApp
 
 from tests.dash.fakes import FakeRender
 from tests.experiments.made_up import MACHINE
-from tests.experiments.store.conftest import in_a_thread
+from tests.experiments.store.conftest import NOBODY, in_a_thread
 from tests.fuzz.asgi import HOST, Answer, ask, assert_answered, opened
 from tests.fuzz.byte_edits import chunked
 from tests.fuzz.corpus import found
@@ -41,6 +41,7 @@ from tigas_dash.source import RenderClient
 from tigas_experiments.store.app import Store
 from tigas_experiments.store.app import create_app as create_store
 from tigas_experiments.store.experiments import Experiments
+from tigas_experiments.store.materialisations import Materialisations
 from tigas_experiments.store.movements import Movements
 from tigas_experiments.store.reports import Reports
 from tigas_experiments.store.workspace import Workspace
@@ -248,8 +249,9 @@ async def storing(directory: Path) -> AsyncIterator[ASGIApp]:
     movements.mkdir()
     with Workspace.opened(results) as workspace:
         experiments = Experiments(results, workspace)
-        reports = Reports(experiments, workspace, in_a_thread)
-        store = Store(workspace, experiments, reports, Movements(movements), (), MACHINE, in_a_thread)
+        reports, kept = Reports(experiments, workspace, in_a_thread), Movements(movements)
+        materialisations = Materialisations(experiments, NOBODY)
+        store = Store(workspace, experiments, reports, kept, (), MACHINE, in_a_thread, materialisations)
         yield create_store(store, OriginPolicy())
 
 

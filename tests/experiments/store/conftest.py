@@ -24,12 +24,15 @@ from tigas_experiments.records.load import LoadSample
 from tigas_experiments.store.app import Store, create_app
 from tigas_experiments.store.experiments import Experiments
 from tigas_experiments.store.limits import Limit
+from tigas_experiments.store.materialisations import Materialisations
 from tigas_experiments.store.movements import Movements
 from tigas_experiments.store.offload import Offload
 from tigas_experiments.store.reports import Reports
 from tigas_experiments.store.workspace import NAME, Workspace
 
 PATIENCE_S = 20
+NOBODY = "http://127.0.0.1:9"
+"""Where no render service is."""
 SCENE_BYTES = 12_345
 MADE = "2026-01-01T00:00:00+00:00"
 T = TypeVar("T")
@@ -103,13 +106,14 @@ async def running_store(
     movements.mkdir(exist_ok=True)
     with Workspace.opened(results) as workspace:
         experiments = Experiments(results, workspace)
-        reports = Reports(experiments, workspace, offload)
-        store = Store(workspace, experiments, reports, Movements(movements), load, MACHINE, offload)
-        async with (
-            serve_http(create_app(store, policy), Address("127.0.0.1", 0), limits) as port,
-            httpx.AsyncClient(base_url=f"http://127.0.0.1:{port}", timeout=PATIENCE_S) as client,
-        ):
-            yield Running(results, movements, client, port)
+        reports, kept = Reports(experiments, workspace, offload), Movements(movements)
+        async with Materialisations.opened(experiments, NOBODY) as materialisations:
+            store = Store(workspace, experiments, reports, kept, load, MACHINE, offload, materialisations)
+            async with (
+                serve_http(create_app(store, policy), Address("127.0.0.1", 0), limits) as port,
+                httpx.AsyncClient(base_url=f"http://127.0.0.1:{port}", timeout=PATIENCE_S) as client,
+            ):
+                yield Running(results, movements, client, port)
 
 
 @pytest.fixture

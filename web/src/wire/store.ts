@@ -13,6 +13,8 @@ export interface StoreWire {
   ExperimentList: ExperimentList;
   Experiment: Experiment;
   RunRow: RunRow;
+  SampleList: SampleList;
+  Materialisation: Materialisation;
   MovementList: MovementList;
 }
 /**
@@ -299,6 +301,7 @@ export interface ExperimentSummary {
   planned?: number | null;
   runs: number;
   complete: number;
+  sampled?: number;
 }
 /**
  * One experiment and its runs.
@@ -323,6 +326,7 @@ export interface RunRow {
   problem: string | null;
   configuration: Configuration;
   figures: Figures | null;
+  samples?: SampleCounts | null;
 }
 /**
  * What a complete run says.
@@ -444,6 +448,51 @@ export interface QualityFigures {
   view_ssim: number | null;
   seen_psnr_db: number | null;
   seen_ssim: number | null;
+}
+/**
+ * What is known of a run's samples.
+ */
+export interface SampleCounts {
+  samples: number;
+  identical: number;
+  different: number;
+  missing: number;
+}
+/**
+ * The samples of a run, in the order of time.
+ */
+export interface SampleList {
+  samples: SampleRow[];
+  problem: string | null;
+}
+/**
+ * One sample of a run. Pictures are names of files (`/experiments/{id}/runs/{run}/samples/{name}`), or null.
+ */
+export interface SampleRow {
+  seq: number;
+  at: number;
+  rung: number | null;
+  bytes: number;
+  width: number;
+  height: number;
+  restore: string;
+  upscale: string;
+  enhance_ms: number | null;
+  original: string | null;
+  enhanced: string | null;
+  truth: string | null;
+  replayed: string | null;
+  identical: boolean | null;
+  problem: string | null;
+}
+/**
+ * How far the samples of an experiment are, rendered again.
+ */
+export interface Materialisation {
+  state: "idle" | "running";
+  done: number;
+  total: number;
+  problem: string | null;
 }
 /**
  * All movement traces, by name.

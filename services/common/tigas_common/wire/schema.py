@@ -67,6 +67,8 @@ def schemas() -> dict[str, dict[str, Any]]:
                 store.ExperimentList,
                 store.Experiment,
                 store.RunRow,
+                store.SampleList,
+                store.Materialisation,
                 store.MovementList,
             ],
         ),

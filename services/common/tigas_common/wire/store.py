@@ -105,6 +105,18 @@ class RunUpload(WireModel):
             yield "the recording ended long after the run"
 
 
+class SampleCounts(WireModel):
+    """What is known of a run's samples."""
+
+    samples: int
+    identical: int
+    """So many frames came again, byte for byte."""
+    different: int
+    """So many came otherwise: ground truth may be of another renderer than the frames."""
+    missing: int
+    """Of so many something is not there yet."""
+
+
 class RunRow(WireModel):
     """One run of an experiment."""
 
@@ -115,6 +127,8 @@ class RunRow(WireModel):
     """Why there are no figures."""
     configuration: Configuration
     figures: Figures | None
+    samples: SampleCounts | None = None
+    """null of a run without any."""
 
 
 class ExperimentSummary(WireModel):
@@ -131,6 +145,8 @@ class ExperimentSummary(WireModel):
     """That were made, whatever became of them."""
     complete: int
     """Of these."""
+    sampled: int = 0
+    """Of these, runs that have samples."""
 
 
 class ExperimentList(WireModel):
@@ -150,6 +166,53 @@ class Experiment(WireModel):
     """As it was given."""
     complete: int
     runs: Entries[RunRow]
+
+
+class SampleRow(WireModel):
+    """One sample of a run. Pictures are names of files (`/experiments/{id}/runs/{run}/samples/{name}`), or null."""
+
+    seq: int
+    at: float
+    """When it was on the screen, ms of the run's clock."""
+    rung: int | None
+    bytes: int
+    width: int
+    height: int
+    """Of the picture as it was shown, in pixels."""
+    restore: str
+    upscale: str
+    enhance_ms: float | None
+    original: str | None
+    """The frame as it came."""
+    enhanced: str | None
+    """The picture as it was shown."""
+    truth: str | None
+    """The same view without loss."""
+    replayed: str | None
+    """What the same request got later, if that differs."""
+    identical: bool | None
+    """Whether it got the same; null if that is not known."""
+    problem: str | None
+    """Why something is missing."""
+
+
+class SampleList(WireModel):
+    """The samples of a run, in the order of time."""
+
+    samples: Entries[SampleRow]
+    problem: str | None
+    """Why there are none, if they cannot be read."""
+
+
+class Materialisation(WireModel):
+    """How far the samples of an experiment are, rendered again."""
+
+    state: Literal["idle", "running"]
+    done: int
+    total: int
+    """Samples."""
+    problem: str | None
+    """What went wrong the last time."""
 
 
 class Movement(WireModel):

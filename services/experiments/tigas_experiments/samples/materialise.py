@@ -131,7 +131,7 @@ def sampled_runs(folder: Path) -> list[Path]:
         runs = [folder]
     else:
         try:
-            runs = sorted(path for path in (folder / "runs").iterdir() if (path / "run.json").is_file())
+            runs = sorted(path for path in (folder / "runs").iterdir() if _is_run(path))
         except OSError as error:
             raise StartError(
                 f"{folder} is neither a run nor an experiment: {error.filename} cannot be read ({error.strerror})."
@@ -140,6 +140,10 @@ def sampled_runs(folder: Path) -> list[Path]:
     if not found:
         raise StartError(f"{folder} has no samples: only runs with a `sample_stride` have (docs/samples.md).")
     return found
+
+
+def _is_run(path: Path) -> bool:
+    return not path.name.startswith(".") and not path.is_symlink() and (path / "run.json").is_file()
 
 
 @contextmanager

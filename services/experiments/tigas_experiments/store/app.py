@@ -25,9 +25,11 @@ from tigas_experiments.records.machine import Machine
 from tigas_experiments.store.archive import archive
 from tigas_experiments.store.errors import storage_explained
 from tigas_experiments.store.experiments import MAX_PLAN_BYTES, Experiments
+from tigas_experiments.store.materialisations import Materialisations
 from tigas_experiments.store.movements import Movements
 from tigas_experiments.store.offload import Offload
 from tigas_experiments.store.reports import Reports
+from tigas_experiments.store.samples import list_samples, picture
 from tigas_experiments.store.upload import check_limit, keep_upload
 from tigas_experiments.store.workspace import Workspace
 
@@ -36,6 +38,9 @@ REPORT_HEADERS = NO_STORE | {
     "Content-Security-Policy": "default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'; "
     "img-src data:; font-src data:; sandbox allow-scripts allow-popups allow-downloads"
 }
+
+# Whatever a file of this name has in it, it is a picture.
+PICTURE_HEADERS = NO_STORE | {"X-Content-Type-Options": "nosniff", "Content-Security-Policy": "default-src 'none'"}
 
 
 @dataclass(frozen=True)
@@ -50,6 +55,7 @@ class Store:
     """Of this machine, as far back as a run may last; grows by itself."""
     machine: Machine
     offload: Offload
+    materialisations: Materialisations
     one_at_a_time: asyncio.Lock = field(default_factory=asyncio.Lock)
     """Runs are checked in turn: a long one takes much memory."""
 
@@ -63,6 +69,11 @@ def create_app(store: Store, policy: OriginPolicy) -> ASGIApp:
             Route("/experiments/{id}", remove, methods=["DELETE"]),
             Route("/experiments/{id}", experiment),
             Route("/experiments/{id}/runs", add_run, methods=["POST"]),
+            Route("/experiments/{id}/runs/{run}/samples", samples),
+            Route("/experiments/{id}/runs/{run}/samples/{name}", sample),
+            Route("/experiments/{id}/materialise", materialise, methods=["POST"]),
+            Route("/experiments/{id}/materialise", materialised),
+            Route("/experiments/{id}/materialise", stop_materialising, methods=["DELETE"]),
             Route("/experiments/{id}/zip", download),
             Route("/experiments/{id}/report", report),
             Route("/movements", movements),
@@ -113,6 +124,34 @@ async def add_run(request: Request) -> Response:
     return created_response(row, f"/experiments/{quote(name)}")
 
 
+async def samples(request: Request) -> Response:
+    """The samples of a run."""
+    return json_response(await asyncio.to_thread(lambda: list_samples(_run(request))))
+
+
+async def sample(request: Request) -> Response:
+    """A picture of a sample."""
+    data, media_type = await asyncio.to_thread(lambda: picture(_run(request), request.path_params["name"]))
+    return Response(data, media_type=media_type, headers=PICTURE_HEADERS)
+
+
+async def materialise(request: Request) -> Response:
+    """Render the samples of an experiment again: begin, or go on."""
+    answer = json_response(await _store(request).materialisations.start(request.path_params["id"]))
+    answer.status_code = 202
+    return answer
+
+
+async def materialised(request: Request) -> Response:
+    """How far that is."""
+    return json_response(await _store(request).materialisations.get(request.path_params["id"]))
+
+
+async def stop_materialising(request: Request) -> Response:
+    """End it; what is there stays."""
+    return json_response(await _store(request).materialisations.stop(request.path_params["id"]))
+
+
 async def download(request: Request) -> Response:
     """An experiment's folder as a ZIP."""
     name = request.path_params["id"]
@@ -161,6 +200,10 @@ def _archived(folder: Path) -> Iterator[bytes]:
     """Breaks off where the archive cannot be finished, so that nobody takes the part for the whole."""
     with storage_explained():
         yield from archive(folder)
+
+
+def _run(request: Request) -> Path:
+    return _store(request).experiments.run(request.path_params["id"], request.path_params["run"])
 
 
 def _store(request: Request) -> Store:

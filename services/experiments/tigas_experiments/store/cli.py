@@ -11,7 +11,7 @@ import typer
 
 from tigas_common.cli import AllowHosts, AllowOrigins, in_a_sentence, log_to_stdout
 from tigas_common.settings import load_settings
-from tigas_common.topology import STORE
+from tigas_common.topology import PAGE, STORE
 
 
 def store(
@@ -20,6 +20,14 @@ def store(
     ] = None,
     movements: Annotated[
         Path | None, typer.Option(help="Directory of movement traces.", show_default="traces/movement")
+    ] = None,
+    render: Annotated[
+        str | None,
+        typer.Option(
+            metavar="URL",
+            help="Render service that samples are rendered by again.",
+            show_default=f"http://{PAGE.loopback}",
+        ),
     ] = None,
     http: Annotated[
         str | None, typer.Option(metavar="HOST:PORT", help="API.", show_default=str(STORE.loopback))

@@ -15,6 +15,18 @@ class UnknownExperiment(TigasError):
     status, type, title = 404, "unknown-experiment", "There is no such experiment"
 
 
+class UnknownRun(TigasError):
+    """The experiment has no run of this name."""
+
+    status, type, title = 404, "unknown-run", "There is no such run"
+
+
+class UnknownSample(TigasError):
+    """The run has no such picture."""
+
+    status, type, title = 404, "unknown-sample", "There is no such sample"
+
+
 class UnknownMovement(TigasError):
     """No movement trace has this name."""
 
@@ -31,6 +43,12 @@ class NothingToReport(TigasError):
     """The experiment has no runs."""
 
     status, type, title = 409, "no-runs", "The experiment has no runs"
+
+
+class NoSamples(TigasError):
+    """No run of the experiment has samples."""
+
+    status, type, title = 409, "no-samples", "The experiment has no samples"
 
 
 class TooCostly(TigasError):

@@ -18,12 +18,22 @@ from typing import TypeVar
 
 from tigas_common.errors import StartError
 from tigas_common.parsing import parse
-from tigas_common.wire.store import Experiment, ExperimentList, ExperimentRequest, ExperimentSummary, RunRow
+from tigas_common.wire.store import (
+    Experiment,
+    ExperimentList,
+    ExperimentRequest,
+    ExperimentSummary,
+    RunRow,
+    SampleCounts,
+)
 from tigas_experiments.lock import EXPERIMENT, exclusive
 from tigas_experiments.records.folder import ExperimentRecord, RunRecord, StoredRun, read_experiment, write_experiment
+from tigas_experiments.records.materialised import INDEX as MATERIALISED
 from tigas_experiments.records.recording import BrokenRecording
+from tigas_experiments.records.samples import INDEX as SAMPLES
 from tigas_experiments.records.summary import Summary, summarise
-from tigas_experiments.store.errors import ExperimentInUse, UnknownExperiment, storage_explained
+from tigas_experiments.store.errors import ExperimentInUse, UnknownExperiment, UnknownRun, storage_explained
+from tigas_experiments.store.samples import count_samples
 from tigas_experiments.store.workspace import Workspace
 
 CACHED_RUNS = 10_000
@@ -61,6 +71,7 @@ class Experiments:
                     planned=record.planned,
                     runs=len(runs),
                     complete=sum(run.status == "complete" for run in runs),
+                    sampled=sum((run / SAMPLES).is_file() for run in made_runs(folder)),
                 )
             )
         return ExperimentList(experiments=tuple(sorted(found, key=lambda one: (one.created, one.id), reverse=True)))
@@ -68,7 +79,7 @@ class Experiments:
     def get(self, experiment: str) -> Experiment:
         """One with its runs. Raises UnknownExperiment."""
         folder, record = self.find(experiment)
-        runs = [_row(run) for run in _read(_summary, folder)]
+        runs = list(_read(_row_of, folder))
         return Experiment(
             id=experiment,
             name=record.name,
@@ -89,6 +100,14 @@ class Experiments:
             return folder, read_experiment(folder)
         except BrokenRecording:
             raise UnknownExperiment(f"The folder {experiment} has no experiment.json that can be read.") from None
+
+    def run(self, experiment: str, name: str) -> Path:
+        """The folder of a run. Raises UnknownExperiment and UnknownRun."""
+        folder, _ = self.find(experiment)
+        found = next((run for run in made_runs(folder) if run.name == name), None)
+        if found is None:
+            raise UnknownRun(f"The experiment {experiment} has no run {name[:100]!r}.")
+        return found
 
     def create(self, body: bytes, now: datetime) -> str:
         """Begin one; its id. Raises InvalidRequest and DiskFull."""
@@ -149,12 +168,21 @@ def made_runs(folder: Path) -> list[Path]:
 
 
 def version(run: Path) -> tuple[int, ...] | None:
-    """Differs whenever the run was written again; None if it says nothing of itself."""
-    try:
-        told = (run / "run.json").lstat()
-    except OSError:
-        return None
-    return told.st_mtime_ns, told.st_size, told.st_ino
+    """Differs whenever the run was written again, or more is known of its samples.
+
+    None if it says nothing of itself.
+    """
+    found: tuple[int, ...] = ()
+    for name in ("run.json", SAMPLES, MATERIALISED):
+        try:
+            told = (run / name).lstat()
+        except OSError:
+            if not found:
+                return None
+            found += (0,)
+        else:
+            found += (told.st_mtime_ns, told.st_size, told.st_ino)
+    return found
 
 
 def _read(reader: Callable[[Path, tuple[int, ...]], T], folder: Path) -> Iterator[T]:
@@ -173,11 +201,11 @@ def _record(run: Path, _written: tuple[int, ...]) -> RunRecord:
 
 
 @lru_cache(CACHED_RUNS)
-def _summary(run: Path, _written: tuple[int, ...]) -> Summary:
-    return summarise(run)
+def _row_of(run: Path, _written: tuple[int, ...]) -> RunRow:
+    return _row(summarise(run), count_samples(run))
 
 
-def _row(summary: Summary) -> RunRow:
+def _row(summary: Summary, samples: SampleCounts | None = None) -> RunRow:
     record = summary.record
     return RunRow(
         folder=summary.folder,
@@ -185,6 +213,7 @@ def _row(summary: Summary) -> RunRow:
         problem=summary.problem,
         configuration=record.configuration,
         figures=summary.figures,
+        samples=samples,
     )
 
 

@@ -12,6 +12,7 @@ from tigas_experiments.records.load import EVERY_S, watching_load
 from tigas_experiments.records.machine import this_machine
 from tigas_experiments.store.app import Store, create_app
 from tigas_experiments.store.experiments import Experiments
+from tigas_experiments.store.materialisations import Materialisations
 from tigas_experiments.store.movements import Movements
 from tigas_experiments.store.offload import offload_to_process
 from tigas_experiments.store.reports import Reports
@@ -36,6 +37,7 @@ async def serve(settings: StoreSettings) -> None:
             load=load,
             machine=await asyncio.to_thread(this_machine),
             offload=offload_to_process,
+            materialisations=await stack.enter_async_context(Materialisations.opened(experiments, settings.render)),
         )
         with explained(settings.http, "--http"):
             policy = OriginPolicy.of([settings.http], settings.allow_hosts, settings.allow_origins)

@@ -5,10 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 from typing import ClassVar
 
+from pydantic import Field
 from pydantic_settings import SettingsConfigDict
 
 from tigas_common.settings import Listen, ServiceSettings
-from tigas_common.topology import STORE
+from tigas_common.topology import PAGE, STORE
 
 
 class StoreSettings(ServiceSettings):
@@ -21,5 +22,7 @@ class StoreSettings(ServiceSettings):
     """The directory of experiments, one folder each; created if missing."""
     movements: Path = Path("traces/movement")
     """The directory of movement traces."""
+    render: str = Field(default=f"http://{PAGE.loopback}", pattern=r"^https?://[^/]+/?$")
+    """Base URL of the render service, which samples are rendered by again."""
     http: Listen = STORE.loopback
     """Address of the API."""
