@@ -23,7 +23,7 @@ def test_a_picture_of_the_displays_own_size_has_the_footprint_of_training() -> N
 
 
 @pytest.mark.parametrize("scale", [2, 3, 4])
-def test_the_low_pass_has_the_variance_of_the_displays_pixels_within_one_of_the_pictures(scale: int) -> None:
+def test_the_low_pass_has_half_the_variance_of_the_displays_pixels_within_one_of_the_pictures(scale: int) -> None:
     dilation, low_pass = footprint(scale)
     assert dilation * scale**2 == pytest.approx(DILATION)
-    assert low_pass == pytest.approx(np.var(np.arange(scale) / scale))
+    assert low_pass == pytest.approx(np.var(np.arange(scale) / scale) / 2)

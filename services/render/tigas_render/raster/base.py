@@ -117,15 +117,16 @@ def footprint(display_scale: float) -> tuple[float, float]:
     The projected covariance Σ becomes Σ' = Σ + dilation · I, which makes it as large on the display as in training, and
     then Σ" = Σ' + low_pass · I, with the opacity times √(det Σ' / det Σ"), so that what it covers stays the same.
 
-    With s = display_scale, the picture that is wanted is the one of the display's size, averaged over the s × s pixels
-    of the display that one of the picture's pixels stands for. Mip-Splatting (Yu et al., CVPR 2024, section 5.2, "2D
-    Mip filter") approximates a box filter by the Gaussian of its variance, and compensates opacity as above. A box one
-    pixel wide has a variance of 1/12; but each of the display's pixels is a sample of a scene that was trained with
-    such samples, and so already has its own box in it, 1/s wide. Variances add: 1/12 - 1/(12 s²) is left, just the
-    variance of s equally spaced samples. At s = 1 nothing is: 3DGS's picture.
+    Mip-Splatting (Yu et al., CVPR 2024, "2D Mip filter") integrates over a pixel's area by a Gaussian in place of a
+    box, and compensates opacity as above. A box one pixel wide has a variance of 1/12. With s = display_scale, a pixel
+    of the display, 1/s wide, already has its own box: scenes are trained with its samples. Variances add, so the
+    picture's pixel is 1/12 - 1/(12 s²) wider: just the variance of s equally spaced samples. The display then scales
+    the picture up, which is a low-pass filter, too. Only half of the variance is left to ours, as in pairs of filters
+    around a sampling each has the square root of the response (a Gaussian's square root has half its variance): so the
+    picture on the display has nearly its least error (docs/picture.md). At s = 1 nothing is left: 3DGS's picture.
     """
     shrunk = 1 / display_scale**2
-    return DILATION * shrunk, (1 - shrunk) / 12
+    return DILATION * shrunk, (1 - shrunk) / 24
 
 
 def derivative_limits(k: Intrinsics) -> tuple[float, float, float, float]:
