@@ -22,7 +22,7 @@ def test_an_edge_is_replicated_before_every_convolution() -> None:
     for parameter in network.parameters():
         torch.nn.init.normal_(parameter, std=0.1)
     colour = torch.tensor([0.2, 0.5, 0.7]).view(1, 3, 1, 1)
-    outcome = network.unclamped(colour.expand(1, 3, 12, 12))
+    outcome = network(colour.expand(1, 3, 12, 12))
     assert torch.allclose(outcome, outcome[..., :1, :1].expand_as(outcome), atol=1e-6)
 
 
@@ -41,3 +41,14 @@ def test_an_enhanced_picture_has_the_size_and_values_of_a_display() -> None:
     assert picture.shape == (1, 3, 27, 48)
     assert picture.min() >= 0
     assert picture.max() <= 1
+
+
+@pytest.mark.parametrize("scale", [1, 2])
+def test_what_is_learnt_on_crops_is_what_the_network_gives_inside(scale: int) -> None:
+    torch.manual_seed(0)
+    network = Network(scale, layers=4, channels=8)
+    torch.nn.init.normal_(network.convolutions[-1].weight, std=0.02)  # type: ignore[arg-type]
+    pictures = 0.4 + 0.2 * torch.rand(2, 3, 20, 24)
+    whole, inner = network(pictures), network.inner(pictures)
+    cut = 4 * scale
+    assert torch.allclose(inner, whole[..., cut:-cut, cut:-cut], atol=1e-6)

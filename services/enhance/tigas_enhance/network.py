@@ -24,9 +24,7 @@ class Network(nn.Module):
         self.layers = layers
         self.channels = channels
         widths = [3, *[channels] * (layers - 1), 3 * scale**2]
-        convolutions = [
-            nn.Conv2d(before, after, 3, padding=1, padding_mode="replicate") for before, after in pairwise(widths)
-        ]
+        convolutions = [nn.Conv2d(before, after, 3) for before, after in pairwise(widths)]
         for convolution in convolutions:
             nn.init.kaiming_normal_(convolution.weight, NEGATIVE_SLOPE, nonlinearity="leaky_relu")
             nn.init.zeros_(convolution.bias)  # type: ignore[arg-type]  # each has one
@@ -35,15 +33,30 @@ class Network(nn.Module):
 
     def forward(self, pictures: Tensor) -> Tensor:
         """Pictures [B, 3, H, W] of sRGB-coded values from 0 to 1, `scale` times as large."""
-        return self.unclamped(pictures).clamp(0, 1)
-
-    def unclamped(self, pictures: Tensor) -> Tensor:
-        """The same with values that may lie outside of 0 to 1: where they are cut off, nothing could be learnt."""
         features = pictures
-        for convolution in self.convolutions[:-1]:
-            features = functional.leaky_relu(convolution(features), NEGATIVE_SLOPE)
-        residual = functional.pixel_shuffle(self.convolutions[-1](features), self.scale)
-        return residual + enlarged(pictures, self.scale)
+        for index in range(self.layers):
+            features = self._convolved(index, functional.pad(features, (1, 1, 1, 1), mode="replicate"))
+        return self._added(features, pictures).clamp(0, 1)
+
+    def inner(self, pictures: Tensor) -> Tensor:
+        """What comes of pictures without their outermost `layers` pixels, whatever surrounds them.
+
+        Values may lie outside of 0 to 1: where they are cut off, nothing could be learnt.
+        """
+        features = pictures
+        for index in range(self.layers):
+            features = self._convolved(index, features)
+        return self._added(features, pictures)
+
+    def _convolved(self, index: int, features: Tensor) -> Tensor:
+        outcome: Tensor = self.convolutions[index](features)
+        return outcome if index == self.layers - 1 else functional.leaky_relu(outcome, NEGATIVE_SLOPE)
+
+    def _added(self, features: Tensor, pictures: Tensor) -> Tensor:
+        residual = functional.pixel_shuffle(features, self.scale)
+        cut = (pictures.shape[-1] * self.scale - residual.shape[-1]) // 2
+        skip = enlarged(pictures, self.scale)
+        return residual + (skip[..., cut:-cut, cut:-cut] if cut else skip)
 
 
 def enlarged(pictures: Tensor, scale: int) -> Tensor:

@@ -1,0 +1,175 @@
+"""Files of the weights of networks that enhance a ladder's low rungs: safetensors with metadata, strictly read.
+
+One network a rung: `rung{N}.conv{i}.weight` [out, in, 3, 3] and `rung{N}.conv{i}.bias` [out], i from 0, 16-bit floats.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+import safetensors
+import safetensors.numpy
+from numpy.typing import NDArray
+from pydantic import Field
+
+from tigas_common.errors import TigasError
+from tigas_common.files import read_regular
+from tigas_common.parsing import legible, parse
+from tigas_common.wire.model import MAX_SIDE, Entries, WireModel
+from tigas_common.wire.render import Rung
+
+ARCHITECTURE = "tigas-sr-1"
+FILE = "enhance.safetensors"
+"""Its name in a scene's folder."""
+GENERAL = "general"
+"""In the place of a scene's SHA-256: trained on several scenes, for any."""
+MAX_BYTES = 1_000_000
+_METADATA = ("architecture", "scene_sha256", "networks", "created", "version")
+
+
+class BrokenWeights(TigasError):
+    """A file of weights that cannot be used."""
+
+    status, type, title = 422, "broken-weights", "The enhancement's weights cannot be used"
+
+
+class NetworkInfo(WireModel):
+    """One rung's network, and what it was trained for."""
+
+    rung: int = Field(ge=1, le=15)
+    width: int = Field(ge=16, le=MAX_SIDE)
+    height: int = Field(ge=16, le=MAX_SIDE)
+    quality: int = Field(ge=1, le=100)
+    """The rung's own, in the ladder that it was trained with."""
+    scale: Literal[1, 2]
+    """How many times as large as the rung its picture is."""
+    layers: int = Field(ge=2, le=16)
+    channels: int = Field(ge=4, le=64)
+    gain_db: float | None = None
+    """PSNR on held-out views over bicubic enlargement, in dB, at display size."""
+
+    @property
+    def shapes(self) -> dict[str, tuple[int, ...]]:
+        """Every tensor's name and shape."""
+        widths = [3, *[self.channels] * (self.layers - 1), 3 * self.scale**2]
+        shapes: dict[str, tuple[int, ...]] = {}
+        for i in range(self.layers):
+            shapes[f"rung{self.rung}.conv{i}.weight"] = (widths[i + 1], widths[i], 3, 3)
+            shapes[f"rung{self.rung}.conv{i}.bias"] = (widths[i + 1],)
+        return shapes
+
+
+class _Networks(WireModel):
+    networks: Entries[NetworkInfo]
+
+
+@dataclass(frozen=True, slots=True)
+class Weights:
+    """A file's content."""
+
+    scene_sha256: str
+    """Of the scene's file as it was trained on, in hexadecimal digits, or GENERAL."""
+    networks: tuple[NetworkInfo, ...]
+    tensors: Mapping[str, NDArray[np.float16]]
+    created: str
+    """When, in ISO 8601."""
+    version: str
+    """Of TIGAS."""
+
+    def misfit(self, scene_sha256: str | None, ladder: Sequence[Rung]) -> str | None:
+        """Why a scene with this file cannot be enhanced with these weights, in one sentence."""
+        if self.scene_sha256 not in (GENERAL, scene_sha256):
+            return "These are weights for a scene whose file has changed since; train them again."
+        for network in self.networks:
+            rung = ladder[network.rung] if network.rung < len(ladder) else None
+            if rung is None or (rung.width, rung.height, rung.quality) != (
+                network.width,
+                network.height,
+                network.quality,
+            ):
+                return f"These weights were trained for another ladder: rung {network.rung} differs; train them again."
+        return None
+
+    def to_bytes(self) -> bytes:
+        """The file."""
+        networks = [network.model_dump() for network in self.networks]
+        metadata = {
+            "architecture": ARCHITECTURE,
+            "scene_sha256": self.scene_sha256,
+            "networks": json.dumps(networks),
+            "created": self.created,
+            "version": self.version,
+        }
+        return safetensors.numpy.save(dict(self.tensors), metadata)
+
+
+def built_in_digest(scene_id: str) -> str:
+    """In the place of the SHA-256 of a scene that has no file: it changes with TIGAS only."""
+    return hashlib.sha256(f"{scene_id} of TIGAS {version('tigas')}".encode()).hexdigest()
+
+
+def write_weights(path: Path, weights: Weights) -> None:
+    """Write a file in one step: whoever is killed meanwhile leaves what was there. Raises OSError."""
+    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
+    try:
+        temporary.write_bytes(weights.to_bytes())
+        temporary.replace(path)
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+def read_weights(path: Path) -> Weights:
+    """A file's content. Raises BrokenWeights with one sentence, and OSError if it is not there or cannot be read."""
+    return parse_weights(read_regular(path, MAX_BYTES))
+
+
+def parse_weights(content: bytes) -> Weights:
+    """The content of a file's bytes. Raises BrokenWeights with one sentence."""
+    if len(content) > MAX_BYTES:
+        raise BrokenWeights(f"The weights' file has more than {MAX_BYTES:,} bytes.")
+    try:
+        found = safetensors.numpy.load(content)
+    except (safetensors.SafetensorError, KeyError, TypeError, ValueError):
+        raise BrokenWeights("The weights' file is no whole safetensors file.") from None
+    metadata = _metadata(content)
+    if metadata["architecture"] != ARCHITECTURE:
+        known = legible(metadata["architecture"], 60)
+        raise BrokenWeights(f"The weights are for the architecture {known!r}; this is {ARCHITECTURE!r}.")
+    networks = _networks(metadata["networks"])
+    expected = {name: shape for network in networks for name, shape in network.shapes.items()}
+    for name, shape in expected.items():
+        tensor = found.get(name)
+        if tensor is None or tensor.shape != shape or tensor.dtype != np.float16:
+            raise BrokenWeights(f"The weights lack {name} as 16-bit floats of shape {list(shape)}.")
+        if not np.isfinite(tensor).all():
+            raise BrokenWeights(f"The weights in {name} are not all numbers.")
+    if len(found) > len(expected):
+        raise BrokenWeights("The weights' file has tensors that belong to no network.")
+    return Weights(metadata["scene_sha256"], networks, found, metadata["created"], metadata["version"])
+
+
+def _metadata(content: bytes) -> dict[str, str]:
+    """Of a file that safetensors has found whole."""
+    header: Any = json.loads(content[8 : 8 + int.from_bytes(content[:8], "little")])
+    metadata: dict[str, str] = header.get("__metadata__") or {}
+    if missing := next((name for name in _METADATA if name not in metadata), None):
+        raise BrokenWeights(f"The weights' file does not say its {missing}.")
+    return metadata
+
+
+def _networks(text: str) -> tuple[NetworkInfo, ...]:
+    try:
+        networks = parse(_Networks, f'{{"networks":{text}}}'.encode()).networks
+    except TigasError as error:
+        raise BrokenWeights(f"The weights' list of networks is not valid: {error.detail}") from None
+    if not networks or len({network.rung for network in networks}) < len(networks):
+        raise BrokenWeights("The weights' list of networks must have each rung once, and at least one.")
+    return networks

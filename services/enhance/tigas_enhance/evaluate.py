@@ -1,0 +1,80 @@
+"""How much nearer to the truth enhanced views are than those that are enlarged bicubically, on views held out."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+from torch.nn import functional
+
+from tigas_enhance.network import Network, resampled, shown
+from tigas_enhance.pairs import Pair, Pixels
+
+RESAMPLES = 2000
+"""Of the bootstrap."""
+
+
+@dataclass(frozen=True, slots=True)
+class Scores:
+    """PSNR in dB and SSIM of N views, over the pixels that are not background."""
+
+    psnr: NDArray[np.float64]  # [N]
+    ssim: NDArray[np.float64]  # [N]
+
+
+def bicubic_scores(pairs: Sequence[Pair], rung: int, device: torch.device) -> Scores:
+    """Of a rung's frames, enlarged bicubically to display size."""
+    return _scores(pairs, rung, None, device)
+
+
+def enhanced_scores(pairs: Sequence[Pair], rung: int, network: Network, device: torch.device) -> Scores:
+    """Of a rung's frames, enhanced."""
+    return _scores(pairs, rung, network.to(device), device)
+
+
+def interval(gains: NDArray[np.float64], seed: int = 0) -> tuple[float, float]:
+    """The 95 % interval of the mean of gains [N], bootstrapped over views."""
+    random = np.random.default_rng(seed)
+    means = gains[random.integers(len(gains), size=(RESAMPLES, len(gains)))].mean(axis=1)
+    low, high = np.quantile(means, (0.025, 0.975))
+    return float(low), float(high)
+
+
+@torch.no_grad()
+def _scores(pairs: Sequence[Pair], rung: int, network: Network | None, device: torch.device) -> Scores:
+    psnr, ssim = [], []
+    for pair in pairs:
+        height, width = pair.content.shape
+        low, truth = _picture(pair.rungs[rung], device), _picture(pair.full, device)
+        outcome = resampled(low, width, height).clamp(0, 1) if network is None else shown(network, low, width, height)
+        outcome = (outcome * 255).round() / 255
+        content = torch.from_numpy(pair.content).to(device)
+        error = (outcome - truth)[0, :, content].square().mean().clamp_min(1e-10)
+        psnr.append(-10 * float(error.log10()))
+        ssim.append(float(_similarity(outcome, truth)[0, 0][content].mean()))
+    return Scores(np.array(psnr), np.array(ssim))
+
+
+def _picture(pixels: Pixels, device: torch.device) -> Tensor:
+    return torch.from_numpy(pixels.copy()).to(device).permute(2, 0, 1)[None].float() / 255
+
+
+def _similarity(a: Tensor, b: Tensor) -> Tensor:
+    """SSIM's map [B, 1, H, W] of luma, with a Gaussian window of 11 pixels, σ = 1.5 (Wang et al., TIP 13, 2004)."""
+    at = torch.arange(-5, 6, device=a.device) / 1.5
+    line = torch.exp(-at.square() / 2)
+    line = line / line.sum()
+    luma = torch.tensor([0.299, 0.587, 0.114], device=a.device).view(1, 3, 1, 1)
+    a, b = (a * luma).sum(1, keepdim=True), (b * luma).sum(1, keepdim=True)
+    both = torch.cat((a, b, a * a, b * b, a * b))
+    both = functional.conv2d(functional.pad(both, (5, 5, 5, 5), mode="reflect"), line.view(1, 1, 1, 11))
+    mean_a, mean_b, aa, bb, ab = functional.conv2d(both, line.view(1, 1, 11, 1)).chunk(5)
+    spread_a, spread_b, together = aa - mean_a**2, bb - mean_b**2, ab - mean_a * mean_b
+    similarity: Tensor = ((2 * mean_a * mean_b + 1e-4) * (2 * together + 9e-4)) / (
+        (mean_a**2 + mean_b**2 + 1e-4) * (spread_a + spread_b + 9e-4)
+    )
+    return similarity

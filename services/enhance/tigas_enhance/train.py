@@ -1,0 +1,177 @@
+"""Trains networks on pairs, for a given time: Adam with a cosine schedule, L1 at display size, on random crops."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from tigas_enhance.errors import NothingToLearn
+from tigas_enhance.network import Network, resampled
+from tigas_enhance.pairs import Pair
+
+LEARNING_RATE = 2e-3
+CROP = 64
+"""The longest side of a crop, in pixels of the rung."""
+CANDIDATES = 4
+"""Places that are tried for each crop, until one shows something other than the background."""
+LEAST_STEPS = 3
+
+Report = Callable[[float], None]
+"""Hears how much of a training is done, from 0 to 1."""
+
+
+@dataclass(frozen=True, slots=True)
+class Recipe:
+    """A network's shape, and how many crops it learns from at once."""
+
+    scale: int = 2
+    layers: int = 5
+    channels: int = 16
+    batch: int = 64
+
+
+def train(
+    pairs: Sequence[Pair],
+    rung: int,
+    recipe: Recipe,
+    seconds: float,
+    device: torch.device,
+    report: Report,
+    seed: int = 0,
+) -> Network:
+    """A network for one rung, on the CPU, after at least LEAST_STEPS steps."""
+    torch.manual_seed(seed)
+    crops = Crops(pairs, rung, recipe, device)
+    network = Network(recipe.scale, recipe.layers, recipe.channels).to(device)
+    network.to(memory_format=torch.channels_last)  # type: ignore[call-overload]  # PyTorch's own signature lacks it
+    optimiser = torch.optim.Adam(network.parameters(), LEARNING_RATE, fused=device.type == "cuda")
+    began, step, done = time.monotonic(), 0, 0.0
+    while done < 1 or step < LEAST_STEPS:
+        for group in optimiser.param_groups:
+            group["lr"] = LEARNING_RATE * (1 + math.cos(math.pi * min(done, 1))) / 2
+        low, place, target = crops.draw()
+        with torch.autocast(device.type, torch.bfloat16, enabled=device.type == "cuda"):
+            outcome = network.inner(low)
+        loss = (place(outcome.float()) - target).abs().mean()
+        optimiser.zero_grad(set_to_none=True)
+        loss.backward()  # type: ignore[no-untyped-call]
+        optimiser.step()
+        step += 1
+        if device.type == "cpu" or step % 20 == 0:  # so that the processor waits for a GPU now and then
+            loss.item()
+            done = (time.monotonic() - began) / seconds
+            report(min(done, 1))
+    return network.cpu()
+
+
+class Crops:
+    """Random crops of a rung's frames, and what they should look like at display size."""
+
+    def __init__(self, pairs: Sequence[Pair], rung: int, recipe: Recipe, device: torch.device) -> None:
+        self._low = _stacked([pair.rungs[rung] for pair in pairs], device)  # [N, h, w, 3]
+        self._full = _stacked([pair.full for pair in pairs], device)  # [N, H, W, 3]
+        self._content = _stacked([pair.content for pair in pairs], device)  # [N, H, W]
+        self._batch, self._scale, self._device = recipe.batch, recipe.scale, device
+        self._rows = _Axis.of(self._low.shape[1], self._full.shape[1], recipe, device)
+        self._columns = _Axis.of(self._low.shape[2], self._full.shape[2], recipe, device)
+
+    def draw(self) -> tuple[Tensor, Callable[[Tensor], Tensor], Tensor]:
+        """Crops [B, 3, c, c], what takes a network's pictures of them to display size, and those [B, 3, d, d].
+
+        At display size, a crop is smaller by what its surroundings decide.
+        """
+        view, y, x = self._places()
+        low = _cut(self._low, view, _window(y, self._rows.crop), _window(x, self._columns.crop))
+        top, left = self._rows.shown_from(y), self._columns.shown_from(x)
+        full = _cut(self._full, view, _window(top, self._rows.shown), _window(left, self._columns.shown))
+        vertical, horizontal = self._rows.weights(y), self._columns.weights(x)
+
+        def place(pictures: Tensor) -> Tensor:
+            return torch.einsum("bij,bcjk,blk->bcil", vertical, pictures, horizontal)
+
+        return low, place, full
+
+    def _places(self) -> tuple[Tensor, Tensor, Tensor]:
+        """Views, first rows and first columns [B]; of several candidates the first that shows something."""
+        shape = (CANDIDATES, self._batch)
+        views = self._random(len(self._low), shape)
+        ys, xs = self._random(self._rows.places, shape), self._random(self._columns.places, shape)
+        shows = self._content[views, self._rows.middle(ys), self._columns.middle(xs)]
+        chosen = shows.to(torch.uint8).argmax(0, keepdim=True)
+        view, y, x = (each.gather(0, chosen)[0] for each in (views, ys, xs))
+        return view, y, x
+
+    def _random(self, below: int, shape: tuple[int, int]) -> Tensor:
+        return torch.randint(below, shape, device=self._device)
+
+
+@dataclass(frozen=True, slots=True)
+class _Axis:
+    """Rows or columns: how a crop's pixels become those of the display. A crop's first pixel is its place."""
+
+    size: int
+    """Pixels of the rung."""
+    crop: int
+    inner: int
+    """Pixels of a crop, on each side, that a network needs to see but gives nothing of."""
+    margin: int
+    """Pixels on each side that are not looked at: those, and what the resampling needs to see."""
+    scale: int
+    ratio: float
+    """Display pixels for one of the rung."""
+    matrix: Tensor
+    """[display, scale · size]: the resampling of a whole line."""
+
+    @classmethod
+    def of(cls, size: int, display: int, recipe: Recipe, device: torch.device) -> _Axis:
+        enlarged = recipe.scale * size
+        margin = recipe.layers + math.ceil(2 * max(1, enlarged / display) / recipe.scale)
+        crop = min(CROP, size)
+        if crop < 2 * margin + 8:
+            raise NothingToLearn(f"A rung of {size} pixels is too small to learn from.")
+        line = torch.eye(enlarged, device=device)[None, :, None]
+        matrix = resampled(line, display, 1)[0, :, 0].T.contiguous()
+        return cls(size, crop, recipe.layers, margin, recipe.scale, display / size, matrix)
+
+    @property
+    def places(self) -> int:
+        """How many places there are for a crop."""
+        return self.size - self.crop + 1
+
+    @property
+    def shown(self) -> int:
+        """Display pixels of a crop."""
+        return math.floor((self.crop - 2 * self.margin) * self.ratio) - 1
+
+    def middle(self, place: Tensor) -> Tensor:
+        """The display pixels in the middle of crops."""
+        return ((place + self.crop / 2) * self.ratio).long()
+
+    def shown_from(self, place: Tensor) -> Tensor:
+        """The first display pixels of crops."""
+        return ((place + self.margin) * self.ratio).ceil().long()
+
+    def weights(self, place: Tensor) -> Tensor:
+        """[B, shown, scale · (crop − 2 · inner)]: the resampling of what a network gives of crops."""
+        source = _window(self.scale * (place + self.inner), self.scale * (self.crop - 2 * self.inner))
+        return self.matrix[_window(self.shown_from(place), self.shown)[:, :, None], source[:, None]]
+
+
+def _window(start: Tensor, length: int) -> Tensor:
+    """[B, length] indices."""
+    return start[:, None] + torch.arange(length, device=start.device)
+
+
+def _stacked(arrays: Sequence[np.ndarray[tuple[int, ...], np.dtype[np.generic]]], device: torch.device) -> Tensor:
+    return torch.from_numpy(np.stack(arrays)).to(device)
+
+
+def _cut(pixels: Tensor, view: Tensor, rows: Tensor, columns: Tensor) -> Tensor:
+    """[B, 3, h, w] from 0 to 1, of bytes [N, H, W, 3], views [B], rows [B, h] and columns [B, w]."""
+    return pixels[view[:, None, None], rows[:, :, None], columns[:, None]].permute(0, 3, 1, 2).float() / 255

@@ -1,0 +1,151 @@
+"""Trains a set of networks, one for each rung below the best: for one scene, or for any from several."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from importlib.metadata import version
+from itertools import islice
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from tigas_common.weights import GENERAL, NetworkInfo, Weights, built_in_digest
+from tigas_common.wire.render import Rung, SceneInfo
+from tigas_enhance.errors import NothingToLearn
+from tigas_enhance.evaluate import bicubic_scores, enhanced_scores
+from tigas_enhance.network import Network
+from tigas_enhance.pairs import Pair, Renderer, several
+from tigas_enhance.train import Recipe, train
+from tigas_enhance.views import held_out_views, training_views
+
+RENDERING = 0.25
+"""The share of the time in which views are rendered, at most."""
+TRIES = 4
+"""So many poses are tried for a view that shows something."""
+HELD_OUT = 12
+VIEWS = {"cpu": 64, "cuda": 256}
+"""Training views, of all scenes together, by the device: what it gets to see often enough."""
+RECIPES = {"cpu": Recipe(batch=8), "cuda": Recipe(batch=64)}
+
+Listener = Callable[[str, float], None]
+"""Hears what is done, and how much of it all is done, from 0 to 1."""
+
+
+@dataclass(frozen=True, slots=True)
+class SceneViews:
+    """What is learnt from a scene, and what it is tested on."""
+
+    scene: SceneInfo
+    training: list[Pair]
+    held_out: list[Pair]
+
+    @property
+    def digest(self) -> str:
+        """What its weights are for."""
+        return self.scene.file_sha256 or built_in_digest(self.scene.id)
+
+
+def collect(renderer: Renderer, scene_id: str, ladder: Sequence[Rung], number: int, until: float) -> SceneViews:
+    """A scene's views: so many, or as many as are rendered until a time of the monotonic clock.
+
+    Raises RenderFailed and NothingToLearn.
+    """
+    if len(ladder) < 2:
+        raise NothingToLearn("The ladder has one rung only, and that needs no enhancement.")
+    scene = renderer.load(scene_id)
+    training = renderer.pairs(scene, ladder, islice(training_views(scene), TRIES * number))
+    return SceneViews(scene, several(training, number, until), held_out_pairs(renderer, scene, ladder))
+
+
+def held_out_pairs(renderer: Renderer, scene: SceneInfo, ladder: Sequence[Rung], number: int = HELD_OUT) -> list[Pair]:
+    """The views of a scene that no training sees. Raises RenderFailed and NothingToLearn."""
+    return several(renderer.pairs(scene, ladder, held_out_views(scene, TRIES * number)), number)
+
+
+def tune(
+    renderer: Renderer, scene_ids: Sequence[str], seconds: float, device: torch.device, listener: Listener
+) -> Weights:
+    """Weights for the scene, or for any if there are several. Raises RenderFailed and NothingToLearn."""
+    began = time.monotonic()
+    ladder = renderer.ladder()
+    found = []
+    for index, scene_id in enumerate(scene_ids):
+        listener(f"rendering views of {scene_id}", RENDERING * index / len(scene_ids))
+        until = began + seconds * RENDERING * (index + 1) / len(scene_ids)
+        found.append(collect(renderer, scene_id, ladder, max(1, VIEWS[device.type] // len(scene_ids)), until))
+    return fit(found, ladder, began + seconds, device, listener)
+
+
+def fit(
+    scenes: Sequence[SceneViews],
+    ladder: Sequence[Rung],
+    until: float,
+    device: torch.device,
+    listener: Listener,
+    recipe: Recipe | None = None,
+) -> Weights:
+    """Weights from views that are there, at a time of the monotonic clock."""
+    rungs = range(1, len(ladder))
+    training = [pair for scene in scenes for pair in scene.training]
+    networks: list[NetworkInfo] = []
+    tensors: dict[str, NDArray[np.float16]] = {}
+    for rung in rungs:
+        share = (until - time.monotonic()) / (len(rungs) - len(networks))
+
+        def report(done: float, rung: int = rung) -> None:
+            whole = RENDERING + (1 - RENDERING) * (rung - 1 + done) / len(rungs)
+            listener(f"training rung {rung} ({ladder[rung].width} × {ladder[rung].height})", whole)
+
+        chosen = recipe or RECIPES[device.type]
+        network = rounded(train(training, rung, chosen, max(share, 0.01), device, report))
+        named = ladder[rung]
+        info = NetworkInfo(
+            rung=rung,
+            width=named.width,
+            height=named.height,
+            quality=named.quality,
+            scale=2 if network.scale == 2 else 1,
+            layers=network.layers,
+            channels=network.channels,
+            gain_db=round(float(np.mean([gains(scene.held_out, rung, network, device) for scene in scenes])), 3),
+        )
+        networks.append(info)
+        tensors |= to_tensors(rung, network)
+    digest = scenes[0].digest if len(scenes) == 1 else GENERAL
+    created = datetime.now(UTC).isoformat(timespec="seconds")
+    return Weights(digest, tuple(networks), tensors, created, version("tigas"))
+
+
+def gains(pairs: Sequence[Pair], rung: int, network: Network, device: torch.device) -> NDArray[np.float64]:
+    """PSNR over bicubic enlargement, in dB, of each view [N]."""
+    return enhanced_scores(pairs, rung, network, device).psnr - bicubic_scores(pairs, rung, device).psnr
+
+
+def rounded(network: Network) -> Network:
+    """The network with weights that 16-bit floats can hold, as a file has them."""
+    return network.half().float()
+
+
+def to_tensors(rung: int, network: Network) -> dict[str, NDArray[np.float16]]:
+    """A network's weights by the names that a file gives them."""
+    tensors = {}
+    for name, value in network.state_dict().items():
+        _, index, kind = name.split(".")
+        tensors[f"rung{rung}.conv{index}.{kind}"] = value.detach().cpu().contiguous().half().numpy()
+    return tensors
+
+
+def to_network(info: NetworkInfo, weights: Weights) -> Network:
+    """A network from a file's weights."""
+    network = Network(info.scale, info.layers, info.channels)
+    state = {
+        name: torch.from_numpy(weights.tensors[f"rung{info.rung}.conv{index}.{kind}"].astype(np.float32))
+        for name in network.state_dict()
+        for _, index, kind in [name.split(".")]
+    }
+    network.load_state_dict(state)
+    return network

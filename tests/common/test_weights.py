@@ -1,0 +1,108 @@
+"""Files of weights: written and read again, and one clear sentence for each way in which one can be wrong."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import safetensors.numpy
+
+from tigas_common.weights import (
+    ARCHITECTURE,
+    GENERAL,
+    MAX_BYTES,
+    BrokenWeights,
+    NetworkInfo,
+    Weights,
+    parse_weights,
+    read_weights,
+)
+from tigas_common.wire.render import DEFAULT_LADDER
+
+NETWORK = NetworkInfo(rung=2, width=640, height=360, quality=35, scale=2, layers=3, channels=8, gain_db=1.25)
+
+
+def made(*networks: NetworkInfo, scene: str = "ab" * 32) -> Weights:
+    random = np.random.default_rng(0)
+    shapes = {name: shape for network in networks for name, shape in network.shapes.items()}
+    tensors = {name: random.standard_normal(shape).astype(np.float16) for name, shape in shapes.items()}
+    return Weights(scene, networks, tensors, "2026-11-22T12:00:00Z", "0.2.0")
+
+
+def changed(tensors: dict[str, Any] | None = None, **metadata: str | None) -> bytes:
+    """A file in which some of these are otherwise."""
+    whole = made(NETWORK)
+    said = {
+        "architecture": ARCHITECTURE,
+        "scene_sha256": whole.scene_sha256,
+        "networks": json.dumps([NETWORK.model_dump()]),
+        "created": "",
+        "version": "",
+    } | metadata
+    kept = {name: value for name, value in said.items() if value is not None}
+    return safetensors.numpy.save({**whole.tensors, **(tensors or {})}, kept)
+
+
+def test_what_was_written_is_read_again() -> None:
+    first = NetworkInfo(rung=1, width=960, height=540, quality=65, scale=1, layers=5, channels=16)
+    weights = made(first, NETWORK)
+    again = parse_weights(weights.to_bytes())
+    assert replace(again, tensors={}) == replace(weights, tensors={})
+    for name, tensor in weights.tensors.items():
+        assert np.array_equal(again.tensors[name], tensor)
+
+
+NAN = {"rung2.conv1.bias": np.full(8, np.nan, np.float16)}
+OTHER_SHAPE = {"rung2.conv1.weight": np.zeros((8, 8, 3, 1), np.float16)}
+OTHER_TYPE = {"rung2.conv1.bias": np.zeros(8, np.float32)}
+STRAY = {"rung3.conv0.bias": np.zeros(8, np.float16)}
+TWICE = json.dumps([NETWORK.model_dump()] * 2)
+HUGE = json.dumps([NETWORK.model_dump() | {"channels": 10**9}])
+
+
+@pytest.mark.parametrize(
+    ("content", "sentence"),
+    [
+        (b"", "no whole safetensors file"),
+        (b"\xff" * 400, "no whole safetensors file"),
+        (changed()[:-1], "no whole safetensors file"),
+        (changed()[:100], "no whole safetensors file"),
+        (bytes(MAX_BYTES + 1), "more than 1,000,000 bytes"),
+        (safetensors.numpy.save({"a": np.zeros(1, np.float16)}), "does not say its architecture"),
+        (changed(architecture="other\n"), r"architecture 'other\\\\n'"),
+        (changed(scene_sha256=None), "does not say its scene_sha256"),
+        (changed(networks="[{}]"), "networks.0.rung"),
+        (changed(networks="[]"), "at least one"),
+        (changed(networks="["), "not valid"),
+        (changed(networks=TWICE), "each rung once"),
+        (changed(networks=HUGE), "channels"),
+        (changed(NAN), "rung2.conv1.bias are not all numbers"),
+        (changed(OTHER_SHAPE), r"lack rung2.conv1.weight as 16-bit floats of shape \[8, 8, 3, 3\]"),
+        (changed(OTHER_TYPE), "lack rung2.conv1.bias"),
+        (changed(STRAY), "belong to no network"),
+    ],
+)
+def test_what_is_wrong_is_said_in_a_sentence(content: bytes, sentence: str) -> None:
+    with pytest.raises(BrokenWeights, match=sentence):
+        parse_weights(content)
+
+
+def test_only_a_regular_file_of_bounded_size_is_read(tmp_path: Path) -> None:
+    (tmp_path / "large").write_bytes(bytes(MAX_BYTES + 1))
+    for path in (tmp_path / "large", tmp_path, tmp_path / "missing"):
+        with pytest.raises(OSError, match=path.name):
+            read_weights(path)
+
+
+def test_weights_fit_the_scene_and_the_ladder_that_they_were_trained_for() -> None:
+    weights = made(NETWORK)
+    assert weights.misfit(weights.scene_sha256, DEFAULT_LADDER) is None
+    assert replace(weights, scene_sha256=GENERAL).misfit("cd" * 32, DEFAULT_LADDER) is None
+    for other in ("cd" * 32, None):
+        assert "changed since" in (weights.misfit(other, DEFAULT_LADDER) or "")
+    for ladder in (DEFAULT_LADDER[:2], DEFAULT_LADDER[::-1]):
+        assert "another ladder: rung 2" in (weights.misfit(weights.scene_sha256, ladder) or "")
