@@ -73,7 +73,7 @@ def sampled_run(folder: Path, numbers: Sequence[int], **changes: Any) -> list[Sa
     write_run(folder, **changes)
     record = StoredRun(folder).record
     (folder / "run.json").write_text(record.model_copy(update={"scene_sha256": SHA256}).model_dump_json())
-    samples = [sampled(seq, at=10.0 * seq) for seq in numbers]
+    samples = [sampled(seq, at=10.0 * seq, width=32, height=18) for seq in numbers]
     for each in samples:
         write_sample_file(folder, each.seq, JPEG, picture(each.seq, 32, 18, "JPEG"))
     write_samples(folder, samples)

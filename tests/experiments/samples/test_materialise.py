@@ -18,9 +18,9 @@ from tests.experiments.samples.renderers import FakeRenderer, picture, problem, 
 from tests.not_files import NOT_FILES
 from tigas_common.errors import StartError
 from tigas_experiments.quality.picture import decode
-from tigas_experiments.records.materialised import INDEX, REPLAYED, TRUTH, read_materialised
+from tigas_experiments.records.materialised import INDEX, REPLAYED, TRUTH, SampledRun, read_materialised
 from tigas_experiments.records.samples import JPEG, sample_path
-from tigas_experiments.samples.materialise import Outcome, alone, materialise, sampled_runs
+from tigas_experiments.samples.materialise import alone, materialise, sampled_runs
 from tigas_experiments.samples.renderer import AT_ONCE, Renderer, RendererAway
 
 pytestmark = pytest.mark.anyio
@@ -29,7 +29,7 @@ BOMB = b"\x89PNG\r\n\x1a\n" + struct.pack(">I", 13) + HEADER + struct.pack(">I",
 """A PNG that says that it is 65,536 pixels wide and high."""
 
 
-async def made(run: Path, renderer: FakeRenderer) -> Outcome:
+async def made(run: Path, renderer: FakeRenderer) -> SampledRun:
     """Materialise with this renderer."""
     async with renderer.client() as client:
         return await materialise(run, client)
@@ -53,11 +53,11 @@ async def test_the_same_server_sends_the_same_bytes_and_ground_truth_as_large_as
 
 
 async def test_ground_truth_has_no_profile_deadline_or_stamp_and_fits_what_was_shown(tmp_path: Path) -> None:
-    """A display of twice the density showed twice the pixels: the view stays the same."""
+    """A display of twice the density showed twice the pixels of an enhanced picture: the view stays the same."""
     run = tmp_path / "run"
     (one,) = sampled_run(run, [3])
     request = one.request.model_copy(update={"deadline_ms": 50.0, "stamp": 7})
-    line = one.model_copy(update={"width": 128, "height": 72, "request": request})
+    line = one.model_copy(update={"width": 128, "height": 72, "enhanced": True, "request": request})
     (run / "samples.ndjson").write_text(line.model_dump_json() + "\n")
     asked: list[dict[str, Any]] = []
     assert (await made(run, FakeRenderer(refuse=lambda wanted: asked.append(wanted)))).missing == 0
@@ -148,9 +148,8 @@ async def test_what_is_there_is_not_asked_for_again_after_a_kill(tmp_path: Path)
     assert {seq for seq, _ in second.asked} == set(numbers) - complete
     assert sorted(path.name for path in (run / "samples").iterdir() if path.suffix == ".part") == []
 
-    third = FakeRenderer()
-    assert (await made(run, third)).identical == 12
-    assert third.asked == []
+    nobody = FakeRenderer(refuse=lambda _: pytest.fail("nothing is asked for"), file_sha256="b" * 64)
+    assert (await made(run, nobody)).identical == 12
 
 
 async def test_a_renderer_that_goes_away_costs_nothing_that_is_there(tmp_path: Path) -> None:
@@ -335,5 +334,7 @@ async def test_records_that_are_broken_get_a_sentence(tmp_path: Path) -> None:
     run = tmp_path / "run"
     sampled_run(run, [1])
     (run / "samples.ndjson").write_text("{}\n")
-    found = await made(run, FakeRenderer())
-    assert "samples.ndjson, line 1" in found.problems[0]
+    assert "samples.ndjson, line 1" in (await made(run, FakeRenderer())).problems[0]
+    sampled_run(tmp_path / "other", [1])
+    (tmp_path / "other" / "run.json").write_text("{}")
+    assert "run.json is broken" in (await made(tmp_path / "other", FakeRenderer())).problems[0]

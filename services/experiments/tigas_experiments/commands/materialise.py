@@ -14,7 +14,7 @@ from tigas_common.terminal import make_console
 from tigas_common.topology import PAGE
 
 if TYPE_CHECKING:  # heavy
-    from tigas_experiments.samples.materialise import Outcome
+    from tigas_experiments.records.materialised import SampledRun
 
 Render = Annotated[str, typer.Option(help="The render service's URL.")]
 RENDER_URL = f"http://{PAGE.loopback}"
@@ -57,7 +57,7 @@ def materialise(
         raise typer.Exit(1)
 
 
-def materialised(folder: Path, render: str) -> list[Outcome]:
+def materialised(folder: Path, render: str) -> list[SampledRun]:
     """Materialise all samples of a run or an experiment, with a progress bar. Raises StartError and OSError."""
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
@@ -67,7 +67,7 @@ def materialised(folder: Path, render: str) -> list[Outcome]:
     runs = sampled_runs(folder)
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
 
-    async def all_of_them(bar: Progress) -> list[Outcome]:
+    async def all_of_them(bar: Progress) -> list[SampledRun]:
         outcomes = []
         async with Renderer.at(render) as renderer:
             for number, run in enumerate(runs, 1):

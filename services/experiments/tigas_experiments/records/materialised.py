@@ -8,8 +8,9 @@ samples/000123.truth.png        ground truth: the same view without loss, in the
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TextIO
 
@@ -17,8 +18,10 @@ from pydantic import Field, ValidationError
 
 from tigas_common.files import read_regular
 from tigas_common.wire.model import WireModel
+from tigas_common.wire.recording import Sample
 from tigas_experiments.records.lines import MAX_FILE_BYTES
 from tigas_experiments.records.recording import BrokenRecording
+from tigas_experiments.records.samples import read_samples
 
 INDEX = "materialised.ndjson"
 REPLAYED = "replayed.jpg"
@@ -58,6 +61,50 @@ def read_materialised(run: Path) -> dict[int, Materialised]:
             continue
         found[entry.seq] = entry
     return found
+
+
+@dataclass(frozen=True, slots=True)
+class SampledRun:
+    """What is known of a run's samples."""
+
+    folder: str
+    samples: tuple[Sample, ...]
+    known: Mapping[int, Materialised]
+    """By sequence number."""
+    problem: str | None = None
+    """Why the rest was not even asked for, or what is wrong with the records."""
+
+    def _count(self, found: Callable[[Materialised], bool]) -> int:
+        return sum(sample.seq in self.known and found(self.known[sample.seq]) for sample in self.samples)
+
+    @property
+    def identical(self) -> int:
+        """So many frames came again, byte for byte."""
+        return self._count(lambda one: one.identical is True)
+
+    @property
+    def different(self) -> int:
+        """So many came again otherwise than in the run."""
+        return self._count(lambda one: one.identical is False)
+
+    @property
+    def missing(self) -> int:
+        """Of so many something is missing."""
+        return len(self.samples) - self._count(lambda one: one.problem is None)
+
+    @property
+    def problems(self) -> list[str]:
+        """Why, each reason once."""
+        told = [self.problem, *(self.known[one.seq].problem for one in self.samples if one.seq in self.known)]
+        return list(dict.fromkeys(each for each in told if each is not None))
+
+
+def sampled_run(run: Path) -> SampledRun:
+    """What is known so far, from a run's folder."""
+    try:
+        return SampledRun(run.name, tuple(read_samples(run)), read_materialised(run))
+    except BrokenRecording as error:
+        return SampledRun(run.name, (), {}, str(error))
 
 
 @contextmanager

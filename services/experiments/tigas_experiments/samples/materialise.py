@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 from tigas_common.errors import StartError
@@ -15,9 +15,10 @@ from tigas_experiments.records.folder import RunRecord, StoredRun
 from tigas_experiments.records.materialised import (
     REPLAYED,
     Materialised,
+    SampledRun,
     add_materialised,
     materialised_log,
-    read_materialised,
+    sampled_run,
 )
 from tigas_experiments.records.recording import BrokenRecording
 from tigas_experiments.records.samples import sample_path
@@ -28,70 +29,28 @@ Told = Callable[[int, int], None]
 """Who wants to know how many samples of a run are done, and how many there are."""
 
 
-@dataclass(frozen=True, slots=True)
-class Outcome:
-    """What is known of a run's samples now."""
-
-    folder: str
-    samples: tuple[Sample, ...]
-    known: Mapping[int, Materialised]
-    """By sequence number."""
-    problem: str | None = None
-    """Why the rest was not even asked for, or what is wrong with the records."""
-
-    def _count(self, found: Callable[[Materialised], bool]) -> int:
-        return sum(sample.seq in self.known and found(self.known[sample.seq]) for sample in self.samples)
-
-    @property
-    def identical(self) -> int:
-        """So many frames came again, byte for byte."""
-        return self._count(lambda one: one.identical is True)
-
-    @property
-    def different(self) -> int:
-        """So many came again otherwise than in the run."""
-        return self._count(lambda one: one.identical is False)
-
-    @property
-    def missing(self) -> int:
-        """Of so many something is missing."""
-        return len(self.samples) - self._count(lambda one: one.problem is None)
-
-    @property
-    def problems(self) -> list[str]:
-        """Why, each reason once."""
-        told = [self.problem, *(self.known[one.seq].problem for one in self.samples if one.seq in self.known)]
-        return list(dict.fromkeys(each for each in told if each is not None))
-
-
-def outcome(run: Path) -> Outcome:
-    """What is known so far, from a run's folder."""
-    try:
-        return Outcome(run.name, tuple(StoredRun(run).samples()), read_materialised(run))
-    except BrokenRecording as error:
-        return Outcome(run.name, (), {}, str(error))
-
-
-async def materialise(run: Path, renderer: Renderer, told: Told = lambda done, total: None) -> Outcome:
+async def materialise(run: Path, renderer: Renderer, told: Told = lambda done, total: None) -> SampledRun:
     """Ask for all samples of a run of which something is missing; it may be ended at any time, and begun again.
 
     Raises OSError, and RendererAway if the service does not answer.
     """
-    before = await asyncio.to_thread(outcome, run)
+    before = await asyncio.to_thread(sampled_run, run)
     if before.problem is not None or not before.samples:
         return before
     if (run / "samples").is_symlink() or not (run / "samples").is_dir():
         return replace(before, problem=f"{run / 'samples'} is no folder of pictures.")
-    record = StoredRun(run).record
+    todo = [one for one in before.samples if not await asyncio.to_thread(_is_complete, run, one, before.known)]
+    if not todo:
+        return before
     try:
+        record = StoredRun(run).record
         scene = await renderer.load(record.configuration.scene)
-    except NotRendered as error:
+    except (BrokenRecording, NotRendered) as error:
         return replace(before, problem=str(error))
     if (changed := changed_scene(record, scene.file_sha256)) is not None:
         return replace(before, problem=changed)
-    todo = [one for one in before.samples if not await asyncio.to_thread(_is_complete, run, one, before.known)]
     await _ask_for(run, todo, renderer, lambda done: told(len(before.samples) - len(todo) + done, len(before.samples)))
-    return await asyncio.to_thread(outcome, run)
+    return await asyncio.to_thread(sampled_run, run)
 
 
 async def _ask_for(run: Path, todo: Sequence[Sample], renderer: Renderer, told: Callable[[int], None]) -> None:

@@ -25,10 +25,15 @@ def request_again(sample: Sample) -> RenderRequest:
     return sample.request.model_copy(update={"deadline_ms": None})
 
 
+def shown_size(sample: Sample) -> tuple[int, int]:
+    """Width and height in pixels: of the enhanced picture; any other was enlarged to the viewport by the display."""
+    return (sample.width, sample.height) if sample.enhanced else (sample.request.width, sample.request.height)
+
+
 def request_truth(sample: Sample) -> RenderRequest:
     """The same view without loss, in the size that it was shown in. Raises NotRendered if nobody can have that."""
     request = sample.request
-    lens = request.intrinsics.resized(sample.width, sample.height)
+    lens = request.intrinsics.resized(*shown_size(sample))
     plain = {"profile": None, "format": "png", "deadline_ms": None, "stamp": None}
     try:
         return RenderRequest.model_validate(request.model_dump() | asdict(lens) | plain)
@@ -69,9 +74,9 @@ def check_truth(data: bytes, sample: Sample) -> None:
     with opened(data) as image:
         if image.format != "PNG":
             raise BrokenPicture(f"The ground truth is no PNG, but {image.format}.")
-        if image.size != (sample.width, sample.height):
-            width, height = image.size
-            raise BrokenPicture(f"The ground truth has {width}×{height} pixels, not {sample.width}×{sample.height}.")
+        if image.size != shown_size(sample):
+            (width, height), (wanted_width, wanted_height) = image.size, shown_size(sample)
+            raise BrokenPicture(f"The ground truth has {width}×{height} pixels, not {wanted_width}×{wanted_height}.")
         image.verify()
 
 

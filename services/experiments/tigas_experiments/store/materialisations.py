@@ -12,7 +12,8 @@ from typing import Self
 
 from tigas_common.errors import StartError
 from tigas_common.wire.store import Materialisation
-from tigas_experiments.samples.materialise import alone, materialise, outcome, sampled_runs
+from tigas_experiments.records.materialised import sampled_run
+from tigas_experiments.samples.materialise import alone, materialise, sampled_runs
 from tigas_experiments.samples.renderer import Renderer, RendererAway
 from tigas_experiments.store.errors import ExperimentInUse, NoSamples, storage_explained
 from tigas_experiments.store.experiments import Experiments
@@ -133,7 +134,7 @@ async def _materialise_all(job: _Job, runs: list[Path], renderer: Renderer) -> s
 def _progress(folder: Path) -> tuple[int, int]:
     """How many samples there are, and of how many everything is."""
     try:
-        found = [outcome(run) for run in sampled_runs(folder)]
+        found = [sampled_run(run) for run in sampled_runs(folder)]
     except StartError:
         return 0, 0
     total = sum(len(one.samples) for one in found)

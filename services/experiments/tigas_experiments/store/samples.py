@@ -7,9 +7,8 @@ from pathlib import Path
 
 from tigas_common.files import read_regular
 from tigas_common.wire.store import SampleCounts, SampleList, SampleRow
-from tigas_experiments.records.materialised import REPLAYED, TRUTH
+from tigas_experiments.records.materialised import REPLAYED, TRUTH, sampled_run
 from tigas_experiments.records.samples import ENHANCED, JPEG, MAX_PICTURE_BYTES, sample_path
-from tigas_experiments.samples.materialise import outcome
 from tigas_experiments.store.errors import UnknownSample
 
 MEDIA_TYPES = {".jpg": "image/jpeg", ".png": "image/png", ".webp": "image/webp"}
@@ -18,7 +17,7 @@ NAME = re.compile(f"[0-9]{{6,10}}[.]({'|'.join(map(re.escape, (JPEG, *ENHANCED, 
 
 def list_samples(run: Path) -> SampleList:
     """Those of a run's folder, in the order of time."""
-    found = outcome(run)
+    found = sampled_run(run)
     rows = []
     for sample in sorted(found.samples, key=lambda sample: sample.at):
         known = found.known.get(sample.seq)
@@ -62,7 +61,7 @@ def picture(run: Path, name: str) -> tuple[bytes, str]:
 
 def count_samples(run: Path) -> SampleCounts | None:
     """None of a run without samples."""
-    found = outcome(run)
+    found = sampled_run(run)
     if not found.samples:
         return None
     return SampleCounts(
