@@ -33,7 +33,7 @@ from tigas_common.origins import OriginPolicy
 from tigas_common.wire.dash import SessionRequest
 from tigas_common.wire.render import RenderRequest
 from tigas_common.wire.shaper import LinkSetting, LoopRequest, SeekRequest, StartRequest
-from tigas_common.wire.store import ExperimentRequest, RunUpload
+from tigas_common.wire.store import ExperimentRequest, InterruptedRun, RunUpload, SampleIndex
 from tigas_dash.app import create_app as create_dash
 from tigas_dash.clock import Clock
 from tigas_dash.sessions import Sessions
@@ -290,6 +290,33 @@ def test_any_run_is_kept_or_refused(store: Ask, experiment: str, data: st.DataOb
         assert_answered(store("GET", experiment))
         assert_answered(store("GET", "/experiments"))
         assert store("GET", f"{experiment}/zip").body[:2] == b"PK"
+
+
+@pytest.fixture(scope="module")
+def run(store: Ask, experiment: str) -> str:
+    """The path of a run that has no samples yet."""
+    answer = store("POST", f"{experiment}/runs", chunks=[dumps(EXAMPLES[RunUpload][0]).encode()])
+    assert answer.status == 201
+    return f"{experiment}/runs/{json.loads(answer.body)['folder']}"
+
+
+@effort(50)
+@given(st.sampled_from(["000007.jpg", "000007.enhanced.webp", "000007.enhanced.png", "x"]), st.binary(max_size=100))
+def test_any_picture_of_a_sample_is_kept_or_refused(store: Ask, run: str, name: str, body: bytes) -> None:
+    assert_answered(store("PUT", f"{run}/samples/{name}", chunks=[body]))
+    assert_answered(store("GET", f"{run}/uploaded-samples"))
+
+
+@effort(50)
+@given(st.sampled_from([SampleIndex, InterruptedRun]), st.data())
+def test_any_word_about_samples_is_kept_or_refused(
+    store: Ask, experiment: str, run: str, kind: Any, data: st.DataObject
+) -> None:
+    body = data.draw(bodies(kind, EXAMPLES[kind]))
+    if kind is SampleIndex:
+        assert_answered(store("PUT", f"{run}/samples", chunks=[body]))
+    else:
+        assert_answered(store("POST", f"{experiment}/interrupted-runs", chunks=[body]))
 
 
 @effort(100)

@@ -14,7 +14,7 @@ from tigas_common.wire.recording import Recording, Sample
 from tigas_common.wire.render import RenderRequest
 from tigas_common.wire.run import Configuration
 from tigas_common.wire.shaper import LinkSetting, LoopRequest, SeekRequest, StartRequest
-from tigas_common.wire.store import ExperimentRequest, RunUpload
+from tigas_common.wire.store import ExperimentRequest, InterruptedRun, RunUpload, SampleIndex
 from tigas_render.scenes.metadata import SceneMetadata
 
 EULER = render_request().model_dump(mode="json", exclude_none=True)
@@ -36,6 +36,7 @@ SHORT = {
 }
 """Lists of a recording, with few entries."""
 RUN_UPLOAD = {**upload(), "recording": recording(**SHORT)}
+SAMPLE = sampled(7).model_dump(mode="json", exclude_none=True) | {"rung": 2}
 TRACE_RUN = {"trace": "4g-bus", "rtt_ms": 40.0, "offset_s": 3.0}
 
 EXAMPLES: dict[Any, list[Any]] = {
@@ -53,7 +54,9 @@ EXAMPLES: dict[Any, list[Any]] = {
     ],
     Recording: [RUN_UPLOAD["recording"]],
     RunUpload: [RUN_UPLOAD],
-    Sample: [sampled(7).model_dump(mode="json", exclude_none=True) | {"rung": 2}],
+    Sample: [SAMPLE],
+    SampleIndex: [{"samples": [SAMPLE]}],
+    InterruptedRun: [{"configuration": configuration().model_dump(mode="json"), "started_unix_ms": 1e12}],
     SceneMetadata: [
         {},
         {"name": "A wall", "camera": {"position": [0, 0, 0], "look_at": [0, 0, 3]}, "background": [0, 0, 1]},

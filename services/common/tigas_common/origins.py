@@ -158,7 +158,7 @@ class OriginCheck:
 
 def _readable(app: ASGIApp, origin: str) -> ASGIApp:
     """The application for an allowed page of another origin: to most services the page is one, by its port."""
-    methods = ["GET", "POST", "DELETE"]
+    methods = ["GET", "POST", "PUT", "DELETE"]
     return CORSMiddleware(app, allow_origins=[origin], allow_methods=methods, allow_headers=["*"])
 
 

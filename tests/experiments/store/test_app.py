@@ -58,7 +58,7 @@ async def test_a_name_that_is_made_to_lead_here_is_foreign(store: Running, host:
 async def test_the_page_may_ask_across_origins(store: Running) -> None:
     page = "http://localhost:8080"
     asked = {"origin": page, "access-control-request-headers": "content-type"}
-    for method in ("POST", "DELETE"):
+    for method in ("POST", "PUT", "DELETE"):
         answer = await store.http.options("/experiments/x", headers=asked | {"access-control-request-method": method})
         assert (answer.status_code, answer.headers["access-control-allow-origin"]) == (200, page)
     assert (await store.http.get("/healthz", headers={"origin": page})).headers["access-control-allow-origin"] == page

@@ -8,6 +8,8 @@ export type JsonValue = unknown;
 export interface StoreWire {
   ExperimentRequest: ExperimentRequest;
   RunUpload: RunUpload;
+  InterruptedRun: InterruptedRun;
+  SampleIndex: SampleIndex;
   Sample: Sample;
   ExperimentCreated: ExperimentCreated;
   ExperimentList: ExperimentList;
@@ -15,6 +17,7 @@ export interface StoreWire {
   RunRow: RunRow;
   SampleList: SampleList;
   Materialisation: Materialisation;
+  UploadedSamples: UploadedSamples;
   MovementList: MovementList;
 }
 /**
@@ -238,6 +241,23 @@ export interface LinkSample {
   queue_ms: number;
   drops: number;
   up_delivered_kbps: number;
+}
+/**
+ * A run of which a page has nothing but samples, because it was closed before the run's end.
+ */
+export interface InterruptedRun {
+  configuration: Configuration;
+  started_unix_ms: number;
+}
+/**
+ * All samples of a run, once their pictures are in the store.
+ */
+export interface SampleIndex {
+  /**
+   * @minItems 1
+   * @maxItems 10000
+   */
+  samples: [Sample, ...Sample[]];
 }
 /**
  * A shown frame of the mode `stateless` that was kept: the JPEG as it came and, where it was enhanced, as shown.
@@ -493,6 +513,20 @@ export interface Materialisation {
   done: number;
   total: number;
   problem: string | null;
+}
+/**
+ * What a store has of a run's samples: whoever goes on sends only the rest.
+ */
+export interface UploadedSamples {
+  complete: boolean;
+  files: UploadedFile[];
+}
+/**
+ * A picture of a sample.
+ */
+export interface UploadedFile {
+  name: string;
+  bytes: number;
 }
 /**
  * All movement traces, by name.

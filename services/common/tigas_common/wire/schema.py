@@ -61,7 +61,13 @@ def schemas() -> dict[str, dict[str, Any]]:
         "store": messages_schema(
             "StoreWire",
             "All messages between the experiments' store and the page.",
-            requests=[store.ExperimentRequest, store.RunUpload, recording.Sample],
+            requests=[
+                store.ExperimentRequest,
+                store.RunUpload,
+                store.InterruptedRun,
+                store.SampleIndex,
+                recording.Sample,
+            ],
             answers=[
                 store.ExperimentCreated,
                 store.ExperimentList,
@@ -69,6 +75,7 @@ def schemas() -> dict[str, dict[str, Any]]:
                 store.RunRow,
                 store.SampleList,
                 store.Materialisation,
+                store.UploadedSamples,
                 store.MovementList,
             ],
         ),

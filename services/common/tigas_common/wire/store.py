@@ -11,13 +11,15 @@ from pydantic import AfterValidator, Field, JsonValue, StringConstraints, model_
 
 from tigas_common.wire.figures import Figures
 from tigas_common.wire.model import Entries, WireModel
-from tigas_common.wire.recording import LinkSample, Recording
+from tigas_common.wire.recording import LinkSample, Recording, Sample
 from tigas_common.wire.run import Configuration
 
 AROUND_MS = 600_000
 """What is recorded lies at most so long before a run's start or after its movement's end."""
 MOST_KBPS = 1e9
 MOST_BYTES = 10**15
+MOST_SAMPLES = 10_000
+"""Of a run."""
 LATEST_UNIX_MS = 4e12
 """In the year 2096."""
 
@@ -115,6 +117,34 @@ class SampleCounts(WireModel):
     """So many came otherwise: ground truth may be of another renderer than the frames."""
     missing: int
     """Of so many something is not there yet."""
+
+
+class InterruptedRun(WireModel):
+    """A run of which a page has nothing but samples, because it was closed before the run's end."""
+
+    configuration: Configuration
+    started_unix_ms: float = Field(ge=0, le=LATEST_UNIX_MS)
+
+
+class SampleIndex(WireModel):
+    """All samples of a run, once their pictures are in the store."""
+
+    samples: Annotated[tuple[Sample, ...], Field(min_length=1, max_length=MOST_SAMPLES, fail_fast=True)]
+
+
+class UploadedFile(WireModel):
+    """A picture of a sample."""
+
+    name: str
+    bytes: int
+
+
+class UploadedSamples(WireModel):
+    """What a store has of a run's samples: whoever goes on sends only the rest."""
+
+    complete: bool
+    """Their index is there, too."""
+    files: Entries[UploadedFile]
 
 
 class RunRow(WireModel):

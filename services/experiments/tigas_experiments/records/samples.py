@@ -18,6 +18,7 @@ from tigas_experiments.records.lines import read_lines, write_lines
 from tigas_experiments.records.recording import BrokenRecording
 
 INDEX = "samples.ndjson"
+FOLDER = "samples"
 JPEG = "jpg"
 ENHANCED = ("enhanced.webp", "enhanced.png")
 MAX_PICTURE_BYTES = 64_000_000
@@ -26,7 +27,7 @@ MAX_PICTURE_BYTES = 64_000_000
 
 def sample_path(run: Path, seq: int, kind: str) -> Path:
     """Where a sample's file of a kind, such as `jpg`, is or belongs."""
-    return run / "samples" / f"{seq:06}.{kind}"
+    return run / FOLDER / f"{seq:06}.{kind}"
 
 
 def enhanced_path(run: Path, seq: int) -> Path | None:

@@ -17,11 +17,21 @@ from starlette.types import ASGIApp
 
 from tigas_common.errors import BodyTooLarge, InvalidRequest
 from tigas_common.origins import OriginCheck, OriginPolicy
-from tigas_common.web import EXCEPTION_HANDLERS, NO_STORE, created_response, healthz, json_response, read_body
+from tigas_common.parsing import parse
+from tigas_common.web import (
+    EXCEPTION_HANDLERS,
+    NO_STORE,
+    created_response,
+    healthz,
+    json_response,
+    read_body,
+    read_message,
+)
 from tigas_common.wire.recording import MAX_BYTES
-from tigas_common.wire.store import ExperimentCreated
+from tigas_common.wire.store import ExperimentCreated, InterruptedRun, SampleIndex
 from tigas_experiments.records.load import LoadSample
 from tigas_experiments.records.machine import Machine
+from tigas_experiments.records.samples import MAX_PICTURE_BYTES
 from tigas_experiments.store.archive import archive
 from tigas_experiments.store.errors import storage_explained
 from tigas_experiments.store.experiments import MAX_PLAN_BYTES, Experiments
@@ -29,8 +39,15 @@ from tigas_experiments.store.materialisations import Materialisations
 from tigas_experiments.store.movements import Movements
 from tigas_experiments.store.offload import Offload
 from tigas_experiments.store.reports import Reports
+from tigas_experiments.store.sample_uploads import (
+    MAX_INDEX_BYTES,
+    check_room,
+    keep_index,
+    keep_picture,
+    uploaded,
+)
 from tigas_experiments.store.samples import list_samples, picture
-from tigas_experiments.store.upload import check_limit, keep_upload
+from tigas_experiments.store.upload import check_limit, keep_interrupted, keep_upload
 from tigas_experiments.store.workspace import Workspace
 
 # A report needs nothing but itself, and must not act as a page of the store.
@@ -74,6 +91,10 @@ def create_app(store: Store, policy: OriginPolicy) -> ASGIApp:
             Route("/experiments/{id}/materialise", materialise, methods=["POST"]),
             Route("/experiments/{id}/materialise", materialised),
             Route("/experiments/{id}/materialise", stop_materialising, methods=["DELETE"]),
+            Route("/experiments/{id}/interrupted-runs", add_interrupted_run, methods=["POST"]),
+            Route("/experiments/{id}/runs/{run}/uploaded-samples", uploaded_samples),
+            Route("/experiments/{id}/runs/{run}/samples/{name}", add_picture, methods=["PUT"]),
+            Route("/experiments/{id}/runs/{run}/samples", complete_samples, methods=["PUT"]),
             Route("/experiments/{id}/zip", download),
             Route("/experiments/{id}/report", report),
             Route("/movements", movements),
@@ -115,7 +136,7 @@ async def add_run(request: Request) -> Response:
     await asyncio.to_thread(store.experiments.find, name)
     with storage_explained(), store.workspace.folder() as folder:
         body = folder / "body.json"
-        await _receive(request, body)
+        await _receive(request, body, MAX_BYTES)
         run = folder / "run"
         async with store.one_at_a_time:
             limit = check_limit(body.stat().st_size)
@@ -152,6 +173,41 @@ async def stop_materialising(request: Request) -> Response:
     return json_response(await _store(request).materialisations.stop(request.path_params["id"]))
 
 
+async def add_interrupted_run(request: Request) -> Response:
+    """Make a place for the samples of a run that has no end."""
+    store, name = _store(request), request.path_params["id"]
+    interrupted = await read_message(request, InterruptedRun)
+    with storage_explained(), store.workspace.folder() as folder:
+        summary = await asyncio.to_thread(keep_interrupted, folder / "run", interrupted, store.machine)
+        row = await asyncio.to_thread(store.experiments.add_run, name, folder / "run", summary)
+    return created_response(row, f"/experiments/{quote(name)}")
+
+
+async def uploaded_samples(request: Request) -> Response:
+    """What is there of a run's samples."""
+    return json_response(await asyncio.to_thread(lambda: uploaded(_page_run(request))))
+
+
+async def add_picture(request: Request) -> Response:
+    """Keep a picture of a sample."""
+    store, name = _store(request), request.path_params["name"]
+    await asyncio.to_thread(lambda: check_room(_page_run(request), name))
+    with storage_explained(), store.workspace.folder() as folder:
+        part = folder / name
+        await _receive(request, part, MAX_PICTURE_BYTES)
+        await asyncio.to_thread(lambda: keep_picture(part, _page_run(request)))
+    return Response(status_code=204)
+
+
+async def complete_samples(request: Request) -> Response:
+    """Say which samples there are: all of their pictures came before."""
+    store, body = _store(request), await read_body(request, MAX_INDEX_BYTES)
+    with storage_explained(), store.workspace.folder() as folder:
+        index = await asyncio.to_thread(parse, SampleIndex, body, MAX_INDEX_BYTES)
+        await asyncio.to_thread(lambda: keep_index(index, folder, _page_run(request)))
+    return Response(status_code=204)
+
+
 async def download(request: Request) -> Response:
     """An experiment's folder as a ZIP."""
     name = request.path_params["id"]
@@ -177,10 +233,10 @@ async def movement(request: Request) -> Response:
     return Response(text, media_type="text/csv", headers=NO_STORE)
 
 
-async def _receive(request: Request, path: Path) -> None:
+async def _receive(request: Request, path: Path, limit: int) -> None:
     """Write the body into a file. Raises BodyTooLarge, InvalidRequest if it stops before its end, and OSError."""
-    size, parts, too_large = 0, aiter(request.stream()), BodyTooLarge(f"The body is larger than {MAX_BYTES} bytes.")
-    if int(request.headers.get("content-length", 0)) > MAX_BYTES:
+    size, parts, too_large = 0, aiter(request.stream()), BodyTooLarge(f"The body is larger than {limit} bytes.")
+    if int(request.headers.get("content-length", 0)) > limit:
         raise too_large
     with path.open("wb") as file:
         while True:
@@ -191,7 +247,7 @@ async def _receive(request: Request, path: Path) -> None:
             if part is None:
                 return
             size += len(part)
-            if size > MAX_BYTES:
+            if size > limit:
                 raise too_large
             await asyncio.to_thread(file.write, part)
 
@@ -204,6 +260,10 @@ def _archived(folder: Path) -> Iterator[bytes]:
 
 def _run(request: Request) -> Path:
     return _store(request).experiments.run(request.path_params["id"], request.path_params["run"])
+
+
+def _page_run(request: Request) -> Path:
+    return _store(request).experiments.page_run(request.path_params["id"], request.path_params["run"])
 
 
 def _store(request: Request) -> Store:

@@ -26,7 +26,7 @@ def archive(folder: Path) -> Iterator[bytes]:
         for name in sorted(names):
             path = Path(parent, name)
             if path.is_file() and not path.is_symlink():
-                stored = path.suffix == ".png"  # compressed already
+                stored = path.suffix in (".png", ".jpg", ".webp")  # compressed already
                 stream.add_path(
                     path, str(inside / name), recurse=False, compress_type=ZIP_STORED if stored else ZIP_DEFLATED
                 )

@@ -51,6 +51,12 @@ class NoSamples(TigasError):
     status, type, title = 409, "no-samples", "The experiment has no samples"
 
 
+class SamplesComplete(TigasError):
+    """The run's samples are all there, and are not changed any more."""
+
+    status, type, title = 409, "samples-complete", "The run's samples are complete"
+
+
 class TooCostly(TigasError):
     """To check what was sent took more memory or time than anything sensible of its size."""
 

@@ -109,6 +109,11 @@ class Experiments:
             raise UnknownRun(f"The experiment {experiment} has no run {name[:100]!r}.")
         return found
 
+    def page_run(self, experiment: str, name: str) -> Path:
+        """The same, of an experiment that a page may change. Raises ExperimentInUse, too."""
+        self._check_page(experiment)
+        return self.run(experiment, name)
+
     def create(self, body: bytes, now: datetime) -> str:
         """Begin one; its id. Raises InvalidRequest and DiskFull."""
         request = parse(ExperimentRequest, body, MAX_PLAN_BYTES)
@@ -128,9 +133,7 @@ class Experiments:
 
     def add_run(self, experiment: str, made: Path, summary: Summary) -> RunRow:
         """Keep a run that lies in the workspace as a whole. Raises UnknownExperiment and ExperimentInUse."""
-        parent, record = self.find(experiment)
-        if record.source == "command":  # which would refuse to go on with runs that it does not know
-            raise ExperimentInUse(f"The experiment {experiment} is a command's; begin one of the page's own.")
+        parent = self._check_page(experiment)
         runs = parent / "runs"
         with storage_explained():
             try:
@@ -141,6 +144,13 @@ class Experiments:
             except FileNotFoundError:
                 raise UnknownExperiment(f"The experiment {experiment} was removed meanwhile.") from None
         return _row(summary.model_copy(update={"folder": name}))
+
+    def _check_page(self, experiment: str) -> Path:
+        """The folder of an experiment that is no command's: that would refuse to go on with what it does not know."""
+        folder, record = self.find(experiment)
+        if record.source == "command":
+            raise ExperimentInUse(f"The experiment {experiment} is a command's; begin one of the page's own.")
+        return folder
 
     def remove(self, experiment: str) -> None:
         """Remove one. Raises UnknownExperiment and ExperimentInUse."""

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from tigas_common.parsing import parse
 from tigas_common.wire.recording import MAX_BYTES
-from tigas_common.wire.store import RunUpload
+from tigas_common.wire.store import InterruptedRun, RunUpload
 from tigas_experiments.records.folder import RunRecord, RunWriter
 from tigas_experiments.records.load import Load, LoadSample
 from tigas_experiments.records.machine import Machine
@@ -33,6 +33,23 @@ def keep_upload(body: Path, folder: Path, load: Sequence[LoadSample], machine: M
     """
     with storage_explained():
         write_run(folder, parse(RunUpload, body.read_bytes(), MAX_BYTES), load, machine)
+        to_disk(folder)
+    return summarise(folder)
+
+
+def keep_interrupted(folder: Path, interrupted: InterruptedRun, machine: Machine) -> Summary:
+    """Write a run of which there are only samples into a new folder. Raises DiskFull."""
+    with storage_explained():
+        record = RunRecord(
+            status="running",
+            problem=None,
+            configuration=interrupted.configuration,
+            machine=machine,
+            started=datetime.fromtimestamp(interrupted.started_unix_ms / 1000, UTC).isoformat(timespec="seconds"),
+        )
+        RunWriter(folder, record).close(
+            status="failed", problem="The page was closed before the run's end; only its samples are left."
+        )
         to_disk(folder)
     return summarise(folder)
 

@@ -1,0 +1,101 @@
+"""Samples that a page uploads: picture by picture, so that whoever was cut off sends only the rest, then their index.
+
+Until the index is there, a run has no samples. Everything here blocks.
+"""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+from tigas_common.errors import BodyTooLarge, InvalidRequest
+from tigas_common.wire.recording import Sample
+from tigas_common.wire.store import MOST_SAMPLES, SampleIndex, UploadedFile, UploadedSamples
+from tigas_experiments.records.samples import ENHANCED, FOLDER, INDEX, JPEG, write_samples
+from tigas_experiments.store.errors import SamplesComplete, StorageFailed
+from tigas_experiments.store.workspace import to_disk
+
+MAX_INDEX_BYTES = 16_000_000
+MAX_RUN_BYTES = 8_000_000_000
+"""Of all pictures of a run."""
+MOST_FILES = 2 * MOST_SAMPLES
+_NAME = re.compile(f"[0-9]{{6,10}}[.]({'|'.join(map(re.escape, (JPEG, *ENHANCED)))})")
+
+
+def uploaded(run: Path) -> UploadedSamples:
+    """What is there of a run's samples. Raises StorageFailed."""
+    return UploadedSamples(
+        complete=(run / INDEX).exists(),
+        files=tuple(UploadedFile(name=name, bytes=size) for name, size in sorted(_files(run).items())),
+    )
+
+
+def check_room(run: Path, name: str) -> None:
+    """Whether another picture may come. Raises InvalidRequest, SamplesComplete, BodyTooLarge and StorageFailed."""
+    if not _NAME.fullmatch(name):
+        raise InvalidRequest(f"{name[:60]!r} is no picture of a sample, such as 000123.jpg.")
+    if (run / INDEX).exists():
+        raise SamplesComplete(f"The samples of the run {run.name} are complete.")
+    files = _files(run)
+    if name not in files and len(files) >= MOST_FILES:
+        raise BodyTooLarge(f"A run has at most {MOST_SAMPLES:,} samples.")
+    if sum(files.values()) > MAX_RUN_BYTES:
+        raise BodyTooLarge(f"The samples of a run have at most {MAX_RUN_BYTES:,} bytes.")
+
+
+def keep_picture(part: Path, run: Path) -> None:
+    """Move a picture, which has its name already, to its run. Raises as `check_room` does, and OSError."""
+    check_room(run, part.name)
+    if not _is_whole(part):
+        raise InvalidRequest(f"What came as {part.name} is no such picture, or only a part of one.")
+    (run / FOLDER).mkdir(exist_ok=True)
+    to_disk(part.parent)
+    part.replace(run / FOLDER / part.name)
+
+
+def keep_index(index: SampleIndex, workspace: Path, run: Path) -> None:
+    """Complete a run's samples. Raises InvalidRequest, SamplesComplete and OSError."""
+    if (run / INDEX).exists():
+        raise SamplesComplete(f"The samples of the run {run.name} are complete.")
+    if len({sample.seq for sample in index.samples}) < len(index.samples):
+        raise InvalidRequest("Two samples have one sequence number.")
+    files = _files(run)
+    for sample in index.samples:
+        if (missing := _missing(sample, files)) is not None:
+            raise InvalidRequest(f"{missing} has not come yet.")
+    write_samples(workspace, index.samples)
+    to_disk(workspace)
+    (workspace / INDEX).replace(run / INDEX)
+
+
+def _missing(sample: Sample, files: dict[str, int]) -> str | None:
+    number = f"{sample.seq:06}"
+    if files.get(f"{number}.{JPEG}") != sample.bytes:
+        return f"{number}.{JPEG} of {sample.bytes} bytes"
+    if sample.enhanced and not any(f"{number}.{kind}" in files for kind in ENHANCED):
+        return f"{number}.{ENHANCED[0]}"
+    return None
+
+
+def _files(run: Path) -> dict[str, int]:
+    """Sizes by name; links and whatever else has no name of ours count nothing."""
+    folder = run / FOLDER
+    if folder.is_symlink():
+        raise StorageFailed(f"The run {run.name} has a link in place of its samples.")
+    if not folder.is_dir():
+        return {}
+    return {
+        path.name: path.lstat().st_size
+        for path in folder.iterdir()
+        if _NAME.fullmatch(path.name) and path.is_file() and not path.is_symlink()
+    }
+
+
+def _is_whole(path: Path) -> bool:
+    """Whether a file begins and ends as a picture of its kind does."""
+    data = path.read_bytes()
+    if path.suffix == ".jpg":
+        return data[:3] == b"\xff\xd8\xff" and data[-2:] == b"\xff\xd9"
+    if path.suffix == ".png":
+        return data[:8] == b"\x89PNG\r\n\x1a\n" and data[-8:-4] == b"IEND"
+    return data[:4] == b"RIFF" and data[8:12] == b"WEBP" and int.from_bytes(data[4:8], "little") + 8 == len(data)
