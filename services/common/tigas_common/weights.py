@@ -51,8 +51,9 @@ class NetworkInfo(WireModel):
     """The rung's own, in the ladder that it was trained with."""
     scale: Literal[1, 2]
     """How many times as large as the rung its picture is."""
-    layers: int = Field(ge=2, le=16)
-    channels: int = Field(ge=4, le=64)
+    layers: int = Field(ge=2, le=8)
+    channels: int = Field(ge=4, le=32, multiple_of=4)
+    """The page's shaders take them in fours."""
     gain_db: float | None = None
     """PSNR on held-out views over bicubic enlargement, in dB, at display size."""
 

@@ -13,7 +13,7 @@ const integer = (low: number, high: number) => v.pipe(v.number(), v.integer(), v
 const Descriptions = v.pipe(
   v.array(
     v.object({
-      rung: integer(0, 255),
+      rung: integer(1, 15),
       width: integer(1, 8192),
       height: integer(1, 8192),
       quality: integer(1, 100),
