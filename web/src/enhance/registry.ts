@@ -2,8 +2,8 @@
  * The models of the enhancement stage.
  *
  * To add one: write a file beside those in `models/` that exports an `Enhancer` (`model/enhancer.ts` says what it must do), and
- * enter it here. The panel, the URL (`?restore=NAME&upscale=NAME`) and the experiment's dialogue offer it then; for experiments'
- * files its name goes into `tigas_common/wire/enhancement.py`, too, and a test compares the two lists.
+ * enter it here. The panel and the experiment's dialogue offer it then, and URLs (`?restore=NAME&upscale=NAME`) and experiments'
+ * files may name it.
  */
 import type { Enhancer, Kind } from "./model/enhancer";
 import { BICUBIC } from "./models/bicubic";
@@ -12,14 +12,15 @@ import { LANCZOS } from "./models/lanczos";
 /** In the order in which they are offered. */
 export const ENHANCERS: readonly Enhancer[] = [BICUBIC, LANCZOS];
 
-/** Where no model is chosen. */
-export const OFF = "off";
+const ORDER: readonly Kind[] = ["restore", "upscale"];
 
 export function enhancersOf(kind: Kind): readonly Enhancer[] {
   return ENHANCERS.filter((enhancer) => enhancer.kind === kind);
 }
 
-/** Null for `off` and for what there is not. */
-export function findEnhancer(kind: Kind, name: string): Enhancer | null {
-  return enhancersOf(kind).find((enhancer) => enhancer.name === name) ?? null;
+/** In the order in which frames pass them; none of `off`. */
+export function chosenEnhancers(names: Readonly<Record<Kind, string>>): readonly Enhancer[] {
+  return ENHANCERS.filter(({ kind, name }) => names[kind] === name).toSorted(
+    (a, b) => ORDER.indexOf(a.kind) - ORDER.indexOf(b.kind),
+  );
 }

@@ -3,7 +3,7 @@ import * as v from "valibot";
 import { seeded } from "../abr/random";
 import { CONTROLLER_NAMES, CONTROLLERS, type ControllerName } from "../abr/registry";
 import { FRAME_RATES, type Preset } from "../dash/presets";
-import { OFF } from "../enhance/registry";
+import { OFF } from "../enhance/model/enhancer";
 import type { Settings } from "../state/settings";
 import type { LinkSetting } from "../wire/shaper";
 import type { Configuration, RunRow } from "../wire/store";

@@ -222,9 +222,9 @@ export class Runner {
   async #keep(recorder: Recorder, at: number): Promise<void> {
     const frame = this.#frame;
     if (frame === undefined) return;
-    const { canvas, video } = this.#session.stage;
+    const { display, stage } = this.#session;
     try {
-      const picture = await createImageBitmap(frame.side === "dash" ? video : canvas);
+      const picture = await (frame.side === "dash" ? createImageBitmap(stage.video) : display.picture());
       recorder.captured(frame, at, picture);
       this.#pictures.push(picture);
     } catch {

@@ -12,6 +12,7 @@ const frame = (seq: number, at = 1000 + 20 * seq): ShownFrame => ({
   asked: { ...ASKED, seq },
   header: { status: 200, seq, content_type: "image/jpeg", width: 640, height: 360, profile: 2, timing: null },
   image: new Blob(["x".repeat(seq)]),
+  enhanced: null,
 });
 
 /** Keeps what a test lets it keep. */

@@ -2,7 +2,8 @@
 import * as v from "valibot";
 import { CONTROLLER_NAMES } from "../abr/registry";
 import { FRAME_RATES, PRESETS, tuned } from "../dash/presets";
-import { enhancersOf, OFF } from "../enhance/registry";
+import { OFF } from "../enhance/model/enhancer";
+import { enhancersOf } from "../enhance/registry";
 
 export const MODES = ["stateless", "dash", "side-by-side"] as const;
 export type Mode = (typeof MODES)[number];

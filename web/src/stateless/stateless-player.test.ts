@@ -1,9 +1,13 @@
 import { beforeEach, describe, expect, test } from "vitest";
 import { FixedController } from "../abr/fixed";
+import { Display } from "../enhance/display";
+import { Enhancement } from "../enhance/enhancement";
+import { Overlay } from "../enhance/overlay";
 import { FakeTransport, settle } from "../transport/fake";
 import { NO_NUDGE } from "../view/motion";
 import { Rig } from "../view/rig";
 import type { SceneInfo } from "../wire/render";
+import type { DecodedFrame } from "./pipeline";
 import { type Reply, type ShownFrame, StatelessPlayer } from "./stateless-player";
 
 const SCENE: SceneInfo = {
@@ -43,9 +47,15 @@ beforeEach(() => {
   shown = [];
   transport = new FakeTransport(() => now);
   const canvas = { getContext: () => ({ transferFromImageBitmap: (bitmap: unknown) => drawn.push(bitmap) }) };
+  const overlay = new Overlay(canvas as unknown as HTMLCanvasElement);
   rig = new Rig({ sampleInput: () => ({ axes, nudge: NO_NUDGE }), turnSpeed: () => 60 });
   player = new StatelessPlayer({
-    canvas: canvas as unknown as HTMLCanvasElement,
+    display: new Display<DecodedFrame>({
+      canvas: canvas as unknown as HTMLCanvasElement,
+      overlay,
+      enhancement: new Enhancement({ overlay, now: () => now }),
+      size: () => ({ width: 1280, height: 720 }),
+    }),
     rig,
     decoder: { decode: async () => ({ close: () => undefined }) as ImageBitmap },
     controller: () => new FixedController(profile),
@@ -81,7 +91,9 @@ test("tells of each frame on the screen what was asked for and what came, one an
   expect([shown, drawn]).toEqual([[], [expect.anything()]]);
   await frames(1);
   const [asked] = transport.requests.map(({ request }) => request);
-  expect(shown).toEqual([{ at: now, asked, header: expect.objectContaining({ seq: 0 }), image: expect.any(Blob) }]);
+  expect(shown).toEqual([
+    { at: now, asked, header: expect.objectContaining({ seq: 0 }), image: expect.any(Blob), enhanced: null },
+  ]);
   expect(asked).toMatchObject({ seq: 0, scene: "courtyard", width: 1280 });
   await frames(2);
   expect(shown).toHaveLength(1);

@@ -2,10 +2,12 @@
 
 import { signal } from "@preact/signals";
 import type { Controller, Observation } from "../abr/controller";
+import type { Display, Enhanced } from "../enhance/display";
 import type { Connected } from "../transport/connect";
 import { Meter, STATS_EVERY } from "../view/meter";
 import type { PresentedFrame } from "../view/presented";
 import type { Rig } from "../view/rig";
+import { TimeWindow } from "../view/window";
 import type { SceneInfo } from "../wire/render";
 import type { Decoder } from "./decoder";
 import { type DecodedFrame, FramePipeline, type SentRequest, type ViewRequest } from "./pipeline";
@@ -23,10 +25,12 @@ export interface Reply extends Observation {
 export interface ShownFrame extends Pick<DecodedFrame, "asked" | "header" | "image"> {
   /** When it was on the screen, on the page's clock. */
   readonly at: number;
+  /** Null if it was shown as it came. */
+  readonly enhanced: Enhanced | null;
 }
 
 export interface StatelessPlayerOptions {
-  readonly canvas: HTMLCanvasElement;
+  readonly display: Display<DecodedFrame>;
   readonly rig: Rig;
   readonly decoder: Pick<Decoder, "decode">;
   readonly controller: () => Controller;
@@ -48,26 +52,24 @@ export interface StatelessPlayerOptions {
 
 /** The camera stands still when nothing moved it for this long, in milliseconds. */
 const STILL_AFTER = 300;
+/** How far back the time that enhancement takes is looked at, in milliseconds. */
+const ENHANCEMENT_SPAN = 5000;
 
 export class StatelessPlayer {
   readonly stats = signal<Stats>(NO_STATS);
   /** Why the server refuses frames at the moment, or null. */
   readonly problem = signal<string | null>(null);
   readonly #options: StatelessPlayerOptions;
-  readonly #context: ImageBitmapRenderingContext;
+  readonly #enhanceTimes = new TimeWindow(ENHANCEMENT_SPAN);
   #meter: Meter;
   #recorder = new StatsRecorder();
   #pipeline: FramePipeline | undefined;
   #connected: Connected | undefined;
   #refining = false;
-  #presenting: DecodedFrame | undefined;
   #publishedAt = 0;
 
   constructor(options: StatelessPlayerOptions) {
     this.#options = options;
-    const context = options.canvas.getContext("bitmaprenderer");
-    if (context === null) throw new Error("this browser cannot draw decoded images");
-    this.#context = context;
     this.#meter = new Meter("stateless", options.onPresented);
   }
 
@@ -77,8 +79,8 @@ export class StatelessPlayer {
     this.#meter = new Meter("stateless", this.#options.onPresented);
     this.#recorder = new StatsRecorder();
     this.#connected = connected ?? undefined;
-    this.#presenting = undefined;
-    const { decoder, now } = this.#options;
+    const { decoder, display, now } = this.#options;
+    display.forget();
     this.#pipeline =
       connected === null
         ? undefined
@@ -123,42 +125,39 @@ export class StatelessPlayer {
   /** Instead of `tick`, while another mode shows the scene: what was asked for is awaited no longer. */
   suspend(): void {
     this.#meter.reset();
-    this.#presenting = undefined;
+    this.#options.display.forget();
   }
 
-  /** Once per animation frame, first of all: the frame that was handed to the compositor in the last one is on the screen by now. */
+  /** Once per animation frame, first of all: the frame that was handed to the display is on the screen by now, or as soon as it is enhanced. */
   presented(now: number): void {
-    if (this.#presenting === undefined) return;
-    const { pose, header, asked, image } = this.#presenting;
+    const shown = this.#options.display.presented(now);
+    if (shown === null) return;
+    const { pose, header, asked, image } = shown.frame;
     const { width, height, profile } = header;
-    this.#meter.presented({ at: now, pose, rung: profile ?? null, width: width ?? 0, height: height ?? 0 });
-    this.#options.onShown({ at: now, asked, header, image });
-    this.#presenting = undefined;
+    const enhanced = shown.enhanced;
+    if (enhanced) this.#enhanceTimes.add(enhanced.ms, now);
+    this.#meter.presented({
+      at: now,
+      pose,
+      rung: profile ?? null,
+      width: width ?? 0,
+      height: height ?? 0,
+      ...(enhanced && { shownWidth: enhanced.width, shownHeight: enhanced.height, enhanceMs: enhanced.ms }),
+    });
+    this.#options.onShown({ at: now, asked, header, image, enhanced });
   }
 
   /** Once per animation frame, after the rig was sampled; `moved` is what the rig said. */
   tick(now: number, moved: boolean): void {
-    const { rig } = this.#options;
+    const { rig, display } = this.#options;
     if (this.#pipeline && rig.scene) {
       if (moved) this.#meter.moved(rig.pose.seq, now);
       this.#pipeline.want(this.#view(rig.scene, now), rig.pose.seq);
-      const frame = this.#pipeline.take();
-      if (frame) {
-        this.#show(frame.bitmap);
-        this.#presenting = frame;
-      }
+      // The newest frame waits where it can be overtaken, not in the graphics processor's queue.
+      const frame = display.ready ? this.#pipeline.take() : undefined;
+      if (frame) display.show(frame);
     }
     this.#publish(now);
-  }
-
-  /** A canvas does not take its proportions from the bitmap that it is given, and would show it stretched. */
-  #show(bitmap: ImageBitmap): void {
-    const { canvas } = this.#options;
-    if (canvas.width !== bitmap.width || canvas.height !== bitmap.height) {
-      canvas.width = bitmap.width;
-      canvas.height = bitmap.height;
-    }
-    this.#context.transferFromImageBitmap(bitmap);
   }
 
   #view(scene: SceneInfo, now: number): ViewRequest {
@@ -179,13 +178,14 @@ export class StatelessPlayer {
 
   #publish(now: number): void {
     const pipeline = this.#pipeline;
-    const settled = pipeline?.settled ?? true;
+    const settled = (pipeline?.settled ?? true) && this.#options.display.settled;
     if (now - this.#publishedAt < STATS_EVERY && settled === this.stats.peek().settled) return;
     this.#publishedAt = now;
     this.stats.value = {
       ...this.#meter.figures(now),
       ...this.#recorder.snapshot(now),
       transport: this.#connected?.transport.kind ?? null,
+      enhanceMs: this.#enhanceTimes.percentile(0.5, now),
       inFlight: pipeline?.inFlight ?? 0,
       settled,
       counts: pipeline?.counts ?? NO_STATS.counts,

@@ -24,6 +24,8 @@ export interface ReplyStats {
 
 export interface Stats extends Figures, ReplyStats {
   readonly transport: TransportKind | null;
+  /** The graphics processor's time to enhance a frame, median of the last seconds; null while none is enhanced. In milliseconds. */
+  readonly enhanceMs: number | null;
   readonly inFlight: number;
   readonly counts: PipelineCounts;
   /** The newest view is on the screen. */
@@ -37,6 +39,7 @@ export const NO_STATS: Stats = {
   throughput: null,
   frame: null,
   transport: null,
+  enhanceMs: null,
   inFlight: 0,
   counts: { sent: 0, cancelled: 0, dropped: 0 },
   settled: true,

@@ -2,6 +2,7 @@
 import { signal } from "@preact/signals";
 import type { DashPhase, DashPlayer, DashStats } from "../dash/dash-player";
 import { NO_DASH_STATS } from "../dash/dash-player";
+import type { EnhancementStatus } from "../enhance/enhancement";
 import { MovementDeck } from "../movement/movement-deck";
 import { COURTYARD } from "../state/fake-server";
 import { NO_STATS, type Stats } from "../stateless/stats";
@@ -28,6 +29,7 @@ export function fakeSession() {
     rig,
     movement: new MovementDeck(rig),
     stateless: { stats: signal<Stats>(NO_STATS), problem: signal<string | null>(null) },
+    enhancement: { status: signal<EnhancementStatus>({ kind: "off" }) },
     dash: signal<DashPlayer | null>(null),
     seed: signal(1),
     input: { pad: { forward: 0, right: 0, up: 0 } },

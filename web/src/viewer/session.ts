@@ -4,13 +4,17 @@ import { computed, effect, type ReadonlySignal, signal, untracked } from "@preac
 import { sleep } from "../async/sleep";
 import { DashPlayer } from "../dash/dash-player";
 import { planFor } from "../dash/presets";
+import { Display } from "../enhance/display";
+import { Enhancement } from "../enhance/enhancement";
+import { Overlay } from "../enhance/overlay";
+import { chosenEnhancers } from "../enhance/registry";
 import { ApiError } from "../http/problem";
 import { StageInput } from "../input/stage-input";
 import { MovementDeck } from "../movement/movement-deck";
 import { fetchConfig, loadScene } from "../state/api";
 import { config, settings } from "../state/app";
 import { Decoder } from "../stateless/decoder";
-import type { SentRequest } from "../stateless/pipeline";
+import type { DecodedFrame, SentRequest } from "../stateless/pipeline";
 import { selectedController } from "../stateless/selected-controller";
 import { type Reply, type ShownFrame, StatelessPlayer } from "../stateless/stateless-player";
 import { type Connected, connect } from "../transport/connect";
@@ -45,6 +49,8 @@ export class ViewerSession {
   readonly silent = signal(false);
   readonly rig: Rig;
   readonly movement: MovementDeck;
+  readonly enhancement: Enhancement;
+  readonly display: Display<DecodedFrame>;
   readonly stateless: StatelessPlayer;
   /** The DASH side; null in stateless mode, and where there is no packager. */
   readonly dash = signal<DashPlayer | null>(null);
@@ -85,8 +91,19 @@ export class ViewerSession {
       turnSpeed: () => settings.value.turnSpeed,
     });
     this.movement = new MovementDeck(this.rig);
-    this.stateless = new StatelessPlayer({
+    const overlay = new Overlay(stage.canvas);
+    this.enhancement = new Enhancement({ overlay, now });
+    this.display = new Display({
       canvas: stage.canvas,
+      overlay,
+      enhancement: this.enhancement,
+      size: () => {
+        const { width, height } = this.rig.viewport.peek();
+        return { width: Math.round(width * devicePixelRatio), height: Math.round(height * devicePixelRatio) };
+      },
+    });
+    this.stateless = new StatelessPlayer({
+      display: this.display,
       rig: this.rig,
       decoder: this.#decoder,
       controller: () => this.#controller.value,
@@ -106,6 +123,7 @@ export class ViewerSession {
       now,
     });
     this.#follow(stage);
+    this.#enhance();
     this.#connect();
     this.#stream();
     this.#animation = requestAnimationFrame(this.#tick);
@@ -151,6 +169,8 @@ export class ViewerSession {
     this.movement.dispose();
     this.input.dispose();
     this.stateless.dispose();
+    this.enhancement.dispose();
+    this.display.dispose();
     this.#decoder.dispose();
   }
 
@@ -183,6 +203,28 @@ export class ViewerSession {
     });
     for (const one of [element, canvas, video]) observer.observe(one);
     this.#cleanups.push(() => observer.disconnect());
+  }
+
+  /** By the models of the settings, and by others whenever those change or the scene is there. */
+  #enhance(): void {
+    const wanted = computed(() => {
+      const { restore, upscale, mode } = settings.value;
+      const scene = this.scene.value;
+      const ladder = config.value?.ladder;
+      const none = chosenEnhancers({ restore, upscale }).length === 0;
+      if (none || mode === "dash" || scene === null || ladder === undefined) return null;
+      // As text, so that only a change of its content is one; the configuration is read again and again.
+      return JSON.stringify({ names: { restore, upscale }, place: { scene, ladder } });
+    });
+    const stop = effect(() => {
+      if (wanted.value === null) {
+        untracked(() => this.enhancement.off());
+      } else {
+        const { names, place } = JSON.parse(wanted.value);
+        untracked(() => this.enhancement.choose(chosenEnhancers(names), place));
+      }
+    });
+    this.#cleanups.push(stop);
   }
 
   /** Connects, and connects anew whenever another transport is chosen. */

@@ -7,6 +7,8 @@
 import type { Rung, SceneInfo } from "../../wire/render";
 
 export type Kind = "restore" | "upscale";
+/** In place of a name, where no model is chosen. */
+export const OFF = "off";
 /** How a picture is brought to the size at which it is displayed. */
 export type Filter = "bicubic" | "lanczos";
 

@@ -4,7 +4,7 @@ import { computed, type Signal, signal, useSignal } from "@preact/signals";
 import { X } from "lucide";
 import type { ComponentChildren } from "preact";
 import { useEffect, useRef } from "preact/hooks";
-import { OFF } from "../../enhance/registry";
+import { OFF } from "../../enhance/model/enhancer";
 import { conduct } from "../../experiment/conduct";
 import type { Draft } from "../../experiment/draft";
 import { Experiment, type ExperimentDependencies } from "../../experiment/experiment";

@@ -4,6 +4,7 @@ import { useSignal } from "@preact/signals";
 import type { ComponentChildren, TargetedSubmitEvent } from "preact";
 import { CONTROLLER_NAMES } from "../../abr/registry";
 import { FRAME_RATES } from "../../dash/presets";
+import { webgpuProblem } from "../../enhance/device";
 import { type Draft, type Lengths, parseDraft, toggled } from "../../experiment/draft";
 import type { ResumedExperiment } from "../../experiment/experiment";
 import { presentNetwork } from "../../experiment/link";
@@ -23,6 +24,7 @@ import type { Shaper } from "../../network/shaper";
 import { config, settings } from "../../state/app";
 import { EXPERIMENTS } from "../../state/route";
 import type { ViewerSession } from "../../viewer/session";
+import { KIND_NAMES, ModelOptions } from "../enhancement-models";
 import { bitrate, clock } from "../format";
 import { Select, TextField } from "./experiment-fields";
 import { MovementChoice, useMovementOpening, useMovements } from "./experiment-movement";
@@ -214,6 +216,18 @@ function ConditionChoice({ draft, onChange }: PartProps) {
           </option>
         ))}
       </Select>
+      {(["restore", "upscale"] as const).map((kind) => (
+        <Select
+          key={kind}
+          label={`${KIND_NAMES[kind]}, stateless`}
+          value={draft[kind]}
+          disabled={!stateless || webgpuProblem() !== null}
+          onValue={(name) => onChange({ [kind]: name })}
+          note={kind === "upscale" ? (webgpuProblem() ?? undefined) : undefined}
+        >
+          <ModelOptions kind={kind} />
+        </Select>
+      ))}
       <fieldset disabled={!stateless}>
         <legend>Controllers, stateless</legend>
         {profiles.map((profile) => (

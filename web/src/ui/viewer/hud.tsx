@@ -1,6 +1,7 @@
 /** Measurements over the stage. The numbers carry `data-stat`, so that scripts and tests can read them. */
 import { ChevronDown, ChevronUp } from "lucide";
 import type { ComponentChildren } from "preact";
+import type { EnhancementStatus } from "../../enhance/enhancement";
 import { changeSettings, config, settings } from "../../state/app";
 import type { Stats } from "../../stateless/stats";
 import type { ViewerSession } from "../../viewer/session";
@@ -13,6 +14,7 @@ const NONE = "–";
 export function Hud({ session, wide }: { session: ViewerSession; wide: boolean }) {
   const stats = session.stateless.stats.value;
   const details = settings.value.hudDetails ?? wide;
+  const enhancement = session.enhancement.status.value;
   const fallback = session.connected.value?.fallback;
   return (
     <section class="floating hud" aria-label="Measurements">
@@ -35,7 +37,7 @@ export function Hud({ session, wide }: { session: ViewerSession; wide: boolean }
           <Icon of={details ? ChevronDown : ChevronUp} />
         </button>
       </div>
-      {details && <Details stats={stats} />}
+      {details && <Details stats={stats} enhancement={enhancement} />}
       <p class="hud-transport">
         <span class="dot" data-transport={stats.transport ?? "none"} />
         <span data-stat="transport">{stats.transport ? TRANSPORT_NAMES[stats.transport] : "not connected"}</span>
@@ -47,11 +49,44 @@ export function Hud({ session, wide }: { session: ViewerSession; wide: boolean }
         )}
         {session.silent.value && <span data-stat="silence"> – no answer, asking again…</span>}
       </p>
+      <EnhancementNote status={enhancement} />
     </section>
   );
 }
 
-function Details({ stats }: { stats: Stats }) {
+/** What a person should know: enhancement is off by itself, or starts again. */
+export function EnhancementNote({ status }: { status: EnhancementStatus }) {
+  const note = enhancementNote(status);
+  return (
+    note && (
+      <p class="hud-note" role="status" data-stat="enhancement-note">
+        {note}
+      </p>
+    )
+  );
+}
+
+/** Null where all is as it was chosen. */
+export function enhancementNote(status: EnhancementStatus): string | null {
+  if (status.kind === "failed") return `Enhancement is off. ${status.message}`;
+  return status.kind === "starting" ? status.message : null;
+}
+
+export function EnhancementRow({ status, time }: { status: EnhancementStatus; time: number | null }) {
+  if (status.kind !== "on") return null;
+  return (
+    <>
+      <Row name="enhancement" label="Enhanced by">
+        {status.label}
+      </Row>
+      <Row name="enhancement-time" label="Enhancement">
+        {withUnit(time)}
+      </Row>
+    </>
+  );
+}
+
+function Details({ stats, enhancement }: { stats: Stats; enhancement: EnhancementStatus }) {
   const { server, frame, counts } = stats;
   const rung = frame?.profile == null ? undefined : config.value?.ladder[frame.profile];
   const total = server && server.queue + server.render + server.encode;
@@ -81,6 +116,7 @@ function Details({ stats }: { stats: Stats }) {
       <Row name="profile" label="Profile">
         {rung?.name ?? NONE}
       </Row>
+      <EnhancementRow status={enhancement} time={stats.enhanceMs} />
       <Row name="requests" label="In flight">
         {stats.inFlight}
       </Row>
@@ -122,7 +158,8 @@ function rate({ framesPerSecond, settled, shown }: Stats): string {
   return framesPerSecond === 0 && settled && shown > 0 ? "idle" : String(Math.round(framesPerSecond));
 }
 
-function milliseconds(value: number | null | undefined): string {
+/** Without the unit. */
+export function milliseconds(value: number | null | undefined): string {
   if (value === null || value === undefined) return NONE;
   return value < 10 ? value.toFixed(1) : String(Math.round(value));
 }

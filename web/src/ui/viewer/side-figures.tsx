@@ -7,7 +7,7 @@ import type { Figures } from "../../view/meter";
 import type { Side } from "../../view/presented";
 import type { ViewerSession } from "../../viewer/session";
 import { bitrate } from "../format";
-import { Row } from "./hud";
+import { EnhancementNote, EnhancementRow, Row } from "./hud";
 
 const NONE = "–";
 
@@ -18,7 +18,14 @@ export function SideFigures({ session, mode }: { session: ViewerSession; mode: M
     <div class="sides">
       {mode === "side-by-side" && (
         <div class="side">
-          <SideHud side="stateless" title="Stateless" figures={session.stateless.stats.value} />
+          <SideHud
+            side="stateless"
+            title="Stateless"
+            figures={session.stateless.stats.value}
+            note={<EnhancementNote status={session.enhancement.status.value} />}
+          >
+            <EnhancementRow status={session.enhancement.status.value} time={session.stateless.stats.value.enhanceMs} />
+          </SideHud>
         </div>
       )}
       <div class="side">
@@ -40,9 +47,11 @@ interface HudProps {
   readonly title: string;
   readonly figures: Figures;
   readonly children?: ComponentChildren;
+  /** Below the figures. */
+  readonly note?: ComponentChildren;
 }
 
-function SideHud({ side, title, figures, children }: HudProps) {
+function SideHud({ side, title, figures, children, note }: HudProps) {
   const { motionToPhoton, framesPerSecond, bandwidth, stalls, picture } = figures;
   const rung = picture?.rung == null ? undefined : config.value?.ladder[picture.rung];
   return (
@@ -73,6 +82,7 @@ function SideHud({ side, title, figures, children }: HudProps) {
         </Row>
         {children}
       </dl>
+      {note}
     </section>
   );
 }

@@ -11,6 +11,7 @@ import { IconButton } from "../icon-button";
 import { InsecureHint } from "../insecure-hint";
 import { NetworkPanel } from "../network/network-panel";
 import { ThemeButton } from "../theme-button";
+import { EnhancementPanel } from "./enhancement-panel";
 import { ModePanel } from "./mode-panel";
 import { MovementTrace } from "./movement-trace";
 import { TRANSPORT_NAMES } from "./names";
@@ -35,6 +36,11 @@ export function Sidebar({ session, onClose, onReset }: Props) {
         <ModePanel session={session} />
       </Section>
       <Quality session={session} />
+      {settings.value.mode !== "dash" && (
+        <Section title="Enhancement">
+          <EnhancementPanel session={session} />
+        </Section>
+      )}
       <Transport />
       {shaper && (
         <Section title="Network">

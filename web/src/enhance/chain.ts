@@ -1,0 +1,85 @@
+/** The chosen models, ready on a device: the picture passes one after the other. */
+import { readProblem } from "../http/problem";
+import type { Rung, SceneInfo } from "../wire/render";
+import { EnhancementError, type Enhancer, type Filter, type Kind, type Loaded, OFF } from "./model/enhancer";
+
+/** Where frames come from. */
+export interface Place {
+  readonly scene: SceneInfo;
+  readonly ladder: readonly Rung[];
+}
+
+export class Chain {
+  readonly label: string;
+  /** Of the models, or `off`. */
+  readonly names: Readonly<Record<Kind, string>>;
+  /** Of the last step, which brings the picture to the displayed size. */
+  readonly filter: Filter;
+  readonly #models: readonly { readonly label: string; readonly loaded: Loaded }[];
+
+  private constructor(models: readonly Enhancer[], loaded: readonly Loaded[]) {
+    this.label = models.map(({ label }) => label).join(" + ");
+    const nameOf = (kind: Kind) => models.find((model) => model.kind === kind)?.name ?? OFF;
+    this.names = { restore: nameOf("restore"), upscale: nameOf("upscale") };
+    this.filter = models.findLast(({ filter }) => filter !== undefined)?.filter ?? "bicubic";
+    this.#models = loaded.map((one, index) => ({ label: models[index]?.label ?? "", loaded: one }));
+  }
+
+  /** Rejects with an EnhancementError, or with the reason of `signal`; then nothing remains of what was loaded. */
+  static async load(device: GPUDevice, models: readonly Enhancer[], place: Place, signal: AbortSignal): Promise<Chain> {
+    const loading = await Promise.allSettled(models.map((model) => loadOne(device, model, place, signal)));
+    const loaded = loading.flatMap((one) => (one.status === "fulfilled" ? one.value : []));
+    const failed = loading.find((one) => one.status === "rejected");
+    if (failed || signal.aborted) for (const one of loaded) one.dispose();
+    signal.throwIfAborted();
+    if (failed) throw failed.reason;
+    return new Chain(models, loaded);
+  }
+
+  /** Encodes all models' work. Throws an EnhancementError that names the model which failed. */
+  run(encoder: GPUCommandEncoder, input: GPUTexture, rung: number | null): GPUTexture {
+    return this.#models.reduce((picture, { label, loaded }) => {
+      try {
+        return loaded.run(encoder, picture, rung);
+      } catch (error) {
+        throw new EnhancementError(`${label} failed: ${sentence(error)}`);
+      }
+    }, input);
+  }
+
+  dispose(): void {
+    for (const { loaded } of this.#models) loaded.dispose();
+  }
+}
+
+async function loadOne(
+  device: GPUDevice,
+  model: Enhancer,
+  { scene, ladder }: Place,
+  signal: AbortSignal,
+): Promise<Loaded> {
+  try {
+    const url = model.weights?.(scene);
+    if (url === null) throw new EnhancementError("there are no weights for this scene.");
+    return await model.load(device, url === undefined ? null : await fetchWeights(url, signal), ladder);
+  } catch (error) {
+    signal.throwIfAborted();
+    throw new EnhancementError(`${model.label} cannot be used: ${sentence(error)}`);
+  }
+}
+
+async function fetchWeights(url: string, signal: AbortSignal): Promise<ArrayBuffer> {
+  let response: Response;
+  try {
+    response = await fetch(url, { signal });
+    if (response.ok) return await response.arrayBuffer();
+  } catch {
+    throw new EnhancementError("its weights did not come.");
+  }
+  throw new EnhancementError(`its weights did not come: ${(await readProblem(response)).detail}`);
+}
+
+function sentence(error: unknown): string {
+  const said = error instanceof Error ? error.message : String(error);
+  return /[.!?]$/.test(said) ? said : `${said}.`;
+}

@@ -1,0 +1,28 @@
+/** The page's graphics processor, which nobody asks for before the first model is switched on. */
+import { EnhancementError } from "./model/enhancer";
+
+/** Used where the device has them; models look for them in `device.features`. */
+const WELCOME: readonly GPUFeatureName[] = ["timestamp-query", "shader-f16"];
+
+/** Why there is no WebGPU in this page; null if there may be. */
+export function webgpuProblem(): string | null {
+  if (navigator.gpu !== undefined) return null;
+  return globalThis.isSecureContext
+    ? "This browser has no WebGPU."
+    : "WebGPU needs a secure page: open it over HTTPS, or on localhost.";
+}
+
+/** Rejects with an EnhancementError. */
+export async function openDevice(): Promise<GPUDevice> {
+  const problem = webgpuProblem();
+  if (problem !== null) throw new EnhancementError(problem);
+  const adapter = await navigator.gpu.requestAdapter({ powerPreference: "high-performance" });
+  if (adapter === null) throw new EnhancementError("WebGPU finds no graphics processor here.");
+  try {
+    return await adapter.requestDevice({
+      requiredFeatures: WELCOME.filter((feature) => adapter.features.has(feature)),
+    });
+  } catch {
+    throw new EnhancementError("The graphics processor cannot be used at present.");
+  }
+}

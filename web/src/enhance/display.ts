@@ -1,0 +1,246 @@
+/**
+ * What shows decoded frames: as they come on one canvas, or enhanced on a second one over it. A canvas that bitmaps are handed to
+ * cannot become one of WebGPU's, and while no model is chosen, the second is not there for anyone.
+ */
+import type { Chain } from "./chain";
+import type { Enhancement } from "./enhancement";
+import type { Size } from "./geometry";
+import type { Overlay } from "./overlay";
+import { Pace } from "./pace";
+import { type Drawn, MOST_FRAMES, type Renderer } from "./renderer";
+
+/** How a frame that is on the screen was enhanced. */
+export interface Enhanced extends Size {
+  /** The graphics processor's time, in milliseconds. */
+  readonly ms: number;
+  /** The models' names, or `off`. */
+  readonly restore: string;
+  readonly upscale: string;
+  /** The picture without loss, until the next animation frame. */
+  readonly copy: () => ImageBitmap;
+}
+
+/** A frame that came on the screen. */
+export interface OnScreen<Frame> {
+  readonly frame: Frame;
+  readonly enhanced: Enhanced | null;
+}
+
+/** What is shown: a bitmap, and the rung that it has. */
+interface Decoded {
+  readonly bitmap: ImageBitmap;
+  readonly header: { readonly profile?: number | null };
+}
+
+/** A frame that is being enhanced. */
+interface Pending<Frame> {
+  /** Null: nobody is to hear of it. */
+  frame: Frame | null;
+  readonly renderer: Renderer;
+  readonly names: Chain["names"];
+  readonly drawn: Drawn;
+  /** Once it is done. */
+  ms: number | null;
+  /** Animation frames that it has taken. */
+  age: number;
+}
+
+export interface DisplayOptions {
+  /** For frames as they come. */
+  readonly canvas: HTMLCanvasElement;
+  /** For enhanced ones. */
+  readonly overlay: Overlay;
+  readonly enhancement: Enhancement;
+  /** How large pictures are displayed, in the screen's pixels. */
+  readonly size: () => Size;
+}
+
+/** So many frames may be in the making: the next one begins while nobody has heard yet that the last is done. */
+const AT_ONCE = MOST_FRAMES - 1;
+/** A frame that is not done after so many animation frames will not do. */
+const PATIENCE = 60;
+
+export class Display<Frame extends Decoded> {
+  readonly #options: DisplayOptions;
+  readonly #context: ImageBitmapRenderingContext;
+  readonly #pace = new Pace();
+  #pending: readonly Pending<Frame>[] = [];
+  #onScreen: Pending<Frame> | null = null;
+  /** Handed to the canvas for frames as they come, and not told of yet. */
+  #raw: Frame | null = null;
+  /** The newest picture that was enhanced, as it came. */
+  #newest: Decoded | null = null;
+  #rung: number | null = null;
+  /** Frames that were shown. */
+  #shows = 0;
+  /** The picture on the screen is to be enhanced anew. */
+  #stale = false;
+  /** Why the models are to be given up in the next animation frame: whoever hears of this one's frame may still copy it. */
+  #verdict: string | null = null;
+
+  constructor(options: DisplayOptions) {
+    this.#options = options;
+    const context = options.canvas.getContext("bitmaprenderer");
+    if (context === null) throw new Error("this browser cannot draw decoded images");
+    this.#context = context;
+    options.enhancement.onChange = () => this.#changed();
+  }
+
+  /** Whether another frame can be taken now. */
+  get ready(): boolean {
+    return this.#pending.length < AT_ONCE;
+  }
+
+  /** Nothing is in the making. */
+  get settled(): boolean {
+    return this.#pending.length === 0;
+  }
+
+  /** Takes a frame, and its bitmap for good. */
+  show(frame: Frame): void {
+    const { bitmap, header } = frame;
+    this.#shows++;
+    this.#stale = false;
+    this.#rung = header.profile ?? null;
+    this.#options.enhancement.seen({ width: bitmap.width, height: bitmap.height, rung: this.#rung });
+    if (!this.#enhance(frame, frame)) this.#draw(frame, frame);
+  }
+
+  /** Once per animation frame, first of all: the frame that is on the screen by now and was not in the last one, if any. */
+  presented(now: number): OnScreen<Frame> | null {
+    this.#pace.tick(now);
+    if (this.#verdict !== null) this.#options.enhancement.giveUp(this.#verdict);
+    const raw = this.#raw;
+    this.#raw = null;
+    const enhanced = this.#takeDone();
+    if (this.#stale && this.ready) void this.#enhanceAnew();
+    return raw ? { frame: raw, enhanced: null } : enhanced;
+  }
+
+  /** Frames that are not on the screen yet are not to be told of. */
+  forget(): void {
+    this.#raw = null;
+    for (const pending of this.#pending) pending.frame = null;
+  }
+
+  /** A copy of what is on the screen, without loss. */
+  async picture(): Promise<ImageBitmap> {
+    const shown = this.#onScreen;
+    return shown ? shown.renderer.copy(shown.drawn) : createImageBitmap(this.#options.canvas);
+  }
+
+  dispose(): void {
+    this.#keep(null);
+  }
+
+  /** The frames that are done by now leave the list; the newest of them is on the screen. */
+  #takeDone(): OnScreen<Frame> | null {
+    for (const pending of this.#pending) pending.age++;
+    const working = this.#pending.findIndex(({ ms }) => ms === null);
+    const done = working === -1 ? this.#pending : this.#pending.slice(0, working);
+    this.#pending = this.#pending.slice(done.length);
+    const last = done.at(-1);
+    if (last) {
+      this.#release([...done.slice(0, -1), this.#onScreen]);
+      this.#onScreen = last;
+    }
+    const frame = done.findLast((one) => one.frame !== null)?.frame;
+    this.#watch(done);
+    if (!last || !frame) return null;
+    const { drawn, renderer, names, ms } = last;
+    const { width, height } = drawn;
+    return { frame, enhanced: { width, height, ms: ms ?? 0, ...names, copy: () => renderer.copy(drawn) } };
+  }
+
+  #watch(done: readonly Pending<Frame>[]): void {
+    const tooLong = done.map(({ ms }) => this.#pace.observe(ms ?? 0)).findLast((time) => time !== null);
+    if (tooLong) {
+      const [took, display] = [tooLong, this.#pace.interval].map((time) => Math.round(time));
+      this.#verdict = `It took ${took} ms a frame, and the display shows one every ${display} ms.`;
+    } else if ((this.#pending[0]?.age ?? 0) > PATIENCE) {
+      this.#verdict = "The graphics processor is too slow for it.";
+    }
+  }
+
+  /** Whether the picture could be handed to the graphics processor. */
+  #enhance(picture: Decoded, frame: Frame | null): boolean {
+    const { enhancement, overlay, size } = this.#options;
+    const { active } = enhancement;
+    const { width, height } = size();
+    if (active === null || width < 1 || height < 1) return false;
+    const { renderer, chain } = active;
+    let drawn: Drawn;
+    try {
+      drawn = renderer.draw(picture.bitmap, picture.header.profile ?? null, chain, { width, height });
+    } catch (error) {
+      enhancement.giveUp(sentence(error));
+      return false;
+    }
+    const pending: Pending<Frame> = { frame, renderer, names: chain.names, drawn, ms: null, age: 0 };
+    drawn.done.then(
+      (ms) => {
+        pending.ms = ms;
+      },
+      () => undefined, // the device was lost, which `enhancement` hears of
+    );
+    this.#pending = [...this.#pending, pending];
+    this.#keep(picture);
+    overlay.show();
+    return true;
+  }
+
+  /** Another model is to enhance what is on the screen, too: a camera that stands still gets no frames. */
+  async #enhanceAnew(): Promise<void> {
+    this.#stale = false;
+    if (this.#newest) {
+      this.#enhance(this.#newest, null);
+      return;
+    }
+    const shows = this.#shows;
+    const bitmap = await createImageBitmap(this.#options.canvas);
+    const picture = { bitmap, header: { profile: this.#rung } };
+    if (shows !== this.#shows || !this.#enhance(picture, null)) bitmap.close();
+  }
+
+  /** As it came. A canvas does not take its proportions from the bitmap that it is given, and would show it stretched. */
+  #draw(picture: Decoded, frame: Frame | null): void {
+    const { canvas, overlay } = this.#options;
+    const { bitmap } = picture;
+    if (canvas.width !== bitmap.width || canvas.height !== bitmap.height) {
+      canvas.width = bitmap.width;
+      canvas.height = bitmap.height;
+    }
+    this.#context.transferFromImageBitmap(bitmap);
+    this.#raw = frame;
+    this.#keep(null);
+    this.#release([...this.#pending, this.#onScreen]);
+    this.#pending = [];
+    this.#onScreen = null;
+    overlay.hide();
+  }
+
+  /** Another model enhances the frames from now on, or none. */
+  #changed(): void {
+    this.#pace.reset();
+    this.#verdict = null;
+    this.#stale = this.#options.enhancement.active !== null && this.#shows > 0;
+    if (this.#options.enhancement.active !== null || this.#newest === null) return;
+    const untold = this.#pending.findLast(({ frame }) => frame !== null)?.frame ?? null;
+    const picture = this.#newest;
+    this.#newest = null; // its bitmap goes to the canvas
+    this.#draw(picture, untold);
+  }
+
+  #keep(picture: Decoded | null): void {
+    if (picture !== this.#newest) this.#newest?.bitmap.close();
+    this.#newest = picture;
+  }
+
+  #release(frames: readonly (Pending<Frame> | null)[]): void {
+    for (const frame of frames) frame?.renderer.release(frame.drawn);
+  }
+}
+
+function sentence(error: unknown): string {
+  return error instanceof Error ? error.message : String(error);
+}

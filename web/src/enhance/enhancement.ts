@@ -1,0 +1,183 @@
+/**
+ * The models that are chosen, on a device that works: loaded in the background while those of before go on, started again once
+ * after the device was lost, and given up with a sentence where they cannot be used.
+ */
+import { type ReadonlySignal, signal } from "@preact/signals";
+import { Chain, type Place } from "./chain";
+import { openDevice } from "./device";
+import { EnhancementError, type Enhancer } from "./model/enhancer";
+import type { Overlay } from "./overlay";
+import { type Picture, Renderer } from "./renderer";
+
+export type EnhancementStatus =
+  | { readonly kind: "off" }
+  | { readonly kind: "starting"; readonly message: string | null }
+  | { readonly kind: "on"; readonly label: string }
+  /** Off by itself, until something is chosen again. */
+  | { readonly kind: "failed"; readonly message: string };
+
+/** What draws, and through which models. */
+export interface Active {
+  readonly renderer: Renderer;
+  readonly chain: Chain;
+}
+
+export interface EnhancementOptions {
+  /** Where enhanced frames are drawn. */
+  readonly overlay: Overlay;
+  readonly now: () => number;
+  readonly open?: () => Promise<GPUDevice>;
+}
+
+interface Opened {
+  readonly device: GPUDevice;
+  readonly renderer: Renderer;
+}
+
+const LOST = "The graphics processor was lost";
+
+export class Enhancement {
+  readonly #status = signal<EnhancementStatus>({ kind: "off" });
+  readonly #options: Required<EnhancementOptions>;
+  #choice: { readonly models: readonly Enhancer[]; readonly place: Place } | undefined;
+  #starting = new AbortController();
+  #opened: Promise<Opened> | undefined;
+  /** Whose loss and errors concern us: none that was given up. */
+  #device: GPUDevice | undefined;
+  #active: Active | null = null;
+  #picture: Picture | undefined;
+  #retried = false;
+  /** Called whenever `active` is another one. */
+  onChange: () => void = () => undefined;
+
+  constructor(options: EnhancementOptions) {
+    this.#options = { open: openDevice, ...options };
+  }
+
+  get status(): ReadonlySignal<EnhancementStatus> {
+    return this.#status;
+  }
+
+  /** Null while frames are to be shown as they come. */
+  get active(): Active | null {
+    return this.#active;
+  }
+
+  /** Enhance by these models as soon as they are ready. */
+  choose(models: readonly Enhancer[], place: Place): void {
+    this.#retried = false;
+    this.#choice = { models, place };
+    void this.#start(null);
+  }
+
+  /** Show frames as they come. */
+  off(): void {
+    this.#end({ kind: "off" });
+  }
+
+  /** Pictures like this one come at present: a model that is loaded makes itself ready for them first. */
+  seen(picture: Picture): void {
+    this.#picture = picture;
+  }
+
+  /** Show frames as they come until something is chosen again, and say why. */
+  giveUp(message: string): void {
+    this.#end({ kind: "failed", message });
+  }
+
+  dispose(): void {
+    this.onChange = () => undefined;
+    this.#end({ kind: "off" });
+  }
+
+  async #start(message: string | null): Promise<void> {
+    if (this.#choice === undefined) return;
+    const { models, place } = this.#choice;
+    this.#starting.abort();
+    const starting = new AbortController();
+    this.#starting = starting;
+    const { signal } = starting;
+    this.#status.value = { kind: "starting", message };
+    try {
+      this.#opened ??= this.#open();
+      const { device, renderer } = await this.#opened;
+      signal.throwIfAborted();
+      const chain = await Chain.load(device, models, place, signal);
+      try {
+        if (this.#picture) await renderer.warmUp(chain, this.#picture);
+        signal.throwIfAborted();
+      } catch (error) {
+        chain.dispose();
+        throw error;
+      }
+      const before = this.#active;
+      this.#active = { renderer, chain };
+      this.#status.value = { kind: "on", label: chain.label };
+      this.onChange();
+      before?.chain.dispose();
+    } catch (error) {
+      if (!signal.aborted) this.giveUp(sentence(error));
+    }
+  }
+
+  async #open(): Promise<Opened> {
+    const device = await this.#options.open();
+    const mine = () => this.#device === device;
+    if (this.#opened !== undefined) this.#device = device; // it is still wanted
+    void device.lost.then(() => mine() && this.#lost());
+    device.addEventListener("uncapturederror", (event) => {
+      event.preventDefault(); // it is told here
+      if (mine()) this.giveUp(`${this.#label()} failed: ${event.error.message}`);
+    });
+    try {
+      const { overlay, now } = this.#options;
+      return { device, renderer: new Renderer(device, overlay.canvas, now) };
+    } catch (error) {
+      device.destroy();
+      throw error;
+    }
+  }
+
+  #lost(): void {
+    this.#opened = undefined;
+    this.#device = undefined;
+    this.#release();
+    if (this.#retried) {
+      this.giveUp(`${LOST} again.`);
+      return;
+    }
+    this.#retried = true;
+    void this.#start(`${LOST}; starting again.`);
+  }
+
+  #end(status: EnhancementStatus): void {
+    this.#choice = undefined;
+    this.#starting.abort();
+    const opened = this.#opened;
+    this.#opened = undefined;
+    this.#device = undefined;
+    this.#release();
+    void opened?.then(
+      ({ device }) => device.destroy(),
+      () => undefined, // it was told of
+    );
+    this.#status.value = status;
+  }
+
+  #release(): void {
+    const before = this.#active;
+    if (before === null) return;
+    this.#active = null;
+    this.onChange();
+    before.chain.dispose();
+  }
+
+  #label(): string {
+    return this.#choice?.models.map(({ label }) => label).join(" + ") ?? "";
+  }
+}
+
+function sentence(error: unknown): string {
+  if (error instanceof EnhancementError) return error.message;
+  return `Enhancement does not work here: ${error instanceof Error ? error.message : String(error)}`;
+}

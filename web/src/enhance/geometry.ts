@@ -1,0 +1,23 @@
+/** Which part of a picture is displayed, and how it is sampled. */
+
+export interface Size {
+  readonly width: number;
+  readonly height: number;
+}
+
+/** Along one side, in the picture's pixels. */
+export interface Sampling {
+  /** Where the displayed part begins. */
+  readonly origin: number;
+  /** From one displayed pixel to the next. */
+  readonly step: number;
+  /** Of the whole picture. */
+  readonly length: number;
+}
+
+/** As CSS does with `object-fit: cover`: the picture fills the display, and what is too much of it is cut off on both sides. */
+export function cover(picture: Size, display: Size): { readonly across: Sampling; readonly down: Sampling } {
+  const step = Math.min(picture.width / display.width, picture.height / display.height);
+  const along = (length: number, displayed: number) => ({ origin: (length - displayed * step) / 2, step, length });
+  return { across: along(picture.width, display.width), down: along(picture.height, display.height) };
+}

@@ -1,0 +1,54 @@
+/** How long a frame's work takes the graphics processor: by its own clock where it tells of it, else until it says that it is done. */
+
+const BYTES = 16;
+
+export class Stopwatch {
+  readonly #queries: GPUQuerySet;
+  readonly #resolved: GPUBuffer;
+  readonly #read: GPUBuffer;
+
+  private constructor(device: GPUDevice) {
+    this.#queries = device.createQuerySet({ type: "timestamp", count: 2 });
+    this.#resolved = device.createBuffer({
+      size: BYTES,
+      usage: GPUBufferUsage.QUERY_RESOLVE | GPUBufferUsage.COPY_SRC,
+    });
+    this.#read = device.createBuffer({ size: BYTES, usage: GPUBufferUsage.COPY_DST | GPUBufferUsage.MAP_READ });
+  }
+
+  /** Null where the device has no clock for pages. */
+  static of(device: GPUDevice): Stopwatch | null {
+    return device.features.has("timestamp-query") ? new Stopwatch(device) : null;
+  }
+
+  /** Encoded before the work. */
+  start(encoder: GPUCommandEncoder): void {
+    encoder.beginComputePass({ timestampWrites: { querySet: this.#queries, beginningOfPassWriteIndex: 0 } }).end();
+  }
+
+  /** Of the work's last pass. */
+  get last(): GPURenderPassTimestampWrites {
+    return { querySet: this.#queries, endOfPassWriteIndex: 1 };
+  }
+
+  /** Encoded after it. */
+  stop(encoder: GPUCommandEncoder): void {
+    encoder.resolveQuerySet(this.#queries, 0, 2, this.#resolved, 0);
+    encoder.copyBufferToBuffer(this.#resolved, 0, this.#read, 0, BYTES);
+  }
+
+  /** In milliseconds, once the work is done; null if the clock says something absurd, as it may after a pause of the processor. */
+  async read(atMost: number): Promise<number | null> {
+    await this.#read.mapAsync(GPUMapMode.READ);
+    const [begun = 0n, ended = 0n] = new BigUint64Array(this.#read.getMappedRange());
+    this.#read.unmap();
+    const time = Number(ended - begun) / 1e6;
+    return time > 0 && time <= atMost ? time : null;
+  }
+
+  destroy(): void {
+    this.#queries.destroy();
+    this.#resolved.destroy();
+    this.#read.destroy();
+  }
+}
