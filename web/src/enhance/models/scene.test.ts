@@ -1,0 +1,25 @@
+/** That its pictures are right, tests/web/test_scene_network.py checks; here is what it says where there are none. */
+import { expect, test } from "vitest";
+import { EnhancementError } from "../model/enhancer";
+import { LADDER, ONE, safetensors, weights } from "../network/fake-weights";
+import { SCENE } from "./scene";
+
+const SOUND = safetensors(weights([ONE]).header, weights([ONE]).data);
+
+/** A device that compiles nothing. */
+const device = {
+  features: new Set<string>(),
+  createShaderModule: () => ({}),
+  createComputePipelineAsync: () => Promise.reject(new Error("error: too many literals\n  at line 12")),
+} as unknown as GPUDevice;
+
+test.each([
+  ["no weights", null, LADDER, "There is no network for this scene."],
+  ["weights for another ladder", SOUND, [], /^The weights were trained for rung 1 of 32×18 pixels/],
+  ["weights that are cut off", SOUND.slice(0, 300), LADDER, "The weights are cut off."],
+  ["a GPU that refuses the shaders", SOUND, LADDER, "This GPU cannot run the scene's network."],
+])("%s end in a sentence", async (_, file, ladder, message) => {
+  const error: unknown = await SCENE.load(device, file, ladder).catch((reason: unknown) => reason);
+  expect(error).toBeInstanceOf(EnhancementError);
+  expect((error as Error).message).toMatch(message);
+});
