@@ -16,10 +16,11 @@ from tigas_experiments.report.comparison_page import comparison_page
 from tigas_experiments.report.controllers import Controller
 from tigas_experiments.report.differences import against, choose_baseline
 from tigas_experiments.report.experiment_page import experiment_page
+from tigas_experiments.report.gallery import gallery
 from tigas_experiments.report.groups import Groups
-from tigas_experiments.report.results import Results, Told, load
+from tigas_experiments.report.results import Results, Told, load, sampled_runs
 from tigas_experiments.report.tables import write_csv
-from tigas_experiments.report.warnings import comparison_warnings, experiment_warnings
+from tigas_experiments.report.warnings import comparison_warnings, experiment_warnings, sample_warnings
 
 PAGES = {
     "experiment": (experiment_page, experiment_warnings),
@@ -62,10 +63,16 @@ def write_report(
     csv_files = write_csv(results, groups, compared, base, out)
     template = template or ("experiment" if results.experiment is None else results.experiment.template)
     values, warnings = PAGES[template]
-    report = Report(
-        results, groups, template, None if base is None else base.name, warnings(results), out / "report.html"
-    )
-    shown = {"baseline": base, "compared": compared, **values(results, groups, out, told)}
+    sampled = sampled_runs(results)
+    told_of = [*warnings(results), *sample_warnings(sampled)]
+    report = Report(results, groups, template, None if base is None else base.name, told_of, out / "report.html")
+    shown = {
+        "baseline": base,
+        "compared": compared,
+        "sampled": sampled,
+        "samples": gallery(results.folder, sampled),
+        **values(results, groups, out, told),
+    }
     page = _filled(report, csv_files, shown)
     report.page.write_text(page, encoding="utf-8")
     return report

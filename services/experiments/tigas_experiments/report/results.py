@@ -15,6 +15,7 @@ from tigas_common.errors import StartError
 from tigas_common.wire.figures import Figures
 from tigas_experiments.records import statistics
 from tigas_experiments.records.folder import ExperimentRecord, RunRecord, read_experiment
+from tigas_experiments.records.materialised import SampledRun, sampled_run
 from tigas_experiments.records.recording import BrokenRecording
 from tigas_experiments.records.summary import Records, read
 from tigas_experiments.report.controllers import Controller
@@ -121,6 +122,12 @@ def load(folder: Path, told: Told = lambda what, done, total: None) -> Results:
             failures.append(Failure(each.name, within(str(error)), None))
         told("reads runs", done, len(folders))
     return Results(folder, experiment, tuple(runs), tuple(failures))
+
+
+def sampled_runs(results: Results) -> dict[str, SampledRun]:
+    """What is known of the samples of complete runs that have some, by the names of their folders."""
+    found = ((run.folder, sampled_run(results.folder / "runs" / run.folder)) for run in results.runs)
+    return {folder: run for folder, run in found if run.samples}
 
 
 def run_folders(folder: Path) -> list[Path]:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 
+from tigas_experiments.records.materialised import SampledRun
 from tigas_experiments.report.comparison_table import label, runs_as_made
 from tigas_experiments.report.results import Results
 
@@ -15,6 +17,22 @@ def unreadable(results: Results) -> list[str]:
         for failure in results.failures
         if failure.record is None
     ]
+
+
+def sample_warnings(runs: Mapping[str, SampledRun]) -> list[str]:
+    """Of the runs that have samples: where ground truth is doubtful, or is not there."""
+    found = [
+        f"{name}: asked again, the renderer answered differently for {run.different} of {len(run.samples)} samples, so "
+        "that ground truth may be of another renderer than the frames."
+        for name, run in runs.items()
+        if run.different
+    ]
+    if missing := sum(run.missing for run in runs.values()):
+        total = sum(len(run.samples) for run in runs.values())
+        found.append(
+            f"Of {missing} of {total} samples something is missing: `tigas experiment materialise DIR` asks for it."
+        )
+    return found
 
 
 def comparison_warnings(results: Results) -> list[str]:
