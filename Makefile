@@ -78,6 +78,7 @@ compare: .venv/.ready $(STATIC)
 
 bench: .venv/.ready $(STATIC)
 	@$(VENV)/python -m benchmarks.raster
+	@$(VENV)/python -m benchmarks.footprint
 	@$(VENV)/python -m benchmarks.transport
 	@$(VENV)/python -m benchmarks.memory
 	@$(VENV)/python -m benchmarks.dash

@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import importlib.util
 import json
-import math
 import statistics
 import time
 from collections.abc import Callable
@@ -24,16 +23,15 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-from tigas_common.pose import Intrinsics, Pose, Vector3
+from benchmarks.views import centred_lens, look, start_view
+from tigas_common.pose import Pose
 from tigas_common.wire.render import DEFAULT_LADDER
 from tigas_render.gaussians import Gaussians
 from tigas_render.raster.base import Camera
 from tigas_render.raster.cpu import CpuRasterizer
 from tigas_render.raster.reference import ReferenceRasterizer
-from tigas_render.scenes.demo import DEMO_METADATA, demo_scene
-from tigas_render.scenes.metadata import DEFAULT_UP
+from tigas_render.scenes.demo import demo_scene
 from tigas_render.scenes.ply import load_ply
-from tigas_render.scenes.start_camera import derive_camera
 
 FRAMES = 15
 """Frames that a median is taken of, after two that warm up."""
@@ -54,7 +52,7 @@ def main(
     for argument in scenes or ["courtyard="]:
         name, _, path = argument.partition("=")
         gaussians = load_ply(Path(path)) if path else demo_scene()
-        pose = _pose(views[name]) if name in views else _start(gaussians, builtin=not path)
+        pose = look(views.get(name) or start_view(gaussians, builtin=not path))
         rival = _rival(other, Path(path), views[name]) if other and name in views else None
         _report(name, gaussians, pose, rasterizer, rival)
         if reference:
@@ -67,7 +65,7 @@ def _report(name: str, gaussians: Gaussians, pose: Pose, rasterizer: CpuRasteriz
     for heading in ("rung", *STAGES, "raster", "frames/s", *(("best", "baseline's", "ratio") if rival else ())):
         table.add_column(heading, justify="right")
     for rung in DEFAULT_LADDER:
-        camera = Camera(pose, _lens(rung.width, rung.height))
+        camera = Camera(pose, centred_lens(rung.width, rung.height))
         times: list[dict[str, float]] = []
         rivals: list[float] = []
         for _ in range(FRAMES + 2):
@@ -106,7 +104,7 @@ def _staged(rasterizer: CpuRasterizer, scene: object, camera: Camera, quality: i
 
 
 def _compare_with_reference(gaussians: Gaussians, pose: Pose, rasterizer: CpuRasterizer) -> None:
-    camera = Camera(pose, _lens(640, 360))
+    camera = Camera(pose, centred_lens(640, 360))
     slow = ReferenceRasterizer()
     slow_scene, fast_scene = slow.prepare(gaussians), rasterizer.prepare(gaussians)
     begin = time.perf_counter()
@@ -130,7 +128,7 @@ def _rival(module: ModuleType, path: Path, view: dict[str, list[float]]) -> Riva
     rotation, translation = module.w2c(view)
 
     def frame(width: int, height: int) -> float:
-        lens = _lens(width, height)
+        lens = centred_lens(width, height)
         _, seconds = module.frame(scene, rotation, translation, lens.fx, lens.fy, lens.cx, lens.cy, width, height, n=3)
         return 1000 * float(seconds[-1])
 
@@ -144,25 +142,6 @@ def _module(path: Path) -> ModuleType:
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
     return module
-
-
-def _lens(width: int, height: int) -> Intrinsics:
-    focal = height / 2 / math.tan(math.radians(30))
-    return Intrinsics(focal, focal, width / 2, height / 2, width, height)
-
-
-def _pose(view: dict[str, list[float]]) -> Pose:
-    def point(name: str) -> Vector3:
-        x, y, z = view[name]
-        return x, y, z
-
-    return Pose.look_at(point("position"), point("look_at"), point("up"))
-
-
-def _start(gaussians: Gaussians, *, builtin: bool) -> Pose:
-    camera = DEMO_METADATA.camera if builtin else None
-    camera = camera or derive_camera(gaussians.means, gaussians.opacities, gaussians.scales, DEFAULT_UP)
-    return Pose.look_at(camera.position, camera.look_at, DEFAULT_UP)
 
 
 if __name__ == "__main__":

@@ -1,0 +1,43 @@
+"""Where benchmarks look at scenes from: a camera's file, or where a visitor would start."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from tigas_common.pose import Intrinsics, Pose, Vector3
+from tigas_render.gaussians import Gaussians
+from tigas_render.scenes.demo import DEMO_METADATA
+from tigas_render.scenes.metadata import DEFAULT_UP
+from tigas_render.scenes.start_camera import derive_camera
+
+View = dict[str, list[float]]
+"""`position`, `look_at` and `up`, as in a file of cameras."""
+
+
+def centred_lens(width: int, height: int) -> Intrinsics:
+    """A vertical field of view of 60 degrees."""
+    focal = height / 2 / math.tan(math.radians(30))
+    return Intrinsics(focal, focal, width / 2, height / 2, width, height)
+
+
+def start_view(gaussians: Gaussians, *, builtin: bool) -> View:
+    """Where a visitor of a scene would start; `builtin`: of the demo scene."""
+    camera = DEMO_METADATA.camera if builtin else None
+    camera = camera or derive_camera(gaussians.means, gaussians.opacities, gaussians.scales, DEFAULT_UP)
+    return {"position": list(camera.position), "look_at": list(camera.look_at), "up": list(DEFAULT_UP)}
+
+
+def look(view: View, turned: float = 0.0) -> Pose:
+    """The pose of a view, after a turn of so many degrees around what it looks at."""
+    position, target, up = (np.array(view[name], float) for name in ("position", "look_at", "up"))
+    up /= np.linalg.norm(up)
+    arm, angle = position - target, math.radians(turned)  # Rodrigues' rotation
+    arm = arm * math.cos(angle) + np.cross(up, arm) * math.sin(angle) + up * (up @ arm) * (1 - math.cos(angle))
+    return Pose.look_at(_vector(target + arm), _vector(target), _vector(up))
+
+
+def _vector(values: np.ndarray[tuple[int], np.dtype[np.float64]]) -> Vector3:
+    x, y, z = values.tolist()
+    return x, y, z
