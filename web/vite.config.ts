@@ -8,7 +8,7 @@ export default defineConfig({
     outDir: "../services/render/tigas_render/static",
     emptyOutDir: true,
     modulePreload: { polyfill: false },
-    chunkSizeWarningLimit: 900, // dash.js, which is loaded on demand
+    chunkSizeWarningLimit: 3500, // Anime4K's networks, which are loaded on demand as dash.js is
   },
   worker: { format: "es" },
   server: {

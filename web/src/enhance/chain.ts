@@ -9,16 +9,22 @@ export interface Place {
   readonly ladder: readonly Rung[];
 }
 
+/** A ladder's rungs in two shapes of the window, and some more. */
+const MOST_SIZES = 12;
+
 export class Chain {
   readonly label: string;
   /** Of the models, or `off`. */
   readonly names: Readonly<Record<Kind, string>>;
   /** Of the last step, which brings the picture to the displayed size. */
   readonly filter: Filter;
+  readonly #device: GPUDevice;
+  readonly #inputs = new Map<string, GPUTexture>();
   readonly #models: readonly { readonly label: string; readonly loaded: Loaded }[];
 
-  private constructor(models: readonly Enhancer[], loaded: readonly Loaded[]) {
+  private constructor(device: GPUDevice, models: readonly Enhancer[], loaded: readonly Loaded[]) {
     this.label = models.map(({ label }) => label).join(" + ");
+    this.#device = device;
     const nameOf = (kind: Kind) => models.find((model) => model.kind === kind)?.name ?? OFF;
     this.names = { restore: nameOf("restore"), upscale: nameOf("upscale") };
     this.filter = models.findLast(({ filter }) => filter !== undefined)?.filter ?? "bicubic";
@@ -33,7 +39,28 @@ export class Chain {
     if (failed || signal.aborted) for (const one of loaded) one.dispose();
     signal.throwIfAborted();
     if (failed) throw failed.reason;
-    return new Chain(models, loaded);
+    return new Chain(device, models, loaded);
+  }
+
+  /** The texture that decoded pictures of a size come in. */
+  input({ width, height }: Size): GPUTexture {
+    const key = `${width} ${height}`;
+    const { TEXTURE_BINDING, COPY_DST, RENDER_ATTACHMENT } = GPUTextureUsage;
+    const texture =
+      this.#inputs.get(key) ??
+      this.#device.createTexture({
+        label: "decoded picture",
+        size: [width, height],
+        format: "rgba8unorm",
+        usage: TEXTURE_BINDING | COPY_DST | RENDER_ATTACHMENT,
+      });
+    this.#inputs.set(key, texture);
+    return texture;
+  }
+
+  /** It holds what so many sizes need that it is time for a new one: a window that is resized has frames of ever new sizes. */
+  get crowded(): boolean {
+    return this.#inputs.size > MOST_SIZES;
   }
 
   /** Encodes all models' work. Throws an EnhancementError that names the model which failed. */
@@ -49,6 +76,7 @@ export class Chain {
 
   dispose(): void {
     for (const { loaded } of this.#models) loaded.dispose();
+    for (const texture of this.#inputs.values()) texture.destroy();
   }
 }
 

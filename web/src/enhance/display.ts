@@ -183,6 +183,7 @@ export class Display<Frame extends Decoded> {
       },
       () => undefined, // the device was lost, which `enhancement` hears of
     );
+    if (chain.crowded) enhancement.renew();
     this.#pending = [...this.#pending, pending];
     this.#keep(picture);
     overlay.show();

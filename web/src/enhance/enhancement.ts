@@ -70,6 +70,11 @@ export class Enhancement {
     void this.#start(null);
   }
 
+  /** Load the same models anew, for the sizes that pictures have by now. */
+  renew(): void {
+    if (this.#status.peek().kind === "on") void this.#start(null);
+  }
+
   /** Show frames as they come. */
   off(): void {
     this.#end({ kind: "off" });

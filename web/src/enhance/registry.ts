@@ -6,11 +6,12 @@
  * files may name it.
  */
 import type { Enhancer, Kind } from "./model/enhancer";
+import { ANIME4K } from "./models/anime4k";
 import { BICUBIC } from "./models/bicubic";
 import { LANCZOS } from "./models/lanczos";
 
 /** In the order in which they are offered. */
-export const ENHANCERS: readonly Enhancer[] = [BICUBIC, LANCZOS];
+export const ENHANCERS: readonly Enhancer[] = [BICUBIC, LANCZOS, ...ANIME4K];
 
 const ORDER: readonly Kind[] = ["restore", "upscale"];
 

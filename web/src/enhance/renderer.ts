@@ -42,7 +42,6 @@ export class Renderer {
   readonly #copyContext: GPUCanvasContext;
   readonly #resampler: Resampler;
   readonly #free: Slot[];
-  readonly #inputs = new Map<string, GPUTexture>();
   readonly #slots = new WeakMap<Drawn, Slot>();
   #doneAt = 0;
 
@@ -70,7 +69,7 @@ export class Renderer {
     let thrown: unknown;
     try {
       const encoder = this.#device.createCommandEncoder();
-      chain.run(encoder, this.#input({ width, height }), rung);
+      chain.run(encoder, chain.input({ width, height }), rung);
       this.#device.queue.submit([encoder.finish()]);
     } catch (error) {
       thrown = error;
@@ -88,7 +87,7 @@ export class Renderer {
     const { width, height } = this.#fitting(display);
     const begun = this.#now();
     try {
-      const input = this.#input(bitmap);
+      const input = chain.input(bitmap);
       this.#device.queue.copyExternalImageToTexture({ source: bitmap }, { texture: input }, [
         bitmap.width,
         bitmap.height,
@@ -135,21 +134,6 @@ export class Renderer {
     this.#slots.delete(drawn);
     if (slot.done) this.#free.push(slot);
     else void drawn.done.catch(() => undefined).then(() => this.#free.push(slot)); // its stopwatch is still to be read
-  }
-
-  #input({ width, height }: Size): GPUTexture {
-    const key = `${width} ${height}`;
-    const { TEXTURE_BINDING, COPY_DST, RENDER_ATTACHMENT } = GPUTextureUsage;
-    const texture =
-      this.#inputs.get(key) ??
-      this.#device.createTexture({
-        label: "decoded picture",
-        size: [width, height],
-        format: "rgba8unorm",
-        usage: TEXTURE_BINDING | COPY_DST | RENDER_ATTACHMENT,
-      });
-    this.#inputs.set(key, texture);
-    return texture;
   }
 
   #prepare(slot: Slot, picture: GPUTexture, display: Size, filter: Filter): void {

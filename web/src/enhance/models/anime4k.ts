@@ -1,0 +1,69 @@
+/**
+ * Anime4K's networks, by the package `anime4k-webgpu`: trained on drawings, and here to compare with. It comes with all of their
+ * weights (3.5 MB), when the first of them is switched on.
+ */
+import type * as Anime4K from "anime4k-webgpu";
+import type { Enhancer, Kind, Loaded } from "../model/enhancer";
+
+type PipelineOf = new (parts: Anime4K.Anime4KPipelineDescriptor) => Anime4K.Anime4KPipeline;
+type Network = "CNNM" | "CNNVL" | "CNNUL" | "CNNx2M" | "CNNx2VL" | "CNNx2UL";
+
+const model = (kind: Kind, size: string, network: Network, title: string): Enhancer => ({
+  name: `anime4k-${kind}-${size}`,
+  label: `Anime4K ${kind}, ${title}`,
+  kind,
+  scale: kind === "upscale" ? 2 : 1,
+  load: async (device) => new Anime4KModel(device, (await import("anime4k-webgpu"))[network]),
+});
+
+/** Of each kind three, which differ in size; where both kinds are chosen, they are the chain of the paper's authors. */
+export const ANIME4K: readonly Enhancer[] = [
+  model("restore", "m", "CNNM", "medium"),
+  model("restore", "vl", "CNNVL", "very large"),
+  model("restore", "ul", "CNNUL", "ultra large"),
+  model("upscale", "m", "CNNx2M", "medium"),
+  model("upscale", "vl", "CNNx2VL", "very large"),
+  model("upscale", "ul", "CNNx2UL", "ultra large"),
+];
+
+class Anime4KModel implements Loaded {
+  readonly #network: PipelineOf;
+  /** One for each texture that pictures come in. */
+  readonly #pipelines = new Map<GPUTexture, Anime4K.Anime4KPipeline>();
+  /** All that the pipelines made, as the package destroys nothing. */
+  readonly #textures: GPUTexture[] = [];
+  readonly #device: GPUDevice;
+
+  constructor(device: GPUDevice, network: PipelineOf) {
+    this.#network = network;
+    this.#device = noting(device, this.#textures);
+  }
+
+  run(encoder: GPUCommandEncoder, input: GPUTexture): GPUTexture {
+    const pipeline = this.#pipelines.get(input) ?? new this.#network({ device: this.#device, inputTexture: input });
+    this.#pipelines.set(input, pipeline);
+    pipeline.pass(encoder);
+    return pipeline.getOutputTexture();
+  }
+
+  dispose(): void {
+    this.#pipelines.clear();
+    for (const texture of this.#textures.splice(0)) texture.destroy();
+  }
+}
+
+/** The same device; what textures it makes is noted. */
+function noting(device: GPUDevice, textures: GPUTexture[]): GPUDevice {
+  const createTexture = (descriptor: GPUTextureDescriptor) => {
+    const texture = device.createTexture(descriptor);
+    textures.push(texture);
+    return texture;
+  };
+  return new Proxy(device, {
+    get: (_, name) => {
+      if (name === "createTexture") return createTexture;
+      const value = Reflect.get(device, name);
+      return typeof value === "function" ? value.bind(device) : value;
+    },
+  });
+}
