@@ -1,6 +1,7 @@
 /** The chosen models, ready on a device: the picture passes one after the other. */
 import { readProblem } from "../http/problem";
 import type { Rung, SceneInfo } from "../wire/render";
+import type { Size } from "./geometry";
 import { EnhancementError, type Enhancer, type Filter, type Kind, type Loaded, OFF } from "./model/enhancer";
 
 /** Where frames come from. */
