@@ -9,9 +9,10 @@ import type { Enhancer, Kind } from "./model/enhancer";
 import { ANIME4K } from "./models/anime4k";
 import { BICUBIC } from "./models/bicubic";
 import { LANCZOS } from "./models/lanczos";
+import { SCENE } from "./models/scene";
 
 /** In the order in which they are offered. */
-export const ENHANCERS: readonly Enhancer[] = [BICUBIC, LANCZOS, ...ANIME4K];
+export const ENHANCERS: readonly Enhancer[] = [BICUBIC, LANCZOS, ...ANIME4K, SCENE];
 
 const ORDER: readonly Kind[] = ["restore", "upscale"];
 

@@ -87,6 +87,7 @@ export interface SceneInfo {
    * @maxItems 3
    */
   background: [number, number, number];
+  enhance?: ("scene" | "general") | null;
 }
 /**
  * Where a visitor enters the scene.

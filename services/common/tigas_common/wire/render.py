@@ -193,6 +193,8 @@ class SceneInfo(WireModel):
     camera: StartCamera | None
     background: tuple[Unit, Unit, Unit]
     """RGB, 0 to 1."""
+    enhance: Literal["scene", "general"] | None = None
+    """Whose networks can enhance its frames: its own, trained on this very file, or those for any scene."""
 
 
 class ServerConfig(WireModel):

@@ -14,10 +14,10 @@ const device = {
 } as unknown as GPUDevice;
 
 test.each([
-  ["no weights", null, LADDER, "There is no network for this scene."],
-  ["weights for another ladder", SOUND, [], /^The weights were trained for rung 1 of 32×18 pixels/],
-  ["weights that are cut off", SOUND.slice(0, 300), LADDER, "The weights are cut off."],
-  ["a GPU that refuses the shaders", SOUND, LADDER, "This GPU cannot run the scene's network."],
+  ["no weights", null, LADDER, "there are no weights for this scene."],
+  ["weights for another ladder", SOUND, [], /^its weights were trained for rung 1 of 32×18 pixels/],
+  ["weights that are cut off", SOUND.slice(0, 300), LADDER, "its weights are cut off."],
+  ["a GPU that refuses the shaders", SOUND, LADDER, "this graphics processor cannot run it."],
 ])("%s end in a sentence", async (_, file, ladder, message) => {
   const error: unknown = await SCENE.load(device, file, ladder).catch((reason: unknown) => reason);
   expect(error).toBeInstanceOf(EnhancementError);

@@ -10,14 +10,18 @@ import { NetworkPipelines } from "../network/pipelines";
 
 export const SCENE: Enhancer = {
   name: "scene",
-  label: "Scene's own network",
+  label: "Scene-tuned network",
   kind: "upscale",
   scale: 2,
+  weights: ({ id, enhance }) => {
+    if (enhance === "scene") return `scenes/${encodeURIComponent(id)}/enhance.safetensors`;
+    return enhance === "general" ? "enhance/general.safetensors" : null;
+  },
   load,
 };
 
 async function load(device: GPUDevice, weights: ArrayBuffer | null, ladder: readonly Rung[]): Promise<Loaded> {
-  if (weights === null) throw new EnhancementError("There is no network for this scene.");
+  if (weights === null) throw new EnhancementError("there are no weights for this scene.");
   const networks = readNetworks(weights);
   requireRungs(networks, ladder);
   const pipelines = await Promise.all(networks.map((network) => NetworkPipelines.compile(device, network)));

@@ -97,7 +97,7 @@ test("networks are for this very ladder, or refused in a sentence", () => {
   expect(() => requireRungs(networks, LADDER)).not.toThrow();
   const better = LADDER.map((rung) => ({ ...rung, quality: rung.quality + 5 }));
   expect(() => requireRungs(networks, better)).toThrow(
-    "The weights were trained for rung 1 of 32×18 pixels at quality 35, which this server's ladder does not have.",
+    "its weights were trained for rung 1 of 32×18 pixels at quality 35, which this server's ladder does not have.",
   );
   expect(() => requireRungs(networks, LADDER.slice(0, 2))).toThrow(/rung 2 of 16×9/);
 });

@@ -54,13 +54,13 @@ export function readNetworks(file: ArrayBuffer): Network[] {
   const safetensors = readSafetensors(file);
   const { architecture = "" } = safetensors.metadata;
   if (architecture !== ARCHITECTURE) {
-    throw new EnhancementError(`The weights are for a network that this page does not know: ${quoted(architecture)}.`);
+    throw new EnhancementError(`its weights are for a network that this page does not know: ${quoted(architecture)}.`);
   }
   const left = new Map(safetensors.tensors);
   const networks = descriptions(safetensors).map((description) => network(description, left));
   const [spare] = left.keys();
   if (spare !== undefined)
-    throw new EnhancementError(`The weights hold a tensor that is no network's: ${quoted(spare)}.`);
+    throw new EnhancementError(`its weights hold a tensor that is no network's: ${quoted(spare)}.`);
   return networks;
 }
 
@@ -69,10 +69,10 @@ function descriptions({ metadata }: Safetensors): Description[] {
   try {
     networks = v.parse(Descriptions, JSON.parse(metadata.networks ?? ""));
   } catch {
-    throw new EnhancementError("The weights do not say soundly which networks they are for.");
+    throw new EnhancementError("its weights do not say soundly which networks they are for.");
   }
   const rungs = networks.map(({ rung }) => rung);
-  if (new Set(rungs).size < rungs.length) throw new EnhancementError("The weights are for one rung twice.");
+  if (new Set(rungs).size < rungs.length) throw new EnhancementError("its weights are for one rung twice.");
   return networks;
 }
 
@@ -93,10 +93,10 @@ function network(description: Description, tensors: Map<string, Tensor>): Networ
 
 function take(tensors: Map<string, Tensor>, name: string, shape: readonly number[]): Uint16Array {
   const tensor = tensors.get(name);
-  if (tensor === undefined) throw new EnhancementError(`The weights lack the tensor ${name}.`);
+  if (tensor === undefined) throw new EnhancementError(`its weights lack the tensor ${name}.`);
   if (tensor.shape.join() !== shape.join()) {
     throw new EnhancementError(
-      `The weights' tensor ${name} is of shape [${tensor.shape.slice(0, 8)}], not [${shape}].`,
+      `its weights' tensor ${name} is of shape [${tensor.shape.slice(0, 8)}], not [${shape}].`,
     );
   }
   tensors.delete(name);
@@ -109,7 +109,7 @@ export function requireRungs(networks: readonly Network[], ladder: readonly Rung
     const own = ladder[rung];
     if (own?.width === width && own.height === height && own.quality === quality) continue;
     const trained = `rung ${rung} of ${width}×${height} pixels at quality ${quality}`;
-    throw new EnhancementError(`The weights were trained for ${trained}, which this server's ladder does not have.`);
+    throw new EnhancementError(`its weights were trained for ${trained}, which this server's ladder does not have.`);
   }
 }
 

@@ -39,7 +39,7 @@ export class NetworkPipelines {
     try {
       return new NetworkPipelines(device, network, await Promise.all(steps));
     } catch (error) {
-      throw new EnhancementError("This GPU cannot run the scene's network.", { cause: error });
+      throw new EnhancementError("this graphics processor cannot run it.", { cause: error });
     }
   }
 

@@ -32,41 +32,41 @@ const Description = v.strictObject({
 
 /** Throws EnhancementError. */
 export function readSafetensors(file: ArrayBuffer): Safetensors {
-  if (file.byteLength > MAX_BYTES) throw new EnhancementError("The weights are larger than 1 MB.");
+  if (file.byteLength > MAX_BYTES) throw new EnhancementError("its weights are larger than 1 MB.");
   const [header, data] = parts(file);
   const { __metadata__: metadata = {}, ...descriptions } = header;
-  if (!v.is(Metadata, metadata)) throw new EnhancementError("The weights' metadata are not all text.");
+  if (!v.is(Metadata, metadata)) throw new EnhancementError("its weights' metadata are not all text.");
   const tensors = new Map<string, Tensor>();
   let end = 0;
   for (const { name, description } of inFileOrder(descriptions)) {
     const { shape, data_offsets: offsets } = description;
     const size = shape.reduce((product, extent) => product * extent, 2);
     if (offsets[0] !== end || offsets[1] !== end + size) {
-      throw new EnhancementError(`The weights' tensor ${quoted(name)} is not where its shape says.`);
+      throw new EnhancementError(`its weights' tensor ${quoted(name)} is not where its shape says.`);
     }
     end = offsets[1];
-    if (end > data.byteLength) throw new EnhancementError("The weights are cut off.");
+    if (end > data.byteLength) throw new EnhancementError("its weights are cut off.");
     const halves = new Uint16Array(data.slice(offsets[0], end));
     if (halves.some((half) => (half & NOT_FINITE) === NOT_FINITE)) {
-      throw new EnhancementError(`The weights' tensor ${quoted(name)} holds a value that is not a finite number.`);
+      throw new EnhancementError(`its weights' tensor ${quoted(name)} holds a value that is not a finite number.`);
     }
     tensors.set(name, { shape, halves });
   }
-  if (end !== data.byteLength) throw new EnhancementError("The weights' file goes on after its last tensor.");
+  if (end !== data.byteLength) throw new EnhancementError("its weights' file goes on after its last tensor.");
   return { metadata, tensors };
 }
 
 function parts(file: ArrayBuffer): [header: Record<string, unknown>, data: ArrayBuffer] {
-  if (file.byteLength < 8) throw new EnhancementError("The weights are cut off.");
+  if (file.byteLength < 8) throw new EnhancementError("its weights are cut off.");
   const length = new DataView(file).getBigUint64(0, true);
-  if (length > MAX_HEADER_BYTES) throw new EnhancementError("The weights' header is larger than 64 KiB.");
+  if (length > MAX_HEADER_BYTES) throw new EnhancementError("its weights' header is larger than 64 KiB.");
   const start = 8 + Number(length);
-  if (start > file.byteLength) throw new EnhancementError("The weights are cut off.");
+  if (start > file.byteLength) throw new EnhancementError("its weights are cut off.");
   try {
     const header: unknown = JSON.parse(new TextDecoder("utf-8", { fatal: true }).decode(file.slice(8, start)));
     return [v.parse(v.record(v.string(), v.unknown()), header), file.slice(start)];
   } catch {
-    throw new EnhancementError("The weights are not a safetensors file.");
+    throw new EnhancementError("its weights are not a safetensors file.");
   }
 }
 
@@ -75,7 +75,7 @@ function inFileOrder(descriptions: Record<string, unknown>) {
     .map(([name, description]) => {
       if (!v.is(Description, description)) {
         throw new EnhancementError(
-          `The weights' tensor ${quoted(name)} is not described as one of half-precision numbers.`,
+          `its weights' tensor ${quoted(name)} is not described as one of half-precision numbers.`,
         );
       }
       return { name, description };
