@@ -86,6 +86,13 @@ def enlarged(picture: Picture, width: int, height: int) -> Picture:
     return np.asarray(Image.fromarray(picture).resize((width, height), Image.Resampling.BILINEAR))
 
 
+def upscaled(picture: Picture, width: int, height: int) -> Picture:
+    """At display size by Pillow's bicubic, the baseline that enhancement is held against."""
+    if picture.shape[:2] == (height, width):
+        return picture
+    return np.asarray(Image.fromarray(picture).resize((width, height), Image.Resampling.BICUBIC))
+
+
 def compare(shown: Picture, reference: Picture) -> Quality:
     """`shown`, scaled to the size of `reference`, against it.
 

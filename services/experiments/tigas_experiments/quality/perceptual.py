@@ -1,0 +1,103 @@
+"""LPIPS and DISTS in PyTorch. A new model has random weights; quality/weights.py has the trained ones."""
+
+from __future__ import annotations
+
+import torch
+from torch import Tensor, nn
+from torch.nn.functional import conv2d, max_pool2d, relu
+
+ALEXNET = ((64, 11, 4, 2), (192, 5, 1, 2), (384, 3, 1, 1), (256, 3, 1, 1), (256, 3, 1, 1))
+"""Of each convolution: channels, kernel, stride and padding."""
+VGG16 = ((64, 64), (128, 128), (256, 256, 256), (512, 512, 512), (512, 512, 512))
+"""Channels of the 3×3 convolutions of each stage."""
+
+
+class Perceptual(nn.Module):
+    """How far pictures are from one ground truth: 0 if they are equal, more if they differ more."""
+
+    def forward(self, pictures: Tensor, truth: Tensor) -> Tensor:
+        """Distances [n] of `pictures` [n, 3, h, w] from `truth` [1, 3, h, w], all RGB in 0 to 1."""
+        raise NotImplementedError
+
+
+class Lpips(Perceptual):
+    """Zhang et al., CVPR 2018 (arXiv:1801.03924), version 0.1, on AlexNet."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        inputs = (3, *(channels for channels, *_ in ALEXNET))
+        self.convolutions = nn.ModuleList(
+            nn.Conv2d(before, channels, kernel, stride, padding)
+            for before, (channels, kernel, stride, padding) in zip(inputs, ALEXNET, strict=False)
+        )
+        self.heads = nn.ParameterList(torch.rand(channels) for channels, *_ in ALEXNET)
+        """[channels] How much each channel of a layer counts."""
+        self.register_buffer("mean", _per_channel(0.485, 0.456, 0.406), persistent=False)
+        self.register_buffer("scale", _per_channel(0.229, 0.224, 0.225), persistent=False)
+
+    def forward(self, pictures: Tensor, truth: Tensor) -> Tensor:
+        """As Perceptual says."""
+        x = (torch.cat((truth, pictures)) - self.mean) / self.scale
+        total = x.new_zeros(len(pictures))
+        for layer, (convolution, head) in enumerate(zip(self.convolutions, self.heads, strict=True)):
+            if layer in (1, 2):
+                x = max_pool2d(x, 3, 2)
+            x = relu(convolution(x))
+            unit = x / (x.square().sum(1, keepdim=True).sqrt() + 1e-10)
+            total += torch.einsum("nchw,c->nhw", (unit[1:] - unit[:1]).square(), head).mean((1, 2))
+        return total
+
+
+class Dists(Perceptual):
+    """Ding et al., TPAMI 2022 (arXiv:2004.07728): structure and texture of VGG16's features, and of the picture."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        channels = (3, *(each for stage in VGG16 for each in stage))
+        self.convolutions = nn.ModuleList(
+            nn.Conv2d(before, after, 3, padding=1) for before, after in zip(channels, channels[1:], strict=False)
+        )
+        compared = 3 + sum(stage[-1] for stage in VGG16)
+        self.alpha = nn.Parameter(torch.rand(compared))
+        """[channels of all stages] How much equal means of a channel (texture) count."""
+        self.beta = nn.Parameter(torch.rand(compared))
+        """[channels of all stages] How much equal structure counts."""
+        self.register_buffer("mean", _per_channel(0.485, 0.456, 0.406), persistent=False)
+        self.register_buffer("scale", _per_channel(0.229, 0.224, 0.225), persistent=False)
+
+    def forward(self, pictures: Tensor, truth: Tensor) -> Tensor:
+        """As Perceptual says."""
+        x = torch.cat((truth, pictures))
+        sizes = [3, *(stage[-1] for stage in VGG16)]
+        weights = zip(self.alpha.split(sizes), self.beta.split(sizes), strict=True)
+        total = _alike(x, *next(weights))
+        x = (x - self.mean) / self.scale
+        convolutions = iter(self.convolutions)
+        for place, (stage, (alpha, beta)) in enumerate(zip(VGG16, weights, strict=True)):
+            if place:
+                x = _l2_pooled(x)
+            for _ in stage:
+                x = relu(next(convolutions)(x), inplace=True)
+            total += _alike(x, alpha, beta)
+        return 1 - total / (self.alpha.sum() + self.beta.sum())
+
+
+def _alike(x: Tensor, alpha: Tensor, beta: Tensor) -> Tensor:
+    """Similarity [n] of x[1:] to x[0] in means and in structure, weighted by channel."""
+    mean = x.mean((2, 3))
+    variance = x.var((2, 3), correction=0)
+    covariance = torch.stack([(each * x[0]).mean((1, 2)) for each in x[1:]]) - mean[1:] * mean[0]
+    texture = (2 * mean[1:] * mean[0] + 1e-6) / (mean[1:].square() + mean[0].square() + 1e-6)
+    structure = (2 * covariance + 1e-6) / (variance[1:] + variance[0] + 1e-6)
+    return texture @ alpha + structure @ beta
+
+
+def _l2_pooled(x: Tensor) -> Tensor:
+    """Half as large, by a Hann window over squares, which does not alias as the largest of four would."""
+    window = torch.tensor((0.5, 1.0, 0.5), dtype=x.dtype, device=x.device)
+    kernel = (window[:, None] * window / 4).expand(x.shape[1], 1, 3, 3)
+    return (conv2d(x.square(), kernel, stride=2, padding=1, groups=x.shape[1]) + 1e-12).sqrt()
+
+
+def _per_channel(*values: float) -> Tensor:
+    return torch.tensor(values)[None, :, None, None]

@@ -1,0 +1,107 @@
+"""VMAF and VIFp of a sequence of pictures, as libvmaf computes them: through lossless videos, in one pass.
+
+VMAF looks at neighbouring frames too (how much the ground truth moves), so pictures go in as a video, in their order.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+from collections.abc import Iterable
+from contextlib import suppress
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from types import TracebackType
+
+import av
+from av.video.stream import VideoStream
+
+from tigas_common.errors import StartError
+from tigas_common.parsing import legible
+from tigas_experiments.quality.picture import Picture
+
+FRAMES_PER_S = 30
+TO_LUMA = "scale=out_color_matrix=bt709:out_range=limited:flags=bicubic+accurate_rnd+full_chroma_int,format=yuv444p"
+LIBVMAF = r"libvmaf=model=version=vmaf_v0.6.1:feature='name=float_vif\:debug=true':log_fmt=json:log_path=log.json"
+LOG, DISTORTED, TRUTH = "log.json", "distorted.mkv", "truth.mkv"
+
+
+class NoVmaf(Exception):
+    """Why VMAF and VIFp cannot be computed, in one sentence."""
+
+
+def ffmpeg() -> str:
+    """The program that has libvmaf. Raises NoVmaf."""
+    try:
+        from imageio_ffmpeg import get_ffmpeg_exe
+
+        program = get_ffmpeg_exe()
+        listed = subprocess.run([program, "-hide_banner", "-filters"], capture_output=True, text=True, check=False)
+    except (ImportError, RuntimeError, OSError):
+        raise NoVmaf("VMAF and VIFp are left out, since ffmpeg is missing: pip install 'tigas[quality]'") from None
+    if " libvmaf " not in listed.stdout:
+        raise NoVmaf(f"VMAF and VIFp are left out, since {program} has no libvmaf.")
+    return program
+
+
+def vmaf_and_vif(pairs: Iterable[tuple[Picture, Picture]]) -> list[tuple[float, float]]:
+    """(VMAF, VIFp) of each picture against its ground truth, all of one size, in the order in which they were shown.
+
+    VMAF is 0 to 100, the highest for equal pictures is a little below it. VIFp is Sheikh and Bovik's visual information
+    fidelity (IEEE TIP 15, 2006) in the pixel domain, over four scales of luma: 1 for equal pictures, more for pictures
+    with more contrast than the truth. Raises NoVmaf, and StartError if ffmpeg fails.
+    """
+    program = ffmpeg()
+    with TemporaryDirectory(prefix="tigas-vmaf-") as scratch:
+        folder = Path(scratch)
+        with LosslessVideo(folder / DISTORTED) as distorted, LosslessVideo(folder / TRUTH) as truths:
+            for picture, truth in pairs:
+                if picture.shape != truth.shape:
+                    raise ValueError(f"pictures of {picture.shape} and {truth.shape} cannot be compared")
+                distorted.add(picture)
+                truths.add(truth)
+        if not truths.frames:
+            return []
+        graph = f"[0:v]{TO_LUMA}[d];[1:v]{TO_LUMA}[t];[d][t]{LIBVMAF}:n_threads={os.cpu_count()}"
+        asked = ("-i", DISTORTED, "-i", TRUTH, "-lavfi", graph, "-f", "null", "-")
+        ended = subprocess.run(
+            [program, "-hide_banner", "-nostdin", "-loglevel", "error", *asked],
+            cwd=folder,
+            capture_output=True,
+            text=True,
+            errors="replace",
+            check=False,
+        )
+        frames = []
+        with suppress(OSError, ValueError):
+            frames = json.loads((folder / LOG).read_text())["frames"]
+        if ended.returncode or len(frames) != truths.frames:
+            raise StartError(f"ffmpeg could not compute VMAF: {legible(ended.stderr.strip(), 200) or 'it said nothing'}")
+        return [(frame["metrics"]["vmaf"], frame["metrics"]["vif"]) for frame in frames]
+
+
+class LosslessVideo:
+    """Pictures of one size as FFV1 in Matroska, in RGB, bit by bit."""
+
+    def __init__(self, path: Path) -> None:
+        self.frames = 0
+        self._container = av.open(path, "w", format="matroska")
+        self._stream: VideoStream | None = None
+
+    def add(self, picture: Picture) -> None:
+        """The next frame."""
+        if self._stream is None:
+            self._stream = self._container.add_stream("ffv1", rate=FRAMES_PER_S)
+            self._stream.height, self._stream.width = picture.shape[:2]
+            self._stream.pix_fmt = "bgr0"
+        self._container.mux(self._stream.encode(av.VideoFrame.from_ndarray(picture, format="rgb24")))
+        self.frames += 1
+
+    def __enter__(self) -> LosslessVideo:
+        return self
+
+    def __exit__(self, *_: type[BaseException] | BaseException | TracebackType | None) -> None:
+        if self._stream is not None:
+            self._container.mux(self._stream.encode())
+        self._container.close()

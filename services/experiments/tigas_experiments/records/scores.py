@@ -1,0 +1,65 @@
+"""scores.ndjson of a run: what each metric says of each sampled picture."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+
+from pydantic import Field
+
+from tigas_common.wire.model import WireModel
+from tigas_experiments.quality.metrics import PICTURE_METRICS, Name
+from tigas_experiments.records.lines import read_lines, write_lines
+from tigas_experiments.records.triplets import Kind
+
+SCORES = "scores.ndjson"
+Values = Mapping[Name, float]
+
+
+class Score(WireModel):
+    """A line: one picture against its ground truth. None is not computed."""
+
+    seq: int = Field(ge=0)
+    picture: Kind
+    digest: str = Field(max_length=64)
+    """Of the two pictures: the score holds for no others."""
+    model: str | None = Field(default=None, max_length=210)
+    """What enhanced it; None of an original, and where nothing says it."""
+    psnr: float | None = None
+    ssim: float | None = None
+    vmaf: float | None = None
+    vif: float | None = None
+    lpips: float | None = None
+    dists: float | None = None
+
+    @property
+    def key(self) -> tuple[int, Kind]:
+        """Which picture it is of."""
+        return self.seq, self.picture
+
+    @property
+    def values(self) -> dict[Name, float]:
+        """Those that were computed."""
+        every: dict[Name, float | None] = {metric.name: getattr(self, metric.name) for metric in PICTURE_METRICS}
+        return {name: value for name, value in every.items() if value is not None}
+
+    def has(self, names: Iterable[Name]) -> bool:
+        """Whether all of these were computed."""
+        return self.values.keys() >= set(names)
+
+    def with_values(self, values: Values) -> Score:
+        """And these."""
+        return self.model_copy(update=dict(values))
+
+
+def read_scores(run: Path) -> list[Score]:
+    """All of a run, by number; none where none were computed. Raises BrokenRecording."""
+    path = run / SCORES
+    return read_lines(path, Score) if path.exists() else []
+
+
+def write_scores(run: Path, scores: Iterable[Score]) -> None:
+    """Whoever reads meanwhile sees the old ones or the new ones. Raises OSError."""
+    new = run / f"{SCORES}.new"
+    write_lines(new, sorted(scores, key=lambda score: (score.seq, score.picture)))
+    new.replace(run / SCORES)

@@ -1,0 +1,87 @@
+"""Triplets: of each sample of a run, the frame as it came, the enhanced picture as it was shown, and ground truth.
+
+A folder with `samples/` alone has them, too, however its pictures came about.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import re
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+from tigas_experiments.quality.picture import BrokenPicture, Picture, decode, upscaled
+from tigas_experiments.records.samples import ENHANCED, JPEG, read_sample_file
+
+TRUTH = "truth.png"
+LEAST_SIDE, MOST_PIXELS = 32, 3840 * 2160
+"""Of ground truth. VIFp's lowest scale is an eighth as large; DISTS takes 1.5 GB of memory for each megapixel."""
+Kind = Literal["original", "enhanced"]
+KINDS: tuple[Kind, ...] = ("original", "enhanced")
+
+
+@dataclass(frozen=True, slots=True)
+class Triplet:
+    """The files of one sample that has a ground truth."""
+
+    seq: int
+    pictures: dict[Kind, Path]
+    """The original, the enhanced one, or both."""
+    truth: Path
+
+    def read(self) -> Contents:
+        """Raises BrokenRecording."""
+        pictures = {kind: read_sample_file(path) for kind, path in self.pictures.items()}
+        return Contents(pictures, read_sample_file(self.truth))
+
+
+@dataclass(frozen=True, slots=True)
+class Contents:
+    """Of the files of one sample."""
+
+    pictures: dict[Kind, bytes]
+    truth: bytes
+
+    def digest(self, kind: Kind) -> str:
+        """Of a picture and its ground truth, 16 hexadecimal digits."""
+        parts = (self.pictures[kind], self.truth)
+        return hashlib.sha256(b"".join(hashlib.sha256(part).digest() for part in parts)).hexdigest()[:16]
+
+    def decoded(self) -> tuple[Picture, dict[Kind, Picture]]:
+        """Ground truth, and the pictures at its size: the original by bicubic. Raises BrokenPicture."""
+        truth = decode(self.truth)
+        height, width = truth.shape[:2]
+        if min(height, width) < LEAST_SIDE or height * width > MOST_PIXELS:
+            raise BrokenPicture(
+                f"Its ground truth has {width}×{height} pixels; from {LEAST_SIDE}×{LEAST_SIDE} to 3840×2160 are compared."
+            )
+        found: dict[Kind, Picture] = {}
+        for kind, data in self.pictures.items():
+            picture = decode(data)
+            if kind == "original":
+                picture = upscaled(picture, width, height)
+            elif picture.shape != truth.shape:
+                shown = f"{picture.shape[1]}×{picture.shape[0]}"
+                raise BrokenPicture(f"It was shown at {shown}, but its ground truth has {width}×{height} pixels.")
+            found[kind] = picture
+        return truth, found
+
+
+def triplets(run: Path) -> list[Triplet]:
+    """The samples that have a ground truth and something to compare with it, by number. Raises OSError."""
+    kinds: dict[str, Kind | None] = {JPEG: "original", TRUTH: None, **dict.fromkeys(ENHANCED, "enhanced")}
+    pictures: dict[int, dict[Kind, Path]] = {}
+    truths: dict[int, Path] = {}
+    folder = run / "samples"
+    for path in sorted(folder.iterdir()) if folder.is_dir() else ():
+        number, _, suffix = path.name.partition(".")
+        if not re.fullmatch("[0-9]{1,10}", number) or suffix not in kinds:
+            continue
+        if kind := kinds[suffix]:
+            pictures.setdefault(int(number), {}).setdefault(kind, path)
+        else:
+            truths[int(number)] = path
+    return [Triplet(seq, pictures[seq], truths[seq]) for seq in sorted(truths.keys() & pictures.keys())]
+
+

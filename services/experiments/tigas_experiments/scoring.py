@@ -1,0 +1,132 @@
+"""Scores the triplets of a run by the metrics that are asked for; what was scored before is not computed again."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator, Sequence
+from itertools import groupby
+from pathlib import Path
+
+from tigas_common.wire.recording import Sample
+from tigas_experiments.quality.meters import VIDEO, Meters
+from tigas_experiments.quality.picture import BrokenPicture, Picture
+from tigas_experiments.quality.vmaf import vmaf_and_vif
+from tigas_experiments.records.recording import BrokenRecording
+from tigas_experiments.records.samples import read_samples
+from tigas_experiments.records.scores import Score, Values, read_scores, write_scores
+from tigas_experiments.records.triplets import KINDS, Contents, Kind, Triplet, triplets
+
+FRAMES = 240
+"""Of a video for VMAF, at most: what is lost if somebody interrupts."""
+SAVED_EVERY_S = 5.0
+Told = Callable[[int], None]
+"""Hears how many steps more are done."""
+
+
+class Scoring:
+    """Of one run."""
+
+    def __init__(self, run: Path, meters: Meters, told: Told = lambda steps: None, *, again: bool = False) -> None:
+        """With `again`, earlier scores count for nothing. Raises BrokenRecording and OSError."""
+        self.triplets = triplets(run)
+        self.problems: dict[int, str] = {}
+        """Why a sample has no scores."""
+        self._run = run
+        self._meters = meters
+        self._told = told
+        self._models = {sample.seq: _model(sample) for sample in read_samples(run)}
+        self._scores = {} if again else {score.key: score for score in read_scores(run)}
+        self._saved = time.monotonic()
+
+    @property
+    def steps(self) -> int:
+        """How many there are."""
+        return len(self.triplets) * (bool(self._meters.single) + self._meters.video)
+
+    def score(self) -> list[Score]:
+        """All scores, which are in the run's folder, too. Raises StartError and OSError."""
+        try:
+            for start in range(0, len(self.triplets), FRAMES):
+                batch = self.triplets[start : start + FRAMES]
+                for triplet in batch:
+                    self._score_single(triplet)
+                if self._meters.video:
+                    for kind in KINDS:
+                        self._score_video(kind, [each for each in batch if kind in each.pictures])
+                    self._told(len(batch))
+            there = {(each.seq, kind) for each in self.triplets for kind in each.pictures}
+            gone = [key for key in self._scores if key not in there or key[0] in self.problems]
+            for key in gone:
+                del self._scores[key]
+        finally:  # Ctrl+C, too, keeps what there is
+            write_scores(self._run, self._scores.values())
+        return list(self._scores.values())
+
+    def _score_single(self, triplet: Triplet) -> None:
+        """By the metrics of single pictures; and find out which of the earlier scores are of these files."""
+        try:
+            contents = triplet.read()
+            for kind in triplet.pictures:
+                self._begin(triplet.seq, kind, contents)
+            pending = [
+                (meter, kinds)
+                for meter in self._meters.single
+                if (kinds := [k for k in triplet.pictures if not self._scores[triplet.seq, k].has(meter.names)])
+            ]
+            if pending:
+                truth, pictures = contents.decoded()
+                for meter, kinds in pending:
+                    measured = meter.measure([pictures[kind] for kind in kinds], truth)
+                    for kind, values in zip(kinds, measured, strict=True):
+                        self._add(triplet.seq, kind, dict(zip(meter.names, values, strict=True)))
+        except (BrokenRecording, BrokenPicture) as error:
+            self.problems[triplet.seq] = str(error)
+        if self._meters.single:
+            self._told(1)
+        if time.monotonic() - self._saved > SAVED_EVERY_S:
+            write_scores(self._run, self._scores.values())
+            self._saved = time.monotonic()
+
+    def _score_video(self, kind: Kind, batch: Sequence[Triplet]) -> None:
+        """By VMAF and VIFp: all samples of the batch, unless all of them were."""
+        if all(each.seq in self.problems or self._scores[each.seq, kind].has(VIDEO) for each in batch):
+            return
+        frames = self._decoded(kind, batch)
+        for _, group in groupby(frames, key=lambda frame: frame[2].shape):
+            numbers: list[int] = []
+
+            def numbered(
+                group: Iterator[tuple[int, Picture, Picture]] = group, numbers: list[int] = numbers
+            ) -> Iterator[tuple[Picture, Picture]]:
+                for seq, picture, truth in group:
+                    numbers.append(seq)
+                    yield picture, truth
+
+            for seq, values in zip(numbers, vmaf_and_vif(numbered()), strict=True):
+                self._add(seq, kind, dict(zip(VIDEO, values, strict=True)))
+
+    def _decoded(self, kind: Kind, batch: Sequence[Triplet]) -> Iterator[tuple[int, Picture, Picture]]:
+        """(seq, picture, truth), one by one; what cannot be compared is left out."""
+        for triplet in batch:
+            if triplet.seq not in self.problems:
+                try:
+                    truth, pictures = triplet.read().decoded()
+                except (BrokenRecording, BrokenPicture) as error:
+                    self.problems[triplet.seq] = str(error)
+                else:
+                    yield triplet.seq, pictures[kind], truth
+
+    def _begin(self, seq: int, kind: Kind, contents: Contents) -> None:
+        """An empty score, unless there is one of these very pictures."""
+        digest, model = contents.digest(kind), self._models.get(seq) if kind == "enhanced" else None
+        known = self._scores.get((seq, kind))
+        if known is None or known.digest != digest or known.model != model:
+            self._scores[seq, kind] = Score(seq=seq, picture=kind, digest=digest, model=model)
+
+    def _add(self, seq: int, kind: Kind, values: Values) -> None:
+        self._scores[seq, kind] = self._scores[seq, kind].with_values(values)
+
+
+def _model(sample: Sample) -> str | None:
+    """What enhanced it, such as `anime4k-restore-m + scene`; None if nothing did."""
+    return " + ".join(name for name in (sample.restore, sample.upscale) if name != "off") or None
