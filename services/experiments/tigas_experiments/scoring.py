@@ -93,16 +93,7 @@ class Scoring:
             return
         frames = self._decoded(kind, batch)
         for _, group in groupby(frames, key=lambda frame: frame[2].shape):
-            numbers: list[int] = []
-
-            def numbered(
-                group: Iterator[tuple[int, Picture, Picture]] = group, numbers: list[int] = numbers
-            ) -> Iterator[tuple[Picture, Picture]]:
-                for seq, picture, truth in group:
-                    numbers.append(seq)
-                    yield picture, truth
-
-            for seq, values in zip(numbers, vmaf_and_vif(numbered()), strict=True):
+            for seq, values in vmaf_and_vif(group).items():
                 self._add(seq, kind, dict(zip(VIDEO, values, strict=True)))
 
     def _decoded(self, kind: Kind, batch: Sequence[Triplet]) -> Iterator[tuple[int, Picture, Picture]]:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import io
 import math
+import struct
+import zlib
 
 import numpy as np
 import pytest
@@ -50,3 +52,11 @@ def test_a_picture_of_too_many_pixels() -> None:
     Image.new("1", (8192, 4096)).save(buffer, "PNG")
     with pytest.raises(BrokenPicture, match="8192×4096"):
         decode(buffer.getvalue())
+
+
+@pytest.mark.parametrize("side", [12_000, 30_000])
+def test_a_picture_that_pillow_itself_takes_for_a_bomb(side: int) -> None:
+    header = struct.pack(">IIBBBBB", side, side, 8, 2, 0, 0, 0)
+    chunk = struct.pack(">I", len(header)) + b"IHDR" + header + struct.pack(">I", zlib.crc32(b"IHDR" + header))
+    with pytest.raises(BrokenPicture, match="pixels"):
+        decode(b"\x89PNG\r\n\x1a\n" + chunk + struct.pack(">I", 0) + b"IDAT" + struct.pack(">I", zlib.crc32(b"IDAT")))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import torch
 from torch import Tensor, nn
 from torch.nn.functional import conv2d, max_pool2d, relu
@@ -32,12 +34,10 @@ class Lpips(Perceptual):
         )
         self.heads = nn.ParameterList(torch.rand(channels) for channels, *_ in ALEXNET)
         """[channels] How much each channel of a layer counts."""
-        self.register_buffer("mean", _per_channel(0.485, 0.456, 0.406), persistent=False)
-        self.register_buffer("scale", _per_channel(0.229, 0.224, 0.225), persistent=False)
 
     def forward(self, pictures: Tensor, truth: Tensor) -> Tensor:
         """As Perceptual says."""
-        x = (torch.cat((truth, pictures)) - self.mean) / self.scale
+        x = _normalised(torch.cat((truth, pictures)))
         total = x.new_zeros(len(pictures))
         for layer, (convolution, head) in enumerate(zip(self.convolutions, self.heads, strict=True)):
             if layer in (1, 2):
@@ -55,23 +55,21 @@ class Dists(Perceptual):
         super().__init__()
         channels = (3, *(each for stage in VGG16 for each in stage))
         self.convolutions = nn.ModuleList(
-            nn.Conv2d(before, after, 3, padding=1) for before, after in zip(channels, channels[1:], strict=False)
+            nn.Conv2d(before, after, 3, padding=1) for before, after in pairwise(channels)
         )
         compared = 3 + sum(stage[-1] for stage in VGG16)
         self.alpha = nn.Parameter(torch.rand(compared))
         """[channels of all stages] How much equal means of a channel (texture) count."""
         self.beta = nn.Parameter(torch.rand(compared))
         """[channels of all stages] How much equal structure counts."""
-        self.register_buffer("mean", _per_channel(0.485, 0.456, 0.406), persistent=False)
-        self.register_buffer("scale", _per_channel(0.229, 0.224, 0.225), persistent=False)
 
     def forward(self, pictures: Tensor, truth: Tensor) -> Tensor:
         """As Perceptual says."""
         x = torch.cat((truth, pictures))
         sizes = [3, *(stage[-1] for stage in VGG16)]
-        weights = zip(self.alpha.split(sizes), self.beta.split(sizes), strict=True)
+        weights = zip(torch.split(self.alpha, sizes), torch.split(self.beta, sizes), strict=True)
         total = _alike(x, *next(weights))
-        x = (x - self.mean) / self.scale
+        x = _normalised(x)
         convolutions = iter(self.convolutions)
         for place, (stage, (alpha, beta)) in enumerate(zip(VGG16, weights, strict=True)):
             if place:
@@ -99,5 +97,7 @@ def _l2_pooled(x: Tensor) -> Tensor:
     return (conv2d(x.square(), kernel, stride=2, padding=1, groups=x.shape[1]) + 1e-12).sqrt()
 
 
-def _per_channel(*values: float) -> Tensor:
-    return torch.tensor(values)[None, :, None, None]
+def _normalised(x: Tensor) -> Tensor:
+    """As the networks were trained: by ImageNet's mean and deviation."""
+    mean, deviation = (x.new_tensor(each)[:, None, None] for each in ((0.485, 0.456, 0.406), (0.229, 0.224, 0.225)))
+    return (x - mean).div(deviation)

@@ -36,7 +36,7 @@ def ffmpeg() -> str:
     try:
         from imageio_ffmpeg import get_ffmpeg_exe
 
-        program = get_ffmpeg_exe()
+        program = str(get_ffmpeg_exe())
         listed = subprocess.run([program, "-hide_banner", "-filters"], capture_output=True, text=True, check=False)
     except (ImportError, RuntimeError, OSError):
         raise NoVmaf("VMAF and VIFp are left out, since ffmpeg is missing: pip install 'tigas[quality]'") from None
@@ -45,24 +45,26 @@ def ffmpeg() -> str:
     return program
 
 
-def vmaf_and_vif(pairs: Iterable[tuple[Picture, Picture]]) -> list[tuple[float, float]]:
-    """(VMAF, VIFp) of each picture against its ground truth, all of one size, in the order in which they were shown.
+def vmaf_and_vif(frames: Iterable[tuple[int, Picture, Picture]]) -> dict[int, tuple[float, float]]:
+    """(VMAF, VIFp) of numbered pictures against their ground truths, all of one size, in the order of being shown.
 
     VMAF is 0 to 100, the highest for equal pictures is a little below it. VIFp is Sheikh and Bovik's visual information
     fidelity (IEEE TIP 15, 2006) in the pixel domain, over four scales of luma: 1 for equal pictures, more for pictures
     with more contrast than the truth. Raises NoVmaf, and StartError if ffmpeg fails.
     """
     program = ffmpeg()
+    numbers: list[int] = []
     with TemporaryDirectory(prefix="tigas-vmaf-") as scratch:
         folder = Path(scratch)
         with LosslessVideo(folder / DISTORTED) as distorted, LosslessVideo(folder / TRUTH) as truths:
-            for picture, truth in pairs:
+            for number, picture, truth in frames:
                 if picture.shape != truth.shape:
                     raise ValueError(f"pictures of {picture.shape} and {truth.shape} cannot be compared")
+                numbers.append(number)
                 distorted.add(picture)
                 truths.add(truth)
-        if not truths.frames:
-            return []
+        if not numbers:
+            return {}
         graph = f"[0:v]{TO_LUMA}[d];[1:v]{TO_LUMA}[t];[d][t]{LIBVMAF}:n_threads={os.cpu_count()}"
         asked = ("-i", DISTORTED, "-i", TRUTH, "-lavfi", graph, "-f", "null", "-")
         ended = subprocess.run(
@@ -73,19 +75,19 @@ def vmaf_and_vif(pairs: Iterable[tuple[Picture, Picture]]) -> list[tuple[float, 
             errors="replace",
             check=False,
         )
-        frames = []
+        found = []
         with suppress(OSError, ValueError):
-            frames = json.loads((folder / LOG).read_text())["frames"]
-        if ended.returncode or len(frames) != truths.frames:
-            raise StartError(f"ffmpeg could not compute VMAF: {legible(ended.stderr.strip(), 200) or 'it said nothing'}")
-        return [(frame["metrics"]["vmaf"], frame["metrics"]["vif"]) for frame in frames]
+            found = [frame["metrics"] for frame in json.loads((folder / LOG).read_text())["frames"]]
+        if ended.returncode or len(found) != len(numbers):
+            said = legible(ended.stderr.strip(), 200) or f"it ended with status {ended.returncode}"
+            raise StartError(f"ffmpeg could not compute VMAF: {said}")
+        return {number: (metrics["vmaf"], metrics["vif"]) for number, metrics in zip(numbers, found, strict=True)}
 
 
 class LosslessVideo:
     """Pictures of one size as FFV1 in Matroska, in RGB, bit by bit."""
 
     def __init__(self, path: Path) -> None:
-        self.frames = 0
         self._container = av.open(path, "w", format="matroska")
         self._stream: VideoStream | None = None
 
@@ -96,7 +98,6 @@ class LosslessVideo:
             self._stream.height, self._stream.width = picture.shape[:2]
             self._stream.pix_fmt = "bgr0"
         self._container.mux(self._stream.encode(av.VideoFrame.from_ndarray(picture, format="rgb24")))
-        self.frames += 1
 
     def __enter__(self) -> LosslessVideo:
         return self

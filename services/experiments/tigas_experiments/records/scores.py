@@ -49,7 +49,7 @@ class Score(WireModel):
 
     def with_values(self, values: Values) -> Score:
         """And these."""
-        return self.model_copy(update=dict(values))
+        return self.model_copy(update={str(name): value for name, value in values.items()})
 
 
 def read_scores(run: Path) -> list[Score]:
@@ -61,5 +61,6 @@ def read_scores(run: Path) -> list[Score]:
 def write_scores(run: Path, scores: Iterable[Score]) -> None:
     """Whoever reads meanwhile sees the old ones or the new ones. Raises OSError."""
     new = run / f"{SCORES}.new"
-    write_lines(new, sorted(scores, key=lambda score: (score.seq, score.picture)))
+    in_order: list[Score] = sorted(scores, key=lambda score: score.key)
+    write_lines(new, in_order)
     new.replace(run / SCORES)

@@ -12,6 +12,7 @@ from tigas_experiments.quality.picture import CaptureQuality, Quality
 from tigas_experiments.records import statistics
 from tigas_experiments.records.folder import RunRecord, StoredRun
 from tigas_experiments.records.recording import BrokenRecording
+from tigas_experiments.records.scores import Score, read_scores
 
 
 class Summary(WireModel):
@@ -36,6 +37,8 @@ class Records:
     link: list[LinkSample]
     """While the movement lasted."""
     quality: list[CaptureQuality]
+    scores: list[Score]
+    """Of sampled pictures."""
 
     @classmethod
     def of(cls, stored: StoredRun) -> Records:
@@ -52,6 +55,7 @@ class Records:
             traffic=stored.traffic(),
             link=[sample for sample in stored.link() if 0 <= sample.at <= head.duration_ms],
             quality=stored.quality(),
+            scores=read_scores(stored.folder),
         )
 
 

@@ -12,9 +12,9 @@ from pathlib import Path
 from typing import Literal
 
 from tigas_experiments.quality.picture import BrokenPicture, Picture, decode, upscaled
+from tigas_experiments.records.materialised import TRUTH
 from tigas_experiments.records.samples import ENHANCED, JPEG, read_sample_file
 
-TRUTH = "truth.png"
 LEAST_SIDE, MOST_PIXELS = 32, 3840 * 2160
 """Of ground truth. VIFp's lowest scale is an eighth as large; DISTS takes 1.5 GB of memory for each megapixel."""
 Kind = Literal["original", "enhanced"]
@@ -53,9 +53,7 @@ class Contents:
         truth = decode(self.truth)
         height, width = truth.shape[:2]
         if min(height, width) < LEAST_SIDE or height * width > MOST_PIXELS:
-            raise BrokenPicture(
-                f"Its ground truth has {width}×{height} pixels; from {LEAST_SIDE}×{LEAST_SIDE} to 3840×2160 are compared."
-            )
+            raise BrokenPicture(f"Its ground truth has {width}×{height} pixels; 32×32 to 3840×2160 can be compared.")
         found: dict[Kind, Picture] = {}
         for kind, data in self.pictures.items():
             picture = decode(data)
@@ -83,5 +81,3 @@ def triplets(run: Path) -> list[Triplet]:
         else:
             truths[int(number)] = path
     return [Triplet(seq, pictures[seq], truths[seq]) for seq in sorted(truths.keys() & pictures.keys())]
-
-

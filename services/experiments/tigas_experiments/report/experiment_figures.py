@@ -40,6 +40,7 @@ from tigas_experiments.report.metrics import (
     SWITCHES,
     Metric,
 )
+from tigas_experiments.report.picture_scores import rows_of
 from tigas_experiments.report.plot import (
     AREA,
     INK,
@@ -57,9 +58,11 @@ from tigas_experiments.report.plot import (
     style,
     svg,
 )
+from tigas_experiments.report.quality_figures import heat_maps
 from tigas_experiments.report.rate_distortion import RateDistortion, over_all
 from tigas_experiments.report.rate_distortion_figure import rate_distortion
 from tigas_experiments.report.results import Floats
+from tigas_experiments.report.system_figure import system_panel
 from tigas_experiments.report.time_series import BINS, binned, downloaded, received
 
 WIDE = 2.6
@@ -73,6 +76,10 @@ MOST_NETWORKS = 8
 def figures(groups: Groups) -> Iterator[tuple[str | None, Plot]]:
     """All of them, in the order of the page, each with the network that it is of."""
     if (plot := overview(groups)) is not None:
+        yield None, plot
+    if (plot := system_panel(groups)) is not None:
+        yield None, plot
+    for plot in heat_maps(rows_of(groups)):
         yield None, plot
     if (everywhere := over_all(groups)) is not None and (
         plot := rate_distortion(everywhere, groups.looks, f"all networks, {at_lowest(groups)}")

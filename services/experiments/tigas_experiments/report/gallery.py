@@ -15,7 +15,7 @@ from PIL import Image
 
 from tigas_common.files import read_regular
 from tigas_common.wire.recording import Sample
-from tigas_experiments.quality.picture import BrokenPicture, Picture, decode
+from tigas_experiments.quality.picture import BrokenPicture, Picture, decode, upscaled
 from tigas_experiments.records.materialised import TRUTH, SampledRun
 from tigas_experiments.records.samples import ENHANCED, JPEG, MAX_PICTURE_BYTES, sample_path
 
@@ -74,14 +74,14 @@ def _sample(folder: Path, run: SampledRun, sample: Sample) -> GallerySample:
     """Raises OSError and BrokenPicture."""
     truth = _read(folder, sample, TRUTH)
     height, width = truth.shape[:2]
-    original = _at_size(_read(folder, sample, JPEG), width, height)
+    original = upscaled(_read(folder, sample, JPEG), width, height)
     pictures = [
         ("as it came", original),
         ("ground truth", truth),
         (f"as it came, difference × {TIMES}", _apart(original, truth)),
     ]
     if (kind := next((kind for kind in ENHANCED if sample_path(folder, sample.seq, kind).exists()), None)) is not None:
-        enhanced = _at_size(_read(folder, sample, kind), width, height)
+        enhanced = upscaled(_read(folder, sample, kind), width, height)
         pictures.insert(1, ("enhanced", enhanced))
         pictures.append((f"enhanced, difference × {TIMES}", _apart(enhanced, truth)))
     known = run.known.get(sample.seq)
@@ -113,12 +113,6 @@ def _about(sample: Sample) -> str:
 
 def _read(folder: Path, sample: Sample, kind: str) -> Picture:
     return decode(read_regular(sample_path(folder, sample.seq, kind), MAX_PICTURE_BYTES, follow=False))
-
-
-def _at_size(picture: Picture, width: int, height: int) -> Picture:
-    if picture.shape[:2] == (height, width):
-        return picture
-    return np.asarray(Image.fromarray(picture).resize((width, height), Image.Resampling.BICUBIC))
 
 
 def _apart(one: Picture, other: Picture) -> Picture:

@@ -81,6 +81,8 @@ class Plot:
     caption: str
     """What is drawn, and over what."""
     svg: str
+    values: str | None = None
+    """The CSV file that has nothing but what is drawn."""
 
     @property
     def markup(self) -> Markup:

@@ -17,8 +17,10 @@ from tigas_experiments.records import statistics
 from tigas_experiments.records.folder import ExperimentRecord, RunRecord, read_experiment
 from tigas_experiments.records.materialised import SampledRun, sampled_run
 from tigas_experiments.records.recording import BrokenRecording
+from tigas_experiments.records.scores import Score
 from tigas_experiments.records.summary import Records, read
 from tigas_experiments.report.controllers import Controller
+from tigas_experiments.report.latency_parts import LatencyParts
 
 Floats = NDArray[np.float64]
 Told = Callable[[str, int, int | None], None]
@@ -42,6 +44,10 @@ class Run:
     """[samples, 2] s; bytes by then."""
     link: Floats
     """[samples, 3] s; the link's rate and what it delivered since the sample before, Mbit/s."""
+    parts: LatencyParts | None
+    """Of the frames' age; None without the server's times."""
+    scores: tuple[Score, ...]
+    """Of its sampled pictures, as far as they were computed."""
 
     @classmethod
     def of(cls, folder: str, record: RunRecord, figures: Figures, records: Records) -> Run:
@@ -58,6 +64,8 @@ class Run:
             heights=_table([(frame.at / 1000, frame.height) for frame in frames], 2),
             received=_table([(entry.at / 1000, entry.bytes) for entry in records.traffic], 2),
             link=_table([(at.at / 1000, at.target_kbps / 1000, at.delivered_kbps / 1000) for at in records.link], 3),
+            parts=LatencyParts.of(inputs, frames, records.replies),
+            scores=tuple(records.scores),
         )
 
     @property

@@ -1,6 +1,6 @@
 """The tables as files: runs.csv with a row for each run, groups.csv with a row for each group, differences.csv with a
 row for each figure of a controller against the baseline, rate_distortion.csv and equal_rates.csv of quality against
-rate, overall.md for papers.
+rate, system.csv and picture_scores.csv of the system panel and the heat maps, overall.md for papers.
 
 An empty cell of a CSV file is a metric that there is not; `inf` is a time that never came.
 """
@@ -19,8 +19,12 @@ from tigas_experiments.report.controllers import Controller
 from tigas_experiments.report.differences import Difference
 from tigas_experiments.report.groups import Condition, Group, Groups, Overall
 from tigas_experiments.report.metrics import METRICS, RECEIVED, TABLE, Metric
+from tigas_experiments.report.picture_scores import Row as PictureRow
+from tigas_experiments.report.picture_scores import computed, rows_of
 from tigas_experiments.report.rate_distortion import QUALITIES, RateDistortion, by_condition, over_all
 from tigas_experiments.report.results import Failure, Results, Run
+from tigas_experiments.report.system_figure import METRICS as SYSTEM_METRICS
+from tigas_experiments.report.system_figure import mean_parts
 
 Row = dict[str, Any]
 
@@ -33,6 +37,8 @@ def write_csv(
     files = {
         "runs.csv": sorted(runs, key=lambda row: str(row["folder"])),
         "groups.csv": [_group(group) for group in groups],
+        "system.csv": [row for group in groups for row in _system(group)],
+        "picture_scores.csv": [cell for row in rows_of(groups) for cell in _picture_scores(row)],
         "differences.csv": [_difference(each, baseline.name, metric) for each in compared for metric in METRICS]
         if baseline is not None
         else [],
@@ -143,6 +149,42 @@ def _difference(difference: Difference, baseline: str, metric: Metric) -> Row:
         "ci95_low": low,
         "ci95_high": high,
     }
+
+
+def _system(group: Group) -> Iterator[Row]:
+    """What the system panel shows; nothing of groups without the server's times."""
+    parts = mean_parts(group)
+    if parts:
+        condition = group.condition
+        shown = {metric.name: (spread := group.spread(metric)) and spread.mean for metric in SYSTEM_METRICS}
+        yield {
+            "network": condition.network,
+            "rtt_ms": condition.rtt_ms,
+            "controller": condition.controller.name,
+            "runs": len(group.runs),
+            **{f"{name}_ms": mean for name, mean in parts.items()},
+            **shown,
+        }
+
+
+def _picture_scores(row: PictureRow) -> Iterator[Row]:
+    """A row for each metric."""
+    for metric in computed([row]):
+        mean = row.mean(metric)
+        if mean is not None and row.condition is not None:
+            yield {
+                "network": row.condition.network,
+                "rtt_ms": row.condition.rtt_ms,
+                "controller": row.condition.controller.name,
+                "picture": row.what,
+                "model": row.model,
+                "metric": metric.name,
+                "variant": metric.variant,
+                "runs": row.runs,
+                "pictures": mean.pictures,
+                "mean": mean.mean,
+                "std": mean.deviation,
+            }
 
 
 def _rate_distortion(found: RateDistortion) -> Iterator[Row]:

@@ -1,0 +1,183 @@
+"""The commands `tigas quality …`: scores of sampled pictures, and what computing them needs."""
+
+from __future__ import annotations
+
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+from rich.progress import BarColumn, DownloadColumn, Progress, TaskID, TextColumn, TimeRemainingColumn
+from rich.table import Table
+from typer.core import TyperGroup
+
+from tigas_common.cli import in_a_sentence
+from tigas_common.errors import StartError
+from tigas_common.terminal import make_console
+
+if TYPE_CHECKING:  # heavy
+    from tigas_experiments.quality.metrics import PictureMetric
+    from tigas_experiments.report.picture_scores import Row
+
+SCORE = "score"
+
+
+class _ScoreByDefault(TyperGroup):
+    """`tigas quality RUN` is `tigas quality score RUN`."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        if args and args[0] not in (*self.commands, "--help"):
+            args = [SCORE, *args]
+        return super().parse_args(ctx, args)
+
+
+quality = typer.Typer(
+    cls=_ScoreByDefault,
+    help="Compare sampled pictures with ground truth by six metrics (docs/quality.md): tigas quality RUN.",
+    no_args_is_help=True,
+)
+
+
+@quality.command(SCORE)
+def score(
+    folder: Annotated[
+        Path, typer.Argument(metavar="DIR", help="A run's folder, an experiment's, or any with samples/.")
+    ],
+    metrics: Annotated[str, typer.Option(help="Which, comma-separated.")] = "psnr,ssim,vmaf,vif,lpips,dists",
+    device: Annotated[
+        str | None, typer.Option(help="For LPIPS and DISTS: cpu or cuda.", show_default="cuda if there is one")
+    ] = None,
+    again: Annotated[bool, typer.Option("--again", help="Compute what was computed before, too.")] = False,
+) -> None:
+    """Compare the samples of a run with ground truth, as they came and as they were enhanced."""
+    console = make_console(stderr=True)
+    with in_a_sentence(StartError, OSError):
+        asked = _asked(metrics)
+        try:
+            rows, sentences = _score(folder, asked, device, again=again)
+        except KeyboardInterrupt:
+            console.print("Interrupted. The same command goes on.")
+            raise typer.Exit(130) from None
+    for sentence in sentences:
+        console.print(sentence, style="yellow", soft_wrap=True)
+    make_console().print(_table(rows, asked))
+
+
+@quality.command("fetch")
+def fetch() -> None:
+    """Fetch the weights of LPIPS and DISTS into the user's cache, and the pictures that tests check them with."""
+    from tigas_experiments.quality.weights import SOURCES
+    from tigas_experiments.quality.weights import fetch as fetched
+
+    columns = (TextColumn("{task.description}", markup=False), BarColumn(), DownloadColumn())
+    with (
+        in_a_sentence(StartError, OSError),
+        Progress(*columns, console=make_console(stderr=True), transient=True) as bar,
+    ):
+        for source in SOURCES:
+            task = bar.add_task(source.name, total=source.bytes)
+            path = fetched(source, partial(_show, bar, task))
+            _show(bar, task, source.bytes)
+            typer.echo(f"{path}")
+
+
+def _show(bar: Progress, task: TaskID, done: int) -> None:
+    bar.update(task, completed=done)
+
+
+def _asked(names: str) -> list[PictureMetric]:
+    """The metrics of these names. Raises StartError."""
+    from tigas_experiments.quality.metrics import PICTURE_METRICS
+
+    known = {metric.name: metric for metric in PICTURE_METRICS}
+    asked = [name.strip().lower() for name in names.split(",") if name.strip()]
+    if unknown := [name for name in asked if name not in known]:
+        raise StartError(f"{unknown[0]!r} is no metric; there are {', '.join(known)}.")
+    if not asked:
+        raise StartError(f"--metrics names none; there are {', '.join(known)}.")
+    return [metric for name, metric in known.items() if name in asked]
+
+
+def _score(folder: Path, asked: list[PictureMetric], device: str | None, *, again: bool) -> tuple[list[Row], list[str]]:
+    """The scores, and what has to be said of them. Raises StartError and OSError."""
+    try:
+        import torch
+
+        from tigas_experiments.quality.meters import Meters
+        from tigas_experiments.scoring import Scoring
+    except ImportError as error:
+        raise StartError(f"{error.name} is missing: pip install 'tigas[quality]'") from None
+    from tigas_experiments.lock import EXPERIMENT, exclusive
+    from tigas_experiments.records.folder import StoredRun
+    from tigas_experiments.records.recording import BrokenRecording
+    from tigas_experiments.report.groups import Condition
+    from tigas_experiments.report.picture_scores import rows
+
+    runs, lock = _runs(folder)
+    meters = Meters.of([metric.name for metric in asked], device or ("cuda" if torch.cuda.is_available() else "cpu"))
+    sentences = [*meters.left_out]
+    if not meters.single and not meters.video:
+        raise StartError(" ".join(sentences))
+    columns = (TextColumn("{task.description}", markup=False), BarColumn(), TimeRemainingColumn(), TextColumn("left"))
+    scored = []
+    with (
+        exclusive(lock / EXPERIMENT, f"Somebody makes or scores runs in {lock}; try again when they are done."),
+        Progress(*columns, console=make_console(stderr=True), transient=True) as bar,
+    ):
+        task = bar.add_task("")
+        scorings = []
+        for run in runs:
+            try:
+                scorings.append((run, Scoring(run, meters, lambda steps: bar.advance(task, steps), again=again)))
+            except BrokenRecording as error:
+                sentences.append(f"{run.name}: {error}")
+        bar.update(task, total=sum(scoring.steps for _, scoring in scorings))
+        if not any(scoring.triplets for _, scoring in scorings):
+            raise StartError(" ".join(sentences) or f"{folder} has no samples with ground truth (docs/quality.md).")
+        for run, scoring in scorings:
+            bar.update(task, description=run.name)
+            scores = scoring.score()
+            sentences += [f"{run.name}, sample {seq}: {why}" for seq, why in sorted(scoring.problems.items())]
+            condition = None
+            if (run / "run.json").exists():
+                try:
+                    condition = Condition.of(StoredRun(run).record)
+                except BrokenRecording as error:
+                    sentences.append(f"{run.name}: {error}")
+            scored.append((condition, scores))
+    return rows(scored), sentences
+
+
+def _runs(folder: Path) -> tuple[list[Path], Path]:
+    """The folders that have samples, and that in which nobody else may be at work. Raises StartError."""
+    from tigas_experiments.report.results import run_folders
+
+    if (folder / "samples").is_dir() or (folder / "run.json").exists():
+        whole = folder.resolve()
+        return [folder], whole.parents[1] if whole.parent.name == "runs" else whole
+    return run_folders(folder), folder
+
+
+def _table(rows: list[Row], asked: list[PictureMetric]) -> Table:
+    table = Table(title="Mean ± standard deviation over pictures", title_justify="left")
+    for heading in ("network", "controller", "picture", "model"):
+        table.add_column(heading, overflow="fold")
+    table.add_column("pictures", justify="right")
+    for metric in asked:
+        table.add_column(metric.title + (f", {metric.unit}" if metric.unit else ""), justify="right", no_wrap=True)
+    for row in rows:
+        condition = row.condition
+        rtt = "" if condition is None or condition.rtt_ms is None else f", {condition.rtt_ms:g} ms"
+        means = [row.mean(metric) for metric in asked]
+        table.add_row(
+            "" if condition is None else f"{condition.network}{rtt}",
+            "" if condition is None else condition.controller.title,
+            row.what,
+            row.model or "",
+            str(max((mean.pictures for mean in means if mean is not None), default=0)),
+            *(
+                "–" if mean is None else mean.text(metric, signed=row.what == "difference")
+                for mean, metric in zip(means, asked, strict=True)
+            ),
+        )
+    return table

@@ -1,0 +1,160 @@
+"""`tigas quality` as a person uses it: of a run, of an experiment, of pictures alone, and of rendered frames."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+import httpx
+import numpy as np
+import pytest
+from filelock import FileLock
+from typer.testing import CliRunner, Result
+
+from tests.experiments.report.made_up_results import write_run
+from tests.experiments.triplets_made_up import view, write_triplets
+from tests.web.scenes import SMALL, write_scenes
+from tests.web.server import RenderServer
+from tigas_common.pose import Intrinsics, Pose
+from tigas_common.wire.render import RenderRequest
+from tigas_experiments.commands.quality import quality as command
+from tigas_experiments.quality.picture import encode
+from tigas_experiments.records.materialised import TRUTH
+from tigas_experiments.records.samples import JPEG, write_sample_file
+from tigas_experiments.records.scores import SCORES, read_scores
+
+
+def quality(*arguments: str) -> Result:
+    """The command as a person types it."""
+    return CliRunner().invoke(command, arguments, env={"COLUMNS": "300"})
+
+
+def words(result: Result) -> str:
+    """Without the lines of the table."""
+    return re.sub(r"[\s│┃━┏┓┗┛┡┩└┘├┤─┼┴┬╇]+", " ", result.output)
+
+
+@pytest.fixture
+def experiment(tmp_path: Path) -> Path:
+    """Two controllers; one has samples of two runs."""
+    for repeat in (0, 1):
+        run = write_run(tmp_path / "runs" / f"latency-{repeat}", "latency", "bus", 20.0, repeat=repeat)
+        write_triplets(run, 2, quality=40 - 10 * repeat)
+    write_run(tmp_path / "runs" / "budget", "budget", "bus", 20.0)
+    return tmp_path
+
+
+def test_an_experiment_is_scored_by_controller_network_and_model(experiment: Path) -> None:
+    result = quality(str(experiment), "--metrics", "psnr,ssim,vif")
+    assert result.exit_code == 0, result.output
+    rows = words(result)
+    assert re.search(r"bus, 20 ms Latency original 4 [\d.]+ ± [\d.]+ 0\.[\d]+ ± 0\.[\d]+ 0\.[\d]+ ±", rows)
+    assert re.search(r"bus, 20 ms Latency enhanced scene 4 ", rows)
+    assert re.search(r"bus, 20 ms Latency difference scene 4 \+[\d.]+ ±", rows)
+    assert "Budget" not in rows
+    assert len(read_scores(experiment / "runs" / "latency-1")) == 4
+
+
+def test_a_folder_with_pictures_alone_is_scored_too(tmp_path: Path) -> None:
+    write_triplets(tmp_path, 2, enhance=None)
+    (tmp_path / "samples.ndjson").unlink()
+    result = quality(str(tmp_path), "--metrics", "psnr")
+    assert result.exit_code == 0, result.output
+    assert re.search(r"original 2 [\d.]+ ± [\d.]+ $", words(result))
+
+
+def test_one_run_of_an_experiment(experiment: Path) -> None:
+    assert quality(str(experiment / "runs" / "latency-0"), "--metrics", "ssim").exit_code == 0
+    assert not (experiment / "runs" / "latency-1" / SCORES).exists()
+
+
+def test_without_weights_only_these_two_are_left_out(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    write_triplets(tmp_path, 1, enhance=None)
+    result = quality(str(tmp_path))
+    assert result.exit_code == 0
+    assert "LPIPS is left out, since its weights are not here: tigas quality fetch" in words(result)
+    assert "DISTS is left out" in words(result)
+    assert set(read_scores(tmp_path)[0].values) == {"psnr", "ssim", "vmaf", "vif"}
+    alone = quality(str(tmp_path), "--metrics", "dists")
+    assert alone.exit_code == 1
+    assert "DISTS is left out, since its weights are not here: tigas quality fetch" in words(alone)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "sentence"),
+    [
+        (["--metrics", "psnr,beauty"], "'beauty' is no metric; there are psnr, ssim, vmaf, vif, lpips, dists."),
+        (["--metrics", " , "], "--metrics names none"),
+        (["--metrics", "psnr"], "has no samples with ground truth (docs/quality.md)."),
+    ],
+)
+def test_what_cannot_be_done_is_a_sentence(tmp_path: Path, arguments: list[str], sentence: str) -> None:
+    write_run(tmp_path / "runs" / "a")
+    result = quality(str(tmp_path), *arguments)
+    assert result.exit_code == 1
+    assert sentence in words(result)
+
+
+def test_a_folder_that_is_none(tmp_path: Path) -> None:
+    result = quality(str(tmp_path / "missing"))
+    assert result.exit_code == 1
+    assert "cannot be read" in words(result)
+
+
+def test_broken_scores_are_named_and_the_other_runs_go_on(experiment: Path) -> None:
+    (experiment / "runs" / "latency-0" / SCORES).write_text("rubbish\n")
+    result = quality(str(experiment), "--metrics", "psnr")
+    assert result.exit_code == 0
+    assert re.search(r"latency-0: .*scores\.ndjson, line 1", words(result))
+    assert "Latency original 2 " in words(result)
+
+
+def test_a_folder_in_which_runs_are_made_is_left_alone(experiment: Path) -> None:
+    with FileLock(experiment / ".lock"):
+        for folder in (experiment, experiment / "runs" / "latency-0"):
+            result = quality(str(folder), "--metrics", "psnr")
+            assert result.exit_code == 1
+            assert "Somebody makes or scores runs in" in words(result)
+
+
+@pytest.fixture(scope="module")
+def rendered(tmp_path_factory: pytest.TempPathFactory) -> Iterator[httpx.Client]:
+    """A render service with a small scene."""
+    models = tmp_path_factory.mktemp("models")
+    write_scenes(models)
+    with RenderServer("--scenes", str(models)) as server, httpx.Client(base_url=server.url, timeout=90) as http:
+        yield http
+
+
+def test_rendered_frames_are_better_the_higher_their_rung(rendered: httpx.Client, tmp_path: Path) -> None:
+    lens = Intrinsics(300, 300, 240, 135, 480, 270)
+    for rung in (1, 2, 3):
+        run = tmp_path / f"rung-{rung}"
+        run.mkdir()
+        for seq in (1, 2):
+            asked = RenderRequest.at(SMALL, Pose.from_euler(40.0 + seq / 4, 0, 0, (0, 0, 0)), lens)
+            frame, truth = (
+                rendered.post("/render", content=each.model_dump_json(exclude_none=True)).raise_for_status().content
+                for each in (
+                    asked.model_copy(update={"profile": rung}),
+                    asked.model_copy(update={"format": "png"}),
+                )
+            )
+            write_sample_file(run, seq, JPEG, frame)
+            write_sample_file(run, seq, TRUTH, truth)
+        assert quality(str(run), "--metrics", "psnr,ssim,vmaf,vif").exit_code == 0
+    best, middle, worst = (read_scores(tmp_path / f"rung-{rung}") for rung in (1, 2, 3))
+    for one, two, three in zip(best, middle, worst, strict=True):
+        assert len(one.values) == 4
+        for name, value in one.values.items():
+            assert value > two.values[name] > three.values[name], name
+
+
+def test_a_sample_that_cannot_be_compared_is_named(tmp_path: Path) -> None:
+    write_triplets(tmp_path, 2)
+    write_sample_file(tmp_path, 20, "enhanced.png", encode(np.ascontiguousarray(view(20)[:40, :40])))
+    result = quality(str(tmp_path), "--metrics", "psnr")
+    assert result.exit_code == 0
+    assert "sample 20: It was shown at 40×40, but its ground truth has 128×72 pixels." in words(result)

@@ -1,0 +1,103 @@
+"""Trained weights: only what was published is kept and read, and nothing in it runs."""
+
+from __future__ import annotations
+
+import hashlib
+import http.server
+import io
+import os
+import pickle
+import threading
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tigas_common.errors import StartError
+from tigas_experiments.quality import weights
+from tigas_experiments.quality.weights import NoWeights, Source, fetch
+
+DATA = b"published" * 1000
+
+
+@pytest.fixture(autouse=True)
+def cache(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """One of the test's own."""
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+
+
+@pytest.fixture
+def source() -> Iterator[Source]:
+    """A file on a server."""
+
+    class Handler(http.server.BaseHTTPRequestHandler):
+        def do_GET(self) -> None:
+            found = self.path.endswith("weights.bin")
+            self.send_response(200 if found else 404)
+            self.end_headers()
+            self.wfile.write(DATA if found else b"")
+
+        def log_message(self, *_: object) -> None:
+            pass
+
+    with http.server.ThreadingHTTPServer(("127.0.0.1", 0), Handler) as server:
+        threading.Thread(target=server.serve_forever, daemon=True).start()
+        url = f"http://127.0.0.1:{server.server_port}/weights.bin"
+        yield Source(url, hashlib.sha256(DATA).hexdigest(), len(DATA))
+        server.shutdown()
+
+
+def test_a_file_is_fetched_once_and_again_if_it_was_changed(source: Source) -> None:
+    told: list[int] = []
+    path = fetch(source, told.append)
+    assert path == source.cached
+    assert path.read_bytes() == DATA
+    assert told[-1] == len(DATA)
+    gone = replace(source, url=source.url.replace("127.0.0.1", "localhost.invalid"))
+    assert fetch(gone) == path, "the network is not asked"
+    path.write_bytes(b"changed")
+    assert fetch(source).read_bytes() == DATA
+
+
+@pytest.mark.parametrize(
+    ("change", "sentence"),
+    [
+        ({"sha256": "0" * 64}, "was not kept"),
+        ({"bytes": 100}, "has more than 100 bytes"),
+        ({"url": "missing"}, "could not be fetched.*404"),
+        ({"url": "http://localhost.invalid/weights.bin"}, "could not be fetched"),
+    ],
+)
+def test_anything_else_is_not_kept(source: Source, change: dict[str, str | int], sentence: str) -> None:
+    if change.get("url") == "missing":
+        change = {"url": f"{source.url}.gone"}
+    other = replace(source, **change)  # type: ignore[arg-type]
+    with pytest.raises(StartError, match=sentence):
+        fetch(other)
+    assert not other.cached.exists()
+
+
+@pytest.mark.parametrize("load", [weights.lpips, weights.dists])
+def test_without_weights_the_command_that_gets_them_is_named(load: object) -> None:
+    assert callable(load)
+    with pytest.raises(NoWeights, match="not here: tigas quality fetch"):
+        load()
+    for source in weights.SOURCES:
+        source.cached.parent.mkdir(parents=True, exist_ok=True)
+        source.cached.write_bytes(b"changed by somebody")
+    with pytest.raises(NoWeights, match="not what was published: tigas quality fetch"):
+        load()
+
+
+def test_a_pickle_holds_arrays_and_nothing_else() -> None:
+    class Evil:
+        def __reduce__(self) -> tuple[object, tuple[str]]:
+            return os.system, ("touch /tmp/never",)
+
+    with pytest.raises(pickle.UnpicklingError, match="weights have no"):
+        weights.Arrays(io.BytesIO(pickle.dumps({"a": Evil()}))).load()
+    array = np.arange(6, dtype=np.float32).reshape(2, 3)
+    as_published = pickle.dumps({"a": array}, 3).replace(b"numpy._core", b"numpy.core")
+    assert np.array_equal(weights.Arrays(io.BytesIO(as_published)).load()["a"], array)

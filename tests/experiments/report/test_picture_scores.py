@@ -1,0 +1,136 @@
+"""Scores of sampled pictures in a report: means, deviations, differences, heat maps and their CSV file."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from tests.experiments.report.made_up_results import write_run
+from tests.experiments.report.test_cli import page_text
+from tests.experiments.report.test_cli import rows as csv_rows
+from tigas_experiments.quality.metrics import DISTS, LPIPS, PSNR
+from tigas_experiments.records.scores import Score, write_scores
+from tigas_experiments.report.groups import Groups
+from tigas_experiments.report.picture_scores import rows, rows_of
+from tigas_experiments.report.quality_figures import heat_maps
+from tigas_experiments.report.report import write_report
+from tigas_experiments.report.results import load
+
+
+def scores(psnr: float, gain: float, lpips: float = 0.3, model: str = "scene", count: int = 3) -> list[Score]:
+    """Of so many samples: PSNR around a mean, and an enhancement that adds to it."""
+    found = []
+    for seq in range(count):
+        around = psnr + seq - (count - 1) / 2
+        found.append(Score(seq=seq, picture="original", digest="o", psnr=around, lpips=lpips))
+        enhanced = around + gain
+        found.append(
+            Score(seq=seq, picture="enhanced", digest="e", model=model, psnr=enhanced, lpips=lpips - gain / 100)
+        )
+    return found
+
+
+@pytest.fixture
+def experiment(tmp_path: Path) -> Path:
+    """Two controllers over two networks, of one of which some samples have scores."""
+    for name, psnr in (("latency", 30.0), ("budget", 33.0)):
+        for network, less in (("bus", 0.0), ("train", 4.0)):
+            run = write_run(tmp_path / "runs" / f"{name}-{network}", name, network, 20.0)
+            write_scores(run, scores(psnr - less, 1.5, lpips=1 - psnr / 50))
+    return tmp_path
+
+
+def test_means_deviations_and_differences() -> None:
+    first, second = scores(30, 2), scores(40, 4)
+    original, enhanced, difference = rows([(None, first), (None, second)])
+    assert [row.what for row in (original, enhanced, difference)] == ["original", "enhanced", "difference"]
+    assert (original.model, enhanced.model, difference.model) == (None, "scene", "scene")
+    assert original.runs == enhanced.runs == difference.runs == 2
+    mean = original.mean(PSNR)
+    assert mean is not None
+    assert (mean.mean, mean.pictures) == (35, 6)
+    assert mean.deviation == pytest.approx(5.55, abs=0.01)
+    gain = difference.mean(PSNR)
+    assert gain is not None
+    assert gain.mean == pytest.approx(3)
+    assert gain.text(PSNR, signed=True) == "+3.0 ± 1.1"
+    assert original.mean(DISTS) is None
+
+
+def test_a_difference_is_of_the_same_sample(tmp_path: Path) -> None:
+    found = rows(
+        [
+            (
+                None,
+                [
+                    Score(seq=1, picture="original", digest="a", psnr=20),
+                    Score(seq=2, picture="original", digest="a", psnr=40),
+                    Score(seq=2, picture="enhanced", digest="a", psnr=41, model="a"),
+                    Score(seq=3, picture="enhanced", digest="a", psnr=90, model="b"),
+                ],
+            )
+        ]
+    )
+    assert [(row.what, row.model, row.values["psnr"]) for row in found] == [
+        ("original", None, [20, 40]),
+        ("enhanced", "a", [41]),
+        ("enhanced", "b", [90]),
+        ("difference", "a", [1]),
+    ]
+
+
+def test_the_heat_maps_say_who_is_best_and_what_enhancement_gains(experiment: Path) -> None:
+    quality, enhancement = heat_maps(rows_of(Groups.of(load(experiment).runs)))
+    assert quality.title == "Budget has the best pictures by 2 of 2 metrics"
+    for text in ("PSNR, dB (higher is better)", "LPIPS (lower is better)", "33.0", "26.0", "± 1.0", "bus, 20 ms"):
+        assert text in quality.svg
+    assert "LPIPS: v0.1, AlexNet" in quality.caption
+    assert enhancement.title == "Enhancement is better by 2 of 2 metrics: PSNR +1.5 dB, LPIPS -0.015"
+    assert "+1.5" in enhancement.svg
+    assert "bus, 20 ms, scene" in enhancement.svg
+
+
+def test_worse_pictures_have_the_colour_of_worse(experiment: Path) -> None:
+    run = experiment / "runs" / "latency-bus"
+    write_scores(run, scores(30, -3))
+    _, enhancement = heat_maps(rows_of(Groups.of(load(experiment).runs)))
+    better, worse = "#053061", "#67001f"
+    assert worse in enhancement.svg
+    assert better not in enhancement.svg
+    write_scores(run, scores(30, 3))
+    _, enhancement = heat_maps(rows_of(Groups.of(load(experiment).runs)))
+    assert better in enhancement.svg
+    assert worse not in enhancement.svg
+
+
+def test_without_scores_or_enhancement_there_is_less(experiment: Path) -> None:
+    for run in (experiment / "runs").iterdir():
+        write_scores(run, [score for score in scores(30, 0) if score.picture == "original"])
+    assert [plot.name for plot in heat_maps(rows_of(Groups.of(load(experiment).runs)))] == ["quality-heatmap"]
+    for run in (experiment / "runs").iterdir():
+        write_scores(run, [])
+    assert list(heat_maps(rows_of(Groups.of(load(experiment).runs)))) == []
+
+
+def test_the_report_has_them_with_their_values(experiment: Path) -> None:
+    write_report(experiment, experiment)
+    assert (experiment / "quality-heatmap.svg").exists()
+    assert (experiment / "enhancement-heatmap.svg").exists()
+    assert "Enhancement is better by 2 of 2 metrics" in page_text(experiment)
+    found = csv_rows(experiment / "picture_scores.csv")
+    assert len(found) == 4 * 3 * 2
+    row = next(
+        each
+        for each in found
+        if (each["network"], each["controller"], each["picture"], each["metric"])
+        == ("train", "budget", "difference", LPIPS.name)
+    )
+    assert float(row["mean"]) == pytest.approx(-0.015)
+    assert (row["rtt_ms"], row["model"], row["runs"], row["pictures"]) == ("20.0", "scene", "1", "3")
+
+
+def test_broken_scores_are_a_run_without_result(experiment: Path) -> None:
+    (experiment / "runs" / "latency-bus" / "scores.ndjson").write_text("{}\n")
+    (failure,) = load(experiment).failures
+    assert "scores.ndjson, line 1" in failure.reason

@@ -1,0 +1,123 @@
+"""Scoring a run's samples: all metrics, what is not computed twice, and samples that cannot be compared."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+from tests.experiments.triplets_made_up import view, write_triplets
+from tigas_experiments.quality.meters import Meter, Meters, distance
+from tigas_experiments.quality.metrics import PICTURE_METRICS
+from tigas_experiments.quality.perceptual import Dists, Lpips
+from tigas_experiments.quality.picture import Picture, encode
+from tigas_experiments.records.materialised import TRUTH
+from tigas_experiments.records.samples import write_sample_file
+from tigas_experiments.records.scores import read_scores
+from tigas_experiments.scoring import Scoring
+
+
+class Counted:
+    """A metric that says how bright a picture is, and counts how many it has seen."""
+
+    def __init__(self, breaks_after: int = 10**9) -> None:
+        self.seen = 0
+        self.breaks_after = breaks_after
+
+    def __call__(self, pictures: Sequence[Picture], truth: Picture) -> list[tuple[float, ...]]:
+        if self.seen >= self.breaks_after:
+            raise KeyboardInterrupt
+        self.seen += len(pictures)
+        return [(float(picture.mean()), 0.5) for picture in pictures]
+
+    @property
+    def meters(self) -> Meters:
+        """It alone, under the names of the two that come together."""
+        return Meters([Meter(("psnr", "ssim"), self)])
+
+
+def test_all_six_metrics_of_both_pictures(tmp_path: Path) -> None:
+    torch.manual_seed(1)
+    meters = Meters.of(["psnr", "ssim", "vmaf", "vif"], "cpu")
+    meters.single += [Meter(("lpips",), distance(Lpips(), "cpu")), Meter(("dists",), distance(Dists(), "cpu"))]
+    scoring = Scoring(write_triplets(tmp_path, 2), meters)
+    scores = {score.key: score for score in scoring.score()}
+    assert {score.key: score for score in read_scores(tmp_path)} == scores
+    for seq in (10, 20):
+        original, enhanced = scores[seq, "original"], scores[seq, "enhanced"]
+        assert set(original.values) == {"psnr", "ssim", "vmaf", "vif", "lpips", "dists"} == set(enhanced.values)
+        for metric in PICTURE_METRICS:
+            before, after = original.values[metric.name], enhanced.values[metric.name]
+            assert after > before if metric.better == "high" else after < before, metric.title
+        assert (original.model, enhanced.model) == (None, "scene")
+
+
+def test_what_was_scored_is_not_scored_again(tmp_path: Path) -> None:
+    write_triplets(tmp_path, 2)
+    first = Scoring(tmp_path, Counted().meters).score()
+    counted = Counted()
+    assert Scoring(tmp_path, counted.meters).score() == first
+    assert counted.seen == 0
+    Scoring(tmp_path, counted.meters, again=True).score()
+    assert counted.seen == 4
+
+
+def test_a_metric_that_is_asked_for_later_is_added(tmp_path: Path) -> None:
+    write_triplets(tmp_path, 2)
+    Scoring(tmp_path, Counted().meters).score()
+    Scoring(tmp_path, Meters.of(["vif"], "cpu")).score()
+    assert all(score.has(["psnr", "ssim", "vmaf", "vif"]) for score in read_scores(tmp_path))
+
+
+def test_pictures_that_were_replaced_are_scored_anew(tmp_path: Path) -> None:
+    write_triplets(tmp_path, 2)
+    before = {score.key: score for score in Scoring(tmp_path, Counted().meters).score()}
+    write_sample_file(tmp_path, 20, "enhanced.png", encode(view(77)))
+    (tmp_path / "samples" / "000010.enhanced.png").unlink()
+    counted = Counted()
+    after = {score.key: score for score in Scoring(tmp_path, counted.meters).score()}
+    assert counted.seen == 1
+    assert after.keys() == before.keys() - {(10, "enhanced")}
+    assert after[20, "original"] == before[20, "original"]
+    assert after[20, "enhanced"].psnr == pytest.approx(float(view(77).mean()))
+
+
+def test_an_interrupted_command_goes_on_where_it_was(tmp_path: Path) -> None:
+    write_triplets(tmp_path, 3)
+    with pytest.raises(KeyboardInterrupt):
+        Scoring(tmp_path, Counted(breaks_after=4).meters).score()
+    assert sum(score.psnr is not None for score in read_scores(tmp_path)) == 4
+    counted = Counted()
+    assert len(Scoring(tmp_path, counted.meters).score()) == 6
+    assert counted.seen == 2
+
+
+def test_samples_that_cannot_be_compared_are_named_and_cost_nothing_else(tmp_path: Path) -> None:
+    write_triplets(tmp_path, 4)
+    write_sample_file(tmp_path, 20, TRUTH, b"\x89PNG rubbish")
+    write_sample_file(tmp_path, 30, "enhanced.png", encode(np.zeros((50, 50, 3), np.uint8)))
+    scoring = Scoring(tmp_path, Meters.of(["psnr", "vif"], "cpu"))
+    scores = scoring.score()
+    assert {score.seq for score in scores} == {10, 40}
+    assert list(scoring.problems) == [20, 30]
+    assert "cannot be read" in scoring.problems[20]
+    assert "shown at 50×50" in scoring.problems[30]
+    assert all(score.has(["psnr", "ssim", "vmaf", "vif"]) for score in scores)
+
+
+def test_a_sequence_may_change_its_size(tmp_path: Path) -> None:
+    write_triplets(tmp_path, 3, enhance=None)
+    write_sample_file(tmp_path, 20, TRUTH, encode(view(20, 96, 54)))
+    scores = Scoring(tmp_path, Meters.of(["vif"], "cpu")).score()
+    assert [score.seq for score in scores if score.vif is not None] == [10, 20, 30]
+
+
+def test_how_far_it_is(tmp_path: Path) -> None:
+    write_triplets(tmp_path, 3)
+    told: list[int] = []
+    scoring = Scoring(tmp_path, Meters.of(["ssim", "vmaf"], "cpu"), told.append)
+    scoring.score()
+    assert sum(told) == scoring.steps == 6
