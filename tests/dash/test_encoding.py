@@ -27,6 +27,14 @@ async def test_one_render_per_tick_makes_every_representation(packager: Packager
         assert greys
 
 
+@pytest.mark.parametrize(("rungs", "display_scale"), [([3], 4), ([3, 2], 2), ([0, 3], 1)])
+async def test_the_view_is_rendered_for_the_viewport_that_it_is_shown_on(
+    packager: Packager, rungs: list[int], display_scale: float
+) -> None:
+    await packager.open(representations=[{"rung": rung} for rung in rungs], width=1280, height=720)
+    assert packager.render.requests[0].display_scale == pytest.approx(display_scale)
+
+
 async def test_an_encoder_that_fails_is_replaced(packager: Packager, monkeypatch: pytest.MonkeyPatch) -> None:
     session = await packager.open()
     encode, failing = Encoder.encode, {7}

@@ -112,6 +112,14 @@ async def test_frames_are_rendered_for_the_viewport_that_they_are_shown_on(
     assert bench.rasterizer.cameras[0].display_scale == pytest.approx(scale, rel=1e-3)
 
 
+async def test_a_viewport_may_itself_be_shown_larger(bench: Bench) -> None:
+    bench.rasterizer.gate.set()
+    await bench.submit("a", width=1280, height=720, profile=None, display_scale=2)
+    await bench.submit("a", width=1280, height=720, profile=2, display_scale=2)
+    await bench.submit("a", width=640, height=360, profile=0, display_scale=3)
+    assert [camera.display_scale for camera in bench.rasterizer.cameras] == pytest.approx([2, 4, 1.5])
+
+
 async def test_a_portrait_viewport_gets_as_many_square_pixels(bench: Bench) -> None:
     bench.rasterizer.gate.set()
     frame = await bench.submit("a", width=390, height=844, fx=500.0, fy=500.0, profile=2)

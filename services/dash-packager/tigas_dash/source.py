@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import httpx
@@ -63,6 +64,7 @@ class ViewSource:
         self._stamp = request.stamp
         self._lens = request.intrinsics
         self._width, self._height = size.width, size.height
+        self._display_scale = max(1.0, math.sqrt(request.width * request.height / size.pixels))
 
     async def frame(self, pose: PoseUpdate, within_s: float = FRAME_S) -> RawFrame:
         """The view from a pose. Raises InvalidRequest, RenderUnavailable and RenderProblem."""
@@ -70,7 +72,9 @@ class ViewSource:
         lens = replace(self._lens, **changed).resized(self._width, self._height)
         stamp = pose.seq % 2**24 if self._stamp else None
         try:
-            request = RenderRequest.at(self._scene, pose.pose, lens, format="yuv420p", stamp=stamp)
+            request = RenderRequest.at(
+                self._scene, pose.pose, lens, display_scale=self._display_scale, format="yuv420p", stamp=stamp
+            )
         except ValidationError as error:  # a lens that fits the viewport may be too long for the stream's size
             raise InvalidRequest(f"The stream's size does not suit the lens: {sentence(error)}") from None
         data = await self._client.frame(request, within_s)

@@ -336,12 +336,13 @@ class Engine:
 
 def _camera(work: _Work) -> Camera:
     request = work.request
+    # the frame is shown on the viewport; one number, as the sides' scales differ by rounding only
+    enlarged = math.sqrt(request.width * request.height / (work.width * work.height))
     return Camera(
         request.pose,
         request.intrinsics.resized(work.width, work.height),
         work.scene.background,
-        # the viewport is what the frame is shown on; one number, as sides differ by rounding only
-        display_scale=max(1.0, math.sqrt(request.width * request.height / (work.width * work.height))),
+        max(1.0, request.display_scale * enlarged),
     )
 
 

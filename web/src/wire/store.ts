@@ -294,6 +294,7 @@ export interface RenderRequest {
   width: number;
   height: number;
   profile?: number | null;
+  display_scale?: number;
   format?: "jpeg" | "png" | "yuv420p";
   deadline_ms?: number | null;
   stamp?: number | null;

@@ -74,6 +74,8 @@ class RenderRequest(WireModel):
 
     profile: int | None = Field(default=None, ge=0, le=255)
     """The rung of the ladder; left out, the frame has the viewport's own resolution and the best rung's quality."""
+    display_scale: float = Field(default=1, ge=1, le=64)
+    """How many times larger than the viewport the frame is shown, linearly."""
     format: FrameFormat = "jpeg"
     deadline_ms: float | None = Field(default=None, gt=0, le=60_000)
     """How long after its arrival the frame is still of use, in milliseconds."""
@@ -105,6 +107,7 @@ class RenderRequest(WireModel):
         intrinsics: Intrinsics,
         *,
         profile: int | None = None,
+        display_scale: float = 1,
         format: FrameFormat = "jpeg",
         stamp: int | None = None,
     ) -> Self:
@@ -115,6 +118,7 @@ class RenderRequest(WireModel):
             quaternion=pose.quaternion,
             **asdict(intrinsics),
             profile=profile,
+            display_scale=display_scale,
             format=format,
             stamp=stamp,
         )
