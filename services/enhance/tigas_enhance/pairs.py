@@ -88,16 +88,17 @@ class Renderer:
     def pair(self, scene: SceneInfo, ladder: Sequence[Rung], pose: Pose) -> Pair | None:
         """One view at the best rung's size; None if it shows next to nothing."""
         lens = intrinsics(ladder[0].width, ladder[0].height)
-        full = self._picture(RenderRequest.at(scene.id, pose, lens, format="png"))
+        full = self.picture(RenderRequest.at(scene.id, pose, lens, format="png"))
         background = np.round(np.array(scene.background) * 255).astype(np.int16)
         content = (np.abs(full.astype(np.int16) - background) > 1).any(axis=2)
         if content.mean() < LEAST_CONTENT:
             return None
         low = range(1, len(ladder))
-        rungs = {rung: self._picture(RenderRequest.at(scene.id, pose, lens, profile=rung)) for rung in low}
+        rungs = {rung: self.picture(RenderRequest.at(scene.id, pose, lens, profile=rung)) for rung in low}
         return Pair(full, content, rungs)
 
-    def _picture(self, request: RenderRequest) -> Pixels:
+    def picture(self, request: RenderRequest) -> Pixels:
+        """A frame's pixels [H, W, 3]."""
         body = self._ask("POST", "/render", request.model_dump_json(exclude_none=True))
         try:
             return np.asarray(Image.open(io.BytesIO(body)).convert("RGB"))
