@@ -19,6 +19,7 @@ import argparse
 import io
 import json
 import queue
+import signal
 import subprocess
 import sys
 import time
@@ -131,6 +132,7 @@ def run_all(todo: Sequence[Job], arguments: argparse.Namespace) -> list[dict[str
 
 def work(job: Job, arguments: argparse.Namespace) -> None:
     """Train a set, write it, and print its scores on held-out views as JSON."""
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))  # so that the render service ends, too
     device = torch.device(arguments.device)
     is_own = job.train == job.test
     seconds = arguments.seconds if is_own else arguments.general_seconds
@@ -140,13 +142,18 @@ def work(job: Job, arguments: argparse.Namespace) -> None:
         views: list[SceneViews] = []
         for index, name in enumerate(job.train):
             until = began + seconds * RENDERING * (index + 1) / len(job.train)
-            views.append(collect(renderer, name, ladder, max(8, arguments.views // len(job.train)), until))
+            number = max(8, arguments.views // len(job.train))
+            views.append(collect(renderer, name, ladder, number, 4, until))
         recipe = replace(RECIPES[device.type], channels=arguments.channels)
-        weights = fit(views, ladder, began + seconds, device, lambda what, done: None, recipe)
+        weights = fit(views, ladder, began + seconds, device, _unheard, recipe, general=not is_own)
         write_weights(arguments.out / f"{job.name}.safetensors", weights)
         tests = [(name, list(held_out(renderer, renderer.load(name), ladder, arguments.held_out))) for name in job.test]
     rows = [row for name, pairs in tests for row in scores(job, name, pairs, weights, ladder, device)]
     print(json.dumps(rows))
+
+
+def _unheard(what: str, done: float) -> None:
+    """Progress that nobody watches."""
 
 
 def held_out(renderer: Renderer, scene: SceneInfo, ladder: Sequence[Rung], number: int) -> Iterator[tuple[Pair, Pair]]:

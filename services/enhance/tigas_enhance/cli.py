@@ -64,7 +64,7 @@ def train(
         with _renderer(render, scenes, device) as renderer:
             for each, file in zip(sets, files, strict=True):
                 with _listening(as_json) as listener:
-                    weights = tune(renderer, each, seconds or SECONDS[where.type], where, listener)
+                    weights = tune(renderer, each, seconds or SECONDS[where.type], where, listener, general=general)
                 write_weights(file, weights)
                 if not as_json:
                     print(f"{file}: " + ", ".join(f"rung {n.rung} {n.gain_db:+.2f} dB" for n in weights.networks))

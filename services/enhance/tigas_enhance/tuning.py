@@ -26,7 +26,8 @@ RENDERING = 0.25
 """The share of the time in which views are rendered, at most."""
 TRIES = 4
 """So many poses are tried for a view that shows something."""
-HELD_OUT = 12
+HELD_OUT = {"cpu": 4, "cuda": 12}
+"""Views that a training's gains are measured on."""
 VIEWS = {"cpu": 64, "cuda": 256}
 """Training views, of all scenes together, by the device: what it gets to see often enough."""
 RECIPES = {"cpu": Recipe(batch=8), "cuda": Recipe(batch=64)}
@@ -49,7 +50,9 @@ class SceneViews:
         return self.scene.file_sha256 or built_in_digest(self.scene.id)
 
 
-def collect(renderer: Renderer, scene_id: str, ladder: Sequence[Rung], number: int, until: float) -> SceneViews:
+def collect(
+    renderer: Renderer, scene_id: str, ladder: Sequence[Rung], number: int, held_out: int, until: float
+) -> SceneViews:
     """A scene's views: so many, or as many as are rendered until a time of the monotonic clock.
 
     Raises RenderFailed and NothingToLearn.
@@ -58,26 +61,33 @@ def collect(renderer: Renderer, scene_id: str, ladder: Sequence[Rung], number: i
         raise NothingToLearn("The ladder has one rung only, and that needs no enhancement.")
     scene = renderer.load(scene_id)
     training = renderer.pairs(scene, ladder, islice(training_views(scene), TRIES * number))
-    return SceneViews(scene, several(training, number, until), held_out_pairs(renderer, scene, ladder))
+    return SceneViews(scene, several(training, number, until), held_out_pairs(renderer, scene, ladder, held_out))
 
 
-def held_out_pairs(renderer: Renderer, scene: SceneInfo, ladder: Sequence[Rung], number: int = HELD_OUT) -> list[Pair]:
+def held_out_pairs(renderer: Renderer, scene: SceneInfo, ladder: Sequence[Rung], number: int) -> list[Pair]:
     """The views of a scene that no training sees. Raises RenderFailed and NothingToLearn."""
     return several(renderer.pairs(scene, ladder, held_out_views(scene, TRIES * number)), number)
 
 
 def tune(
-    renderer: Renderer, scene_ids: Sequence[str], seconds: float, device: torch.device, listener: Listener
+    renderer: Renderer,
+    scene_ids: Sequence[str],
+    seconds: float,
+    device: torch.device,
+    listener: Listener,
+    *,
+    general: bool = False,
 ) -> Weights:
-    """Weights for the scene, or for any if there are several. Raises RenderFailed and NothingToLearn."""
+    """Weights for the scene, or, if they are `general`, for any scene. Raises RenderFailed and NothingToLearn."""
     began = time.monotonic()
     ladder = renderer.ladder()
     found = []
     for index, scene_id in enumerate(scene_ids):
         listener(f"rendering views of {scene_id}", RENDERING * index / len(scene_ids))
         until = began + seconds * RENDERING * (index + 1) / len(scene_ids)
-        found.append(collect(renderer, scene_id, ladder, max(1, VIEWS[device.type] // len(scene_ids)), until))
-    return fit(found, ladder, began + seconds, device, listener)
+        number = max(1, VIEWS[device.type] // len(scene_ids))
+        found.append(collect(renderer, scene_id, ladder, number, HELD_OUT[device.type], until))
+    return fit(found, ladder, began + seconds, device, listener, general=general)
 
 
 def fit(
@@ -87,6 +97,8 @@ def fit(
     device: torch.device,
     listener: Listener,
     recipe: Recipe | None = None,
+    *,
+    general: bool = False,
 ) -> Weights:
     """Weights from views that are there, at a time of the monotonic clock."""
     rungs = range(1, len(ladder))
@@ -115,7 +127,7 @@ def fit(
         )
         networks.append(info)
         tensors |= to_tensors(rung, network)
-    digest = scenes[0].digest if len(scenes) == 1 else GENERAL
+    digest = GENERAL if general else scenes[0].digest
     created = datetime.now(UTC).isoformat(timespec="seconds")
     return Weights(digest, tuple(networks), tensors, created, version("tigas"))
 
