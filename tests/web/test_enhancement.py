@@ -1,0 +1,226 @@
+"""Frames that the page enhances before it shows them, in a Chromium whose graphics processor is SwiftShader."""
+
+from __future__ import annotations
+
+import base64
+import io
+import json
+from collections.abc import Iterator
+from typing import Any, Literal
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from PIL import Image
+from playwright.sync_api import Browser, Page, Route, ViewportSize, expect
+
+from tests.web.conftest import CHROMIUM, CHROMIUM_ARGS, OpenPage
+from tests.web.modes import with_settings
+from tests.web.server import RenderServer
+from tests.web.stage import SCENE, frames, picture, wait_for_frames, wait_until_settled
+
+WEBGPU_ARGS = [
+    "--enable-unsafe-webgpu",
+    "--enable-features=Vulkan",
+    "--use-vulkan=swiftshader",
+    "--use-angle=swiftshader",
+]
+SMALL: ViewportSize = {"width": 160, "height": 90}
+LOWEST_RUNG = {"controller": "fixed", "profile": 3, "refine": False, "sidebar": False, "transport": "fetch"}
+NOTE = "[data-stat=enhancement-note]"
+KEEP_DEVICES = """
+(() => {
+  window.devices = [];
+  if (!globalThis.GPUAdapter) return;
+  const ask = GPUAdapter.prototype.requestDevice;
+  GPUAdapter.prototype.requestDevice = async function (...asked) {
+    const device = await ask.apply(this, asked);
+    window.devices.push(device);
+    return device;
+  };
+})();
+"""
+
+
+@pytest.fixture(scope="module")
+def browser(browser: Browser) -> Iterator[Browser]:
+    """One with WebGPU."""
+    with browser.browser_type.launch(executable_path=CHROMIUM, args=[*CHROMIUM_ARGS, *WEBGPU_ARGS]) as enhancing:
+        yield enhancing
+
+
+def viewer(open_page: OpenPage, server: RenderServer, viewport: ViewportSize = SMALL, **settings: object) -> Page:
+    """With a frame on the screen, at the lowest rung; `window.devices` has the devices that it asks for."""
+    chosen = with_settings(server.url, **(LOWEST_RUNG | settings))
+    page = open_page(url="about:blank", viewport=viewport, **chosen)
+    page.add_init_script(KEEP_DEVICES)
+    page.goto(server.url + SCENE)
+    wait_for_frames(page)
+    return page
+
+
+def wait_until_enhanced(page: Page) -> None:
+    """Until an enhanced frame is on the screen, where the view stands still."""
+    wait_for_canvases(page, 2)
+    wait_until_settled(page)
+
+
+def wait_for_canvases(page: Page, count: int) -> None:
+    """The second is there while frames are enhanced."""
+    page.wait_for_function("n => document.querySelectorAll('.stage canvas').length === n", arg=count)
+
+
+def shown(page: Page) -> NDArray[np.int16]:
+    """What is on the screen, without loss: [height, width, 3]."""
+    plan = {
+        "points": [{"t_ms": 0, "position": [0, 0, 0], "quaternion": [0, 0, 0, 1]}],
+        "duration_ms": 300,
+        "capture_every_ms": 100,
+    }
+    png = page.evaluate("async plan => { await tigas.run(plan); return tigas.capture(0); }", plan)
+    with Image.open(io.BytesIO(base64.b64decode(png))) as image:
+        return np.asarray(image.convert("RGB"), dtype=np.int16)
+
+
+def pattern(width: int, height: int) -> Image.Image:
+    """Hard edges, fine lines, and noise."""
+    y, x = np.mgrid[:height, :width]
+    stripes = np.stack([(x // 7 + y // 5) % 2, (x + y) % 3 == 0, x / width], axis=2) * 255
+    noise = np.random.default_rng(1).integers(0, 256, (height, width, 3))
+    return Image.fromarray(np.where(x[..., None] < width // 2, stripes, noise).astype(np.uint8))
+
+
+@pytest.mark.parametrize(
+    ("name", "method"), [("bicubic", Image.Resampling.BICUBIC), ("lanczos", Image.Resampling.LANCZOS)]
+)
+@pytest.mark.parametrize(
+    ("viewport", "box"),
+    [
+        ({"width": 480, "height": 270}, (0, 0, 320, 180)),
+        ({"width": 160, "height": 90}, (0, 0, 320, 180)),
+        ({"width": 150, "height": 90}, (10, 0, 310, 180)),  # what is too wide is cut off on both sides
+    ],
+)
+def test_baselines_are_pillow_s(
+    open_page: OpenPage,
+    server: RenderServer,
+    name: str,
+    method: Literal[Image.Resampling.BICUBIC, Image.Resampling.LANCZOS],
+    viewport: ViewportSize,
+    box: tuple[float, float, float, float],
+) -> None:
+    source = pattern(320, 180)
+    png = io.BytesIO()
+    source.save(png, "png")
+
+    def answer(route: Route) -> None:
+        route.fulfill(response=route.fetch(), body=png.getvalue(), content_type="image/png")
+
+    chosen = with_settings(server.url, **LOWEST_RUNG, upscale=name)
+    page = open_page(url="about:blank", viewport=viewport, **chosen)
+    page.route("**/render", answer)
+    page.goto(server.url + SCENE)
+    wait_for_frames(page)
+    wait_until_enhanced(page)
+    expected = source.resize((viewport["width"], viewport["height"]), method, box=box)
+    difference = np.abs(shown(page) - np.asarray(expected, dtype=np.int16))
+    assert difference.max() <= 2, f"{(difference > 2).mean():.2%} of the values differ by up to {difference.max()}"
+
+
+def test_models_are_swapped_while_walking(open_page: OpenPage, server: RenderServer) -> None:
+    page = viewer(open_page, server, upscale="bicubic")
+    wait_until_enhanced(page)
+    page.keyboard.down("ArrowRight")
+    for name in ("lanczos", "off", "bicubic"):
+        page.evaluate("upscale => tigas.settings({ upscale })", name)
+        before = frames(page)
+        wait_for_frames(page, before + 5)
+        wait_for_canvases(page, 1 if name == "off" else 2)
+        assert picture(page).std() > 10, "the picture is blank"
+    page.keyboard.up("ArrowRight")
+    expect(page.locator(NOTE)).to_have_count(0)
+
+
+def test_without_a_model_no_device_is_asked_for(open_page: OpenPage, server: RenderServer) -> None:
+    page = viewer(open_page, server)
+    assert page.evaluate("() => window.devices.length") == 0
+    assert page.locator(".stage canvas").count() == 1
+
+
+def test_a_model_that_is_switched_on_enhances_the_view_that_stands_still(
+    open_page: OpenPage, server: RenderServer
+) -> None:
+    page = viewer(open_page, server)
+    wait_until_settled(page)
+    plain = shown(page)
+    assert plain.shape == (180, 320, 3), "as it came"
+    page.evaluate("() => tigas.settings({ upscale: 'lanczos' })")
+    wait_until_enhanced(page)
+    assert shown(page).shape == (90, 160, 3), "as it is displayed"
+    page.evaluate("() => tigas.settings({ upscale: 'off' })")
+    wait_for_canvases(page, 1)
+    assert np.array_equal(shown(page), plain)
+
+
+def test_a_lost_device_is_asked_for_again_once(open_page: OpenPage, server: RenderServer) -> None:
+    page = viewer(open_page, server, upscale="bicubic")
+    wait_until_enhanced(page)
+    page.keyboard.down("ArrowRight")
+    page.evaluate("() => window.devices.at(-1).destroy()")
+    page.wait_for_function("() => window.devices.length === 2")
+    wait_for_frames(page, frames(page) + 3)
+    wait_for_canvases(page, 2)
+    expect(page.locator(NOTE)).to_have_count(0)
+    page.evaluate("() => window.devices.at(-1).destroy()")
+    expect(page.locator(NOTE)).to_have_text("Enhancement is off. The graphics processor was lost again.")
+    wait_for_frames(page, frames(page) + 3)
+    page.keyboard.up("ArrowRight")
+    assert picture(page).std() > 10, "the picture is blank"
+    assert page.evaluate("() => window.devices.length") == 2
+    page.evaluate("() => tigas.settings({ upscale: 'lanczos' })")
+    wait_for_canvases(page, 2)
+
+
+def test_a_model_that_is_too_slow_is_switched_off(open_page: OpenPage, server: RenderServer) -> None:
+    page = viewer(open_page, server, restore="anime4k-restore-m", upscale="anime4k-upscale-m")
+    page.keyboard.down("ArrowRight")
+    expect(page.locator(NOTE)).to_contain_text("Enhancement is off. It took ")
+    page.keyboard.up("ArrowRight")
+    wait_until_settled(page)
+    assert page.locator(".stage canvas").count() == 1
+    assert picture(page).std() > 10, "the picture is blank"
+
+
+def test_a_window_that_is_resized_while_walking_stays_enhanced(open_page: OpenPage, server: RenderServer) -> None:
+    page = viewer(open_page, server, upscale="bicubic")
+    wait_until_enhanced(page)
+    page.keyboard.down("ArrowRight")
+    for width in range(100, 180, 5):
+        page.set_viewport_size({"width": width, "height": 90})
+        wait_for_frames(page, frames(page) + 1)
+    page.keyboard.up("ArrowRight")
+    wait_until_settled(page)
+    expect(page.locator(NOTE)).to_have_count(0)
+    assert shown(page).shape == (90, 175, 3)
+
+
+def test_the_hud_names_the_models_and_their_time(open_page: OpenPage, server: RenderServer) -> None:
+    page = viewer(open_page, server, upscale="bicubic", hudDetails=True)
+    wait_until_enhanced(page)
+    expect(page.locator("[data-stat=enhancement]")).to_have_text("Bicubic")
+    page.keyboard.down("ArrowRight")
+    page.wait_for_function("() => parseFloat(document.querySelector('[data-stat=enhancement-time]').textContent) > 0")
+    page.keyboard.up("ArrowRight")
+
+
+def test_a_recording_says_what_enhancement_took(open_page: OpenPage, server: RenderServer) -> None:
+    page = viewer(open_page, server, upscale="bicubic")
+    wait_until_enhanced(page)
+    points = [{"t_ms": t, "position": [0, 0, t / 500], "quaternion": [0, 0, 0, 1]} for t in (0, 500)]
+    plan = {"points": points, "duration_ms": 500, "capture_every_ms": 0}
+    recording: dict[str, Any] = json.loads(page.evaluate("async plan => JSON.stringify(await tigas.run(plan))", plan))
+    enhanced = [frame for frame in recording["frames"] if frame["enhance_ms"] is not None]
+    assert enhanced
+    assert {(frame["shown_width"], frame["shown_height"]) for frame in enhanced} == {(160, 90)}
+    assert all(frame["enhance_ms"] > 0 for frame in enhanced)
+    assert any(frame["latencies"] for frame in enhanced)
