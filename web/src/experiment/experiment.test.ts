@@ -1,5 +1,6 @@
 import { beforeEach, expect, test, vi } from "vitest";
 import { ApiError } from "../http/problem";
+import type { Sampled } from "../samples/sampler";
 import type { Recording, RunUpload } from "../wire/store";
 import { RunFailed } from "./errors";
 import { Experiment, type ExperimentDependencies } from "./experiment";
@@ -62,6 +63,8 @@ beforeEach(() => {
       return measured(run);
     },
     store: null,
+    sampled: () => null,
+    uploadSamples: async () => undefined,
     now: () => time,
   };
 });
@@ -210,6 +213,74 @@ test("what the store does not have is offered to it once more", async () => {
   expect(added).toEqual([expect.objectContaining({ profile: "budget", repeat: 1 })]);
   expect(experiment.results.value.map(({ problem }) => problem)).toEqual([null, null, null, null]);
   expect(experiment.unsaved.value).toBe(false);
+});
+
+const SAMPLED: Sampled = { key: "k", kept: 3, missed: 0, problem: null };
+const AGAIN = { create: async () => "e1", add: async () => ({ figures: null, folder: "a-run" }) as never };
+
+test("a run's samples follow it to the store, before the next run", async () => {
+  const stages: string[] = [];
+  const events: string[] = [];
+  const experiment = new Experiment(PLAN, "", {
+    ...dependencies,
+    store: AGAIN,
+    measure: async (run, stage, signal) => {
+      events.push("run");
+      return dependencies.measure(run, stage, signal);
+    },
+    sampled: () => SAMPLED,
+    uploadSamples: async (key, { experiment: id, run }, progress) => {
+      progress(1_500_000, 3_000_000);
+      stages.push(experiment.progress.value?.stage ?? "");
+      events.push(`upload ${key} to ${id}/${run}`);
+    },
+  });
+  await experiment.conduct();
+  expect(events.slice(0, 4)).toEqual(["run", "upload k to e1/a-run", "run", "upload k to e1/a-run"]);
+  expect(stages[0]).toBe("Uploads samples, 1.5 of 3.0 MB");
+  expect(experiment.results.value[0]).toMatchObject({ samples: null, samplesProblem: null });
+});
+
+test("samples that cannot be uploaded stay in the browser, and the experiment goes on", async () => {
+  const uploadSamples = () => Promise.reject(new ApiError("The disk is full.", false));
+  const { results } = await conducted({ store: AGAIN, sampled: () => SAMPLED, uploadSamples });
+  expect(results.value).toHaveLength(4);
+  expect(results.value[0]).toMatchObject({
+    status: "complete",
+    unstored: null,
+    samples: "k",
+    samplesProblem: "Its samples are in this browser only. The disk is full.",
+  });
+});
+
+test("samples of a run that is stored later are uploaded then", async () => {
+  let away = true;
+  const add: StoreApi["add"] = async (...run) => {
+    if (away) throw new ApiError("The disk is full.", false);
+    return (AGAIN.add as StoreApi["add"])(...run);
+  };
+  const uploadSamples = vi.fn(async () => undefined);
+  const experiment = await conducted({ store: { ...AGAIN, add }, sampled: () => SAMPLED, uploadSamples });
+  expect(uploadSamples).not.toHaveBeenCalled();
+  expect(experiment.results.value[0]).toMatchObject({
+    samples: "k",
+    samplesProblem: "Its samples are in this browser only.",
+  });
+  away = false;
+  await experiment.store();
+  expect(uploadSamples).toHaveBeenCalledTimes(4);
+  expect(experiment.results.value[0]).toMatchObject({ samples: null, samplesProblem: null });
+});
+
+test.each([
+  [{ ...SAMPLED, missed: 2 }, "Of 5 samples, 2 could not be kept: they came too fast."],
+  [
+    { ...SAMPLED, key: null, problem: "There are no files. Nothing was sampled." },
+    "There are no files. Nothing was sampled.",
+  ],
+])("what is not sampled is told", async (sampled, sentence) => {
+  const { results } = await conducted({ store: AGAIN, sampled: () => sampled });
+  expect(results.value[0]?.samplesProblem).toBe(sentence);
 });
 
 test("an experiment that the store has gets the runs that are missing there, and no others", async () => {

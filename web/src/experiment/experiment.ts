@@ -6,11 +6,13 @@
 import { computed, signal } from "@preact/signals";
 import { ApiError } from "../http/problem";
 import { ShaperError } from "../network/api";
+import type { Sampled } from "../samples/sampler";
 import type { RunUpload } from "../wire/store";
 import { RunFailed } from "./errors";
 import { figures, inputLatencies } from "./figures";
 import { type ExperimentPlan, type PlannedRun, runsOf, timeFor } from "./plan";
 import type { RunResult } from "./results";
+import type { RunPlace } from "./sample-upload";
 import { type StoreApi, toRunFigures } from "./store-api";
 
 export interface Progress {
@@ -37,9 +39,20 @@ export interface ExperimentDependencies {
   /** Makes a run; rejects with what failed, or with the reason of `signal`. */
   readonly measure: (run: PlannedRun, stage: (what: string) => void, signal: AbortSignal) => Promise<RunUpload>;
   readonly store: Pick<StoreApi, "create" | "add"> | null;
+  /** What became of the samples of the last run; null if there were to be none. */
+  readonly sampled: () => Sampled | null;
+  /** Brings samples to a run of the store; rejects with an ApiError, or with the reason of `signal`. */
+  readonly uploadSamples: (
+    key: string,
+    place: RunPlace,
+    progress: (sent: number, of: number) => void,
+    signal: AbortSignal,
+  ) => Promise<void>;
   /** In milliseconds. */
   readonly now: () => number;
 }
+
+const HERE_ONLY = "Its samples are in this browser only.";
 
 export class Experiment {
   readonly plan: ExperimentPlan;
@@ -114,8 +127,9 @@ export class Experiment {
     await this.#begin();
     for (const [index, result] of this.results.peek().entries()) {
       if (result.unstored === null) continue;
-      const offered = { ...result, ...(await this.#stored(result.unstored)) };
-      this.results.value = this.results.peek().with(index, offered);
+      const { place, ...stored } = await this.#stored(result.unstored);
+      const samples = place === null ? {} : { samplesProblem: null, ...(await this.#uploaded(result.samples, place)) };
+      this.results.value = this.results.peek().with(index, { ...result, ...stored, ...samples });
     }
   }
 
@@ -135,31 +149,66 @@ export class Experiment {
     try {
       measured = await this.#dependencies.measure(run, stage, this.#cancelled.signal);
     } catch (error) {
-      const nothing = { run, figures: null, inputLatencies: [], hidden: false, unstored: null };
+      const nothing = {
+        run,
+        figures: null,
+        inputLatencies: [],
+        hidden: false,
+        unstored: null,
+        samples: null,
+        samplesProblem: null,
+      };
       if (this.cancelled) return { ...nothing, status: "cancelled", problem: "It was cancelled before its end." };
       return { ...nothing, status: "failed", problem: sentence(error) };
     }
     stage("Stores the run");
     const { recording } = measured;
+    const { place, ...stored } = await this.#stored(measured);
+    const sampled = this.#dependencies.sampled();
+    const key = sampled?.key ?? null;
+    const samples = place === null ? { samples: key } : await this.#uploaded(key, place, stage);
     return {
       run,
       status: "complete",
       inputLatencies: inputLatencies(recording),
       hidden: recording.hidden,
       figures: figures(recording),
-      ...(await this.#stored(measured)),
+      ...stored,
+      samplesProblem: sampled && (samplingProblem(sampled) ?? (place === null ? HERE_ONLY : null)),
+      ...samples,
     };
   }
 
-  /** The store's figures, if it takes the run; otherwise the run stays here. */
-  async #stored(measured: RunUpload): Promise<Pick<RunResult, "problem" | "unstored"> & Partial<RunResult>> {
-    const { store } = this.#dependencies;
-    if (store === null || this.id.value === null) return { problem: null, unstored: measured };
+  /** What is left of samples after they were offered to the store. */
+  async #uploaded(
+    key: string | null,
+    place: RunPlace,
+    stage: (what: string) => void = () => undefined,
+  ): Promise<Pick<RunResult, "samples"> & Partial<RunResult>> {
+    if (key === null) return { samples: null };
+    const told = (sent: number, of: number) => stage(`Uploads samples, ${megabytes(sent)} of ${megabytes(of)} MB`);
     try {
-      const { figures: known } = await store.add(this.id.value, measured);
-      return { problem: null, unstored: null, ...(known && { figures: toRunFigures(known) }) };
+      await this.#dependencies.uploadSamples(key, place, told, this.#cancelled.signal);
+      return { samples: null };
     } catch (error) {
-      return { problem: `It is not stored: ${sentence(error)}`, unstored: measured };
+      const why = this.cancelled ? "The upload was cancelled." : sentence(error);
+      return { samples: key, samplesProblem: `${HERE_ONLY} ${why}` };
+    }
+  }
+
+  /** The store's figures, if it takes the run; otherwise the run stays here. */
+  async #stored(
+    measured: RunUpload,
+  ): Promise<Pick<RunResult, "problem" | "unstored"> & Partial<RunResult> & { readonly place: RunPlace | null }> {
+    const { store } = this.#dependencies;
+    const experiment = this.id.value;
+    if (store === null || experiment === null) return { problem: null, unstored: measured, place: null };
+    try {
+      const { figures: known, folder: run } = await store.add(experiment, measured);
+      const place = { experiment, run };
+      return { problem: null, unstored: null, place, ...(known && { figures: toRunFigures(known) }) };
+    } catch (error) {
+      return { problem: `It is not stored: ${sentence(error)}`, unstored: measured, place: null };
     }
   }
 
@@ -167,6 +216,16 @@ export class Experiment {
     const seen = this.#overheads;
     return timeFor(this.plan, runs, seen.length ? seen.reduce((a, b) => a + b) / seen.length : undefined);
   }
+}
+
+/** Null if all that was to be sampled was. */
+function samplingProblem({ problem, missed, kept }: Sampled): string | null {
+  if (problem !== null) return problem;
+  return missed === 0 ? null : `Of ${kept + missed} samples, ${missed} could not be kept: they came too fast.`;
+}
+
+function megabytes(bytes: number): string {
+  return (bytes / 1e6).toFixed(1);
 }
 
 function sentence(error: unknown): string {

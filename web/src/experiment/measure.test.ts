@@ -83,7 +83,9 @@ function fakeSession() {
   };
 }
 
+const discarded = vi.fn(async () => undefined);
 const runner = {
+  discardSamples: discarded,
   stand: (pose: object) => {
     stood = pose;
     events.push("stand at the first pose");
@@ -130,6 +132,7 @@ async function measured(run: Partial<PlannedRun> = {}, { told = Number.POSITIVE_
     runner: runner as unknown as Runner,
     shaper: shaper as unknown as Shaper,
     points,
+    experiment: () => ({ name: "two", plan: { seed: 1 }, experiment: "e1" }),
   };
   const stages: string[] = [];
   const made = measure(context, { ...RUN, ...run }, (stage) => stages.push(stage), cancelling.signal);
@@ -288,6 +291,25 @@ test("nothing is measured in a page that nobody sees", async () => {
   const { outcome } = await measured();
   expect(outcome).toMatchObject({ message: "The page was hidden, so that not all of the run could be shown." });
   expect(events).not.toContain("play");
+});
+
+test("samples know their run, and those of a run that fails are removed", async () => {
+  discarded.mockClear();
+  await measured({ sample_stride: 30 });
+  expect(played).toMatchObject({
+    sample_stride: 30,
+    about: {
+      name: "two",
+      plan: { seed: 1 },
+      experiment: "e1",
+      run: null,
+      configuration: { scene: "courtyard", width: 640 },
+    },
+  });
+  expect(discarded).not.toHaveBeenCalled();
+  meanwhile = () => cancelling.abort(new Error("cancelled"));
+  await measured({ sample_stride: 30 });
+  expect(discarded).toHaveBeenCalledTimes(1);
 });
 
 test("a run that is cancelled ends at once, and gives the link back", async () => {

@@ -3,6 +3,7 @@ import { effect } from "@preact/signals";
 import { sleep } from "../async/sleep";
 import { poseAt, type TimedPose } from "../movement/playback";
 import type { Shaper } from "../network/shaper";
+import type { About } from "../samples/layout";
 import { settings } from "../state/app";
 import type { ViewerSession } from "../viewer/session";
 import type { ShaperStatus } from "../wire/shaper";
@@ -18,6 +19,8 @@ export interface MeasurementContext {
   readonly shaper: Shaper | null;
   /** The movement, in the scene's own frame. */
   readonly points: readonly TimedPose[];
+  /** Of which experiment samples are, in case the page is closed. */
+  readonly experiment: () => Pick<About, "name" | "plan" | "experiment">;
 }
 
 /** How long the viewer may take to show the first pose, in milliseconds. */
@@ -32,7 +35,7 @@ const HIDDEN = "The page was hidden, so that not all of the run could be shown."
  * Afterwards the link is the shaper's own again, and the camera stands at the movement's first pose.
  */
 export async function measure(
-  { session, runner, shaper, points }: MeasurementContext,
+  { session, runner, shaper, points, experiment }: MeasurementContext,
   run: PlannedRun,
   stage: (what: string) => void,
   signal: AbortSignal,
@@ -65,13 +68,14 @@ export async function measure(
     const watch = watchLink(shaper, () => performance.now());
     try {
       const configuration = { ...run, ...session.rig.viewport.peek() };
+      const about = { ...experiment(), run: null, configuration, started_unix_ms: Date.now() };
       const plan = {
         points: part,
         duration_ms: run.duration_s * 1000,
         capture_every_ms: run.capture_every_ms,
         sample_stride: run.sample_stride,
       };
-      const recording = await runner.run(plan, AbortSignal.any([signal, trouble.signal]));
+      const recording = await runner.run({ ...plan, about }, AbortSignal.any([signal, trouble.signal]));
       if (!recording.complete) {
         throw new RunFailed(recording.hidden ? HIDDEN : "The movement was not played to its end without a pause.");
       }
@@ -87,6 +91,9 @@ export async function measure(
         scene_bytes: session.scene.peek()?.file_bytes ?? null,
         scene_sha256: session.scene.peek()?.file_sha256 ?? null,
       };
+    } catch (error) {
+      await runner.discardSamples();
+      throw error;
     } finally {
       watch.stop();
       trouble.stop();

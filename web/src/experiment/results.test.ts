@@ -47,6 +47,8 @@ const result = (run: typeof first, more: Partial<RunResult> = {}): RunResult => 
     inputLatencies: [],
     hidden: false,
     unstored: null,
+    samples: null,
+    samplesProblem: null,
     ...more,
   };
 };

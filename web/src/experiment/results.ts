@@ -17,6 +17,10 @@ export interface RunResult {
   readonly hidden: boolean;
   /** All that was measured, for as long as no store has it. */
   readonly unstored: RunUpload | null;
+  /** The folder of samples that only this browser has; null without. */
+  readonly samples: string | null;
+  /** What must be known of them, in one sentence. */
+  readonly samplesProblem: string | null;
 }
 
 /** One controller or mode: means over its complete runs. */

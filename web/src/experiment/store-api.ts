@@ -8,9 +8,12 @@ import type {
   ExperimentRequest,
   ExperimentSummary,
   Figures,
+  InterruptedRun,
   RunRow,
   RunUpload,
+  Sample,
   Experiment as StoredExperiment,
+  UploadedSamples,
 } from "../wire/store";
 import type { RunFigures } from "./figures";
 import { type ExperimentPlan, runsOf } from "./plan";
@@ -40,6 +43,27 @@ export class StoreApi {
     return this.#json(`${this.#path(id)}/runs`, run);
   }
 
+  /** A place for the samples of a run that was never ended. */
+  addInterrupted(id: string, run: InterruptedRun): Promise<RunRow> {
+    return this.#json(`${this.#path(id)}/interrupted-runs`, run);
+  }
+
+  /** Which pictures of a run's samples it has. */
+  uploadedSamples(id: string, run: string): Promise<UploadedSamples> {
+    return this.#json(`${this.#run(id, run)}/uploaded-samples`);
+  }
+
+  async addPicture(id: string, run: string, name: string, picture: Blob, signal: AbortSignal): Promise<void> {
+    await this.#ask(`${this.#run(id, run)}/samples/${name}`, { method: "PUT", body: picture }, picture.size, signal);
+  }
+
+  /** Says which samples there are, once all of their pictures are. */
+  async completeSamples(id: string, run: string, samples: readonly Sample[]): Promise<void> {
+    const body = JSON.stringify({ samples });
+    const headers = { "Content-Type": "application/json" };
+    await this.#ask(`${this.#run(id, run)}/samples`, { method: "PUT", body, headers }, body.length);
+  }
+
   async list(): Promise<readonly ExperimentSummary[]> {
     return (await this.#json<ExperimentList>("experiments")).experiments;
   }
@@ -62,17 +86,27 @@ export class StoreApi {
     return `experiments/${encodeURIComponent(id)}`;
   }
 
+  #run(id: string, run: string): string {
+    return `${this.#path(id)}/runs/${encodeURIComponent(run)}`;
+  }
+
   async #json<T>(path: string, content?: object): Promise<T> {
     const body = content && JSON.stringify(content);
+    const headers = { "Content-Type": "application/json" };
+    const text = await this.#ask(path, body ? { method: "POST", body, headers } : {}, body?.length ?? 0);
+    return JSON.parse(text) as T;
+  }
+
+  /** The answer's text; `bytes` are sent. Rejects with the reason of `cancelled`, too. */
+  async #ask(path: string, request: RequestInit, bytes: number, cancelled?: AbortSignal): Promise<string> {
+    const late = AbortSignal.timeout(TIMEOUT + bytes / SLOWEST);
+    const signal = cancelled ? AbortSignal.any([cancelled, late]) : late;
     let answer: Response;
     try {
-      answer = await fetch(`${this.base}/${path}`, {
-        cache: "no-store",
-        signal: AbortSignal.timeout(TIMEOUT + (body?.length ?? 0) / SLOWEST),
-        ...(body && { method: "POST", body, headers: { "Content-Type": "application/json" } }),
-      });
-      if (answer.ok) return (await answer.json()) as T;
+      answer = await fetch(`${this.base}/${path}`, { cache: "no-store", signal, ...request });
+      if (answer.ok) return await answer.text();
     } catch {
+      cancelled?.throwIfAborted();
       throw new ApiError(storeUnreachable(this.base, location.href), true);
     }
     throw new ApiError((await readProblem(answer)).detail, false);

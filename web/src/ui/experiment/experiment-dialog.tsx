@@ -11,6 +11,7 @@ import { Experiment, type ExperimentDependencies } from "../../experiment/experi
 import { measure } from "../../experiment/measure";
 import { toJson } from "../../experiment/results";
 import type { Runner } from "../../experiment/runner";
+import { uploadSamples } from "../../experiment/sample-upload";
 import { StoreApi } from "../../experiment/store-api";
 import { Shaper } from "../../network/shaper";
 import { config } from "../../state/app";
@@ -64,10 +65,15 @@ export function ExperimentDialog({ session, runner, open, locked }: Props) {
   }, [rest, open]);
 
   const start = async ({ plan, points, locked: lock, exportAtEnd, resumed }: ExperimentSetup) => {
-    const context = { session, runner, shaper, points };
+    const experimentOf = () => ({ name: plan.name, plan, experiment: current.id.peek() });
+    const context = { session, runner, shaper, points, experiment: experimentOf };
     const dependencies: ExperimentDependencies = {
       measure: (run, stage, signal) => measure(context, run, stage, signal),
       store,
+      sampled: () => runner.sampled,
+      uploadSamples: async (key, place, progress, signal) => {
+        if (store) await uploadSamples({ key, place, store, progress, signal });
+      },
       now: () => performance.now(),
     };
     const current = new Experiment(plan, new Date().toISOString(), dependencies, resumed);

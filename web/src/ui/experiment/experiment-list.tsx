@@ -12,9 +12,12 @@ import type { ExperimentSummary } from "../../wire/store";
 import { Icon } from "../icon";
 import { ThemeButton } from "../theme-button";
 import { continueExperiment } from "./experiment-dialog";
+import { SampledRuns } from "./sampled-runs";
 
 export function ExperimentList() {
   const base = config.value?.services.store;
+  /** How often samples came to the store. */
+  const uploads = useSignal(0);
   useEffect(() => {
     document.title = "Experiments · TIGAS";
     void refreshScenes();
@@ -35,7 +38,17 @@ export function ExperimentList() {
         <div class="page-head">
           <h1>Experiments</h1>
         </div>
-        {base ? <StoredExperiments base={base} /> : config.value && <p>This server has no store of experiments.</p>}
+        {base ? (
+          <StoredExperiments key={uploads.value} base={base} />
+        ) : (
+          config.value && <p>This server has no store of experiments.</p>
+        )}
+        <SampledRuns
+          store={base === undefined ? null : new StoreApi(base)}
+          onUploaded={() => {
+            uploads.value++;
+          }}
+        />
       </main>
     </div>
   );

@@ -38,6 +38,8 @@ const COMPLETE: RunResult = {
   inputLatencies: [{ at: 0, latency: 40 }],
   hidden: false,
   unstored: null,
+  samples: null,
+  samplesProblem: null,
 };
 const FAILED: RunResult = {
   ...COMPLETE,

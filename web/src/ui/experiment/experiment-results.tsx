@@ -144,8 +144,12 @@ function Figures({ rows, legend }: { rows: readonly ConditionSummary[]; legend: 
 
 /** What must be known of single runs. */
 function Remarks({ results }: { results: readonly RunResult[] }) {
-  const remarks = results.flatMap(({ run, problem, hidden }, i) => {
-    const said = [problem, hidden ? "The page was hidden, so that the browser may have held frames back." : null];
+  const remarks = results.flatMap(({ run, problem, samplesProblem, hidden }, i) => {
+    const said = [
+      problem,
+      samplesProblem,
+      hidden ? "The page was hidden, so that the browser may have held frames back." : null,
+    ];
     const name = conditionLabel(run, config.value?.ladder);
     return said.flatMap((sentence) => (sentence === null ? [] : `Run ${i + 1}, ${name}: ${sentence}`));
   });

@@ -1,0 +1,183 @@
+"""Samples of the page's experiments: kept in the browser, brought to the store, and not lost on the way."""
+
+from __future__ import annotations
+
+import io
+import math
+from collections.abc import Iterator
+from pathlib import Path
+
+import httpx
+import pytest
+from PIL import Image
+from playwright.sync_api import Locator, Page, Route, expect
+
+from tests.web.conftest import OpenPage
+from tests.web.experiments import PageLab, fill, page_lab
+from tests.web.stage import SCENE, frames, wait_for_frames
+from tigas_experiments.records.folder import StoredRun
+from tigas_experiments.records.samples import read_sample_file, sample_path
+
+pytest.importorskip("tigas_shaper")
+
+PICTURES = "**/samples/*.jpg"
+EVERY = 5
+TURN = "# anchor: start\nt_ms,x,y,z,qx,qy,qz,qw\n" + "".join(
+    f"{t},0,0,0,0,{math.sin(t / 8000):.6f},0,{math.cos(t / 8000):.6f}\n" for t in range(0, 20_001, 50)
+)
+
+
+@pytest.fixture(scope="module")
+def lab(models: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[PageLab]:
+    """A viewer with a store and a shaper."""
+    directory = tmp_path_factory.mktemp("lab")
+    with page_lab(models, directory) as running:
+        (directory / "movements" / "turn.csv").write_text(TURN)
+        yield running
+
+
+def start(page: Page, name: str, seconds: str = "1.5") -> Locator:
+    """An experiment of one run that samples frames; its dialogue."""
+    wait_for_frames(page)
+    page.locator(".stage").focus()
+    page.keyboard.press("e")
+    fill(page, name=name, movement="store/turn", seconds=seconds)
+    dialog = page.locator("dialog.experiment")
+    dialog.get_by_label("Budget").uncheck()
+    dialog.get_by_role("textbox", name="Sample a frame in").fill(str(EVERY))
+    dialog.get_by_role("button", name="Start").click()
+    return dialog
+
+
+def play(page: Page, shown: int) -> None:
+    """Until the movement has shown so many frames."""
+    expect(page.get_by_role("region", name="Experiment")).to_contain_text("Plays the movement")
+    wait_for_frames(page, frames(page) + shown)
+
+
+def left(page: Page) -> Locator:
+    """The runs whose samples only this browser has."""
+    return page.get_by_role("region", name="Samples in this browser").locator("tbody tr")
+
+
+def the_run(lab: PageLab, name: str) -> StoredRun:
+    """The only one of an experiment."""
+    (folder,) = lab.results.glob(f"{name}-*/runs/*")
+    return StoredRun(folder)
+
+
+def check(lab: PageLab, run: StoredRun) -> None:
+    """Each sample has its picture, which the same request still has as its answer."""
+    samples = run.samples()
+    assert samples
+    for sample in samples:
+        jpeg = read_sample_file(sample_path(run.folder, sample.seq, "jpg"))
+        assert len(jpeg) == sample.bytes
+        with Image.open(io.BytesIO(jpeg)) as image:
+            assert image.size == (sample.width, sample.height)
+    answer = httpx.post(f"{lab.url}render", content=samples[0].request.model_dump_json(exclude_none=True))
+    assert answer.content == read_sample_file(sample_path(run.folder, samples[0].seq, "jpg"))
+
+
+def test_samples_follow_their_run_to_the_store(open_page: OpenPage, lab: PageLab) -> None:
+    page = open_page(SCENE, url=lab.url)
+    dialog = start(page, "Followed")
+    expect(dialog.locator("tbody tr")).to_have_count(1)
+    expect(dialog.get_by_role("listitem")).to_have_count(0)
+    run = the_run(lab, "Followed")
+    assert run.record.configuration.sample_stride == EVERY
+    assert [sample.at for sample in run.samples()] == [frame.at for frame in run.frames()][::EVERY]
+    check(lab, run)
+    page.goto(f"{lab.url}#/experiments")
+    expect(page.get_by_role("row", name="Followed")).to_be_visible()
+    expect(left(page)).to_have_count(0)
+
+
+def test_an_upload_that_is_cut_off_survives_a_reload_and_sends_only_the_rest(open_page: OpenPage, lab: PageLab) -> None:
+    page = open_page(SCENE, url=lab.url, expected_errors="ERR_")
+    sent: list[str] = []
+
+    def cut_off_after_two(route: Route) -> None:
+        if route.request.method == "PUT" and len(sent) == 2:
+            return route.abort()
+        sent.append(route.request.url)
+        return route.continue_()
+
+    page.route(PICTURES, cut_off_after_two)
+    dialog = start(page, "Cut off")
+    remark = dialog.get_by_role("listitem")
+    expect(remark).to_contain_text("Its samples are in this browser only. The store at")
+    assert the_run(lab, "Cut-off").samples() == []
+    page.unroute(PICTURES)
+    page.goto(f"{lab.url}#/experiments")
+    page.reload()
+    expect(left(page)).to_have_count(1)
+    expect(left(page).get_by_role("rowheader")).to_contain_text("Cut off, Latency")
+    count, size = (left(page).get_by_role("cell").nth(cell).inner_text() for cell in (0, 1))
+    assert int(count) > 2
+    assert "B" in size
+    again: list[str] = []
+    page.on("request", lambda request: again.append(request.url) if request.method == "PUT" else None)
+    left(page).get_by_role("button", name="Upload").click()
+    expect(left(page)).to_have_count(0)
+    run = the_run(lab, "Cut-off")
+    assert len(run.samples()) == int(count)
+    check(lab, run)
+    assert len([url for url in again if url.endswith(".jpg")]) == int(count) - 2
+    assert not set(sent) & set(again)
+
+
+def test_a_tab_that_was_closed_leaves_samples_that_another_may_upload_or_delete(
+    open_page: OpenPage, lab: PageLab
+) -> None:
+    page = open_page(SCENE, url=lab.url)
+    start(page, "Closed", "20")
+    play(page, 4 * EVERY)
+    other = page.context.new_page()
+    other.goto(f"{lab.url}#/experiments")
+    expect(left(other)).to_contain_text("In use by another tab")
+    expect(left(other).get_by_role("button")).to_have_count(0)
+    page.close(run_before_unload=False)
+    other.reload()
+    expect(left(other).get_by_role("button", name="Delete")).to_be_visible()
+    left(other).get_by_role("button", name="Upload").click()
+    expect(left(other)).to_have_count(0)
+    run = the_run(lab, "Closed")
+    assert (run.record.status, run.record.problem) == (
+        "failed",
+        "The page was closed before the run's end; only its samples are left.",
+    )
+    assert len(run.samples()) >= 3
+    check(lab, run)
+
+
+def limit_storage(page: Page, lab: PageLab, size: int) -> None:
+    """As on a disk that is almost full."""
+    quota = {"origin": lab.url.rstrip("/"), "quotaSize": size}
+    page.context.new_cdp_session(page).send("Storage.overrideQuotaForOrigin", quota)
+
+
+def test_a_run_that_finds_no_room_goes_on_without_samples(open_page: OpenPage, lab: PageLab) -> None:
+    page = open_page(SCENE, url=lab.url)
+    limit_storage(page, lab, 1)
+    dialog = start(page, "No room")
+    expect(dialog.get_by_role("listitem")).to_have_text(
+        "Run 1, Latency: The browser’s storage is full. Nothing was sampled."
+    )
+    run = the_run(lab, "No-room")
+    assert (run.record.status, run.samples()) == ("complete", [])
+
+
+def test_a_disk_that_fills_up_ends_sampling_and_neither_the_run_nor_what_was_kept(
+    open_page: OpenPage, lab: PageLab
+) -> None:
+    page = open_page(SCENE, url=lab.url)
+    dialog = start(page, "Filled up", "5")
+    play(page, 2 * EVERY)
+    limit_storage(page, lab, 1)
+    remark = dialog.get_by_role("listitem")
+    expect(remark).to_contain_text("The browser’s storage is full. Sampling ended after")
+    run = the_run(lab, "Filled-up")
+    assert run.record.status == "complete"
+    assert f"after {len(run.samples())} frames." in remark.inner_text()
+    check(lab, run)

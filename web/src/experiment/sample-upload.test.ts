@@ -1,0 +1,171 @@
+import { afterEach, beforeEach, expect, test, vi } from "vitest";
+import { ApiError } from "../http/problem";
+import type { SampledRun } from "../samples/sampled-runs";
+import type { Sample } from "../wire/store";
+import { FROM_THE_START, UNSHAPED } from "./plan";
+import { type SampleStore, uploadSamples } from "./sample-upload";
+
+const { runs, held, described } = vi.hoisted(() => ({
+  runs: new Map<string, unknown>(),
+  held: new Set<string>(),
+  described: [] as object[],
+}));
+vi.mock("../samples/sampled-runs", () => ({
+  hold: async (key: string) => {
+    if (held.has(key)) return null;
+    held.add(key);
+    return () => held.delete(key);
+  },
+  readSampledRun: async (key: string) => runs.get(key),
+  removeSampledRun: async (key: string) => runs.delete(key),
+}));
+vi.mock("../samples/sample-writer", () => ({
+  describeSamples: async (key: string, about: object) => {
+    described.push(about);
+    runs.set(key, { ...(runs.get(key) as object), about });
+  },
+}));
+
+const PLAN = {
+  name: "two",
+  scene: "courtyard",
+  movement: "stroll",
+  network: UNSHAPED,
+  modes: ["stateless"],
+  profiles: ["latency"],
+  repeats: 1,
+  segments: FROM_THE_START,
+  duration_s: 10,
+  warm_up_s: 2,
+};
+const CONFIGURATION = { scene: "courtyard" };
+const picture = (bytes: number) => new File(["x".repeat(bytes)], "a");
+let store: SampleStore & { pictures: Map<string, number>; complete: boolean; refuses: number };
+let told: [number, number][];
+
+beforeEach(() => {
+  runs.clear();
+  held.clear();
+  described.length = 0;
+  told = [];
+  const pictures = new Map<string, number>();
+  store = {
+    pictures,
+    complete: false,
+    refuses: Number.POSITIVE_INFINITY,
+    create: vi.fn(async () => "e1"),
+    addInterrupted: vi.fn(async () => ({ folder: "interrupted" }) as never),
+    uploadedSamples: async () => ({
+      complete: store.complete,
+      files: [...pictures].map(([name, bytes]) => ({ name, bytes })),
+    }),
+    addPicture: vi.fn(async (_id, _run, name, { size }) => {
+      if (pictures.size >= store.refuses) throw new ApiError("The store does not answer.", true);
+      pictures.set(name, size);
+    }),
+    completeSamples: vi.fn(async () => {
+      store.complete = true;
+    }),
+  };
+});
+
+afterEach(() => {
+  vi.clearAllMocks();
+});
+
+function sampled(about: object | null, samples = [{ seq: 1 }, { seq: 2 }] as Sample[]): void {
+  const pictures = new Map(samples.map(({ seq }) => [`00000${seq}.jpg`, picture(10 * seq)]));
+  const run = { key: "k", about, samples, pictures, bytes: 30, busy: false };
+  runs.set("k", run as SampledRun);
+}
+
+const ABOUT = {
+  name: "two",
+  plan: PLAN,
+  experiment: null,
+  run: null,
+  configuration: CONFIGURATION,
+  started_unix_ms: 5,
+};
+
+function uploaded(place: { experiment: string; run: string } | null = null, signal = new AbortController().signal) {
+  return uploadSamples({ key: "k", place, store, progress: (sent, of) => told.push([sent, of]), signal });
+}
+
+test("pictures come first, then which samples there are; then they are gone from here", async () => {
+  sampled(ABOUT);
+  await uploaded({ experiment: "e7", run: "r" });
+  expect(store.pictures).toEqual(
+    new Map([
+      ["000001.jpg", 10],
+      ["000002.jpg", 20],
+    ]),
+  );
+  expect(store.completeSamples).toHaveBeenCalledWith("e7", "r", [{ seq: 1 }, { seq: 2 }]);
+  expect(told).toEqual([
+    [0, 30],
+    [10, 30],
+    [30, 30],
+  ]);
+  expect([runs.size, held.size]).toEqual([0, 0]);
+  expect(store.create).not.toHaveBeenCalled();
+});
+
+test("an upload that was cut off goes on where it was, in the same place", async () => {
+  sampled(ABOUT);
+  store.refuses = 1;
+  await expect(uploaded({ experiment: "e7", run: "r" })).rejects.toThrow("The store does not answer.");
+  expect([runs.size, held.size]).toEqual([1, 0]);
+  store.refuses = 9;
+  vi.mocked(store.addPicture).mockClear();
+  await uploaded();
+  expect(vi.mocked(store.addPicture).mock.calls.map(([id, run, name]) => [id, run, name])).toEqual([
+    ["e7", "r", "000002.jpg"],
+  ]);
+  expect(runs.size).toBe(0);
+});
+
+test("what the store completed, although its answer was lost, is not sent again", async () => {
+  sampled({ ...ABOUT, experiment: "e7", run: "r" });
+  store.complete = true;
+  await uploaded();
+  expect(store.addPicture).not.toHaveBeenCalled();
+  expect(runs.size).toBe(0);
+});
+
+test("samples of a run that was never ended get a place, and keep it", async () => {
+  sampled(ABOUT);
+  store.refuses = 0;
+  await expect(uploaded()).rejects.toThrow();
+  expect(store.addInterrupted).toHaveBeenCalledWith("e1", { configuration: CONFIGURATION, started_unix_ms: 5 });
+  store.refuses = 9;
+  await uploaded();
+  expect(store.create).toHaveBeenCalledTimes(1);
+  expect(store.addInterrupted).toHaveBeenCalledTimes(1);
+  expect(store.completeSamples).toHaveBeenCalledWith("e1", "interrupted", expect.anything());
+});
+
+test("what another tab uses is left alone", async () => {
+  sampled(ABOUT);
+  held.add("k");
+  await expect(uploaded()).rejects.toThrow("Another tab has them in use.");
+  expect(runs.size).toBe(1);
+});
+
+test("without any sample there is nothing to upload, and of unknown ones nobody knows where", async () => {
+  sampled(null);
+  await expect(uploaded()).rejects.toThrow("It is not known of which run they are.");
+  sampled(ABOUT, []);
+  await uploaded();
+  expect(store.create).not.toHaveBeenCalled();
+  expect(runs.size).toBe(0);
+});
+
+test("cancelling ends it between two pictures, and loses nothing", async () => {
+  sampled(ABOUT);
+  const cancel = new AbortController();
+  vi.mocked(store.addPicture).mockImplementationOnce(async () => cancel.abort(new Error("cancelled")));
+  await expect(uploaded({ experiment: "e7", run: "r" }, cancel.signal)).rejects.toThrow("cancelled");
+  expect(store.addPicture).toHaveBeenCalledTimes(1);
+  expect([runs.size, held.size]).toEqual([1, 0]);
+});

@@ -1,0 +1,132 @@
+/** Samples that only this browser has: uploaded later, or deleted. */
+import { useSignal } from "@preact/signals";
+import { Trash2, Upload } from "lucide";
+import { useCallback, useEffect, useRef } from "preact/hooks";
+import { conditionLabel, type PlannedRun } from "../../experiment/plan";
+import { uploadSamples } from "../../experiment/sample-upload";
+import type { StoreApi } from "../../experiment/store-api";
+import { ApiError } from "../../http/problem";
+import { listSampledRuns, removeSampledRun, type SampledRun } from "../../samples/sampled-runs";
+import { config } from "../../state/app";
+import { bytes } from "../format";
+import { Icon } from "../icon";
+
+interface Props {
+  /** Null where there is none. */
+  readonly store: StoreApi | null;
+  /** Samples have come to the store. */
+  readonly onUploaded: () => void;
+}
+
+export function SampledRuns({ store, onUploaded }: Props) {
+  const runs = useSignal<readonly SampledRun[]>([]);
+  const problem = useSignal<string | null>(null);
+  const look = useCallback(async () => {
+    runs.value = await listSampledRuns();
+  }, [runs]);
+  useEffect(() => {
+    void look();
+    const onFocus = () => void look(); // another tab may have gone, or have uploaded some
+    addEventListener("focus", onFocus);
+    return () => removeEventListener("focus", onFocus);
+  }, [look]);
+  const done = async (work: Promise<void>) => {
+    problem.value = null;
+    try {
+      await work;
+      onUploaded();
+    } catch (error) {
+      problem.value = error instanceof ApiError ? error.message : `The page failed: ${error}`;
+    }
+    await look();
+  };
+  if (runs.value.length === 0) return null;
+  return (
+    <section class="sampled-runs" aria-labelledby="sampled-runs">
+      <h2 id="sampled-runs">Samples in this browser</h2>
+      <p class="muted">Shown frames that experiments kept here, and that no store has yet.</p>
+      {problem.value && (
+        <p class="notice" role="alert">
+          {problem.value}
+        </p>
+      )}
+      <div class="experiment-list">
+        <table>
+          <thead>
+            <tr>
+              <th scope="col">Run</th>
+              <th scope="col">Samples</th>
+              <th scope="col">Size</th>
+              <th scope="col">
+                <span class="visually-hidden">Actions</span>
+              </th>
+            </tr>
+          </thead>
+          <tbody>
+            {runs.value.map((run) => (
+              <Row key={run.key} run={run} store={store} onDone={done} />
+            ))}
+          </tbody>
+        </table>
+      </div>
+    </section>
+  );
+}
+
+interface RowProps {
+  readonly run: SampledRun;
+  readonly store: StoreApi | null;
+  readonly onDone: (work: Promise<void>) => Promise<void>;
+}
+
+function Row({ run, store, onDone }: RowProps) {
+  const { key, about, samples, busy } = run;
+  const sent = useSignal<number | null>(null);
+  const leaving = useRef(new AbortController());
+  useEffect(() => () => leaving.current.abort(), []);
+  const upload = async () => {
+    if (store === null) return;
+    sent.value = 0;
+    const progress = (now: number) => {
+      sent.value = now;
+    };
+    await onDone(uploadSamples({ key, place: null, store, progress, signal: leaving.current.signal }));
+    sent.value = null;
+  };
+  return (
+    <tr>
+      <th scope="row">
+        {about ? `${about.name}, ${labelOf(about.configuration)}` : "Unknown"}
+        {about && (
+          <time class="muted small" dateTime={new Date(about.started_unix_ms).toISOString()}>
+            {new Date(about.started_unix_ms).toLocaleString("en", { dateStyle: "medium", timeStyle: "short" })}
+          </time>
+        )}
+      </th>
+      <td>{samples.length}</td>
+      <td>{bytes(run.bytes)}</td>
+      <td>
+        {sent.value !== null ? (
+          <progress max={Math.max(1, run.bytes)} value={sent.value} aria-label="Uploaded" />
+        ) : busy ? (
+          <span class="muted">In use by another tab</span>
+        ) : (
+          <>
+            {store && about && (
+              <button type="button" class="quiet-button with-icon" onClick={() => void upload()}>
+                <Icon of={Upload} size={14} /> Upload
+              </button>
+            )}
+            <button type="button" class="quiet-button with-icon" onClick={() => void onDone(removeSampledRun(key))}>
+              <Icon of={Trash2} size={14} /> Delete
+            </button>
+          </>
+        )}
+      </td>
+    </tr>
+  );
+}
+
+function labelOf(configuration: NonNullable<SampledRun["about"]>["configuration"]): string {
+  return conditionLabel(configuration as PlannedRun, config.value?.ladder);
+}
