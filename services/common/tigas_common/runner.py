@@ -16,6 +16,7 @@ from tigas_common.address import Address
 from tigas_common.errors import StartError
 from tigas_common.http_limits import HttpLimits
 from tigas_common.http_server import LimitedServer
+from tigas_common.memory import give_back_regularly
 from tigas_common.parsing import MAX_BODY
 from tigas_common.stopping import told_when_stopping
 
@@ -64,13 +65,15 @@ def explained(address: Address, flag: str) -> Iterator[None]:
 
 
 async def until_stopped() -> None:
-    """Wait for SIGINT or SIGTERM."""
+    """Wait for SIGINT or SIGTERM; memory that was freed goes back to the system meanwhile."""
     stopped = asyncio.Event()
     loop = asyncio.get_running_loop()
     for number in (signal.SIGINT, signal.SIGTERM):
         loop.add_signal_handler(number, stopped.set)
+    memory = asyncio.create_task(give_back_regularly())
     try:
         await stopped.wait()
     finally:
+        memory.cancel()
         for number in (signal.SIGINT, signal.SIGTERM):
             loop.remove_signal_handler(number)

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import gc
 from contextlib import AsyncExitStack
 
 import av.logging
 import httpx
 
 from tigas_common.address import say_if_open
+from tigas_common.memory import keep_together
 from tigas_common.origins import OriginPolicy
 from tigas_common.runner import explained, serve_http, until_stopped
 from tigas_dash.app import create_app
@@ -21,6 +21,7 @@ from tigas_dash.source import RenderClient
 
 async def serve(settings: DashSettings) -> None:
     """Run the packager until SIGINT or SIGTERM. Raises StartError."""
+    keep_together()
     av.logging.set_level(av.logging.PANIC)  # what the encoder refuses is told to whoever asked
     encoder = choose_encoder() if settings.encoder == "auto" else settings.encoder
     async with AsyncExitStack() as stack:
@@ -38,9 +39,6 @@ async def serve(settings: DashSettings) -> None:
             app = create_app(sessions, policy)
             serving = serve_http(app, settings.http, settings.http_limits, websockets=True)
             port = await stack.enter_async_context(serving)
-        # What start-up made stays: to look through it whenever a session ends would hold up frames.
-        gc.collect()
-        gc.freeze()
         say_if_open([settings.http])
         print(f"DASH streams by {encoder} on http://{settings.http.reachable_host}:{port}/", flush=True)
         await until_stopped()

@@ -6,6 +6,7 @@ import asyncio
 from contextlib import AsyncExitStack
 
 from tigas_common.address import say_if_open
+from tigas_common.memory import keep_together
 from tigas_common.origins import OriginPolicy
 from tigas_common.runner import explained, serve_http, until_stopped
 from tigas_experiments.records.load import EVERY_S, watching_load
@@ -25,6 +26,7 @@ REMEMBERED_S = 3 * 3600
 
 async def serve(settings: StoreSettings) -> None:
     """Run the store until SIGINT or SIGTERM. Raises StartError."""
+    keep_together()
     async with AsyncExitStack() as stack:
         workspace = stack.enter_context(Workspace.opened(settings.results))
         load = await stack.enter_async_context(watching_load(keep=int(REMEMBERED_S / EVERY_S)))

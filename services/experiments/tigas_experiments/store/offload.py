@@ -12,6 +12,7 @@ from typing import Protocol, TypeVar, TypeVarTuple
 from anyio import BrokenWorkerProcess, to_process
 
 from tigas_common.errors import Overloaded
+from tigas_common.memory import give_back
 from tigas_experiments.store.errors import TooCostly
 from tigas_experiments.store.limits import Limit, limited
 
@@ -47,5 +48,8 @@ async def offload_to_process(function: Callable[[*Ts], T], *arguments: *Ts, limi
 
 
 def _within(limit: Limit, function: Callable[[*Ts], T], *arguments: *Ts) -> T:
-    with limited(limit):
-        return function(*arguments)
+    try:
+        with limited(limit):
+            return function(*arguments)
+    finally:
+        give_back()
