@@ -51,6 +51,7 @@ def create_app(shaper: Shaper, policy: OriginPolicy) -> ASGIApp:
     app.state.shaper = shaper
     app.state.watchers = 0
     app.state.uploading = 0
+    app.state.reading = asyncio.Lock()
     return OriginCheck(app, policy)
 
 
@@ -68,7 +69,8 @@ async def upload(request: Request) -> Response:
     try:
         data = await read_body(request, MAX_UPLOAD_BYTES)
         name = request.query_params.get("name", "uploaded")[:255]
-        added = await asyncio.to_thread(_shaper(request).library.add, name, data)
+        async with state.reading:  # each takes a processor for a second
+            added = await asyncio.to_thread(_shaper(request).library.add, name, data)
     finally:
         state.uploading -= 1
     return json_response(summary(added, uploaded=True))

@@ -14,6 +14,7 @@ from contextlib import AsyncExitStack, suppress
 from tigas_common.address import say_if_open
 from tigas_common.capabilities import CAP_NET_ADMIN, holds
 from tigas_common.errors import StartError, TigasError
+from tigas_common.memory import keep_together
 from tigas_common.origins import OriginPolicy
 from tigas_common.runner import explained, serve_http, until_stopped
 from tigas_shaper.api import create_app
@@ -25,6 +26,7 @@ from tigas_shaper.settings import ShaperSettings
 
 async def serve(settings: ShaperSettings) -> None:
     """Run the shaper until SIGINT or SIGTERM. Raises StartError."""
+    keep_together()
     access, service = find_interface(settings.access), find_interface(settings.service)
     if access == service:
         raise StartError(f"The clients and the services must be on different interfaces, but both are on {access}.")
