@@ -17,6 +17,8 @@ from tigas_common.http_limits import HttpLimits
 from tigas_common.http_protocol import LimitedProtocol, last_answer
 from tigas_common.peers import client_network
 
+BATCH = 32
+"""Connections accepted before others have their turn."""
 EXHAUSTED = {errno.EMFILE, errno.ENFILE, errno.ENOBUFS, errno.ENOMEM}
 EXHAUSTED_S = 0.5
 """Pause before the next connection is accepted, if the system had nothing to accept one with, in seconds."""
@@ -56,29 +58,43 @@ class LimitedServer(uvicorn.Server):
         await super().shutdown(sockets)
 
     async def _accept(self, listener: socket.socket) -> None:
+        """Open or refuse whatever comes, several at a time: those who are refused must not keep others waiting."""
         loop = asyncio.get_running_loop()
         while True:
             try:
                 connection, peer = await loop.sock_accept(listener)
+                clients = self._count()
+                self._take(connection, client_network(peer[0]), clients)
+                for _ in range(BATCH - 1):
+                    connection, peer = listener.accept()
+                    self._take(connection, client_network(peer[0]), clients)
+            except BlockingIOError:
+                pass
             except OSError as error:  # else the client has left
                 await asyncio.sleep(EXHAUSTED_S if error.errno in EXHAUSTED else 0)
-                continue
-            client = client_network(peer[0])
-            try:
-                self._check(client)
-            except TooManyConnections as error:
-                self._refuse(connection, error)
-            else:
-                task = asyncio.create_task(self._open(connection))
-                self._opening[task] = client
-                task.add_done_callback(self._opened)
             await asyncio.sleep(0)  # accepting may not have to wait, and others have their turns, too
 
-    def _check(self, client: str) -> None:
+    def _count(self) -> Counter[str]:
+        """How many connections each client has."""
         clients = Counter(self._opening.values())
         for protocol in self.server_state.connections:
             if (peer := getattr(protocol, "client", None)) is not None:
                 clients[client_network(peer[0])] += 1
+        return clients
+
+    def _take(self, connection: socket.socket, client: str, clients: Counter[str]) -> None:
+        connection.setblocking(False)
+        try:
+            self._check(client, clients)
+        except TooManyConnections as error:
+            self._refuse(connection, error)
+        else:
+            clients[client] += 1
+            task = asyncio.create_task(self._open(connection))
+            self._opening[task] = client
+            task.add_done_callback(self._opened)
+
+    def _check(self, client: str, clients: Counter[str]) -> None:
         if clients[client] >= self._limits.connections_per_address:
             raise TooManyConnections(
                 f"Your address has {clients[client]} connections, and may have no more; close some, or try later."
