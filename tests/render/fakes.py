@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from tigas_common.errors import UnknownScene
 from tigas_common.wire.render import FrameFormat, RenderRequest
 from tigas_render.gaussians import Gaussians
-from tigas_render.raster.base import Camera, Image, PreparedScene, Rasterizer
+from tigas_render.raster.base import Camera, Image, Pause, PreparedScene, Rasterizer
 
 
 def render_request(**changes: Any) -> RenderRequest:
@@ -83,7 +83,9 @@ class FakeRasterizer(Rasterizer):
             raise self.error
         return FakeScene()
 
-    def render(self, scene: PreparedScene, camera: Camera, format: FrameFormat = "jpeg") -> Image:
+    def render(
+        self, scene: PreparedScene, camera: Camera, format: FrameFormat = "jpeg", pause: Pause | None = None
+    ) -> Image:
         self.cameras.append(camera)
         self.formats.append(format)
         self.started.release()

@@ -10,11 +10,11 @@ import asyncio
 import logging
 import math
 import threading
-from collections.abc import Callable
+from collections import Counter
+from collections.abc import Callable, Collection
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import AbstractAsyncContextManager
 from dataclasses import dataclass
-from queue import SimpleQueue
 from typing import Protocol, Self
 
 from tigas_common.errors import (
@@ -29,6 +29,7 @@ from tigas_common.wire.render import RenderRequest, Rung, ServerTiming
 from tigas_render.admission import Admission
 from tigas_render.costs import FrameCosts
 from tigas_render.device_memory import with_room
+from tigas_render.encode_queue import EncodeQueue
 from tigas_render.frame import Client, Frame
 from tigas_render.metrics import EngineMetrics
 from tigas_render.raster.base import Camera, Image, PreparedScene, Rasterizer
@@ -44,6 +45,9 @@ MAX_WAITING = 512
 """Requests of all clients together that may wait."""
 MIN_COST_S = 0.0001
 """What a turn is charged at least, in seconds: so that those take turns whose frames' cost is not known yet."""
+
+INTERRUPTED_FOR = 4
+"""A frame is interrupted for one of another address that is expected to cost so many times less."""
 
 STOPPING = "The server is stopping."
 
@@ -111,8 +115,8 @@ class _Work:
 class _Rendered:
     work: _Work
     image: Image
-    started: float
-    ended: float
+    rendering: float
+    """Seconds that it took, without what interrupted it."""
 
 
 class Engine:
@@ -140,9 +144,11 @@ class Engine:
         self._changed = threading.Condition()
         self._closed = False
         self._images = threading.Semaphore(rasterizer.frames_in_flight)
+        self._held: Counter[str] = Counter()
+        """Images by address."""
         self._renderer = ThreadPoolExecutor(1, "render")
         self._encoders = ThreadPoolExecutor(rasterizer.frames_in_flight - 1, "encode")
-        self._rendered: SimpleQueue[_Rendered | None] = SimpleQueue()
+        self._rendered: EncodeQueue[_Rendered] = EncodeQueue(rasterizer.frames_in_flight - 1)
         self._costs = FrameCosts()
         self._admission = Admission(ladder, self._costs)
 
@@ -157,8 +163,8 @@ class Engine:
     async def __aexit__(self, *_: object) -> None:
         with self._changed:
             self._closed = True
-            while self._schedule:
-                self._schedule.pop().resolve(Overloaded(STOPPING))
+            while (work := self._schedule.pop()) is not None:
+                work.resolve(Overloaded(STOPPING))
             self._changed.notify()
         await asyncio.gather(*self._running)
         self._encoders.shutdown()
@@ -225,8 +231,7 @@ class Engine:
     def _render_forever(self) -> None:
         while self._render_next():
             pass
-        for _ in range(self._rasterizer.frames_in_flight - 1):
-            self._rendered.put(None)
+        self._rendered.close()
 
     def _render_next(self) -> bool:
         """Wait for work and render it; False once the engine is closed."""
@@ -235,17 +240,39 @@ class Engine:
         work = self._next()
         if work is None:
             return False
+        self._render(work)
+        return True
+
+    def _render(self, work: _Work, *, interruptible: bool = True) -> None:
+        interrupted = 0.0
+
+        def pause() -> None:
+            nonlocal interrupted
+            begun = self._clock()
+            self._render_ahead_of(work)
+            interrupted += self._clock() - begun
+
         try:
             started = self._clock()
             format = work.request.format if work.request.stamp is None else "png"  # stamped on the host
-            image = self._rasterizer.render(work.scene.prepared, _camera(work), format)
-            ended = self._clock()
+            camera = _camera(work)
+            image = self._rasterizer.render(work.scene.prepared, camera, format, pause if interruptible else None)
+            rendering = self._clock() - started - interrupted
         except Exception as error:
-            self._images.release()
+            self._release(work)
             self._failed("Rendering", work, error)
         else:
-            self._rendered.put(_Rendered(work, image, started, ended))
-        return True
+            self._rendered.put(work.client.address, _Rendered(work, image, rendering))
+
+    def _render_ahead_of(self, work: _Work) -> None:
+        """Render what others wait for that is much smaller, before a frame that has begun goes on."""
+        while self._images.acquire(blocking=False):
+            with self._changed:
+                urgent = self._pop({work.client.address}, work.expected / INTERRUPTED_FOR)
+            if urgent is None:
+                self._images.release()
+                return
+            self._render(urgent, interruptible=False)
 
     def _encode_forever(self) -> None:
         while self._encode_next():
@@ -253,11 +280,24 @@ class Engine:
 
     def _encode_next(self) -> bool:
         """Wait for an image and encode it; False once the engine is closed."""
-        rendered = self._rendered.get()
-        if rendered is None:
+        taken = self._rendered.take()
+        if taken is None:
             return False
-        self._encode(rendered)
+        address, rendered = taken
+        try:
+            self._encode(rendered)
+        finally:
+            self._rendered.done(address)
         return True
+
+    def _release(self, work: _Work) -> None:
+        """An image's place is free again."""
+        with self._changed:
+            self._held[work.client.address] -= 1
+            if not self._held[work.client.address]:
+                del self._held[work.client.address]
+            self._changed.notify()
+        self._images.release()
 
     def _failed(self, doing: str, work: _Work, error: Exception) -> None:
         if isinstance(error, TigasError):
@@ -267,23 +307,33 @@ class Engine:
         work.resolve(error)
 
     def _next(self) -> _Work | None:
-        """The next work that is to be rendered, at its client's charge; None once the engine is closed."""
-        while True:
-            with self._changed:
-                while not self._schedule:
-                    if self._closed:
-                        return None
-                    self._changed.wait()
-                work = self._schedule.pop()
-                if work.is_withdrawn:
-                    continue
-                try:
-                    self._check(work)
-                except (DeadlineExceeded, Overloaded) as error:
-                    work.resolve(error)
-                    continue
-                self._schedule.begin(work.client, work.expected)
-                return work
+        """Wait for work that can be rendered; None once the engine is closed."""
+        with self._changed:
+            while (work := self._pop()) is None:
+                if self._closed:
+                    return None
+                self._changed.wait()
+            return work
+
+    def _pop(self, besides: Collection[str] = (), at_most: float = math.inf) -> _Work | None:
+        """The next work that can be rendered now, at its client's charge; None if there is none.
+
+        Not of the addresses `besides`, nor of one that has all images but the last, and at most so costly.
+        """
+        most = max(2, self._rasterizer.frames_in_flight - 1)
+        left_out = {*besides, *(address for address, images in self._held.items() if images >= most)}
+        while (work := self._schedule.pop(left_out, at_most)) is not None:
+            if work.is_withdrawn:
+                continue
+            try:
+                self._check(work)
+            except (DeadlineExceeded, Overloaded) as error:
+                work.resolve(error)
+                continue
+            self._schedule.begin(work.client, work.expected)
+            self._held[work.client.address] += 1
+            return work
+        return None
 
     def _check(self, work: _Work) -> None:
         """Raises DeadlineExceeded and Overloaded if a frame is not to be rendered now."""
@@ -304,7 +354,7 @@ class Engine:
 
     def _encode(self, rendered: _Rendered) -> None:
         work, image, request = rendered.work, rendered.image, rendered.work.request
-        rendering = rendered.ended - rendered.started
+        rendering = rendered.rendering
         try:
             with image:
                 if work.is_withdrawn:
@@ -318,11 +368,11 @@ class Engine:
             self._failed("Encoding", work, error)
             return
         finally:
-            self._images.release()
+            self._release(work)
         self._settle(work, rendering + encoding)
         with self._changed:
             self._costs.measured(request.scene, request.format, work.width * work.height, rendering + encoding)
-        waiting = rendered.started - work.arrived + begun - rendered.ended
+        waiting = begun - work.arrived - rendering
         timing = ServerTiming(
             queue=round(1000 * waiting, 3), render=round(1000 * rendering, 3), encode=round(1000 * encoding, 3)
         )

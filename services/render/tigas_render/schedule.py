@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Mapping
 from typing import Generic, TypeVar
 
@@ -93,18 +94,21 @@ class FairSchedule(Generic[Work]):
         self._length += 1
         return None
 
-    def pop(self) -> Work:
+    def pop(self, besides: Collection[str] = (), at_most: float = math.inf) -> Work | None:
         """Take the newest work of the client whose turn it is; the client has its turn once the work begins.
 
-        Raises IndexError if nothing waits.
+        Nothing of the addresses `besides`, and nothing that costs more than `at_most` seconds; None if that is all.
         """
-        if not self._waiting:
-            raise IndexError("nothing waits")
         chosen, costs = {}, {}
         for address, sessions in self._waiting.items():
-            newest = {session: waiting[-1][1] for session, waiting in sessions.items()}
-            chosen[address] = self._sessions[address].choose(newest)
-            costs[address] = newest[chosen[address]]
+            if address in besides:
+                continue
+            newest = {session: waiting[-1][1] for session, waiting in sessions.items() if waiting[-1][1] <= at_most}
+            if newest:
+                chosen[address] = self._sessions[address].choose(newest)
+                costs[address] = newest[chosen[address]]
+        if not costs:
+            return None
         address = self._addresses.choose(costs)
         return self._take(Client(address, chosen[address]), -1)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Self
 
@@ -47,6 +48,9 @@ class Camera:
     """RGB, 0 to 1."""
     display_scale: float = 1.0
     """How many times larger than the picture it is shown, linearly; at least 1. See `footprint`."""
+
+
+Pause = Callable[[], None]
 
 
 class PreparedScene(ABC):
@@ -101,10 +105,13 @@ class Rasterizer(ABC):
         """Pack a scene for rendering; the tensors are not needed afterwards. Safe to call from any thread."""
 
     @abstractmethod
-    def render(self, scene: PreparedScene, camera: Camera, format: FrameFormat = "jpeg") -> Image:
+    def render(
+        self, scene: PreparedScene, camera: Camera, format: FrameFormat = "jpeg", pause: Pause | None = None
+    ) -> Image:
         """Render one view at the intrinsics' own resolution, or begin to: what is missing, `encode` waits for.
 
         format: what the image is going to be encoded as; a rasteriser may lay out its pixels accordingly.
+        pause: may be called every few milliseconds meanwhile; it may call `render` once more, without a pause.
         """
 
     def warm_up(self) -> None:  # noqa: B027 - a rasteriser without a compiler has nothing to do

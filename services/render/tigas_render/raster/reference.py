@@ -24,6 +24,7 @@ from tigas_render.raster.base import (
     NEAR_PLANE,
     TRANSMITTANCE_MIN,
     Camera,
+    Pause,
     PreparedScene,
     Rasterizer,
     footprint,
@@ -57,7 +58,9 @@ class ReferenceRasterizer(Rasterizer):
         """Nothing to pack."""
         return ReferenceScene(gaussians)
 
-    def render(self, scene: PreparedScene, camera: Camera, format: FrameFormat = "jpeg") -> HostImage:
+    def render(
+        self, scene: PreparedScene, camera: Camera, format: FrameFormat = "jpeg", pause: Pause | None = None
+    ) -> HostImage:
         """Render one view; seconds, not milliseconds."""
         assert isinstance(scene, ReferenceScene)
         picture = render_float(scene.gaussians, camera)  # [H, W, 3]

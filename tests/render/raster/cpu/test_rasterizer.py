@@ -101,3 +101,19 @@ def test_a_prepared_scene_tells_its_size_and_leaves_out_what_is_invisible() -> N
     )
     assert rasterizer.prepare(visible).nbytes >= 1024 * (10 * 4 + 48 * 2)
     assert rasterizer.prepare(hidden).nbytes == 0
+
+
+def test_a_frame_may_be_rendered_while_another_pauses() -> None:
+    rasterizer = CpuRasterizer()
+    large, small = (rasterizer.prepare(cloud(20_000, 2, seed)) for seed in (1, 2))
+    alone = [pixels(rasterizer.render(large, camera(1280, 720))), pixels(rasterizer.render(small, camera(320, 180)))]
+    meanwhile = []
+
+    def pause() -> None:
+        meanwhile.append(pixels(rasterizer.render(small, camera(320, 180))))
+
+    interrupted = pixels(rasterizer.render(large, camera(1280, 720), pause=pause))
+    np.testing.assert_array_equal(interrupted, alone[0])
+    assert len(meanwhile) > 1
+    for picture in meanwhile:
+        np.testing.assert_array_equal(picture, alone[1])

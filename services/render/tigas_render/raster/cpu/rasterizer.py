@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -12,7 +13,7 @@ from numpy.typing import NDArray
 from tigas_common.pose import Intrinsics, Pose
 from tigas_common.wire.render import FrameFormat
 from tigas_render.gaussians import Gaussians
-from tigas_render.raster.base import Camera, PreparedScene, Rasterizer, one_gaussian
+from tigas_render.raster.base import Camera, Pause, PreparedScene, Rasterizer, one_gaussian
 from tigas_render.raster.cpu import layout as L
 from tigas_render.raster.cpu.binning import AHEAD, DIGIT, DIGITS, fill_lists, place_lists, sort_lists
 from tigas_render.raster.cpu.blend import TILE_FLOATS, blend
@@ -24,6 +25,8 @@ from tigas_render.raster.host_image import FramebufferPool, HostImage
 
 SLICES_PER_THREAD = 8
 """Pieces of work per thread while projecting and binning: enough to even out, few enough to count tiles in each."""
+PAUSE_EVERY_S = 0.003
+"""How long is drawn between two pauses, in seconds: much shorter, and the cores wait for each other too often."""
 MAX_ENTRIES = 1 << 24
 """Entries of tile lists held at once: a frame with more is drawn in several bands, so that memory stays bounded."""
 
@@ -55,10 +58,12 @@ class CpuRasterizer(Rasterizer):
     """Renders on all the cores that Numba may use (NUMBA_NUM_THREADS). Render from one thread at a time."""
 
     device = "cpu"
+    frames_in_flight = 3  # one is rendered and one encoded, whatever another client's large picture takes
 
     def __init__(self) -> None:
         self._threads: int = numba.get_num_threads()
-        self._workspace = Workspace()
+        self._workspace, self._other_workspace = Workspace(), Workspace()
+        """A frame that is rendered while another pauses has its own."""
         self._pool = FramebufferPool()
         self._turn = np.zeros(1, np.int64)
 
@@ -66,7 +71,9 @@ class CpuRasterizer(Rasterizer):
         """Pack a scene; see `scene.pack`."""
         return pack(gaussians)
 
-    def render(self, scene: PreparedScene, camera: Camera, format: FrameFormat = "jpeg") -> HostImage:
+    def render(
+        self, scene: PreparedScene, camera: Camera, format: FrameFormat = "jpeg", pause: Pause | None = None
+    ) -> HostImage:
         """Render one view into a framebuffer of the pool; closing the image gives it back."""
         assert isinstance(scene, CpuScene)
         job = self.start(scene, camera)
@@ -74,8 +81,25 @@ class CpuRasterizer(Rasterizer):
         while job.end < job.tiles:
             self.bin(job)
             self.sort(job)
-            self.blend(job)
+            if pause is None:
+                self.blend(job)
+            else:
+                self._blend_with_pauses(job, pause)
         return job.image
+
+    def _blend_with_pauses(self, job: FrameJob, pause: Pause) -> None:
+        """As `blend`, some rows of tiles at a time."""
+        end, tiles = job.end, job.tiles_x
+        while job.begin < end:
+            self._workspace, self._other_workspace = self._other_workspace, self._workspace
+            pause()
+            self._workspace, self._other_workspace = self._other_workspace, self._workspace
+            job.end = min(end, job.begin + tiles)
+            begun = time.perf_counter()
+            self.blend(job)
+            seconds = time.perf_counter() - begun
+            job.begin = job.end
+            tiles = max(job.tiles_x, int(tiles * min(2.0, PAUSE_EVERY_S / seconds)))
 
     def warm_up(self) -> None:
         """Compile every kernel, or load it from the cache."""

@@ -19,7 +19,7 @@ from tigas_common.pose import Intrinsics, Pose
 from tigas_common.wire.render import FrameFormat
 from tigas_render.encode.png import encode_png
 from tigas_render.gaussians import Gaussians
-from tigas_render.raster.base import Camera, Image, PreparedScene, Rasterizer, one_gaussian
+from tigas_render.raster.base import Camera, Image, Pause, PreparedScene, Rasterizer, one_gaussian
 from tigas_render.raster.cuda.compiler import load_kernels
 from tigas_render.raster.cuda.nvjpeg import ALLOCATOR_FAILURE, NvJpeg
 from tigas_render.raster.cuda.scene import CudaScene, pack
@@ -73,7 +73,9 @@ class CudaRasterizer(Rasterizer):
             torch.cuda.current_stream(self._device).synchronize()  # frames read it from other streams
             return scene
 
-    def render(self, scene: PreparedScene, camera: Camera, format: FrameFormat = "jpeg") -> CudaImage:
+    def render(
+        self, scene: PreparedScene, camera: Camera, format: FrameFormat = "jpeg", pause: Pause | None = None
+    ) -> CudaImage:
         """Queue one view and return at once. Raises OutOfDeviceMemory and DeviceLost."""
         assert isinstance(scene, CudaScene)
         with self._explained():
