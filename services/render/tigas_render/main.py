@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import asyncio
-import gc
 import os
 import ssl
+import sys
 from contextlib import AsyncExitStack
 from pathlib import Path
 
 from tigas_common.address import Address, say_if_open
 from tigas_common.errors import StartError, TigasError
+from tigas_common.memory import keep_together
 from tigas_common.runner import explained, serve_http, until_stopped
 from tigas_common.terminal import printable
 from tigas_render.app import STATIC, create_app
@@ -22,9 +23,13 @@ from tigas_render.settings import RenderSettings
 from tigas_render.transport.frames import render_session
 from tigas_render.transport.server import Http3Server
 
+SWITCH_S = 0.0005
+"""How often Python's threads take turns, in seconds: at the default, 5 ms, a busy event loop makes each frame late."""
+
 
 async def serve(settings: RenderSettings) -> None:
     """Run the render service until SIGINT or SIGTERM. Raises StartError, also once the device is lost."""
+    keep_together()
     _check_directory(settings.scenes)
     try:
         rasterizer = create_rasterizer(settings.device, settings.cache)
@@ -63,9 +68,7 @@ async def serve(settings: RenderSettings) -> None:
                 )
         with explained(settings.http, "--http"):
             port = await stack.enter_async_context(serve_http(app, settings.http, settings.http_limits))
-        # What start-up made stays; to look through it for garbage again and again would hold up frames.
-        gc.collect()
-        gc.freeze()
+        sys.setswitchinterval(SWITCH_S)
         _announce(service, Address(settings.http.host, port))
         await _until_stopped(service.engine)
 

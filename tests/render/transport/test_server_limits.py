@@ -8,6 +8,7 @@ import json
 import os
 import random
 import socket
+from contextlib import AsyncExitStack
 
 import pytest
 from aioquic.h3.connection import ErrorCode
@@ -20,6 +21,7 @@ from tests.render.transport.client import (
     split_frame,
 )
 from tests.render.transport.serving import eventually, served
+from tigas_render.transport import server as server_module
 from tigas_render.transport.connection import Connection
 from tigas_render.transport.limits import Limits
 from tigas_render.transport.server import Http3Server
@@ -66,6 +68,23 @@ async def test_one_address_cannot_open_connections_all_the_time() -> None:
         assert "too fast" in await refusal(server)
         async with connect(server.port, source="127.0.0.2") as other:
             assert (await other.fetch("GET", "/")).status == 200
+
+
+async def test_a_burst_of_connections_of_one_address_holds_nobody_else_up(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(server_module, "HANDSHAKES_AT_ONCE", 1)
+    monkeypatch.setattr(server_module, "HANDSHAKES_PER_S", 0.001)
+    async with served() as server, connect(server.port), connect(server.port, wait=False) as second:
+        second.transmit()  # left to be sent again
+        async with connect(server.port, source="127.0.0.2") as other:
+            assert (await other.fetch("GET", "/")).status == 200
+            assert server.connections == 2
+
+
+async def test_connections_of_one_address_that_come_at_once_all_come_in() -> None:
+    async with served() as server, AsyncExitStack() as stack:
+        clients = [stack.enter_async_context(connect(server.port)) for _ in range(12)]
+        await asyncio.gather(*clients)
+        assert server.connections == 12
 
 
 async def test_an_address_with_unanswered_handshakes_has_to_prove_itself() -> None:

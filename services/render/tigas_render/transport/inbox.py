@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Container
 from typing import NamedTuple
 
 from tigas_common.peers import client_network
@@ -44,11 +45,12 @@ class Inbox:
         if len(self._waiting[network]) < MAX_WAITING:
             self._waiting[network].append(datagram)
 
-    def take(self) -> tuple[str, Received]:
-        """Whose turn it is, and the oldest datagram from there. Raises IndexError if nothing waits."""
-        if not self._waiting:
-            raise IndexError("nothing waits")
-        network = self._turns.choose(dict.fromkeys(self._waiting, EXPECTED_S))
+    def take(self, besides: Container[str] = ()) -> tuple[str, Received] | None:
+        """Whose turn it is but for those `besides`, and the oldest datagram from there; None if nothing waits."""
+        costs = {network: EXPECTED_S for network in self._waiting if network not in besides}
+        if not costs:
+            return None
+        network = self._turns.choose(costs)
         self._turns.begin(network, EXPECTED_S)
         datagram = self._waiting[network].popleft()
         if not self._waiting[network]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import os
 import time
+from collections import Counter
 from collections.abc import Mapping
 from typing import Self
 
@@ -43,6 +44,12 @@ MAX_DATAGRAM_SIZE = 1452
 CID_LENGTH = 8
 TURNS_S = 0.001
 """How long datagrams are handled at a time, in seconds: what follows from them may take several times as long."""
+AT_ONCE = 1
+"""Datagrams of one address that are handled at a time if there are others, for the same reason."""
+HANDSHAKES_AT_ONCE, HANDSHAKES_PER_S = 8, 25.0
+"""New connections of one address that are begun at once and in the long run: each takes the event loop some
+milliseconds. What comes faster is left to be sent again, as QUIC's clients do.
+"""
 
 
 class Http3Server:
@@ -81,6 +88,7 @@ class Http3Server:
         self._usage: dict[str, Usage] = {}
         """By address, of those that have connections."""
         self._openings = RateLimit(self._limits.handshakes_per_s, self._limits.connections_per_address)
+        self._pace = RateLimit(HANDSHAKES_PER_S, HANDSHAKES_AT_ONCE)
         self._dirty: set[Connection] = set()
         self._inbox = Inbox()
         self._next_turns: asyncio.Handle | None = None
@@ -180,9 +188,14 @@ class Http3Server:
         """Handle what has arrived for a moment, and the rest once the event loop has done what follows from it."""
         self._next_turns = None
         until = (now := time.monotonic()) + TURNS_S
-        while self._inbox and now < until:
-            network, datagram = self._inbox.take()
+        handled: Counter[str] = Counter()
+        had_enough: set[str] = set()
+        while now < until and (taken := self._inbox.take(had_enough)) is not None:
+            network, datagram = taken
             self._handle(datagram)
+            handled[network] += 1
+            if handled[network] >= AT_ONCE and len(self._usage) > 1:
+                had_enough.add(network)
             begun, now = now, time.monotonic()
             self._inbox.settle(network, now - begun)
         dirty, self._dirty = self._dirty, set()
@@ -248,6 +261,8 @@ class Http3Server:
             original, retry_source = validated, header.destination_cid
         elif self._has_to_prove_its_address(usage):
             self._send_retry(header, address, now)
+            return None
+        if not self._pace.allows(network, now):
             return None
         if (reason := self._refusal(usage, now)) is not None:
             self.send([(encode_refusal(header, reason), address)])
