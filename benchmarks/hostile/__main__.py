@@ -1,8 +1,8 @@
 """One polite viewer before, during and after each attack from one other address: does it keep what it had?
 
-    python -m benchmarks.hostile [--only NAME]... [--seconds 10]
+    python -m benchmarks.hostile [--only NAME]... [--seconds 10] [--device cuda]
 
-Each attack meets services that were just started, on loopback, over a small scene on the CPU. The viewer asks for 30
+Each attack meets services that were just started, on loopback, over a small scene. The viewer asks for 30
 frames/s at the lowest rung from 127.0.0.2, the attacker comes from 127.0.0.3. Goal, for everybody who is polite: a p95
 during the attack of at most twice the p95 alone and 20 ms, memory within 5 % of what it was 30 s later, nothing lost.
 Exits with 1 if an attack misses it. Linux; without root the attacks on the shaper are left out, which needs it.
@@ -61,6 +61,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--only", action="append", choices=[one.name for one in ATTACKS], metavar="NAME", default=[])
     parser.add_argument("--seconds", type=float, default=10, help="of each attack, and of the time before it")
+    parser.add_argument("--device", choices=["cpu", "cuda"], default="cpu", help="what the render service renders with")
     parser.add_argument(ISOLATED, action="store_true", help=argparse.SUPPRESS)
     arguments = parser.parse_args()
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))  # so that the services end, too
@@ -83,7 +84,7 @@ def main() -> int:
                 def tell(phase: str, name: str = attack.name) -> None:
                     progress.update(task, description=f"{name}: {phase}")
 
-                outcome = measure(attack, arguments.seconds, cores, tell)
+                outcome = measure(attack, arguments.seconds, cores, arguments.device, tell)
                 outcomes.append(outcome)
                 done = ", ".join(f"{count:,} {what}" for what, count in sorted(outcome.done.items())) or "unknown"
                 console.print(f"{attack.name}: {done}", highlight=False)

@@ -120,13 +120,13 @@ class Cores:
         return cls(frozenset(others or [last]), frozenset([last]))
 
 
-def measure(attack: Attack, seconds: float, cores: Cores, now: Callable[[str], None]) -> Outcome:
+def measure(attack: Attack, seconds: float, cores: Cores, device: str, now: Callable[[str], None]) -> Outcome:
     """Carry out one attack against services that are new; `now` hears what is going on."""
     with tempfile.TemporaryDirectory(prefix="tigas-hostile-") as name:
         folder, ports = Path(name), Ports.free()
         now("starting")
         wanted = tuple(dict.fromkeys(("render", attack.service)))
-        with running(wanted, ports, folder, set(cores.services)) as services:
+        with running(wanted, ports, folder, set(cores.services), device) as services:
             warm_up(services, ports)
             attacked = services[attack.service]
             with _process("polite", ports, cores, folder / "polite", *attack.guests) as polite:

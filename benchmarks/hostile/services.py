@@ -92,10 +92,12 @@ class Service:
 
 
 @contextmanager
-def running(wanted: Sequence[Name], ports: Ports, folder: Path, cores: set[int]) -> Iterator[dict[Name, Service]]:
-    """The render service and those of the others that are wanted, on these cores, until the context ends."""
+def running(
+    wanted: Sequence[Name], ports: Ports, folder: Path, cores: set[int], device: str
+) -> Iterator[dict[Name, Service]]:
+    """The render service, on a device, and those of the others that are wanted, on these cores, until the end."""
     write_scene(folder / "models" / SCENE / f"{SCENE}.ply")
-    commands = _commands(ports, folder)
+    commands = _commands(ports, folder, device)
     with ExitStack() as stack:
         services = {name: stack.enter_context(_service(name, commands[name], folder, cores)) for name in wanted}
         for name, service in services.items():
@@ -119,14 +121,14 @@ def write_scene(path: Path) -> None:
     write_ply(path, Gaussians(*(torch.from_numpy(array).float().contiguous() for array in arrays)))
 
 
-def _commands(ports: Ports, folder: Path) -> dict[Name, list[str]]:
+def _commands(ports: Ports, folder: Path, device: str) -> dict[Name, list[str]]:
     def listens(port: int) -> tuple[str, str]:
         return "--http", f"127.0.0.1:{port}"
 
     models, results = str(folder / "models"), str(folder / "results")
     render = f"http://127.0.0.1:{ports.render}"
     return {
-        "render": tigas("render", "--scenes", models, "--device", "cpu", "--quic", f"127.0.0.1:{ports.quic}",
+        "render": tigas("render", "--scenes", models, "--device", device, "--quic", f"127.0.0.1:{ports.quic}",
                         *listens(ports.render)),
         "dash": tigas("dash", "--render", render, "--encoder", "libx264", *listens(ports.dash)),
         "store": tigas("store", "--results", results, "--movements", models, *listens(ports.store)),

@@ -12,6 +12,9 @@ from benchmarks.hostile.services import Name, Ports
 
 STREAMS, STREAM_S = 4, 3.0
 """As many streams as the packager allows, and how long they run."""
+LINK = ("at", "position_ms", "target_kbps", "delivered_kbps", "queue_ms", "drops", "up_delivered_kbps")
+LINKS = 8_000
+"""A megabyte of them."""
 STREAM = {**request(1280, 720), "frame_rate": 30}
 
 
@@ -33,6 +36,7 @@ def _streams(http: httpx.Client) -> None:
 
 
 def _upload(http: httpx.Client) -> None:
-    """One that is refused: it has started the process that checks."""
+    """One as large as usual, and refused: it has started the process that checks."""
     made = http.post("/experiments", json={"name": "warm-up", "plan": {"seed": 1}}).raise_for_status().json()["id"]
-    assert http.post(f"/experiments/{made}/runs", json={}).status_code == 400
+    run = {"link": [dict.fromkeys(LINK, 1.0)] * LINKS}
+    assert http.post(f"/experiments/{made}/runs", json=run).status_code == 400
