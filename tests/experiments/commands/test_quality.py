@@ -10,9 +10,11 @@ import httpx
 import numpy as np
 import pytest
 from filelock import FileLock
+from PIL import Image
 from typer.testing import CliRunner, Result
 
 from tests.experiments.report.made_up_results import write_run
+from tests.experiments.report.test_cli import rows as csv_rows
 from tests.experiments.triplets_made_up import view, write_triplets
 from tests.web.scenes import SMALL, write_scenes
 from tests.web.server import RenderServer
@@ -20,9 +22,10 @@ from tigas_common.pose import Intrinsics, Pose
 from tigas_common.wire.render import RenderRequest
 from tigas_experiments.commands.quality import quality as command
 from tigas_experiments.quality.picture import encode
-from tigas_experiments.records.materialised import TRUTH
+from tigas_experiments.records.materialised import TRUTH, Materialised, add_materialised, materialised_log
 from tigas_experiments.records.samples import JPEG, write_sample_file
 from tigas_experiments.records.scores import SCORES, read_scores
+from tigas_experiments.report.report import write_report
 
 
 def quality(*arguments: str) -> Result:
@@ -120,15 +123,15 @@ def test_a_folder_in_which_runs_are_made_is_left_alone(experiment: Path) -> None
 
 
 @pytest.fixture(scope="module")
-def rendered(tmp_path_factory: pytest.TempPathFactory) -> Iterator[httpx.Client]:
-    """A render service with a small scene."""
+def rendered(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
+    """The URL of a render service with a small scene."""
     models = tmp_path_factory.mktemp("models")
     write_scenes(models)
-    with RenderServer("--scenes", str(models)) as server, httpx.Client(base_url=server.url, timeout=90) as http:
-        yield http
+    with RenderServer("--scenes", str(models)) as server:
+        yield server.url
 
 
-def test_rendered_frames_are_better_the_higher_their_rung(rendered: httpx.Client, tmp_path: Path) -> None:
+def test_rendered_frames_are_better_the_higher_their_rung(rendered: str, tmp_path: Path) -> None:
     lens = Intrinsics(300, 300, 240, 135, 480, 270)
     for rung in (1, 2, 3):
         run = tmp_path / f"rung-{rung}"
@@ -136,7 +139,7 @@ def test_rendered_frames_are_better_the_higher_their_rung(rendered: httpx.Client
         for seq in (1, 2):
             asked = RenderRequest.at(SMALL, Pose.from_euler(40.0 + seq / 4, 0, 0, (0, 0, 0)), lens)
             frame, truth = (
-                rendered.post("/render", content=each.model_dump_json(exclude_none=True)).raise_for_status().content
+                httpx.post(f"{rendered}/render", content=each.model_dump_json(exclude_none=True), timeout=90).content
                 for each in (
                     asked.model_copy(update={"profile": rung}),
                     asked.model_copy(update={"format": "png"}),
@@ -150,6 +153,42 @@ def test_rendered_frames_are_better_the_higher_their_rung(rendered: httpx.Client
         assert len(one.values) == 4
         for name, value in one.values.items():
             assert value > two.values[name] > three.values[name], name
+
+
+def test_the_ladder_is_shown_as_one_view_with_its_sizes(rendered: str, experiment: Path) -> None:
+    for run in (experiment / "runs").iterdir():
+        record = run / "run.json"
+        record.write_text(record.read_text().replace('"courtyard"', f'"{SMALL}"'))
+    result = quality("ladder", str(experiment), "--render", rendered)
+    assert result.exit_code == 0, result.output
+    found = csv_rows(experiment / "ladder.csv")
+    assert [(row["name"], row["width"], row["jpeg_quality"]) for row in found] == [
+        ("High", "1280", "90"),
+        ("Medium-High", "960", "65"),
+        ("Medium-Low", "640", "35"),
+        ("Low", "320", "10"),
+    ]
+    for column in ("bytes", "psnr_db", "ssim"):
+        values = [float(row[column]) for row in found]
+        assert values == sorted(values, reverse=True)
+    with Image.open(experiment / "ladder.jpg") as picture:
+        assert picture.width > 3 * picture.height / 2
+    assert "data:image/jpeg;base64" in write_report(experiment, experiment).page.read_text()
+
+
+def test_without_a_render_service_there_is_no_ladder(experiment: Path) -> None:
+    result = quality("ladder", str(experiment), "--render", "http://127.0.0.1:1")
+    assert result.exit_code == 1
+    assert "The render service at http://127.0.0.1:1 does not answer" in words(result)
+    assert not (experiment / "ladder.csv").exists()
+
+
+def test_frames_that_the_renderer_would_not_send_again_are_told_of(experiment: Path) -> None:
+    run = experiment / "runs" / "latency-0"
+    with materialised_log(run) as file:
+        add_materialised(file, Materialised(seq=10, identical=False, problem=None, psnr_db=20.0))
+    said = words(quality(str(run), "--metrics", "psnr"))
+    assert "latency-0: the renderer answered 1 of 2 samples differently when it was asked again" in said
 
 
 def test_a_sample_that_cannot_be_compared_is_named(tmp_path: Path) -> None:

@@ -83,12 +83,12 @@ def test_a_difference_is_of_the_same_sample(tmp_path: Path) -> None:
 def test_the_heat_maps_say_who_is_best_and_what_enhancement_gains(experiment: Path) -> None:
     quality, enhancement = heat_maps(rows_of(Groups.of(load(experiment).runs)))
     assert quality.title == "Budget has the best pictures by 2 of 2 metrics"
-    for text in ("PSNR, dB (higher is better)", "LPIPS (lower is better)", "33.0", "26.0", "± 1.0", "bus, 20 ms"):
+    for text in ("PSNR, dB (higher is better)", "LPIPS (lower is better)", "33.0", "26.0", "± 1.0", "bus", "20 ms"):
         assert text in quality.svg
     assert "LPIPS: v0.1, AlexNet" in quality.caption
     assert enhancement.title == "Enhancement is better by 2 of 2 metrics: PSNR +1.5 dB, LPIPS -0.015"
     assert "+1.5" in enhancement.svg
-    assert "bus, 20 ms, scene" in enhancement.svg
+    assert "scene" in enhancement.svg
 
 
 def test_worse_pictures_have_the_colour_of_worse(experiment: Path) -> None:
@@ -102,6 +102,15 @@ def test_worse_pictures_have_the_colour_of_worse(experiment: Path) -> None:
     _, enhancement = heat_maps(rows_of(Groups.of(load(experiment).runs)))
     assert better in enhancement.svg
     assert worse not in enhancement.svg
+
+
+def test_networks_whose_shortened_names_are_equal_have_a_line_each(tmp_path: Path) -> None:
+    names = [f"a-trace-of-a-long-name-{place}-recorded-on-a-bus" for place in ("A", "B")]
+    for name, psnr in zip(names, (21.0, 42.0), strict=True):
+        write_scores(write_run(tmp_path / "runs" / name, "latency", name), scores(psnr, 1))
+    quality, _ = heat_maps(rows_of(Groups.of(load(tmp_path).runs)))
+    assert "21.0" in quality.svg
+    assert "42.0" in quality.svg
 
 
 def test_without_scores_or_enhancement_there_is_less(experiment: Path) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -13,7 +14,8 @@ from typer.core import TyperGroup
 
 from tigas_common.cli import in_a_sentence
 from tigas_common.errors import StartError
-from tigas_common.terminal import make_console
+from tigas_common.terminal import make_console, printable
+from tigas_experiments.commands.materialise import RENDER_URL, Render
 
 if TYPE_CHECKING:  # heavy
     from tigas_experiments.quality.metrics import PictureMetric
@@ -63,6 +65,27 @@ def score(
     make_console().print(_table(rows, asked))
 
 
+@quality.command("ladder")
+def ladder(
+    folder: Annotated[Path, typer.Argument(metavar="DIR", help="An experiment's folder.")],
+    render: Render = RENDER_URL,
+) -> None:
+    """Show one view of an experiment at each rung of the ladder, with its size: ladder.jpg and ladder.csv."""
+    from tigas_experiments.quality.picture import BrokenPicture
+    from tigas_experiments.report.ladder import middle_view, write_ladder
+    from tigas_experiments.samples.ladder import Step
+    from tigas_experiments.samples.ladder import ladder as steps
+    from tigas_experiments.samples.renderer import NotRendered, Renderer, RendererAway
+
+    async def asked() -> list[Step]:
+        async with Renderer.at(render) as renderer:
+            return await steps(renderer, *middle_view(folder))
+
+    with in_a_sentence(StartError, OSError, RendererAway, NotRendered, BrokenPicture):
+        for path in write_ladder(asyncio.run(asked()), folder):
+            typer.echo(printable(str(path)))
+
+
 @quality.command("fetch")
 def fetch() -> None:
     """Fetch the weights of LPIPS and DISTS into the user's cache, and the pictures that tests check them with."""
@@ -109,6 +132,7 @@ def _score(folder: Path, asked: list[PictureMetric], device: str | None, *, agai
         raise StartError(f"{error.name} is missing: pip install 'tigas[quality]'") from None
     from tigas_experiments.lock import EXPERIMENT, exclusive
     from tigas_experiments.records.folder import StoredRun
+    from tigas_experiments.records.materialised import sampled_run
     from tigas_experiments.records.recording import BrokenRecording
     from tigas_experiments.report.groups import Condition
     from tigas_experiments.report.picture_scores import rows
@@ -138,6 +162,11 @@ def _score(folder: Path, asked: list[PictureMetric], device: str | None, *, agai
             bar.update(task, description=run.name)
             scores = scoring.score()
             sentences += [f"{run.name}, sample {seq}: {why}" for seq, why in sorted(scoring.problems.items())]
+            if different := sampled_run(run).different:
+                sentences.append(
+                    f"{run.name}: the renderer answered {different} of {len(scoring.triplets)} samples differently "
+                    "when it was asked again, so ground truth may not be theirs."
+                )
             condition = None
             if (run / "run.json").exists():
                 try:

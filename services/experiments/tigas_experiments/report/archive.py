@@ -15,7 +15,7 @@ from tigas_common.errors import StartError
 from tigas_common.parsing import legible
 from tigas_common.wire.model import WireModel
 from tigas_experiments.records.folder import Template
-from tigas_experiments.report.results import run_folders
+from tigas_experiments.report.results import LADDER, run_folders
 
 MOST_TIMES = 1000
 """What is unpacked may have so many times the archive's bytes: ten to twenty for records, and xz reaches seven
@@ -42,7 +42,7 @@ def read_options(folder: Path) -> Options:
 
 
 def pack(folder: Path, archive: Path, options: Options) -> None:
-    """Write an experiment's record and runs, complete or not, as .tar.xz under the folder's name, with the options.
+    """Write an experiment's record, its ladder and runs, complete or not, as .tar.xz under its name, with the options.
 
     Whose they are and when they were written is left out, and links are. Raises StartError if there are no runs, and
     OSError; then the archive is what it was.
@@ -105,7 +105,8 @@ def _no_archive(archive: Path, why: str) -> StartError:
 
 
 def _files(folder: Path) -> Iterator[Path]:
-    if (record := folder / "experiment.json").is_file():
-        yield record
+    for name in ("experiment.json", LADDER):
+        if (path := folder / name).is_file():
+            yield path
     for run in run_folders(folder):
         yield from sorted(path for path in run.rglob("*") if path.is_file() and not path.is_symlink())

@@ -20,8 +20,10 @@ from tigas_experiments.report.picture_scores import Row, computed
 from tigas_experiments.report.plot import PAPER, Plot, style, svg
 
 COLUMNS = 3
-CELL_IN, LABELS_IN = (1.05, 0.42), (1.4, 0.75)
+CELL_IN, LABELS_IN = (1.05, 0.5), (1.4, 0.75)
 """Width and height of a cell, and what is beside and above the cells, inches."""
+Line = tuple[str, float | None, str | None]
+"""A row of a map: the network, its round trip, and the model of a difference."""
 DARK, LIGHT = "#101418", "#fdfdfd"
 """Text in a cell, which keeps its colour in a dark page."""
 
@@ -55,7 +57,7 @@ def _plot(name: str, title: str, rows: Sequence[Row], what: str) -> Plot:
             grid = [[cells.get((line, controller)) for controller in controllers] for line in lines]
             _draw(axes, metric, grid, signed=rows[0].what == "difference")
             axes.set_xticks([0.5 + x for x in range(len(controllers))], [short(one.title) for one in controllers])
-            axes.set_yticks([0.5 + y for y in range(len(lines))], [short(line) for line in lines])
+            axes.set_yticks([0.5 + y for y in range(len(lines))], [_label(line) for line in lines])
         pictures = [mean.pictures for row in rows for metric in metrics if (mean := row.mean(metric)) is not None]
         low, high = min(pictures), max(pictures)
         counted = f"{low:,}" if low == high else f"{low:,} to {high:,}"
@@ -91,12 +93,15 @@ def _draw(axes: Axes, metric: PictureMetric, grid: Sequence[Sequence[Row | None]
     axes.spines[:].set_visible(False)
 
 
-def _line(row: Row) -> str:
-    """What a row of the map is called: the network, its round trip, and the model of a difference."""
+def _line(row: Row) -> Line:
     condition = _condition(row)
-    rtt = "" if condition.rtt_ms is None else f", {condition.rtt_ms:g} ms"
-    model = "" if row.what == "original" or row.model is None else f", {row.model}"
-    return f"{condition.network}{rtt}{model}"
+    return condition.network, condition.rtt_ms, None if row.what == "original" else row.model
+
+
+def _label(line: Line) -> str:
+    network, rtt, model = line
+    parts = (short(network), None if rtt is None else f"{rtt:g} ms", None if model is None else short(model))
+    return "\n".join(part for part in parts if part is not None)
 
 
 def _condition(row: Row) -> Condition:

@@ -10,15 +10,17 @@ from pathlib import Path
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
+from tigas_common.files import read_regular
 from tigas_common.wire.figures import INTERACTIVE_MS
 from tigas_experiments.records.folder import RunRecord, Template
+from tigas_experiments.records.samples import MAX_PICTURE_BYTES
 from tigas_experiments.report.comparison_page import comparison_page
 from tigas_experiments.report.controllers import Controller
 from tigas_experiments.report.differences import against, choose_baseline
 from tigas_experiments.report.experiment_page import experiment_page
 from tigas_experiments.report.gallery import gallery
 from tigas_experiments.report.groups import Groups
-from tigas_experiments.report.results import Results, Told, load, sampled_runs
+from tigas_experiments.report.results import LADDER, Results, Told, load, sampled_runs
 from tigas_experiments.report.tables import write_csv
 from tigas_experiments.report.warnings import comparison_warnings, experiment_warnings, sample_warnings
 
@@ -71,6 +73,7 @@ def write_report(
         "compared": compared,
         "sampled": sampled,
         "samples": gallery(results.folder, sampled),
+        "ladder": _ladder(results.folder),
         **values(results, groups, out, told),
     }
     page = _filled(report, csv_files, shown)
@@ -106,6 +109,15 @@ def _download(path: Path) -> Markup:
     """A link that has the file in it."""
     data = base64.b64encode(path.read_bytes()).decode()
     return Markup('<a download="{0}" href="data:text/csv;base64,{1}">{0}</a>').format(path.name, data)
+
+
+def _ladder(folder: Path) -> str | None:
+    """Its picture as a data: URL; None without one."""
+    try:
+        data = read_regular(folder / LADDER, MAX_PICTURE_BYTES)
+    except OSError:
+        return None
+    return f"data:image/jpeg;base64,{base64.b64encode(data).decode()}"
 
 
 def _streams(records: Iterable[RunRecord]) -> dict[str, str]:

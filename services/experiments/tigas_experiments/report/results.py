@@ -22,6 +22,8 @@ from tigas_experiments.records.summary import Records, read
 from tigas_experiments.report.controllers import Controller
 from tigas_experiments.report.latency_parts import LatencyParts
 
+LADDER = "ladder.jpg"
+"""The view of an experiment at each rung, if somebody asked for it (`tigas quality ladder`)."""
 Floats = NDArray[np.float64]
 Told = Callable[[str, int, int | None], None]
 """Who wants to know how far a report is: what goes on, how much of it is done, and of how much, if that is known."""

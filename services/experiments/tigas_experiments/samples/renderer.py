@@ -12,7 +12,7 @@ import httpx
 from pydantic import ValidationError
 
 from tigas_common.topology import PAGE
-from tigas_common.wire.render import Problem, RenderRequest, SceneInfo
+from tigas_common.wire.render import Problem, RenderRequest, SceneInfo, ServerConfig
 
 RENDER_URL = f"http://{PAGE.loopback}"
 """Where it listens unless told otherwise."""
@@ -61,10 +61,18 @@ class Renderer:
         """The frame that was asked for. Raises RendererAway and NotRendered."""
         return (await self._ask("/render", request.model_dump_json(exclude_none=True), FRAME_S)).content
 
-    async def _ask(self, path: str, body: str | None, within_s: float) -> httpx.Response:
+    async def config(self) -> ServerConfig:
+        """What the service says of itself, such as its ladder. Raises RendererAway and NotRendered."""
+        answer = await self._ask("/config.json", None, FRAME_S, "GET")
+        try:
+            return ServerConfig.model_validate_json(answer.content)
+        except ValidationError:
+            raise RendererAway(f"What answers at {self._http.base_url} is no TIGAS render service.") from None
+
+    async def _ask(self, path: str, body: str | None, within_s: float, method: str = "POST") -> httpx.Response:
         for tried in range(1, TRIES + 1):
             try:
-                answer = await self._http.post(path, content=body, timeout=within_s)
+                answer = await self._http.request(method, path, content=body, timeout=within_s)
             except (httpx.HTTPError, httpx.InvalidURL) as error:
                 reason = str(error) or type(error).__name__
                 raise RendererAway(f"The render service at {self._http.base_url} does not answer ({reason}).") from None

@@ -1,0 +1,79 @@
+"""ladder.jpg and ladder.csv: one view of an experiment at each rung of the ladder, with its size."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Sequence
+from pathlib import Path
+
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from tigas_common.errors import StartError
+from tigas_common.pose import Pose
+from tigas_common.wire.recording import Lens
+from tigas_experiments.quality.picture import Picture
+from tigas_experiments.records.folder import StoredRun
+from tigas_experiments.records.recording import BrokenRecording
+from tigas_experiments.report.plot import style
+from tigas_experiments.report.results import LADDER, run_folders
+from tigas_experiments.samples.ladder import Step
+
+PICTURE_IN = 3.2
+DPI = 150
+DETAIL = 4
+"""Below a picture is its middle, so many times larger."""
+
+
+def middle_view(folder: Path) -> tuple[str, Pose, Lens]:
+    """Scene, pose and lens in the middle of an experiment's first run that has poses. Raises StartError."""
+    for run in run_folders(folder):
+        try:
+            stored = StoredRun(run)
+            inputs = stored.inputs()
+        except BrokenRecording:
+            continue
+        if stored.record.recording is not None and inputs:
+            middle = inputs[len(inputs) // 2]
+            return stored.record.configuration.scene, middle.camera, stored.record.recording.lens
+    raise StartError(f"{folder} has no run that tells where a viewer was.")
+
+
+def write_ladder(steps: Sequence[Step], folder: Path) -> list[Path]:
+    """The two files. Raises OSError."""
+    shape = steps[0].shown.shape
+    height = PICTURE_IN * shape[0] / shape[1]
+    with style():
+        figure = Figure(figsize=(PICTURE_IN * len(steps), 2 * height + 0.5), layout="constrained")
+        panels = figure.subplots(2, len(steps), squeeze=False)
+        for column, step in enumerate(steps):
+            _draw(panels[0, column], step.shown)
+            _draw(panels[1, column], _middle(step.shown))
+            panels[0, column].set_title(_title(step))
+        picture, table = folder / LADDER, folder / "ladder.csv"
+        figure.savefig(picture, dpi=DPI, pil_kwargs={"quality": 90})
+    with table.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(("rung", "name", "width", "height", "jpeg_quality", "bytes", "psnr_db", "ssim"))
+        for step in steps:
+            size = (step.width, step.height, step.rung.quality, step.bytes)
+            writer.writerow((step.number, step.rung.name, *size, step.quality.psnr_db, step.quality.ssim))
+    return [picture, table]
+
+
+def _title(step: Step) -> str:
+    return (
+        f"{step.number} {step.rung.name}: {step.width}×{step.height}, q{step.rung.quality}\n"
+        f"{step.bytes / 1000:,.1f} kB, {step.quality.psnr_db:.1f} dB, SSIM {step.quality.ssim:.3f}"
+    )
+
+
+def _draw(axes: Axes, picture: Picture) -> None:
+    axes.imshow(picture, interpolation="antialiased")
+    axes.set_axis_off()
+
+
+def _middle(picture: Picture) -> Picture:
+    height, width = (side // DETAIL for side in picture.shape[:2])
+    top, left = (picture.shape[0] - height) // 2, (picture.shape[1] - width) // 2
+    return picture[top : top + height, left : left + width]
