@@ -11,7 +11,6 @@ the service sends, and `bound` a full-size render that is averaged over the rung
 from __future__ import annotations
 
 import io
-import json
 import math
 from pathlib import Path
 from typing import Annotated
@@ -23,14 +22,12 @@ from PIL import Image
 from rich.console import Console
 from rich.table import Table
 
-from benchmarks.views import centred_lens, look, start_view
+from benchmarks.views import centred_lens, chosen, look
 from tigas_common.pose import Pose
 from tigas_common.wire.render import DEFAULT_LADDER, Rung
 from tigas_render.encode.jpeg import encode_jpeg
 from tigas_render.raster.base import Camera, PreparedScene
 from tigas_render.raster.cpu import CpuRasterizer
-from tigas_render.scenes.demo import demo_scene
-from tigas_render.scenes.ply import load_ply
 
 Picture = NDArray[np.uint8]
 TURNS = (0.0, 15.0, -15.0)
@@ -43,15 +40,11 @@ def main(
     cameras: Annotated[Path | None, typer.Option(help="JSON with a camera for each scene.")] = None,
 ) -> None:
     """Print one table."""
-    views = json.loads(cameras.read_text()) if cameras else {}
     rasterizer = CpuRasterizer()
     table = Table(title=f"PSNR on {FULL.width}×{FULL.height} in dB, and a frame's size in kilobytes")
     for heading in ("scene", "rung", "before", "now", "bound", "gain", "KB before", "KB now"):
         table.add_column(heading, justify="right")
-    for argument in scenes or ["courtyard="]:
-        name, _, path = argument.partition("=")
-        gaussians = load_ply(Path(path)) if path else demo_scene()
-        view = views.get(name) or start_view(gaussians, builtin=not path)
+    for name, gaussians, view in chosen(scenes, cameras):
         poses = [look(view, turned) for turned in TURNS]
         scene = rasterizer.prepare(gaussians)
         for rung in LOWER:

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import json
 import math
+from collections.abc import Iterator
+from pathlib import Path
 
 import numpy as np
 
 from tigas_common.pose import Intrinsics, Pose, Vector3
 from tigas_render.gaussians import Gaussians
-from tigas_render.scenes.demo import DEMO_METADATA
+from tigas_render.scenes.demo import DEMO_METADATA, demo_scene
 from tigas_render.scenes.metadata import DEFAULT_UP
+from tigas_render.scenes.ply import load_ply
 from tigas_render.scenes.start_camera import derive_camera
 
 View = dict[str, list[float]]
@@ -36,6 +40,18 @@ def look(view: View, turned: float = 0.0) -> Pose:
     arm, angle = position - target, math.radians(turned)  # Rodrigues' rotation
     arm = arm * math.cos(angle) + np.cross(up, arm) * math.sin(angle) + up * (up @ arm) * (1 - math.cos(angle))
     return Pose.look_at(_vector(target + arm), _vector(target), _vector(up))
+
+
+def chosen(scenes: list[str] | None, cameras: Path | None) -> Iterator[tuple[str, Gaussians, View]]:
+    """Name, Gaussians and view of each NAME=PLY; of the demo scene, if there is none or no PLY.
+
+    cameras: JSON with a view for each name; a scene without one is seen from where a visitor would start.
+    """
+    views = json.loads(cameras.read_text()) if cameras else {}
+    for argument in scenes or ["courtyard="]:
+        name, _, path = argument.partition("=")
+        gaussians = load_ply(Path(path)) if path else demo_scene()
+        yield name, gaussians, views.get(name) or start_view(gaussians, builtin=not path)
 
 
 def _vector(values: np.ndarray[tuple[int], np.dtype[np.float64]]) -> Vector3:
