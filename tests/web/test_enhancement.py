@@ -224,3 +224,22 @@ def test_a_recording_says_what_enhancement_took(open_page: OpenPage, server: Ren
     assert {(frame["shown_width"], frame["shown_height"]) for frame in enhanced} == {(160, 90)}
     assert all(frame["enhance_ms"] > 0 for frame in enhanced)
     assert any(frame["latencies"] for frame in enhanced)
+
+
+def test_a_sample_has_the_picture_that_was_on_the_screen(open_page: OpenPage, server: RenderServer) -> None:
+    page = viewer(open_page, server, upscale="bicubic")
+    wait_until_enhanced(page)
+    points = [{"t_ms": t, "position": [0, 0, 0], "quaternion": [0, t / 1000, 0, 1]} for t in (0, 1000)]
+    plan = {"points": points, "duration_ms": 1000, "capture_every_ms": 0, "sample_stride": 4}
+    told = page.evaluate("async plan => { await tigas.run(plan); return tigas.samples(); }", plan)
+    enhanced = [sample for sample in told["samples"] if sample["enhanced"]]
+    assert enhanced
+    assert {(sample["upscale"], sample["width"], sample["height"]) for sample in enhanced} == {("bicubic", 160, 90)}
+    for sample in enhanced[:5]:
+        jpeg, png = (
+            Image.open(io.BytesIO(base64.b64decode(page.evaluate("name => tigas.samplePicture(name)", name))))
+            for name in (f"{sample['seq']:06}.jpg", f"{sample['seq']:06}.enhanced.png")
+        )
+        expected = np.asarray(jpeg.resize((160, 90), Image.Resampling.BICUBIC), dtype=np.int16)
+        found = np.asarray(png.convert("RGB"), dtype=np.int16)
+        assert np.abs(found - expected).mean() < 1, "it is of another frame"

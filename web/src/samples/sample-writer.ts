@@ -7,7 +7,7 @@ import { hold, samplesFolder } from "./sampled-runs";
 export type SampleRequest =
   | { readonly kind: "begin"; readonly folder: FileSystemDirectoryHandle; readonly about: About | null }
   | { readonly kind: "describe"; readonly folder: FileSystemDirectoryHandle; readonly about: About }
-  | { readonly kind: "keep"; readonly sample: Sample; readonly jpeg: Blob; readonly enhanced: Blob | null }
+  | { readonly kind: "keep"; readonly sample: Sample; readonly jpeg: Blob; readonly enhanced: ImageBitmap | null }
   | { readonly kind: "end" };
 
 /** Why nothing can be kept, or nothing more, in one sentence. */
@@ -50,9 +50,10 @@ export class SampleWriter {
     return new SampleWriter(key, calls, release);
   }
 
-  /** How many bytes its pictures have. Rejects with SamplesRefused. */
-  keep(sample: Sample, jpeg: Blob, enhanced: Blob | null): Promise<number> {
-    return refusing(() => this.#calls.call({ kind: "keep", sample, jpeg, enhanced }));
+  /** Takes the enhanced picture for good. How many bytes the two have; rejects with SamplesRefused. */
+  keep(sample: Sample, jpeg: Blob, enhanced: ImageBitmap | null): Promise<number> {
+    const transfer = enhanced ? [enhanced] : [];
+    return refusing(() => this.#calls.call({ kind: "keep", sample, jpeg, enhanced }, transfer));
   }
 
   /** Afterwards the folder is anybody's. */

@@ -29,7 +29,7 @@ async function answer(request: SampleRequest): Promise<number> {
       return 0;
     case "keep":
       if (files === undefined) throw new Error("no run is sampled");
-      return files.keep(request.sample, request.jpeg, request.enhanced);
+      return files.keep(request.sample, request.jpeg, request.enhanced && (await encoded(request.enhanced)));
     case "describe":
       await describe(request.folder, request.about);
       return 0;
@@ -38,6 +38,14 @@ async function answer(request: SampleRequest): Promise<number> {
       files = undefined;
       return 0;
   }
+}
+
+/** Without loss. (Not every browser's WebP is.) */
+async function encoded(picture: ImageBitmap): Promise<Blob> {
+  const canvas = new OffscreenCanvas(picture.width, picture.height);
+  canvas.getContext("2d", { alpha: false })?.drawImage(picture, 0, 0);
+  picture.close();
+  return canvas.convertToBlob({ type: "image/png" });
 }
 
 function nameAndMessage(error: unknown): { name: string; message: string } {

@@ -19,11 +19,13 @@ const frame = (seq: number, at = 1000 + 20 * seq): ShownFrame => ({
 class FakeWriter {
   readonly key = "a-run";
   readonly kept: Sample[] = [];
+  readonly pictures: (ImageBitmap | null)[] = [];
   readonly waiting: Deferred<number>[] = [];
   closed = false;
 
-  keep(sample: Sample): Promise<number> {
+  keep(sample: Sample, _jpeg: Blob, picture: ImageBitmap | null): Promise<number> {
     this.kept.push(sample);
+    this.pictures.push(picture);
     const waiting = deferred<number>();
     this.waiting.push(waiting);
     return waiting.promise;
@@ -56,9 +58,47 @@ test("every third frame is kept, from the run's start on, with what was asked fo
     [6, 70],
     [9, 130],
   ]);
+  expect(writer.pictures).toEqual([null, null, null]);
+  expect(writer.kept[0]).toMatchObject({ enhanced: false, upscale: "off", enhance_ms: null });
   expect(writer.kept[0]).toMatchObject({ request: { ...ASKED, seq: 3 }, rung: 2, bytes: 3, width: 640, height: 360 });
   expect(await sampler.finish()).toEqual({ key: "a-run", kept: 3, missed: 0, problem: null });
   expect(writer.closed).toBe(true);
+});
+
+test("of a frame that was enhanced, the picture that is on the screen is kept, too", async () => {
+  const { writer, sampler } = await sampling(2);
+  const copied: number[] = [];
+  const picture = { width: 1280 } as ImageBitmap;
+  const enhanced = (seq: number) => ({
+    ...frame(seq),
+    enhanced: {
+      width: 1280,
+      height: 720,
+      ms: 4.5,
+      restore: "off",
+      upscale: "scene",
+      copy: () => {
+        copied.push(seq);
+        if (seq === 5) throw new Error("the frame was released");
+        return picture;
+      },
+    },
+  });
+  sampler.begin(0);
+  for (let seq = 1; seq <= 5; seq++) sampler.shown(enhanced(seq));
+  await writer.write();
+  expect(copied).toEqual([1, 3, 5]);
+  expect(writer.pictures).toEqual([picture, picture]);
+  expect(writer.kept[1]).toMatchObject({
+    seq: 3,
+    restore: "off",
+    upscale: "scene",
+    enhance_ms: 4.5,
+    width: 1280,
+    height: 720,
+    enhanced: true,
+  });
+  expect(await sampler.finish()).toMatchObject({ kept: 2, missed: 1 });
 });
 
 test("it ends once everything is written", async () => {

@@ -1,4 +1,5 @@
 /** Keeps every n-th frame that a run shows, and never makes the page wait for it. */
+import { OFF } from "../enhance/model/enhancer";
 import type { ShownFrame } from "../stateless/stateless-player";
 import type { Sample } from "../wire/store";
 import type { About } from "./layout";
@@ -9,7 +10,7 @@ export interface Sampled {
   /** Of the folder that they lie in; null if there is none. */
   readonly key: string | null;
   readonly kept: number;
-  /** That were due and are not there: the disk was too slow. */
+  /** That were due and are not there, as of a disk that is too slow. */
   readonly missed: number;
   /** Why it ended before the run, in one sentence. */
   readonly problem: string | null;
@@ -68,8 +69,15 @@ export class Sampler {
       this.#missed++;
       return;
     }
+    let picture: ImageBitmap | null;
+    try {
+      picture = frame.enhanced?.copy() ?? null;
+    } catch {
+      this.#missed++; // the graphics processor was lost
+      return;
+    }
     this.#seqs.add(seq);
-    const kept = this.#keep(this.#writer, frame, this.#startedAt).finally(() => this.#waiting.delete(kept));
+    const kept = this.#keep(this.#writer, frame, picture, this.#startedAt).finally(() => this.#waiting.delete(kept));
     this.#waiting.add(kept);
   }
 
@@ -80,22 +88,27 @@ export class Sampler {
     return { key: this.#writer?.key ?? null, kept: this.#kept, missed: this.#missed, problem: this.#problem };
   }
 
-  async #keep(writer: Writer, { at, asked, header, image }: ShownFrame, startedAt: number): Promise<void> {
+  async #keep(
+    writer: Writer,
+    { at, asked, header, image, enhanced }: ShownFrame,
+    picture: ImageBitmap | null,
+    startedAt: number,
+  ): Promise<void> {
     const sample: Sample = {
       seq: asked.seq,
       at: at - startedAt,
       request: asked,
       rung: header.profile ?? null,
       bytes: image.size,
-      restore: "off",
-      upscale: "off",
-      enhance_ms: null,
-      width: header.width ?? asked.width,
-      height: header.height ?? asked.height,
-      enhanced: false,
+      restore: enhanced?.restore ?? OFF,
+      upscale: enhanced?.upscale ?? OFF,
+      enhance_ms: enhanced?.ms ?? null,
+      width: enhanced?.width ?? header.width ?? asked.width,
+      height: enhanced?.height ?? header.height ?? asked.height,
+      enhanced: picture !== null,
     };
     try {
-      await writer.keep(sample, image, null);
+      await writer.keep(sample, image, picture);
       this.#kept++;
     } catch (error) {
       this.#problem ??= `${error instanceof Error ? error.message : error} Sampling ended after ${this.#kept} frames.`;
