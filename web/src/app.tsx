@@ -4,6 +4,7 @@ import { route } from "./state/app";
 import { Dashboard } from "./ui/dashboard/dashboard";
 import { experimentAtRisk } from "./ui/experiment/experiment-dialog";
 import { ExperimentList } from "./ui/experiment/experiment-list";
+import { SamplesPage } from "./ui/experiment/samples-page";
 import { useLeavingWarning } from "./ui/use-leaving-warning";
 import { Viewer } from "./ui/viewer/viewer";
 
@@ -11,6 +12,7 @@ export function App() {
   const current = route.value;
   useLeavingWarning(experimentAtRisk.value || unsaved.value.size > 0);
   if (current.page === "experiments") return <ExperimentList />;
+  if (current.page === "samples") return <SamplesPage key={current.experiment} id={current.experiment} />;
   return current.page === "viewer" ? (
     <Viewer key={current.scene} sceneId={current.scene} stamp={current.stamp} />
   ) : (

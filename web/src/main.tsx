@@ -10,6 +10,7 @@ import "./styles/network.css";
 import "./styles/movement.css";
 import "./styles/comparison.css";
 import "./styles/experiment.css";
+import "./styles/samples.css";
 import "./styles/sides.css";
 import { render } from "preact";
 import { App } from "./app";

@@ -5,19 +5,17 @@ from __future__ import annotations
 from collections.abc import Iterator
 from pathlib import Path
 
-import httpx
 import pytest
 
-from tests.experiments.made_up import sampled, write_run
+from tests.experiments.made_up import write_run
 from tests.experiments.processes import finished, started, until
+from tests.experiments.samples.real_frames import NUMBERS, sample_run
 from tests.web.scenes import SMALL, write_scenes
 from tests.web.server import RenderServer
 from tigas_experiments.quality.picture import decode
 from tigas_experiments.records.folder import StoredRun
 from tigas_experiments.records.materialised import INDEX, REPLAYED, TRUTH
-from tigas_experiments.records.samples import JPEG, sample_path, write_sample_file, write_samples
-
-NUMBERS = (8, 3, 40)
+from tigas_experiments.records.samples import JPEG, sample_path, write_sample_file
 
 
 @pytest.fixture(scope="module")
@@ -32,26 +30,6 @@ def server(models: Path) -> Iterator[RenderServer]:
     """What frames come from."""
     with RenderServer("--scenes", str(models)) as running:
         yield running
-
-
-def sample_run(server: RenderServer, folder: Path, count: int = 3) -> Path:
-    """A run whose samples are the service's own frames."""
-    run = write_run(folder, scene=SMALL)
-    samples = []
-    with httpx.Client(base_url=server.url, timeout=60) as http:
-        info = http.post(f"/scenes/{SMALL}/load").json()
-        for seq in NUMBERS if count == 3 else range(count):
-            request = sampled(seq).request.model_copy(
-                update={"scene": SMALL, "position": (0.01 * seq, 0.0, 0.0), "deadline_ms": 5000.0}
-            )
-            frame = http.post("/render", content=request.model_dump_json(exclude_none=True))
-            assert frame.status_code == 200
-            write_sample_file(run, seq, JPEG, frame.content)
-            samples.append(sampled(seq, request=request, bytes=len(frame.content)))
-    write_samples(run, samples)
-    record = StoredRun(run).record.model_copy(update={"scene_sha256": info["file_sha256"]})
-    (run / "run.json").write_text(record.model_dump_json())
-    return run
 
 
 def test_the_same_service_sends_every_frame_again_and_another_is_flagged(server: RenderServer, tmp_path: Path) -> None:
@@ -74,7 +52,7 @@ def test_the_same_service_sends_every_frame_again_and_another_is_flagged(server:
 
 
 def test_a_kill_in_the_middle_loses_nothing_that_is_there(server: RenderServer, tmp_path: Path) -> None:
-    run = sample_run(server, tmp_path / "one", 60)
+    run = sample_run(server, tmp_path / "one", range(60))
     command = ("experiment", "materialise", str(run), "--render", server.url)
     process = started(*command)
     index = run / INDEX

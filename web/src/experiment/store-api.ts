@@ -9,9 +9,11 @@ import type {
   ExperimentSummary,
   Figures,
   InterruptedRun,
+  Materialisation,
   RunRow,
   RunUpload,
   Sample,
+  SampleList,
   Experiment as StoredExperiment,
   UploadedSamples,
 } from "../wire/store";
@@ -64,6 +66,30 @@ export class StoreApi {
     await this.#ask(`${this.#run(id, run)}/samples`, { method: "PUT", body, headers }, body.length);
   }
 
+  /** The samples of a run, in the order of time. */
+  samples(id: string, run: string): Promise<SampleList> {
+    return this.#json(`${this.#run(id, run)}/samples`);
+  }
+
+  picture(id: string, run: string, name: string): Promise<Blob> {
+    return this.#ask(`${this.#run(id, run)}/samples/${encodeURIComponent(name)}`, {});
+  }
+
+  /** How far rendering the samples again is. */
+  materialisation(id: string): Promise<Materialisation> {
+    return this.#materialise(id, "GET");
+  }
+
+  /** Begins to render them again, or goes on. */
+  materialise(id: string): Promise<Materialisation> {
+    return this.#materialise(id, "POST");
+  }
+
+  /** What is there stays. */
+  stopMaterialising(id: string): Promise<Materialisation> {
+    return this.#materialise(id, "DELETE");
+  }
+
   async list(): Promise<readonly ExperimentSummary[]> {
     return (await this.#json<ExperimentList>("experiments")).experiments;
   }
@@ -93,18 +119,23 @@ export class StoreApi {
   async #json<T>(path: string, content?: object): Promise<T> {
     const body = content && JSON.stringify(content);
     const headers = { "Content-Type": "application/json" };
-    const text = await this.#ask(path, body ? { method: "POST", body, headers } : {}, body?.length ?? 0);
-    return JSON.parse(text) as T;
+    const answer = await this.#ask(path, body ? { method: "POST", body, headers } : {}, body?.length ?? 0);
+    return JSON.parse(await answer.text()) as T;
   }
 
-  /** The answer's text; `bytes` are sent. Rejects with the reason of `cancelled`, too. */
-  async #ask(path: string, request: RequestInit, bytes: number, cancelled?: AbortSignal): Promise<string> {
+  async #materialise(id: string, method: "GET" | "POST" | "DELETE"): Promise<Materialisation> {
+    const answer = await this.#ask(`${this.#path(id)}/materialise`, { method });
+    return JSON.parse(await answer.text()) as Materialisation;
+  }
+
+  /** The answer's body; `bytes` are sent. Rejects with the reason of `cancelled`, too. */
+  async #ask(path: string, request: RequestInit, bytes = 0, cancelled?: AbortSignal): Promise<Blob> {
     const late = AbortSignal.timeout(TIMEOUT + bytes / SLOWEST);
     const signal = cancelled ? AbortSignal.any([cancelled, late]) : late;
     let answer: Response;
     try {
       answer = await fetch(`${this.base}/${path}`, { cache: "no-store", signal, ...request });
-      if (answer.ok) return await answer.text();
+      if (answer.ok) return await answer.blob();
     } catch {
       cancelled?.throwIfAborted();
       throw new ApiError(storeUnreachable(this.base, location.href), true);

@@ -1,5 +1,5 @@
 import { expect, test } from "vitest";
-import { EXPERIMENTS, parseRoute, sceneHash } from "./route";
+import { EXPERIMENTS, parseRoute, samplesHash, sceneHash } from "./route";
 
 test.each(["courtyard", "my scene", "a/b", "ünï", "100%", "#?&"])("a link to the scene %s leads to it", (scene) => {
   expect(parseRoute(sceneHash(scene))).toEqual({ page: "viewer", scene, stamp: false });
@@ -19,4 +19,8 @@ test.each(["", "#", "#/", "#/scene/", "#/scene/a/b", "#/other", "#/scene/%E0%A4%
 test("experiments have a list of their own, beside a scene of that name", () => {
   expect(parseRoute(EXPERIMENTS)).toEqual({ page: "experiments" });
   expect(parseRoute(sceneHash("experiments"))).toMatchObject({ page: "viewer" });
+});
+
+test.each(["two-1", "a/b", "100%"])("the samples of the experiment %s have a page", (experiment) => {
+  expect(parseRoute(samplesHash(experiment))).toEqual({ page: "samples", experiment });
 });

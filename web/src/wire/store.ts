@@ -322,7 +322,7 @@ export interface ExperimentSummary {
   planned?: number | null;
   runs: number;
   complete: number;
-  sampled?: number;
+  sampled: number;
 }
 /**
  * One experiment and its runs.
@@ -347,7 +347,7 @@ export interface RunRow {
   problem: string | null;
   configuration: Configuration;
   figures: Figures | null;
-  samples?: SampleCounts | null;
+  samples: SampleCounts | null;
 }
 /**
  * What a complete run says.

@@ -157,7 +157,7 @@ class RunRow(WireModel):
     """Why there are no figures."""
     configuration: Configuration
     figures: Figures | None
-    samples: SampleCounts | None = None
+    samples: SampleCounts | None
     """null of a run without any."""
 
 
@@ -175,7 +175,7 @@ class ExperimentSummary(WireModel):
     """That were made, whatever became of them."""
     complete: int
     """Of these."""
-    sampled: int = 0
+    sampled: int
     """Of these, runs that have samples."""
 
 

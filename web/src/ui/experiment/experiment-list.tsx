@@ -1,13 +1,13 @@
 /** All experiments that the store keeps, the newest first, with their reports and archives. */
 
 import { useSignal } from "@preact/signals";
-import { Download, FileText, Play } from "lucide";
+import { Download, FileText, Images, Play } from "lucide";
 import { useEffect } from "preact/hooks";
 import { missingRuns, readPlan } from "../../experiment/plan";
 import { StoreApi } from "../../experiment/store-api";
 import { ApiError } from "../../http/problem";
 import { config, refreshScenes } from "../../state/app";
-import { sceneHash } from "../../state/route";
+import { samplesHash, sceneHash } from "../../state/route";
 import type { ExperimentSummary } from "../../wire/store";
 import { Icon } from "../icon";
 import { ThemeButton } from "../theme-button";
@@ -132,7 +132,11 @@ interface RowProps {
   readonly onContinue: (id: string) => void;
 }
 
-function Row({ store, experiment: { id, name, created, source, planned, runs, complete }, onContinue }: RowProps) {
+function Row({
+  store,
+  experiment: { id, name, created, source, planned, runs, complete, sampled },
+  onContinue,
+}: RowProps) {
   const unfinished = complete < (planned ?? 0);
   const of = planned ?? runs;
   return (
@@ -152,6 +156,11 @@ function Row({ store, experiment: { id, name, created, source, planned, runs, co
           <button type="button" class="quiet-button with-icon" onClick={() => onContinue(id)}>
             <Icon of={Play} size={14} /> Continue
           </button>
+        )}
+        {sampled > 0 && (
+          <a class="with-icon" href={samplesHash(id)}>
+            <Icon of={Images} size={14} /> Samples
+          </a>
         )}
         <a class="with-icon" href={store.reportUrl(id)} target="_blank" rel="noreferrer">
           <Icon of={FileText} size={14} /> Report
