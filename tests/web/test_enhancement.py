@@ -10,10 +10,12 @@ from typing import Any, Literal
 
 import numpy as np
 import pytest
+import torch
 from numpy.typing import NDArray
 from PIL import Image
 from playwright.sync_api import Browser, Page, Route, ViewportSize, expect
 
+from tests.enhance.networks import random_networks, weights_file
 from tests.web.conftest import CHROMIUM, CHROMIUM_ARGS, OpenPage
 from tests.web.modes import with_settings
 from tests.web.server import RenderServer
@@ -90,6 +92,17 @@ def pattern(width: int, height: int) -> Image.Image:
     return Image.fromarray(np.where(x[..., None] < width // 2, stripes, noise).astype(np.uint8))
 
 
+def answer_with(page: Page, source: Image.Image) -> None:
+    """Have every frame be this picture."""
+    png = io.BytesIO()
+    source.save(png, "png")
+
+    def answer(route: Route) -> None:
+        route.fulfill(response=route.fetch(), body=png.getvalue(), content_type="image/png")
+
+    page.route("**/render", answer)
+
+
 @pytest.mark.parametrize(
     ("name", "method"), [("bicubic", Image.Resampling.BICUBIC), ("lanczos", Image.Resampling.LANCZOS)]
 )
@@ -110,21 +123,64 @@ def test_baselines_are_pillow_s(
     box: tuple[float, float, float, float],
 ) -> None:
     source = pattern(320, 180)
-    png = io.BytesIO()
-    source.save(png, "png")
-
-    def answer(route: Route) -> None:
-        route.fulfill(response=route.fetch(), body=png.getvalue(), content_type="image/png")
-
     chosen = with_settings(server.url, **LOWEST_RUNG, upscale=name)
     page = open_page(url="about:blank", viewport=viewport, **chosen)
-    page.route("**/render", answer)
+    answer_with(page, source)
     page.goto(server.url + SCENE)
     wait_for_frames(page)
     wait_until_enhanced(page)
     expected = source.resize((viewport["width"], viewport["height"]), method, box=box)
     difference = np.abs(shown(page) - np.asarray(expected, dtype=np.int16))
     assert difference.max() <= 2, f"{(difference > 2).mean():.2%} of the values differ by up to {difference.max()}"
+
+
+def offer_weights(page: Page, weights: bytes | None) -> None:
+    """Have the server offer these weights for the scene, or none."""
+
+    def loaded(route: Route) -> None:
+        response = route.fetch()
+        enhance = None if weights is None else "scene"
+        route.fulfill(response=response, json=response.json() | {"enhance": enhance})
+
+    page.route("**/scenes/pebbles/load", loaded)
+    page.route("**/scenes/pebbles/enhance.safetensors", lambda route: route.fulfill(body=weights))
+
+
+def test_a_scene_s_network_is_pytorch_s(open_page: OpenPage, server: RenderServer) -> None:
+    source = pattern(320, 180)
+    networks = random_networks({3: 2}, layers=2, channels=4)
+    viewport: ViewportSize = {"width": 480, "height": 270}
+    page = open_page(url="about:blank", viewport=viewport, **with_settings(server.url, **LOWEST_RUNG, upscale="scene"))
+    answer_with(page, source)
+    offer_weights(page, weights_file(networks))
+    page.goto(server.url + SCENE)
+    wait_for_frames(page)
+    wait_until_enhanced(page)
+    with torch.inference_mode():
+        pictures = torch.from_numpy(np.array(source)).permute(2, 0, 1)[None] / 255
+        enhanced = (255 * networks[3](pictures)).round().to(torch.uint8)[0].permute(1, 2, 0).numpy()
+    expected = Image.fromarray(enhanced).resize((480, 270), Image.Resampling.BICUBIC)
+    difference = np.abs(shown(page) - np.asarray(expected, dtype=np.int16))
+    assert difference.max() <= 2, f"{(difference > 2).mean():.2%} of the values differ by up to {difference.max()}"
+
+
+@pytest.mark.parametrize(
+    ("weights", "problem"),
+    [
+        (None, "there are no weights for this scene."),
+        (weights_file(random_networks({3: 2}, layers=2, channels=4))[:-2], "its weights are cut off."),
+    ],
+    ids=["none", "truncated"],
+)
+def test_without_sound_weights_frames_are_shown_as_they_come(
+    open_page: OpenPage, server: RenderServer, weights: bytes | None, problem: str
+) -> None:
+    page = open_page(url="about:blank", viewport=SMALL, **with_settings(server.url, **LOWEST_RUNG, upscale="scene"))
+    offer_weights(page, weights)
+    page.goto(server.url + SCENE)
+    expect(page.locator(NOTE)).to_have_text(f"Enhancement is off. Scene-tuned network cannot be used: {problem}")
+    wait_for_frames(page)
+    assert picture(page).std() > 10, "the picture is blank"
 
 
 def test_models_are_swapped_while_walking(open_page: OpenPage, server: RenderServer) -> None:
