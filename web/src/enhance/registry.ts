@@ -5,7 +5,7 @@
  * enter it here. The panel and the experiment's dialogue offer it then, and URLs (`?restore=NAME&upscale=NAME`) and experiments'
  * files may name it.
  */
-import type { Enhancer, Kind } from "./model/enhancer";
+import { type Enhancer, KINDS, type Kind, OFF } from "./model/enhancer";
 import { ANIME4K } from "./models/anime4k";
 import { BICUBIC } from "./models/bicubic";
 import { LANCZOS } from "./models/lanczos";
@@ -14,15 +14,17 @@ import { SCENE } from "./models/scene";
 /** In the order in which they are offered. */
 export const ENHANCERS: readonly Enhancer[] = [BICUBIC, LANCZOS, ...ANIME4K, SCENE];
 
-const ORDER: readonly Kind[] = ["restore", "upscale"];
-
 export function enhancersOf(kind: Kind): readonly Enhancer[] {
   return ENHANCERS.filter((enhancer) => enhancer.kind === kind);
 }
 
 /** In the order in which frames pass them; none of `off`. */
 export function chosenEnhancers(names: Readonly<Record<Kind, string>>): readonly Enhancer[] {
-  return ENHANCERS.filter(({ kind, name }) => names[kind] === name).toSorted(
-    (a, b) => ORDER.indexOf(a.kind) - ORDER.indexOf(b.kind),
-  );
+  return KINDS.flatMap((kind) => enhancersOf(kind).filter(({ name }) => names[kind] === name));
+}
+
+/** Why a name cannot be chosen, in one sentence; null if it can. */
+export function nameProblem(kind: Kind, name: string): string | null {
+  const names = [OFF, ...enhancersOf(kind).map((enhancer) => enhancer.name)];
+  return names.includes(name) ? null : `There is no model “${name}” to ${kind} with, only ${names.join(", ")}.`;
 }

@@ -2,11 +2,25 @@ import { expect, test } from "vitest";
 import { EXPERIMENTS, parseRoute, samplesHash, sceneHash } from "./route";
 
 test.each(["courtyard", "my scene", "a/b", "ünï", "100%", "#?&"])("a link to the scene %s leads to it", (scene) => {
-  expect(parseRoute(sceneHash(scene))).toEqual({ page: "viewer", scene, stamp: false });
+  expect(parseRoute(sceneHash(scene))).toEqual({ page: "viewer", scene, stamp: false, models: {} });
 });
 
 test("a link may ask for stamped frames", () => {
-  expect(parseRoute("#/scene/courtyard?stamp")).toEqual({ page: "viewer", scene: "courtyard", stamp: true });
+  expect(parseRoute("#/scene/courtyard?stamp")).toEqual({
+    page: "viewer",
+    scene: "courtyard",
+    stamp: true,
+    models: {},
+  });
+});
+
+test.each([
+  ["?restore=anime4k-restore-m&upscale=scene", false, { restore: "anime4k-restore-m", upscale: "scene" }],
+  ["?stamp&upscale=off", true, { upscale: "off" }],
+  ["?upscale", false, { upscale: "" }],
+  ["?", false, {}],
+])("a link with %s names models", (query, stamp, models) => {
+  expect(parseRoute(`#/scene/courtyard${query}`)).toEqual({ page: "viewer", scene: "courtyard", stamp, models });
 });
 
 test.each(["", "#", "#/", "#/scene/", "#/scene/a/b", "#/other", "#/scene/%E0%A4%A"])(

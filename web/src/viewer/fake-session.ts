@@ -29,7 +29,12 @@ export function fakeSession() {
     rig,
     movement: new MovementDeck(rig),
     stateless: { stats: signal<Stats>(NO_STATS), problem: signal<string | null>(null) },
-    enhancement: { status: signal<EnhancementStatus>({ kind: "off" }) },
+    enhancement: {
+      status: signal<EnhancementStatus>({ kind: "off" }),
+      giveUp: (message: string) => {
+        fake.enhancement.status.value = { kind: "failed", message };
+      },
+    },
     dash: signal<DashPlayer | null>(null),
     seed: signal(1),
     input: { pad: { forward: 0, right: 0, up: 0 } },

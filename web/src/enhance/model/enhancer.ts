@@ -6,7 +6,9 @@
  */
 import type { Rung, SceneInfo } from "../../wire/render";
 
-export type Kind = "restore" | "upscale";
+/** In the order in which frames pass them. */
+export const KINDS = ["restore", "upscale"] as const;
+export type Kind = (typeof KINDS)[number];
 /** In place of a name, where no model is chosen. */
 export const OFF = "off";
 /** How a picture is brought to the size at which it is displayed. */

@@ -4,6 +4,7 @@ import userEvent from "@testing-library/user-event";
 import { afterEach, beforeEach, expect, test, vi } from "vitest";
 import { config, settings } from "../../state/app";
 import { serverConfig } from "../../state/fake-server";
+import type { Models } from "../../state/route";
 import { DEFAULT_SETTINGS } from "../../state/settings";
 import { NO_STATS } from "../../stateless/stats";
 import { type FakeSession, fakeDash, fakeSession } from "../../viewer/fake-session";
@@ -34,7 +35,7 @@ beforeEach(() => {
 
 afterEach(cleanup);
 
-const show = () => render(<Viewer sceneId="courtyard" stamp={false} />);
+const show = (models: Models = {}) => render(<Viewer sceneId="courtyard" stamp={false} models={models} />);
 const stage = () => screen.getByRole("application");
 
 test("opens the scene, names it, and gives the keys to the stage", () => {
@@ -170,4 +171,26 @@ test("scripts can drive the viewer for as long as it is open", async () => {
   unmount();
   await waitFor(() => expect(session.disposed).toBe(true));
   expect(window.tigas).toBeUndefined();
+});
+
+test("models that the URL names are chosen, and remembered", () => {
+  show({ restore: "anime4k-restore-m" });
+  expect(settings.value).toMatchObject({ restore: "anime4k-restore-m", upscale: "off" });
+});
+
+test("a URL that names a model which there is not says so, and chooses none", () => {
+  settings.value = { ...settings.value, restore: "anime4k-restore-m", upscale: "bicubic" };
+  show({ upscale: "magic" });
+  expect(settings.value).toMatchObject({ restore: "anime4k-restore-m", upscale: "off" });
+  expect(screen.getByText(/Enhancement is off. There is no model “magic” to upscale with, only off, /)).toBeTruthy();
+});
+
+test("what a person should know of enhancement is said", async () => {
+  show();
+  await act(() => {
+    session.enhancement.status.value = { kind: "starting", message: null };
+  });
+  expect(document.querySelector("[data-stat=enhancement-note]")).toBeNull();
+  await act(() => session.enhancement.giveUp("It took 40 ms a frame."));
+  expect(screen.getByText("Enhancement is off. It took 40 ms a frame.")).toBeTruthy();
 });

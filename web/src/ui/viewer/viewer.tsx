@@ -2,9 +2,12 @@
 
 import { useSignal } from "@preact/signals";
 import { useEffect, useRef } from "preact/hooks";
+import { KINDS, OFF } from "../../enhance/model/enhancer";
+import { nameProblem } from "../../enhance/registry";
 import { offerBridge } from "../../experiment/bridge";
 import { Runner } from "../../experiment/runner";
 import { changeSettings, settings } from "../../state/app";
+import type { Models } from "../../state/route";
 import { MODES } from "../../state/settings";
 import { ViewerSession } from "../../viewer/session";
 import { ExperimentDialog } from "../experiment/experiment-dialog";
@@ -24,9 +27,11 @@ interface Props {
   readonly sceneId: string;
   /** Frames carry their pose's number. */
   readonly stamp: boolean;
+  /** That the URL asks for. */
+  readonly models: Models;
 }
 
-export function Viewer({ sceneId, stamp }: Props) {
+export function Viewer({ sceneId, stamp, models }: Props) {
   const root = useRef<HTMLDivElement>(null);
   const stage = useRef<HTMLDivElement>(null);
   const canvas = useRef<HTMLCanvasElement>(null);
@@ -56,6 +61,11 @@ export function Viewer({ sceneId, stamp }: Props) {
     };
   }, [sceneId, stamp, session, runner]);
 
+  const live = session.value;
+  useEffect(() => {
+    if (live) chooseModels(models, live);
+  }, [models, live]);
+
   const { hud, sidebar, mode } = settings.value;
   const sidebarOpen = sidebar ?? wide;
   const actions = {
@@ -74,7 +84,6 @@ export function Viewer({ sceneId, stamp }: Props) {
   useShortcuts(actions, locked.value);
   useFocusReturn(root, stage);
 
-  const live = session.value;
   const phase = live?.phase.value.kind ?? "connecting";
   const name = live?.scene.value?.name ?? sceneId;
   useEffect(() => {
@@ -120,6 +129,15 @@ export function Viewer({ sceneId, stamp }: Props) {
       )}
     </div>
   );
+}
+
+/** As the URL asks, and remembered as what a person chooses; unless it names one that there is not. */
+function chooseModels(models: Models, session: ViewerSession): void {
+  if (Object.keys(models).length === 0) return;
+  const asked = KINDS.flatMap((kind) => (models[kind] === undefined ? [] : [{ kind, name: models[kind] }]));
+  const problem = asked.map(({ kind, name }) => nameProblem(kind, name)).find((one) => one !== null);
+  changeSettings(problem ? Object.fromEntries(asked.map(({ kind }) => [kind, OFF])) : models);
+  if (problem) session.enhancement.giveUp(problem);
 }
 
 async function toggleFullscreen(element: HTMLElement | null): Promise<void> {
