@@ -127,10 +127,10 @@ def footprint(display_scale: float) -> tuple[float, float]:
     Mip-Splatting (Yu et al., CVPR 2024, "2D Mip filter") integrates over a pixel's area by a Gaussian in place of a
     box, and compensates opacity as above. A box one pixel wide has a variance of 1/12. With s = display_scale, a pixel
     of the display, 1/s wide, already has its own box: scenes are trained with its samples. Variances add, so the
-    picture's pixel is 1/12 - 1/(12 s²) wider: just the variance of s equally spaced samples. The display then scales
-    the picture up, which is a low-pass filter, too. Only half of the variance is left to ours, as in pairs of filters
-    around a sampling each has the square root of the response (a Gaussian's square root has half its variance): so the
-    picture on the display has nearly its least error (docs/picture.md). At s = 1 nothing is left: 3DGS's picture.
+    picture's pixel is 1/12 - 1/(12 s²) wider: just the variance of s equally spaced samples. Scaling up to the display
+    is a low-pass filter, too. Where one filter goes before sampling and one after, each takes the square root of the
+    response that both are to have; a Gaussian's square root has half its variance, so half is ours. That is measured to
+    be near the least error on the display (docs/picture.md). At s = 1 nothing is left: 3DGS's picture.
     """
     shrunk = 1 / display_scale**2
     return DILATION * shrunk, (1 - shrunk) / 24
