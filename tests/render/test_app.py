@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import hashlib
 import io
 import json
 from collections.abc import AsyncIterator
@@ -15,8 +16,10 @@ import pytest
 import torch
 from PIL import Image
 
+from tests.common.test_weights import NETWORK, made
 from tests.render.fakes import FakeRasterizer, render_request
 from tigas_common.errors import DeviceLost
+from tigas_common.weights import FILE, write_weights
 from tigas_render.app import STATIC, create_app
 from tigas_render.gaussians import Gaussians
 from tigas_render.raster.devices import create_rasterizer
@@ -267,3 +270,39 @@ async def test_many_viewers_at_once_all_get_their_frames(client: httpx.AsyncClie
     assert sorted(response.headers["tigas-frame"].split(",")[0] for response in responses) == [
         f"seq={seq}" for seq in range(4)
     ]
+
+
+async def test_a_scenes_networks_are_served_while_they_fit_and_their_absence_is_told(
+    client: httpx.AsyncClient, models: Path
+) -> None:
+    digest = hashlib.sha256((models / "wall" / "wall.ply").read_bytes()).hexdigest()
+    assert (await client.get("/scenes/nowhere/enhance.safetensors")).status_code == 404
+    assert (await client.get("/scenes/wall/enhance.safetensors")).json()["type"] == "tigas:no-weights"
+    file = models / "wall" / FILE
+    try:
+        write_weights(file, made(NETWORK, scene=digest))
+        answer = await client.get("/scenes/wall/enhance.safetensors")
+        assert answer.content == file.read_bytes()
+        again = {"If-None-Match": answer.headers["etag"]}
+        assert (await client.get("/scenes/wall/enhance.safetensors", headers=again)).status_code == 304
+        assert (await client.get("/scenes/wall")).json()["enhance"] == "scene"
+        assert {s["id"]: s["enhance"] for s in (await client.get("/scenes")).json()}["wall"] == "scene"
+
+        write_weights(file, made(NETWORK, scene="00" * 32))
+        refused = await client.get("/scenes/wall/enhance.safetensors", headers=again)
+        assert refused.status_code == 422
+        assert "changed since" in refused.json()["detail"]
+        assert (await client.get("/scenes/wall")).json()["enhance"] != "scene"
+        assert "changed since" in (await client.get("/scenes/wall/enhance")).json()["problem"]
+    finally:
+        file.unlink()
+
+
+async def test_training_is_for_scenes_that_there_are(client: httpx.AsyncClient) -> None:
+    assert (await client.get("/scenes/wall/enhance")).json()["state"] == "idle"
+    for method in ("GET", "POST", "DELETE"):
+        assert (await client.request(method, "/scenes/nowhere/enhance")).status_code == 404
+    assert (await client.post("/scenes/broken/enhance")).status_code == 422
+    assert (await client.delete("/scenes/wall/enhance")).json()["state"] == "idle"
+    foreign = {"Origin": "https://example.org"}
+    assert (await client.post("/scenes/wall/enhance", headers=foreign)).status_code == 403

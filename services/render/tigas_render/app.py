@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import hashlib
 import time
 from collections.abc import Coroutine
 from pathlib import Path
@@ -40,6 +41,11 @@ def create_app(service: RenderService) -> ASGIApp:
             Route("/scenes/{id}/load", load, methods=["POST"]),
             Route("/scenes/{id}/unload", unload, methods=["POST"]),
             Route("/scenes/{id}/preview", preview),
+            Route("/scenes/{id}/enhance", training),
+            Route("/scenes/{id}/enhance", train, methods=["POST"]),
+            Route("/scenes/{id}/enhance", stop_training, methods=["DELETE"]),
+            Route("/scenes/{id}/enhance.safetensors", weights),
+            Route("/enhance/general.safetensors", general_weights),
             Route("/config.json", config),
             Route("/healthz", healthz),
             Route("/metrics", metrics),
@@ -78,35 +84,67 @@ async def render(request: Request) -> Response:
 
 async def scenes(request: Request) -> Response:
     """All scenes; `?scan=1` looks at the models directory again first."""
-    registry = _service(request).registry
+    service = _service(request)
     if request.query_params.get("scan"):
-        await registry.scan()
-    return JSONResponse([info.model_dump() for info in registry.infos()])
+        await service.registry.scan()
+    return JSONResponse([info.model_dump() for info in await service.infos()])
 
 
 async def scene(request: Request) -> Response:
     """One scene."""
-    return json_response(_service(request).registry.info(request.path_params["id"]))
+    return json_response(await _service(request).info(request.path_params["id"]))
 
 
 async def load(request: Request) -> Response:
     """Load a scene and wait until it is loaded."""
     service, id = _service(request), request.path_params["id"]
     await service.load(id)
-    return json_response(service.registry.info(id))
+    return json_response(await service.info(id))
 
 
 async def unload(request: Request) -> Response:
     """Unload a scene that nobody views."""
-    registry = _service(request).registry
-    registry.unload(request.path_params["id"])
-    return json_response(registry.info(request.path_params["id"]))
+    service, id = _service(request), request.path_params["id"]
+    service.registry.unload(id)
+    return json_response(await service.info(id))
 
 
 async def preview(request: Request) -> Response:
     """A scene's thumbnail, rendered if the scene brings none."""
     image = await _service(request).preview(request.path_params["id"])
     return Response(image.body, media_type=image.media_type, headers={"Cache-Control": "max-age=60"})
+
+
+async def training(request: Request) -> Response:
+    """How far the training of a scene's networks is."""
+    return json_response(await _service(request).training(request.path_params["id"]))
+
+
+async def train(request: Request) -> Response:
+    """Start to train a scene's networks."""
+    answer = json_response(_service(request).train(request.path_params["id"]))
+    answer.status_code = 202
+    return answer
+
+
+async def stop_training(request: Request) -> Response:
+    """Stop it; the scene keeps the networks that it had."""
+    service, id = _service(request), request.path_params["id"]
+    service.registry.source(id)
+    await service.trainer.stop(id)
+    return json_response(await service.training(id))
+
+
+async def weights(request: Request) -> Response:
+    """The weights of a scene's own networks."""
+    service = _service(request)
+    source = service.registry.source(request.path_params["id"])
+    return _tagged(request, await asyncio.to_thread(service.shelf.content, source))
+
+
+async def general_weights(request: Request) -> Response:
+    """The weights of the networks for any scene."""
+    return _tagged(request, await asyncio.to_thread(_service(request).shelf.general))
 
 
 async def config(request: Request) -> Response:
@@ -136,6 +174,16 @@ class _Client(StaticFiles):
         response.headers["Cache-Control"] = "max-age=31536000, immutable" if hashed else "no-cache"
         response.headers["Content-Security-Policy"] = _page_policy(_config(Request(scope)))
         return response
+
+
+def _tagged(request: Request, content: bytes) -> Response:
+    """A file that a client that has it already does not get again."""
+    tag = f'"{hashlib.sha256(content).hexdigest()[:32]}"'
+    headers = {"ETag": tag, "Cache-Control": "no-cache"}
+    known = [each.strip().removeprefix("W/") for each in request.headers.get("if-none-match", "").split(",")]
+    if tag in known:
+        return Response(status_code=304, headers=headers)
+    return Response(content, media_type="application/octet-stream", headers=headers)
 
 
 def _page_policy(config: ServerConfig) -> str:

@@ -69,6 +69,7 @@ async def serve(settings: RenderSettings) -> None:
         with explained(settings.http, "--http"):
             port = await stack.enter_async_context(serve_http(app, settings.http, settings.http_limits))
         sys.setswitchinterval(SWITCH_S)
+        service.url = f"http://{Address(settings.http.host, port).reachable_host}:{port}"
         _announce(service, Address(settings.http.host, port))
         await _until_stopped(service.engine)
 

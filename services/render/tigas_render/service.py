@@ -13,11 +13,13 @@ from importlib.metadata import version
 
 from tigas_common.certificate import Certificate
 from tigas_common.commit import this_commit
-from tigas_common.errors import DeviceLost
+from tigas_common.errors import BrokenScene, DeviceLost, Overloaded
 from tigas_common.hosts import is_loopback
 from tigas_common.origins import OriginPolicy
-from tigas_common.wire.render import RenderRequest, ServerConfig
+from tigas_common.wire.render import RenderRequest, SceneInfo, ServerConfig, Training
 from tigas_render.engine import Engine
+from tigas_render.enhance.shelf import Shelf
+from tigas_render.enhance.trainer import Trainer
 from tigas_render.frame import Client, Frame
 from tigas_render.metrics import EngineMetrics
 from tigas_render.preview import Preview, PreviewCache, preview_camera
@@ -58,6 +60,10 @@ class RenderService:
         self.quic_port: int | None = None
         """Where QUIC is served, once it is."""
         self.https_port: int | None = None
+        self.url: str | None = None
+        """Where the API is over HTTP/1.1, from this machine, once it is."""
+        self.shelf = Shelf(settings.ladder, settings.cache)
+        self.trainer = Trainer(rasterizer.device)
         self._previews = PreviewCache(settings.cache, self._render_preview)
         self._on_renewal: list[Callable[[Certificate], None]] = []
         self._to_renew: list[Callable[[Certificate], None]] = []
@@ -75,6 +81,7 @@ class RenderService:
                 yield service
             finally:
                 housekeeping.cancel()
+                await service.trainer.close()
 
     def on_renewal(self, use: Callable[[Certificate], None]) -> None:
         """Call `use` with the certificate now, and with each that replaces it."""
@@ -111,6 +118,33 @@ class RenderService:
         """Load a scene and wait until it is loaded. Raises as `SceneRegistry.load` does."""
         with self._noticing_loss():
             await self.registry.load(scene_id)
+
+    async def infos(self) -> list[SceneInfo]:
+        """Every scene, with the networks that there are for it."""
+        found = [(info, self.registry.source(info.id)) for info in self.registry.infos()]
+        kinds = await asyncio.to_thread(lambda: [self.shelf.kind(source) for _, source in found])
+        return [info.model_copy(update={"enhance": kind}) for (info, _), kind in zip(found, kinds, strict=True)]
+
+    async def info(self, scene_id: str) -> SceneInfo:
+        """One scene. Raises UnknownScene."""
+        kind = await asyncio.to_thread(self.shelf.kind, self.registry.source(scene_id))
+        return self.registry.info(scene_id).model_copy(update={"enhance": kind})
+
+    async def training(self, scene_id: str) -> Training:
+        """How far the training of a scene's networks is. Raises UnknownScene."""
+        source, state = self.registry.source(scene_id), self.trainer.state(scene_id)
+        if state.state in ("running", "failed"):
+            return state
+        return state.model_copy(update={"problem": await asyncio.to_thread(self.shelf.problem, source)})
+
+    def train(self, scene_id: str) -> Training:
+        """Train a scene's networks on its views. Raises UnknownScene, BrokenScene, TrainingRuns, and NoPlace."""
+        source = self.registry.source(scene_id)
+        if source.error is not None:
+            raise BrokenScene(source.error)
+        if self.url is None:
+            raise Overloaded("The service is starting; try again.")
+        return self.trainer.start(scene_id, self.shelf.writable_place(source), self.url)
 
     async def preview(self, scene_id: str) -> Preview:
         """A scene's thumbnail. Raises UnknownScene and BrokenScene."""

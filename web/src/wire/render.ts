@@ -9,6 +9,7 @@ export interface Wire {
   Problem: Problem;
   SceneInfo: SceneInfo;
   ServerConfig: ServerConfig;
+  Training: Training;
 }
 /**
  * One view to render. The pose is either Euler angles and `translation`, or `position` and `quaternion`.
@@ -129,4 +130,13 @@ export interface Rung {
   height: number;
   quality: number;
   expected_kb: number;
+}
+/**
+ * How far the training of a scene's networks is.
+ */
+export interface Training {
+  state: "idle" | "running" | "done" | "failed";
+  progress?: number;
+  stage?: string;
+  problem?: string | null;
 }

@@ -201,6 +201,17 @@ class SceneInfo(WireModel):
     """Whose networks can enhance its frames: its own, trained on this very file, or those for any scene."""
 
 
+class Training(WireModel):
+    """How far the training of a scene's networks is."""
+
+    state: Literal["idle", "running", "done", "failed"]
+    progress: Unit = 0
+    stage: str = ""
+    """What it is doing."""
+    problem: str | None = None
+    """One sentence: why it failed, or why the networks that the scene has cannot be used."""
+
+
 class ServerConfig(WireModel):
     """What the page needs to know of its server (`/config.json`)."""
 

@@ -44,7 +44,7 @@ def schemas() -> dict[str, dict[str, Any]]:
             "Wire",
             "All messages between client and server.",
             requests=[render.RenderRequest],
-            answers=[render.FrameHeader, render.Problem, render.SceneInfo, render.ServerConfig],
+            answers=[render.FrameHeader, render.Problem, render.SceneInfo, render.ServerConfig, render.Training],
         ),
         "dash": messages_schema(
             "DashWire",

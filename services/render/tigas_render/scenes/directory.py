@@ -81,6 +81,7 @@ def read_folder(folder: Path) -> SceneSource:
         file_bytes=header.file_bytes,
         digest=lambda: _sha256(ply),
         memory_bytes=header.tensor_bytes,
+        folder=folder,
         preview=preview,
     )
 

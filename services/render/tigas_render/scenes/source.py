@@ -29,6 +29,8 @@ class SceneSource:
     """The file's SHA-256, in hexadecimal digits; None without a file. Raises OSError."""
     memory_bytes: int = 0
     """An estimate of what it takes when loaded."""
+    folder: Path | None = None
+    """Where it lies; None if it is built in."""
     preview: Path | None = None
     """The picture that the scene brings along."""
 

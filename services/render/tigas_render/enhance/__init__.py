@@ -1,0 +1,1 @@
+"""Networks that enhance scenes' low rungs: their files, and the process that trains them."""

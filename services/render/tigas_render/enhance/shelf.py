@@ -1,0 +1,124 @@
+"""Where the weights of scenes' networks lie, and whether they fit: a scene's own, or the general ones for any."""
+
+from __future__ import annotations
+
+import logging
+import os
+from collections.abc import Sequence
+from functools import lru_cache
+from pathlib import Path
+from typing import Literal
+
+from tigas_common.errors import TigasError
+from tigas_common.files import read_regular
+from tigas_common.weights import FILE, MAX_BYTES, BrokenWeights, Weights, built_in_digest, parse_weights
+from tigas_common.wire.render import Rung
+from tigas_render.scenes.source import SceneSource
+
+GENERAL_FILE = Path(__file__).parent / "general.safetensors"
+
+_log = logging.getLogger(__name__)
+
+
+class NoWeights(TigasError):
+    """There is no network for the scene."""
+
+    status, type, title = 404, "no-weights", "There are no such networks"
+
+
+class NoPlace(TigasError):
+    """The service may not write beside the scene."""
+
+    status, type, title = 409, "read-only-scene", "The scene's folder cannot be written"
+
+
+class Shelf:
+    """The weights that the service has to offer. Methods read files, and belong into a worker thread."""
+
+    def __init__(self, ladder: Sequence[Rung], cache: Path, general: Path = GENERAL_FILE) -> None:
+        self._ladder = ladder
+        self._cache = cache / "enhance"
+        self._general = general
+
+    def place(self, source: SceneSource) -> Path:
+        """Where a scene's own are, or would be: beside its file; a built-in scene's are kept in the cache."""
+        if source.folder is not None:
+            return source.folder / FILE
+        return self._cache / f"{source.id}.safetensors"
+
+    def writable_place(self, source: SceneSource) -> Path:
+        """The same, if a file can be written there. Raises NoPlace."""
+        place = self.place(source)
+        try:
+            if source.folder is None:
+                place.parent.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise NoPlace(f"The folder {place.parent} cannot be made: {error.strerror or error}.") from None
+        if not os.access(place.parent, os.W_OK):
+            raise NoPlace(f"The service may not write into the folder of {source.name}.")
+        return place
+
+    def kind(self, source: SceneSource) -> Literal["scene", "general"] | None:
+        """What a scene's frames can be enhanced with."""
+        if self.problem(source) is None and self.own(source) is not None:
+            return "scene"
+        general = self._read(self._general)
+        fits = isinstance(general, Weights) and general.misfit(None, self._ladder) is None
+        return "general" if fits else None
+
+    def problem(self, source: SceneSource) -> str | None:
+        """Why the file that a scene has cannot be used; None if there is none."""
+        own = self.own(source)
+        return own if own is None or isinstance(own, str) else own.misfit(_digest(source), self._ladder)
+
+    def own(self, source: SceneSource) -> Weights | str | None:
+        """A scene's own weights, or what is wrong with their file; None if there is none."""
+        return self._read(self.place(source))
+
+    def content(self, source: SceneSource) -> bytes:
+        """The file of a scene's own. Raises NoWeights, and BrokenWeights if they do not fit."""
+        if self.own(source) is None:
+            raise NoWeights(f"{source.name} has no networks of its own.")
+        if problem := self.problem(source):
+            raise BrokenWeights(problem)
+        return _bytes(self.place(source))
+
+    def general(self) -> bytes:
+        """The file of the general ones. Raises NoWeights."""
+        if not self._general.is_file():
+            raise NoWeights("There are no general networks.")
+        return _bytes(self._general)
+
+    def _read(self, path: Path) -> Weights | str | None:
+        try:
+            status = path.stat()
+        except OSError:
+            return None
+        return _parsed(path, status.st_size, status.st_mtime_ns)
+
+
+@lru_cache(maxsize=256)
+def _parsed(path: Path, size: int, modified_ns: int) -> Weights | str:
+    """A file's content as long as its size and its time stay the same."""
+    try:
+        return parse_weights(_bytes(path))
+    except BrokenWeights as error:
+        _log.warning("%s: %s", path, error.detail)
+        return error.detail
+
+
+def _bytes(path: Path) -> bytes:
+    try:
+        return read_regular(path, MAX_BYTES)
+    except OSError as error:
+        raise BrokenWeights(f"The weights' file cannot be read: {error.strerror or error}.") from None
+
+
+def _digest(source: SceneSource) -> str | None:
+    """What a scene's own weights must be for; a file is read for it once."""
+    if source.digest is None:
+        return built_in_digest(source.id)
+    try:
+        return source.digest()
+    except OSError:
+        return None

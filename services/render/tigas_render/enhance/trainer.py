@@ -1,0 +1,134 @@
+"""Trains a scene's networks in a child process of low priority, which renders what it learns from here as any client.
+
+One at a time, since it takes a processor or the GPU for a minute. The child writes its file in one step at the end:
+one that is stopped leaves the scene with what it had.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import logging
+import os
+from asyncio.subprocess import PIPE, Process
+from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
+
+from tigas_common.errors import TigasError
+from tigas_common.processes import tigas
+from tigas_common.wire.render import Training
+
+NICENESS = 15
+STOP_S = 5.0
+"""What has not ended so long after it was asked to is killed, in seconds."""
+MOST_SAID = 4096
+"""Bytes of a line of progress, and of what is kept of what a child says on its standard error."""
+
+_log = logging.getLogger(__name__)
+
+
+class TrainingRuns(TigasError):
+    """One scene's networks are trained already."""
+
+    status, type, title = 409, "training-runs", "Networks are being trained"
+
+
+def command(scene_id: str, out: Path, url: str, device: str) -> list[str]:
+    """The command line of a training."""
+    where = ["--render", url, "--out", str(out), "--device", device]
+    return tigas("enhance", "train", "--json", *where, "--", scene_id)
+
+
+class Trainer:
+    """What is trained now, and what came of each scene's last training. `device` is where to train."""
+
+    def __init__(self, device: str, command: Callable[[str, Path, str, str], list[str]] = command) -> None:
+        self._device = device
+        self._command = command
+        self._states: dict[str, Training] = {}
+        self._running: tuple[str, asyncio.Task[Training]] | None = None
+
+    def state(self, scene_id: str) -> Training:
+        """How far a scene's training is, or how its last one ended."""
+        return self._states.get(scene_id, Training(state="idle"))
+
+    def start(self, scene_id: str, out: Path, url: str) -> Training:
+        """Train a scene's networks on what the service at this URL renders. Raises TrainingRuns."""
+        if self._running is not None:
+            raise TrainingRuns(f"The networks of {self._running[0]} are being trained; wait, or stop it.")
+        self._states[scene_id] = Training(state="running", stage="starting")
+        task = asyncio.create_task(self._run(scene_id, self._command(scene_id, out, url, self._device)))
+        task.add_done_callback(lambda task: self._ended(scene_id, task))
+        self._running = scene_id, task
+        return self.state(scene_id)
+
+    async def stop(self, scene_id: str) -> Training:
+        """Stop a scene's training, if it runs, and wait until it has ended."""
+        if self._running is not None and self._running[0] == scene_id:
+            await self.close()
+        return self.state(scene_id)
+
+    async def close(self) -> None:
+        """Stop whatever runs."""
+        if self._running is not None:
+            task = self._running[1]
+            task.cancel()
+            with suppress(asyncio.CancelledError):
+                await task
+
+    def _ended(self, scene_id: str, task: asyncio.Task[Training]) -> None:
+        outcome = Training(state="idle") if task.cancelled() else task.result()
+        self._states[scene_id], self._running = outcome, None
+        _log.info("The training of %s ended: %s", scene_id, outcome.problem or outcome.state)
+
+    async def _run(self, scene_id: str, argv: list[str]) -> Training:
+        _log.info("Training the networks of %s", scene_id)
+        try:
+            return await self._train(scene_id, argv)
+        except OSError as error:
+            return Training(state="failed", problem=f"The training could not be started: {error.strerror or error}.")
+        except Exception:
+            _log.exception("The training of %s failed", scene_id)
+            return Training(state="failed", problem="The training failed; the server's log says why.")
+
+    async def _train(self, scene_id: str, argv: list[str]) -> Training:
+        process = await asyncio.create_subprocess_exec(*argv, stdout=PIPE, stderr=PIPE, limit=MOST_SAID)
+        try:
+            with suppress(OSError):
+                os.setpriority(os.PRIO_PROCESS, process.pid, NICENESS)
+            _, said = await asyncio.gather(self._follow(scene_id, process), _last_of(process))
+            status = await process.wait()
+        finally:
+            await _end(process)
+        if status == 0:
+            return Training(state="done", progress=1)
+        lines = [line.strip() for line in said.splitlines() if line.strip()]
+        return Training(state="failed", problem=lines[-1] if lines else f"The training ended with status {status}.")
+
+    async def _follow(self, scene_id: str, process: Process) -> None:
+        assert process.stdout is not None
+        async for line in process.stdout:
+            said = json.loads(line)
+            self._states[scene_id] = Training(state="running", progress=said["progress"], stage=said["stage"])
+
+
+async def _last_of(process: Process) -> str:
+    """The end of what a child says on its standard error."""
+    assert process.stderr is not None
+    kept = b""
+    while part := await process.stderr.read(MOST_SAID):
+        kept = (kept + part)[-MOST_SAID:]
+    return kept.decode(errors="replace")
+
+
+async def _end(process: Process) -> None:
+    if process.returncode is not None:
+        return
+    with suppress(ProcessLookupError):
+        process.terminate()
+    try:
+        await asyncio.wait_for(process.wait(), STOP_S)
+    except TimeoutError:
+        process.kill()
+        await process.wait()
