@@ -82,6 +82,7 @@ bench: .venv/.ready $(STATIC)
 	@$(VENV)/python -m benchmarks.transport
 	@$(VENV)/python -m benchmarks.memory
 	@$(VENV)/python -m benchmarks.dash
+	@$(VENV)/python -m benchmarks.sampling
 
 bench-gpu: .venv/.gpu
 	@$(VENV)/python -m benchmarks.gpu $(ARGS)
