@@ -22,6 +22,8 @@ from tigas_common.pose import Intrinsics, Pose
 from tigas_common.wire.render import RenderRequest
 from tigas_experiments.commands.quality import quality as command
 from tigas_experiments.quality.picture import encode
+from tigas_experiments.records.folder import StoredRun
+from tigas_experiments.records.lines import write_lines
 from tigas_experiments.records.materialised import TRUTH, Materialised, add_materialised, materialised_log
 from tigas_experiments.records.samples import JPEG, write_sample_file
 from tigas_experiments.records.scores import SCORES, read_scores
@@ -159,6 +161,8 @@ def test_the_ladder_is_shown_as_one_view_with_its_sizes(rendered: str, experimen
     for run in (experiment / "runs").iterdir():
         record = run / "run.json"
         record.write_text(record.read_text().replace('"courtyard"', f'"{SMALL}"'))
+        amid_pebbles = StoredRun(run).inputs()[0].model_copy(update={"position": (0.0, 0.0, 0.0)})
+        write_lines(run / "inputs.ndjson", [amid_pebbles])
     result = quality("ladder", str(experiment), "--render", rendered)
     assert result.exit_code == 0, result.output
     found = csv_rows(experiment / "ladder.csv")
@@ -171,6 +175,7 @@ def test_the_ladder_is_shown_as_one_view_with_its_sizes(rendered: str, experimen
     for column in ("bytes", "psnr_db", "ssim"):
         values = [float(row[column]) for row in found]
         assert values == sorted(values, reverse=True)
+        assert len(set(values)) == 4
     with Image.open(experiment / "ladder.jpg") as picture:
         assert picture.width > 3 * picture.height / 2
     assert "data:image/jpeg;base64" in write_report(experiment, experiment).page.read_text()
