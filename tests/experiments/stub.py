@@ -81,7 +81,9 @@ def installed(monkeypatch: pytest.MonkeyPatch) -> Stub:
     made = Stub()
 
     @asynccontextmanager
-    async def open_environment(url: object, scenes: object, traces: object, inputs: Inputs) -> AsyncIterator[Stub]:
+    async def open_environment(
+        url: object, scenes: object, traces: object, inputs: Inputs, *, webgpu: bool
+    ) -> AsyncIterator[Stub]:
         made.inputs = inputs
         yield made
 

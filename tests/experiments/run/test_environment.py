@@ -102,7 +102,7 @@ def supervised(resource: Any) -> Supervised[Any]:
 
 
 class World:
-    """Services without a shaper, whose page knows two controllers."""
+    """Services without a shaper, whose page knows two controllers and a model."""
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch, **services: str) -> None:
         self.target = Target("http://127.0.0.1:9", SERVER.model_copy(update={"services": services}))
@@ -120,8 +120,8 @@ class World:
         return scene()
 
     async def prepare(self, settings: dict[str, str], pose: object) -> None:
-        self.asked.append(settings["controller"])
-        if settings["controller"] not in ("budget", "latency"):
+        self.asked += settings.values()
+        if not {"budget", "latency", "off", "bicubic"}.issuperset(settings.values()):
             raise RunFailed(REFUSED)
 
     def environment(self, directory: Path = Path()) -> Environment:
@@ -143,9 +143,16 @@ def test_each_controller_is_asked_for_once_before_the_first_run(monkeypatch: pyt
     assert (world.asked, world.pages) == (["budget", "latency"], 1)
 
 
+def test_models_are_asked_for_once_before_the_first_run(monkeypatch: pytest.MonkeyPatch) -> None:
+    world = World(monkeypatch)
+    world.check(*[unshaped(profile=0, upscale="bicubic", repeat=repeat) for repeat in (0, 1)], unshaped(profile=1))
+    assert (world.asked, world.pages) == (["off", "bicubic"], 1)
+
+
 @pytest.mark.parametrize(
     ("changes", "sentence"),
     [
+        ({"upscale": "magic"}, f"restore = 'off', upscale = 'magic' cannot be measured: {REFUSED}"),
         ({"profile": "magic"}, f"The controller 'magic' cannot be measured: {REFUSED}"),
         ({"profile": 4}, "There is no rung 4: the ladder at http://127.0.0.1:9 has 4, counted from 0."),
         ({"mode": "dash-tuned"}, "There is no packager behind http://127.0.0.1:9, so dash-tuned cannot be measured."),

@@ -1,6 +1,7 @@
 // @vitest-environment happy-dom
 import { signal } from "@preact/signals";
 import { afterEach, beforeEach, expect, test, vi } from "vitest";
+import type { EnhancementStatus } from "../enhance/enhancement";
 import type { TimedPose } from "../movement/playback";
 import { ShaperError } from "../network/api";
 import type { Shaper } from "../network/shaper";
@@ -11,6 +12,7 @@ import { settle } from "../transport/fake";
 import type { ViewerSession } from "../viewer/session";
 import type { ShaperStatus } from "../wire/shaper";
 import type { Recording } from "../wire/store";
+import { RunFailed } from "./errors";
 import { measure } from "./measure";
 import { type PlannedRun, UNSHAPED } from "./plan";
 import type { Runner, RunPlan } from "./runner";
@@ -54,6 +56,7 @@ let events: string[];
 let now: number;
 let playedAt: number;
 let ready: boolean;
+let problem: string | null;
 let recording: Recording;
 /** What happens while the movement plays. */
 let meanwhile: () => void;
@@ -78,6 +81,7 @@ function fakeSession() {
     phase: signal<{ kind: string; message?: string }>({ kind: "playing" }),
     dash: signal<{ phase: { value: { kind: string; message?: string } } } | null>(null),
     scene: signal(COURTYARD),
+    enhancement: { status: signal<EnhancementStatus>({ kind: "off" }) },
     rig: { viewport: signal({ width: 640, height: 360 }), intrinsics: signal({ fx: 300, fy: 300, cx: 320, cy: 180 }) },
     retry: () => events.push("connect anew"),
   };
@@ -92,7 +96,7 @@ const runner = {
   },
   settings: (part: object) => changeSettings(part),
   seed: vi.fn(),
-  state: () => ({ ready }),
+  state: () => ({ ready, problem }),
   run: (plan: RunPlan, signal: AbortSignal) =>
     new Promise((resolve, reject) => {
       events.push("play");
@@ -112,6 +116,7 @@ beforeEach(() => {
   events = [];
   now = 0;
   ready = true;
+  problem = null;
   recording = PROMISED;
   points = [FIRST];
   meanwhile = () => undefined;
@@ -329,4 +334,19 @@ test("a shaper that refuses fails the run in its own words; one that cannot be g
     throw new ShaperError("There is no trace bus.");
   };
   expect((await measured()).outcome).toMatchObject({ message: "There is no trace bus." });
+});
+
+test("models that cannot be used fail the run before it plays, with the reason", async () => {
+  problem = "There are no weights for this scene.";
+  const { outcome } = await measured({ upscale: "bicubic" });
+  expect(outcome).toEqual(new RunFailed("Frames cannot be enhanced. There are no weights for this scene."));
+  expect(events).not.toContain("play");
+});
+
+test("models that are given up meanwhile fail the run", async () => {
+  meanwhile = () => {
+    session.enhancement.status.value = { kind: "failed", message: "It took 40 ms a frame." };
+  };
+  const { outcome } = await measured({ upscale: "bicubic" });
+  expect(outcome).toEqual(new RunFailed("Enhancement was given up during the run. It took 40 ms a frame."));
 });

@@ -59,6 +59,8 @@ export async function measure(
       () => whyNoFrame(session),
       signal,
     );
+    const { problem } = runner.state();
+    if (problem !== null) throw new RunFailed(`Frames cannot be enhanced. ${problem}`);
     stage("Warms up");
     await sleep(run.warm_up_s * 1000, signal);
     stage("Plays the movement");
@@ -132,6 +134,8 @@ function watchForTrouble(
   const trouble = (): string | null => {
     const stream = session.dash.value?.phase.value;
     if (session.phase.value.kind !== "playing") return "The connection was lost during the run.";
+    const enhanced = session.enhancement.status.value;
+    if (enhanced.kind === "failed") return `Enhancement was given up during the run. ${enhanced.message}`;
     if (run.mode !== "stateless" && stream?.kind !== "playing") return "The DASH stream was lost during the run.";
     if (decisiveSettings() !== asked || lens() !== before)
       return "Settings or the window's size were changed during the run.";
@@ -157,19 +161,10 @@ function from(points: readonly TimedPose[], begin: number): readonly TimedPose[]
 
 /** The settings that decide what is measured, as text. */
 function decisiveSettings(): string {
-  const { transport, mode, dashPreset, dashFrameRate, dashRepresentation, dashCustom, controller, profile, refine } =
-    settings.value;
-  return JSON.stringify([
-    transport,
-    mode,
-    dashPreset,
-    dashFrameRate,
-    dashRepresentation,
-    dashCustom,
-    controller,
-    profile,
-    refine,
-  ]);
+  const { transport, mode, controller, profile, refine, restore, upscale } = settings.value;
+  const { dashPreset, dashFrameRate, dashRepresentation, dashCustom } = settings.value;
+  const dash = [dashPreset, dashFrameRate, dashRepresentation, dashCustom];
+  return JSON.stringify([transport, mode, controller, profile, refine, restore, upscale, ...dash]);
 }
 
 function visible(): boolean {

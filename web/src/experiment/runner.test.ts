@@ -1,5 +1,7 @@
-import { signal } from "@preact/signals";
+import { type Signal, signal } from "@preact/signals";
 import { afterEach, beforeEach, expect, test, vi } from "vitest";
+import type { EnhancementStatus } from "../enhance/enhancement";
+import { settings } from "../state/app";
 import { settle } from "../transport/fake";
 import { NO_NUDGE } from "../view/motion";
 import { Rig } from "../view/rig";
@@ -15,10 +17,12 @@ let now: number;
 let waiting: (() => void)[];
 let page: EventTarget & { visibilityState: string };
 let rig: Rig;
+let enhancement: Signal<EnhancementStatus>;
 let runner: Runner;
 
 beforeEach(() => {
   now = 0;
+  enhancement = signal({ kind: "off" });
   waiting = [];
   page = Object.assign(new EventTarget(), { visibilityState: "visible" });
   vi.stubGlobal("document", page);
@@ -33,6 +37,8 @@ beforeEach(() => {
     seed: signal(1),
     connected: signal(null),
     dash: signal(null),
+    enhancement: { status: enhancement },
+    phase: signal({ kind: "playing" }),
     onPresented: nothing,
     onShown: nothing,
     onSent: nothing,
@@ -93,4 +99,16 @@ test("a page that was hidden says so", async () => {
   page.visibilityState = "visible";
   await drawn(...every20(60_000, 60_200));
   await expect(run).resolves.toMatchObject({ complete: false, hidden: true });
+});
+
+test("a viewer is ready when its models are, and says why they are not used", () => {
+  enhancement.value = { kind: "failed", message: "It took 40 ms a frame." };
+  expect(runner.state()).toMatchObject({ problem: "It took 40 ms a frame." });
+  enhancement.value = { kind: "starting", message: null };
+  expect(runner.state()).toMatchObject({ ready: false, problem: null });
+});
+
+test("a model that there is not is refused with those that there are", () => {
+  expect(() => runner.settings({ upscale: "magic" })).toThrow("no model “magic” to upscale with, only off, ");
+  expect(settings.value.upscale).toBe("off");
 });

@@ -4,6 +4,8 @@
  */
 
 import { effect } from "@preact/signals";
+import { KINDS, OFF } from "../enhance/model/enhancer";
+import { nameProblem } from "../enhance/registry";
 import { poseAt, type TimedPose } from "../movement/playback";
 import type { About } from "../samples/layout";
 import { removeSampledRun } from "../samples/sampled-runs";
@@ -29,8 +31,10 @@ export interface RunPlan {
 }
 
 export interface RunnerState {
-  /** Frames come, and the newest pose is on the screen. */
+  /** Frames come, the newest pose is on the screen, and the models that enhance frames are loaded, or given up. */
   readonly ready: boolean;
+  /** Why frames are not enhanced as was chosen, or null. */
+  readonly problem: string | null;
   readonly phase: string;
   readonly mode: Mode;
   /** Frames shown since the mode was changed. */
@@ -75,6 +79,8 @@ export class Runner {
   /** Changes settings; the rest stays. Throws if one does not exist or make sense: nothing is measured by mistake. */
   settings(part: Partial<Settings>): void {
     const before = settings.peek();
+    const unknown = KINDS.map((kind) => nameProblem(kind, part[kind] ?? OFF)).find((problem) => problem !== null);
+    if (unknown) throw new Error(unknown);
     changeSettings(validSettings({ ...before, ...part }));
     const now = settings.peek();
     const streamed = ["mode", "dashPreset", "dashFrameRate", "dashRepresentation"] as const;
@@ -92,9 +98,12 @@ export class Runner {
   }
 
   state(): RunnerState {
-    const { phase, rig } = this.#session;
+    const { phase, rig, enhancement } = this.#session;
+    const enhanced = enhancement.status.peek();
+    const shown = this.#shown > 0 && this.#newest >= rig.pose.seq;
     return {
-      ready: phase.peek().kind === "playing" && this.#shown > 0 && this.#newest >= rig.pose.seq,
+      ready: phase.peek().kind === "playing" && shown && enhanced.kind !== "starting",
+      problem: enhanced.kind === "failed" ? enhanced.message : null,
       phase: phase.peek().kind,
       mode: settings.peek().mode,
       shown: this.#shown,

@@ -140,6 +140,11 @@ class Configuration(WireModel):
             raise ValueError("the profile is a rung of the ladder, counted from 0, or a controller's name")
         return self
 
+    @property
+    def enhanced(self) -> bool:
+        """Whether the page enhances frames."""
+        return (self.restore, self.upscale) != (OFF, OFF)
+
     def asks_for_the_same(self, other: Configuration) -> bool:
         """Whether the two are equal but for the folders that files lie in."""
         return self._without_folders() == other._without_folders()

@@ -10,6 +10,7 @@ import os
 import shutil
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
+from pathlib import Path
 from typing import Annotated, Any
 from urllib.parse import quote
 
@@ -37,6 +38,11 @@ ARGUMENTS = (
     "--disable-background-timer-throttling",
     "--disable-backgrounding-occluded-windows",
 )
+WEBGPU_ARGUMENTS = ("--enable-unsafe-webgpu", "--enable-features=Vulkan")
+"""Headless Chromium has WebGPU only if it is told to."""
+SOFTWARE_ARGUMENTS = ("--use-vulkan=swiftshader", "--use-angle=swiftshader")
+"""Where there is no graphics processor: correct, and slow."""
+GRAPHICS_DEVICES = ("/dev/dri", "/dev/nvidia0")
 READY_MS = 60_000
 """How long the viewer may take from being opened to its first frame."""
 ANSWER_S = 60
@@ -53,11 +59,11 @@ def find_chromium() -> str:
 
 
 @asynccontextmanager
-async def chromium() -> AsyncIterator[Browser]:
-    """A headless browser for as long as the context lasts. Raises StartError."""
+async def chromium(*, webgpu: bool = False) -> AsyncIterator[Browser]:
+    """A headless browser for as long as the context lasts, with WebGPU for pages that need it. Raises StartError."""
     path = find_chromium()
     # As root it has no sandbox to go into.
-    arguments = [*ARGUMENTS, *(["--no-sandbox"] if os.geteuid() == 0 else [])]
+    arguments = [*ARGUMENTS, *(["--no-sandbox"] if os.geteuid() == 0 else []), *(_webgpu() if webgpu else ())]
     async with async_playwright() as playwright:
         try:
             browser = await playwright.chromium.launch(
@@ -69,6 +75,11 @@ async def chromium() -> AsyncIterator[Browser]:
             yield browser
         finally:
             await _closed(browser)
+
+
+def _webgpu() -> tuple[str, ...]:
+    hardware = any(Path(device).exists() for device in GRAPHICS_DEVICES)
+    return WEBGPU_ARGUMENTS if hardware else WEBGPU_ARGUMENTS + SOFTWARE_ARGUMENTS
 
 
 async def responds(browser: Browser) -> bool:
@@ -100,7 +111,7 @@ class Viewer:
         self._page = page
 
     async def prepare(self, settings: dict[str, Any], pose: object) -> None:
-        """Change settings, stand at a pose, and wait until a frame of it is on the screen."""
+        """Change settings, stand at a pose, and wait until a frame of it is on the screen and models are loaded."""
         await self._call("settings", settings)
         await self._call("stand", pose)
         try:
@@ -108,6 +119,13 @@ class Viewer:
         except Error:
             said = await self._state()
             raise RunFailed(f"The viewer showed no frame within {READY_MS // 1000} s: {said}") from None
+        await self.check_enhancement()
+
+    async def check_enhancement(self) -> None:
+        """Whether the page enhances frames as it was told to, or shows them as they come if so it was told."""
+        state = await self._call("state", None)
+        if isinstance(state, dict) and state.get("problem"):
+            raise RunFailed(f"Frames are not enhanced as they should be: {state['problem']}")
 
     async def record(self, plan: dict[str, Any], patience_s: float) -> Recording:
         """Play a movement and record it. Raises BrokenRecording, too."""

@@ -6,7 +6,7 @@ for the next run.
 
 from __future__ import annotations
 
-from collections.abc import AsyncIterator, Awaitable, Callable, Iterable, Sequence
+from collections.abc import AsyncIterator, Awaitable, Callable, Iterable, Mapping, Sequence
 from contextlib import AbstractAsyncContextManager, AsyncExitStack, asynccontextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -86,7 +86,7 @@ class Environment:
     async def check(self, runs: Sequence[Configuration]) -> None:
         """Find out before the first run whether all that the runs need can be had. Raises StartError with one sentence.
 
-        Services and browser, scenes, movements and networks, packager, rungs and controllers.
+        Services and browser, scenes, movements and networks, packager, rungs, controllers and models.
         """
         await self._browser.get()
         target = await self._target.get()
@@ -100,8 +100,11 @@ class Environment:
             except RunFailed as error:
                 raise StartError(str(error)) from None
         controllers = {run.profile for run in runs if run.mode == "stateless" and isinstance(run.profile, str)}
-        if controllers:
-            await self._ask_the_page(runs[0], sorted(controllers))
+        asked = {f"The controller {name!r}": {"controller": name} for name in sorted(controllers)}
+        for restore, upscale in sorted({(run.restore, run.upscale) for run in runs if run.enhanced}):
+            asked[f"restore = {restore!r}, upscale = {upscale!r}"] = {"restore": restore, "upscale": upscale}
+        if asked:
+            await self._ask_the_page(runs[0], asked)
 
     async def made_with(self, scenes: Iterable[str]) -> MadeWith:
         """What runs in these scenes would be made with now. Raises StartError."""
@@ -120,35 +123,35 @@ class Environment:
         network = self._inputs.network(configuration.network)
         return Setup(target, await self._browser.get(), scene, self._points[key], network, digests)
 
-    async def _ask_the_page(self, run: Configuration, controllers: Sequence[str]) -> None:
-        """Whether it has them: it alone knows. Raises StartError."""
+    async def _ask_the_page(self, run: Configuration, asked: Mapping[str, dict[str, str]]) -> None:
+        """Whether it has what these settings, by their names for people, ask for: it alone knows. Raises StartError."""
         setup = await self.setup(run)
         try:
             async with viewer(setup.browser, setup.target.url, setup.scene.id, run.width, run.height) as page:
-                for controller in controllers:
+                for what, settings in asked.items():
                     try:
-                        await page.prepare({"controller": controller}, setup.points[0])
+                        await page.prepare(settings, setup.points[0])
                     except RunFailed as error:
-                        raise StartError(f"The controller {controller!r} cannot be measured: {error}") from None
+                        raise StartError(f"{what} cannot be measured: {error}") from None
         except RunFailed as error:
             raise StartError(str(error)) from None
 
 
 @asynccontextmanager
 async def open_environment(
-    url: str | None, scenes: Path | None, traces: Path | None, inputs: Inputs
+    url: str | None, scenes: Path | None, traces: Path | None, inputs: Inputs, *, webgpu: bool = False
 ) -> AsyncIterator[Environment]:
     """For as long as the context lasts, and for nobody else meanwhile. Raises StartError.
 
     The services at `url`, or the lab's, which is started when it is first needed; `scenes` and `traces` are its
-    directories.
+    directories. With `webgpu`, pages can enhance frames.
     """
     find_chromium()
     where = url or LAB_URL
 
     with exclusive(services_lock(where), f"Another experiment uses the services at {where}; wait until it has ended."):
         target = Supervised(lambda: lab_target(scenes, traces) if url is None else url_target(url), alive)
-        browser = Supervised(chromium, responds)
+        browser = Supervised(lambda: chromium(webgpu=webgpu), responds)
         try:
             yield Environment(target, browser, this_machine(), inputs)
         finally:

@@ -83,6 +83,7 @@ async def _measure(
                 if link is not None:
                     await link.play()
                 recording = await _record(page, configuration, setup.points)
+                await page.check_enhancement()
         writer.recording(recording)
         if not await alive(setup.target):  # a page whose frames stop coming plays on to the end
             raise RunFailed("A service ended, or was started again, during the run.")
