@@ -80,3 +80,14 @@ def test_what_cannot_be_done_gets_a_sentence(server: RenderServer, models: Path,
     status, output, _ = finished(started("experiment", "materialise", str(run), "--render", server.url))
     assert (status, f"The file of the scene '{SMALL}' has changed since the run" in output) == (1, True)
     assert not list((run / "samples").glob("*.png"))
+
+
+def test_scoring_renders_what_is_missing_first(server: RenderServer, tmp_path: Path) -> None:
+    run = sample_run(server, tmp_path / "runs" / "one")
+    command = ("quality", str(run), "--metrics", "psnr")
+    status, _, errors = finished(started(*command))
+    assert (status, "no samples with ground truth" in errors) == (1, True)
+    status, output, errors = finished(started(*command, "--render", server.url))
+    assert status == 0, errors
+    assert "original" in output
+    assert len(list((run / "samples").glob("*.truth.png"))) == 3

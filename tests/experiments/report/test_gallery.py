@@ -105,7 +105,7 @@ async def test_a_report_says_what_is_missing_and_needs_no_samples(tmp_path: Path
     run = tmp_path / "runs" / "00"
     (run / INDEX).unlink()
     report = write_report(tmp_path, tmp_path)
-    assert "Of 3 of 3 samples something is missing: `tigas experiment materialise DIR` asks for it." in report.warnings
+    assert "3 of 3 samples are not rendered again yet: `tigas experiment materialise DIR` does it." in report.warnings
     assert "<h2>Samples</h2>" not in report.page.read_text()
     write_samples(run, [])
     report = write_report(tmp_path, tmp_path)

@@ -94,12 +94,16 @@ async def test_another_renderer_is_flagged_in_the_table(
 ) -> None:
     await store.http.post(ASK)
     await ended(store)
+    before = (await store.http.get("/experiments/mine/report")).text
+    assert "answered differently" not in before
     (run / INDEX).unlink()
     answers_with(monkeypatch, FakeRenderer(shade=50))
     await store.http.post(ASK)
     await ended(store)
     _, sampled = (await store.http.get("/experiments/mine")).json()["runs"]
     assert sampled["samples"] == {"samples": 2, "identical": 0, "different": 2, "missing": 0}
+    report = (await store.http.get("/experiments/mine/report")).text
+    assert "the renderer answered differently for 2 of 2 samples" in report, "it is made anew"
     listed = (await store.http.get("/experiments/mine/runs/sampled/samples")).json()["samples"]
     assert [(one["identical"], one["replayed"]) for one in listed] == [
         (False, "000003.replayed.jpg"),

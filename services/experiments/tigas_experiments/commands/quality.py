@@ -15,7 +15,7 @@ from typer.core import TyperGroup
 from tigas_common.cli import in_a_sentence
 from tigas_common.errors import StartError
 from tigas_common.terminal import make_console, printable
-from tigas_experiments.commands.materialise import RENDER_URL, Render
+from tigas_experiments.commands.materialise import RENDER_URL, Render, materialised
 
 if TYPE_CHECKING:  # heavy
     from tigas_experiments.quality.metrics import PictureMetric
@@ -50,11 +50,18 @@ def score(
         str | None, typer.Option(help="For LPIPS and DISTS: cpu or cuda.", show_default="cuda if there is one")
     ] = None,
     again: Annotated[bool, typer.Option("--again", help="Compute what was computed before, too.")] = False,
+    render: Annotated[
+        str | None, typer.Option(help="Have the render service at this URL render ground truth that is missing first.")
+    ] = None,
 ) -> None:
     """Compare the samples of a run with ground truth, as they came and as they were enhanced."""
     console = make_console(stderr=True)
     with in_a_sentence(StartError, OSError):
         asked = _asked(metrics)
+        if render is not None:
+            for run in materialised(folder, render):
+                for problem in run.problems:
+                    console.print(f"{run.folder}: {problem}", style="yellow", soft_wrap=True)
         try:
             rows, sentences = _score(folder, asked, device, again=again)
         except KeyboardInterrupt:

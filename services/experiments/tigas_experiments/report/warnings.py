@@ -30,7 +30,7 @@ def sample_warnings(runs: Mapping[str, SampledRun]) -> list[str]:
     if missing := sum(run.missing for run in runs.values()):
         total = sum(len(run.samples) for run in runs.values())
         found.append(
-            f"Of {missing} of {total} samples something is missing: `tigas experiment materialise DIR` asks for it."
+            f"{missing} of {total} samples are not rendered again yet: `tigas experiment materialise DIR` does it."
         )
     return found
 

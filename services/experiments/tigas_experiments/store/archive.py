@@ -12,6 +12,8 @@ from zipstream import ZipStream
 LEVEL = 5
 """Records shrink to about a tenth; more costs time that the services need."""
 
+COMPRESSED = (".png", ".jpg", ".webp")
+
 
 def archive(folder: Path) -> Iterator[bytes]:
     """The ZIP of a folder, under its name and as it is, but without links.

@@ -31,6 +31,7 @@ from tigas_experiments.records.folder import ExperimentRecord, RunRecord, Stored
 from tigas_experiments.records.materialised import INDEX as MATERIALISED
 from tigas_experiments.records.recording import BrokenRecording
 from tigas_experiments.records.samples import INDEX as SAMPLES
+from tigas_experiments.records.scores import SCORES
 from tigas_experiments.records.summary import Summary, summarise
 from tigas_experiments.store.errors import ExperimentInUse, UnknownExperiment, UnknownRun, storage_explained
 from tigas_experiments.store.samples import count_samples
@@ -183,7 +184,7 @@ def version(run: Path) -> tuple[int, ...] | None:
     None if it says nothing of itself.
     """
     found: tuple[int, ...] = ()
-    for name in ("run.json", SAMPLES, MATERIALISED):
+    for name in ("run.json", SAMPLES, MATERIALISED, SCORES):
         try:
             told = (run / name).lstat()
         except OSError:
