@@ -17,6 +17,7 @@ from tests.experiments.movement.scenes import scene
 from tigas_common.errors import StartError
 from tigas_common.wire.recording import Recording
 from tigas_common.wire.run import Network
+from tigas_experiments.errors import RunFailed
 from tigas_experiments.records.folder import InputDigests, RunRecord, StoredRun
 from tigas_experiments.records.machine import Server
 from tigas_experiments.records.recording import parse_recording
@@ -38,6 +39,7 @@ class World:
     def __init__(self) -> None:
         self.recording: dict[str, Any] = recording()
         self.services_live = True
+        self.enhances = True
         self.can_start = True
         self.asked: dict[str, Any] = {}
 
@@ -59,6 +61,10 @@ class World:
     async def record(self, plan: dict[str, Any], patience_s: float) -> Recording:
         self.asked |= plan
         return parse_recording(json.dumps(self.recording))
+
+    async def check_enhancement(self) -> None:
+        if not self.enhances:
+            raise RunFailed("Frames are not enhanced as they should be: it took 40 ms a frame.")
 
 
 @pytest.fixture
@@ -111,6 +117,12 @@ def test_a_service_that_ended_meanwhile_costs_the_run(world: World, tmp_path: Pa
 def test_services_that_do_not_start_again_cost_the_run(world: World, tmp_path: Path) -> None:
     world.can_start = False
     assert run(world, tmp_path / "run").problem == "The lab did not start: no."
+
+
+def test_models_that_were_given_up_meanwhile_cost_the_run(world: World, tmp_path: Path) -> None:
+    world.enhances = False
+    record = run(world, tmp_path / "run")
+    assert record.problem == "Frames are not enhanced as they should be: it took 40 ms a frame."
 
 
 @pytest.mark.parametrize(
