@@ -1,5 +1,5 @@
 import { afterEach, expect, test, vi } from "vitest";
-import { fetchConfig, fetchScenes, loadScene, unloadScene } from "./api";
+import { fetchConfig, fetchScene, fetchScenes, loadScene, training, unloadScene } from "./api";
 
 afterEach(() => {
   vi.unstubAllGlobals();
@@ -21,12 +21,18 @@ test("asks where the protocol says, whatever a scene's name", async () => {
   await fetchScenes({ scan: true });
   await loadScene("a/b c");
   await unloadScene("../x");
+  await fetchScene("a b");
+  await training("a b");
+  await training("a b", "DELETE");
   expect(asked).toEqual([
     "GET config.json",
     "GET scenes",
     "GET scenes?scan=1",
     "POST scenes/a%2Fb%20c/load",
     "POST scenes/..%2Fx/unload",
+    "GET scenes/a%20b",
+    "GET scenes/a%20b/enhance",
+    "DELETE scenes/a%20b/enhance",
   ]);
 });
 

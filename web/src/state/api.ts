@@ -1,6 +1,6 @@
 /** The service's JSON endpoints. Every failure is an ApiError with one sentence to show. */
 import { ApiError, readProblem } from "../http/problem";
-import type { SceneInfo, ServerConfig } from "../wire/render";
+import type { SceneInfo, ServerConfig, Training } from "../wire/render";
 
 const TIMEOUT = 5000;
 
@@ -20,6 +20,15 @@ export function loadScene(id: string, signal?: AbortSignal): Promise<SceneInfo> 
 
 export function unloadScene(id: string): Promise<SceneInfo> {
   return call<SceneInfo>(`scenes/${encodeURIComponent(id)}/unload`, { method: "POST" }, withTimeout());
+}
+
+export function fetchScene(id: string): Promise<SceneInfo> {
+  return call<SceneInfo>(`scenes/${encodeURIComponent(id)}`, {}, withTimeout());
+}
+
+/** How far the training of a scene's networks is; `POST` begins it, and `DELETE` stops it. */
+export function training(id: string, method: "GET" | "POST" | "DELETE" = "GET"): Promise<Training> {
+  return call<Training>(`scenes/${encodeURIComponent(id)}/enhance`, { method }, withTimeout());
 }
 
 async function call<T>(path: string, init: RequestInit, signal?: AbortSignal): Promise<T> {

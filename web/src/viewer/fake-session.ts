@@ -34,12 +34,16 @@ export function fakeSession() {
       giveUp: (message: string) => {
         fake.enhancement.status.value = { kind: "failed", message };
       },
+      renew: () => {
+        fake.renewals++;
+      },
     },
     dash: signal<DashPlayer | null>(null),
     seed: signal(1),
     input: { pad: { forward: 0, right: 0, up: 0 } },
     receivedBytes: 0,
     retries: 0,
+    renewals: 0,
     disposed: false,
     retry: () => {
       fake.retries++;

@@ -8,6 +8,7 @@ import type { ViewerSession } from "../../viewer/session";
 import { KIND_NAMES, ModelOptions } from "../enhancement-models";
 import { Icon } from "../icon";
 import { enhancementNote, milliseconds } from "./hud";
+import { SceneTraining } from "./scene-training";
 
 export function EnhancementPanel({ session }: { session: ViewerSession }) {
   const missing = webgpuProblem();
@@ -26,6 +27,7 @@ export function EnhancementPanel({ session }: { session: ViewerSession }) {
           {sentence(status, session.stateless.stats.value.enhanceMs)}
         </p>
       )}
+      <SceneTraining session={session} />
     </>
   );
 }

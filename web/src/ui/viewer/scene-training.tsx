@@ -1,0 +1,75 @@
+/** A button that has the server train the scene's networks, how far that is, and another one that stops it. */
+import { useSignal } from "@preact/signals";
+import { useCallback, useEffect } from "preact/hooks";
+import { fetchScene, training } from "../../state/api";
+import type { ViewerSession } from "../../viewer/session";
+import type { Training } from "../../wire/render";
+
+/** Milliseconds between two questions. */
+const ASK_EVERY = 1000;
+
+export function SceneTraining({ session }: { session: ViewerSession }) {
+  const id = session.scene.value?.id;
+  return id === undefined ? null : <Networks key={id} session={session} id={id} />;
+}
+
+function Networks({ session, id }: { session: ViewerSession; id: string }) {
+  const state = useSignal<Training | null>(null);
+  const problem = useSignal<string | null>(null);
+  const take = useCallback(
+    async (method?: "POST" | "DELETE") => {
+      try {
+        const before = state.peek();
+        const told = await training(id, method);
+        state.value = told;
+        problem.value = told.problem ?? null;
+        if (before?.state === "running" && told.state === "done") await renew(session, id);
+      } catch (error) {
+        problem.value = error instanceof Error ? error.message : String(error);
+      }
+    },
+    [session, id, state, problem],
+  );
+  const running = state.value?.state === "running";
+  useEffect(() => {
+    if (!running) {
+      void take();
+      return;
+    }
+    const timer = setInterval(() => void take(), ASK_EVERY);
+    return () => clearInterval(timer);
+  }, [running, take]);
+  if (state.value === null && problem.value === null) return null;
+  const own = session.scene.value?.enhance === "scene";
+  return (
+    <div class="scene-training" data-training={state.value?.state}>
+      {running ? (
+        <>
+          <progress max={1} value={state.value?.progress} aria-label="Training" />
+          <span class="muted small">{state.value?.stage}</span>
+          <button type="button" class="quiet-button" onClick={() => void take("DELETE")}>
+            Stop
+          </button>
+        </>
+      ) : (
+        <button type="button" class="quiet-button" onClick={() => void take("POST")}>
+          {own ? "Train the scene’s network again" : "Train the scene’s own network"}
+        </button>
+      )}
+      {problem.value !== null && (
+        <p class="notice" role="alert">
+          {problem.value}
+        </p>
+      )}
+    </div>
+  );
+}
+
+/** Enhance with the networks that the scene has now. */
+async function renew(session: ViewerSession, id: string): Promise<void> {
+  const { enhance = null } = await fetchScene(id);
+  const scene = session.scene.peek();
+  if (scene === null) return;
+  if (scene.enhance === enhance) session.enhancement.renew();
+  else session.scene.value = { ...scene, enhance };
+}
