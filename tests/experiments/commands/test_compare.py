@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 import signal
 import statistics
@@ -24,6 +25,7 @@ from tests.experiments.stub import Stub, fails
 from tigas_common.wire.run import MODES
 from tigas_experiments.commands.compare import compare as command
 from tigas_experiments.records.folder import StoredRun, read_experiment
+from tigas_experiments.records.samples import read_sample_file, sample_path
 
 SHORT = ("--scene", "pebbles", "--duration", "2", "--warm-up", "0.5", "--viewport", "320x180", "--profile", "3")
 
@@ -48,7 +50,9 @@ def told_by_the_page(run: StoredRun) -> float:
 def test_every_mode_is_measured_over_the_same_link_and_movement(services: Services, out: Path) -> None:
     asked = len(services.shaper.asked)
     status, output, errors = finished(
-        compare("--url", services.url, "--network", "20mbit,20ms-rtt", "--out", str(out), *SHORT)
+        compare(
+            "--url", services.url, "--network", "20mbit,20ms-rtt", "--sample-stride", "5", "--out", str(out), *SHORT
+        )
     )
     assert status == 0, errors
     assert "within 108 ms" in output
@@ -87,6 +91,11 @@ def test_every_mode_is_measured_over_the_same_link_and_movement(services: Servic
     stored = [StoredRun(out / "runs" / run["folder"]) for run in runs]
     for run, records in zip(runs, stored, strict=True):
         assert run["figures"]["latencies"]["p50"] == pytest.approx(told_by_the_page(records), abs=20)
+    sampled, *streamed = (records.samples() for records in stored)
+    assert len(sampled) == math.ceil(len(stored[0].frames()) / 5)
+    for sample in sampled:
+        assert len(read_sample_file(sample_path(stored[0].folder, sample.seq, "jpg"))) == sample.bytes
+    assert streamed == [[], [], []]
     ends = [records.inputs()[-1].position for records in stored]
     for end in ends[1:]:
         assert ends[0] == pytest.approx(end, abs=1e-6)

@@ -8,7 +8,7 @@ from pathlib import Path
 from tests.experiments.report.made_up_results import write_run
 from tigas_experiments.records.folder import ExperimentRecord, write_experiment
 from tigas_experiments.report.results import load
-from tigas_experiments.report.warnings import experiment_warnings
+from tigas_experiments.report.warnings import comparison_warnings, experiment_warnings
 
 
 def test_runs_that_differ_in_what_a_row_does_not_say_are_named(tmp_path: Path) -> None:
@@ -26,6 +26,17 @@ def test_a_scene_of_another_content_is_named_even_if_it_is_as_large(tmp_path: Pa
     assert not any("scene" in warning for warning in experiment_warnings(load(tmp_path))), "early runs say nothing"
     path.write_text(path.read_text().replace("a" * 64, "b" * 64))
     assert "The scene courtyard was not the same in all runs." in experiment_warnings(load(tmp_path))
+
+
+def test_runs_without_all_of_their_samples_are_counted(tmp_path: Path) -> None:
+    for repeat, problem in enumerate((None, "The browser’s storage is full. Nothing was sampled.")):
+        path = write_run(tmp_path / "runs" / f"{repeat}", repeat=repeat) / "run.json"
+        path.write_text(json.dumps(json.loads(path.read_text()) | {"sampling_problem": problem}))
+    results = load(tmp_path)
+    assert "1 of 2 runs have fewer samples than were asked for; their run.json says why." in experiment_warnings(
+        results
+    )
+    assert sum("The browser’s storage is full." in warning for warning in comparison_warnings(results)) == 1
 
 
 def test_inputs_that_were_changed_and_runs_that_are_missing_are_named(tmp_path: Path) -> None:

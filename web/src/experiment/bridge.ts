@@ -1,6 +1,7 @@
 /** `window.tigas`: how scripts drive the viewer and measure it. Pictures are fetched one by one after a run. */
 import * as v from "valibot";
 import { readSampledRun, type SampledRun } from "../samples/sampled-runs";
+import { whyFewer } from "../samples/sampler";
 import type { Settings } from "../state/settings";
 import type { ScenePose } from "../view/camera";
 import type { Recording, Sample } from "../wire/store";
@@ -52,9 +53,10 @@ export class Bridge {
 
   /** The last run's samples, the names of their pictures, and why there are no more; the page gives none of them up. */
   async samples(): Promise<SampleList> {
-    const { key = null, problem = null } = this.#runner.sampled ?? {};
-    this.#sampled = key === null ? null : await readSampledRun(key);
-    return { samples: this.#sampled?.samples ?? [], pictures: [...(this.#sampled?.pictures.keys() ?? [])], problem };
+    const { sampled } = this.#runner;
+    this.#sampled = sampled?.key ? await readSampledRun(sampled.key) : null;
+    const { samples = [], pictures = new Map<string, File>() } = this.#sampled ?? {};
+    return { samples, pictures: [...pictures.keys()], problem: sampled && whyFewer(sampled) };
   }
 
   /** A picture of these by its name, as base64 text. */

@@ -273,7 +273,7 @@ test("samples of a run that is stored later are uploaded then", async () => {
 });
 
 test.each([
-  [{ ...SAMPLED, missed: 2 }, "Of 5 samples, 2 could not be kept: they came too fast."],
+  [{ ...SAMPLED, missed: 2 }, "Of 5 samples, 2 could not be kept."],
   [
     { ...SAMPLED, key: null, problem: "There are no files. Nothing was sampled." },
     "There are no files. Nothing was sampled.",

@@ -6,7 +6,7 @@
 import { computed, signal } from "@preact/signals";
 import { ApiError } from "../http/problem";
 import { ShaperError } from "../network/api";
-import type { Sampled } from "../samples/sampler";
+import { type Sampled, whyFewer } from "../samples/sampler";
 import type { RunUpload } from "../wire/store";
 import { RunFailed } from "./errors";
 import { figures, inputLatencies } from "./figures";
@@ -174,7 +174,7 @@ export class Experiment {
       hidden: recording.hidden,
       figures: figures(recording),
       ...stored,
-      samplesProblem: sampled && (samplingProblem(sampled) ?? (place === null ? HERE_ONLY : null)),
+      samplesProblem: sampled && (whyFewer(sampled) ?? (place === null ? HERE_ONLY : null)),
       ...samples,
     };
   }
@@ -216,12 +216,6 @@ export class Experiment {
     const seen = this.#overheads;
     return timeFor(this.plan, runs, seen.length ? seen.reduce((a, b) => a + b) / seen.length : undefined);
   }
-}
-
-/** Null if all that was to be sampled was. */
-function samplingProblem({ problem, missed, kept }: Sampled): string | null {
-  if (problem !== null) return problem;
-  return missed === 0 ? null : `Of ${kept + missed} samples, ${missed} could not be kept: they came too fast.`;
 }
 
 function megabytes(bytes: number): string {

@@ -16,6 +16,11 @@ export interface Sampled {
   readonly problem: string | null;
 }
 
+/** Why there are fewer samples than there were to be, in one sentence; null if there are not. */
+export function whyFewer({ problem, missed, kept }: Sampled): string | null {
+  return problem ?? (missed === 0 ? null : `Of ${kept + missed} samples, ${missed} could not be kept.`);
+}
+
 /** Samples that are being written; with more of them, a browser's memory would fill. */
 const MOST_WAITING = 16;
 /** Of a run: what a store takes. */

@@ -50,6 +50,8 @@ def comparison_warnings(results: Results) -> list[str]:
                 f"{name}: the machine's processors were saturated during {record.load.saturated_share:.0%} of the run "
                 f"({record.load.cpu_mean:.0%} busy on average), so its latencies tell of the machine, too."
             )
+        if record.sampling_problem is not None:
+            found.append(f"{name}: {record.sampling_problem}")
         if record.recording is not None and record.recording.hidden:
             found.append(f"{name}: the page was hidden at some time, so that the browser may have held frames back.")
     return found
@@ -76,6 +78,8 @@ def experiment_warnings(results: Results) -> list[str]:
         found.append(
             f"The page was hidden during {hidden} of {len(runs)} runs, so the browser may have held frames back."
         )
+    if fewer := sum(run.record.sampling_problem is not None for run in runs):
+        found.append(f"{fewer} of {len(runs)} runs have fewer samples than were asked for; their run.json says why.")
     for name, values in _pooled(results).items():
         if len(values) > 1:
             found.append(f"Runs of different {name} ({', '.join(values)}) are taken together.")
