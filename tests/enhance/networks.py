@@ -32,8 +32,10 @@ def random_networks(
     return networks
 
 
-def weights_file(networks: Mapping[int, Network], ladder: Sequence[Rung] = LADDER) -> bytes:
-    """Their file, as if trained for that ladder."""
+def weights_file(
+    networks: Mapping[int, Network], ladder: Sequence[Rung] = LADDER, scene_sha256: str = "general"
+) -> bytes:
+    """Their file, as if trained for that ladder and that scene."""
     described = [
         {
             **ladder[rung].model_dump(include={"width", "height", "quality"}),
@@ -48,7 +50,7 @@ def weights_file(networks: Mapping[int, Network], ladder: Sequence[Rung] = LADDE
     }
     metadata = {
         "architecture": "tigas-sr-1",
-        "scene_sha256": "general",
+        "scene_sha256": scene_sha256,
         "networks": json.dumps(described),
         "created": "2026-11-22T12:00:00Z",
         "version": "0.2.0",
