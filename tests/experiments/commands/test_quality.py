@@ -130,7 +130,7 @@ def rendered(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
     models = tmp_path_factory.mktemp("models")
     write_scenes(models)
     with RenderServer("--scenes", str(models)) as server:
-        yield server.url
+        yield server.url.rstrip("/")
 
 
 def test_rendered_frames_are_better_the_higher_their_rung(rendered: str, tmp_path: Path) -> None:
@@ -151,6 +151,7 @@ def test_rendered_frames_are_better_the_higher_their_rung(rendered: str, tmp_pat
             write_sample_file(run, seq, TRUTH, truth)
         assert quality(str(run), "--metrics", "psnr,ssim,vmaf,vif").exit_code == 0
     best, middle, worst = (read_scores(tmp_path / f"rung-{rung}") for rung in (1, 2, 3))
+    assert len(best) == 2
     for one, two, three in zip(best, middle, worst, strict=True):
         assert len(one.values) == 4
         for name, value in one.values.items():
@@ -194,6 +195,14 @@ def test_frames_that_the_renderer_would_not_send_again_are_told_of(experiment: P
         add_materialised(file, Materialised(seq=10, identical=False, problem=None, psnr_db=20.0))
     said = words(quality(str(run), "--metrics", "psnr"))
     assert "latency-0: the renderer answered 1 of 2 samples differently when it was asked again" in said
+
+
+def test_nothing_that_can_be_compared_is_a_failure(tmp_path: Path) -> None:
+    write_triplets(tmp_path, 1)
+    write_sample_file(tmp_path, 10, TRUTH, b"no picture")
+    result = quality(str(tmp_path), "--metrics", "psnr")
+    assert result.exit_code == 1
+    assert "sample 10: A picture cannot be read" in words(result)
 
 
 def test_a_sample_that_cannot_be_compared_is_named(tmp_path: Path) -> None:

@@ -69,6 +69,8 @@ def score(
             raise typer.Exit(130) from None
     for sentence in sentences:
         console.print(sentence, style="yellow", soft_wrap=True)
+    if not rows:
+        raise typer.Exit(1)
     make_console().print(_table(rows, asked))
 
 

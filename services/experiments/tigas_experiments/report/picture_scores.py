@@ -26,7 +26,7 @@ class Mean:
 
     def text(self, metric: PictureMetric, *, signed: bool = False) -> str:
         """As a person reads it, without the unit."""
-        mean = f"{self.mean:{'+' if signed else ''}.{metric.digits}f}"
+        mean = f"{self.mean:{'+' if signed else ''}z.{metric.digits}f}"
         return mean if self.deviation is None else f"{mean} ± {self.deviation:.{metric.digits}f}"
 
 

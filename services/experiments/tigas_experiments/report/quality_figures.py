@@ -138,5 +138,5 @@ def _changes(rows: Sequence[Row]) -> str:
         values = [value for row in rows for value in row.values.get(metric.name, ())]
         mean = sum(values) / len(values)
         better += mean > 0 if metric.better == "high" else mean < 0
-        texts.append(f"{metric.title} {mean:+.{metric.digits}f}{f' {metric.unit}' if metric.unit else ''}")
+        texts.append(f"{metric.title} {mean:+z.{metric.digits}f}{f' {metric.unit}' if metric.unit else ''}")
     return f"Enhancement is better by {better} of {len(metrics)} metrics: {', '.join(texts)}"
