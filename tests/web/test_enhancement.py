@@ -46,6 +46,13 @@ KEEP_DEVICES = """
   };
 })();
 """
+SLOW_DISPLAY = """
+(() => {
+  const ask = requestAnimationFrame.bind(window);
+  window.requestAnimationFrame = (callback) => ask(() => setTimeout(() => ask(callback), 60));
+})();
+"""
+"""About 12 frames a second: a processor that draws in software, on a machine with other work, keeps up with that."""
 
 
 @pytest.fixture(scope="module")
@@ -55,11 +62,12 @@ def browser(browser: Browser) -> Iterator[Browser]:
         yield enhancing
 
 
-def viewer(open_page: OpenPage, server: RenderServer, viewport: ViewportSize = SMALL, **settings: object) -> Page:
+def viewer(open_page: OpenPage, server: RenderServer, *, slow_display: bool = True, **settings: object) -> Page:
     """With a frame on the screen, at the lowest rung; `window.devices` has the devices that it asks for."""
-    chosen = with_settings(server.url, **(LOWEST_RUNG | settings))
-    page = open_page(url="about:blank", viewport=viewport, **chosen)
+    page = open_page(url="about:blank", viewport=SMALL, **with_settings(server.url, **(LOWEST_RUNG | settings)))
     page.add_init_script(KEEP_DEVICES)
+    if slow_display:
+        page.add_init_script(SLOW_DISPLAY)
     page.goto(server.url + SCENE)
     wait_for_frames(page)
     return page
@@ -247,7 +255,8 @@ def test_a_lost_device_is_asked_for_again_once(open_page: OpenPage, server: Rend
 
 
 def test_a_model_that_is_too_slow_is_switched_off(open_page: OpenPage, server: RenderServer) -> None:
-    page = viewer(open_page, server, restore="anime4k-restore-m", upscale="anime4k-upscale-m")
+    models = {"restore": "anime4k-restore-m", "upscale": "anime4k-upscale-m"}
+    page = viewer(open_page, server, slow_display=False, **models)
     page.keyboard.down("ArrowRight")
     expect(page.locator(NOTE)).to_contain_text("Enhancement is off. It took ")
     page.keyboard.up("ArrowRight")
@@ -308,3 +317,39 @@ def test_a_sample_has_the_picture_that_was_on_the_screen(open_page: OpenPage, se
         expected = np.asarray(jpeg.resize((160, 90), Image.Resampling.BICUBIC), dtype=np.int16)
         found = np.asarray(png.convert("RGB"), dtype=np.int16)
         assert np.abs(found - expected).mean() < 1, "it is of another frame"
+
+
+def test_the_url_chooses_models_and_says_which_there_are_not(open_page: OpenPage, server: RenderServer) -> None:
+    page = open_page(f"{SCENE}?upscale=lanczos", viewport=SMALL, **with_settings(server.url, **LOWEST_RUNG))
+    wait_for_frames(page)
+    wait_until_enhanced(page)
+    assert json.loads(page.evaluate("() => localStorage['tigas.settings']"))["upscale"] == "lanczos"
+    page.goto(server.url + SCENE + "?upscale=magic")
+    expect(page.locator(NOTE)).to_contain_text("There is no model “magic” to upscale with, only off, bicubic, lanczos,")
+    wait_for_canvases(page, 1)
+
+
+def test_the_panel_chooses_models_and_tells_how_they_do(open_page: OpenPage, server: RenderServer) -> None:
+    page = viewer(open_page, server)
+    page.set_viewport_size({"width": 460, "height": 120})
+    page.evaluate("() => tigas.settings({ sidebar: true })")
+    page.get_by_label("Upscale").select_option("Bicubic")
+    expect(page.locator("[data-enhancement=on]")).to_contain_text("On")
+    wait_until_enhanced(page)
+    page.get_by_label("Upscale").select_option("Scene-tuned network")
+    expect(page.locator("[data-enhancement=failed]")).to_have_text(
+        "Enhancement is off. Scene-tuned network cannot be used: there are no weights for this scene."
+    )
+    wait_for_canvases(page, 1)
+
+
+def test_without_webgpu_the_panel_says_so(open_page: OpenPage, server: RenderServer) -> None:
+    page = open_page(url="about:blank", **with_settings(server.url, upscale="bicubic", sidebar=True))
+    page.add_init_script("delete Navigator.prototype.gpu")
+    page.goto(server.url + SCENE)
+    wait_for_frames(page)
+    expect(page.locator("[data-enhancement=missing]")).to_have_text(
+        "This browser has no WebGPU. Frames are shown as they come."
+    )
+    expect(page.get_by_label("Upscale")).to_be_disabled()
+    assert page.locator(".stage canvas").count() == 1
