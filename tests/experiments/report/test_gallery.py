@@ -15,6 +15,7 @@ from tests.experiments.samples.renderers import FakeRenderer, picture, sampled_r
 from tigas_experiments.quality.picture import Picture
 from tigas_experiments.records.materialised import INDEX, TRUTH
 from tigas_experiments.records.samples import JPEG, sample_path, write_sample_file, write_samples
+from tigas_experiments.records.scores import Score, write_scores
 from tigas_experiments.report.gallery import MOST, GallerySample, gallery
 from tigas_experiments.report.report import write_report
 from tigas_experiments.report.results import load, sampled_runs
@@ -33,7 +34,8 @@ async def made(folder: Path, runs: int = 1, samples: int = 4, shade: int = 0) ->
 
 
 def shown(folder: Path) -> list[GallerySample]:
-    return gallery(folder, sampled_runs(load(folder)))
+    results = load(folder)
+    return gallery(results, sampled_runs(results))
 
 
 def decoded(url: str) -> Picture:
@@ -67,6 +69,15 @@ async def test_the_difference_is_from_ground_truth_and_the_enhanced_picture_has_
     ]
     assert names["as it came, difference × 4"][..., 2].mean() == pytest.approx(80, abs=3)
     assert names["enhanced, difference × 4"].max() <= 1
+
+
+async def test_scores_stand_below_their_pictures(tmp_path: Path) -> None:
+    await made(tmp_path, samples=2)
+    score = Score(seq=1, picture="original", digest="0", psnr=31.26, ssim=0.9127)
+    write_scores(tmp_path / "runs" / "00", [score, score.model_copy(update={"seq": 2, "psnr": 20.0})])
+    (one, _) = shown(tmp_path)
+    assert [each.scores for each in one.pictures] == ["PSNR 31.3 dB, SSIM 0.913", "", ""]
+    assert "as it came<br>PSNR 31.3 dB" in write_report(tmp_path, tmp_path).page.read_text()
 
 
 async def test_there_are_a_few_from_many_runs(tmp_path: Path) -> None:

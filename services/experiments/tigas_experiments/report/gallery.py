@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import base64
 import io
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import chain, islice, zip_longest
 from pathlib import Path
@@ -15,9 +15,13 @@ from PIL import Image
 
 from tigas_common.files import read_regular
 from tigas_common.wire.recording import Sample
+from tigas_experiments.quality.metrics import PICTURE_METRICS, PictureMetric
 from tigas_experiments.quality.picture import BrokenPicture, Picture, decode, upscaled
 from tigas_experiments.records.materialised import TRUTH, SampledRun
 from tigas_experiments.records.samples import ENHANCED, JPEG, MAX_PICTURE_BYTES, sample_path
+from tigas_experiments.records.scores import Score
+from tigas_experiments.records.triplets import Kind
+from tigas_experiments.report.results import Results
 
 MOST = 6
 """Samples of a report, from as many of its runs as possible."""
@@ -34,6 +38,8 @@ class Shown:
 
     name: str
     url: str
+    scores: str
+    """Against ground truth, as far as they were computed."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,40 +56,38 @@ class GallerySample:
     height: int
 
 
-def gallery(folder: Path, runs: Mapping[str, SampledRun]) -> list[GallerySample]:
+def gallery(results: Results, runs: Mapping[str, SampledRun]) -> list[GallerySample]:
     """Of an experiment's sampled runs, by the names of their folders; without what has no ground truth or is broken."""
-    rendered = [name for name, run in runs.items() if run.known]
-    names = rendered[:: -(-len(rendered) // MOST) or 1]  # spread over all of them
-    each = [islice(_of_run(folder / "runs" / name, runs[name]), MOST_A_RUN) for name in names]
-    in_turns = chain.from_iterable(zip_longest(*each))
+    rendered = [run for run in results.runs if run.folder in runs and runs[run.folder].known]
+    chosen = rendered[:: -(-len(rendered) // MOST) or 1]  # spread over all of them
+    of_each = (_of_run(results.folder / "runs" / run.folder, runs[run.folder], run.scores) for run in chosen)
+    in_turns = chain.from_iterable(zip_longest(*(islice(one, MOST_A_RUN) for one in of_each)))
     return list(islice((one for one in in_turns if one is not None), MOST))
 
 
-def _of_run(folder: Path, run: SampledRun) -> Iterator[GallerySample]:
+def _of_run(folder: Path, run: SampledRun, scores: Sequence[Score]) -> Iterator[GallerySample]:
     """From the run's beginning, middle and end, then others; each is made when it is asked for."""
-    samples = sorted(run.samples, key=lambda sample: sample.at)
-    first = [samples[len(samples) * share // 6] for share in (1, 3, 5)] if len(samples) >= MOST_A_RUN else []
-    for sample in dict.fromkeys(sample.seq for sample in (*first, *samples)):
+    samples = sorted((one for one in run.samples if one.seq in run.known), key=lambda sample: sample.at)
+    first = [len(samples) * share // 6 for share in (1, 3, 5)] if len(samples) >= MOST_A_RUN else []
+    for index in dict.fromkeys((*first, *range(len(samples)))):
         try:
-            yield _sample(folder, run, next(one for one in samples if one.seq == sample))
+            yield _sample(folder, run, scores, samples[index])
         except (OSError, BrokenPicture):
             continue
 
 
-def _sample(folder: Path, run: SampledRun, sample: Sample) -> GallerySample:
+def _sample(folder: Path, run: SampledRun, scores: Iterable[Score], sample: Sample) -> GallerySample:
     """Raises OSError and BrokenPicture."""
     truth = _read(folder, sample, TRUTH)
     height, width = truth.shape[:2]
     original = upscaled(_read(folder, sample, JPEG), width, height)
-    pictures = [
-        ("as it came", original),
-        ("ground truth", truth),
-        (f"as it came, difference × {TIMES}", _apart(original, truth)),
-    ]
+    told = _by_kind(scores, sample.seq)
+    pictures = [("as it came", original, told.get("original", "")), ("ground truth", truth, "")]
+    differences = [(f"as it came, difference × {TIMES}", _apart(original, truth), "")]
     if (kind := next((kind for kind in ENHANCED if sample_path(folder, sample.seq, kind).exists()), None)) is not None:
         enhanced = upscaled(_read(folder, sample, kind), width, height)
-        pictures.insert(1, ("enhanced", enhanced))
-        pictures.append((f"enhanced, difference × {TIMES}", _apart(enhanced, truth)))
+        pictures.insert(1, ("enhanced", enhanced, told.get("enhanced", "")))
+        differences.append((f"enhanced, difference × {TIMES}", _apart(enhanced, truth), ""))
     known = run.known.get(sample.seq)
     remark = None
     if known is not None and known.identical is False:
@@ -95,7 +99,7 @@ def _sample(folder: Path, run: SampledRun, sample: Sample) -> GallerySample:
         title=f"{run.folder}, {sample.seq}",
         about=_about(sample),
         remark=remark,
-        pictures=tuple(Shown(name, _url(picture)) for name, picture in pictures),
+        pictures=tuple(Shown(name, _url(picture), scored) for name, picture, scored in (*pictures, *differences)),
         width=min(width, MAX_WIDTH),
         height=round(height * min(1.0, MAX_WIDTH / width)),
     )
@@ -109,6 +113,19 @@ def _about(sample: Sample) -> str:
     if sample.enhance_ms is not None:
         parts.append(f"enhanced in {sample.enhance_ms:.1f} ms")
     return ", ".join(parts)
+
+
+def _by_kind(scores: Iterable[Score], seq: int) -> dict[Kind, str]:
+    """What was computed of a sample's pictures."""
+    return {
+        score.picture: ", ".join(_text(metric, score) for metric in PICTURE_METRICS if score.has([metric.name]))
+        for score in scores
+        if score.seq == seq
+    }
+
+
+def _text(metric: PictureMetric, score: Score) -> str:
+    return f"{metric.title} {score.values[metric.name]:.{metric.digits}f} {metric.unit}".rstrip()
 
 
 def _read(folder: Path, sample: Sample, kind: str) -> Picture:

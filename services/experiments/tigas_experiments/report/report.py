@@ -72,7 +72,7 @@ def write_report(
         "baseline": base,
         "compared": compared,
         "sampled": sampled,
-        "samples": gallery(results.folder, sampled),
+        "samples": gallery(results, sampled),
         "ladder": _ladder(results.folder),
         **values(results, groups, out, told),
     }
