@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -19,7 +20,9 @@ from tigas_experiments.commands.materialise import RENDER_URL, Render, materiali
 
 if TYPE_CHECKING:  # heavy
     from tigas_experiments.quality.metrics import PictureMetric
+    from tigas_experiments.report.groups import Condition
     from tigas_experiments.report.picture_scores import Row
+    from tigas_experiments.scoring import Scoring
 
 SCORE = "score"
 
@@ -55,6 +58,9 @@ def score(
     ] = None,
 ) -> None:
     """Compare the samples of a run with ground truth, as they came and as they were enhanced."""
+    from tigas_experiments.run.signals import end_as_ctrl_c
+
+    end_as_ctrl_c()
     console = make_console(stderr=True)
     with in_a_sentence(StartError, OSError):
         asked = _asked(metrics)
@@ -102,7 +108,6 @@ def fetch(
     ] = False,
 ) -> None:
     """Fetch the weights of LPIPS and DISTS into the user's cache, and the pictures that tests check them with."""
-
     columns = (TextColumn("{task.description}", markup=False), BarColumn(), DownloadColumn())
     with (
         in_a_sentence(StartError, OSError),
@@ -147,10 +152,7 @@ def _score(folder: Path, asked: list[PictureMetric], device: str | None, *, agai
     except ImportError as error:
         raise StartError(f"{error.name} is missing: pip install 'tigas[quality]'") from None
     from tigas_experiments.lock import EXPERIMENT, exclusive
-    from tigas_experiments.records.folder import StoredRun
-    from tigas_experiments.records.materialised import sampled_run
     from tigas_experiments.records.recording import BrokenRecording
-    from tigas_experiments.report.groups import Condition
     from tigas_experiments.report.picture_scores import rows
 
     runs, lock = _runs(folder)
@@ -159,38 +161,51 @@ def _score(folder: Path, asked: list[PictureMetric], device: str | None, *, agai
     if not meters.single and not meters.video:
         raise StartError(" ".join(sentences))
     columns = (TextColumn("{task.description}", markup=False), BarColumn(), TimeRemainingColumn(), TextColumn("left"))
+    scorings: dict[Path, Scoring] = {}
     scored = []
     with (
-        exclusive(lock / EXPERIMENT, f"Somebody makes or scores runs in {lock}; try again when they are done."),
+        exclusive(lock / EXPERIMENT, f"Runs in {lock} are being made or scored; try again when that is done."),
         Progress(*columns, console=make_console(stderr=True), transient=True) as bar,
     ):
         task = bar.add_task("")
-        scorings = []
         for run in runs:
             try:
-                scorings.append((run, Scoring(run, meters, lambda steps: bar.advance(task, steps), again=again)))
+                scorings[run] = Scoring(run, meters, lambda steps: bar.advance(task, steps), again=again)
             except BrokenRecording as error:
                 sentences.append(f"{run.name}: {error}")
-        bar.update(task, total=sum(scoring.steps for _, scoring in scorings))
-        if not any(scoring.triplets for _, scoring in scorings):
+        if not any(scoring.triplets for scoring in scorings.values()):
             raise StartError(" ".join(sentences) or f"{folder} has no samples with ground truth (docs/quality.md).")
-        for run, scoring in scorings:
+        bar.update(task, total=sum(scoring.steps for scoring in scorings.values()))
+        for run, scoring in scorings.items():
             bar.update(task, description=run.name)
-            scores = scoring.score()
-            sentences += [f"{run.name}, sample {seq}: {why}" for seq, why in sorted(scoring.problems.items())]
-            if different := sampled_run(run).different:
-                sentences.append(
-                    f"{run.name}: the renderer answered {different} of {len(scoring.triplets)} samples differently "
-                    "when it was asked again, so ground truth may not be theirs."
-                )
-            condition = None
-            if (run / "run.json").exists():
-                try:
-                    condition = Condition.of(StoredRun(run).record)
-                except BrokenRecording as error:
-                    sentences.append(f"{run.name}: {error}")
-            scored.append((condition, scores))
+            scored.append((_condition(run), scoring.score()))
+            sentences += _doubts(run, scoring)
     return rows(scored), sentences
+
+
+def _condition(run: Path) -> Condition | None:
+    """None of a folder that is no run's."""
+    from tigas_experiments.records.folder import StoredRun
+    from tigas_experiments.records.recording import BrokenRecording
+    from tigas_experiments.report.groups import Condition
+
+    try:
+        return Condition.of(StoredRun(run).record)
+    except BrokenRecording:
+        return None
+
+
+def _doubts(run: Path, scoring: Scoring) -> Iterator[str]:
+    """What must be known of a run's scores."""
+    from tigas_experiments.records.materialised import sampled_run
+
+    for seq, why in sorted(scoring.problems.items()):
+        yield f"{run.name}, sample {seq}: {why}"
+    if different := sampled_run(run).different:
+        yield (
+            f"{run.name}: the renderer answered {different} of {len(scoring.triplets)} samples differently when it was "
+            "asked again, so ground truth may not be theirs."
+        )
 
 
 def _runs(folder: Path) -> tuple[list[Path], Path]:
