@@ -3,7 +3,7 @@ import { ApiError } from "../http/problem";
 import type { SampledRun } from "../samples/sampled-runs";
 import type { Sample } from "../wire/store";
 import { FROM_THE_START, UNSHAPED } from "./plan";
-import { type SampleStore, uploadSamples } from "./sample-upload";
+import { deleteSamples, type SampleStore, uploadSamples } from "./sample-upload";
 
 const { runs, held, described } = vi.hoisted(() => ({
   runs: new Map<string, unknown>(),
@@ -149,7 +149,11 @@ test("what another tab uses is left alone", async () => {
   sampled(ABOUT);
   held.add("k");
   await expect(uploaded()).rejects.toThrow("Another tab has them in use.");
+  await expect(deleteSamples("k")).rejects.toThrow("Another tab has them in use.");
   expect(runs.size).toBe(1);
+  held.clear();
+  await deleteSamples("k");
+  expect(runs.size).toBe(0);
 });
 
 test("without any sample there is nothing to upload, and of unknown ones nobody knows where", async () => {

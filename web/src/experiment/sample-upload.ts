@@ -27,13 +27,24 @@ interface Upload {
 }
 
 /** They are gone from this browser afterwards. Rejects with an ApiError, or with the reason of `signal`. */
-export async function uploadSamples({ key, place, store, progress, signal }: Upload): Promise<void> {
+export function uploadSamples({ key, place, ...how }: Upload): Promise<void> {
+  return holding(key, async () => {
+    const run = await readSampledRun(key);
+    if (run.samples.length > 0) await send(run, place ?? (await placeFor(run, how.store)), how);
+    await removeSampledRun(key);
+  });
+}
+
+/** Gives samples up. Rejects with an ApiError. */
+export function deleteSamples(key: string): Promise<void> {
+  return holding(key, () => removeSampledRun(key));
+}
+
+async function holding(key: string, work: () => Promise<void>): Promise<void> {
   const release = await hold(key);
   if (release === null) throw new ApiError("Another tab has them in use.", false);
   try {
-    const run = await readSampledRun(key);
-    if (run.samples.length > 0) await send(run, place ?? (await placeFor(run, store)), { store, progress, signal });
-    await removeSampledRun(key);
+    await work();
   } finally {
     release();
   }

@@ -12,7 +12,7 @@ import type { ExperimentSummary } from "../../wire/store";
 import { Icon } from "../icon";
 import { ThemeButton } from "../theme-button";
 import { continueExperiment } from "./experiment-dialog";
-import { SampledRuns } from "./sampled-runs";
+import { LocalSamples } from "./local-samples";
 
 export function ExperimentList() {
   const base = config.value?.services.store;
@@ -43,7 +43,7 @@ export function ExperimentList() {
         ) : (
           config.value && <p>This server has no store of experiments.</p>
         )}
-        <SampledRuns
+        <LocalSamples
           store={base === undefined ? null : new StoreApi(base)}
           onUploaded={() => {
             uploads.value++;

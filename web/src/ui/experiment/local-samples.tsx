@@ -3,10 +3,10 @@ import { useSignal } from "@preact/signals";
 import { Trash2, Upload } from "lucide";
 import { useCallback, useEffect, useRef } from "preact/hooks";
 import { conditionLabel, type PlannedRun } from "../../experiment/plan";
-import { uploadSamples } from "../../experiment/sample-upload";
+import { deleteSamples, uploadSamples } from "../../experiment/sample-upload";
 import type { StoreApi } from "../../experiment/store-api";
 import { ApiError } from "../../http/problem";
-import { listSampledRuns, removeSampledRun, type SampledRun } from "../../samples/sampled-runs";
+import { listSampledRuns, type SampledRun } from "../../samples/sampled-runs";
 import { config } from "../../state/app";
 import { bytes } from "../format";
 import { Icon } from "../icon";
@@ -18,7 +18,7 @@ interface Props {
   readonly onUploaded: () => void;
 }
 
-export function SampledRuns({ store, onUploaded }: Props) {
+export function LocalSamples({ store, onUploaded }: Props) {
   const runs = useSignal<readonly SampledRun[]>([]);
   const problem = useSignal<string | null>(null);
   const look = useCallback(async () => {
@@ -42,8 +42,8 @@ export function SampledRuns({ store, onUploaded }: Props) {
   };
   if (runs.value.length === 0) return null;
   return (
-    <section class="sampled-runs" aria-labelledby="sampled-runs">
-      <h2 id="sampled-runs">Samples in this browser</h2>
+    <section class="local-samples" aria-labelledby="local-samples">
+      <h2 id="local-samples">Samples in this browser</h2>
       <p class="muted">Shown frames that experiments kept here, and that no store has yet.</p>
       {problem.value && (
         <p class="notice" role="alert">
@@ -117,7 +117,7 @@ function Row({ run, store, onDone }: RowProps) {
                 <Icon of={Upload} size={14} /> Upload
               </button>
             )}
-            <button type="button" class="quiet-button with-icon" onClick={() => void onDone(removeSampledRun(key))}>
+            <button type="button" class="quiet-button with-icon" onClick={() => void onDone(deleteSamples(key))}>
               <Icon of={Trash2} size={14} /> Delete
             </button>
           </>
