@@ -21,8 +21,18 @@ def test_the_parts_of_a_frames_age_add_up_to_it() -> None:
     answer = reply(asked_at=104.0, took_ms=40.0, pose=sampled.pose)
     parts = LatencyParts.of([sampled], [frame(160.0, sampled.pose), frame(176.0, sampled.pose)], [answer])
     assert parts is not None
-    assert parts.by_name == {"wait": 4, "queue": 0, "render": 11, "encode": 1, "network": 28, "page": 16}
+    assert parts.by_name == {"wait": 4, "queue": 0, "render": 11, "encode": 1, "network": 28, "enhance": 0, "page": 16}
     assert sum(parts.by_name.values()) == 160 - 100
+
+
+def test_enhancement_is_a_part_of_its_own() -> None:
+    (sampled,) = inputs(1, start=100.0)
+    answer = reply(asked_at=104.0, took_ms=40.0, pose=sampled.pose)
+    for took, expected in ((6.5, (6.5, 9.5)), (99.0, (16.0, 0.0))):
+        shown = frame(160.0, sampled.pose).model_copy(update={"enhance_ms": took})
+        parts = LatencyParts.of([sampled], [shown], [answer])
+        assert parts is not None
+        assert (parts.enhance, parts.page) == expected
 
 
 def test_frames_whose_reply_is_unknown_do_not_count() -> None:
@@ -44,7 +54,7 @@ def test_the_panel_and_its_values(tmp_path: Path) -> None:
     write_run(tmp_path / "runs" / "dash", network="bus", mode="dash-edge", delay_ms=80)
     panel = system_panel(Groups.of(load(tmp_path).runs))
     assert panel is not None
-    assert panel.title == "The oldest frames are those of Latency over bus, 76 ms; most of it is network"
+    assert panel.title == "The oldest frames are those of Latency over bus, 76 ms; the largest part: network"
     for text in ("Rendering", "Encoding", "Latency, train", "Received, Mbit/s", "Median height", "Profile changes"):
         assert text in panel.svg
     write_report(tmp_path, tmp_path)

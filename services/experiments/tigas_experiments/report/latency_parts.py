@@ -19,8 +19,10 @@ class LatencyParts:
     encode: float
     network: float
     """Up and down, and what the server does beside the three."""
+    enhance: float
+    """What the page's enhancement took; 0 where it was off."""
     page: float
-    """From the last byte to the screen: decoding, enhancement, and the display's next refresh."""
+    """The rest from the last byte to the screen: decoding, and the display's next refresh."""
 
     @property
     def by_name(self) -> dict[str, float]:
@@ -40,7 +42,9 @@ class LatencyParts:
                 assert reply.server is not None
                 queue, render, encode = reply.server.queue, reply.server.render, reply.server.encode
                 network = reply.time_ms - queue - render - encode
-                found.append((reply.asked_at - at, queue, render, encode, network, frame.at - reply.at))
+                enhance = min(frame.enhance_ms or 0.0, frame.at - reply.at)
+                page = frame.at - reply.at - enhance
+                found.append((reply.asked_at - at, queue, render, encode, network, enhance, page))
             newest = max(newest, frame.pose)
         if not found:
             return None
@@ -53,5 +57,6 @@ PART_TITLES = {
     "render": "Rendering",
     "encode": "Encoding",
     "network": "Network",
+    "enhance": "Enhancement",
     "page": "Page and display",
 }

@@ -14,7 +14,7 @@ from tigas_experiments.report.metrics import MEDIAN_HEIGHT, RECEIVED, RENDER_MEA
 from tigas_experiments.report.plot import MOST_COLUMNS, Plot, legend_entries, panel_grid, style, svg
 
 METRICS = (RECEIVED, MEDIAN_HEIGHT, SWITCHES, RENDER_MEAN)
-PART_COLOURS = ("#bbbbbb", "#88ccee", "#0072b2", "#44aa99", "#d55e00", "#ddcc77")
+PART_COLOURS = ("#bbbbbb", "#88ccee", "#0072b2", "#44aa99", "#d55e00", "#cc79a7", "#ddcc77")
 
 
 def system_panel(groups: Groups) -> Plot | None:
@@ -42,12 +42,12 @@ def system_panel(groups: Groups) -> Plot | None:
         largest = max(parts[slowest], key=lambda name: parts[slowest][name])
         title = (
             f"The oldest frames are those of {slowest.controller.title} over {slowest.condition.network}, "
-            f"{sum(parts[slowest].values()):,.0f} ms; most of it is {PART_TITLES[largest].lower()}"
+            f"{sum(parts[slowest].values()):,.0f} ms; the largest part: {PART_TITLES[largest].lower()}"
         )
         caption = (
             f"Each controller over each network, {at_lowest(groups)}. {spread_of(every)} The age of a frame is the sum "
             "of its parts: the wait from an input to its request, the server's queue, rendering and encoding, the "
-            "network both ways, and the page with the wait for the display."
+            "network both ways, the page's enhancement, and the page otherwise with the wait for the display."
         )
         return Plot("system", title, caption, svg(figure), "system.csv")
 
