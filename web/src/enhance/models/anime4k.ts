@@ -8,9 +8,9 @@ import type { Enhancer, Kind, Loaded } from "../model/enhancer";
 type PipelineOf = new (parts: Anime4K.Anime4KPipelineDescriptor) => Anime4K.Anime4KPipeline;
 type Network = "CNNM" | "CNNVL" | "CNNUL" | "CNNx2M" | "CNNx2VL" | "CNNx2UL";
 
-const model = (kind: Kind, size: string, network: Network, title: string): Enhancer => ({
-  name: `anime4k-${kind}-${size}`,
-  label: `Anime4K ${kind}, ${title}`,
+const model = (kind: Kind, size: string, network: Network): Enhancer => ({
+  name: `anime4k-${kind}-${size.toLowerCase()}`,
+  label: `Anime4K ${kind} ${size}`,
   kind,
   scale: kind === "upscale" ? 2 : 1,
   load: async (device) => new Anime4KModel(device, (await import("anime4k-webgpu"))[network]),
@@ -18,12 +18,12 @@ const model = (kind: Kind, size: string, network: Network, title: string): Enhan
 
 /** Of each kind three, which differ in size; where both kinds are chosen, they are the chain of the paper's authors. */
 export const ANIME4K: readonly Enhancer[] = [
-  model("restore", "m", "CNNM", "medium"),
-  model("restore", "vl", "CNNVL", "very large"),
-  model("restore", "ul", "CNNUL", "ultra large"),
-  model("upscale", "m", "CNNx2M", "medium"),
-  model("upscale", "vl", "CNNx2VL", "very large"),
-  model("upscale", "ul", "CNNx2UL", "ultra large"),
+  model("restore", "M", "CNNM"),
+  model("restore", "VL", "CNNVL"),
+  model("restore", "UL", "CNNUL"),
+  model("upscale", "M", "CNNx2M"),
+  model("upscale", "VL", "CNNx2VL"),
+  model("upscale", "UL", "CNNx2UL"),
 ];
 
 class Anime4KModel implements Loaded {

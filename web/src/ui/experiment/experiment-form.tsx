@@ -5,6 +5,7 @@ import type { ComponentChildren, TargetedSubmitEvent } from "preact";
 import { CONTROLLER_NAMES } from "../../abr/registry";
 import { FRAME_RATES } from "../../dash/presets";
 import { webgpuProblem } from "../../enhance/device";
+import { KINDS } from "../../enhance/model/enhancer";
 import { type Draft, type Lengths, parseDraft, toggled } from "../../experiment/draft";
 import type { ResumedExperiment } from "../../experiment/experiment";
 import { presentNetwork } from "../../experiment/link";
@@ -216,7 +217,7 @@ function ConditionChoice({ draft, onChange }: PartProps) {
           </option>
         ))}
       </Select>
-      {(["restore", "upscale"] as const).map((kind) => (
+      {KINDS.map((kind) => (
         <Select
           key={kind}
           label={`${KIND_NAMES[kind]}, stateless`}

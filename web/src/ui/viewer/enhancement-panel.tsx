@@ -2,7 +2,7 @@
 import { ChevronDown } from "lucide";
 import { webgpuProblem } from "../../enhance/device";
 import type { EnhancementStatus } from "../../enhance/enhancement";
-import type { Kind } from "../../enhance/model/enhancer";
+import { KINDS, type Kind } from "../../enhance/model/enhancer";
 import { changeSettings, settings } from "../../state/app";
 import type { ViewerSession } from "../../viewer/session";
 import { KIND_NAMES, ModelOptions } from "../enhancement-models";
@@ -15,8 +15,11 @@ export function EnhancementPanel({ session }: { session: ViewerSession }) {
   const status = session.enhancement.status.value;
   return (
     <>
-      <ModelChoice kind="restore" disabled={missing !== null} />
-      <ModelChoice kind="upscale" disabled={missing !== null} />
+      <div class="models">
+        {KINDS.map((kind) => (
+          <ModelChoice key={kind} kind={kind} disabled={missing !== null} />
+        ))}
+      </div>
       {missing && (
         <p class="muted small" data-enhancement="missing">
           {missing} Frames are shown as they come.
