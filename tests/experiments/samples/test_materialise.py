@@ -247,6 +247,31 @@ async def test_a_scene_whose_file_has_changed_is_no_ground_truth(tmp_path: Path)
     assert (await made(run, unknown)).identical == 1, "what nobody knows is no change"
 
 
+async def test_samples_of_another_scene_are_not_asked_for(tmp_path: Path) -> None:
+    """Whose file nobody has checked."""
+    run = tmp_path / "run"
+    (one,) = sampled_run(run, [1])
+    other = one.model_copy(update={"request": one.request.model_copy(update={"scene": "garden"})})
+    (run / "samples.ndjson").write_text(other.model_dump_json() + "\n")
+    renderer = FakeRenderer()
+    assert (await made(run, renderer)).problems == ["Its samples are of another scene than the run."]
+    assert renderer.asked == []
+
+
+async def test_everything_can_be_asked_for_again(tmp_path: Path) -> None:
+    """Such as from the server that the frames came from, after another one had been asked."""
+    run = tmp_path / "run"
+    sampled_run(run, [1, 2])
+    assert (await made(run, FakeRenderer(shade=60))).different == 2
+    assert (await made(run, FakeRenderer())).different == 2, "what is there is not asked for"
+    async with FakeRenderer().client() as client:
+        found = await materialise(run, client, again=True)
+    assert (found.identical, found.different) == (2, 0)
+    for seq in (1, 2):
+        assert not sample_path(run, seq, REPLAYED).exists()
+        assert decode(sample_path(run, seq, TRUTH).read_bytes())[..., 2].max() == 0
+
+
 async def test_a_run_without_samples_is_left_alone(tmp_path: Path) -> None:
     run = write_run(tmp_path / "runs" / "old")
     assert (await made(run, FakeRenderer())).samples == ()

@@ -23,19 +23,24 @@ RENDER_URL = f"http://{PAGE.loopback}"
 def materialise(
     folder: Annotated[Path, typer.Argument(metavar="DIR", help="A run's folder, or an experiment's.")],
     render: Render = RENDER_URL,
+    again: Annotated[bool, typer.Option("--again", help="Ask for what is there, too.")] = False,
 ) -> None:
     """Render a run's samples again: is each frame the one that came, and what should it have looked like?
 
-    Start it again to resume after an interruption. What is there already is not asked for.
+    After an interruption the same command goes on: what is there already is not asked for.
     """
     from rich.table import Table
 
     from tigas_experiments.run.signals import end_as_ctrl_c
 
     end_as_ctrl_c()
-    with in_a_sentence(StartError, OSError):
-        outcomes = materialised(folder, render)
     console = make_console()
+    with in_a_sentence(StartError, OSError):
+        try:
+            outcomes = materialised(folder, render, again=again)
+        except KeyboardInterrupt:
+            console.print("Interrupted. The same command goes on.")
+            raise typer.Exit(130) from None
     table = Table()
     table.add_column("Run", overflow="fold")
     for title in ("Samples", "Identical", "Different", "Incomplete"):
@@ -57,7 +62,7 @@ def materialise(
         raise typer.Exit(1)
 
 
-def materialised(folder: Path, render: str) -> list[SampledRun]:
+def materialised(folder: Path, render: str, *, again: bool = False) -> list[SampledRun]:
     """Materialise all samples of a run or an experiment, with a progress bar. Raises StartError and OSError."""
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
@@ -73,7 +78,7 @@ def materialised(folder: Path, render: str) -> list[SampledRun]:
             for number, run in enumerate(runs, 1):
                 task = bar.add_task(f"run {number} of {len(runs)}", total=None)
                 told = lambda done, total, task=task: bar.update(task, completed=done, total=total)  # noqa: E731
-                outcomes.append(await materialise(run, renderer, told))
+                outcomes.append(await materialise(run, renderer, told, again=again))
                 bar.remove_task(task)
         return outcomes
 

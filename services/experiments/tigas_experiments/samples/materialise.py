@@ -29,8 +29,12 @@ Told = Callable[[int, int], None]
 """Who wants to know how many samples of a run are done, and how many there are."""
 
 
-async def materialise(run: Path, renderer: Renderer, told: Told = lambda done, total: None) -> SampledRun:
-    """Ask for all samples of a run of which something is missing; it may be ended at any time, and begun again.
+async def materialise(
+    run: Path, renderer: Renderer, told: Told = lambda done, total: None, *, again: bool = False
+) -> SampledRun:
+    """Ask for all samples of a run of which something is missing, or for all `again`.
+
+    It may be ended at any time, and goes on from there when it is called the next time.
 
     Raises OSError, and RendererAway if the service does not answer.
     """
@@ -39,21 +43,27 @@ async def materialise(run: Path, renderer: Renderer, told: Told = lambda done, t
         return before
     if (run / "samples").is_symlink() or not (run / "samples").is_dir():
         return replace(before, problem=f"{run / 'samples'} is no folder of pictures.")
-    todo = [one for one in before.samples if not await asyncio.to_thread(_is_complete, run, one, before.known)]
+    known: Mapping[int, Materialised] = {} if again else before.known
+    todo = [one for one in before.samples if not await asyncio.to_thread(_is_complete, run, one, known)]
     if not todo:
         return before
     try:
         record = StoredRun(run).record
+        if any(one.request.scene != record.configuration.scene for one in before.samples):
+            return replace(before, problem="Its samples are of another scene than the run.")
         scene = await renderer.load(record.configuration.scene)
     except (BrokenRecording, NotRendered) as error:
         return replace(before, problem=str(error))
     if (changed := changed_scene(record, scene.file_sha256)) is not None:
         return replace(before, problem=changed)
-    await _ask_for(run, todo, renderer, lambda done: told(len(before.samples) - len(todo) + done, len(before.samples)))
+    total = len(before.samples)
+    await _ask_for(run, todo, renderer, lambda done: told(total - len(todo) + done, total), again)
     return await asyncio.to_thread(sampled_run, run)
 
 
-async def _ask_for(run: Path, todo: Sequence[Sample], renderer: Renderer, told: Callable[[int], None]) -> None:
+async def _ask_for(
+    run: Path, todo: Sequence[Sample], renderer: Renderer, told: Callable[[int], None], again: bool
+) -> None:
     """A few at once; what became of each is written down as soon as it is known."""
     left, done = iter(todo), 0
     told(done)
@@ -62,7 +72,7 @@ async def _ask_for(run: Path, todo: Sequence[Sample], renderer: Renderer, told: 
         async def work() -> None:
             nonlocal done
             for sample in left:
-                add_materialised(log, await replay(run, sample, renderer))
+                add_materialised(log, await replay(run, sample, renderer, again=again))
                 done += 1
                 told(done)
 

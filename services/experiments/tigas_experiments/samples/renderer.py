@@ -11,11 +11,8 @@ from urllib.parse import quote
 import httpx
 from pydantic import ValidationError
 
-from tigas_common.topology import PAGE
 from tigas_common.wire.render import Problem, RenderRequest, SceneInfo, ServerConfig
 
-RENDER_URL = f"http://{PAGE.loopback}"
-"""Where it listens unless told otherwise."""
 AT_ONCE = 4
 """Frames that are asked for: enough to keep a renderer and the encoders behind it busy."""
 LOAD_S = 300

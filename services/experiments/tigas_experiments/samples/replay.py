@@ -41,15 +41,18 @@ def request_truth(sample: Sample) -> RenderRequest:
         raise NotRendered(f"There is no such view: {sentence(error)}") from None
 
 
-async def replay(run: Path, sample: Sample, renderer: Renderer) -> Materialised:
-    """Ask for a sample again and for its ground truth, and keep what is new. Raises RendererAway and OSError."""
+async def replay(run: Path, sample: Sample, renderer: Renderer, *, again: bool = False) -> Materialised:
+    """Ask for a sample again and for its ground truth, if that is not there or asked for `again`; keep what came.
+
+    Raises RendererAway and OSError.
+    """
     problems: list[str] = []
     identical = psnr_db = None
     try:
         identical, psnr_db = await _compare(run, sample, await renderer.frame(request_again(sample)))
     except (NotRendered, BrokenPicture) as error:
         problems.append(str(error))
-    if not await asyncio.to_thread(has_truth, run, sample):
+    if again or not await asyncio.to_thread(has_truth, run, sample):
         try:
             truth = await renderer.frame(request_truth(sample))
             await asyncio.to_thread(_keep_truth, run, sample, truth)
