@@ -1,7 +1,7 @@
 /** A network on a device: its compute pipelines, and its textures for the sizes of frames that come. */
 import { EnhancementError } from "../model/enhancer";
 import type { Network } from "./networks";
-import { FORMAT, shaders } from "./wgsl";
+import { FORMAT, fasterPrecision, shaders } from "./wgsl";
 
 interface Step {
   readonly pipeline: GPUComputePipeline;
@@ -31,8 +31,7 @@ export class NetworkPipelines {
 
   /** Compiles all layers at once, without holding up the page. Rejects with an EnhancementError if the device cannot. */
   static async compile(device: GPUDevice, network: Network): Promise<NetworkPipelines> {
-    const precision = device.features.has("shader-f16") ? "f16" : "f32";
-    const steps = shaders(network, precision).map(async ({ code, tile }) => {
+    const steps = shaders(network, fasterPrecision(device)).map(async ({ code, tile }) => {
       const module = device.createShaderModule({ code });
       return { pipeline: await device.createComputePipelineAsync({ layout: "auto", compute: { module } }), tile };
     });

@@ -2,7 +2,7 @@
 import { expect, test } from "vitest";
 import { ONE, OTHER, safetensors, weights } from "./fake-weights";
 import { readNetworks } from "./networks";
-import { shaders } from "./wgsl";
+import { fasterPrecision, shaders } from "./wgsl";
 
 function networkOf(half: number, description: typeof ONE | typeof OTHER = ONE) {
   const { header, data } = weights([description], half);
@@ -42,4 +42,14 @@ test("a tile fits into the workgroup memory that every device has", () => {
       }
     }
   }
+});
+
+test.each<[string[], string | undefined, string]>([
+  [["shader-f16"], "apple", "f16"],
+  [["shader-f16"], undefined, "f16"],
+  [["shader-f16"], "nvidia", "f32"],
+  [[], "apple", "f32"],
+])("a device with %j by %s computes in %s", (features, vendor, precision) => {
+  const device = { features: new Set(features), ...(vendor !== undefined && { adapterInfo: { vendor } }) };
+  expect(fasterPrecision(device)).toBe(precision);
 });
