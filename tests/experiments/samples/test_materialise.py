@@ -203,6 +203,16 @@ async def test_what_the_service_refuses_is_said_and_asked_for_again_the_next_tim
     assert {form for _, form in again.asked} == {"jpeg"}
 
 
+async def test_only_what_is_missing_is_asked_for_again(tmp_path: Path) -> None:
+    run = tmp_path / "run"
+    sampled_run(run, [3, 1, 2])
+    found = await made(run, FakeRenderer(refuse=lambda wanted: problem(400, "No.") if wanted["seq"] == 1 else None))
+    assert (found.identical, found.missing) == (2, 1)
+    again = FakeRenderer()
+    assert (await made(run, again)).identical == 3
+    assert sorted(again.asked) == [(1, "jpeg"), (1, "png")]
+
+
 @pytest.mark.parametrize(
     ("answer", "sentence"),
     [

@@ -7,7 +7,7 @@ import { EXPERIMENTS } from "../../state/route";
 import { Icon } from "../icon";
 import { IconButton } from "../icon-button";
 import { InsecureHint } from "../insecure-hint";
-import { ThemeButton } from "../theme-button";
+import { TopBar } from "../top-bar";
 import { NoMatch, NoScenes } from "./empty";
 import { filterScenes } from "./filter";
 import { SceneCard, SkeletonCard } from "./scene-card";
@@ -50,16 +50,7 @@ export function Dashboard() {
 
   return (
     <div class="dashboard">
-      <header class="top-bar">
-        <a class="brand" href="#/">
-          <img src="icon.svg" alt="" width="26" height="26" />
-          TIGAS
-        </a>
-        <div class="top-links">
-          {config.value?.services.store && <a href={EXPERIMENTS}>Experiments</a>}
-          <ThemeButton />
-        </div>
-      </header>
+      <TopBar>{config.value?.services.store && <a href={EXPERIMENTS}>Experiments</a>}</TopBar>
       <main>
         <div class="page-head">
           <div>

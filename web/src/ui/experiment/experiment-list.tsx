@@ -10,7 +10,7 @@ import { config, refreshScenes } from "../../state/app";
 import { samplesHash, sceneHash } from "../../state/route";
 import type { ExperimentSummary } from "../../wire/store";
 import { Icon } from "../icon";
-import { ThemeButton } from "../theme-button";
+import { TopBar } from "../top-bar";
 import { continueExperiment } from "./experiment-dialog";
 import { LocalSamples } from "./local-samples";
 
@@ -24,16 +24,9 @@ export function ExperimentList() {
   }, []);
   return (
     <div class="dashboard">
-      <header class="top-bar">
-        <a class="brand" href="#/">
-          <img src="icon.svg" alt="" width="26" height="26" />
-          TIGAS
-        </a>
-        <div class="top-links">
-          <a href="#/">Scenes</a>
-          <ThemeButton />
-        </div>
-      </header>
+      <TopBar>
+        <a href="#/">Scenes</a>
+      </TopBar>
       <main>
         <div class="page-head">
           <h1>Experiments</h1>

@@ -6,7 +6,7 @@ import { ApiError } from "../../http/problem";
 import { config, refreshScenes } from "../../state/app";
 import { EXPERIMENTS } from "../../state/route";
 import type { Materialisation, RunRow, SampleList, Experiment as StoredExperiment } from "../../wire/store";
-import { ThemeButton } from "../theme-button";
+import { TopBar } from "../top-bar";
 import { SampleGallery } from "./sample-gallery";
 
 /** How often the store is asked how far it is, in milliseconds. */
@@ -20,16 +20,9 @@ export function SamplesPage({ id }: { id: string }) {
   }, []);
   return (
     <div class="dashboard">
-      <header class="top-bar">
-        <a class="brand" href="#/">
-          <img src="icon.svg" alt="" width="26" height="26" />
-          TIGAS
-        </a>
-        <div class="top-links">
-          <a href={EXPERIMENTS}>Experiments</a>
-          <ThemeButton />
-        </div>
-      </header>
+      <TopBar>
+        <a href={EXPERIMENTS}>Experiments</a>
+      </TopBar>
       <main>
         {base ? <Samples base={base} id={id} /> : config.value && <p>This server has no store of experiments.</p>}
       </main>
