@@ -10,17 +10,31 @@ export type WorkerAnswer<Value> =
   | { readonly id: number; readonly value: Value }
   | { readonly id: number; readonly error: { readonly name: string; readonly message: string } };
 
+/** In the worker: what to send back once the work is done. */
+export async function answerTo<Value>(id: number, work: Promise<Value>): Promise<WorkerAnswer<Value>> {
+  try {
+    return { id, value: await work };
+  } catch (error) {
+    const { name, message } =
+      error instanceof Error || error instanceof DOMException ? error : new Error(String(error));
+    return { id, error: { name, message } };
+  }
+}
+
 /** The part of Worker that is used, for tests. */
 export type CalledWorker = Pick<Worker, "postMessage" | "terminate" | "onmessage" | "onerror">;
 
 export class WorkerCalls<Request, Value> {
   readonly #worker: CalledWorker;
+  readonly #unwanted: (value: Value) => void;
   readonly #waiting = new Map<number, Deferred<Value>>();
   #nextId = 0;
   #failed: Error | undefined;
 
-  constructor(worker: CalledWorker) {
+  /** `unwanted` gets what comes after all calls were given up. */
+  constructor(worker: CalledWorker, unwanted: (value: Value) => void = () => undefined) {
     this.#worker = worker;
+    this.#unwanted = unwanted;
     worker.onmessage = ({ data }: MessageEvent<WorkerAnswer<Value>>) => this.#receive(data);
     worker.onerror = (event) => this.#fail(new Error(event.message || "a worker could not be started"));
   }
@@ -43,8 +57,9 @@ export class WorkerCalls<Request, Value> {
   #receive(answer: WorkerAnswer<Value>): void {
     const waiting = this.#waiting.get(answer.id);
     this.#waiting.delete(answer.id);
-    if ("value" in answer) waiting?.resolve(answer.value);
-    else waiting?.reject(Object.assign(new Error(answer.error.message), { name: answer.error.name }));
+    if ("error" in answer) waiting?.reject(Object.assign(new Error(answer.error.message), { name: answer.error.name }));
+    else if (waiting) waiting.resolve(answer.value);
+    else this.#unwanted(answer.value);
   }
 
   #fail(error: Error): void {

@@ -1,5 +1,5 @@
 /** Keeps samples off the main thread: one run after the other. */
-import type { WorkerAnswer, WorkerCall } from "../async/worker-calls";
+import { answerTo, type WorkerAnswer, type WorkerCall } from "../async/worker-calls";
 import { describe, SampleFiles } from "./sample-files";
 import type { SampleRequest } from "./sample-writer";
 
@@ -13,12 +13,9 @@ let files: SampleFiles | undefined;
 let before: Promise<unknown> = Promise.resolve();
 
 scope.onmessage = ({ data: { id, request } }) => {
-  before = before
-    .then(() => answer(request))
-    .then(
-      (value) => scope.postMessage({ id, value }),
-      (error: unknown) => scope.postMessage({ id, error: nameAndMessage(error) }),
-    );
+  const work = before.then(() => answer(request));
+  before = work.catch(() => undefined);
+  void answerTo(id, work).then((answered) => scope.postMessage(answered));
 };
 
 async function answer(request: SampleRequest): Promise<number> {
@@ -46,10 +43,4 @@ async function encoded(picture: ImageBitmap): Promise<Blob> {
   canvas.getContext("2d", { alpha: false })?.drawImage(picture, 0, 0);
   picture.close();
   return canvas.convertToBlob({ type: "image/png" });
-}
-
-function nameAndMessage(error: unknown): { name: string; message: string } {
-  return error instanceof Error || error instanceof DOMException
-    ? { name: error.name, message: error.message }
-    : { name: "Error", message: String(error) };
 }

@@ -1,14 +1,13 @@
 /** Decodes frames off the main thread. */
-import type { DecodeReply, DecodeRequest } from "./decoder";
+import { answerTo, type WorkerAnswer, type WorkerCall } from "../async/worker-calls";
 
 const scope = globalThis as unknown as {
-  onmessage: ((event: MessageEvent<DecodeRequest>) => void) | null;
-  postMessage(reply: DecodeReply, transfer: Transferable[]): void;
+  onmessage: ((event: MessageEvent<WorkerCall<Blob>>) => void) | null;
+  postMessage(answer: WorkerAnswer<ImageBitmap>, transfer: Transferable[]): void;
 };
 
-scope.onmessage = ({ data: { id, image } }) => {
-  createImageBitmap(image).then(
-    (bitmap) => scope.postMessage({ id, bitmap }, [bitmap]),
-    (error: unknown) => scope.postMessage({ id, error: String(error) }, []),
+scope.onmessage = ({ data: { id, request } }) => {
+  void answerTo(id, createImageBitmap(request)).then((answer) =>
+    scope.postMessage(answer, "value" in answer ? [answer.value] : []),
   );
 };

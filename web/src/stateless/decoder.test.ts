@@ -1,13 +1,14 @@
 import { expect, test } from "vitest";
-import { type DecodeReply, type DecodeRequest, Decoder, type DecodeWorker } from "./decoder";
+import type { CalledWorker, WorkerAnswer, WorkerCall } from "../async/worker-calls";
+import { Decoder } from "./decoder";
 
 class FakeWorker {
-  onmessage: DecodeWorker["onmessage"] = null;
-  onerror: DecodeWorker["onerror"] = null;
-  readonly asked: DecodeRequest[] = [];
+  onmessage: CalledWorker["onmessage"] = null;
+  onerror: CalledWorker["onerror"] = null;
+  readonly asked: WorkerCall<Blob>[] = [];
   terminated = false;
 
-  postMessage(message: DecodeRequest): void {
+  postMessage(message: WorkerCall<Blob>): void {
     this.asked.push(message);
   }
 
@@ -15,7 +16,7 @@ class FakeWorker {
     this.terminated = true;
   }
 
-  answer(reply: DecodeReply): void {
+  answer(reply: WorkerAnswer<ImageBitmap>): void {
     this.onmessage?.call(this as unknown as Worker, { data: reply } as MessageEvent);
   }
 }
@@ -27,7 +28,7 @@ function bitmap(): ImageBitmap & { closed: boolean } {
 
 const decoder = () => {
   const worker = new FakeWorker();
-  return { worker, subject: new Decoder(worker as unknown as DecodeWorker) };
+  return { worker, subject: new Decoder(worker as unknown as CalledWorker) };
 };
 const never = new AbortController().signal;
 
@@ -36,8 +37,8 @@ test("answers find their requests in any order", async () => {
   const first = subject.decode(new Blob(), never);
   const second = subject.decode(new Blob(), never);
   const [a, b] = [bitmap(), bitmap()];
-  worker.answer({ id: worker.asked[1]?.id ?? -1, bitmap: b });
-  worker.answer({ id: worker.asked[0]?.id ?? -1, bitmap: a });
+  worker.answer({ id: worker.asked[1]?.id ?? -1, value: b });
+  worker.answer({ id: worker.asked[0]?.id ?? -1, value: a });
   expect(await first).toBe(a);
   expect(await second).toBe(b);
 });
@@ -48,7 +49,7 @@ test("a bitmap that nobody wants any more is closed", async () => {
   const decoding = subject.decode(new Blob(), abort.signal);
   abort.abort(new Error("overtaken"));
   const late = bitmap();
-  worker.answer({ id: 0, bitmap: late });
+  worker.answer({ id: 0, value: late });
   await expect(decoding).rejects.toThrow("overtaken");
   expect(late.closed).toBe(true);
 });
@@ -56,17 +57,17 @@ test("a bitmap that nobody wants any more is closed", async () => {
 test("what is no image rejects", async () => {
   const { worker, subject } = decoder();
   const decoding = subject.decode(new Blob(), never);
-  worker.answer({ id: 0, error: "InvalidStateError" });
-  await expect(decoding).rejects.toThrow("InvalidStateError");
+  worker.answer({ id: 0, error: { name: "InvalidStateError", message: "it is no image" } });
+  await expect(decoding).rejects.toMatchObject({ name: "InvalidStateError" });
 });
 
 test("disposing ends the worker and all that waits, and closes what still comes", async () => {
   const { worker, subject } = decoder();
   const decoding = subject.decode(new Blob(), never);
   subject.dispose();
-  await expect(decoding).rejects.toThrow("disposed");
+  await expect(decoding).rejects.toThrow("the worker was ended");
   expect(worker.terminated).toBe(true);
   const late = bitmap();
-  worker.answer({ id: 0, bitmap: late });
+  worker.answer({ id: 0, value: late });
   expect(late.closed).toBe(true);
 });
