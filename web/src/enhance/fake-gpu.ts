@@ -82,7 +82,7 @@ export const PLACE: Place = {
     memory_bytes: 1,
     preview: "",
     up: [0, -1, 0],
-    camera: null,
+    camera: { position: [0, -2, -8], look_at: [0, -2, 0] },
     background: [0, 0, 0],
   },
   ladder: PAPER_LADDER,

@@ -2,28 +2,15 @@ import { beforeEach, describe, expect, test } from "vitest";
 import { FixedController } from "../abr/fixed";
 import { Display } from "../enhance/display";
 import { Enhancement } from "../enhance/enhancement";
+import { PLACE } from "../enhance/fake-gpu";
 import { Overlay } from "../enhance/overlay";
 import { FakeTransport, settle } from "../transport/fake";
 import { NO_NUDGE } from "../view/motion";
 import { Rig } from "../view/rig";
-import type { SceneInfo } from "../wire/render";
 import type { DecodedFrame } from "./pipeline";
 import { type Reply, type ShownFrame, StatelessPlayer } from "./stateless-player";
 
-const SCENE: SceneInfo = {
-  id: "courtyard",
-  name: "Courtyard",
-  state: "loaded",
-  error: null,
-  gaussians: 1,
-  sh_degree: 0,
-  file_bytes: 1,
-  memory_bytes: 1,
-  preview: "",
-  up: [0, -1, 0],
-  camera: { position: [0, -2, -8], look_at: [0, -2, 0] },
-  background: [0, 0, 0],
-};
+const SCENE = PLACE.scene;
 const STILL = { forward: 0, right: 0, up: 0, turnRight: 0, turnUp: 0 };
 
 let now: number;

@@ -134,6 +134,24 @@ test("the frame rate can be chosen where DASH is measured", async () => {
   expect(onStart.mock.calls[0]?.[0].plan.dash_frame_rate).toBe(60);
 });
 
+test("models can be chosen where the browser has WebGPU", async () => {
+  addFile("walk.csv", WALK);
+  vi.stubGlobal("isSecureContext", true);
+  const choice = () => screen.getByRole<HTMLSelectElement>("combobox", { name: /Upscale/ });
+  render(<Filled />);
+  expect(choice().disabled).toBe(true);
+  expect(screen.getByText("This browser has no WebGPU.")).toBeTruthy();
+  cleanup();
+  vi.stubGlobal("navigator", Object.assign(Object.create(navigator), { gpu: {} }));
+  render(<Filled />);
+  await userEvent.selectOptions(choice(), "Bicubic");
+  await userEvent.selectOptions(screen.getByRole("combobox", { name: /Movement/ }), "walk.csv · 0:04");
+  await start();
+  await vi.waitFor(() => expect(onStart).toHaveBeenCalledOnce());
+  expect(onStart.mock.calls[0]?.[0].plan).toMatchObject({ restore: "off", upscale: "bicubic" });
+  vi.unstubAllGlobals();
+});
+
 test("a file of this visit is offered, and a movement that cannot be had is said", async () => {
   addFile("walk.csv", WALK);
   vi.mocked(fetchMovement).mockRejectedValue(new MovementError("The store does not answer."));
