@@ -254,6 +254,24 @@ def test_a_lost_device_is_asked_for_again_once(open_page: OpenPage, server: Rend
     wait_for_canvases(page, 2)
 
 
+BREAK_SHADERS = """
+GPUDevice.prototype.createShaderModule = ((make) => function (parts) {
+  return make.call(this, { ...parts, code: "no shader" });
+})(GPUDevice.prototype.createShaderModule);
+"""
+
+
+def test_a_shader_that_the_device_refuses_ends_enhancement(open_page: OpenPage, server: RenderServer) -> None:
+    page = open_page(url="about:blank", viewport=SMALL, **with_settings(server.url, **LOWEST_RUNG, upscale="bicubic"))
+    page.add_init_script(BREAK_SHADERS)
+    page.goto(server.url + SCENE)
+    wait_for_frames(page)
+    expect(page.locator(NOTE)).to_contain_text("Enhancement is off. Bicubic failed: ")
+    wait_for_canvases(page, 1)
+    wait_until_settled(page)
+    assert picture(page).std() > 10, "the picture is blank"
+
+
 def test_a_model_that_is_too_slow_is_switched_off(open_page: OpenPage, server: RenderServer) -> None:
     models = {"restore": "anime4k-restore-m", "upscale": "anime4k-upscale-m"}
     page = viewer(open_page, server, slow_display=False, **models)

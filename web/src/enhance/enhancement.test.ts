@@ -159,7 +159,7 @@ test("a device that is lost is asked for once more, and then again only when a p
 
 test("an error of the device's own gives the models up, and those of a former device do not", async () => {
   await chosen(fakeModel("a"));
-  devices[0]?.complain("Out of memory.");
+  devices[0]?.complain("Out of memory.\n - While encoding.");
   await settle();
   expect(status()).toEqual({ kind: "failed", message: "A failed: Out of memory." });
   await chosen(fakeModel("b"));

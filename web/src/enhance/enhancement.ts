@@ -5,7 +5,7 @@
 import { type ReadonlySignal, signal } from "@preact/signals";
 import { Chain, type Place } from "./chain";
 import { openDevice } from "./device";
-import { EnhancementError, type Enhancer } from "./model/enhancer";
+import { EnhancementError, type Enhancer, firstLine } from "./model/enhancer";
 import type { Overlay } from "./overlay";
 import { type Picture, Renderer } from "./renderer";
 
@@ -132,7 +132,7 @@ export class Enhancement {
     void device.lost.then(() => mine() && this.#lost());
     device.addEventListener("uncapturederror", (event) => {
       event.preventDefault(); // it is told here
-      if (mine()) this.giveUp(`${this.#label()} failed: ${event.error.message}`);
+      if (mine()) this.giveUp(`${this.#label()} failed: ${firstLine(event.error.message)}`);
     });
     try {
       const { overlay, now } = this.#options;

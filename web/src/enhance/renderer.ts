@@ -4,7 +4,7 @@
  */
 import type { Chain } from "./chain";
 import { cover, type Size } from "./geometry";
-import { EnhancementError, type Filter } from "./model/enhancer";
+import { EnhancementError, type Filter, firstLine } from "./model/enhancer";
 import { Resampler } from "./resampler";
 import { Stopwatch } from "./stopwatch";
 
@@ -76,7 +76,7 @@ export class Renderer {
     }
     const invalid = await this.#device.popErrorScope();
     if (thrown !== undefined) throw thrown;
-    if (invalid !== null) throw new EnhancementError(`${chain.label} failed: ${invalid.message}`);
+    if (invalid !== null) throw new EnhancementError(`${chain.label} failed: ${firstLine(invalid.message)}`);
     await this.#device.queue.onSubmittedWorkDone();
   }
 

@@ -53,3 +53,8 @@ export interface Loaded {
 export class EnhancementError extends Error {
   override readonly name = "EnhancementError";
 }
+
+/** What a graphics processor's message says first; the rest is for whoever wrote the shader. */
+export function firstLine(message: string): string {
+  return message.trim().split("\n", 1)[0] ?? "";
+}
