@@ -15,7 +15,11 @@ from tigas_enhance.errors import NothingToLearn
 from tigas_enhance.network import Network, resampled
 from tigas_enhance.pairs import Pair
 
-LEARNING_RATE = 2e-3
+LEARNING_RATE = 4e-3
+BETAS = (0.9, 0.99)
+"""Adam's, the second shorter than usual: a training has few steps on a CPU."""
+WARM_UP = 10
+"""Steps in which the learning rate rises."""
 CROP = 64
 """The longest side of a crop, in pixels of the rung."""
 CANDIDATES = 4
@@ -43,18 +47,19 @@ def train(
     seconds: float,
     device: torch.device,
     report: Report,
-    seed: int = 0,
+    clock: Callable[[], float] = time.monotonic,
 ) -> Network:
-    """A network for one rung, on the CPU, after at least LEAST_STEPS steps."""
-    torch.manual_seed(seed)
+    """A network for one rung, on the CPU, after at least LEAST_STEPS steps. Raises NothingToLearn."""
+    torch.manual_seed(0)
     crops = Crops(pairs, rung, recipe, device)
     network = Network(recipe.scale, recipe.layers, recipe.channels).to(device)
     network.to(memory_format=torch.channels_last)  # type: ignore[call-overload]  # PyTorch's own signature lacks it
-    optimiser = torch.optim.Adam(network.parameters(), LEARNING_RATE, fused=device.type == "cuda")
-    began, step, done = time.monotonic(), 0, 0.0
+    optimiser = torch.optim.Adam(network.parameters(), LEARNING_RATE, BETAS, fused=device.type == "cuda")
+    began, step, done = clock(), 0, 0.0
     while done < 1 or step < LEAST_STEPS:
         for group in optimiser.param_groups:
-            group["lr"] = LEARNING_RATE * (1 + math.cos(math.pi * min(done, 1))) / 2
+            rising = min(1, (step + 1) / WARM_UP)
+            group["lr"] = LEARNING_RATE * rising * (1 + math.cos(math.pi * min(done, 1))) / 2
         low, place, target = crops.draw()
         with torch.autocast(device.type, torch.bfloat16, enabled=device.type == "cuda"):
             outcome = network.inner(low)
@@ -65,7 +70,7 @@ def train(
         step += 1
         if device.type == "cpu" or step % 20 == 0:  # so that the processor waits for a GPU now and then
             loss.item()
-            done = (time.monotonic() - began) / seconds
+            done = (clock() - began) / seconds
             report(min(done, 1))
     return network.cpu()
 
