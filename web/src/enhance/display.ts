@@ -131,6 +131,7 @@ export class Display<Frame extends Decoded> {
 
   dispose(): void {
     this.#keep(null);
+    this.#options.overlay.hide();
   }
 
   /** The frames that are done by now leave the list; the newest of them is on the screen. */
@@ -198,7 +199,8 @@ export class Display<Frame extends Decoded> {
       return;
     }
     const shows = this.#shows;
-    const bitmap = await createImageBitmap(this.#options.canvas);
+    const bitmap = await createImageBitmap(this.#options.canvas).catch(() => null); // there will be another frame
+    if (bitmap === null) return;
     const picture = { bitmap, header: { profile: this.#rung } };
     if (shows !== this.#shows || !this.#enhance(picture, null)) bitmap.close();
   }

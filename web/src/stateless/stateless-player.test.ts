@@ -6,6 +6,7 @@ import { PLACE } from "../enhance/fake-gpu";
 import { Overlay } from "../enhance/overlay";
 import { FakeTransport, settle } from "../transport/fake";
 import { NO_NUDGE } from "../view/motion";
+import type { PresentedFrame } from "../view/presented";
 import { Rig } from "../view/rig";
 import type { DecodedFrame } from "./pipeline";
 import { type Reply, type ShownFrame, StatelessPlayer } from "./stateless-player";
@@ -20,6 +21,7 @@ let refine: boolean;
 let drawn: unknown[];
 let replies: Reply[];
 let shown: ShownFrame[];
+let presented: PresentedFrame[];
 let transport: FakeTransport;
 let rig: Rig;
 let player: StatelessPlayer;
@@ -36,19 +38,26 @@ beforeEach(() => {
   const canvas = { getContext: () => ({ transferFromImageBitmap: (bitmap: unknown) => drawn.push(bitmap) }) };
   const overlay = new Overlay(canvas as unknown as HTMLCanvasElement);
   rig = new Rig({ sampleInput: () => ({ axes, nudge: NO_NUDGE }), turnSpeed: () => 60 });
-  player = new StatelessPlayer({
-    display: new Display<DecodedFrame>({
+  play(
+    new Display<DecodedFrame>({
       canvas: canvas as unknown as HTMLCanvasElement,
       overlay,
       enhancement: new Enhancement({ overlay, now: () => now }),
       size: () => ({ width: 1280, height: 720 }),
     }),
+  );
+});
+
+function play(display: Display<DecodedFrame>): void {
+  presented = [];
+  player = new StatelessPlayer({
+    display,
     rig,
     decoder: { decode: async () => ({ close: () => undefined }) as ImageBitmap },
     controller: () => new FixedController(profile),
     refine: () => refine,
     stamp: false,
-    onPresented: () => undefined,
+    onPresented: (frame) => presented.push(frame),
     onShown: (frame) => shown.push(frame),
     onSent: () => undefined,
     onReplied: (reply) => replies.push(reply),
@@ -58,7 +67,7 @@ beforeEach(() => {
   rig.resize(1280, 720);
   rig.enter(SCENE);
   player.attach({ transport, fallback: null });
-});
+}
 
 /** Animation frames at 60 Hz; the server answers whatever was asked when `answer` says so. */
 async function frames(count: number, { answer = true } = {}): Promise<void> {
@@ -118,6 +127,48 @@ test("motion-to-photon counts from the sample to the animation frame after the d
   await frames(2); // 17 ms later it is answered, then drawn
   await frames(20); // and on the screen in the animation frame after that
   expect(player.stats.value.motionToPhoton?.p50).toBeCloseTo(3 * (1000 / 60), 3);
+});
+
+test("an enhanced frame is on the screen when the display says so: its time is in motion-to-photon", async () => {
+  const making: DecodedFrame[] = [];
+  const enhanced = {
+    width: 1280,
+    height: 720,
+    ms: 40,
+    restore: "off",
+    upscale: "scene",
+    copy: () => ({}) as ImageBitmap,
+  };
+  let age = 0;
+  const display = {
+    get ready() {
+      return making.length === 0;
+    },
+    get settled() {
+      return making.length === 0;
+    },
+    show: (frame: DecodedFrame) => making.push(frame),
+    // Each frame takes three animation frames.
+    presented: () => {
+      if (making.length === 0 || ++age < 3) return null;
+      age = 0;
+      return { frame: making.shift() as DecodedFrame, enhanced };
+    },
+    forget: () => undefined,
+  };
+  transport = new FakeTransport(() => now);
+  play(display as unknown as Display<DecodedFrame>);
+  await frames(6);
+  axes = { ...STILL, turnRight: 1 };
+  await frames(1, { answer: false });
+  axes = STILL;
+  await frames(2);
+  expect(player.stats.value.settled).toBe(false);
+  await frames(20);
+  expect(player.stats.value.motionToPhoton?.p50).toBeCloseTo(5 * (1000 / 60), 3);
+  expect(player.stats.value).toMatchObject({ settled: true, enhanceMs: 40, shown: 2 });
+  expect(presented.at(-1)).toMatchObject({ shownWidth: 1280, shownHeight: 720, enhanceMs: 40 });
+  expect(shown.at(-1)).toMatchObject({ enhanced: { upscale: "scene" } });
 });
 
 describe("refining", () => {
