@@ -44,7 +44,7 @@ def start(page: Page, name: str, seconds: str = "1.5") -> Locator:
     fill(page, name=name, movement="store/turn", seconds=seconds)
     dialog = page.locator("dialog.experiment")
     dialog.get_by_label("Budget").uncheck()
-    dialog.get_by_role("textbox", name="Sample a frame in").fill(str(EVERY))
+    dialog.get_by_role("textbox", name="Sample every n-th frame").fill(str(EVERY))
     dialog.get_by_role("button", name="Start").click()
     return dialog
 

@@ -309,3 +309,10 @@ def test_models_enhance_what_is_stateless(tmp_path: Path) -> None:
 def test_what_is_no_model_s_name_is_told_in_a_sentence(tmp_path: Path) -> None:
     with pytest.raises(StartError, match=r"upscale: 'Scene!' is no model's name\.$"):
         runs(tmp_path, upscale="Scene!")
+
+
+def test_frames_are_sampled_where_each_is_asked_for(tmp_path: Path) -> None:
+    made = runs(tmp_path, modes=["stateless", "dash-edge"], shuffled=False, sample_stride=30)
+    assert [run.sample_stride for run in made] == [30, 0]
+    with pytest.raises(StartError, match="sample_stride"):
+        runs(tmp_path, sample_stride=-1)

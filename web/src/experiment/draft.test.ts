@@ -81,7 +81,7 @@ test.each<[Partial<Draft>, string]>([
   [{ segments: "10" }, "The trace has room for 9 parts of 20 s, not for 10."],
   [{ segments: "0" }, "“Different parts” must be a whole number from 1 to 100."],
   [{ seed: "-1" }, "“Seed” must be a whole number from 0 to 4,294,967,295."],
-  [{ stride: "0.5" }, "“Sample a frame in” must be a whole number from 0 to 100,000."],
+  [{ stride: "0.5" }, "“Sample every n-th frame” must be a whole number from 0 to 100,000."],
   [{ name: "  " }, "The experiment needs a name."],
   [{ name: "x".repeat(101) }, "The name must not be longer than 100 characters."],
   [{ movement: null }, "Choose a movement."],

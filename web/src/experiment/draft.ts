@@ -37,7 +37,7 @@ const LIMITS = {
   segments: { label: "Different parts", unit: "", min: 1, max: MAX_SEGMENTS, whole: true },
   seed: { label: "Seed", unit: "", min: 0, max: 2 ** 32 - 1, whole: true },
   repeats: { label: "Runs of each", unit: "", min: 1, max: MAX_REPEATS, whole: true },
-  stride: { label: "Sample a frame in", unit: "", min: 0, max: 100_000, whole: true },
+  stride: { label: "Sample every n-th frame", unit: "", min: 0, max: 100_000, whole: true },
   duration: { label: "Each run lasts", unit: "s", min: 1, max: 7200, whole: false },
 } as const;
 

@@ -94,7 +94,7 @@ export async function measure(
         scene_sha256: session.scene.peek()?.file_sha256 ?? null,
       };
     } catch (error) {
-      await runner.discardSamples();
+      await runner.discardSamples().catch(() => undefined); // they can be deleted in the list, too
       throw error;
     } finally {
       watch.stop();

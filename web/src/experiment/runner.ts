@@ -116,8 +116,8 @@ export class Runner {
     this.#running = true;
     this.#forgetPictures();
     const { about = null, sample_stride } = plan;
-    this.#sampler = sample_stride > 0 ? await Sampler.open(about, sample_stride) : null;
     try {
+      this.#sampler = sample_stride > 0 ? await Sampler.open(about, sample_stride) : null;
       return await this.#record(plan, signal);
     } finally {
       this.#sampled = (await this.#sampler?.finish()) ?? null;

@@ -148,7 +148,8 @@ async def _keep_samples(page: Viewer, writer: RunWriter) -> str | None:
     for name in told.pictures:
         seq, _, kind = name.partition(".")
         writer.sample_picture(int(seq), kind, await page.sample_picture(name))
-    writer.samples(told.samples)
+    if told.samples:
+        writer.samples(told.samples)
     return told.problem
 
 

@@ -109,7 +109,7 @@ export function ExperimentForm({ session, shaper, store, draft, onDraft, onStart
       />
       <TextField label="Seed" numeric value={seed} onValue={(typed) => set({ seed: typed })} />
       <TextField
-        label="Sample a frame in"
+        label="Sample every n-th frame"
         unit="0: none"
         numeric
         value={stride}
