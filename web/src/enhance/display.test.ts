@@ -212,6 +212,20 @@ describe("with a model", () => {
     expect(canvas.drawn).toHaveLength(1);
   });
 
+  test("a page that was hidden for minutes goes on where it was", async () => {
+    for (let i = 0; i < 40; i++) animationFrame();
+    display.show(frame());
+    now += 600_000; // hidden pages get no animation frames
+    await done(0);
+    expect([animationFrame(), display.ready, enhancement.said]).toEqual([1, true, null]);
+    for (let i = 0; i < 20; i++) {
+      display.show(frame());
+      await done(-1, 15);
+      animationFrame();
+    }
+    expect(enhancement.said).toBeNull();
+  });
+
   test("a stage without size shows frames as they come", () => {
     size = { width: 0, height: 0 };
     display.show(frame());
