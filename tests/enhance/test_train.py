@@ -11,7 +11,7 @@ import torch
 from tests.enhance.synthetic import pair
 from tigas_enhance.errors import NothingToLearn
 from tigas_enhance.network import Network, resampled
-from tigas_enhance.train import Crops, Recipe, train
+from tigas_enhance.train import Crops, Recipe, Variation, train
 from tigas_enhance.tuning import gains
 
 CPU = torch.device("cpu")
@@ -27,8 +27,11 @@ def _one_thread() -> Iterator[None]:
     torch.set_num_threads(threads)
 
 
+@pytest.mark.parametrize("varied", [False, True])
 @pytest.mark.parametrize(("rung", "scale"), [(2, 2), (1, 1)])
-def test_a_few_steps_bring_views_nearer_to_the_truth_than_bicubic_enlargement(rung: int, scale: int) -> None:
+def test_a_few_steps_bring_views_nearer_to_the_truth_than_bicubic_enlargement(
+    rung: int, scale: int, varied: bool
+) -> None:
     ticks, told = count(), list[float]()
     network = train(
         [pair(seed) for seed in range(6)],
@@ -38,6 +41,7 @@ def test_a_few_steps_bring_views_nearer_to_the_truth_than_bicubic_enlargement(ru
         CPU,
         told.append,
         clock=lambda: float(next(ticks)),
+        varied=varied,
     )
     assert len(told) == STEPS
     assert told[-1] == 1
@@ -67,6 +71,18 @@ def _found(crop: torch.Tensor, truth: torch.Tensor, enlarged: torch.Tensor, whol
     windows = whole.unfold(1, h, 1).unfold(2, w, 1)  # [3, y, x, h, w]
     places = (windows == truth[:, None, None]).all(dim=4).all(dim=3).all(dim=0).nonzero().tolist()
     return any(torch.allclose(enlarged[:, y : y + h, x : x + w], crop, atol=1e-4) for y, x in places)
+
+
+def test_varied_pictures_are_the_same_picture_in_another_way() -> None:
+    torch.manual_seed(0)
+    pictures = torch.rand(4, 3, 8, 6)
+    variations = [Variation.random(len(pictures), CPU) for _ in range(20)]
+    for variation in variations:
+        assert torch.equal(variation.turned_back(variation.turned(pictures)), pictures)
+        coloured = variation.coloured(pictures)
+        assert 0 <= coloured.min() < coloured.max() <= 1
+        assert torch.allclose(variation.coloured(variation.turned(pictures)), variation.turned(coloured))
+    assert len({tuple(variation.turned(pictures)[0, 0, 0, :6].tolist()) for variation in variations}) == 8
 
 
 def test_a_rung_that_is_too_small_is_named() -> None:

@@ -48,8 +48,13 @@ def train(
     device: torch.device,
     report: Report,
     clock: Callable[[], float] = time.monotonic,
+    *,
+    varied: bool = False,
 ) -> Network:
-    """A network for one rung, on the CPU, after at least LEAST_STEPS steps. Raises NothingToLearn."""
+    """A network for one rung, on the CPU, after at least LEAST_STEPS steps. Raises NothingToLearn.
+
+    varied: learn from pictures in other colours, flipped and transposed, so that it holds for scenes it never saw.
+    """
     torch.manual_seed(0)
     crops = Crops(pairs, rung, recipe, device)
     network = Network(recipe.scale, recipe.layers, recipe.channels).to(device)
@@ -61,9 +66,10 @@ def train(
             rising = min(1, (step + 1) / WARM_UP)
             group["lr"] = LEARNING_RATE * rising * (1 + math.cos(math.pi * min(done, 1))) / 2
         low, place, target = crops.draw()
+        variation = Variation.random(len(low), device) if varied else Variation()
         with torch.autocast(device.type, torch.bfloat16, enabled=device.type == "cuda"):
-            outcome = network.inner(low)
-        loss = (place(outcome.float()) - target).abs().mean()
+            outcome = network.inner(variation.turned(variation.coloured(low)))
+        loss = (place(variation.turned_back(outcome).float()) - variation.coloured(target)).abs().mean()
         optimiser.zero_grad(set_to_none=True)
         loss.backward()  # type: ignore[no-untyped-call]
         optimiser.step()
@@ -73,6 +79,41 @@ def train(
             done = (clock() - began) / seconds
             report(min(done, 1))
     return network.cpu()
+
+
+@dataclass(frozen=True, slots=True)
+class Variation:
+    """A change of pictures that what is to be learnt does not depend on; by itself, none."""
+
+    colours: tuple[Tensor, Tensor, Tensor] | None = None
+    """Which channel becomes each channel [3], and each picture's contrast and brightness [B, 1, 1, 1]."""
+    flips: tuple[int, ...] = ()
+    """The dimensions that are flipped."""
+    transposed: bool = False
+
+    @classmethod
+    def random(cls, pictures: int, device: torch.device) -> Variation:
+        """One for a batch."""
+        contrast = 0.5 + 0.5 * torch.rand(pictures, 1, 1, 1, device=device)
+        brightness = (1 - contrast) * torch.rand(pictures, 1, 1, 1, device=device)
+        flips = tuple(dimension for dimension in (-1, -2) if torch.rand(()) < 0.5)
+        return cls((torch.randperm(3, device=device), contrast, brightness), flips, bool(torch.rand(()) < 0.5))
+
+    def coloured(self, pictures: Tensor) -> Tensor:
+        """Pictures [B, 3, H, W] of values from 0 to 1 in other colours."""
+        if self.colours is None:
+            return pictures
+        channels, contrast, brightness = self.colours
+        return pictures[:, channels] * contrast + brightness
+
+    def turned(self, pictures: Tensor) -> Tensor:
+        """Pictures [B, 3, H, W], flipped, and then transposed."""
+        flipped = pictures.flip(self.flips)
+        return flipped.mT if self.transposed else flipped
+
+    def turned_back(self, pictures: Tensor) -> Tensor:
+        """What `turned` was given."""
+        return (pictures.mT if self.transposed else pictures).flip(self.flips)
 
 
 class Crops:

@@ -113,7 +113,7 @@ def fit(
             listener(f"training rung {rung} ({ladder[rung].width} × {ladder[rung].height})", whole)
 
         chosen = recipe or RECIPES[device.type]
-        network = rounded(train(training, rung, chosen, max(share, 0.01), device, report))
+        network = rounded(train(training, rung, chosen, max(share, 0.01), device, report, varied=general))
         named = ladder[rung]
         info = NetworkInfo(
             rung=rung,
