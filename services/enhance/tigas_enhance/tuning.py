@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from importlib.metadata import version
 from itertools import islice
@@ -87,7 +87,7 @@ def tune(
         until = began + seconds * RENDERING * (index + 1) / len(scene_ids)
         number = max(1, VIEWS[device.type] // len(scene_ids))
         found.append(collect(renderer, scene_id, ladder, number, HELD_OUT[device.type], until))
-    return fit(found, ladder, began + seconds, device, listener, general=general)
+    return gaining(fit(found, ladder, began + seconds, device, listener, general=general))
 
 
 def fit(
@@ -130,6 +130,15 @@ def fit(
     digest = GENERAL if general else scenes[0].digest
     created = datetime.now(UTC).isoformat(timespec="seconds")
     return Weights(digest, tuple(networks), tensors, created, version("tigas"))
+
+
+def gaining(weights: Weights) -> Weights:
+    """Without the networks that make held-out views no better. Raises NothingToLearn if none is left."""
+    networks = tuple(network for network in weights.networks if (network.gain_db or 0) > 0)
+    if not networks:
+        raise NothingToLearn("The networks make no view better than bicubic enlargement; give them more --seconds.")
+    names = [name for network in networks for name in network.shapes]
+    return replace(weights, networks=networks, tensors={name: weights.tensors[name] for name in names})
 
 
 def gains(pairs: Sequence[Pair], rung: int, network: Network, device: torch.device) -> NDArray[np.float64]:

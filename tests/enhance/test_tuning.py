@@ -1,0 +1,32 @@
+"""What becomes of trained networks before they are written."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+import torch
+
+from tests.common.test_weights import NETWORK, made
+from tigas_common.weights import parse_weights
+from tigas_enhance.errors import NothingToLearn
+from tigas_enhance.network import Network
+from tigas_enhance.tuning import gaining, rounded, to_network, to_tensors
+
+
+def test_networks_that_make_nothing_better_are_left_out() -> None:
+    worse = NETWORK.model_copy(update={"rung": 3, "gain_db": -0.1})
+    kept = parse_weights(gaining(made(NETWORK, worse)).to_bytes())
+    assert kept.networks == (NETWORK,)
+    with pytest.raises(NothingToLearn, match="--seconds"):
+        gaining(made(worse))
+
+
+def test_a_network_is_the_same_after_it_was_written_and_read() -> None:
+    torch.manual_seed(0)
+    network = Network(NETWORK.scale, NETWORK.layers, NETWORK.channels)
+    torch.nn.init.normal_(network.convolutions[-1].weight, std=0.1)  # type: ignore[arg-type]
+    network = rounded(network)
+    written = replace(made(NETWORK), tensors=to_tensors(NETWORK.rung, network))
+    pictures = torch.rand(1, 3, 12, 16)
+    assert torch.equal(to_network(NETWORK, parse_weights(written.to_bytes()))(pictures), network(pictures))
