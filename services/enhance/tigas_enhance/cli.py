@@ -78,7 +78,7 @@ def evaluate(
     ] = None,
     scenes: Scenes = None,
     render: Render = None,
-    views: Annotated[int, typer.Option(min=2, max=12, help="Held-out views.")] = 12,
+    views: Annotated[int, typer.Option(min=2, max=24, help="Held-out views.")] = 12,
     device: Device = "auto",
 ) -> None:
     """Compare networks with bicubic enlargement on views of a scene that no training saw, at display size."""

@@ -42,7 +42,7 @@ def training_views(scene: SceneInfo, seed: int = 0) -> Iterator[Pose]:
             yield pose
 
 
-MOST_HELD_OUT = 48
+MOST_HELD_OUT = 96
 """Views that may be asked for to test."""
 
 
