@@ -7,7 +7,7 @@ from tigas_experiments.report.controllers import Controller, in_order, looks
 
 
 def test_a_controller_looks_the_same_in_every_report() -> None:
-    def controller(mode: Mode = "stateless", profile: int | str = "budget") -> Controller:
+    def controller(mode: Mode = "stateless", profile: int | str = "budget", upscale: str = "off") -> Controller:
         return Controller.of(
             Configuration.model_validate(
                 {
@@ -16,6 +16,7 @@ def test_a_controller_looks_the_same_in_every_report() -> None:
                     "network": {"trace": "x"},
                     "mode": mode,
                     "profile": profile,
+                    "upscale": upscale,
                     "duration_s": 1.0,
                     "width": 64,
                     "height": 64,
@@ -30,9 +31,13 @@ def test_a_controller_looks_the_same_in_every_report() -> None:
         controller("dash-tuned", "latency"),
         mine,
         controller(profile=3),
+        controller(profile=3, upscale="scene"),
+        controller(upscale="scene"),
         controller(profile=0),
     }
-    assert [each.title for each in in_order(some)] == ["Budget", "mine", "Profile 0", "Profile 3", "DASH tuned"]
+    titles = ["Budget", "Budget + scene", "mine", "Profile 0", "Profile 3", "Profile 3 + scene", "DASH tuned"]
+    assert [each.title for each in in_order(some)] == titles
+    assert controller(upscale="scene").name == "budget+scene"
     found = looks(some)
     assert found[budget] == looks([budget])[budget]
     assert len({(look.colour, look.dashes, look.marker) for look in found.values()}) == len(found)

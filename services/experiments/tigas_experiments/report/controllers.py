@@ -62,16 +62,17 @@ class Controller:
     """None in the modes that have none."""
     representation: RepresentationRequest | None = None
     """The only one that a DASH stream had."""
+    enhancement: str | None = None
+    """The models that enhanced the frames, such as `anime4k-restore-m + scene`."""
 
     @classmethod
     def of(cls, configuration: Configuration) -> Controller:
         """Of a run."""
         mode = configuration.mode
-        return (
-            cls(mode, configuration.profile)
-            if mode == "stateless"
-            else cls(mode, None, configuration.dash_representation)
-        )
+        if mode != "stateless":
+            return cls(mode, None, configuration.dash_representation)
+        models = [model for model in (configuration.restore, configuration.upscale) if model != "off"]
+        return cls(mode, configuration.profile, enhancement=" + ".join(models) or None)
 
     @property
     def fixed(self) -> bool:
@@ -81,18 +82,19 @@ class Controller:
     @property
     def name(self) -> str:
         """For programs: `latency`, `profile-2`, `dash-tuned`."""
-        if isinstance(self.profile, int):
-            return f"profile-{self.profile}"
-        return self.profile or self._with_representation(self.mode, "-")
+        if self.profile is None:
+            return self._with_representation(self.mode, "-")
+        name = f"profile-{self.profile}" if isinstance(self.profile, int) else self.profile
+        return self._with_enhancement(name).replace(" ", "")
 
     @property
     def title(self) -> str:
         """For people."""
+        if self.profile is None:
+            return self._with_representation(MODE_NAMES[self.mode].replace(",", ""), " ")  # without commas, for lists
         if isinstance(self.profile, int):
-            return f"Profile {self.profile}"
-        if self.profile is not None:
-            return CONTROLLER_TITLES.get(self.profile, self.profile)
-        return self._with_representation(MODE_NAMES[self.mode].replace(",", ""), " ")  # without commas, for lists
+            return self._with_enhancement(f"Profile {self.profile}")
+        return self._with_enhancement(CONTROLLER_TITLES.get(self.profile, self.profile))
 
     @property
     def title_with_mode(self) -> str:
@@ -100,7 +102,10 @@ class Controller:
         if self.profile is None:
             return self._with_representation(MODE_NAMES[self.mode], ", ")
         profile = f"rung {self.profile}" if isinstance(self.profile, int) else self.profile
-        return f"{MODE_NAMES[self.mode]}, {profile}"
+        return f"{MODE_NAMES[self.mode]}, {self._with_enhancement(profile)}"
+
+    def _with_enhancement(self, name: str) -> str:
+        return name if self.enhancement is None else f"{name} + {self.enhancement}"
 
     def _with_representation(self, name: str, separator: str) -> str:
         return name if self.representation is None else f"{name}{separator}{self.representation}"
@@ -111,13 +116,13 @@ def in_order(controllers: Iterable[Controller]) -> list[Controller]:
     known = list(CONTROLLER_TITLES)
 
     def place(controller: Controller) -> tuple[int, int, str]:
-        profile = controller.profile
+        profile, enhancement = controller.profile, controller.enhancement or ""
         if isinstance(profile, int):
-            return 2, profile, ""
+            return 2, profile, enhancement
         if profile is None:
             one = controller.representation
             return 3, MODES.index(controller.mode), "" if one is None else f"{one.bitrate_kbps or 0:09} {one.rung}"
-        return (0, known.index(profile), "") if profile in known else (1, 0, profile)
+        return (0, known.index(profile), enhancement) if profile in known else (1, 0, f"{profile} {enhancement}")
 
     return sorted(set(controllers), key=place)
 
@@ -130,7 +135,7 @@ def looks(controllers: Iterable[Controller]) -> dict[Controller, Look]:
         known = KNOWN_LOOKS.get(controller.name) if not isinstance(controller.profile, int) else None
         if known is not None:
             found[controller] = known
-        elif isinstance(controller.profile, int):
+        elif isinstance(controller.profile, int) and controller.enhancement is None:
             rung = controller.profile
             found[controller] = Look(FIXED_COLOUR, FIXED_DASHES[rung % len(FIXED_DASHES)], MARKERS[rung % len(MARKERS)])
         elif controller.representation is not None:
