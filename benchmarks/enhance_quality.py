@@ -11,6 +11,7 @@ at a time without.
 "before" is the picture that lower rungs had when 3DGS's dilation was applied in their own pixels: rendered at the
 rung's size for that size, encoded here at the rung's quality, and enlarged bicubically. Numbers are of pixels that are
 not background, at display size; intervals are 95 %, bootstrapped over views, and for a mean of scenes over scenes, too.
+LPIPS and DISTS are of whole pictures, less is better, and only there after `tigas quality fetch`.
 """
 
 from __future__ import annotations
@@ -38,10 +39,13 @@ from PIL import Image
 from tigas_common.weights import Weights, write_weights
 from tigas_common.wire.render import RenderRequest, Rung, SceneInfo
 from tigas_enhance.evaluate import bicubic_scores, enhanced_scores, interval
+from tigas_enhance.network import Network, resampled, shown
 from tigas_enhance.pairs import Pair, Pixels, Renderer
 from tigas_enhance.renderer_process import render_service
 from tigas_enhance.tuning import RECIPES, SceneViews, collect, fit, to_network
 from tigas_enhance.views import held_out_views, intrinsics
+from tigas_experiments.quality.perceptual import Perceptual
+from tigas_experiments.quality.weights import NoWeights, dists, lpips
 
 BUILT_IN = "courtyard"
 GENERAL = "general"
@@ -191,6 +195,7 @@ def scores(
 ) -> Iterator[dict[str, Any]]:
     """For each rung, of each view."""
     pairs, before = [pair for pair, _ in tests], [old for _, old in tests]
+    judges = perceptual(device)
     for info in weights.networks:
         networks = to_network(info, weights)
         old = bicubic_scores(before, info.rung, device)
@@ -208,7 +213,32 @@ def scores(
             "before_ssim": old.ssim.tolist(),
             "bicubic_ssim": plain.ssim.tolist(),
             "enhanced_ssim": better.ssim.tolist(),
+            **{
+                f"{kind}_{name}": [distance(judge, pair, info.rung, network, device) for pair in pairs]
+                for name, judge in judges.items()
+                for kind, network in (("bicubic", None), ("enhanced", networks.to(device)))
+            },
         }
+
+
+def perceptual(device: torch.device) -> dict[str, Perceptual]:
+    """LPIPS and DISTS, if their weights were fetched."""
+    try:
+        return {"lpips": lpips().to(device), "dists": dists().to(device)}
+    except NoWeights:
+        return {}
+
+
+@torch.no_grad()
+def distance(judge: Perceptual, pair: Pair, rung: int, network: Network | None, device: torch.device) -> float:
+    """Of a rung's frame from the truth, at display size: enhanced, or enlarged bicubically."""
+    low, truth = (
+        torch.from_numpy(pixels.copy()).to(device).permute(2, 0, 1)[None].float() / 255
+        for pixels in (pair.rungs[rung], pair.full)
+    )
+    height, width = pair.full.shape[:2]
+    picture = resampled(low, width, height).clamp(0, 1) if network is None else shown(network, low, width, height)
+    return float(judge((picture * 255).round() / 255, truth)[0])
 
 
 # --- report ---
@@ -222,8 +252,21 @@ def report(results: Sequence[dict[str, Any]], names: Sequence[str]) -> Iterator[
         if not rows:
             continue
         yield f"## {title}\n"
-        yield "| scene | rung | before | bicubic | enhanced | over bicubic | over before | SSIM | over bicubic |"
-        yield "|---|---|---|---|---|---|---|---|---|"
+        judged = [name for name in ("lpips", "dists") if all(f"enhanced_{name}" in row for row in rows)]
+        heads = [
+            "scene",
+            "rung",
+            "before",
+            "bicubic",
+            "enhanced",
+            "over bicubic",
+            "over before",
+            "SSIM",
+            "over bicubic",
+        ]
+        heads += [f"{name.upper()} over bicubic" for name in judged]
+        yield f"| {' | '.join(heads)} |"
+        yield "|---" * len(heads) + "|"
         for name in names:
             yield from (line(name, [row]) for row in rows if row["scene"] == name)
         for rung in sorted({row["rung"] for row in rows}):
@@ -255,6 +298,10 @@ def line(scene: str, rows: Sequence[dict[str, Any]], rung: str | None = None) ->
         f"{mean(of('enhanced_ssim')):.4f}",
         f"{mean(similarity):+.4f} ({_interval(similarity, 4)})",
     ]
+    for name in ("lpips", "dists"):
+        if all(f"enhanced_{name}" in row for row in rows):
+            change = gain(f"enhanced_{name}", f"bicubic_{name}")
+            cells.append(f"{mean(change):+.4f} ({_interval(change, 4)})")
     return "| " + " | ".join(cells) + " |"
 
 
