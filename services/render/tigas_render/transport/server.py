@@ -46,7 +46,7 @@ TURNS_S = 0.001
 """How long datagrams are handled at a time, in seconds: what follows from them may take several times as long."""
 AT_ONCE = 1
 """Datagrams of one address that are handled at a time if there are others, for the same reason."""
-HANDSHAKES_AT_ONCE, HANDSHAKES_PER_S = 8, 25.0
+HANDSHAKES_AT_ONCE, HANDSHAKES_PER_S = 2, 25.0
 """New connections of one address that are begun at once and in the long run: each takes the event loop some
 milliseconds. What comes faster is left to be sent again, as QUIC's clients do.
 """
