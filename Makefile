@@ -44,12 +44,17 @@ demo: .venv/.ready $(STATIC)
 		exec $(VENV)/tigas demo -- $(if $(SCENES),--scenes $(SCENES)) $(ARGS); \
 	fi
 
+# They measure time, or have a browser or network namespaces to themselves.
+ONE_BY_ONE := tests/dash tests/experiments/commands tests/experiments/run tests/shaper tests/testbed tests/web tests/test_foreign_pages.py
+
 test: .venv/.ready $(STATIC)
 	@command -v chromium >/dev/null || { echo "The browser tests need Chromium: sudo apt-get install chromium"; exit 1; }
 	@echo "== web client: unit tests"
 	@cd web && npm test --silent
-	@echo "== Python and browser tests"
-	@$(VENV)/python -m pytest
+	@echo "== Python tests, on two cores"
+	@$(VENV)/python -m pytest -n 2 --dist loadfile $(ONE_BY_ONE:%=--ignore=%)
+	@echo "== Tests that measure time, or need a browser or a network: one by one"
+	@$(VENV)/python -m pytest $(ONE_BY_ONE)
 
 test-compose: .venv/.ready
 	@$(VENV)/python -m pytest tests/compose -m compose -s
