@@ -137,6 +137,7 @@ def test_baselines_are_pillow_s(
     source = pattern(320, 180)
     chosen = with_settings(server.url, **LOWEST_RUNG, upscale=name)
     page = open_page(url="about:blank", viewport=viewport, **chosen)
+    page.add_init_script(SLOW_DISPLAY)
     answer_with(page, source)
     page.goto(server.url + SCENE)
     wait_for_frames(page)
@@ -155,6 +156,7 @@ def test_a_scene_s_network_is_pytorch_s(open_page: OpenPage, tmp_path: Path) -> 
     with RenderServer("--scenes", str(tmp_path)) as server:
         chosen = with_settings(server.url, **LOWEST_RUNG, upscale="scene")
         page = open_page(url="about:blank", viewport={"width": 480, "height": 270}, **chosen)
+        page.add_init_script(SLOW_DISPLAY)
         answer_with(page, source)
         page.goto(server.url + SCENE)
         wait_for_frames(page)
@@ -349,6 +351,9 @@ def test_the_url_chooses_models_and_says_which_there_are_not(open_page: OpenPage
 
 def test_the_panel_chooses_models_and_tells_how_they_do(open_page: OpenPage, server: RenderServer) -> None:
     page = viewer(open_page, server)
+    offer_weights(page, None)
+    page.reload()
+    wait_for_frames(page)
     page.set_viewport_size({"width": 460, "height": 120})
     page.evaluate("() => tigas.settings({ sidebar: true })")
     page.get_by_label("Upscale").select_option("Bicubic")

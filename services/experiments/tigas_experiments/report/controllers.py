@@ -85,7 +85,7 @@ class Controller:
         if self.profile is None:
             return self._with_representation(self.mode, "-")
         name = f"profile-{self.profile}" if isinstance(self.profile, int) else self.profile
-        return self._with_enhancement(name).replace(" ", "")
+        return name if self.enhancement is None else f"{name}+{self.enhancement.replace(' ', '')}"
 
     @property
     def title(self) -> str:
