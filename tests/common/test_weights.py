@@ -85,6 +85,7 @@ HUGE = json.dumps([NETWORK.model_dump() | {"channels": 10**9}])
         (changed(OTHER_TYPE), "lack rung2.conv1.bias"),
         (changed(STRAY), "belong to no network"),
     ],
+    ids=lambda value: value if isinstance(value, str) else "content",
 )
 def test_what_is_wrong_is_said_in_a_sentence(content: bytes, sentence: str) -> None:
     with pytest.raises(BrokenWeights, match=sentence):
