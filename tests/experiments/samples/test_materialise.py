@@ -107,7 +107,6 @@ async def test_everything_is_matched_by_number_whatever_the_order_and_whatever_i
         found = await materialise(run, Renderer(http))
     assert renderer.asked[-1][0] == 12
     lines = [json.loads(line) for line in (run / INDEX).read_text().splitlines()]
-    assert [line["seq"] for line in lines][-1] == 12
     assert {line["seq"]: line["identical"] for line in lines} == {3: True, 5: True, 7: True, 9: None, 12: True}
     assert found.problems == ["The frame that came in the run cannot be read: No such file or directory."]
     for seq in (3, 5, 7, 9, 12):
