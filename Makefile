@@ -45,7 +45,7 @@ demo: .venv/.ready $(STATIC)
 	fi
 
 # They measure time, or have a browser or network namespaces to themselves.
-ONE_BY_ONE := tests/dash tests/experiments/commands tests/experiments/run tests/shaper tests/testbed tests/web tests/test_foreign_pages.py
+ONE_BY_ONE := tests/dash tests/experiments/commands tests/experiments/run tests/shaper tests/testbed tests/web
 
 test: .venv/.ready $(STATIC)
 	@command -v chromium >/dev/null || { echo "The browser tests need Chromium: sudo apt-get install chromium"; exit 1; }
