@@ -14,7 +14,6 @@ from collections import Counter
 from collections.abc import Callable, Collection
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import AbstractAsyncContextManager
-from dataclasses import dataclass
 from typing import Protocol, Self
 
 from tigas_common.errors import (
@@ -32,10 +31,11 @@ from tigas_render.device_memory import with_room
 from tigas_render.encode_queue import EncodeQueue
 from tigas_render.frame import Client, Frame
 from tigas_render.metrics import EngineMetrics
-from tigas_render.raster.base import Camera, Image, PreparedScene, Rasterizer
+from tigas_render.raster.base import Camera, Image, Rasterizer
 from tigas_render.raster.host_image import HostImage
 from tigas_render.raster.stamp import draw_stamp
 from tigas_render.schedule import FairSchedule
+from tigas_render.work import LoadedScene, Rendered, Work
 
 logger = logging.getLogger(__name__)
 
@@ -52,18 +52,6 @@ INTERRUPTED_FOR = 4
 STOPPING = "The server is stopping."
 
 
-class LoadedScene(Protocol):
-    """What the engine needs of a scene in use."""
-
-    @property
-    def prepared(self) -> PreparedScene:
-        """The scene on the rasteriser's device."""
-
-    @property
-    def background(self) -> tuple[float, float, float]:
-        """RGB, 0 to 1."""
-
-
 class Scenes(Protocol):
     """Where scenes come from: the registry, or a test's stand-in."""
 
@@ -72,51 +60,6 @@ class Scenes(Protocol):
 
     def evict(self) -> bool:
         """Unload the least recently used of the scenes that nobody uses; False if there is none."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Work:
-    client: Client
-    request: RenderRequest
-    scene: LoadedScene
-    arrived: float
-    width: int
-    height: int
-    expected: float
-    """Seconds that the frame is expected to cost."""
-    answer: asyncio.Future[Frame]
-    loop: asyncio.AbstractEventLoop
-
-    @property
-    def is_withdrawn(self) -> bool:
-        """Whether nobody wants the frame any more."""
-        return self.answer.cancelled()
-
-    def check_deadline(self, ready_at: float) -> None:
-        """Raises DeadlineExceeded if the frame is of no use then."""
-        deadline_ms = self.request.deadline_ms
-        if deadline_ms is not None and ready_at > self.arrived + deadline_ms / 1000:
-            raise DeadlineExceeded(f"The frame could not be ready within {deadline_ms:g} ms.")
-
-    def resolve(self, answer: Frame | Exception) -> None:
-        """Hand over the frame, or the reason why there is none, from any thread."""
-        self.loop.call_soon_threadsafe(self._resolve, answer)
-
-    def _resolve(self, answer: Frame | Exception) -> None:
-        if self.answer.done():
-            return
-        if isinstance(answer, Frame):
-            self.answer.set_result(answer)
-        else:
-            self.answer.set_exception(answer)
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Rendered:
-    work: _Work
-    image: Image
-    rendering: float
-    """Seconds that it took, without what interrupted it."""
 
 
 class Engine:
@@ -140,7 +83,7 @@ class Engine:
         self._waiting_per_address = waiting_per_address
         self.device_lost: asyncio.Future[DeviceLost] = asyncio.get_running_loop().create_future()
         """Why nothing can be rendered any more, once that is so."""
-        self._schedule: FairSchedule[_Work] = FairSchedule(QUEUE_DEPTH)
+        self._schedule: FairSchedule[Work] = FairSchedule(QUEUE_DEPTH)
         self._changed = threading.Condition()
         self._closed = False
         self._images = threading.Semaphore(rasterizer.frames_in_flight)
@@ -148,7 +91,7 @@ class Engine:
         """Images by address."""
         self._renderer = ThreadPoolExecutor(1, "render")
         self._encoders = ThreadPoolExecutor(rasterizer.frames_in_flight - 1, "encode")
-        self._rendered: EncodeQueue[_Rendered] = EncodeQueue(rasterizer.frames_in_flight - 1)
+        self._rendered: EncodeQueue[Rendered] = EncodeQueue(rasterizer.frames_in_flight - 1)
         self._costs = FrameCosts()
         self._admission = Admission(ladder, self._costs)
 
@@ -203,7 +146,7 @@ class Engine:
         width, height = self._size(request)
         with self._changed:
             expected = max(MIN_COST_S, self._costs.at_least(request.scene, request.format, width * height))
-        work = _Work(client, request, scene, arrived, width, height, expected, loop.create_future(), loop)
+        work = Work(client, request, scene, arrived, width, height, expected, loop.create_future(), loop)
         self._enqueue(work)
         try:
             frame = await work.answer
@@ -214,7 +157,7 @@ class Engine:
         work.check_deadline(self._clock())
         return frame
 
-    def _enqueue(self, work: _Work) -> None:
+    def _enqueue(self, work: Work) -> None:
         with self._changed:
             if self._closed or len(self._schedule) >= MAX_WAITING:
                 raise Overloaded(STOPPING if self._closed else "Too many requests wait; ask less often.")
@@ -243,7 +186,7 @@ class Engine:
         self._render(work)
         return True
 
-    def _render(self, work: _Work, *, interruptible: bool = True) -> None:
+    def _render(self, work: Work, *, interruptible: bool = True) -> None:
         interrupted = 0.0
 
         def pause() -> None:
@@ -262,9 +205,9 @@ class Engine:
             self._release(work)
             self._failed("Rendering", work, error)
         else:
-            self._rendered.put(work.client.address, _Rendered(work, image, rendering))
+            self._rendered.put(work.client.address, Rendered(work, image, rendering))
 
-    def _render_ahead_of(self, work: _Work) -> None:
+    def _render_ahead_of(self, work: Work) -> None:
         """Render what others wait for that is much smaller, before a frame that has begun goes on."""
         while self._images.acquire(blocking=False):
             with self._changed:
@@ -290,7 +233,7 @@ class Engine:
             self._rendered.done(address)
         return True
 
-    def _release(self, work: _Work) -> None:
+    def _release(self, work: Work) -> None:
         """An image's place is free again."""
         with self._changed:
             self._held[work.client.address] -= 1
@@ -299,14 +242,14 @@ class Engine:
             self._changed.notify()
         self._images.release()
 
-    def _failed(self, doing: str, work: _Work, error: Exception) -> None:
+    def _failed(self, doing: str, work: Work, error: Exception) -> None:
         if isinstance(error, TigasError):
             logger.error("%s %s failed: %s", doing, work.request.scene, error.detail)
         else:
             logger.exception("%s %s failed", doing, work.request.scene)
         work.resolve(error)
 
-    def _next(self) -> _Work | None:
+    def _next(self) -> Work | None:
         """Wait for work that can be rendered; None once the engine is closed."""
         with self._changed:
             while (work := self._pop()) is None:
@@ -315,7 +258,7 @@ class Engine:
                 self._changed.wait()
             return work
 
-    def _pop(self, besides: Collection[str] = (), at_most: float = math.inf) -> _Work | None:
+    def _pop(self, besides: Collection[str] = (), at_most: float = math.inf) -> Work | None:
         """The next work that can be rendered now, at its client's charge; None if there is none.
 
         Not of the addresses `besides`, nor of one that has all images but the last, and at most so costly.
@@ -335,7 +278,7 @@ class Engine:
             return work
         return None
 
-    def _check(self, work: _Work) -> None:
+    def _check(self, work: Work) -> None:
         """Raises DeadlineExceeded and Overloaded if a frame is not to be rendered now."""
         request, now = work.request, self._clock()
         try:
@@ -352,7 +295,7 @@ class Engine:
             return request.width, request.height
         return self._ladder[request.profile].size_for(request.width, request.height)
 
-    def _encode(self, rendered: _Rendered) -> None:
+    def _encode(self, rendered: Rendered) -> None:
         work, image, request = rendered.work, rendered.image, rendered.work.request
         rendering = rendered.rendering
         try:
@@ -378,13 +321,13 @@ class Engine:
         )
         work.resolve(Frame(body, request.format, work.width, work.height, request.seq, request.profile, timing))
 
-    def _settle(self, work: _Work, seconds: float) -> None:
+    def _settle(self, work: Work, seconds: float) -> None:
         """Charge the client for what its frame has really cost."""
         with self._changed:
             self._schedule.settle(work.client, max(seconds, MIN_COST_S) - work.expected)
 
 
-def _camera(work: _Work) -> Camera:
+def _camera(work: Work) -> Camera:
     request = work.request
     # the frame is shown on the viewport; one number, as the sides' scales differ by rounding only
     enlarged = math.sqrt(request.width * request.height / (work.width * work.height))
