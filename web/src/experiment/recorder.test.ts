@@ -84,6 +84,16 @@ test("puts frames in the order of time, and leaves out what was on the screen be
   expect(recorder.events.frames.map(({ at }) => at)).toEqual([40, 60]);
 });
 
+test("tells what the page turned a frame to, apart from the pose that its pixels are of", () => {
+  const recorder = recorderFrom({ startedAt: 1000, pose: 0, received: 0, captureEvery: 0 });
+  recorder.presented(frame(1020, 2));
+  recorder.presented(frame(1036, 2, { view: 4, filled: 0.02 }));
+  expect(recorder.events.frames.map(({ at, pose, view, filled }) => [at, pose, view, filled])).toEqual([
+    [20, 2, null, null],
+    [36, 2, 4, 0.02],
+  ]);
+});
+
 test("keeps each reply in the order of time: what was asked for, and when and how it came", () => {
   const recorder = recorderFrom({ startedAt: 1000, pose: 0, received: 0, captureEvery: 0 });
   recorder.replied(reply(1030, 1070, { throughput: null, server: null, profile: null, asked: null }));
@@ -135,12 +145,12 @@ test("counts what came in since the start", () => {
   ]);
 });
 
-test("a captured frame keeps its own size, and since when it was on the screen", () => {
+test("a captured frame keeps its own size, what it was turned to, and since when it was on the screen", () => {
   const recorder = recorderFrom({ startedAt: 100, pose: 0, received: 0, captureEvery: 1000 });
   recorder.captured(frame(1050, 9), 1200, { width: 320, height: 180 });
-  recorder.captured(frame(1216, 10), 1200, { width: 320, height: 180 });
+  recorder.captured(frame(1216, 10, { view: 12, filled: 0.1 }), 1200, { width: 320, height: 180 });
   expect(recorder.events.captures).toEqual([
-    { at: 1100, shown_at: 950, pose: 9, rung: 2, width: 320, height: 180 },
-    { at: 1116, shown_at: 1116, pose: 10, rung: 2, width: 320, height: 180 },
+    { at: 1100, shown_at: 950, pose: 9, view: null, filled: null, rung: 2, width: 320, height: 180 },
+    { at: 1116, shown_at: 1116, pose: 10, view: 12, filled: 0.1, rung: 2, width: 320, height: 180 },
   ]);
 });

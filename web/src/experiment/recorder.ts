@@ -73,10 +73,12 @@ export class Recorder {
   presented(frame: PresentedFrame): void {
     const at = frame.at - this.#start.startedAt;
     if (at < 0) return;
-    const { shownWidth, shownHeight, enhanceMs, ...shown } = frame;
+    const { shownWidth, shownHeight, enhanceMs, view, filled, ...shown } = frame;
     this.#frames.push({
       ...shown,
       at,
+      view: view ?? null,
+      filled: filled ?? null,
       latencies: [...frame.latencies],
       shown_width: shownWidth ?? null,
       shown_height: shownHeight ?? null,
@@ -109,11 +111,11 @@ export class Recorder {
   /** The picture of the frame that was on the screen at a time was kept. */
   captured(frame: PresentedFrame, at: number, picture: { readonly width: number; readonly height: number }): void {
     const { startedAt } = this.#start;
-    const { pose, rung } = frame;
+    const { pose, view = null, filled = null, rung } = frame;
     const { width, height } = picture;
     // A video's frame is told of a moment before it is on the screen.
     const seenAt = Math.max(at, frame.at) - startedAt;
-    this.#captures.push({ at: seenAt, shown_at: frame.at - startedAt, pose, rung, width, height });
+    this.#captures.push({ at: seenAt, shown_at: frame.at - startedAt, pose, view, filled, rung, width, height });
   }
 
   /** So many bytes have come in since the page was opened. */

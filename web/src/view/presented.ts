@@ -6,8 +6,12 @@ export interface PresentedFrame {
   readonly side: Side;
   /** When it was on the screen, on the page's own clock (performance.now), in milliseconds. */
   readonly at: number;
-  /** The number of the pose that it was rendered from. */
+  /** The number of the pose at which its pixels were asked for. */
   readonly pose: number;
+  /** The number of the pose to which the page turned it; left out where it was shown as it came. */
+  readonly view?: number;
+  /** The estimated share of the picture that the newest frame did not cover; left out where it was not turned. */
+  readonly filled?: number;
   /** Motion-to-photon latency of each pose change that it shows first, in milliseconds. */
   readonly latencies: readonly number[];
   /** The ladder's rung. */

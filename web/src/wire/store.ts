@@ -173,6 +173,8 @@ export interface ShownFrame {
   side: "stateless" | "dash";
   at: number;
   pose: number;
+  view?: number | null;
+  filled?: number | null;
   latencies: number[];
   rung: number | null;
   width: number;
@@ -219,6 +221,8 @@ export interface Capture {
   at: number;
   shown_at: number;
   pose: number;
+  view?: number | null;
+  filled?: number | null;
   rung: number | null;
   width: number;
   height: number;

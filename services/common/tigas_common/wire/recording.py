@@ -47,9 +47,13 @@ class ShownFrame(WireModel):
     at: float
     """When it was on the screen."""
     pose: int
-    """The number of the pose that it was rendered from."""
+    """The number of the pose at which its pixels were asked for."""
+    view: int | None = Field(default=None, ge=0)
+    """The number of the pose to which the page turned it; None where it was shown as it came."""
+    filled: float | None = Field(default=None, ge=0, le=1)
+    """The page's estimate of the share of the picture that the newest frame did not cover; None where not turned."""
     latencies: Entries[float]
-    """What the page itself took for the motion-to-photon latency of each input that this frame shows first."""
+    """What the page itself took for the latency of each input whose view this shows first."""
     rung: int | None
     """Of the ladder."""
     width: int = Field(ge=0, le=MAX_SIDE)
@@ -117,6 +121,11 @@ class Capture(WireModel):
     shown_at: float
     """When the frame had come on the screen; negative before the run."""
     pose: int
+    """At which its pixels were asked for."""
+    view: int | None = Field(default=None, ge=0)
+    """To which the page turned it; None where it was shown as it came."""
+    filled: float | None = Field(default=None, ge=0, le=1)
+    """As of a shown frame."""
     rung: int | None
     width: int = Field(gt=0, le=MAX_SIDE)
     height: int = Field(gt=0, le=MAX_SIDE)
