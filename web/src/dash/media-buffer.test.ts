@@ -9,8 +9,11 @@ class FakeSource extends EventTarget {
   ranges: [start: number, end: number][] = [];
   /** Takes no more. */
   full = false;
+  /** It was taken from its player. */
+  removed = false;
 
   get buffered() {
+    if (this.removed) throw new DOMException("", "InvalidStateError");
     return {
       length: this.ranges.length,
       start: (index: number) => this.ranges[index]?.[0] ?? Number.NaN,
@@ -44,6 +47,7 @@ class FakeSource extends EventTarget {
 }
 
 let source: FakeSource;
+let leaving: AbortController;
 let position: number;
 let failed: string[];
 let onAppended: ReturnType<typeof vi.fn<() => void>>;
@@ -51,11 +55,13 @@ let buffer: MediaBuffer;
 
 beforeEach(() => {
   source = new FakeSource();
+  leaving = new AbortController();
   position = 0;
   failed = [];
   onAppended = vi.fn<() => void>();
   buffer = new MediaBuffer({
     source: source as unknown as SourceBuffer,
+    signal: leaving.signal,
     position: () => position,
     onAppended,
     onFailed: (reason) => failed.push(reason),
@@ -120,6 +126,19 @@ test("a source that is full gives up all that was played; if that does not help,
   append(2);
   source.finish();
   expect(failed).toEqual(["The player stopped: the browser takes no more of the stream."]);
+});
+
+test("a source that has left is not looked at, whatever still comes", () => {
+  append(1);
+  leaving.abort();
+  source.removed = true;
+  source.finish(); // what it worked on when it left
+  source.dispatchEvent(new Event("error"));
+  append(2);
+  expect(buffer.end).toBeNull();
+  expect(source.asked).toEqual(["append 1"]);
+  expect(onAppended).not.toHaveBeenCalled();
+  expect(failed).toEqual([]);
 });
 
 test("a stream that the source cannot read fails", () => {

@@ -6,6 +6,8 @@ const FORGET_EVERY = 5;
 
 export interface MediaBufferOptions {
   readonly source: SourceBuffer;
+  /** Aborted when the source leaves the player: from then on even looking at it throws. */
+  readonly signal: AbortSignal;
   /** Where playback is, in seconds. */
   readonly position: () => number;
   /** There is something new to play. */
@@ -24,12 +26,14 @@ export class MediaBuffer {
 
   constructor(options: MediaBufferOptions) {
     this.#options = options;
-    const { source, onAppended, onFailed } = options;
-    source.addEventListener("updateend", () => {
+    const { source, signal, onAppended, onFailed } = options;
+    const onUpdated = () => {
       onAppended();
       this.#next();
-    });
-    source.addEventListener("error", () => onFailed("The player stopped: the stream cannot be read."));
+    };
+    source.addEventListener("updateend", onUpdated, { signal });
+    const onError = () => onFailed("The player stopped: the stream cannot be read.");
+    source.addEventListener("error", onError, { signal });
   }
 
   append(bytes: Uint8Array<ArrayBuffer>): void {
@@ -43,15 +47,16 @@ export class MediaBuffer {
     this.#interrupted = true;
   }
 
-  /** The end of what has come, in seconds; null if nothing has. */
+  /** The end of what has come, in seconds; null if nothing has, or the source has left. */
   get end(): number | null {
+    if (this.#options.signal.aborted) return null;
     const { buffered } = this.#options.source;
     return buffered.length === 0 ? null : buffered.end(buffered.length - 1);
   }
 
   #next(): void {
-    const { source, position } = this.#options;
-    if (source.updating || this.#waiting.length === 0) return;
+    const { source, signal, position } = this.#options;
+    if (signal.aborted || source.updating || this.#waiting.length === 0) return;
     if (this.#interrupted) source.abort(); // forgets half a box
     this.#interrupted = false;
     const start = source.buffered.length === 0 ? 0 : source.buffered.start(0);

@@ -100,6 +100,7 @@ class MsePlayer {
     const { codecs } = representations.at(-1) ?? representations[0]; // who decodes the best decodes all
     return new MediaBuffer({
       source: media.addSourceBuffer(`video/mp4; codecs="${codecs}"`),
+      signal,
       position: () => this.#video.currentTime,
       onAppended: () => this.#follow(),
       onFailed: (reason) => this.#events.failed(reason),
