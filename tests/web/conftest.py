@@ -81,7 +81,11 @@ def browser() -> Iterator[Browser]:
 
 @pytest.fixture
 def open_page(browser: Browser, server: RenderServer) -> Iterator[OpenPage]:
-    """Opens pages; the test fails if one of them logs an error, unless it is told which ones to expect."""
+    """Opens pages; the test fails if one of them logs an error, unless it is told which ones to expect.
+
+    A test that has a service of its own takes it before this: fixtures end in the opposite order, and a page whose
+    service has gone complains.
+    """
     contexts: list[BrowserContext] = []
     complaints: list[str] = []
 

@@ -121,7 +121,7 @@ def server_with_store(models: Path, store: str) -> Iterator[str]:
         yield running.url
 
 
-def test_the_stores_movements(open_page: OpenPage, server_with_store: str) -> None:
+def test_the_stores_movements(server_with_store: str, open_page: OpenPage) -> None:
     page, poses = opened(open_page, server_with_store, expected_errors="404")
     walk, gone = (page.get_by_role("radio", name=name) for name in ("walk 1", "gone"))
     walk.check()

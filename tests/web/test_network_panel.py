@@ -35,7 +35,7 @@ def page_url(models: Path, shaper: FakeShaper, monkeypatch: pytest.MonkeyPatch) 
         yield running.url
 
 
-def test_the_network_panel(open_page: OpenPage, shaper: FakeShaper, page_url: str) -> None:
+def test_the_network_panel(shaper: FakeShaper, page_url: str, open_page: OpenPage) -> None:
     page = open_page(SCENE, url=page_url, viewport=WINDOW, expected_errors="ERR_")
     wait_for_frames(page)
 

@@ -50,7 +50,7 @@ def pixels(of: Locator) -> Picture:
     return np.asarray(Image.open(io.BytesIO(of.screenshot())).convert("RGB"))
 
 
-def test_samples_are_rendered_again_and_shown_beside_ground_truth(open_page: OpenPage, lab: Lab) -> None:
+def test_samples_are_rendered_again_and_shown_beside_ground_truth(lab: Lab, open_page: OpenPage) -> None:
     page = open_page("#/experiments", url=lab.url)
     page.get_by_role("link", name="Samples").click()
     expect(page.get_by_text("0 of 6 have ground truth")).to_be_visible()
