@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -24,6 +25,14 @@ START_S = 30
 def tigas(*arguments: str) -> list[str]:
     """A command line of the `tigas` that this process belongs to."""
     return [sys.executable, "-m", "tigas_common", *arguments]
+
+
+def with_parent(argv: list[str]) -> list[str]:
+    """The command line of a process that is asked to end when the thread that starts it does, however that ends.
+
+    Without setpriv (util-linux), it is left to its parent to end it.
+    """
+    return ["setpriv", "--pdeathsig", "TERM", *argv] if shutil.which("setpriv") else argv
 
 
 def end(process: subprocess.Popen[bytes], patience_s: float) -> None:

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from tigas_common.processes import end, tigas
+from tigas_common.processes import end, tigas, with_parent
 from tigas_enhance.errors import RenderFailed
 
 STOP_S = 5
@@ -16,9 +16,12 @@ STOP_S = 5
 
 @contextmanager
 def render_service(scenes: Path | None, device: str) -> Iterator[str]:
-    """The URL of a render service on this machine. Raises RenderFailed with what it said if it does not start."""
+    """The URL of a render service on this machine, which ends with the context, or with us if we are killed.
+
+    Raises RenderFailed with what it said if it does not start.
+    """
     options = ["--http", "127.0.0.1:0", "--quic", "off", "--device", device]
-    command = tigas("render", *options, *(["--scenes", str(scenes)] if scenes else []))
+    command = with_parent(tigas("render", *options, *(["--scenes", str(scenes)] if scenes else [])))
     process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, start_new_session=True)
     try:
         yield _url(process)  # and hardly anything after it, as a service without visitors has little to say

@@ -19,7 +19,7 @@ import psutil
 from pydantic import ValidationError
 
 from tigas_common.errors import StartError
-from tigas_common.processes import end, tigas
+from tigas_common.processes import end, tigas, with_parent
 from tigas_common.topology import PAGE_ORIGINS
 from tigas_common.wire.render import SceneInfo, ServerConfig
 
@@ -64,7 +64,7 @@ async def lab_target(scenes: Path | None, traces: Path | None) -> AsyncIterator[
     options = [*(("--scenes", str(scenes)) if scenes else ()), *(("--traces", str(traces)) if traces else ())]
     # A session of its own: Ctrl+C reaches us alone, so that runs end before their services. If we die, it ends, too.
     process = subprocess.Popen(  # noqa: ASYNC220 - starting takes no time
-        ["setpriv", "--pdeathsig", "TERM", *tigas("lab", "up"), *options],
+        with_parent([*tigas("lab", "up"), *options]),
         stdin=subprocess.DEVNULL,
         stdout=subprocess.DEVNULL,
         stderr=subprocess.PIPE,
