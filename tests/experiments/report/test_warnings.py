@@ -7,6 +7,7 @@ from pathlib import Path
 
 from tests.experiments.report.made_up_results import write_run
 from tigas_experiments.records.folder import ExperimentRecord, write_experiment
+from tigas_experiments.records.scores import SCORES, Score, write_scores
 from tigas_experiments.report.results import load
 from tigas_experiments.report.warnings import comparison_warnings, experiment_warnings
 
@@ -37,6 +38,19 @@ def test_runs_without_all_of_their_samples_are_counted(tmp_path: Path) -> None:
         results
     )
     assert sum("The browser’s storage is full." in warning for warning in comparison_warnings(results)) == 1
+
+
+def test_broken_scores_cost_a_run_its_scores_alone(tmp_path: Path) -> None:
+    run = write_run(tmp_path / "runs" / "a")
+    write_scores(run, [Score(seq=1, picture="original", digest="a", psnr=30.0)])
+    (scores := run / SCORES).write_text(scores.read_text() + "half a li")
+    results = load(tmp_path)
+    assert results.failures == ()
+    assert len(results.runs[0].latencies) > 0
+    assert results.runs[0].scores == ()
+    sentence = "a: its pictures' scores are missing. runs/a/scores.ndjson, line 2: "
+    for warnings in (experiment_warnings, comparison_warnings):
+        assert sum(said.startswith(sentence) for said in warnings(results)) == 1
 
 
 def test_inputs_that_were_changed_and_runs_that_are_missing_are_named(tmp_path: Path) -> None:

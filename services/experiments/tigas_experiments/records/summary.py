@@ -39,6 +39,8 @@ class Records:
     quality: list[CaptureQuality]
     scores: list[Score]
     """Of sampled pictures."""
+    scores_problem: str | None
+    """Why these are missing: they were made after the run, which is none the worse for it."""
 
     @classmethod
     def of(cls, stored: StoredRun) -> Records:
@@ -46,6 +48,12 @@ class Records:
         head = stored.record.recording
         if head is None:
             raise BrokenRecording(f"{stored.folder / 'run.json'} says nothing of the recording.")
+        scores: list[Score] = []
+        scores_problem = None
+        try:
+            scores = read_scores(stored.folder)
+        except BrokenRecording as error:
+            scores_problem = str(error)
         return cls(
             head=head,
             inputs=stored.inputs(),
@@ -55,7 +63,8 @@ class Records:
             traffic=stored.traffic(),
             link=[sample for sample in stored.link() if 0 <= sample.at <= head.duration_ms],
             quality=stored.quality(),
-            scores=read_scores(stored.folder),
+            scores=scores,
+            scores_problem=scores_problem,
         )
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -50,6 +50,8 @@ class Run:
     """Of the frames' age; None without the server's times."""
     scores: tuple[Score, ...]
     """Of its sampled pictures, as far as they were computed."""
+    scores_problem: str | None
+    """Why they cannot be read."""
 
     @classmethod
     def of(cls, folder: str, record: RunRecord, figures: Figures, records: Records) -> Run:
@@ -68,6 +70,7 @@ class Run:
             link=_table([(at.at / 1000, at.target_kbps / 1000, at.delivered_kbps / 1000) for at in records.link], 3),
             parts=LatencyParts.of(inputs, frames, records.replies),
             scores=tuple(records.scores),
+            scores_problem=records.scores_problem,
         )
 
     @property
@@ -127,6 +130,8 @@ def load(folder: Path, told: Told = lambda what, done, total: None) -> Results:
             if summary.figures is None or records is None:
                 failures.append(Failure(each.name, within(summary.problem or "It has no figures."), summary.record))
             else:
+                if records.scores_problem is not None:
+                    records = replace(records, scores_problem=within(records.scores_problem))
                 runs.append(Run.of(each.name, summary.record, summary.figures, records))
         except BrokenRecording as error:
             failures.append(Failure(each.name, within(str(error)), None))

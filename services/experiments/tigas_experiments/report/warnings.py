@@ -19,6 +19,15 @@ def unreadable(results: Results) -> list[str]:
     ]
 
 
+def score_warnings(results: Results) -> list[str]:
+    """Of the runs whose pictures' scores cannot be read: a sentence each."""
+    return [
+        f"{run.folder}: its pictures' scores are missing. {run.scores_problem}"
+        for run in results.runs
+        if run.scores_problem is not None
+    ]
+
+
 def sample_warnings(runs: Mapping[str, SampledRun]) -> list[str]:
     """Of the runs that have samples: where ground truth is doubtful, or is not there."""
     found = [
@@ -37,7 +46,7 @@ def sample_warnings(runs: Mapping[str, SampledRun]) -> list[str]:
 
 def comparison_warnings(results: Results) -> list[str]:
     """Run by run."""
-    found = unreadable(results)
+    found = unreadable(results) + score_warnings(results)
     for run in runs_as_made(results):
         record = run.record
         name = f"{record.configuration.network.label}, {label(record)}"
@@ -80,6 +89,7 @@ def experiment_warnings(results: Results) -> list[str]:
         )
     if fewer := sum(run.record.sampling_problem is not None for run in runs):
         found.append(f"{fewer} of {len(runs)} runs have fewer samples than were asked for; their run.json says why.")
+    found += score_warnings(results)
     for name, values in _pooled(results).items():
         if len(values) > 1:
             found.append(f"Runs of different {name} ({', '.join(values)}) are taken together.")
