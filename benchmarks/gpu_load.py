@@ -38,6 +38,7 @@ class OneScene:
 
     prepared: PreparedScene
     background: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    ladder: None = None
 
     @asynccontextmanager
     async def use(self, scene_id: str) -> AsyncIterator[OneScene]:

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tigas_common.errors import UnknownScene
-from tigas_common.wire.render import FrameFormat, RenderRequest
+from tigas_common.wire.render import FrameFormat, RenderRequest, Rung
 from tigas_render.gaussians import Gaussians
 from tigas_render.raster.base import Camera, Image, Pause, PreparedScene, Rasterizer
 
@@ -103,6 +103,7 @@ class FakeLoaded:
 
     prepared: PreparedScene = field(default_factory=FakeScene)
     background: tuple[float, float, float] = (0.0, 0.5, 1.0)
+    ladder: tuple[Rung, ...] | None = None
 
 
 @dataclass
@@ -112,6 +113,8 @@ class FakeScenes:
     users: int = 0
     evictable: int = 0
     evicted: int = 0
+    ladder: tuple[Rung, ...] | None = None
+    """The scene's own."""
     last: weakref.ref[FakeLoaded] | None = None
     """The scene that was given out last."""
 
@@ -121,7 +124,7 @@ class FakeScenes:
             raise UnknownScene(f"There is no scene {scene_id!r}.")
         self.users += 1
         try:
-            loaded = FakeLoaded()
+            loaded = FakeLoaded(ladder=self.ladder)
             self.last = weakref.ref(loaded)
             yield loaded
         finally:

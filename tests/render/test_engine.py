@@ -21,7 +21,7 @@ from tigas_common.errors import (
     Superseded,
     UnknownScene,
 )
-from tigas_common.wire.render import DEFAULT_LADDER, FrameFormat
+from tigas_common.wire.render import DEFAULT_LADDER, FrameFormat, Rung
 from tigas_render import engine as engine_module
 from tigas_render.engine import Engine
 from tigas_render.frame import Client, Frame
@@ -92,6 +92,20 @@ async def test_the_frame_has_the_rungs_resolution_and_quality_and_the_requests_n
     assert bench.rasterizer.images[0].closed
     assert bench.scenes.users == 0
     assert bench.outcome("frame") == 1
+
+
+async def test_profiles_count_in_the_scenes_own_ladder(bench: Bench) -> None:
+    sizes = ((1280, 720, 80), (480, 270, 50))
+    bench.scenes.ladder = tuple(
+        Rung(name=f"{width}", width=width, height=height, quality=quality, expected_kb=width)
+        for width, height, quality in sizes
+    )
+    bench.rasterizer.gate.set()
+    assert (await bench.submit("a", profile=1)).body == b"480x270 jpeg 50"
+    assert (await bench.submit("a", profile=None)).body == b"320x180 jpeg 80"
+    with pytest.raises(InvalidRequest, match="rungs 0 to 1"):
+        await bench.submit("a", profile=2)
+    assert bench.scenes.users == 0
 
 
 async def test_without_a_profile_the_frame_has_the_viewports_resolution(bench: Bench) -> None:

@@ -9,7 +9,9 @@ from pathlib import Path
 import pytest
 
 from tests.render.fakes import FakeRasterizer
+from tests.render.scenes import plys
 from tigas_common.certificate import Certificate
+from tigas_common.settings import load_settings
 from tigas_render import service as service_module
 from tigas_render.service import RenderService
 from tigas_render.settings import RenderSettings
@@ -47,3 +49,23 @@ async def test_a_certificate_is_renewed_although_housekeeping_failed_before(
         assert not service.certificate.needs_renewal(datetime.now(UTC))
     assert "no scene can be unloaded" in caplog.text
     assert "No space left on device" in caplog.text
+
+
+OWN = '[{"name": "Small", "width": 320, "height": 180, "quality": 50, "expected_kb": 9}]'
+
+
+@pytest.mark.parametrize(
+    ("setting", "of_the_server", "of_the_scene"),
+    [("scene", "High", "Small"), ("paper", "High", None), (OWN.replace("Small", "Ours"), "Ours", None)],
+)
+async def test_scenes_have_ladders_of_their_own_unless_the_settings_name_one_for_all(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, setting: str, of_the_server: str, of_the_scene: str | None
+) -> None:
+    monkeypatch.setenv("TIGAS_RENDER_LADDER", setting)
+    plys.write(tmp_path / "hall" / "scene.ply", plys.binary_ply())
+    plys.write(tmp_path / "hall" / "ladder.json", f'{{"rungs": {OWN}}}'.encode())
+    settings = load_settings(RenderSettings, {"scenes": tmp_path, "cache": tmp_path / "cache"})
+    async with RenderService.open(settings, FakeRasterizer()) as service:
+        ladder = (await service.info("hall")).ladder
+        assert service.config("localhost").ladder[0].name == of_the_server
+        assert (ladder and ladder[0].name) == of_the_scene

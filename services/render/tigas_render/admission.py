@@ -16,7 +16,7 @@ SHORT_S = 0.05
 
 
 class Admission:
-    """Refuses frames above the ladder's best rung that would take long, as long as another client is active."""
+    """Refuses frames above the server's best rung that would take long, as long as another client is active."""
 
     def __init__(self, ladder: tuple[Rung, ...], costs: FrameCosts) -> None:
         self._costs = costs

@@ -43,6 +43,12 @@ def render(
     device: Annotated[
         str | None, typer.Option(metavar="auto|cpu|cuda[:N]", help="Rasterise on this device.", show_default="auto")
     ] = None,
+    ladder: Annotated[
+        str | None,
+        typer.Option(
+            metavar="scene|paper", help="Quality levels: each scene's own, or the paper's.", show_default="scene"
+        ),
+    ] = None,
     congestion_control: Annotated[
         str | None, typer.Option(metavar="reno|cubic", help="QUIC's congestion control.", show_default="reno")
     ] = None,

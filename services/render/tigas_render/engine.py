@@ -74,7 +74,7 @@ class Engine:
         clock: Callable[[], float],
         waiting_per_address: int = MAX_WAITING,
     ) -> None:
-        """waiting_per_address: how many requests of one address may wait."""
+        """ladder: for scenes without one of their own; waiting_per_address: how many requests of one may wait."""
         self._rasterizer = rasterizer
         self._scenes = scenes
         self._ladder = ladder
@@ -116,13 +116,11 @@ class Engine:
     async def submit(self, client: Client, request: RenderRequest, arrived: float) -> Frame:
         """The frame for a request that arrived at a time of the engine's clock; cancel the call to withdraw it.
 
-        Raises InvalidRequest for a rung that the ladder does not have, UnknownScene, BrokenScene, Superseded,
+        Raises InvalidRequest for a rung that the scene's ladder does not have, UnknownScene, BrokenScene, Superseded,
         DeadlineExceeded and Overloaded; OutOfDeviceMemory, if that is so even after unloading a scene that nobody uses;
         and DeviceLost.
         """
         try:
-            if request.profile is not None and request.profile >= len(self._ladder):
-                raise InvalidRequest(f"profile: the ladder has rungs 0 to {len(self._ladder) - 1}.")
             async with self._scenes.use(request.scene) as scene:
                 frame = await with_room(lambda: self._frame(client, request, scene, arrived), self._scenes.evict)
         except asyncio.CancelledError:
@@ -143,10 +141,13 @@ class Engine:
 
     async def _frame(self, client: Client, request: RenderRequest, scene: LoadedScene, arrived: float) -> Frame:
         loop = asyncio.get_running_loop()
-        width, height = self._size(request)
+        ladder = scene.ladder or self._ladder
+        if request.profile is not None and request.profile >= len(ladder):
+            raise InvalidRequest(f"profile: the ladder has rungs 0 to {len(ladder) - 1}.")
+        width, height = _size(request, ladder)
         with self._changed:
             expected = max(MIN_COST_S, self._costs.at_least(request.scene, request.format, width * height))
-        work = Work(client, request, scene, arrived, width, height, expected, loop.create_future(), loop)
+        work = Work(client, request, scene, ladder, arrived, width, height, expected, loop.create_future(), loop)
         self._enqueue(work)
         try:
             frame = await work.answer
@@ -289,12 +290,6 @@ class Engine:
         self._admission.check(work.client, request, now, others_wait=self._schedule.others_wait(work.client))
         self._admission.heard_of(work.client, now)
 
-    def _size(self, request: RenderRequest) -> tuple[int, int]:
-        """The frame's width and height, in pixels."""
-        if request.profile is None:
-            return request.width, request.height
-        return self._ladder[request.profile].size_for(request.width, request.height)
-
     def _encode(self, rendered: Rendered) -> None:
         work, image, request = rendered.work, rendered.image, rendered.work.request
         rendering = rendered.rendering
@@ -303,7 +298,7 @@ class Engine:
                 if work.is_withdrawn:
                     self._settle(work, rendering)
                     return
-                quality = self._ladder[request.profile or 0].quality
+                quality = work.ladder[request.profile or 0].quality
                 begun = self._clock()
                 body = _stamped(image, request.stamp).encode(request.format, quality)
                 encoding = self._clock() - begun
@@ -325,6 +320,13 @@ class Engine:
         """Charge the client for what its frame has really cost."""
         with self._changed:
             self._schedule.settle(work.client, max(seconds, MIN_COST_S) - work.expected)
+
+
+def _size(request: RenderRequest, ladder: tuple[Rung, ...]) -> tuple[int, int]:
+    """The frame's width and height, in pixels."""
+    if request.profile is None:
+        return request.width, request.height
+    return ladder[request.profile].size_for(request.width, request.height)
 
 
 def _camera(work: Work) -> Camera:

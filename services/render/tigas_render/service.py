@@ -48,12 +48,18 @@ class RenderService:
         self.registry = SceneRegistry(
             settings.scenes,
             rasterizer.prepare,
+            own_ladders=settings.ladder == "scene",
             memory_budget=int(settings.memory_gb * 1e9),
             idle_s=60 * settings.idle_minutes,
             clock=time.monotonic,
         )
         self.engine = Engine(
-            rasterizer, self.registry, settings.ladder, self.metrics, time.monotonic, settings.waiting_per_address
+            rasterizer,
+            self.registry,
+            settings.default_ladder,
+            self.metrics,
+            time.monotonic,
+            settings.waiting_per_address,
         )
         self.certificate = Certificate.create(_own_names(settings), datetime.now(UTC))
         self.origins = OriginPolicy.of(settings.addresses, settings.allow_hosts, settings.allow_origins)
@@ -62,7 +68,7 @@ class RenderService:
         self.https_port: int | None = None
         self.url: str | None = None
         """Where the API is over HTTP/1.1, from this machine, once it is."""
-        self.shelf = Shelf(settings.ladder, settings.cache)
+        self.shelf = Shelf(settings.default_ladder, settings.cache)
         self.trainer = Trainer(rasterizer.device)
         self._previews = PreviewCache(settings.cache, self._render_preview)
         self._on_renewal: list[Callable[[Certificate], None]] = []
@@ -97,7 +103,7 @@ class RenderService:
             version=version("tigas"),
             commit=self._commit,
             device=self._hardware,
-            ladder=self.settings.ladder,
+            ladder=self.settings.default_ladder,
             certificate_sha256=self.certificate.sha256 if quic_port else None,
             webtransport_url=f"https://{_bracketed(quic_host)}:{quic_port}/render" if quic_port else None,
             https_url=f"https://{_bracketed(host)}:{self.https_port}/" if self.https_port else None,

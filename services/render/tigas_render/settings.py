@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import ClassVar, Literal
+from typing import Annotated, ClassVar, Literal
 
-from pydantic import Field
+from pydantic import Discriminator, Field, Tag
 from pydantic_settings import SettingsConfigDict
 
 from tigas_common.address import Address
@@ -13,7 +13,14 @@ from tigas_common.settings import Listen, ListenOrOff, ServiceSettings
 from tigas_common.topology import PAGE, PAGE_HTTPS, WEBTRANSPORT
 from tigas_common.wire.render import DEFAULT_LADDER, Rung
 from tigas_render.cache import cache_directory
+from tigas_render.scenes.ladder import MAX_RUNGS
 from tigas_render.transport.limits import Limits
+
+Ladder = Annotated[
+    Annotated[Literal["scene", "paper"], Tag("name")]
+    | Annotated[tuple[Rung, ...], Field(min_length=1, max_length=MAX_RUNGS), Tag("rungs")],
+    Discriminator(lambda given: "name" if isinstance(given, str) else "rungs"),
+]
 
 
 class RenderSettings(ServiceSettings):
@@ -46,12 +53,17 @@ class RenderSettings(ServiceSettings):
     """Memory limit for loaded scenes, in gigabytes (10⁹ bytes)."""
     idle_minutes: float = Field(default=15.0, gt=0, le=525_600)
     """Scenes unused for this many minutes are unloaded."""
-    ladder: tuple[Rung, ...] = Field(default=DEFAULT_LADDER, min_length=1, max_length=16)
-    """Quality levels, the best first."""
+    ladder: Ladder = "scene"
+    """Quality levels: each scene's own, or else the paper's; the paper's; or these, the best first."""
     cache: Path = Field(default_factory=cache_directory)
     """The cache directory of rendered previews."""
     services: dict[str, str] = Field(default_factory=dict)
     """Base URLs of other services for the page, by name; a bare `:PORT` means the page's own host."""
+
+    @property
+    def default_ladder(self) -> tuple[Rung, ...]:
+        """Of scenes that are not shown with one of their own."""
+        return DEFAULT_LADDER if isinstance(self.ladder, str) else self.ladder
 
     @property
     def addresses(self) -> list[Address]:

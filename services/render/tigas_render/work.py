@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from tigas_common.errors import DeadlineExceeded
-from tigas_common.wire.render import RenderRequest
+from tigas_common.wire.render import RenderRequest, Rung
 from tigas_render.frame import Client, Frame
 from tigas_render.raster.base import Image, PreparedScene
 
@@ -23,6 +23,10 @@ class LoadedScene(Protocol):
     def background(self) -> tuple[float, float, float]:
         """RGB, 0 to 1."""
 
+    @property
+    def ladder(self) -> tuple[Rung, ...] | None:
+        """The scene's own quality levels, the best first, if it has them."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Work:
@@ -31,6 +35,8 @@ class Work:
     client: Client
     request: RenderRequest
     scene: LoadedScene
+    ladder: tuple[Rung, ...]
+    """What the request's profile counts in."""
     arrived: float
     """In seconds of the engine's clock."""
     width: int

@@ -50,11 +50,12 @@ class Bench:
         size = count if estimate is None else estimate
         self.builtin[id] = SceneSource(id, SceneMetadata(), "1", open, sh_degree=0, memory_bytes=size)
 
-    def registry(self, directory: Path | None = None) -> SceneRegistry:
+    def registry(self, directory: Path | None = None, *, own_ladders: bool = True) -> SceneRegistry:
         return SceneRegistry(
             directory,
             lambda gaussians: Packed(len(gaussians)),
             builtin=self.builtin,
+            own_ladders=own_ladders,
             memory_budget=self.budget,
             idle_s=60,
             clock=lambda: self.now,

@@ -90,6 +90,7 @@ export interface SceneInfo {
    */
   background: [number, number, number];
   enhance?: ("scene" | "general") | null;
+  ladder?: Rung[] | null;
 }
 /**
  * Where a visitor enters the scene.
@@ -107,6 +108,17 @@ export interface StartCamera {
   look_at: [number, number, number];
 }
 /**
+ * One level of the quality ladder; its number is its place in the ladder, 0 the best.
+ */
+export interface Rung {
+  name: string;
+  width: number;
+  height: number;
+  quality: number;
+  expected_kb: number;
+  psnr_db?: number | null;
+}
+/**
  * What the page needs to know of its server (`/config.json`).
  */
 export interface ServerConfig {
@@ -120,16 +132,6 @@ export interface ServerConfig {
   services: {
     [k: string]: string;
   };
-}
-/**
- * One level of the quality ladder; its number is its place in the ladder, 0 the best.
- */
-export interface Rung {
-  name: string;
-  width: number;
-  height: number;
-  quality: number;
-  expected_kb: number;
 }
 /**
  * How far the training of a scene's networks is.

@@ -25,6 +25,8 @@ class Rung(WireModel):
     """JPEG quality."""
     expected_kb: float = Field(gt=0)
     """Expected size of a frame, in kilobytes (1000 bytes)."""
+    psnr_db: float | None = None
+    """Expected PSNR of a frame that is enlarged to the display against ground truth, in dB, where it was measured."""
 
     def size_for(self, width: int, height: int) -> tuple[int, int]:
         """Width and height in pixels for a viewport: the rung's own number of pixels in the viewport's own shape.
@@ -73,7 +75,7 @@ class RenderRequest(WireModel):
     """fx, fy, cx, cy are in pixels for this viewport."""
 
     profile: int | None = Field(default=None, ge=0, le=255)
-    """The rung of the ladder; left out, the frame has the viewport's own resolution and the best rung's quality."""
+    """The rung of the scene's ladder; left out: the viewport's own resolution, and the best rung's quality."""
     display_scale: float = Field(default=1, ge=1, le=64)
     """How many times larger than the viewport the frame is shown, linearly."""
     format: FrameFormat = "jpeg"
@@ -199,6 +201,8 @@ class SceneInfo(WireModel):
     """RGB, 0 to 1."""
     enhance: Literal["scene", "general"] | None = None
     """Whose networks can enhance its frames: its own, trained on this very file, or those for any scene."""
+    ladder: Entries[Rung] | None = None
+    """What profiles count in where the scene has a ladder of its own; null: in the server's."""
 
 
 class Training(WireModel):
@@ -221,6 +225,7 @@ class ServerConfig(WireModel):
     device: str | None = None
     """What it renders with: `cpu`, or the graphics processor's name."""
     ladder: Entries[Rung]
+    """Of the scenes that have none of their own."""
     certificate_sha256: str | None
     """Base64 of the SHA-256 of the certificate's DER, for `serverCertificateHashes`."""
     webtransport_url: str | None

@@ -36,6 +36,7 @@ class Shelf:
     """The weights that the service has to offer. Methods read files, and belong into a worker thread."""
 
     def __init__(self, ladder: Sequence[Rung], cache: Path, general: Path = GENERAL_FILE) -> None:
+        """ladder: for scenes without one of their own."""
         self._ladder = ladder
         self._cache = cache / "enhance"
         self._general = general
@@ -63,13 +64,15 @@ class Shelf:
         if self.problem(source) is None and self.own(source) is not None:
             return "scene"
         general = self._read(self._general)
-        fits = isinstance(general, Weights) and general.misfit(None, self._ladder) is None
+        fits = isinstance(general, Weights) and general.misfit(None, source.ladder or self._ladder) is None
         return "general" if fits else None
 
     def problem(self, source: SceneSource) -> str | None:
         """Why the file that a scene has cannot be used; None if there is none."""
         own = self.own(source)
-        return own if own is None or isinstance(own, str) else own.misfit(_digest(source), self._ladder)
+        if own is None or isinstance(own, str):
+            return own
+        return own.misfit(_digest(source), source.ladder or self._ladder)
 
     def own(self, source: SceneSource) -> Weights | str | None:
         """A scene's own weights, or what is wrong with their file; None if there is none."""

@@ -2,7 +2,7 @@
 
 A scene's folder holds one `.ply` (of several, the first by name counts), or what INRIA's training writes: the
 `point_cloud/iteration_N/point_cloud.ply` with the highest N, which goes before any other `.ply`, as the `input.ply`
-beside it is no 3DGS scene. It may hold a `preview.jpg` or `preview.png`, and a `scene.json`.
+beside it is no 3DGS scene. It may hold a `preview.jpg` or `preview.png`, a `scene.json`, and a `ladder.json`.
 
 Symbolic links are followed, also out of the directory, so that models may lie on another disk: whoever can write links
 here could as well write files, and clients name scenes by id only, never by path.
@@ -17,6 +17,9 @@ from functools import lru_cache
 from pathlib import Path
 
 from tigas_common.errors import BrokenScene
+from tigas_common.wire.render import Rung
+from tigas_render.scenes.ladder import FILE as LADDER_FILE
+from tigas_render.scenes.ladder import BrokenLadder, read_ladder
 from tigas_render.scenes.metadata import SceneMetadata, read_metadata
 from tigas_render.scenes.ply import load_ply
 from tigas_render.scenes.ply_header import read_header
@@ -83,7 +86,17 @@ def read_folder(folder: Path) -> SceneSource:
         memory_bytes=header.tensor_bytes,
         folder=folder,
         preview=preview,
+        ladder=_ladder(folder),
     )
+
+
+def _ladder(folder: Path) -> tuple[Rung, ...] | None:
+    """Its own; None if it has none that can be used."""
+    try:
+        return read_ladder(folder / LADDER_FILE)
+    except BrokenLadder as error:
+        _log.warning("%s: %s It is shown with the server's ladder.", folder.name, error.detail)
+        return None
 
 
 def _sha256(path: Path) -> str:

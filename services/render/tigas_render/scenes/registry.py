@@ -9,13 +9,13 @@ import asyncio
 import logging
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from types import TracebackType
 from urllib.parse import quote
 
 from tigas_common.errors import BrokenScene, Overloaded, SceneInUse, TigasError, UnknownScene
-from tigas_common.wire.render import SceneInfo, StartCamera
+from tigas_common.wire.render import Rung, SceneInfo, StartCamera
 from tigas_render.device_memory import with_room
 from tigas_render.gaussians import Gaussians
 from tigas_render.raster.base import PreparedScene
@@ -47,6 +47,11 @@ class LoadedScene:
         """RGB, 0 to 1."""
         return self.source.metadata.background
 
+    @property
+    def ladder(self) -> tuple[Rung, ...] | None:
+        """The scene's own, if it has one."""
+        return self.source.ladder
+
 
 class _Entry:
     """A scene's changing state."""
@@ -71,7 +76,8 @@ class _Entry:
 class SceneRegistry:
     """Loads scenes on first use and keeps them while there is memory and interest.
 
-    `prepare` packs Gaussians for the rasteriser, in a worker thread; `memory_budget` (bytes) is what prepared scenes
+    `prepare` packs Gaussians for the rasteriser, in a worker thread; without `own_ladders`, scenes are offered without
+    the ladders that they bring along; `memory_budget` (bytes) is what prepared scenes
     may take together; a scene unused for `idle_s` seconds is evicted when `evict_idle` is next called; `clock` tells
     seconds.
     """
@@ -82,6 +88,7 @@ class SceneRegistry:
         prepare: Callable[[Gaussians], PreparedScene],
         *,
         builtin: Mapping[str, SceneSource] = BUILTIN,
+        own_ladders: bool = True,
         memory_budget: int,
         idle_s: float,
         clock: Callable[[], float],
@@ -89,10 +96,11 @@ class SceneRegistry:
         self._directory = directory
         self._prepare = prepare
         self._builtin = builtin
+        self._own_ladders = own_ladders
         self._budget = memory_budget
         self._idle_s = idle_s
         self._clock = clock
-        self._entries = {id: _Entry(source) for id, source in builtin.items()}
+        self._entries = {id: _Entry(source) for id, source in self._offered(builtin).items()}
         self._retired: set[_Entry] = set()  # gone from the directory or replaced there, but still in use
 
     async def scan(self) -> None:
@@ -103,7 +111,7 @@ class SceneRegistry:
         found = await asyncio.to_thread(scan_directory, self._directory) if self._directory else {}
         old = self._entries
         self._entries = {}
-        for id, source in sorted((dict(self._builtin) | found).items()):
+        for id, source in sorted(self._offered(dict(self._builtin) | found).items()):
             entry = old.pop(id, None)
             if entry is not None and entry.source.version == source.version and not (entry.error or source.error):
                 entry.source = source
@@ -118,6 +126,11 @@ class SceneRegistry:
             self._entries[id] = _Entry(source)
         for entry in old.values():
             self._retire(entry)
+
+    def _offered(self, sources: Mapping[str, SceneSource]) -> Mapping[str, SceneSource]:
+        if self._own_ladders:
+            return sources
+        return {id: replace(source, ladder=None) for id, source in sources.items()}
 
     def infos(self) -> list[SceneInfo]:
         """Every scene, by id."""
@@ -303,6 +316,7 @@ class SceneRegistry:
             up=source.metadata.up,
             camera=entry.camera,
             background=source.metadata.background,
+            ladder=source.ladder,
         )
 
 

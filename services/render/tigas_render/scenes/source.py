@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
+from tigas_common.wire.render import Rung
 from tigas_render.gaussians import Gaussians
 from tigas_render.scenes.metadata import SceneMetadata
 
@@ -33,6 +34,8 @@ class SceneSource:
     """Where it lies; None if it is built in."""
     preview: Path | None = None
     """The picture that the scene brings along."""
+    ladder: tuple[Rung, ...] | None = None
+    """Its own quality levels, the best first; None if it has none."""
 
     @property
     def name(self) -> str:
