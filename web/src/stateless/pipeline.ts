@@ -40,6 +40,8 @@ export interface DecodedFrame {
   /** What was asked for, and the image as it came: only a reference, which is gone once the frame has been shown. */
   readonly asked: ViewRequest & { readonly seq: number };
   readonly image: Blob;
+  /** When it was asked for, on the page's clock. */
+  readonly askedAt: number;
 }
 
 export interface PipelineEvents {
@@ -170,7 +172,8 @@ export class FramePipeline {
       this.#events.replied(reply, view, pose);
       const bitmap = await this.#decode(reply.image, abort.signal);
       this.#observe(reply, alone);
-      this.#decoded({ seq, version, pose, header: reply.header, bitmap, asked, image: reply.image, request });
+      const { header, image } = reply;
+      this.#decoded({ seq, version, pose, header, bitmap, asked, askedAt: request.at, image, request });
     } catch (error) {
       if (abort.signal.aborted) return;
       request.fate = "dropped";

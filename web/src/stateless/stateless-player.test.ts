@@ -4,10 +4,12 @@ import { Display } from "../enhance/display";
 import { Enhancement } from "../enhance/enhancement";
 import { PLACE } from "../enhance/fake-gpu";
 import { Overlay } from "../enhance/overlay";
+import type { PredictorName } from "../predict/registry";
 import { FakeTransport, settle } from "../transport/fake";
 import { NO_NUDGE } from "../view/motion";
 import type { PresentedFrame } from "../view/presented";
 import { Rig } from "../view/rig";
+import { angleBetween } from "../view/vector";
 import type { DecodedFrame } from "./pipeline";
 import { type Reply, type ShownFrame, StatelessPlayer } from "./stateless-player";
 
@@ -18,6 +20,7 @@ let now: number;
 let axes: typeof STILL;
 let profile: number;
 let refine: boolean;
+let prediction: PredictorName;
 let drawn: unknown[];
 let replies: Reply[];
 let shown: ShownFrame[];
@@ -31,6 +34,7 @@ beforeEach(() => {
   axes = STILL;
   profile = 0;
   refine = false;
+  prediction = "off";
   drawn = [];
   replies = [];
   shown = [];
@@ -56,6 +60,7 @@ function play(display: Display<DecodedFrame>): void {
     decoder: { decode: async () => ({ close: () => undefined }) as ImageBitmap },
     controller: () => new FixedController(profile),
     refine: () => refine,
+    prediction: () => prediction,
     stamp: false,
     onPresented: (frame) => presented.push(frame),
     onShown: (frame) => shown.push(frame),
@@ -223,4 +228,18 @@ test("a lens that a person set stays when the stage changes; the rest follows", 
   await frames(1);
   expect(last()).toMatchObject({ fx: 900, cx: 300, cy: 300, width: 600, height: 600 });
   expect(last()?.fy).toBeCloseTo(519.62, 2);
+});
+
+test("while it turns asks for where the camera will be, as soon as it is known how long frames take, and at rest for where it is", async () => {
+  prediction = "velocity";
+  await frames(3);
+  axes = { ...STILL, turnRight: 1 };
+  await frames(20);
+  const asked = transport.requests.at(-1)?.request.quaternion ?? [0, 0, 0, 1];
+  // Frames are on the screen two animation frames after they were asked for, and stay there for one: 42 ms at 60 degrees a second.
+  expect(angleBetween(rig.pose.quaternion, asked)).toBeCloseTo(2.5, 3);
+  axes = STILL;
+  await frames(40);
+  expect(last()?.quaternion).toEqual(rig.pose.quaternion);
+  expect(player.stats.value.settled).toBe(true);
 });

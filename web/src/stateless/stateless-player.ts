@@ -3,6 +3,8 @@
 import { signal } from "@preact/signals";
 import type { Controller, Observation } from "../abr/controller";
 import type { Display, Enhanced } from "../enhance/display";
+import { Foresight } from "../predict/foresight";
+import type { PredictorName } from "../predict/registry";
 import type { Connected } from "../transport/connect";
 import { Meter, STATS_EVERY } from "../view/meter";
 import type { PresentedFrame } from "../view/presented";
@@ -36,6 +38,8 @@ export interface StatelessPlayerOptions {
   readonly controller: () => Controller;
   /** Whether to ask for the view at the best rung once it stands still. */
   readonly refine: () => boolean;
+  /** What foretells the poses that frames are asked for. */
+  readonly prediction: () => PredictorName;
   /** Whether frames carry their pose's number, for tests that read it from the screen. */
   readonly stamp: boolean;
   readonly onPresented: (frame: PresentedFrame) => void;
@@ -61,6 +65,7 @@ export class StatelessPlayer {
   readonly problem = signal<string | null>(null);
   readonly #options: StatelessPlayerOptions;
   readonly #enhanceTimes = new TimeWindow(ENHANCEMENT_SPAN);
+  readonly #foresight: Foresight;
   #meter: Meter;
   #recorder = new StatsRecorder();
   #pipeline: FramePipeline | undefined;
@@ -70,6 +75,7 @@ export class StatelessPlayer {
 
   constructor(options: StatelessPlayerOptions) {
     this.#options = options;
+    this.#foresight = new Foresight(options.rig, options.prediction);
     this.#meter = new Meter("stateless", options.onPresented);
   }
 
@@ -78,6 +84,7 @@ export class StatelessPlayer {
     this.#pipeline?.dispose();
     this.#meter = new Meter("stateless", this.#options.onPresented);
     this.#recorder = new StatsRecorder();
+    this.#foresight.reset();
     this.#connected = connected ?? undefined;
     const { decoder, display, now } = this.#options;
     display.forget();
@@ -132,7 +139,8 @@ export class StatelessPlayer {
   presented(now: number): void {
     const shown = this.#options.display.presented(now);
     if (shown === null) return;
-    const { pose, header, asked, image } = shown.frame;
+    const { pose, header, asked, askedAt, image } = shown.frame;
+    this.#foresight.shown(askedAt, now);
     const { width, height, profile } = header;
     const enhanced = shown.enhanced;
     if (enhanced) this.#enhanceTimes.add(enhanced.ms, now);
@@ -164,7 +172,7 @@ export class StatelessPlayer {
     const { rig, refine, stamp, controller } = this.#options;
     const still = now - rig.changedAt > STILL_AFTER;
     this.#refining = refine() && still && (this.#refining || this.#pipeline?.settled === true);
-    const { seq, position, quaternion } = rig.pose;
+    const { position, quaternion } = this.#foresight.pose(now);
     return {
       scene: scene.id,
       position,
@@ -172,7 +180,7 @@ export class StatelessPlayer {
       ...rig.intrinsics.value,
       ...rig.viewport.value,
       profile: this.#refining ? 0 : controller().decide(now),
-      ...(stamp && { stamp: seq % 2 ** 24 }),
+      ...(stamp && { stamp: rig.pose.seq % 2 ** 24 }),
     };
   }
 

@@ -25,6 +25,8 @@ export type Level = Quaternion;
 
 /** How far up or down one can look, in degrees: straight up the azimuth would lose its meaning. */
 export const MAX_ELEVATION = 89;
+/** Of what is looked at in a scene that has no start camera. */
+const UNKNOWN_DISTANCE = 4;
 const RADIAN = Math.PI / 180;
 
 export function levelFor(up: Vector3): Level {
@@ -57,6 +59,11 @@ export function startCamera(scene: Pick<SceneInfo, "camera" | "up">): Camera {
   const toLevel = conjugate(levelFor(scene.up));
   const position = rotate(toLevel, scene.camera.position);
   return { position, ...towards(subtract(rotate(toLevel, scene.camera.look_at), position)) };
+}
+
+/** How far away what the start camera looks at is, in scene units: the size of what a scene shows. */
+export function viewDistance({ camera }: Pick<SceneInfo, "camera">): number {
+  return camera === null ? UNKNOWN_DISTANCE : Math.hypot(...subtract(camera.position, camera.look_at));
 }
 
 /** Turns by degrees to the right and upwards. */

@@ -5,7 +5,7 @@
 
 import { computed, type ReadonlySignal, signal } from "@preact/signals";
 import type { SceneInfo } from "../wire/render";
-import { type Camera, fromScene, levelFor, type ScenePose, startCamera, toScene } from "./camera";
+import { type Camera, fromScene, levelFor, type ScenePose, startCamera, toScene, viewDistance } from "./camera";
 import { defaultIntrinsics, type Intrinsics, type Viewport, viewportFor } from "./intrinsics";
 import type { InputSample } from "./motion";
 import { type Speeds, step, suggestedSpeed } from "./motion";
@@ -84,10 +84,7 @@ export class Rig {
   enter(scene: SceneInfo): void {
     this.#scene = scene;
     this.resetCamera();
-    const { camera } = scene;
-    this.moveSpeed.value = suggestedSpeed(
-      camera === null ? 4 : Math.hypot(...camera.position.map((value, i) => value - (camera.look_at[i] ?? 0))),
-    );
+    this.moveSpeed.value = suggestedSpeed(viewDistance(scene));
   }
 
   /** The person's camera goes back to the scene's start: a new pose, but no movement; a source keeps the pose meanwhile. */

@@ -1,0 +1,54 @@
+/** Where the rig's camera will be when a frame that is asked for now is looked at, by the chosen predictor. */
+import { type ScenePose, viewDistance } from "../view/camera";
+import type { Rig } from "../view/rig";
+import { Guarded } from "./guarded";
+import { LeadTime } from "./lead-time";
+import type { Predictor, PredictorFactory } from "./predictor";
+import { PREDICTORS, type PredictorName } from "./registry";
+
+export class Foresight {
+  readonly #rig: Rig;
+  readonly #chosen: () => PredictorName;
+  readonly #lead = new LeadTime();
+  #name: PredictorName | undefined;
+  #predictor: Predictor | undefined;
+
+  constructor(rig: Rig, chosen: () => PredictorName) {
+    this.#rig = rig;
+    this.#chosen = chosen;
+  }
+
+  /** How far ahead it looks, in milliseconds. */
+  get ahead(): number {
+    return this.#lead.ahead;
+  }
+
+  /** Once per animation frame, after the rig was sampled: the pose to ask for. */
+  pose(now: number): ScenePose {
+    const predictor = this.#current();
+    predictor.observe(this.#rig.pose, now);
+    return predictor.predict(this.ahead);
+  }
+
+  /** A frame that was asked for at a time is on the screen. */
+  shown(askedAt: number, now: number): void {
+    this.#lead.shown(askedAt, now);
+  }
+
+  /** Another connection: how long frames take is not known. */
+  reset(): void {
+    this.#lead.clear();
+    this.#predictor?.reset();
+  }
+
+  #current(): Predictor {
+    const name = this.#chosen();
+    if (this.#predictor === undefined || name !== this.#name) {
+      this.#name = name;
+      const create: PredictorFactory = PREDICTORS[name].create;
+      const distance = () => viewDistance(this.#rig.scene ?? { camera: null });
+      this.#predictor = new Guarded(create({ rig: this.#rig }), distance);
+    }
+    return this.#predictor;
+  }
+}

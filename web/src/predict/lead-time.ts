@@ -1,0 +1,42 @@
+/**
+ * How far ahead frames are to be asked for: from the request to the screen, as measured lately, and half the time until the next
+ * frame takes its place. Pure: times come in, in milliseconds on one clock.
+ */
+
+/** So many frames count: few enough to follow the network, enough that a late one does not. */
+const FRAMES = 15;
+/** No pose is predicted farther ahead than this. */
+const LONGEST = 500;
+/** A frame that stays longer has no successor: the camera rests. */
+const LONGEST_STAY = 250;
+
+export class LeadTime {
+  #delays: number[] = [];
+  #stays: number[] = [];
+  #shownAt: number | undefined;
+
+  /** A frame that was asked for at a time is on the screen. */
+  shown(askedAt: number, at: number): void {
+    this.#delays = [...this.#delays, at - askedAt].slice(-FRAMES);
+    const stay = at - (this.#shownAt ?? Number.NEGATIVE_INFINITY);
+    if (stay <= LONGEST_STAY) this.#stays = [...this.#stays, stay].slice(-FRAMES);
+    this.#shownAt = at;
+  }
+
+  /** In milliseconds; 0 until a frame was shown. */
+  get ahead(): number {
+    return Math.min(LONGEST, Math.max(0, median(this.#delays) + median(this.#stays) / 2));
+  }
+
+  /** Another connection: nothing is known of it. */
+  clear(): void {
+    this.#delays = [];
+    this.#stays = [];
+    this.#shownAt = undefined;
+  }
+}
+
+function median(values: readonly number[]): number {
+  const sorted = values.toSorted((a, b) => a - b);
+  return sorted[values.length >> 1] ?? 0;
+}
