@@ -1,0 +1,123 @@
+/**
+ * Auto overscan: how much more than the stage the next frame should show at each side, so that it still covers the views that it
+ * will be turned to. The margin that pictures needed lately, in proportion to how fast the camera moved then and moves now:
+ *
+ *     overscan = P(needed) · ω / P(ω)
+ *
+ * `P` is the 70th percentile over the last two seconds of movement and ω the camera's speed; ω / P(ω) stays within 1/4 and 2. So
+ * latency and prediction need no model: where pictures are rendered for the very views that they are shown at, little was
+ * needed. At rest it is 0. Pure: time comes in.
+ */
+import type { Intrinsics, Viewport } from "../view/intrinsics";
+import { angleBetween, conjugate, multiply, type Quaternion, rotate, subtract, type Vector3 } from "../view/vector";
+
+/** What was asked for, or is to be seen: a camera-to-world pose and the lens for a viewport without margins. */
+export interface AskedView extends Intrinsics, Viewport {
+  readonly position: Vector3;
+  readonly quaternion: Quaternion;
+}
+
+export const MAX_OVERSCAN = 0.25;
+/** Margins come in such steps, so that few frames differ in size. */
+const STEP = 0.025;
+/** Milliseconds of movement that are remembered. */
+const SPAN = 2000;
+const RANK = 0.7;
+const SLOWEST = 0.25;
+const FASTEST = 2;
+/** Below so many degrees a second it is the camera's tremor that pictures needed a margin for. */
+const LEAST_SPEED = 10;
+/** Weight of the newest speed in the average. */
+const ALPHA = 0.4;
+/** A camera that has not moved for so many milliseconds rests; a longer pause between samples is no movement, either. */
+const REST = 200;
+/** A view that turns further from one sample to the next is a cut, in degrees. */
+const CUT = 30;
+const DEGREES = 180 / Math.PI;
+
+interface Sample {
+  readonly needed: number;
+  readonly speed: number;
+  /** Milliseconds since the one before. */
+  readonly elapsed: number;
+}
+
+export class AutoOverscan {
+  readonly #distance: number;
+  /** While the camera moved; the newest last. */
+  #samples: Sample[] = [];
+  #last: { readonly view: AskedView; readonly at: number } | undefined;
+  #speed = 0;
+  #movedAt = Number.NEGATIVE_INFINITY;
+
+  /** `distance`: how far away most of the scene is, in its units. */
+  constructor(distance = Number.POSITIVE_INFINITY) {
+    this.#distance = distance;
+  }
+
+  /** Once per animation frame: a picture that was rendered for `frame` was shown turned to `view`. */
+  observe(frame: AskedView, view: AskedView, now: number): void {
+    const last = this.#last;
+    this.#last = { view, at: now };
+    if (last === undefined || now <= last.at) return;
+    const elapsed = now - last.at;
+    const moved = angleBetween(last.view.quaternion, view.quaternion) + this.#parallax(last.view, view);
+    if (elapsed > REST || moved > CUT) return;
+    const needed = neededMargin(frame, view, this.#distance);
+    this.#speed += ALPHA * ((moved * 1000) / elapsed - this.#speed);
+    if (moved > 0) this.#movedAt = now;
+    if (now - this.#movedAt <= REST) this.#remember({ needed, speed: this.#speed, elapsed });
+  }
+
+  /** The share of the viewport's width and height to ask for at each side, 0 to MAX_OVERSCAN. */
+  at(now: number): number {
+    if (now - this.#movedAt > REST) return 0;
+    const usual = Math.max(LEAST_SPEED, this.#percentile("speed"));
+    const faster = Math.min(FASTEST, Math.max(SLOWEST, this.#speed / usual));
+    const exact = this.#percentile("needed") * faster;
+    return Math.min(MAX_OVERSCAN, STEP * Math.max(0, Math.ceil(exact / STEP - 1e-6)));
+  }
+
+  /** How far things seem to turn because the camera changed its place, in degrees. */
+  #parallax(from: AskedView, to: AskedView): number {
+    return DEGREES * Math.atan(Math.hypot(...subtract(to.position, from.position)) / this.#distance);
+  }
+
+  #remember(sample: Sample): void {
+    this.#samples.push(sample);
+    let span = this.#samples.reduce((sum, { elapsed }) => sum + elapsed, 0);
+    for (; span > SPAN; span -= this.#samples.shift()?.elapsed ?? span);
+  }
+
+  /** The nearest rank. */
+  #percentile(name: "needed" | "speed"): number {
+    const sorted = this.#samples.map((sample) => sample[name]).sort((a, b) => a - b);
+    return sorted[Math.max(0, Math.ceil(RANK * sorted.length) - 1)] ?? 0;
+  }
+}
+
+/**
+ * How far `view` reaches beyond the viewport of `frame`, as a share of that viewport's width or height: at the middles of its
+ * sides, because corners that stick out are small. Infinite if it looks elsewhere.
+ */
+export function neededMargin(frame: AskedView, view: AskedView, distance = Number.POSITIVE_INFINITY): number {
+  const back = conjugate(frame.quaternion);
+  const turned = multiply(back, view.quaternion);
+  const moved = rotate(back, subtract(view.position, frame.position)).map((value) => value / distance);
+  const { width, height } = view;
+  const middles = [
+    [0, height / 2],
+    [width, height / 2],
+    [width / 2, 0],
+    [width / 2, height],
+  ] as const;
+  const margins = middles.map(([column, row]) => {
+    const ray: Vector3 = [(column - view.cx) / view.fx, (row - view.cy) / view.fy, 1];
+    const [x = 0, y = 0, z = 0] = rotate(turned, ray).map((value, i) => value + (moved[i] ?? 0));
+    if (z <= 0) return Number.POSITIVE_INFINITY;
+    const across = (frame.cx + (frame.fx * x) / z) / frame.width;
+    const down = (frame.cy + (frame.fy * y) / z) / frame.height;
+    return Math.max(-across, across - 1, -down, down - 1);
+  });
+  return Math.max(0, ...margins);
+}
