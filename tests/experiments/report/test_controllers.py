@@ -7,7 +7,9 @@ from tigas_experiments.report.controllers import Controller, in_order, looks
 
 
 def test_a_controller_looks_the_same_in_every_report() -> None:
-    def controller(mode: Mode = "stateless", profile: int | str = "budget", upscale: str = "off") -> Controller:
+    def controller(
+        mode: Mode = "stateless", profile: int | str = "budget", upscale: str = "off", **more: object
+    ) -> Controller:
         return Controller.of(
             Configuration.model_validate(
                 {
@@ -20,6 +22,7 @@ def test_a_controller_looks_the_same_in_every_report() -> None:
                     "duration_s": 1.0,
                     "width": 64,
                     "height": 64,
+                    **more,
                 }
             )
         )
@@ -34,10 +37,16 @@ def test_a_controller_looks_the_same_in_every_report() -> None:
         controller(profile=3, upscale="scene"),
         controller(upscale="scene"),
         controller(profile=0),
+        controller(reprojection=True, prediction="auto"),
+        controller("dash-tuned", reprojection=True),
     }
-    titles = ["Budget", "Budget + scene", "mine", "Profile 0", "Profile 3", "Profile 3 + scene", "DASH tuned"]
+    titles = [
+        *("Budget", "Budget + reprojection + prediction auto", "Budget + scene", "mine"),
+        *("Profile 0", "Profile 3", "Profile 3 + scene", "DASH tuned", "DASH tuned + reprojection"),
+    ]
     assert [each.title for each in in_order(some)] == titles
     assert controller(upscale="scene").name == "budget+scene"
+    assert controller(reprojection=True, prediction="auto").name == "budget+reprojection+prediction-auto"
     found = looks(some)
     assert found[budget] == looks([budget])[budget]
     assert len({(look.colour, look.dashes, look.marker) for look in found.values()}) == len(found)

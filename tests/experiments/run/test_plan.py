@@ -306,6 +306,29 @@ def test_models_enhance_what_is_stateless(tmp_path: Path) -> None:
     assert page_settings(other)["upscale"] == "off"
 
 
+def test_reprojection_and_prediction_can_be_compared_in_every_mode(tmp_path: Path) -> None:
+    (plain,) = runs(tmp_path)
+    assert (plain.reprojection, plain.prediction, plain.overscan, plain.depth) == (False, "off", "auto", True)
+    made = runs(
+        tmp_path,
+        modes=["stateless", "dash-edge"],
+        reprojection=[False, True],
+        prediction=["off", "auto"],
+        overscan=0.1,
+        depth=False,
+    )
+    assert len(made) == len({run.slug for run in made}) == 8
+    assert {(run.mode, run.reprojection, run.prediction) for run in made} == {
+        (mode, reprojection, prediction)
+        for mode in ("stateless", "dash-edge")
+        for reprojection in (False, True)
+        for prediction in ("off", "auto")
+    }
+    (one,) = runs(tmp_path, reprojection=True, prediction="linear", overscan=0.1, depth=False)
+    chosen = {"reprojection": True, "prediction": "linear", "overscan": 0.1, "depth": False}
+    assert chosen.items() <= page_settings(one).items()
+
+
 def test_what_is_no_model_s_name_is_told_in_a_sentence(tmp_path: Path) -> None:
     with pytest.raises(StartError, match=r"upscale: 'Scene!' is no model's name\.$"):
         runs(tmp_path, upscale="Scene!")

@@ -1,5 +1,6 @@
 /** What a person has filled in to set up an experiment: from a draft to a plan, or a sentence that says what is wrong. Pure. */
 import type { FrameRate } from "../dash/presets";
+import type { Prediction } from "../state/settings";
 import { type ExperimentPlan, MAX_REPEATS, MAX_SEGMENTS, type Network, type Profile, type RunMode } from "./plan";
 import { segments } from "./segments";
 
@@ -18,6 +19,9 @@ export interface Draft {
   /** Of the mode `stateless`: the models that enhance frames, by name, or `off`. */
   readonly restore: string;
   readonly upscale: string;
+  /** How movement is met, in every mode. */
+  readonly reprojection: boolean;
+  readonly prediction: Prediction;
   readonly segments: string;
   readonly repeats: string;
   readonly duration: string;
@@ -110,6 +114,8 @@ export function parseDraft(
       dash_frame_rate: draft.frameRate,
       restore: draft.restore,
       upscale: draft.upscale,
+      reprojection: draft.reprojection,
+      prediction: draft.prediction,
       seed,
       shuffled: true,
     },

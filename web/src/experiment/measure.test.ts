@@ -35,6 +35,10 @@ const RUN: PlannedRun = {
   dash_frame_rate: null,
   restore: "off",
   upscale: "off",
+  reprojection: false,
+  prediction: "off",
+  overscan: "auto",
+  depth: true,
   dash_representation: null,
 };
 const DIRECTION = { target_kbps: 20_000, delivered_kbps: 100, queue_ms: 1, drops: 0 };

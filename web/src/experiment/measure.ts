@@ -162,9 +162,11 @@ function from(points: readonly TimedPose[], begin: number): readonly TimedPose[]
 /** The settings that decide what is measured, as text. */
 function decisiveSettings(): string {
   const { transport, mode, controller, profile, refine, restore, upscale } = settings.value;
+  const { reprojection, prediction, overscan, depth } = settings.value;
   const { dashPreset, dashFrameRate, dashRepresentation, dashCustom } = settings.value;
   const dash = [dashPreset, dashFrameRate, dashRepresentation, dashCustom];
-  return JSON.stringify([transport, mode, controller, profile, refine, restore, upscale, ...dash]);
+  const motion = [reprojection, prediction, overscan, depth];
+  return JSON.stringify([transport, mode, controller, profile, refine, restore, upscale, ...dash, ...motion]);
 }
 
 function visible(): boolean {

@@ -28,6 +28,8 @@ const PLAN: ExperimentPlan = {
   dash_frame_rate: null,
   restore: "off",
   upscale: "off",
+  reprojection: false,
+  prediction: "off",
   seed: 1,
   shuffled: false,
   duration_s: 20,
@@ -59,6 +61,10 @@ test("a run says all that must be known to make it again", () => {
     dash_frame_rate: null,
     restore: "off",
     upscale: "off",
+    reprojection: false,
+    overscan: "auto",
+    depth: true,
+    prediction: "off",
     dash_representation: null,
   });
 });

@@ -4,7 +4,7 @@ import { seeded } from "../abr/random";
 import { CONTROLLER_NAMES, CONTROLLERS, type ControllerName } from "../abr/registry";
 import { FRAME_RATES, type Preset } from "../dash/presets";
 import { OFF } from "../enhance/model/enhancer";
-import type { Settings } from "../state/settings";
+import { PREDICTIONS, type Settings } from "../state/settings";
 import type { LinkSetting } from "../wire/shaper";
 import type { Configuration, RunRow } from "../wire/store";
 import { type Segment, shuffled } from "./segments";
@@ -97,6 +97,9 @@ const Plan = v.object({
   /** Of the mode `stateless`: the models that enhance each frame, by name, or `off`. */
   restore: v.optional(v.string(), OFF),
   upscale: v.optional(v.string(), OFF),
+  /** Whether the newest frame is turned to each animation frame's pose, and what predicts the poses that frames are asked for. */
+  reprojection: v.optional(v.boolean(), false),
+  prediction: v.optional(v.picklist(PREDICTIONS), OFF),
   /** Of segments, the order of runs, and controllers' random numbers. */
   seed: v.optional(v.pipe(v.number(), v.integer(), v.minValue(0)), 1),
   /** Whether runs are made in random order. */
@@ -118,6 +121,7 @@ export function readPlan(stored: unknown): ExperimentPlan | null {
 export interface PlannedRun extends Omit<Required<Configuration>, "width" | "height"> {
   readonly network: Network & { readonly offset_s?: number };
   readonly profile: Profile;
+  readonly prediction: ExperimentPlan["prediction"];
 }
 
 /** What `Configuration` has where no controller chooses: equal runs have equal configurations. */
@@ -142,6 +146,10 @@ export function runsOf(plan: ExperimentPlan): PlannedRun[] {
     capture_every_ms: 0,
     dash_frame_rate,
     dash_representation: null,
+    reprojection: plan.reprojection,
+    prediction: plan.prediction,
+    overscan: "auto" as const,
+    depth: true,
   };
   const random = seeded(seed);
   const inOrder = <T>(values: readonly T[]) => (plan.shuffled ? shuffled(values, random) : values);
@@ -184,6 +192,18 @@ export function conditionLabel(
     : CONTROLLERS[profile].title;
 }
 
+/** What of a run the viewer's settings say. */
+type Decisive =
+  | "mode"
+  | "profile"
+  | "dash_frame_rate"
+  | "restore"
+  | "upscale"
+  | "reprojection"
+  | "prediction"
+  | "overscan"
+  | "depth";
+
 /** The viewer's settings for a run: nothing beside the picture, and no second request for a view that stands still. */
 export function settingsFor({
   mode,
@@ -191,8 +211,13 @@ export function settingsFor({
   dash_frame_rate,
   restore,
   upscale,
-}: Pick<PlannedRun, "mode" | "profile" | "dash_frame_rate" | "restore" | "upscale">): Partial<Settings> {
-  const shared = { sidebar: false, hud: false, refine: false, restore, upscale };
+  reprojection,
+  prediction,
+  overscan,
+  depth,
+}: Pick<PlannedRun, Decisive>): Partial<Settings> {
+  const motion = { reprojection, prediction, overscan, depth };
+  const shared = { sidebar: false, hud: false, refine: false, restore, upscale, ...motion };
   if (mode !== "stateless") {
     return {
       ...shared,

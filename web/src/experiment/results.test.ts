@@ -16,6 +16,8 @@ const PLAN: ExperimentPlan = {
   dash_frame_rate: null,
   restore: "off",
   upscale: "off",
+  reprojection: false,
+  prediction: "off",
   seed: 1,
   shuffled: false,
   duration_s: 10,

@@ -2,7 +2,7 @@ import { expect, test } from "vitest";
 import { EXPERIMENTS, parseRoute, samplesHash, sceneHash } from "./route";
 
 test.each(["courtyard", "my scene", "a/b", "ünï", "100%", "#?&"])("a link to the scene %s leads to it", (scene) => {
-  expect(parseRoute(sceneHash(scene))).toEqual({ page: "viewer", scene, stamp: false, models: {} });
+  expect(parseRoute(sceneHash(scene))).toEqual({ page: "viewer", scene, stamp: false, asked: {} });
 });
 
 test("a link may ask for stamped frames", () => {
@@ -10,7 +10,7 @@ test("a link may ask for stamped frames", () => {
     page: "viewer",
     scene: "courtyard",
     stamp: true,
-    models: {},
+    asked: {},
   });
 });
 
@@ -18,9 +18,10 @@ test.each([
   ["?restore=anime4k-restore-m&upscale=scene", false, { restore: "anime4k-restore-m", upscale: "scene" }],
   ["?stamp&upscale=off", true, { upscale: "off" }],
   ["?upscale", false, { upscale: "" }],
+  ["?reprojection=off&prediction=linear", false, { reprojection: "off", prediction: "linear" }],
   ["?", false, {}],
-])("a link with %s names models", (query, stamp, models) => {
-  expect(parseRoute(`#/scene/courtyard${query}`)).toEqual({ page: "viewer", scene: "courtyard", stamp, models });
+])("a link with %s names settings", (query, stamp, asked) => {
+  expect(parseRoute(`#/scene/courtyard${query}`)).toEqual({ page: "viewer", scene: "courtyard", stamp, asked });
 });
 
 test.each(["", "#", "#/", "#/scene/", "#/scene/a/b", "#/other", "#/scene/%E0%A4%A"])(

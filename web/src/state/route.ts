@@ -1,20 +1,22 @@
 /** Which page the URL's hash names, so that reloading, bookmarks and the back button work. */
-import { KINDS, type Kind } from "../enhance/model/enhancer";
+import { KINDS } from "../enhance/model/enhancer";
 
 export type Route =
   | { readonly page: "scenes" }
   | { readonly page: "experiments" }
   | { readonly page: "samples"; readonly experiment: string }
-  | { readonly page: "viewer"; readonly scene: string; readonly stamp: boolean; readonly models: Models };
+  | { readonly page: "viewer"; readonly scene: string; readonly stamp: boolean; readonly asked: Asked };
 
-/** Names of models that enhance frames; left out: as it was chosen before. */
-export type Models = Readonly<Partial<Record<Kind, string>>>;
+/** Settings that a link names, as text; what it leaves out is as it was chosen before. */
+export type Asked = Readonly<Partial<Record<(typeof ASKABLE)[number], string>>>;
+
+const ASKABLE = [...KINDS, "reprojection", "prediction"] as const;
 
 /** The list of experiments. */
 export const EXPERIMENTS = "#/experiments";
 /**
  * `?stamp` has each frame carry its pose's number, for tests that read from the screen what is shown; `?restore=NAME&upscale=NAME`
- * chooses the models that enhance frames.
+ * chooses the models that enhance frames, `?reprojection=on|off&prediction=NAME` how movement is met.
  */
 const VIEWER = /^#\/scene\/([^/?]+)(?:\?(.*))?$/;
 
@@ -28,9 +30,9 @@ export function parseRoute(hash: string): Route {
     if (experiment !== undefined) return { page: "samples", experiment: decodeURIComponent(experiment) };
     if (id === undefined) return { page: "scenes" };
     const scene = decodeURIComponent(id);
-    const asked = new URLSearchParams(query);
-    const models = KINDS.flatMap((kind) => (asked.has(kind) ? [[kind, asked.get(kind) ?? ""]] : []));
-    return { page: "viewer", scene, stamp: asked.has("stamp"), models: Object.fromEntries(models) };
+    const parameters = new URLSearchParams(query);
+    const asked = ASKABLE.flatMap((name) => (parameters.has(name) ? [[name, parameters.get(name) ?? ""]] : []));
+    return { page: "viewer", scene, stamp: parameters.has("stamp"), asked: Object.fromEntries(asked) };
   } catch {
     return { page: "scenes" }; // a broken escape
   }

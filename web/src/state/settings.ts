@@ -8,6 +8,9 @@ import { enhancersOf } from "../enhance/registry";
 export const MODES = ["stateless", "dash", "side-by-side"] as const;
 export type Mode = (typeof MODES)[number];
 
+export const PREDICTIONS = [OFF, "velocity", "linear", "input", "auto"] as const;
+export type Prediction = (typeof PREDICTIONS)[number];
+
 const Settings = v.object({
   theme: v.fallback(v.picklist(["system", "light", "dark"]), "system"),
   transport: v.fallback(v.picklist(["auto", "webtransport-streams", "webtransport-datagrams", "fetch"]), "auto"),
@@ -45,6 +48,14 @@ const Settings = v.object({
   /** The models that enhance each frame before it is shown, by name, or `off`. */
   restore: v.fallback(v.picklist([OFF, ...enhancersOf("restore").map(({ name }) => name)]), OFF),
   upscale: v.fallback(v.picklist([OFF, ...enhancersOf("upscale").map(({ name }) => name)]), OFF),
+  /** Whether the newest frame is turned to the pose of each animation frame. */
+  reprojection: v.fallback(v.boolean(), true),
+  /** What predicts the poses that frames are asked for, or `off`. */
+  prediction: v.fallback(v.picklist(PREDICTIONS), "auto"),
+  /** Of reprojection: how much more frames show at each side, as a share of the viewport. */
+  overscan: v.fallback(v.union([v.literal("auto"), v.pipe(v.number(), v.minValue(0), v.maxValue(0.5))]), "auto"),
+  /** Of reprojection: whether frames are asked for with a coarse depth. */
+  depth: v.fallback(v.boolean(), true),
   /** Degrees a second. */
   turnSpeed: v.fallback(v.pipe(v.number(), v.minValue(1), v.maxValue(720)), 60),
   /** Null: open where there is room. */

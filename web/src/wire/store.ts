@@ -57,6 +57,10 @@ export interface Configuration {
   dash_representation?: RepresentationRequest | null;
   restore?: string;
   upscale?: string;
+  reprojection?: boolean;
+  prediction?: string;
+  overscan?: "auto" | number;
+  depth?: boolean;
   seed?: number;
   segment?: number;
   repeat?: number;

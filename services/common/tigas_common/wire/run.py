@@ -42,6 +42,19 @@ ModelName = Annotated[str, AfterValidator(_model_name)]
 """Of the page's models; it alone knows which there are."""
 
 
+def _predictor_name(name: str) -> str:
+    if not re.fullmatch("[a-z0-9][a-z0-9-]{0,23}", name):
+        raise ValueError(f"{name!r} is no predictor's name")
+    return name
+
+
+PredictorName = Annotated[str, AfterValidator(_predictor_name)]
+"""Of the page's predictors of poses; it alone knows which there are."""
+Overscan = Literal["auto"] | Annotated[float, Field(ge=0, le=0.5)]
+"""How much more frames show at each side, as a share of the viewport; `auto`: the page decides."""
+AUTO: Literal["auto"] = "auto"
+
+
 class Network(WireModel):
     """The network of a run: a constant link, a trace (of the shaper's, or from a file), or none of these."""
 
@@ -122,6 +135,14 @@ class Configuration(WireModel):
     """Of the mode `stateless`: the model that restores frames in the page, or `off`."""
     upscale: ModelName = OFF
     """The model that enlarges them afterwards, or `off`."""
+    reprojection: bool = False
+    """Whether the page turns the newest frame to the pose of each animation frame."""
+    prediction: PredictorName = OFF
+    """What predicts the poses that frames are asked for, or `off`."""
+    overscan: Overscan = AUTO
+    """Of reprojection."""
+    depth: bool = True
+    """Of reprojection: whether frames are asked for with a coarse depth."""
     seed: int = Field(default=1, ge=0, le=2**53 - 1)
     """Of generated movements, and of the controllers' random numbers."""
     segment: int = Field(default=0, ge=0)
@@ -145,6 +166,16 @@ class Configuration(WireModel):
         """Whether the page enhances frames."""
         return (self.restore, self.upscale) != (OFF, OFF)
 
+    @property
+    def motion(self) -> tuple[str, ...]:
+        """How the page meets movement: any of `reprojection`, `overscan-0.1`, `no-depth` and `prediction-auto`."""
+        words = ["reprojection"] if self.reprojection else []
+        if self.reprojection and self.overscan != AUTO:
+            words.append(f"overscan-{self.overscan:g}")
+        if self.reprojection and not self.depth:
+            words.append("no-depth")
+        return (*words, *((f"prediction-{self.prediction}",) if self.prediction != OFF else ()))
+
     def asks_for_the_same(self, other: Configuration) -> bool:
         """Whether the two are equal but for the folders that files lie in."""
         return self._without_folders() == other._without_folders()
@@ -163,7 +194,8 @@ class Configuration(WireModel):
         models = (("restore", self.restore), ("upscale", self.upscale))
         enhanced = (f"{kind}-{name}" for kind, name in models if name != OFF)
         segment = (f"s{self.segment}",) if self.segment else ()
-        parts = (self.scene, Path(self.movement).stem, network, mode, *enhanced, *segment, f"{self.repeat}")
+        shown = (*enhanced, *self.motion, *segment)
+        parts = (self.scene, Path(self.movement).stem, network, mode, *shown, f"{self.repeat}")
         return "_".join(re.sub(r"[^A-Za-z0-9.-]+", "-", part).strip(".-")[:40] or "x" for part in parts)
 
 

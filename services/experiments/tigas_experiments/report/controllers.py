@@ -64,15 +64,17 @@ class Controller:
     """The only one that a DASH stream had."""
     enhancement: str | None = None
     """The models that enhanced the frames, such as `anime4k-restore-m + scene`."""
+    motion: tuple[str, ...] = ()
+    """How the page met movement, such as `reprojection`, `prediction-auto`."""
 
     @classmethod
     def of(cls, configuration: Configuration) -> Controller:
         """Of a run."""
         mode = configuration.mode
         if mode != "stateless":
-            return cls(mode, None, configuration.dash_representation)
+            return cls(mode, None, configuration.dash_representation, motion=configuration.motion)
         models = [model for model in (configuration.restore, configuration.upscale) if model != "off"]
-        return cls(mode, configuration.profile, enhancement=" + ".join(models) or None)
+        return cls(mode, configuration.profile, enhancement=" + ".join(models) or None, motion=configuration.motion)
 
     @property
     def fixed(self) -> bool:
@@ -83,29 +85,32 @@ class Controller:
     def name(self) -> str:
         """For programs: `latency`, `profile-2`, `dash-tuned`."""
         if self.profile is None:
-            return self._with_representation(self.mode, "-")
-        name = f"profile-{self.profile}" if isinstance(self.profile, int) else self.profile
-        return name if self.enhancement is None else f"{name}+{self.enhancement.replace(' ', '')}"
+            name = self._with_representation(self.mode, "-")
+        else:
+            name = f"profile-{self.profile}" if isinstance(self.profile, int) else self.profile
+        return "+".join((name, *([self.enhancement.replace(" ", "")] if self.enhancement else []), *self.motion))
 
     @property
     def title(self) -> str:
         """For people."""
         if self.profile is None:
-            return self._with_representation(MODE_NAMES[self.mode].replace(",", ""), " ")  # without commas, for lists
+            name = self._with_representation(MODE_NAMES[self.mode].replace(",", ""), " ")  # without commas, for lists
+            return self._with_stages(name)
         if isinstance(self.profile, int):
-            return self._with_enhancement(f"Profile {self.profile}")
-        return self._with_enhancement(CONTROLLER_TITLES.get(self.profile, self.profile))
+            return self._with_stages(f"Profile {self.profile}")
+        return self._with_stages(CONTROLLER_TITLES.get(self.profile, self.profile))
 
     @property
     def title_with_mode(self) -> str:
         """For people who compare modes."""
         if self.profile is None:
-            return self._with_representation(MODE_NAMES[self.mode], ", ")
+            return self._with_stages(self._with_representation(MODE_NAMES[self.mode], ", "))
         profile = f"rung {self.profile}" if isinstance(self.profile, int) else self.profile
-        return f"{MODE_NAMES[self.mode]}, {self._with_enhancement(profile)}"
+        return f"{MODE_NAMES[self.mode]}, {self._with_stages(profile)}"
 
-    def _with_enhancement(self, name: str) -> str:
-        return name if self.enhancement is None else f"{name} + {self.enhancement}"
+    def _with_stages(self, name: str) -> str:
+        stages = [*([self.enhancement] if self.enhancement else []), *(word.replace("-", " ") for word in self.motion)]
+        return " + ".join((name, *stages))
 
     def _with_representation(self, name: str, separator: str) -> str:
         return name if self.representation is None else f"{name}{separator}{self.representation}"
@@ -115,7 +120,10 @@ def in_order(controllers: Iterable[Controller]) -> list[Controller]:
     """Each once: the known controllers, one's own, fixed rungs, DASH."""
     known = list(CONTROLLER_TITLES)
 
-    def place(controller: Controller) -> tuple[int, int, str]:
+    def place(controller: Controller) -> tuple[int, int, str, tuple[str, ...]]:
+        return *kind(controller), controller.motion
+
+    def kind(controller: Controller) -> tuple[int, int, str]:
         profile, enhancement = controller.profile, controller.enhancement or ""
         if isinstance(profile, int):
             return 2, profile, enhancement
@@ -135,7 +143,7 @@ def looks(controllers: Iterable[Controller]) -> dict[Controller, Look]:
         known = KNOWN_LOOKS.get(controller.name) if not isinstance(controller.profile, int) else None
         if known is not None:
             found[controller] = known
-        elif isinstance(controller.profile, int) and controller.enhancement is None:
+        elif isinstance(controller.profile, int) and controller.enhancement is None and not controller.motion:
             rung = controller.profile
             found[controller] = Look(FIXED_COLOUR, FIXED_DASHES[rung % len(FIXED_DASHES)], MARKERS[rung % len(MARKERS)])
         elif controller.representation is not None:

@@ -16,7 +16,7 @@ from playwright.async_api import Browser
 
 from tigas_common.errors import StartError
 from tigas_common.wire.render import SceneInfo
-from tigas_common.wire.run import Configuration, Network
+from tigas_common.wire.run import OFF, Configuration, Network
 from tigas_experiments.errors import RunFailed
 from tigas_experiments.lock import exclusive, services_lock
 from tigas_experiments.movement.trace import Point
@@ -103,6 +103,8 @@ class Environment:
         asked = {f"The controller {name!r}": {"controller": name} for name in sorted(controllers)}
         for restore, upscale in sorted({(run.restore, run.upscale) for run in runs if run.enhanced}):
             asked[f"restore = {restore!r}, upscale = {upscale!r}"] = {"restore": restore, "upscale": upscale}
+        for prediction in sorted({run.prediction for run in runs} - {OFF}):
+            asked[f"The predictor {prediction!r}"] = {"prediction": prediction}
         if asked:
             await self._ask_the_page(runs[0], asked)
 

@@ -128,7 +128,16 @@ def page_settings(configuration: Configuration) -> dict[str, Any]:
         chosen = {"mode": "stateless", "controller": profile}
     # Nothing beside the picture, so that the stage is the viewport; no second request for a view that stands still.
     enhancement = {"restore": configuration.restore, "upscale": configuration.upscale}
-    return {**chosen, **enhancement, "seed": configuration.seed, "sidebar": False, "hud": False, "refine": False}
+    motion = configuration.model_dump(include={"reprojection", "prediction", "overscan", "depth"})
+    return {
+        **chosen,
+        **enhancement,
+        **motion,
+        "seed": configuration.seed,
+        "sidebar": False,
+        "hud": False,
+        "refine": False,
+    }
 
 
 async def _record(page: Viewer, configuration: Configuration, points: Sequence[Point]) -> Recording:

@@ -13,13 +13,25 @@ from pathlib import Path
 from random import Random
 from typing import Annotated, Any, Self, TypeVar
 
-from pydantic import AfterValidator, Field, ValidationError
+from pydantic import AfterValidator, BeforeValidator, Field, ValidationError
 
 from tigas_common.errors import StartError
 from tigas_common.parsing import sentence
 from tigas_common.wire.dash import RepresentationRequest
 from tigas_common.wire.model import WireModel
-from tigas_common.wire.run import MAX_OFFSET_S, MAX_RTT_MS, OFF, Configuration, FrameRate, Mode, ModelName, Network
+from tigas_common.wire.run import (
+    AUTO,
+    MAX_OFFSET_S,
+    MAX_RTT_MS,
+    OFF,
+    Configuration,
+    FrameRate,
+    Mode,
+    ModelName,
+    Network,
+    Overscan,
+    PredictorName,
+)
 from tigas_common.wire.store import ExperimentName
 from tigas_experiments.run.parsing import capture_interval_ms, parse_network, parse_viewport
 from tigas_experiments.run.segments import movement_offsets, trace_offsets
@@ -50,6 +62,10 @@ def _several(values: tuple[Value, ...]) -> tuple[Value, ...]:
     return values
 
 
+def _one_or_several(value: object) -> object:
+    return tuple(value) if isinstance(value, list | tuple) else (value,)
+
+
 def _rung(controller: int | str) -> int | str:
     return int(controller) if isinstance(controller, str) and re.fullmatch("[0-9]{1,9}", controller) else controller
 
@@ -64,6 +80,7 @@ Controller = Annotated[int | Annotated[str, Field(min_length=1, max_length=40)],
 Representation = Annotated[str, Field(pattern=rf"^({ADAPTIVE}|r[0-9]{{1,3}}-[0-9]{{2,6}})$")]
 Text = Annotated[str, Field(min_length=1, max_length=1000)]
 Several = Annotated[tuple[Value, ...], AfterValidator(_several)]
+OneOrSeveral = Annotated[tuple[Value, ...], BeforeValidator(_one_or_several), AfterValidator(_several)]
 
 
 class Plan(WireModel):
@@ -84,6 +101,14 @@ class Plan(WireModel):
     """Of the mode `stateless`: the page's model that restores each frame (docs/enhancement.md), or `off`."""
     upscale: ModelName = OFF
     """The one that enlarges it afterwards, or `off`."""
+    reprojection: OneOrSeveral[bool] = (False,)
+    """Whether the page turns the newest frame to each animation frame's pose; both, to compare."""
+    prediction: OneOrSeveral[PredictorName] = (OFF,)
+    """What predicts the poses that frames are asked for, or `off`."""
+    overscan: Overscan = AUTO
+    """Of reprojection: how much more frames show at each side, or `auto`."""
+    depth: bool = True
+    """Of reprojection: whether frames come with a coarse depth."""
     dash_frame_rate: FrameRate | None = None
     """Of the modes with DASH, in frames a second; without it, each preset's own."""
     dash_representations: Several[Representation] = (ADAPTIVE,)
@@ -179,14 +204,19 @@ class Plan(WireModel):
         return runs
 
     def _profiles(self) -> list[Chosen]:
-        """Each mode, with each of its controllers or representations."""
+        """Each mode, with each of its controllers or representations, and each way to meet movement."""
         models = {"restore": self.restore, "upscale": self.upscale}
         controllers = [{"profile": controller, **models} for controller in self.controllers]
         representations = [{"dash_representation": _representation(name)} for name in self.dash_representations]
+        motions = [
+            {"reprojection": reprojection, "prediction": prediction, "overscan": self.overscan, "depth": self.depth}
+            for reprojection, prediction in product(self.reprojection, self.prediction)
+        ]
         return [
-            (mode, chosen)
+            (mode, chosen | motion)
             for mode in self.modes
             for chosen in (controllers if mode == "stateless" else representations)
+            for motion in motions
         ]
 
     def _ordered(

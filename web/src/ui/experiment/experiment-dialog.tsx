@@ -146,6 +146,8 @@ function initialDraft({ scene, movement }: ViewerSession): Draft {
     frameRate: null,
     restore: OFF,
     upscale: OFF,
+    reprojection: false,
+    prediction: OFF,
     segments: "1",
     repeats: "1",
     duration: "20",

@@ -34,6 +34,8 @@ const DRAFT: Draft = {
   frameRate: null,
   restore: "off",
   upscale: "off",
+  reprojection: false,
+  prediction: "off",
   segments: "1",
   repeats: "2",
   duration: "20",

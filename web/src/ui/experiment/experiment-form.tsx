@@ -5,7 +5,7 @@ import type { ComponentChildren, TargetedSubmitEvent } from "preact";
 import { CONTROLLER_NAMES } from "../../abr/registry";
 import { FRAME_RATES } from "../../dash/presets";
 import { webgpuProblem } from "../../enhance/device";
-import { KINDS } from "../../enhance/model/enhancer";
+import { KINDS, OFF } from "../../enhance/model/enhancer";
 import { type Draft, type Lengths, parseDraft, toggled } from "../../experiment/draft";
 import type { ResumedExperiment } from "../../experiment/experiment";
 import { presentNetwork } from "../../experiment/link";
@@ -24,9 +24,11 @@ import type { TimedPose } from "../../movement/playback";
 import type { Shaper } from "../../network/shaper";
 import { config, settings } from "../../state/app";
 import { EXPERIMENTS } from "../../state/route";
+import { PREDICTIONS } from "../../state/settings";
 import type { ViewerSession } from "../../viewer/session";
 import { KIND_NAMES, ModelOptions } from "../enhancement-models";
 import { bitrate, clock } from "../format";
+import { PredictionOptions } from "../predictions";
 import { Select, TextField } from "./experiment-fields";
 import { MovementChoice, useMovementOpening, useMovements } from "./experiment-movement";
 
@@ -216,6 +218,16 @@ function ConditionChoice({ draft, onChange }: PartProps) {
             {rate} /s
           </option>
         ))}
+      </Select>
+      <Check checked={draft.reprojection} onChange={() => onChange({ reprojection: !draft.reprojection })}>
+        Reprojection
+      </Check>
+      <Select
+        label="Prediction"
+        value={draft.prediction}
+        onValue={(name) => onChange({ prediction: PREDICTIONS.find((one) => one === name) ?? OFF })}
+      >
+        <PredictionOptions />
       </Select>
       {KINDS.map((kind) => (
         <Select

@@ -4,7 +4,7 @@ import userEvent from "@testing-library/user-event";
 import { afterEach, beforeEach, expect, test, vi } from "vitest";
 import { config, settings } from "../../state/app";
 import { serverConfig } from "../../state/fake-server";
-import type { Models } from "../../state/route";
+import type { Asked } from "../../state/route";
 import { DEFAULT_SETTINGS } from "../../state/settings";
 import { NO_STATS } from "../../stateless/stats";
 import { type FakeSession, fakeDash, fakeSession } from "../../viewer/fake-session";
@@ -35,7 +35,7 @@ beforeEach(() => {
 
 afterEach(cleanup);
 
-const show = (models: Models = {}) => render(<Viewer sceneId="courtyard" stamp={false} models={models} />);
+const show = (asked: Asked = {}) => render(<Viewer sceneId="courtyard" stamp={false} asked={asked} />);
 const stage = () => screen.getByRole("application");
 
 test("opens the scene, names it, and gives the keys to the stage", () => {
@@ -183,6 +183,13 @@ test("a URL that names a model which there is not says so, and chooses none", ()
   show({ upscale: "magic" });
   expect(settings.value).toMatchObject({ restore: "anime4k-restore-m", upscale: "off" });
   expect(screen.getByText(/Enhancement is off. There is no model “magic” to upscale with, only off, /)).toBeTruthy();
+});
+
+test("a URL may say how movement is met, and what makes no sense in it changes nothing", () => {
+  show({ reprojection: "off", prediction: "linear" });
+  expect(settings.value).toMatchObject({ reprojection: false, prediction: "linear" });
+  show({ reprojection: "maybe", prediction: "magic" });
+  expect(settings.value).toMatchObject({ reprojection: false, prediction: "linear" });
 });
 
 test("what a person should know of enhancement is said", async () => {

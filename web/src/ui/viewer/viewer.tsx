@@ -7,8 +7,8 @@ import { nameProblem } from "../../enhance/registry";
 import { offerBridge } from "../../experiment/bridge";
 import { Runner } from "../../experiment/runner";
 import { changeSettings, settings } from "../../state/app";
-import type { Models } from "../../state/route";
-import { MODES } from "../../state/settings";
+import type { Asked } from "../../state/route";
+import { MODES, PREDICTIONS } from "../../state/settings";
 import { ViewerSession } from "../../viewer/session";
 import { ExperimentDialog } from "../experiment/experiment-dialog";
 import { HelpDialog } from "./help";
@@ -28,10 +28,10 @@ interface Props {
   /** Frames carry their pose's number. */
   readonly stamp: boolean;
   /** That the URL asks for. */
-  readonly models: Models;
+  readonly asked: Asked;
 }
 
-export function Viewer({ sceneId, stamp, models }: Props) {
+export function Viewer({ sceneId, stamp, asked }: Props) {
   const root = useRef<HTMLDivElement>(null);
   const stage = useRef<HTMLDivElement>(null);
   const canvas = useRef<HTMLCanvasElement>(null);
@@ -63,8 +63,8 @@ export function Viewer({ sceneId, stamp, models }: Props) {
 
   const live = session.value;
   useEffect(() => {
-    if (live) chooseModels(models, live);
-  }, [models, live]);
+    if (live) choose(asked, live);
+  }, [asked, live]);
 
   const { hud, sidebar, mode } = settings.value;
   const sidebarOpen = sidebar ?? wide;
@@ -131,12 +131,16 @@ export function Viewer({ sceneId, stamp, models }: Props) {
   );
 }
 
-/** As the URL asks, and remembered as what a person chooses; unless it names one that there is not. */
-function chooseModels(models: Models, session: ViewerSession): void {
-  if (Object.keys(models).length === 0) return;
-  const asked = KINDS.flatMap((kind) => (models[kind] === undefined ? [] : [{ kind, name: models[kind] }]));
-  const problem = asked.map(({ kind, name }) => nameProblem(kind, name)).find((one) => one !== null);
-  changeSettings(problem ? Object.fromEntries(asked.map(({ kind }) => [kind, OFF])) : models);
+/** As the URL asks, and remembered as what a person chooses; unless it names what there is not. */
+function choose({ reprojection, prediction: predictor, ...models }: Asked, session: ViewerSession): void {
+  const named = KINDS.flatMap((kind) => (models[kind] === undefined ? [] : [{ kind, name: models[kind] }]));
+  const problem = named.map(({ kind, name }) => nameProblem(kind, name)).find((one) => one !== null);
+  const prediction = PREDICTIONS.find((name) => name === predictor);
+  changeSettings({
+    ...(problem ? Object.fromEntries(named.map(({ kind }) => [kind, OFF])) : models),
+    ...((reprojection === "on" || reprojection === "off") && { reprojection: reprojection === "on" }),
+    ...(prediction && { prediction }),
+  });
   if (problem) session.enhancement.giveUp(problem);
 }
 
