@@ -6,6 +6,7 @@
 import { type ControllerFactory, responseTime } from "../abr/controller";
 import { seeded } from "../abr/random";
 import { ThroughputEstimator } from "../abr/throughput";
+import type { DecodedImage } from "../stateless/decoder";
 import { FramePipeline } from "../stateless/pipeline";
 import { Meter } from "../view/meter";
 import type { Rung } from "../wire/render";
@@ -38,11 +39,11 @@ export async function simulate(options: SimulationOptions): Promise<Figures> {
   const throughput = new ThroughputEstimator();
   const tally = new Tally(ladder);
   const meter = new Meter("stateless", (frame) => tally.presented(frame));
-  const decode = (image: Blob): Promise<ImageBitmap> =>
+  const decode = (image: Blob): Promise<DecodedImage> =>
     new Promise((resolve) =>
       events.at(now() + endpoints.decode(transport.rungOf(image)), () => {
         events.settle();
-        resolve(BITMAP);
+        resolve({ bitmap: BITMAP, depth: null });
       }),
     );
   let turning = 0;

@@ -1,6 +1,6 @@
 import { expect, test } from "vitest";
 import type { CalledWorker, WorkerAnswer, WorkerCall } from "../async/worker-calls";
-import { Decoder } from "./decoder";
+import { type DecodedImage, Decoder } from "./decoder";
 
 class FakeWorker {
   onmessage: CalledWorker["onmessage"] = null;
@@ -16,7 +16,7 @@ class FakeWorker {
     this.terminated = true;
   }
 
-  answer(reply: WorkerAnswer<ImageBitmap>): void {
+  answer(reply: WorkerAnswer<DecodedImage>): void {
     this.onmessage?.call(this as unknown as Worker, { data: reply } as MessageEvent);
   }
 }
@@ -36,7 +36,11 @@ test("answers find their requests in any order", async () => {
   const { worker, subject } = decoder();
   const first = subject.decode(new Blob(), never);
   const second = subject.decode(new Blob(), never);
-  const [a, b] = [bitmap(), bitmap()];
+  const codes = Uint8Array.of(1, 2);
+  const [a, b] = [
+    { bitmap: bitmap(), depth: null },
+    { bitmap: bitmap(), depth: { width: 2, height: 1, nearest: 1, codes } },
+  ];
   worker.answer({ id: worker.asked[1]?.id ?? -1, value: b });
   worker.answer({ id: worker.asked[0]?.id ?? -1, value: a });
   expect(await first).toBe(a);
@@ -49,7 +53,7 @@ test("a bitmap that nobody wants any more is closed", async () => {
   const decoding = subject.decode(new Blob(), abort.signal);
   abort.abort(new Error("overtaken"));
   const late = bitmap();
-  worker.answer({ id: 0, value: late });
+  worker.answer({ id: 0, value: { bitmap: late, depth: null } });
   await expect(decoding).rejects.toThrow("overtaken");
   expect(late.closed).toBe(true);
 });
@@ -68,6 +72,6 @@ test("disposing ends the worker and all that waits, and closes what still comes"
   await expect(decoding).rejects.toThrow("the worker was ended");
   expect(worker.terminated).toBe(true);
   const late = bitmap();
-  worker.answer({ id: 0, value: late });
+  worker.answer({ id: 0, value: { bitmap: late, depth: null } });
   expect(late.closed).toBe(true);
 });

@@ -1,6 +1,7 @@
 import { beforeEach, describe, expect, test } from "vitest";
 import { FakeTransport, settle } from "../transport/fake";
 import { FrameDropped, RequestProblem } from "../transport/transport";
+import type { DecodedImage } from "./decoder";
 import { FramePipeline, type SentRequest, type ViewRequest } from "./pipeline";
 
 let now: number;
@@ -9,7 +10,7 @@ let bitmaps: { closed: boolean; close(): void }[];
 let refusals: string[];
 let requests: SentRequest[];
 
-function pipeline(decode?: () => Promise<ImageBitmap>): FramePipeline {
+function pipeline(decode?: () => Promise<DecodedImage>): FramePipeline {
   const decodeNow = async () => {
     const bitmap = {
       closed: false,
@@ -18,7 +19,7 @@ function pipeline(decode?: () => Promise<ImageBitmap>): FramePipeline {
       },
     };
     bitmaps.push(bitmap);
-    return bitmap as unknown as ImageBitmap;
+    return { bitmap: bitmap as unknown as ImageBitmap, depth: null };
   };
   return new FramePipeline(transport, decode ?? decodeNow, () => now, {
     sent: (request) => requests.push(request),

@@ -10,6 +10,7 @@ import { FrameClock } from "../abr/frame-clock";
 import { FrameDropped, type FrameReply, type FrameTransport, RequestProblem } from "../transport/transport";
 import type { FrameHeader, RenderRequest } from "../wire/render";
 import type { Request } from "../wire/store";
+import type { DecodedImage } from "./decoder";
 import { InFlightLimit } from "./in-flight-limit";
 
 /** What to show: a request without its number. */
@@ -29,14 +30,13 @@ export interface SentRequest {
 
 type Mutable<T> = { -readonly [K in keyof T]: T[K] };
 
-export interface DecodedFrame {
+export interface DecodedFrame extends DecodedImage {
   readonly seq: number;
   /** The version of the view that it shows. */
   readonly version: number;
   /** The number of the pose that it shows. */
   readonly pose: number;
   readonly header: FrameHeader;
-  readonly bitmap: ImageBitmap;
   /** What was asked for, and the image as it came: only a reference, which is gone once the frame has been shown. */
   readonly asked: ViewRequest & { readonly seq: number };
   readonly image: Blob;
@@ -78,7 +78,7 @@ const LATE = new Set(["tigas:superseded", "tigas:deadline-exceeded"]);
 
 export class FramePipeline {
   readonly #transport: FrameTransport;
-  readonly #decode: (image: Blob, signal: AbortSignal) => Promise<ImageBitmap>;
+  readonly #decode: (image: Blob, signal: AbortSignal) => Promise<DecodedImage>;
   readonly #now: () => number;
   readonly #events: PipelineEvents;
   readonly #clock = new FrameClock();
@@ -94,7 +94,7 @@ export class FramePipeline {
 
   constructor(
     transport: FrameTransport,
-    decode: (image: Blob, signal: AbortSignal) => Promise<ImageBitmap>,
+    decode: (image: Blob, signal: AbortSignal) => Promise<DecodedImage>,
     now: () => number,
     events: PipelineEvents,
   ) {
@@ -170,10 +170,11 @@ export class FramePipeline {
       const reply = await this.#transport.request(asked, abort.signal);
       if (!abort.signal.aborted) request.fate = "overtaken";
       this.#events.replied(reply, view, pose);
-      const bitmap = await this.#decode(reply.image, abort.signal);
+      const decoded = await this.#decode(reply.image, abort.signal);
       this.#observe(reply, alone);
       const { header, image } = reply;
-      this.#decoded({ seq, version, pose, header, bitmap, asked, askedAt: request.at, image, request });
+      const askedAt = request.at;
+      this.#decoded({ seq, version, pose, header, ...decoded, asked, askedAt, image, request });
     } catch (error) {
       if (abort.signal.aborted) return;
       request.fate = "dropped";

@@ -57,7 +57,7 @@ function play(display: Display<DecodedFrame>): void {
   player = new StatelessPlayer({
     display,
     rig,
-    decoder: { decode: async () => ({ close: () => undefined }) as ImageBitmap },
+    decoder: { decode: async () => ({ bitmap: { close: () => undefined } as ImageBitmap, depth: null }) },
     controller: () => new FixedController(profile),
     refine: () => refine,
     prediction: () => prediction,

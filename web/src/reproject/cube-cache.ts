@@ -1,0 +1,100 @@
+/**
+ * What was seen around the camera, on the sides of a small cube: it fills the view where the newest frame has nothing. Frames are put
+ * there by rotation alone, newer over older. Once the camera has gone a share of the scene's distance from where the cube was begun,
+ * what is on it would be seen in the wrong places, and it is begun anew.
+ */
+import { subtract, type Vector3 } from "../view/vector";
+import { FACES, facesSeen } from "./cube-faces";
+import { directionOfPixel, pixelOfDirection } from "./homography";
+import { type Matrix3, product, scaling } from "./matrix";
+import { Program } from "./program";
+import { EVERYWHERE, FILL, KEEP } from "./shaders";
+import type { View } from "./view";
+
+/** Pixels of a side. */
+const SIZE = 512;
+/** Of the scene's distance: at this one, what the camera passes sideways is a quarter of its distance (14°) out of place. */
+const FAR = 0.25;
+
+export class CubeCache {
+  readonly #gl: WebGL2RenderingContext;
+  readonly #texture: WebGLTexture;
+  readonly #target: WebGLFramebuffer;
+  readonly #keep: Program;
+  readonly #fill: Program;
+  /** Where it was begun; null while it is empty. */
+  #origin: Vector3 | null = null;
+
+  /** Uses texture unit 0 for the frame and 2 for the cube. */
+  constructor(gl: WebGL2RenderingContext) {
+    this.#gl = gl;
+    this.#keep = new Program(gl, EVERYWHERE, KEEP);
+    this.#keep.use();
+    this.#keep.integer("u_frame", 0);
+    this.#fill = new Program(gl, EVERYWHERE, FILL);
+    this.#fill.use();
+    this.#fill.integer("u_cube", 2);
+    this.#texture = gl.createTexture();
+    gl.activeTexture(gl.TEXTURE2);
+    gl.bindTexture(gl.TEXTURE_CUBE_MAP, this.#texture);
+    gl.texParameteri(gl.TEXTURE_CUBE_MAP, gl.TEXTURE_MIN_FILTER, gl.LINEAR);
+    gl.texStorage2D(gl.TEXTURE_CUBE_MAP, 1, gl.RGBA8, SIZE, SIZE);
+    gl.activeTexture(gl.TEXTURE0);
+    this.#target = gl.createFramebuffer();
+  }
+
+  /** Puts the frame in texture unit 0 on it. */
+  add(frame: View, distance: number): void {
+    const gl = this.#gl;
+    if (this.#origin && Math.hypot(...subtract(frame.position, this.#origin)) > FAR * distance) this.clear();
+    this.#origin ??= frame.position;
+    gl.disable(gl.DEPTH_TEST);
+    this.#keep.use();
+    this.#keep.number("u_step", (frame.fx * 2) / SIZE);
+    const toFrame = product(scaling(1 / frame.width, 1 / frame.height), pixelOfDirection(frame));
+    for (const face of facesSeen(frame)) {
+      this.#aim(face);
+      const side = product(FACES[face] as Matrix3, scaling(2 / SIZE, 2 / SIZE, -1, -1));
+      this.#keep.matrix("u_to_frame", product(toFrame, side));
+      gl.drawArrays(gl.TRIANGLES, 0, 3);
+    }
+    gl.bindFramebuffer(gl.FRAMEBUFFER, null);
+  }
+
+  /** Draws it behind all that was drawn of a view. */
+  draw(view: View): void {
+    if (this.#origin === null) return;
+    const gl = this.#gl;
+    this.#fill.use();
+    this.#fill.matrix("u_direction", product(directionOfPixel(view), scaling(1, -1, 0, view.height)));
+    gl.enable(gl.DEPTH_TEST);
+    gl.drawArrays(gl.TRIANGLES, 0, 3);
+  }
+
+  clear(): void {
+    if (this.#origin === null) return;
+    const gl = this.#gl;
+    this.#origin = null;
+    gl.clearColor(0, 0, 0, 0);
+    for (const face of FACES.keys()) {
+      this.#aim(face);
+      gl.clear(gl.COLOR_BUFFER_BIT);
+    }
+    gl.bindFramebuffer(gl.FRAMEBUFFER, null);
+  }
+
+  delete(): void {
+    this.#keep.delete();
+    this.#fill.delete();
+    this.#gl.deleteTexture(this.#texture);
+    this.#gl.deleteFramebuffer(this.#target);
+  }
+
+  #aim(face: number): void {
+    const gl = this.#gl;
+    gl.bindFramebuffer(gl.FRAMEBUFFER, this.#target);
+    const side = gl.TEXTURE_CUBE_MAP_POSITIVE_X + face;
+    gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.COLOR_ATTACHMENT0, side, this.#texture, 0);
+    gl.viewport(0, 0, SIZE, SIZE);
+  }
+}

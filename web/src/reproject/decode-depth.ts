@@ -1,0 +1,36 @@
+/** Decodes the depth that a frame carries, in a worker. */
+import type { DepthMap } from "./depth";
+import { DEPTH_SEGMENT_BYTES, readDepthSegment } from "./depth-segment";
+
+/** A coarse depth has no more pixels. */
+const MOST_PIXELS = 1 << 18;
+
+/** Null if the frame has none, or none that can be read: a frame without depth is still a frame. */
+export async function decodeDepth(frame: Blob): Promise<DepthMap | null> {
+  try {
+    const segment = readDepthSegment(new Uint8Array(await frame.slice(0, DEPTH_SEGMENT_BYTES).arrayBuffer()));
+    return segment && { nearest: segment.nearest, ...(await grayValues(segment.image)) };
+  } catch {
+    return null;
+  }
+}
+
+/** Throws if it is no image, or too large a one. */
+async function grayValues(encoded: Uint8Array<ArrayBuffer>): Promise<Omit<DepthMap, "nearest">> {
+  // The values are codes, not colours: nothing may adapt them to a screen.
+  const image = await createImageBitmap(new Blob([encoded]), {
+    colorSpaceConversion: "none",
+    premultiplyAlpha: "none",
+  });
+  const { width, height } = image;
+  try {
+    if (width * height > MOST_PIXELS) throw new RangeError(`a depth of ${width}×${height} pixels is not coarse`);
+    const context = new OffscreenCanvas(width, height).getContext("2d", { willReadFrequently: true });
+    if (context === null) throw new Error("this worker cannot read images");
+    context.drawImage(image, 0, 0);
+    const { data } = context.getImageData(0, 0, width, height);
+    return { width, height, codes: Uint8Array.from({ length: width * height }, (_, i) => data[4 * i] ?? 0) };
+  } finally {
+    image.close();
+  }
+}

@@ -1,0 +1,90 @@
+/** A frame as a grid of triangles that is bent by depth and drawn as another view sees it. */
+
+import type { DepthMap } from "./depth";
+import { transfer } from "./homography";
+import { apply, type Matrix3, product, scaling } from "./matrix";
+import { Program } from "./program";
+import { MESH_FRAGMENT, MESH_VERTEX } from "./shaders";
+import type { View } from "./view";
+
+/** The grid on a sphere, which is smooth. */
+const SPHERE = { width: 48, height: 27 };
+/** What comes so many times as near as the nearest of the frame was is not drawn. */
+const APPROACH = 16;
+
+export class Mesh {
+  readonly #gl: WebGL2RenderingContext;
+  readonly #program: Program;
+  readonly #codes: WebGLTexture;
+  #depth: Omit<DepthMap, "codes"> | null = null;
+
+  /** Uses two texture units, the first of them for the frame. */
+  constructor(gl: WebGL2RenderingContext) {
+    this.#gl = gl;
+    this.#program = new Program(gl, MESH_VERTEX, MESH_FRAGMENT);
+    this.#program.use();
+    this.#program.integer("u_frame", 0);
+    this.#program.integer("u_depth", 1);
+    this.#codes = gl.createTexture();
+    gl.activeTexture(gl.TEXTURE1);
+    gl.bindTexture(gl.TEXTURE_2D, this.#codes);
+    gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_MIN_FILTER, gl.NEAREST);
+    gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_MAG_FILTER, gl.NEAREST);
+    gl.texImage2D(gl.TEXTURE_2D, 0, gl.R8, 1, 1, 0, gl.RED, gl.UNSIGNED_BYTE, new Uint8Array(1));
+    gl.activeTexture(gl.TEXTURE0);
+  }
+
+  /** Of the frame that is drawn from now on; null: none is known. */
+  bend(depth: DepthMap | null): void {
+    this.#depth = depth;
+    if (depth === null) return;
+    const gl = this.#gl;
+    const { width, height, codes } = depth;
+    gl.activeTexture(gl.TEXTURE1);
+    gl.bindTexture(gl.TEXTURE_2D, this.#codes);
+    gl.pixelStorei(gl.UNPACK_ALIGNMENT, 1);
+    gl.texImage2D(gl.TEXTURE_2D, 0, gl.R8, width, height, 0, gl.RED, gl.UNSIGNED_BYTE, codes);
+    gl.activeTexture(gl.TEXTURE0);
+  }
+
+  /** The largest inverse depth (1/z) in the frame, where what has no depth is at an inverse distance. */
+  nearest(inverseDistance: number): number {
+    return this.#depth?.nearest ?? inverseDistance;
+  }
+
+  /** Draws the frame in texture unit 0, with a depth test. */
+  draw(frame: View, view: View, inverseDistance: number): void {
+    const gl = this.#gl;
+    const program = this.#program;
+    const { width, height } = this.#depth ?? SPHERE;
+    const nearest = this.nearest(inverseDistance);
+    const { turn, shift } = transfer(frame, view);
+    const toClip = clipOfPixel(view);
+    const toPixel = scaling(frame.width, frame.height);
+    program.use();
+    program.matrix("u_turn", product(toClip, product(turn, toPixel)));
+    program.vector("u_shift", apply(toClip, shift));
+    program.matrix("u_ray", product(rayOfPixel(frame), toPixel));
+    program.numbers("u_cells", width, height);
+    program.integer("u_has_depth", this.#depth === null ? 0 : 1);
+    program.number("u_nearest", nearest);
+    program.number("u_limit", APPROACH * nearest || 1);
+    program.number("u_step", frame.fx / view.fx);
+    gl.enable(gl.DEPTH_TEST);
+    gl.drawArraysInstanced(gl.TRIANGLE_STRIP, 0, 2 * (width + 2), height + 1);
+  }
+
+  delete(): void {
+    this.#program.delete();
+    this.#gl.deleteTexture(this.#codes);
+  }
+}
+
+/** From [u, v, 1] to x, y and w in clip space, whose y points up. */
+function clipOfPixel({ width, height }: View): Matrix3 {
+  return scaling(2 / width, -2 / height, -1, 1);
+}
+
+function rayOfPixel({ fx, fy, cx, cy }: View): Matrix3 {
+  return scaling(1 / fx, 1 / fy, -cx / fx, -cy / fy);
+}

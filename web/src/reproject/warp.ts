@@ -1,0 +1,162 @@
+/**
+ * Late reprojection: shows the newest frame as it would look from where the camera is by now, on a canvas of WebGL2. Where the view is
+ * the frame's own, its pixels are shown unchanged; where the frame has nothing, what was seen before; where nothing was seen, the
+ * canvas is transparent.
+ */
+import { cropFor } from "./crop";
+import { CubeCache } from "./cube-cache";
+import type { DepthMap } from "./depth";
+import { GpuTimer } from "./gpu-timer";
+import { Mesh } from "./mesh";
+import { Program } from "./program";
+import { COPY, EVERYWHERE } from "./shaders";
+import { resized, type View } from "./view";
+
+export interface WarpOptions {
+  /** How far away things are that no depth is known of, in scene units; Infinity turns the frame only. */
+  readonly distance: number;
+  /** Nothing can be drawn any more, and no frame is kept. */
+  readonly onLost?: () => void;
+  /** It works again, and waits for a frame. */
+  readonly onRestored?: () => void;
+}
+
+interface Resources {
+  readonly frame: WebGLTexture;
+  readonly copy: Program;
+  readonly mesh: Mesh;
+  readonly cache: CubeCache;
+  readonly timer: GpuTimer;
+}
+
+/** Opaque pictures come with alpha, and what was never seen is transparent. */
+const CONTEXT: WebGLContextAttributes = { alpha: true, premultipliedAlpha: true, antialias: false, depth: true };
+
+export class Warp {
+  readonly #canvas: HTMLCanvasElement;
+  readonly #options: WarpOptions;
+  readonly #gl: WebGL2RenderingContext | null;
+  #resources: Resources | null = null;
+  /** What the texture shows; null: there is no frame. */
+  #frame: View | null = null;
+  /** The cache has not got it yet. */
+  #fresh = false;
+
+  /** The canvas is its own from now on. Never throws: see `working`. */
+  constructor(canvas: HTMLCanvasElement, options: WarpOptions) {
+    this.#canvas = canvas;
+    this.#options = options;
+    this.#gl = canvas.getContext("webgl2", CONTEXT);
+    canvas.addEventListener("webglcontextlost", this.#lost);
+    canvas.addEventListener("webglcontextrestored", this.#restored);
+    this.#build();
+  }
+
+  /** False while the browser has no WebGL2, or none any more: then nothing is drawn, and all calls are harmless. */
+  get working(): boolean {
+    return this.#resources !== null;
+  }
+
+  /** The graphics processor's time for one of the last draws, in milliseconds; null where it does not tell. */
+  get gpuMs(): number | null {
+    return this.#resources?.timer.ms ?? null;
+  }
+
+  /** The newest picture: it is copied, so that its owner may close it. A video that has no picture yet is ignored. */
+  take(source: TexImageSource, view: View, depth: DepthMap | null): void {
+    const { width, height } = sizeOf(source);
+    if (this.#gl === null || this.#resources === null || width === 0 || height === 0) return;
+    const gl = this.#gl;
+    gl.bindTexture(gl.TEXTURE_2D, this.#resources.frame);
+    gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGBA8, gl.RGBA, gl.UNSIGNED_BYTE, source);
+    this.#resources.mesh.bend(depth);
+    this.#frame = resized(view, width, height);
+    this.#fresh = true;
+  }
+
+  /** Shows a view as large as the canvas is; transparent before the first frame. */
+  draw(view: View): void {
+    const { width, height } = this.#canvas;
+    if (this.#gl === null || this.#resources === null || width === 0 || height === 0) return;
+    const { timer } = this.#resources;
+    timer.begin();
+    this.#draw(this.#gl, this.#resources, resized(view, width, height));
+    timer.end();
+  }
+
+  /** After a cut: nothing from before will be seen. */
+  forget(): void {
+    this.#frame = null;
+    this.#resources?.cache.clear();
+  }
+
+  dispose(): void {
+    this.#canvas.removeEventListener("webglcontextlost", this.#lost);
+    this.#canvas.removeEventListener("webglcontextrestored", this.#restored);
+    this.#resources?.copy.delete();
+    this.#resources?.mesh.delete();
+    this.#resources?.cache.delete();
+    this.#resources?.timer.delete();
+    this.#gl?.deleteTexture(this.#resources?.frame ?? null);
+    this.#resources = null;
+    this.#frame = null;
+  }
+
+  #draw(gl: WebGL2RenderingContext, { copy, mesh, cache }: Resources, view: View): void {
+    const frame = this.#frame;
+    const { distance } = this.#options;
+    if (frame && this.#fresh) cache.add(frame, distance);
+    this.#fresh = false;
+    gl.viewport(0, 0, view.width, view.height);
+    gl.clearColor(0, 0, 0, 0);
+    gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
+    if (frame === null) return;
+    const crop = cropFor(frame, view, mesh.nearest(1 / distance));
+    if (crop) {
+      gl.disable(gl.DEPTH_TEST);
+      copy.use();
+      copy.integers("u_corner", crop.x, crop.y);
+      copy.integer("u_height", view.height);
+      gl.drawArrays(gl.TRIANGLES, 0, 3);
+    } else {
+      mesh.draw(frame, view, 1 / distance);
+      cache.draw(view);
+    }
+  }
+
+  #build(): void {
+    const gl = this.#gl;
+    if (gl === null || gl.isContextLost()) return;
+    try {
+      gl.depthFunc(gl.LEQUAL);
+      const frame = gl.createTexture();
+      gl.bindTexture(gl.TEXTURE_2D, frame);
+      gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_MIN_FILTER, gl.LINEAR);
+      gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_WRAP_S, gl.CLAMP_TO_EDGE);
+      gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_WRAP_T, gl.CLAMP_TO_EDGE);
+      const copy = new Program(gl, EVERYWHERE, COPY);
+      this.#resources = { frame, copy, mesh: new Mesh(gl), cache: new CubeCache(gl), timer: new GpuTimer(gl) };
+    } catch {
+      this.#resources = null; // a driver that refuses the shaders, or a processor that was lost meanwhile
+    }
+  }
+
+  readonly #lost = (event: Event) => {
+    event.preventDefault(); // or it would never be restored
+    this.#resources = null;
+    this.#frame = null;
+    this.#options.onLost?.();
+  };
+
+  readonly #restored = () => {
+    this.#build();
+    if (this.working) this.#options.onRestored?.();
+  };
+}
+
+function sizeOf(source: TexImageSource): { readonly width: number; readonly height: number } {
+  if ("videoWidth" in source) return { width: source.videoWidth, height: source.videoHeight };
+  if ("displayWidth" in source) return { width: source.displayWidth, height: source.displayHeight };
+  if ("naturalWidth" in source) return { width: source.naturalWidth, height: source.naturalHeight };
+  return { width: source.width, height: source.height };
+}
