@@ -22,6 +22,8 @@ QUATERNION = {name: EULER[name] for name in ("scene", "fx", "fy", "cx", "cy", "w
     "position": [0, 0, 0],
     "quaternion": [0, 0, 0, 1],
     "profile": 3,
+    "overscan": 0.15,
+    "depth": True,
     "deadline_ms": 50,
     "format": "png",
     "stamp": 7,

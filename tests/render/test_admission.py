@@ -7,9 +7,10 @@ import pytest
 from tests.render.fakes import render_request
 from tigas_common.errors import Overloaded
 from tigas_common.wire.render import DEFAULT_LADDER, RenderRequest
-from tigas_render.admission import ACTIVE_S, Admission
+from tigas_render.admission import ACTIVE_S, USUAL_OVERSCAN, Admission
 from tigas_render.costs import FrameCosts
 from tigas_render.frame import Client
+from tigas_render.frame_size import FrameSize
 
 LARGE, HUGE = 1280 * 720, 4096 * 4096
 HOSTILE, POLITE = Client("h", "1"), Client("p", "1")
@@ -27,9 +28,13 @@ def costs() -> FrameCosts:
     return costs
 
 
+def check(admission: Admission, request: RenderRequest, now: float, *, others_wait: bool = False) -> None:
+    admission.check(HOSTILE, request, FrameSize.of(request, DEFAULT_LADDER), now, others_wait=others_wait)
+
+
 def refused(admission: Admission, request: RenderRequest, now: float) -> bool:
     try:
-        admission.check(HOSTILE, request, now, others_wait=False)
+        check(admission, request, now)
     except Overloaded:
         return True
     return False
@@ -41,7 +46,7 @@ def test_huge_frames_are_refused_while_somebody_else_is_active(costs: FrameCosts
     assert not refused(admission, huge(), 100.0)
     admission.heard_of(POLITE, 101.0)
     with pytest.raises(Overloaded, match="4096×4096") as refusal:
-        admission.check(HOSTILE, huge(), 101.0, others_wait=False)
+        check(admission, huge(), 101.0)
     assert refusal.value.retry_after_s == ACTIVE_S
     assert refused(admission, huge(), 102.9)
     assert not refused(admission, huge(), 103.1)
@@ -59,6 +64,15 @@ def test_what_a_display_needs_is_never_refused(costs: FrameCosts) -> None:
     assert not refused(admission, huge(profile=0), 100.0)
     assert not refused(admission, huge(width=1280, height=720), 100.0)
     assert not refused(admission, huge(width=1280, height=800), 100.0), "it costs no more"
+    assert not refused(admission, huge(profile=0, overscan=USUAL_OVERSCAN), 100.0)
+
+
+def test_margins_count(costs: FrameCosts) -> None:
+    admission = Admission(DEFAULT_LADDER, costs)
+    admission.heard_of(POLITE, 100.0)
+    assert refused(admission, huge(width=1280, height=720, overscan=0.2), 100.0)
+    assert refused(admission, huge(profile=0, overscan=0.5), 100.0)
+    assert not refused(admission, huge(profile=2, overscan=0.5), 100.0)
 
 
 def test_where_huge_frames_are_quick_nobody_minds() -> None:
@@ -77,4 +91,4 @@ def test_huge_frames_of_unknown_cost_are_refused() -> None:
 
 def test_whoever_waits_is_active_however_long(costs: FrameCosts) -> None:
     with pytest.raises(Overloaded):
-        Admission(DEFAULT_LADDER, costs).check(HOSTILE, huge(), 100.0, others_wait=True)
+        check(Admission(DEFAULT_LADDER, costs), huge(), 100.0, others_wait=True)

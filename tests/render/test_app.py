@@ -90,6 +90,14 @@ async def test_a_frame_comes_with_what_the_protocol_promises(client: httpx.Async
     assert blue < 60
 
 
+async def test_an_overscanned_frame_says_what_its_margins_are(client: httpx.AsyncClient) -> None:
+    response = await client.post("/render", json=frame(overscan=0.1))
+    assert response.headers["tigas-frame"] == "seq=0, width=384, height=216, margin_x=32, margin_y=18, profile=3"
+    assert Image.open(io.BytesIO(response.content)).size == (384, 216)
+    raw = await client.post("/render", json=frame(format="yuv420p", overscan=0.1))
+    assert len(raw.content) == 384 * 216 * 3 // 2
+
+
 async def test_the_other_formats_and_pose(client: httpx.AsyncClient) -> None:
     away = frame(
         azimuth=None, elevation=None, translation=None, position=(0, 0, 0), quaternion=(0, 1, 0, 0), format="png"
@@ -116,6 +124,13 @@ async def test_a_stamp_is_drawn_when_it_is_asked_for(client: httpx.AsyncClient, 
     assert await shown() is None
 
 
+async def test_a_stamp_is_at_the_corner_of_what_the_viewport_shows(client: httpx.AsyncClient) -> None:
+    response = await client.post("/render", json=frame(format="png", stamp=0xBEEF, overscan=0.1))
+    picture = np.asarray(Image.open(io.BytesIO(response.content)).convert("RGB"))
+    assert read_stamp(picture[18:-18, 32:-32]) == 0xBEEF
+    assert read_stamp(picture) is None
+
+
 @pytest.mark.parametrize(
     ("changes", "status", "kind"),
     [
@@ -129,6 +144,12 @@ async def test_a_stamp_is_drawn_when_it_is_asked_for(client: httpx.AsyncClient, 
         ({"width": 100_000, "height": 100_000}, 400, "invalid-request"),
         ({"stamp": -1}, 400, "invalid-request"),
         ({"stamp": 2**24}, 400, "invalid-request"),
+        ({"overscan": -0.01}, 400, "invalid-request"),
+        ({"overscan": 0.51}, 400, "invalid-request"),
+        ({"overscan": 1e300}, 400, "invalid-request"),
+        ({"overscan": "0.1"}, 400, "invalid-request"),
+        ({"overscan": 0.5, "profile": None, "width": 4096, "height": 4096}, 400, "invalid-request"),
+        ({"depth": 1}, 400, "invalid-request"),
         ({"extra": 1}, 400, "invalid-request"),
     ],
 )
@@ -148,6 +169,9 @@ async def test_a_request_that_cannot_be_served_gets_a_problem(
 async def test_hostile_bodies_and_paths(client: httpx.AsyncClient) -> None:
     assert (await client.post("/render", content=b"x" * 20_000)).status_code == 413
     assert (await client.post("/render", content=b'{"fx": NaN')).status_code == 400
+    for overscan in (b"NaN", b"Infinity", b"1e999", b"null"):
+        body = json.dumps(frame()).encode().replace(b'"overscan": 0.0', b'"overscan": ' + overscan)
+        assert (await client.post("/render", content=body)).status_code == 400, overscan
     assert (await client.get("/render")).status_code == 405
     for path in ("/nothing", "/scenes/..%2f..%2fetc", "/scenes/%00", "/static/../app.py", "/..%2fapp.py"):
         response = await client.get(path)

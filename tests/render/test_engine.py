@@ -108,6 +108,23 @@ async def test_profiles_count_in_the_scenes_own_ladder(bench: Bench) -> None:
     assert bench.scenes.users == 0
 
 
+async def test_overscan_adds_margins_at_the_same_pixels_per_angle(bench: Bench) -> None:
+    bench.rasterizer.gate.set()
+    frame = await bench.submit("a", width=1280, height=720, cx=640.0, cy=360.0, profile=2, overscan=0.15)
+    assert frame.body == b"832x468 jpeg 35"
+    assert (frame.width, frame.height, frame.margin_x, frame.margin_y) == (832, 468, 96, 54)
+    camera = bench.rasterizer.cameras[0]
+    k = camera.intrinsics
+    assert (k.fx, k.fy, k.cx, k.cy, k.width, k.height) == (150, 150, 416, 234, 832, 468)
+    assert camera.display_scale == 2
+
+
+async def test_a_frame_that_overscan_makes_too_large_is_refused(bench: Bench) -> None:
+    with pytest.raises(InvalidRequest, match="overscan: the frame would have 8192×8192 pixels"):
+        await bench.submit("a", width=4096, height=4096, profile=None, overscan=0.5)
+    assert bench.rasterizer.cameras == []
+
+
 async def test_without_a_profile_the_frame_has_the_viewports_resolution(bench: Bench) -> None:
     bench.rasterizer.gate.set()
     frame = await bench.submit("a", profile=None, format="png")

@@ -107,6 +107,13 @@ class Intrinsics:
         sx, sy = width / self.width, height / self.height
         return Intrinsics(self.fx * sx, self.fy * sy, self.cx * sx, self.cy * sy, width, height)
 
+    def widened(self, margin_x: int, margin_y: int) -> Intrinsics:
+        """The same view with `margin_x` more pixels at the left and right, and `margin_y` at the top and bottom."""
+        return Intrinsics(
+            self.fx, self.fy, self.cx + margin_x, self.cy + margin_y,
+            self.width + 2 * margin_x, self.height + 2 * margin_y,
+        )  # fmt: skip
+
 
 def _minus(a: Vector3, b: Vector3) -> Vector3:
     return (a[0] - b[0], a[1] - b[1], a[2] - b[2])

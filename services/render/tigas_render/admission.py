@@ -8,9 +8,12 @@ from tigas_common.errors import Overloaded
 from tigas_common.wire.render import RenderRequest, Rung
 from tigas_render.costs import FrameCosts
 from tigas_render.frame import Client
+from tigas_render.frame_size import FrameSize
 
 ACTIVE_S = 2.0
 """A client that has asked for a frame, or got one, counts as active for so long, in seconds."""
+USUAL_OVERSCAN = 0.25
+"""A rung with at most so much overscan counts as what a display needs: the page asks for no more by itself."""
 SHORT_S = 0.05
 """Nobody minds waiting so long for somebody else's frame, however large it is, in seconds."""
 
@@ -30,16 +33,16 @@ class Admission:
         self._active.move_to_end(client)
         self._forget(now)
 
-    def check(self, client: Client, request: RenderRequest, now: float, *, others_wait: bool) -> None:
+    def check(self, client: Client, request: RenderRequest, size: FrameSize, now: float, *, others_wait: bool) -> None:
         """Raises Overloaded, with the time to come back, if a request has to wait until nobody else is active."""
-        pixels = request.width * request.height
-        if request.profile is not None or pixels <= self._best or not (others_wait or self._others(client, now)):
+        is_usual = request.profile is not None and request.overscan <= USUAL_OVERSCAN
+        if is_usual or size.pixels <= self._best or not (others_wait or self._others(client, now)):
             return
         usual = self._costs.at_least(request.scene, request.format, self._best)
-        if self._costs.at_most(request.scene, request.format, pixels) > max(usual, SHORT_S):
+        if self._costs.at_most(request.scene, request.format, size.pixels) > max(usual, SHORT_S):
             raise Overloaded(
-                f"{request.width}×{request.height} pixels would keep other viewers waiting; ask for a profile, for a "
-                "smaller viewport, or again when they have left.",
+                f"{size.width}×{size.height} pixels would keep other viewers waiting; ask for a profile, for a smaller "
+                "viewport or overscan, or again when they have left.",
                 retry_after_s=ACTIVE_S,
             )
 

@@ -69,13 +69,12 @@ async def render(request: Request) -> Response:
     if frame is None:
         return Response(status_code=CLIENT_GONE)
     timing = frame.timing
-    about = f"seq={frame.seq}, width={frame.width}, height={frame.height}"
     return Response(
         frame.body,
         media_type=frame.content_type,
         headers={
             "Server-Timing": f"queue;dur={timing.queue}, render;dur={timing.render}, encode;dur={timing.encode}",
-            "Tigas-Frame": about if frame.profile is None else f"{about}, profile={frame.profile}",
+            "Tigas-Frame": _about(frame),
             **NO_STORE,
             "Timing-Allow-Origin": "*",
         },
@@ -197,6 +196,19 @@ def _page_policy(config: ServerConfig) -> str:
         "default-src 'self'; img-src 'self' blob: data:; media-src 'self' blob:; object-src 'none'; base-uri 'none'; "
         f"form-action 'none'; connect-src 'self' {' '.join((*hosts, *sockets))}; frame-src 'self' {' '.join(hosts)}"
     )
+
+
+def _about(frame: Frame) -> str:
+    """The frame's `Tigas-Frame`: what applies to it."""
+    numbers = {
+        "seq": frame.seq,
+        "width": frame.width,
+        "height": frame.height,
+        "margin_x": frame.margin_x or None,
+        "margin_y": frame.margin_y or None,
+        "profile": frame.profile,
+    }
+    return ", ".join(f"{name}={number}" for name, number in numbers.items() if number is not None)
 
 
 def _config(request: Request) -> ServerConfig:

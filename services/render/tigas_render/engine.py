@@ -30,8 +30,9 @@ from tigas_render.costs import FrameCosts
 from tigas_render.device_memory import with_room
 from tigas_render.encode_queue import EncodeQueue
 from tigas_render.frame import Client, Frame
+from tigas_render.frame_size import FrameSize
 from tigas_render.metrics import EngineMetrics
-from tigas_render.raster.base import Camera, Image, Rasterizer
+from tigas_render.raster.base import Image, Rasterizer
 from tigas_render.raster.host_image import HostImage
 from tigas_render.raster.stamp import draw_stamp
 from tigas_render.schedule import FairSchedule
@@ -144,10 +145,10 @@ class Engine:
         ladder = scene.ladder or self._ladder
         if request.profile is not None and request.profile >= len(ladder):
             raise InvalidRequest(f"profile: the ladder has rungs 0 to {len(ladder) - 1}.")
-        width, height = _size(request, ladder)
+        size = FrameSize.of(request, ladder)
         with self._changed:
-            expected = max(MIN_COST_S, self._costs.at_least(request.scene, request.format, width * height))
-        work = Work(client, request, scene, ladder, arrived, width, height, expected, loop.create_future(), loop)
+            expected = max(MIN_COST_S, self._costs.at_least(request.scene, request.format, size.pixels))
+        work = Work(client, request, scene, ladder, arrived, size, expected, loop.create_future(), loop)
         self._enqueue(work)
         try:
             frame = await work.answer
@@ -199,7 +200,7 @@ class Engine:
         try:
             started = self._clock()
             format = work.request.format if work.request.stamp is None else "png"  # stamped on the host
-            camera = _camera(work)
+            camera = work.size.camera(work.request, work.scene.background)
             image = self._rasterizer.render(work.scene.prepared, camera, format, pause if interruptible else None)
             rendering = self._clock() - started - interrupted
         except Exception as error:
@@ -283,15 +284,15 @@ class Engine:
         """Raises DeadlineExceeded and Overloaded if a frame is not to be rendered now."""
         request, now = work.request, self._clock()
         try:
-            work.check_deadline(now + self._costs.at_least(request.scene, request.format, work.width * work.height))
+            work.check_deadline(now + self._costs.at_least(request.scene, request.format, work.size.pixels))
         except DeadlineExceeded:
             self._costs.doubt(request.scene, request.format)
             raise
-        self._admission.check(work.client, request, now, others_wait=self._schedule.others_wait(work.client))
+        self._admission.check(work.client, request, work.size, now, others_wait=self._schedule.others_wait(work.client))
         self._admission.heard_of(work.client, now)
 
     def _encode(self, rendered: Rendered) -> None:
-        work, image, request = rendered.work, rendered.image, rendered.work.request
+        work, image, request, size = rendered.work, rendered.image, rendered.work.request, rendered.work.size
         rendering = rendered.rendering
         try:
             with image:
@@ -300,7 +301,7 @@ class Engine:
                     return
                 quality = work.ladder[request.profile or 0].quality
                 begun = self._clock()
-                body = _stamped(image, request.stamp).encode(request.format, quality)
+                body = _stamped(image, work).encode(request.format, quality)
                 encoding = self._clock() - begun
         except Exception as error:
             self._failed("Encoding", work, error)
@@ -309,12 +310,17 @@ class Engine:
             self._release(work)
         self._settle(work, rendering + encoding)
         with self._changed:
-            self._costs.measured(request.scene, request.format, work.width * work.height, rendering + encoding)
+            self._costs.measured(request.scene, request.format, size.pixels, rendering + encoding)
         waiting = begun - work.arrived - rendering
         timing = ServerTiming(
             queue=round(1000 * waiting, 3), render=round(1000 * rendering, 3), encode=round(1000 * encoding, 3)
         )
-        work.resolve(Frame(body, request.format, work.width, work.height, request.seq, request.profile, timing))
+        work.resolve(
+            Frame(
+                body, request.format, size.width, size.height, request.seq, request.profile, timing,
+                size.margin_x, size.margin_y,
+            )
+        )  # fmt: skip
 
     def _settle(self, work: Work, seconds: float) -> None:
         """Charge the client for what its frame has really cost."""
@@ -322,29 +328,15 @@ class Engine:
             self._schedule.settle(work.client, max(seconds, MIN_COST_S) - work.expected)
 
 
-def _size(request: RenderRequest, ladder: tuple[Rung, ...]) -> tuple[int, int]:
-    """The frame's width and height, in pixels."""
-    if request.profile is None:
-        return request.width, request.height
-    return ladder[request.profile].size_for(request.width, request.height)
+def _stamped(image: Image, work: Work) -> Image:
+    """The image, or a copy in the host's memory with the number that was asked for drawn into what shows the viewport.
 
-
-def _camera(work: Work) -> Camera:
-    request = work.request
-    # the frame is shown on the viewport; one number, as the sides' scales differ by rounding only
-    enlarged = math.sqrt(request.width * request.height / (work.width * work.height))
-    return Camera(
-        request.pose,
-        request.intrinsics.resized(work.width, work.height),
-        work.scene.background,
-        max(1.0, request.display_scale * enlarged),
-    )
-
-
-def _stamped(image: Image, stamp: int | None) -> Image:
-    """The image, or a copy in the host's memory with a number drawn into it."""
+    So the stamp is at the upper left of what is seen, with or without overscan.
+    """
+    stamp, size = work.request.stamp, work.size
     if stamp is None:
         return image
     pixels = image.to_host()
-    draw_stamp(pixels, stamp)
+    rows, columns = slice(size.margin_y, size.height - size.margin_y), slice(size.margin_x, size.width - size.margin_x)
+    draw_stamp(pixels[rows, columns], stamp)
     return HostImage(pixels)

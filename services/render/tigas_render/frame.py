@@ -37,6 +37,10 @@ class Frame:
     seq: int
     profile: int | None
     timing: ServerTiming
+    margin_x: int = 0
+    """Pixels beyond the viewport at the left, and as many at the right; they count in the width."""
+    margin_y: int = 0
+    """The same at the top and at the bottom."""
 
     @property
     def content_type(self) -> str:

@@ -9,6 +9,7 @@ from typing import Protocol
 from tigas_common.errors import DeadlineExceeded
 from tigas_common.wire.render import RenderRequest, Rung
 from tigas_render.frame import Client, Frame
+from tigas_render.frame_size import FrameSize
 from tigas_render.raster.base import Image, PreparedScene
 
 
@@ -39,8 +40,7 @@ class Work:
     """What the request's profile counts in."""
     arrived: float
     """In seconds of the engine's clock."""
-    width: int
-    height: int
+    size: FrameSize
     expected: float
     """Seconds that the frame is expected to cost."""
     answer: asyncio.Future[Frame]

@@ -294,7 +294,8 @@ class FakeFrames:
             raise
         if self.error is not None:
             raise self.error
-        return Frame(self.body, "jpeg", 320, 180, request.seq, request.profile, TIMING)
+        x, y = round(320 * request.overscan), round(180 * request.overscan)
+        return Frame(self.body, "jpeg", 320 + 2 * x, 180 + 2 * y, request.seq, request.profile, TIMING, x, y)
 
     def release(self, seq: int) -> None:
         self._gate(seq).set_result(None)

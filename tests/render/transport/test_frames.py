@@ -53,10 +53,18 @@ async def test_a_frame_on_a_stream() -> None:
         "content_type": "image/jpeg",
         "width": 320,
         "height": 180,
+        "margin_x": None,
+        "margin_y": None,
         "profile": 2,
         "timing": {"queue": 1.0, "render": 2.0, "encode": 3.0},
     }
     assert body == source.body
+
+
+async def test_the_header_says_what_the_margins_are() -> None:
+    async with served(FakeFrames()) as (_, client, session):
+        header, _ = await client.frame(session, request_body(overscan=0.1))
+    assert [header[name] for name in ("width", "height", "margin_x", "margin_y")] == [384, 216, 32, 18]
 
 
 async def test_frames_side_by_side() -> None:

@@ -4,22 +4,30 @@ import { frameHeader } from "./http-fields";
 test("reads what the server says about a frame", () => {
   const headers = new Headers({
     "Content-Type": "image/jpeg",
-    "Tigas-Frame": "seq=41, width=640, height=360, profile=2",
+    "Tigas-Frame": "seq=41, width=832, height=468, margin_x=96, margin_y=54, profile=2",
     "Server-Timing": "queue;dur=0.25, render;dur=12.5, encode;dur=1.75",
   });
   expect(frameHeader(200, headers)).toEqual({
     status: 200,
     seq: 41,
     content_type: "image/jpeg",
-    width: 640,
-    height: 360,
+    width: 832,
+    height: 468,
+    margin_x: 96,
+    margin_y: 54,
     profile: 2,
     timing: { queue: 0.25, render: 12.5, encode: 1.75 },
   });
 });
 
 test("a proxy may drop headers: what is not said is not known", () => {
-  expect(frameHeader(200, new Headers())).toMatchObject({ seq: 0, width: null, profile: null, timing: null });
+  expect(frameHeader(200, new Headers())).toMatchObject({
+    seq: 0,
+    width: null,
+    margin_x: null,
+    profile: null,
+    timing: null,
+  });
 });
 
 test.each([["queue;dur=1, render;dur=2"], ["queue;dur=x, render;dur=2, encode;dur=3"], ["cache;desc=hit"], [";;;,,,"]])(

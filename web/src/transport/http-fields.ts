@@ -9,6 +9,8 @@ export function frameHeader(status: number, headers: Headers): FrameHeader {
     content_type: headers.get("Content-Type") ?? "",
     width: frame.get("width") ?? null,
     height: frame.get("height") ?? null,
+    margin_x: frame.get("margin_x") ?? null,
+    margin_y: frame.get("margin_y") ?? null,
     profile: frame.get("profile") ?? null,
     timing: serverTiming(headers.get("Server-Timing") ?? ""),
   };

@@ -31,6 +31,8 @@ export interface RenderRequest {
   height: number;
   profile?: number | null;
   display_scale?: number;
+  overscan?: number;
+  depth?: boolean;
   format?: "jpeg" | "png" | "yuv420p";
   deadline_ms?: number | null;
   stamp?: number | null;
@@ -44,6 +46,8 @@ export interface FrameHeader {
   content_type: string;
   width?: number | null;
   height?: number | null;
+  margin_x?: number | null;
+  margin_y?: number | null;
   profile?: number | null;
   timing?: ServerTiming | null;
 }

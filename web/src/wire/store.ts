@@ -303,6 +303,8 @@ export interface RenderRequest {
   height: number;
   profile?: number | null;
   display_scale?: number;
+  overscan?: number;
+  depth?: boolean;
   format?: "jpeg" | "png" | "yuv420p";
   deadline_ms?: number | null;
   stamp?: number | null;

@@ -37,6 +37,9 @@ class Rung(WireModel):
         return min(MAX_SIDE, max(1, round(width * scale))), min(MAX_SIDE, max(1, round(height * scale)))
 
 
+MAX_OVERSCAN = 0.5
+"""The most that a frame shows beyond each side of the viewport, as a share of the viewport's width or height."""
+
 DEFAULT_LADDER = (
     Rung(name="High", width=1280, height=720, quality=90, expected_kb=240),
     Rung(name="Medium-High", width=960, height=540, quality=65, expected_kb=55),
@@ -78,6 +81,11 @@ class RenderRequest(WireModel):
     """The rung of the scene's ladder; left out: the viewport's own resolution, and the best rung's quality."""
     display_scale: float = Field(default=1, ge=1, le=64)
     """How many times larger than the viewport the frame is shown, linearly."""
+    overscan: float = Field(default=0, ge=0, le=MAX_OVERSCAN)
+    """How much more the frame shows at each side, as a share of the viewport's width (left, right) and height (top,
+    bottom), at the same pixels per angle."""
+    depth: bool = False
+    """Whether a JPEG is to carry a coarse depth of the view; other formats never do."""
     format: FrameFormat = "jpeg"
     deadline_ms: float | None = Field(default=None, gt=0, le=60_000)
     """How long after its arrival the frame is still of use, in milliseconds."""
@@ -110,6 +118,8 @@ class RenderRequest(WireModel):
         *,
         profile: int | None = None,
         display_scale: float = 1,
+        overscan: float = 0,
+        depth: bool = False,
         format: FrameFormat = "jpeg",
         stamp: int | None = None,
     ) -> Self:
@@ -121,6 +131,8 @@ class RenderRequest(WireModel):
             **asdict(intrinsics),
             profile=profile,
             display_scale=display_scale,
+            overscan=overscan,
+            depth=depth,
             format=format,
             stamp=stamp,
         )
@@ -157,6 +169,10 @@ class FrameHeader(WireModel):
     content_type: str
     width: int | None = None
     height: int | None = None
+    margin_x: int | None = None
+    """Of the frame's columns, how many lie beyond the viewport at the left and as many at the right; null for none."""
+    margin_y: int | None = None
+    """The same of its rows, at the top and at the bottom."""
     profile: int | None = None
     timing: ServerTiming | None = None
 

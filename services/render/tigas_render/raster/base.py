@@ -26,7 +26,7 @@ ALPHA_MAX = 0.999
 TRANSMITTANCE_MIN = 1e-4
 """A pixel is finished when less light than this passes."""
 CLAMP_MARGIN = 0.3
-"""How far outside the picture the projection's derivative is clamped, in half-widths of the picture (gsplat 1.5.3)."""
+"""How far outside the viewport the projection's derivative is clamped, in half-widths of it (gsplat 1.5.3)."""
 BASIS_CONSTANTS = (
     0.28209479177387814,
     *(-0.4886025119029199, 0.4886025119029199, -0.4886025119029199),
@@ -48,6 +48,14 @@ class Camera:
     """RGB, 0 to 1."""
     display_scale: float = 1.0
     """How many times larger than the picture it is shown, linearly; at least 1. See `footprint`."""
+    margins: tuple[int, int] = (0, 0)
+    """Columns at the left and right, rows at the top and bottom, that the picture has beyond the viewport. They count
+    in `intrinsics`, and leave the rest as it would be without them."""
+
+    @property
+    def viewport(self) -> Intrinsics:
+        """The intrinsics without the margins."""
+        return self.intrinsics.widened(-self.margins[0], -self.margins[1])
 
 
 Pause = Callable[[], None]
@@ -137,7 +145,10 @@ def footprint(display_scale: float) -> tuple[float, float]:
 
 
 def derivative_limits(k: Intrinsics) -> tuple[float, float, float, float]:
-    """Limits of x/z and y/z where the projection's derivative is taken: left, right, top, bottom."""
+    """Limits of x/z and y/z where the projection's derivative is taken: left, right, top, bottom.
+
+    k: the viewport's. Margins do not widen the limits: Gaussians would reach into the viewport in other shapes.
+    """
     margin_x, margin_y = CLAMP_MARGIN * 0.5 * k.width / k.fx, CLAMP_MARGIN * 0.5 * k.height / k.fy
     return (
         -k.cx / k.fx - margin_x,

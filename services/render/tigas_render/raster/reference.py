@@ -110,7 +110,7 @@ def _project(gaussians: Gaussians, camera: Camera) -> _Splats:
 
     x, y, z = points.unbind(1)
     axes = _rotation_matrices(gaussians.quaternions[keep]) * gaussians.scales[keep, None, :]
-    jacobian = _jacobian(points, k)  # [M, 2, 3]
+    jacobian = _jacobian(points, camera.viewport)  # [M, 2, 3]
     half = jacobian @ rotation @ axes  # [M, 2, 3]: a square root of the projected covariance
     covariance = half @ half.mT
     dilation, low_pass = footprint(camera.display_scale)
@@ -145,7 +145,7 @@ def _compensation(covariance: torch.Tensor, dilation: float, low_pass: float) ->
 def _jacobian(points: torch.Tensor, k: Intrinsics) -> torch.Tensor:
     """[M, 2, 3]: the derivative of the perspective projection [EWA], with x/z and y/z clamped as in [gsplat].
 
-    The limits lie 0.3 half-widths of a centred picture outside the picture's own edges.
+    The limits lie 0.3 half-widths of a centred viewport outside the viewport's own edges.
     """
     x, y, z = points.unbind(1)
     margin_x, margin_y = 0.3 * 0.5 * k.width / k.fx, 0.3 * 0.5 * k.height / k.fy

@@ -87,6 +87,8 @@ def _success(frame: Frame) -> bytes:
         content_type=frame.content_type,
         width=frame.width,
         height=frame.height,
+        margin_x=frame.margin_x or None,
+        margin_y=frame.margin_y or None,
         profile=frame.profile,
         timing=frame.timing,
     )

@@ -26,7 +26,7 @@ def fill_view(camera: Camera, view: NDArray[np.float64]) -> None:
     view[ROTATION:EYE] = np.array(camera.pose.rotation).T.ravel()
     view[EYE:FX] = camera.pose.position
     view[FX:LEFT] = k.fx, k.fy, k.cx, k.cy
-    view[LEFT:WIDTH] = derivative_limits(k)
+    view[LEFT:WIDTH] = derivative_limits(camera.viewport)
     view[WIDTH], view[HEIGHT] = k.width, k.height
     dilation, low_pass = footprint(camera.display_scale)
     view[DILATION], view[FILTERED] = dilation, dilation + low_pass

@@ -40,7 +40,7 @@ def write_frame(
         scene.scale_low, scene.scale_step,
         *(rotation[column][row] for row in range(3) for column in range(3)),  # world to camera
         *camera.pose.position,
-        k.fx, k.fy, k.cx, k.cy, dilation, dilation + low_pass, *map(_float32, derivative_limits(k)),
+        k.fx, k.fy, k.cx, k.cy, dilation, dilation + low_pass, *map(_float32, derivative_limits(camera.viewport)),
         *camera.background,
     )  # fmt: skip
 

@@ -1,0 +1,64 @@
+"""How large a frame becomes: the rung's pixels, or the viewport's own, and the margins of its overscan."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from tigas_common.errors import InvalidRequest
+from tigas_common.wire.model import MAX_PIXELS, MAX_SIDE
+from tigas_common.wire.render import RenderRequest, Rung
+from tigas_render.raster.base import Camera
+
+
+@dataclass(frozen=True, slots=True)
+class FrameSize:
+    """A frame's size in pixels: what shows the viewport, and margins around it."""
+
+    inner_width: int
+    inner_height: int
+    margin_x: int
+    """Columns at the left, and as many at the right."""
+    margin_y: int
+    """Rows at the top, and as many at the bottom."""
+
+    @classmethod
+    def of(cls, request: RenderRequest, ladder: tuple[Rung, ...]) -> FrameSize:
+        """The frame's size for a request whose profile the ladder has. Raises InvalidRequest if it is too large."""
+        width, height = request.width, request.height
+        if request.profile is not None:
+            width, height = ladder[request.profile].size_for(width, height)
+        size = cls(width, height, round(width * request.overscan), round(height * request.overscan))
+        if request.overscan and (max(size.width, size.height) > MAX_SIDE or size.pixels > MAX_PIXELS):
+            raise InvalidRequest(
+                f"overscan: the frame would have {size.width}×{size.height} pixels; at most {MAX_SIDE} on a side and "
+                f"{MAX_PIXELS} in all are rendered."
+            )
+        return size
+
+    @property
+    def width(self) -> int:
+        """Of the whole frame."""
+        return self.inner_width + 2 * self.margin_x
+
+    @property
+    def height(self) -> int:
+        """Of the whole frame."""
+        return self.inner_height + 2 * self.margin_y
+
+    @property
+    def pixels(self) -> int:
+        """Of the whole frame."""
+        return self.width * self.height
+
+    def camera(self, request: RenderRequest, background: tuple[float, float, float]) -> Camera:
+        """The request's view. The margins show more of it, and change nothing else."""
+        # the frame is shown on the viewport; one number, as the sides' scales differ by rounding only
+        enlarged = math.sqrt(request.width * request.height / (self.inner_width * self.inner_height))
+        return Camera(
+            request.pose,
+            request.intrinsics.resized(self.inner_width, self.inner_height).widened(self.margin_x, self.margin_y),
+            background,
+            max(1.0, request.display_scale * enlarged),
+            (self.margin_x, self.margin_y),
+        )
