@@ -3,8 +3,8 @@ import { type ScenePose, viewDistance } from "../view/camera";
 import type { Rig } from "../view/rig";
 import { Guarded } from "./guarded";
 import { LeadTime } from "./lead-time";
-import type { Predictor, PredictorFactory } from "./predictor";
-import { PREDICTORS, type PredictorName } from "./registry";
+import type { Predictor } from "./predictor";
+import { createPredictor, type PredictorName } from "./registry";
 
 export class Foresight {
   readonly #rig: Rig;
@@ -45,9 +45,8 @@ export class Foresight {
     const name = this.#chosen();
     if (this.#predictor === undefined || name !== this.#name) {
       this.#name = name;
-      const create: PredictorFactory = PREDICTORS[name].create;
       const distance = () => viewDistance(this.#rig.scene ?? { camera: null });
-      this.#predictor = new Guarded(create({ rig: this.#rig }), distance);
+      this.#predictor = new Guarded(createPredictor(name, { rig: this.#rig }), distance);
     }
     return this.#predictor;
   }

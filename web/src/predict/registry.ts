@@ -4,8 +4,9 @@
  * To add your own: write a class with `observe()` and `predict()` in a file of its own beside this one, and add a line here. The
  * viewer, `npm run predict-report` and experiments then offer it.
  */
+import { Linear } from "./linear";
 import { Off } from "./off";
-import type { PredictorFactory } from "./predictor";
+import type { Predictor, PredictorContext, PredictorFactory } from "./predictor";
 import { Velocity } from "./velocity";
 
 interface Entry {
@@ -17,8 +18,14 @@ interface Entry {
 export const PREDICTORS = {
   off: { title: "Off", create: () => new Off() },
   velocity: { title: "Constant velocity", create: () => new Velocity() },
+  linear: { title: "Linear", create: () => new Linear() },
 } as const satisfies Record<string, Entry>;
 
 export type PredictorName = keyof typeof PREDICTORS;
 
 export const PREDICTOR_NAMES = Object.keys(PREDICTORS) as readonly PredictorName[];
+
+export function createPredictor(name: PredictorName, context: PredictorContext): Predictor {
+  const { create }: Entry = PREDICTORS[name];
+  return create(context);
+}

@@ -1,0 +1,48 @@
+"""What the linear predictor of the page learns."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from benchmarks.train_predictor import HORIZONS_MS, STEP_MS, STEPS, changes, main, moments, train
+from tigas_experiments.movement.errors import MovementError
+from tigas_experiments.movement.generated import generate
+from tigas_experiments.movement.trace import MovementTrace
+
+AHEAD_MS = 300.0
+
+
+def test_foresees_another_walk_of_the_kind_it_learned_from_better_than_constant_velocity() -> None:
+    weights = train([generate("look-around", 20, seed) for seed in range(3)])
+    way = generate("look-around", 20, 7)
+    now = moments(way, 500, 500)
+    known = changes(way, [-STEP_MS * step for step in range(1, STEPS + 1)], now).turned
+    truth = changes(way, [AHEAD_MS], now).turned[:, 0]
+    learned = np.array(weights["turned"])[:, HORIZONS_MS.index(AHEAD_MS)]
+    foreseen = np.einsum("nka,ak->na", known, learned)
+    velocity = -known[:, 0] * AHEAD_MS / STEP_MS
+    error, straight, none = (np.linalg.norm(guess - truth, axis=1).mean() for guess in (foreseen, velocity, 0 * truth))
+    assert error < straight / 2 < none / 4
+
+
+def test_moments_keep_clear_of_the_ends_and_of_gaps() -> None:
+    times = np.concatenate((np.arange(0, 1000, 20.0), np.arange(1500, 3000, 20.0)))
+    way = MovementTrace(times, np.zeros((len(times), 3)), np.tile((0.0, 0, 0, 1), (len(times), 1)), "start", "m")
+    now = moments(way, 160, 500)
+    assert set(now) == {*np.arange(160, 481, 20.0), *np.arange(1660, 2481, 20.0)}
+
+
+def test_a_movement_that_is_too_short_or_not_in_metres_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with pytest.raises(MovementError, match="too short"):
+        train([generate("orbit", 0.3, 1)])
+    path = tmp_path / "walk.csv"
+    path.write_text("t_ms,x,y,z,qx,qy,qz,qw\n0,0,0,0,0,0,0,1\n", encoding="utf-8")
+    monkeypatch.setattr("sys.argv", ["train_predictor", str(path), "--out", str(tmp_path / "out.json")])
+    with pytest.raises(SystemExit, match=r"walk\.csv is not in metres"):
+        main()
+    assert not (tmp_path / "out.json").exists()
