@@ -36,6 +36,7 @@ import torch
 from numpy.typing import NDArray
 from PIL import Image
 
+from tigas_common.standpoints import intrinsics
 from tigas_common.weights import Weights, write_weights
 from tigas_common.wire.render import RenderRequest, Rung, SceneInfo
 from tigas_enhance.evaluate import bicubic_scores, enhanced_scores, interval
@@ -43,7 +44,7 @@ from tigas_enhance.network import Network, resampled, shown
 from tigas_enhance.pairs import Pair, Pixels, Renderer
 from tigas_enhance.renderer_process import render_service
 from tigas_enhance.tuning import RECIPES, SceneViews, collect, fit, to_network
-from tigas_enhance.views import held_out_views, intrinsics
+from tigas_enhance.views import held_out_views
 from tigas_experiments.quality.perceptual import Perceptual
 from tigas_experiments.quality.weights import NoWeights, dists, lpips
 

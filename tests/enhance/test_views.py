@@ -9,8 +9,9 @@ import pytest
 
 from tigas_common.errors import StartError
 from tigas_common.pose import Pose
+from tigas_common.standpoints import NEAR, NEAR_DEGREES
 from tigas_common.wire.render import SceneInfo, StartCamera
-from tigas_enhance.views import MOST_HELD_OUT, NEAR, NEAR_DEGREES, held_out_views, training_views
+from tigas_enhance.views import MOST_HELD_OUT, held_out_views, training_views
 
 
 def scene(up: tuple[float, float, float] = (0.0, -1.0, 0.0), **changes: object) -> SceneInfo:

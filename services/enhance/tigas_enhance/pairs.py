@@ -21,9 +21,9 @@ from PIL import Image
 from tigas_common.errors import TigasError
 from tigas_common.parsing import parse
 from tigas_common.pose import Pose
+from tigas_common.standpoints import intrinsics
 from tigas_common.wire.render import Problem, RenderRequest, Rung, SceneInfo, ServerConfig
 from tigas_enhance.errors import NothingToLearn, RenderFailed
-from tigas_enhance.views import intrinsics
 
 TIMEOUT_S = 120
 """Loading a large scene takes long."""

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import logging
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -13,6 +15,9 @@ from tigas_common.errors import StartError, TigasError
 from tigas_common.settings import load_settings
 from tigas_common.terminal import make_console
 from tigas_common.topology import PAGE, WEBTRANSPORT
+
+if TYPE_CHECKING:
+    from tigas_render.ladder.make import Made
 
 scene = typer.Typer(help="Inspect, generate and preview scene files.", no_args_is_help=True)
 
@@ -142,6 +147,62 @@ def preview(
         with rasterizer.render(rasterizer.prepare(gaussians), camera) as picture:
             image.write_bytes(picture.encode("png" if image.suffix.lower() == ".png" else "jpeg", 90))
     print(image)
+
+
+@scene.command("ladder")
+def ladder(
+    scene: Annotated[str, typer.Argument(metavar="SCENE", help="A scene's folder, or a built-in scene: courtyard.")],
+    out: Annotated[Path | None, typer.Option(help="Output file.", show_default="ladder.json beside the scene")] = None,
+    plot: Annotated[Path | None, typer.Option(help="Also draw it: .png or .svg.")] = None,
+    rungs: Annotated[int, typer.Option(min=2, max=16, help="How many, at most.")] = 10,
+    views: Annotated[int, typer.Option(min=1, max=200, help="Views to measure on.")] = 18,
+    device: Annotated[str, typer.Option(metavar="auto|cpu|cuda[:N]", help="Rasterise on this device.")] = "auto",
+) -> None:
+    """Measure the scene's own views at many sizes and qualities, and keep the best rungs as its ladder.json."""
+    from tigas_render.ladder.make import find_scene, make, place_of, write_ladder
+    from tigas_render.ladder.plot import check_plot, draw
+    from tigas_render.raster.devices import create_rasterizer
+
+    with in_a_sentence(StartError, TigasError, OSError, ValueError):
+        source = find_scene(scene)
+        path = out or place_of(source)
+        if plot is not None:
+            check_plot(plot)
+        rasterizer = create_rasterizer(device)
+        with _bar(f"measuring {source.name}") as listener:
+            made = make(source, rasterizer, listener, rungs=rungs, views=views)
+        write_ladder(path, made.file)
+        if plot is not None:
+            draw(made, source.name, plot)
+    _print_ladder(made)
+    print(path)
+
+
+@contextmanager
+def _bar(what: str) -> Iterator[Callable[[float], None]]:
+    """A bar for whoever watches; hears how much is done, from 0 to 1."""
+    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+    columns = (BarColumn(), TextColumn("{task.percentage:.0f} %"), TimeElapsedColumn(), TextColumn(what, markup=False))
+    with Progress(*columns, console=make_console(stderr=True), transient=True) as bar:
+        task = bar.add_task("", total=1.0)
+        yield lambda done: bar.update(task, completed=done)
+
+
+def _print_ladder(made: Made) -> None:
+    """The rungs, and below them the paper's, each with what the hull gives at as many bytes."""
+    from rich.table import Table
+
+    from tigas_render.ladder.choose import hull, psnr_at
+
+    table = Table("rung", "kB", "PSNR, dB", "the scene's at as many kB", box=None)
+    for rung in made.file.rungs:
+        table.add_row(rung.name, f"{rung.expected_kb:.1f}", f"{rung.psnr_db:.2f}", "")
+    table.add_row("the paper's:")
+    best = hull(made.candidates)
+    for point in made.paper:
+        table.add_row(point.name, f"{point.kb:.1f}", f"{point.psnr_db:.2f}", f"{psnr_at(best, point.kb):.2f}")
+    make_console().print(table)
 
 
 def _point(point: tuple[float, float, float]) -> str:

@@ -1,0 +1,79 @@
+"""A scene's ladder from its folder to its file: `tigas scene ladder`."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass
+from importlib.metadata import version
+from pathlib import Path
+
+from tigas_common.errors import StartError
+from tigas_common.standpoints import Place
+from tigas_common.wire.render import DEFAULT_LADDER
+from tigas_render.ladder.choose import choose
+from tigas_render.ladder.measure import CANDIDATES, Listener, Point, measure, walks
+from tigas_render.raster.base import Rasterizer
+from tigas_render.scenes.directory import read_folder
+from tigas_render.scenes.ladder import FILE, LadderFile
+from tigas_render.scenes.registry import BUILTIN
+from tigas_render.scenes.source import SceneSource
+from tigas_render.scenes.start_camera import derive_camera
+
+PAPER = tuple((rung.width, rung.height, rung.quality) for rung in DEFAULT_LADDER)
+
+
+@dataclass(frozen=True, slots=True)
+class Made:
+    """A ladder, and what it was chosen from."""
+
+    file: LadderFile
+    candidates: Sequence[Point]
+    paper: Sequence[Point]
+    """What the paper's rungs take and give on the same views."""
+
+
+def find_scene(name: str) -> SceneSource:
+    """A scene's folder, or a built-in scene by its id. Raises StartError."""
+    folder = Path(name)
+    if folder.is_dir():
+        source = read_folder(folder.resolve())
+        if source.error is not None:
+            raise StartError(source.error)
+        return source
+    if name in BUILTIN:
+        return BUILTIN[name]
+    raise StartError(f"{name!r} is neither a scene's folder nor a built-in scene ({', '.join(BUILTIN)}).")
+
+
+def place_of(source: SceneSource) -> Path:
+    """Where a scene's ladder.json lies, or would. Raises StartError for a built-in scene."""
+    if source.folder is None:
+        raise StartError(f"{source.id} is built in: say with --out where its ladder is to be written.")
+    return source.folder / FILE
+
+
+def make(source: SceneSource, rasterizer: Rasterizer, listener: Listener, *, rungs: int, views: int) -> Made:
+    """Measure a scene and choose its rungs. Raises StartError and BrokenScene."""
+    assert source.open is not None
+    gaussians, metadata = source.open(), source.metadata
+    camera = metadata.camera or derive_camera(gaussians.means, gaussians.opacities, gaussians.scales, metadata.up)
+    prepared = rasterizer.prepare(gaussians)
+    del gaussians
+    poses = walks(Place.of(camera, metadata.up), f"ladder of {source.id}")
+    settings = list(dict.fromkeys((*CANDIDATES, *PAPER)))
+    points = measure(rasterizer, prepared, metadata.background, poses, settings, listener, views)
+    found = dict(zip(settings, points, strict=True))
+    candidates = [found[setting] for setting in CANDIDATES]
+    file = LadderFile(rungs=choose(candidates, rungs), views=views, version=version("tigas"))
+    return Made(file, candidates, [found[setting] for setting in PAPER])
+
+
+def write_ladder(path: Path, file: LadderFile) -> None:
+    """Write a ladder.json in one step: whoever is killed meanwhile leaves what was there. Raises OSError."""
+    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
+    try:
+        temporary.write_text(file.model_dump_json(indent=2) + "\n", encoding="utf-8")
+        temporary.replace(path)
+    finally:
+        temporary.unlink(missing_ok=True)

@@ -1,0 +1,143 @@
+"""What a scene's views take in bytes, and how near to the truth they come, at each size and JPEG quality.
+
+A frame is rendered as the service renders it for the display, encoded, decoded, and enlarged by the page's bicubic.
+"""
+
+from __future__ import annotations
+
+import io
+import math
+import os
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from itertools import islice, product
+from random import Random
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+
+from tigas_common.errors import StartError
+from tigas_common.pose import Pose
+from tigas_common.standpoints import PER_MOVEMENT, Place, along, intrinsics
+from tigas_render.encode.jpeg import encode_jpeg
+from tigas_render.raster.base import Camera, PreparedScene, Rasterizer
+
+DISPLAY = (1280, 720)
+"""Pixels of the picture that a viewer sees."""
+SIZES = tuple((32 * step, 18 * step) for step in (40, 35, 30, 26, 23, 20, 17, 15, 13, 11, 9, 8))
+"""Of frames, width and height in pixels: 16:9, and even."""
+QUALITIES = tuple(range(10, 95, 5))
+"""Of JPEGs: above 90, frames grow by half for what nobody sees."""
+VIEWS = 18
+PER_WALK = 3
+TRIES = 4
+"""So many poses are tried for a view that shows something."""
+LEAST_CONTENT = 0.04
+"""The share of a view's pixels that must show something other than the background."""
+
+Pixels = NDArray[np.uint8]
+Setting = tuple[int, int, int]
+"""Width and height of a frame in pixels, and its JPEG quality."""
+CANDIDATES: tuple[Setting, ...] = tuple((*size, quality) for size, quality in product(SIZES, QUALITIES))
+Listener = Callable[[float], None]
+"""Hears how much is done, from 0 to 1."""
+
+
+@dataclass(frozen=True, slots=True)
+class Point:
+    """A setting's outcome over all views."""
+
+    width: int
+    height: int
+    quality: int
+    kb: float
+    """Mean size of a frame, in kilobytes (1000 bytes)."""
+    mse: float
+    """Mean squared error at display size, of values from 0 to 255."""
+
+    @property
+    def name(self) -> str:
+        """Such as `640×360 q50`."""
+        return f"{self.width}×{self.height} q{self.quality}"
+
+    @property
+    def psnr_db(self) -> float:
+        """Of the mean squared error."""
+        return 10 * math.log10(255**2 / max(self.mse, 1e-6))
+
+
+def walks(place: Place, seed: str) -> Iterator[Pose]:
+    """Poses without end of people who walk about the start camera; for a seed the same ones."""
+    chance = Random(seed)
+    while True:
+        yield from along(place.walk(chance), chance)[:: PER_MOVEMENT // PER_WALK]
+
+
+def measure(
+    rasterizer: Rasterizer,
+    scene: PreparedScene,
+    background: tuple[float, float, float],
+    poses: Iterable[Pose],
+    settings: Sequence[Setting],
+    listener: Listener,
+    views: int = VIEWS,
+) -> list[Point]:
+    """The outcome of each setting over so many views of those from `poses` that show something. Raises StartError."""
+    totals = np.zeros((len(settings), 2))
+    sizes = sorted({setting[:2] for setting in settings}, reverse=True)
+    number = 0
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        for pose in islice(poses, views * TRIES):
+            if number == views:
+                break
+            truth = _rendered(rasterizer, scene, Camera(pose, intrinsics(*DISPLAY), background))
+            if not _shows_something(truth, background):
+                continue
+            exact = truth.astype(np.float32)
+            frames = {size: _frame(rasterizer, scene, pose, size, background) for size in sizes}
+            outcomes = [pool.submit(_outcome, frames[setting[:2]], setting[2], exact) for setting in settings]
+            for done, outcome in enumerate(outcomes, 1):
+                totals[done - 1] += outcome.result()
+                listener((number + done / len(settings)) / views)
+            number += 1
+    if number == 0:
+        raise StartError("No view about the scene's start camera shows anything.")
+    means = totals / number
+    return [
+        Point(*setting, kb=float(size) / 1000, mse=float(error))
+        for setting, (size, error) in zip(settings, means, strict=True)
+    ]
+
+
+def _frame(
+    rasterizer: Rasterizer,
+    scene: PreparedScene,
+    pose: Pose,
+    size: tuple[int, int],
+    background: tuple[float, float, float],
+) -> Pixels:
+    """As the service renders it for the display."""
+    enlarged = math.sqrt(DISPLAY[0] * DISPLAY[1] / (size[0] * size[1]))
+    lens = intrinsics(*DISPLAY).resized(*size)
+    return _rendered(rasterizer, scene, Camera(pose, lens, background, max(1.0, enlarged)))
+
+
+def _rendered(rasterizer: Rasterizer, scene: PreparedScene, camera: Camera) -> Pixels:
+    with rasterizer.render(scene, camera, "png") as image:
+        return image.to_host().copy()
+
+
+def _shows_something(picture: Pixels, background: tuple[float, float, float]) -> bool:
+    empty = np.round(np.array(background) * 255).astype(np.int16)
+    return float((np.abs(picture.astype(np.int16) - empty) > 1).any(axis=2).mean()) >= LEAST_CONTENT
+
+
+def _outcome(frame: Pixels, quality: int, truth: NDArray[np.float32]) -> tuple[float, float]:
+    """Bytes, and mean squared error at display size."""
+    body = encode_jpeg(frame, quality)
+    with Image.open(io.BytesIO(body)) as opened:
+        shown = opened.convert("RGB").resize(DISPLAY, Image.Resampling.BICUBIC)
+    error = (np.asarray(shown, np.float32) - truth).ravel()
+    return len(body), float(error @ error) / error.size
