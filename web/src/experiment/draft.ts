@@ -1,6 +1,6 @@
 /** What a person has filled in to set up an experiment: from a draft to a plan, or a sentence that says what is wrong. Pure. */
 import type { FrameRate } from "../dash/presets";
-import type { Prediction } from "../state/settings";
+import type { PredictorName } from "../predict/registry";
 import { type ExperimentPlan, MAX_REPEATS, MAX_SEGMENTS, type Network, type Profile, type RunMode } from "./plan";
 import { segments } from "./segments";
 
@@ -21,7 +21,7 @@ export interface Draft {
   readonly upscale: string;
   /** How movement is met, in every mode. */
   readonly reprojection: boolean;
-  readonly prediction: Prediction;
+  readonly prediction: PredictorName;
   readonly segments: string;
   readonly repeats: string;
   readonly duration: string;

@@ -4,7 +4,8 @@ import { seeded } from "../abr/random";
 import { CONTROLLER_NAMES, CONTROLLERS, type ControllerName } from "../abr/registry";
 import { FRAME_RATES, type Preset } from "../dash/presets";
 import { OFF } from "../enhance/model/enhancer";
-import { PREDICTIONS, type Settings } from "../state/settings";
+import { PREDICTOR_NAMES } from "../predict/registry";
+import type { Settings } from "../state/settings";
 import type { LinkSetting } from "../wire/shaper";
 import type { Configuration, RunRow } from "../wire/store";
 import { type Segment, shuffled } from "./segments";
@@ -99,7 +100,7 @@ const Plan = v.object({
   upscale: v.optional(v.string(), OFF),
   /** Whether the newest frame is turned to each animation frame's pose, and what predicts the poses that frames are asked for. */
   reprojection: v.optional(v.boolean(), false),
-  prediction: v.optional(v.picklist(PREDICTIONS), OFF),
+  prediction: v.optional(v.picklist(PREDICTOR_NAMES), OFF),
   /** Of segments, the order of runs, and controllers' random numbers. */
   seed: v.optional(v.pipe(v.number(), v.integer(), v.minValue(0)), 1),
   /** Whether runs are made in random order. */

@@ -13,7 +13,7 @@ export interface Predictor {
 
 /** What a predictor is made of. */
 export interface PredictorContext {
-  readonly rig: Pick<Rig, "source">;
+  readonly rig: Pick<Rig, "source" | "input" | "foresee">;
 }
 
 export type PredictorFactory = (context: PredictorContext) => Predictor;

@@ -4,6 +4,8 @@
  * To add your own: write a class with `observe()` and `predict()` in a file of its own beside this one, and add a line here. The
  * viewer, `npm run predict-report` and experiments then offer it.
  */
+import { Auto } from "./auto";
+import { Input } from "./input";
 import { Linear } from "./linear";
 import { Off } from "./off";
 import type { Predictor, PredictorContext, PredictorFactory } from "./predictor";
@@ -19,6 +21,8 @@ export const PREDICTORS = {
   off: { title: "Off", create: () => new Off() },
   velocity: { title: "Constant velocity", create: () => new Velocity() },
   linear: { title: "Linear", create: () => new Linear() },
+  input: { title: "Keys and pointer", create: (context) => new Input(context) },
+  auto: { title: "Automatic", create: (context) => new Auto(context) },
 } as const satisfies Record<string, Entry>;
 
 export type PredictorName = keyof typeof PREDICTORS;

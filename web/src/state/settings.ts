@@ -4,12 +4,10 @@ import { CONTROLLER_NAMES } from "../abr/registry";
 import { FRAME_RATES, PRESETS, tuned } from "../dash/presets";
 import { OFF } from "../enhance/model/enhancer";
 import { enhancersOf } from "../enhance/registry";
+import { PREDICTOR_NAMES } from "../predict/registry";
 
 export const MODES = ["stateless", "dash", "side-by-side"] as const;
 export type Mode = (typeof MODES)[number];
-
-export const PREDICTIONS = [OFF, "velocity", "linear", "input", "auto"] as const;
-export type Prediction = (typeof PREDICTIONS)[number];
 
 const Settings = v.object({
   theme: v.fallback(v.picklist(["system", "light", "dark"]), "system"),
@@ -51,7 +49,7 @@ const Settings = v.object({
   /** Whether the newest frame is turned to the pose of each animation frame. */
   reprojection: v.fallback(v.boolean(), true),
   /** What predicts the poses that frames are asked for, or `off`. */
-  prediction: v.fallback(v.picklist(PREDICTIONS), "auto"),
+  prediction: v.fallback(v.picklist(PREDICTOR_NAMES), "auto"),
   /** Of reprojection: how much more frames show at each side, as a share of the viewport. */
   overscan: v.fallback(v.union([v.literal("auto"), v.pipe(v.number(), v.minValue(0), v.maxValue(0.5))]), "auto"),
   /** Of reprojection: whether frames are asked for with a coarse depth. */

@@ -1,20 +1,12 @@
 /** What predicts the poses that frames are asked for, for a list to choose from. */
-import { PREDICTIONS, type Prediction } from "../state/settings";
-
-const NAMES: Readonly<Record<Prediction, string>> = {
-  off: "Off",
-  velocity: "Constant velocity",
-  linear: "Linear model",
-  input: "From keys and pointer",
-  auto: "Automatic",
-};
+import { PREDICTOR_NAMES, PREDICTORS } from "../predict/registry";
 
 export function PredictionOptions() {
   return (
     <>
-      {PREDICTIONS.map((name) => (
+      {PREDICTOR_NAMES.map((name) => (
         <option key={name} value={name}>
-          {NAMES[name]}
+          {PREDICTORS[name].title}
         </option>
       ))}
     </>

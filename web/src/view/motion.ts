@@ -36,6 +36,22 @@ export interface InputSample {
   readonly nudge: Nudge;
 }
 
+export const NO_INPUT: InputSample = {
+  axes: { forward: 0, right: 0, up: 0, turnRight: 0, turnUp: 0 },
+  nudge: NO_NUDGE,
+};
+
+/** So many times as much. */
+export function scaled({ turnRight, turnUp, forward, right, up }: Nudge, factor: number): Nudge {
+  return {
+    turnRight: turnRight * factor,
+    turnUp: turnUp * factor,
+    forward: forward * factor,
+    right: right * factor,
+    up: up * factor,
+  };
+}
+
 /** After a pause (a hidden page, a slow machine) the camera goes on from where it was instead of jumping (ms). */
 const LONGEST_STEP = 100;
 

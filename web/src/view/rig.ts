@@ -8,7 +8,7 @@ import type { SceneInfo } from "../wire/render";
 import { type Camera, fromScene, levelFor, type ScenePose, startCamera, toScene, viewDistance } from "./camera";
 import { defaultIntrinsics, type Intrinsics, type Viewport, viewportFor } from "./intrinsics";
 import type { InputSample } from "./motion";
-import { type Speeds, step, suggestedSpeed } from "./motion";
+import { NO_INPUT, type Speeds, scaled, step, suggestedSpeed } from "./motion";
 import { angleBetween } from "./vector";
 
 export interface NumberedPose extends ScenePose {
@@ -29,6 +29,8 @@ export interface RigOptions {
   readonly turnSpeed: () => number;
 }
 
+/** What walks and turns at once goes along a curve; short steps follow it (ms). */
+const FORESEEN_STEP = 20;
 const ORIGIN: NumberedPose = { seq: 0, position: [0, 0, 0], quaternion: [0, 0, 0, 1] };
 
 export class Rig {
@@ -47,6 +49,7 @@ export class Rig {
   #camera: Camera = { position: [0, 0, 0], azimuth: 0, elevation: 0 };
   readonly #source = signal<PoseSource | null>(null);
   #pose = ORIGIN;
+  #input = NO_INPUT;
   #sampledAt = 0;
   #changedAt = 0;
   #turning = 0;
@@ -73,6 +76,11 @@ export class Rig {
   /** How fast the camera turned at the last sample, in degrees a second. */
   get turning(): number {
     return this.#turning;
+  }
+
+  /** What the person asked for at the last sample. */
+  get input(): InputSample {
+    return this.#input;
   }
 
   /** Whom it follows; null for the person. */
@@ -111,6 +119,16 @@ export class Rig {
     this.drive(null);
   }
 
+  /** Where the person's camera would be if so much were asked of it, evenly, in so many milliseconds. It stays where it is. */
+  foresee({ axes, nudge }: InputSample, elapsed: number): ScenePose {
+    if (!this.#scene || this.#source.peek() !== null) return this.#pose;
+    const steps = Math.max(1, Math.ceil(elapsed / FORESEEN_STEP));
+    const part = scaled(nudge, 1 / steps);
+    let camera = this.#camera;
+    for (let i = 0; i < steps; i++) camera = step(camera, axes, part, this.#speeds, elapsed / steps);
+    return camera === this.#camera ? this.#pose : toScene(camera, levelFor(this.#scene.up));
+  }
+
   /** Hear of every sample, until the function that this returns is called. */
   onSample(listener: SampleListener): () => void {
     this.#listeners.add(listener);
@@ -126,9 +144,9 @@ export class Rig {
 
   #sample(now: number): boolean {
     const elapsed = now - this.#sampledAt;
-    const { axes, nudge } = this.#options.sampleInput(elapsed);
+    this.#input = this.#options.sampleInput(elapsed);
     this.#sampledAt = now;
-    const pose = this.#driven(now) ?? this.#walked({ axes, nudge }, elapsed);
+    const pose = this.#driven(now) ?? this.#walked(elapsed);
     this.#turning = 0;
     if (pose === null || samePose(pose, this.#pose)) return false;
     this.#turning = (angleBetween(pose.quaternion, this.#pose.quaternion) * 1000) / Math.max(1, elapsed);
@@ -143,11 +161,14 @@ export class Rig {
     return pose;
   }
 
-  #walked({ axes, nudge }: InputSample, elapsed: number): ScenePose | null {
+  #walked(elapsed: number): ScenePose | null {
     if (!this.#scene) return null;
-    const speeds: Speeds = { turn: this.#options.turnSpeed(), move: this.moveSpeed.value };
-    this.#camera = step(this.#camera, axes, nudge, speeds, elapsed);
+    this.#camera = step(this.#camera, this.#input.axes, this.#input.nudge, this.#speeds, elapsed);
     return toScene(this.#camera, levelFor(this.#scene.up));
+  }
+
+  get #speeds(): Speeds {
+    return { turn: this.#options.turnSpeed(), move: this.moveSpeed.value };
   }
 }
 

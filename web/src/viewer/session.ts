@@ -108,7 +108,7 @@ export class ViewerSession {
       decoder: this.#decoder,
       controller: () => this.#controller.value,
       refine: () => settings.value.refine,
-      prediction: () => "off",
+      prediction: () => settings.value.prediction,
       stamp,
       onPresented: this.#tell,
       onShown: (frame) => {

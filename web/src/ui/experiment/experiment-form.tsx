@@ -22,9 +22,9 @@ import {
 import { MovementError } from "../../movement/movement";
 import type { TimedPose } from "../../movement/playback";
 import type { Shaper } from "../../network/shaper";
+import { PREDICTOR_NAMES } from "../../predict/registry";
 import { config, settings } from "../../state/app";
 import { EXPERIMENTS } from "../../state/route";
-import { PREDICTIONS } from "../../state/settings";
 import type { ViewerSession } from "../../viewer/session";
 import { KIND_NAMES, ModelOptions } from "../enhancement-models";
 import { bitrate, clock } from "../format";
@@ -225,7 +225,7 @@ function ConditionChoice({ draft, onChange }: PartProps) {
       <Select
         label="Prediction"
         value={draft.prediction}
-        onValue={(name) => onChange({ prediction: PREDICTIONS.find((one) => one === name) ?? OFF })}
+        onValue={(name) => onChange({ prediction: PREDICTOR_NAMES.find((one) => one === name) ?? OFF })}
       >
         <PredictionOptions />
       </Select>

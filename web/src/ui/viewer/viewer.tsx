@@ -6,9 +6,10 @@ import { KINDS, OFF } from "../../enhance/model/enhancer";
 import { nameProblem } from "../../enhance/registry";
 import { offerBridge } from "../../experiment/bridge";
 import { Runner } from "../../experiment/runner";
+import { PREDICTOR_NAMES } from "../../predict/registry";
 import { changeSettings, settings } from "../../state/app";
 import type { Asked } from "../../state/route";
-import { MODES, PREDICTIONS } from "../../state/settings";
+import { MODES } from "../../state/settings";
 import { ViewerSession } from "../../viewer/session";
 import { ExperimentDialog } from "../experiment/experiment-dialog";
 import { HelpDialog } from "./help";
@@ -135,7 +136,7 @@ export function Viewer({ sceneId, stamp, asked }: Props) {
 function choose({ reprojection, prediction: predictor, ...models }: Asked, session: ViewerSession): void {
   const named = KINDS.flatMap((kind) => (models[kind] === undefined ? [] : [{ kind, name: models[kind] }]));
   const problem = named.map(({ kind, name }) => nameProblem(kind, name)).find((one) => one !== null);
-  const prediction = PREDICTIONS.find((name) => name === predictor);
+  const prediction = PREDICTOR_NAMES.find((name) => name === predictor);
   changeSettings({
     ...(problem ? Object.fromEntries(named.map(({ kind }) => [kind, OFF])) : models),
     ...((reprojection === "on" || reprojection === "off") && { reprojection: reprojection === "on" }),

@@ -1,0 +1,103 @@
+// How far off the page's predictors of poses are, over movements (docs/prediction.md); --write saves what they predict.
+import { mkdirSync, readFileSync, writeFileSync } from "node:fs";
+import { basename, join } from "node:path";
+import { fileURLToPath } from "node:url";
+import { parseArgs } from "node:util";
+import { runnerImport } from "vite";
+
+const USAGE = `npm run predict-report -- [options] MOVEMENT.csv...
+  --predictor NAME    may be repeated [all]
+  --horizon MS        may be repeated [50, 100, 200, 300]
+  --rate HZ           samples a second of the movements [as recorded, so that nothing of the future is between two]
+  --steered SECONDS   also someone made up who steers by keys and pointer
+  --each              a table for each movement
+  --write DIR         movements of what is predicted: at each time the pose that was foretold for it, NAME-PREDICTOR-MS.csv
+`;
+
+async function load(name) {
+  const path = fileURLToPath(new URL(`../src/${name}.ts`, import.meta.url));
+  return (await runnerImport(path, { configFile: false, logLevel: "error" })).module;
+}
+
+async function main() {
+  const { values, positionals } = parseArgs({
+    allowPositionals: true,
+    options: {
+      predictor: { type: "string", multiple: true },
+      horizon: { type: "string", multiple: true, default: ["50", "100", "200", "300"] },
+      rate: { type: "string" },
+      steered: { type: "string" },
+      each: { type: "boolean", default: false },
+      write: { type: "string" },
+      help: { type: "boolean", default: false },
+    },
+  });
+  if (values.help || (positionals.length === 0 && values.steered === undefined)) return process.stdout.write(USAGE);
+  const [
+    { evaluate, predictions },
+    { recorded, steered },
+    { PREDICTOR_NAMES },
+    { table },
+    { readMovement, writeMovement },
+  ] = await Promise.all(
+    ["predict/evaluate", "predict/courses", "predict/registry", "predict/report", "movement/movement"].map(load),
+  );
+  const horizons = values.horizon.map((text) => positive("--horizon", text));
+  const rate = values.rate === undefined ? null : positive("--rate", values.rate);
+  const predictors = values.predictor ?? PREDICTOR_NAMES;
+  for (const name of predictors) {
+    if (!PREDICTOR_NAMES.includes(name))
+      throw new Error(`There is no predictor “${name}”: ${PREDICTOR_NAMES.join(", ")}.`);
+  }
+  const movements = positionals.map((path) => {
+    const name = basename(path, ".csv");
+    const trace = readMovement(readFileSync(path, "utf8"), basename(path));
+    return { name, trace, course: () => recorded(trace.points, rate) };
+  });
+  const report = (title, courses) => {
+    const rows = predictors.map((predictor) => {
+      const each = courses.map((course) => evaluate(course(), predictor, horizons));
+      return { predictor, errors: horizons.map((_, i) => each.map((one) => one[i])) };
+    });
+    process.stdout.write(`${title}\n\n${table(rows, horizons)}\n\n`);
+  };
+  if (movements.length > 0)
+    report(
+      `${movements.length} movements`,
+      movements.map(({ course }) => course),
+    );
+  if (values.each) for (const { name, course } of movements) report(name, [course]);
+  if (values.steered !== undefined) {
+    const seconds = positive("--steered", values.steered);
+    report(`Keys and pointer, ${seconds} s`, [() => steered(seconds, 1)]);
+  }
+  if (values.write === undefined) return;
+  mkdirSync(values.write, { recursive: true });
+  for (const { name, trace, course } of movements) {
+    for (const predictor of predictors) {
+      const { said, seen } = predictions(course(), predictor, horizons);
+      for (const [i, horizon] of horizons.entries()) {
+        // Until anything was foretold the camera is where it is.
+        const points = [...seen.filter(({ t_ms }) => t_ms < (said[i][0]?.t_ms ?? 0)), ...said[i]];
+        const comments = new Map([...trace.comments, ["predicted", `${predictor}, ${horizon} ms ahead`]]);
+        writeFileSync(
+          join(values.write, `${name}-${predictor}-${horizon}.csv`),
+          writeMovement({ ...trace, comments, points }),
+        );
+      }
+    }
+  }
+}
+
+function positive(option, text) {
+  const value = Number(text);
+  if (!(value > 0) || !Number.isFinite(value)) throw new Error(`${option} needs a number above 0, not “${text}”.`);
+  return value;
+}
+
+try {
+  await main();
+} catch (error) {
+  process.stderr.write(`${error.message}\n`);
+  process.exitCode = 1;
+}
