@@ -4,29 +4,19 @@ from __future__ import annotations
 
 import base64
 import shutil
-import subprocess
 from collections.abc import Iterator
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 import torch
 from numpy.typing import NDArray
-from playwright.sync_api import Browser, Page, Route
+from playwright.sync_api import Browser, Page
 
 from tests.enhance.networks import LADDER, random_networks, weights_file
+from tests.web.bundle import bundled, open_with
 from tigas_enhance.network import Network
 
-WEB = Path(__file__).parents[2] / "web"
-ORIGIN = "http://localhost:1/"
-"""Nothing listens there: the test answers. WebGPU needs a secure context."""
-BUNDLE = """
-import { build } from "vite";
-const [entry, outDir] = process.argv.slice(1);
-const lib = { entry, formats: ["es"], fileName: "module" };
-await build({ configFile: false, logLevel: "error", publicDir: false, build: { lib, outDir } });
-"""
 TOLERANCE = 2 / 255
 
 Frame = NDArray[np.uint8]
@@ -35,12 +25,7 @@ Frame = NDArray[np.uint8]
 @pytest.fixture(scope="module")
 def module(tmp_path_factory: pytest.TempPathFactory) -> str:
     """The model as the page has it, and nothing else of the page."""
-    if shutil.which("node") is None or not (WEB / "node_modules").exists():
-        pytest.skip("the web client's packages are not installed: cd web && npm ci")
-    folder = tmp_path_factory.mktemp("module")
-    command = ["node", "--input-type=module", "--eval", BUNDLE, "src/enhance/models/scene.ts", str(folder)]
-    subprocess.run(command, cwd=WEB, check=True, timeout=60)
-    return (folder / "module.js").read_text()
+    return bundled("src/enhance/models/scene.ts", tmp_path_factory.mktemp("module"))
 
 
 @pytest.fixture(scope="module")
@@ -50,15 +35,7 @@ def page(browser: Browser, module: str) -> Iterator[Page]:
         executable_path=shutil.which("chromium"), args=["--headless=new", "--no-sandbox", "--enable-unsafe-webgpu"]
     )
     page = chromium.new_page()
-
-    def answer(route: Route) -> None:
-        script = route.request.url.endswith(".js")
-        route.fulfill(
-            body=module if script else "<!doctype html>", content_type="text/javascript" if script else "text/html"
-        )
-
-    page.route(f"{ORIGIN}**", answer)
-    page.goto(ORIGIN)
+    open_with(page, module=module)
     if not page.evaluate("navigator.gpu?.requestAdapter().then((adapter) => adapter !== null)"):
         pytest.skip("this Chromium has no WebGPU adapter, not even SwiftShader")
     page.evaluate(START)

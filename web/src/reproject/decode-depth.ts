@@ -29,7 +29,9 @@ async function grayValues(encoded: Uint8Array<ArrayBuffer>): Promise<Omit<DepthM
     if (context === null) throw new Error("this worker cannot read images");
     context.drawImage(image, 0, 0);
     const { data } = context.getImageData(0, 0, width, height);
-    return { width, height, codes: Uint8Array.from({ length: width * height }, (_, i) => data[4 * i] ?? 0) };
+    const codes = new Uint8Array(width * height);
+    for (let i = 0; i < codes.length; i++) codes[i] = data[4 * i] as number; // red, green and blue are the same
+    return { width, height, codes };
   } finally {
     image.close();
   }
