@@ -14,8 +14,9 @@ moment itself by PSNR and SSIM.
     predicted  the same of a frame that was asked for where the viewer was expected to be (--predicted)
 
 The border is the share of the view that lies outside the frame with its margins; it is filled with the frame's edge.
-`--depths` compares kinds of depth instead. Means over moments; PSNR of equal pictures counts as 60 dB. At the end: how
-squared error grows with the way from the frame's pose to the view, which a controller needs to know (`fitted`).
+Moments at which next to nothing of the scene is in sight are left out. Means over moments; PSNR of equal pictures
+counts as 60 dB. At the end: how squared error grows with the way from the frame's pose to the view, which a controller
+needs to know (`fitted`). `--depths` compares kinds of depth instead.
 """
 
 from __future__ import annotations
@@ -49,6 +50,8 @@ from tigas_render.raster.base import Camera
 from tigas_render.raster.cpu import CpuRasterizer
 from tigas_render.scenes.demo import DEMO_METADATA
 
+IN_SIGHT = 0.1
+"""Moments at which less of the view than this differs from the background say nothing."""
 HORIZONS_MS = (20, 50, 100, 200, 300)
 MAX_PSNR_DB = 60.0
 WAYS = ("stale", "rotation", "sphere", "depth", "predicted")
@@ -115,6 +118,8 @@ class Bench:
         """One moment, at all horizons, in all ways."""
         pose = walk.pose(at)
         truth = self._rendered(pose, self._lens)
+        if not self._in_sight(truth):
+            return
         for horizon in HORIZONS_MS:
             frame = self._frame(walk.pose(at - horizon))
             inverse, sent = self._depth.inverse(frame.pose, frame.lens, KINDS[0])
@@ -136,12 +141,18 @@ class Bench:
         """One moment with every kind of depth."""
         pose = walk.pose(at)
         truth = self._rendered(pose, self._lens)
+        if not self._in_sight(truth):
+            return
         for horizon in HORIZONS_MS[1:]:
             frame = self._frame(walk.pose(at - horizon))
             for kind in KINDS:
                 inverse, sent = self._depth.inverse(frame.pose, frame.lens, kind)
                 picture, border = turned(frame, pose, self._lens, inverse)
                 yield self._sample(walk, at, horizon, kind.name, frame.pose, pose, picture, truth, border, sent)
+
+    def _in_sight(self, truth: Picture) -> bool:
+        background = np.round(np.array(self._background) * 255)
+        return bool((np.abs(truth - background).max(axis=-1) > 8).mean() >= IN_SIGHT)
 
     def _frame(self, pose: Pose) -> Frame:
         return Frame(self._rendered(pose, self._wide), pose, self._wide)
@@ -220,6 +231,9 @@ def main(
         _write(samples, out)
     ways = [kind.name for kind in KINDS] if depths else [way for way in WAYS if any(one.way == way for one in samples)]
     console = Console(width=150)
+    if not samples:
+        console.print("Nothing of the scene is in sight at any of these moments.")
+        raise typer.Exit(1)
     scenes = list(dict.fromkeys(one.scene for one in samples))
     groups: list[str | None] = [*scenes, None] if len(scenes) > 1 else [*scenes]
     for group in groups:

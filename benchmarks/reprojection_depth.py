@@ -64,11 +64,10 @@ class DepthScene:
         small = _smaller(lens, kind.pixels)
         camera = Camera(pose, small, display_scale=max(1.0, lens.width / small.width))
         inverse = self._inverse_z(pose)
-        most = float(inverse.max())
+        most = max(float(inverse.max()), 1e-9)
         for _ in range(2):  # once to find what is in sight, once with all codes
             codes = self._painted(np.clip(inverse / most, 0, 1), camera)
             most *= max(float(np.quantile(codes, NEAREST_SHARE)), 1.0) / 255
-        most = most if most > 0 else 1.0
         share = np.clip(inverse / most, 0, 1)
         codes = self._median(share, camera) if kind.median else self._painted(share, camera)
         codes, sent = _sent(codes, kind.webp)

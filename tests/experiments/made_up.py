@@ -75,11 +75,14 @@ def inputs(count: int, every_ms: float = 20.0, start: float = 0.0, first: int = 
     ]
 
 
-def frame(at: float, pose: int, rung: int | None = 2, height: int = 360) -> ShownFrame:
-    """One on the screen."""
+def frame(
+    at: float, pose: int, rung: int | None = 2, height: int = 360, view: int | None = None, filled: float | None = None
+) -> ShownFrame:
+    """One on the screen; with `view`, turned to that pose."""
     return ShownFrame(
-        side="stateless", at=at, pose=pose, latencies=(), rung=rung, width=height * 16 // 9, height=height
-    )
+        side="stateless", at=at, pose=pose, view=view, filled=filled, latencies=(), rung=rung,
+        width=height * 16 // 9, height=height,
+    )  # fmt: skip
 
 
 def late(entries: Sequence[Input], by_ms: float) -> list[ShownFrame]:

@@ -5,13 +5,14 @@ from __future__ import annotations
 import json
 
 import httpx
+import numpy as np
 import pytest
 
 from tests.experiments.made_up import LENS, inputs, png
 from tigas_common.wire.recording import Capture
 from tigas_experiments.errors import RunFailed
 from tigas_experiments.quality.ground_truth import GroundTruth
-from tigas_experiments.quality.picture import compare, decode
+from tigas_experiments.quality.picture import compare, decode, encode
 
 pytestmark = pytest.mark.anyio
 SAMPLED = inputs(10)  # poses 1 to 10, at 0, 20, … ms, at x = 0, 1, …
@@ -59,6 +60,29 @@ async def test_a_picture_that_is_not_late_is_rendered_once() -> None:
     assert renderer.asked == [2]
     assert quality is not None
     assert quality.picture == quality.view == quality.seen
+
+
+async def test_a_turned_picture_is_compared_with_the_pose_it_was_turned_to_and_its_holes_are_counted() -> None:
+    renderer = Renderer()
+    shown = np.dstack((decode(png(shade=100)), np.full((36, 64), 255, np.uint8)))
+    shown[:, 60:, 3] = 0
+    turned = capture(at=150, pose=3, shown_at=150).model_copy(update={"view": 6})
+    quality = await truth(renderer).assess(encode(shown), turned, SAMPLED)
+    assert renderer.asked == [5, 7], "pose 6 stands at x = 5; at 150 ms the viewer was at x = 7"
+    assert quality is not None
+    assert quality.picture is None, "no frame as it was rendered"
+    assert quality.uncovered == 4 / 64
+    on_black = decode(png(shade=100)).copy()
+    on_black[:, 60:] = 0
+    assert quality.view == compare(on_black, decode(png(shade=100)))
+
+
+async def test_a_frame_of_a_predicted_pose_has_no_picture_to_be_compared_with() -> None:
+    renderer = Renderer()
+    quality = await truth(renderer).assess(png(), capture(at=150, pose=3, shown_at=110), SAMPLED, predicted=True)
+    assert renderer.asked == [5, 7]
+    assert quality is not None
+    assert (quality.picture, quality.uncovered) == (None, 0)
 
 
 async def test_a_stalled_page_s_picture_is_compared_with_where_the_viewer_should_have_been() -> None:

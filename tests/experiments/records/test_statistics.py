@@ -100,6 +100,31 @@ def test_a_frozen_picture_ages_until_the_end_and_a_resting_viewer_s_never() -> N
     assert statistics.content_ages([], [], 10_000) == ContentAges(mean=None, p50=None, p95=None)
 
 
+def test_a_turned_picture_answers_an_input_before_its_content_does() -> None:
+    sampled = inputs(3)  # poses 1 to 3 at 0, 20, 40 ms
+    shown = [frame(16, 0, view=1), frame(36, 0, view=2), frame(60, 2, view=2), frame(300, 3)]
+    assert statistics.answers(sampled, shown, statistics.view) == [16, 16, 260]
+    assert statistics.answers(sampled, shown) == [60, 40, 260]
+    assert statistics.view_latencies(sampled, shown[:2]).unanswered == 1
+    assert statistics.frame_ages(sampled, shown).p95 == 260, "of its content"
+
+
+def test_a_picture_that_turns_is_no_freeze_and_no_new_view() -> None:
+    """Content comes once, and 50 times the viewer turns."""
+    sampled = inputs(50)
+    turned = [frame(entry.at + 16, 1, view=entry.pose) for entry in sampled]
+    stood = [frame(entry.at + 16, 1) for entry in sampled]
+    assert statistics.rates(turned, 1000).new_views == statistics.rates(stood, 1000).new_views == 1
+    assert statistics.freezes(sampled, turned, 1100).count == 0
+    assert statistics.freezes(sampled, stood, 1100).count == 1
+
+
+def test_what_the_newest_frame_does_not_cover_counts_by_time() -> None:
+    shown = [frame(0, 1), frame(100, 1, view=2, filled=0.4), frame(200, 1, view=3, filled=0.1), frame(900, 9, filled=1)]
+    assert statistics.filled(shown, 500) == pytest.approx((0.4 * 100 + 0.1 * 300) / 400)
+    assert statistics.filled(shown[:1], 500) is None, "nothing was turned"
+
+
 def test_a_response_takes_from_the_request_to_the_last_byte() -> None:
     found = statistics.response_times([reply(-1, 500), reply(0, 30), reply(40, 50), reply(70, 100)])
     assert found == ResponseTimes(replies=3, mean=60, p50=50, p95=100), "the first was asked for before the run"

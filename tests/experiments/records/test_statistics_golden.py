@@ -22,11 +22,14 @@ def test_the_figures_of_records_worked_by_hand(name: str) -> None:
     inputs = [Input(at=at, pose=pose, position=(0, 0, 0), quaternion=(0, 0, 0, 1)) for at, pose in case["inputs"]]
     frames = [frame(*of) for of in case["frames"]]
     latencies = statistics.latencies(inputs, frames)
+    views = statistics.view_latencies(inputs, frames)
     assert case["figures"] == {
         "p50": latencies.p50,
         "p90": latencies.p90,
         "p95": latencies.p95,
         "p99": latencies.p99,
+        "view_p50": views.p50,
+        "view_p95": views.p95,
         "share_interactive": latencies.share_interactive,
         "share_frame_less": latencies.share_frame_less,
         "share_frame_more": latencies.share_frame_more,

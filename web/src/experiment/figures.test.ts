@@ -6,16 +6,17 @@ import { figures, inputLatencies, percentile } from "./figures";
 interface Case {
   readonly duration_ms: number;
   readonly inputs: readonly [at: number, pose: number][];
-  readonly frames: readonly [at: number, pose: number, rung: number | null, height: number][];
+  readonly frames: readonly [at: number, pose: number, rung: number | null, height: number, view?: number][];
   readonly traffic: readonly [at: number, bytes: number][];
   readonly figures: Readonly<Record<string, number | null>>;
 }
 
 const input = (at: number, pose: number): Input => ({ at, pose, position: [0, 0, 0], quaternion: [0, 0, 0, 1] });
-const frame = (at: number, pose: number, rung: number | null = 0, height = 360) => ({
+const frame = (at: number, pose: number, rung: number | null = 0, height = 360, view: number | null = null) => ({
   side: "stateless" as const,
   at,
   pose,
+  view,
   latencies: [],
   rung,
   width: 640,
@@ -48,6 +49,8 @@ test.each(Object.entries(golden as unknown as Readonly<Record<string, Case>>))(
       p90: expected.p90,
       p95: expected.p95,
       p99: expected.p99,
+      viewP50: expected.view_p50,
+      viewP95: expected.view_p95,
       interactive: expected.share_interactive,
       interactiveFrameLess: expected.share_frame_less,
       interactiveFrameMore: expected.share_frame_more,

@@ -6,11 +6,14 @@ import type { Recording } from "../wire/store";
 import type { RecordedEvents } from "./recorder";
 
 export interface RunFigures {
-  /** Motion-to-photon latency in milliseconds; null: that share of the inputs was never answered, or nothing moved. */
+  /** Motion-to-photon latency of the content in milliseconds; null: that share of the inputs was never answered, or nothing moved. */
   readonly p50: number | null;
   readonly p90: number | null;
   readonly p95: number | null;
   readonly p99: number | null;
+  /** The same until the picture had turned, whatever pixels it was made of. */
+  readonly viewP50: number | null;
+  readonly viewP95: number | null;
   /** Of all inputs, those shown within `INTERACTIVE`, 0 to 1; null if nothing moved. */
   readonly interactive: number | null;
   /** The same, were the limit one frame of the display less, or one more. */
@@ -41,14 +44,24 @@ const USUAL_INTERVAL = 1000 / 60;
 /** How often the age of what is on the screen is sampled, in milliseconds. */
 const AGE_EVERY = 5;
 
+type Frame = RecordedEvents["frames"][number];
+
+/** The pose that a frame's pixels are of. */
+const content = ({ pose }: Frame) => pose;
+/** The pose that a picture shows, turned or as it came. */
+const view = ({ pose, view }: Frame) => view ?? pose;
+
 /** For each input, the first frame of its pose or of a later one. */
-export function inputLatencies({ inputs, frames }: Pick<RecordedEvents, "inputs" | "frames">): InputLatency[] {
+export function inputLatencies(
+  { inputs, frames }: Pick<RecordedEvents, "inputs" | "frames">,
+  poseOf: (frame: Frame) => number = content,
+): InputLatency[] {
   let next = 0;
   let newest = -1;
   return inputs.map(({ at, pose }) => {
     // Poses and times grow, so the answering frame never goes back.
     for (let frame = frames[next]; frame !== undefined; frame = frames[++next]) {
-      newest = Math.max(newest, frame.pose);
+      newest = Math.max(newest, poseOf(frame));
       if (newest >= pose) return { at, latency: frame.at - at };
     }
     return { at, latency: Number.POSITIVE_INFINITY };
@@ -61,6 +74,7 @@ export function figures(
 ): RunFigures {
   const { frames, traffic, duration_ms } = recording;
   const latencies = inputLatencies(recording).map(({ latency }) => latency);
+  const views = inputLatencies(recording, view).map(({ latency }) => latency);
   const during = frames.filter(({ at }) => at >= 0 && at <= duration_ms);
   const rungs = during.flatMap(({ rung }) => rung ?? []);
   const interval = recording.display_interval_ms ?? USUAL_INTERVAL;
@@ -71,6 +85,8 @@ export function figures(
     p90: percentile(latencies, 0.9),
     p95: percentile(latencies, 0.95),
     p99: percentile(latencies, 0.99),
+    viewP50: percentile(views, 0.5),
+    viewP95: percentile(views, 0.95),
     interactive: within(INTERACTIVE),
     interactiveFrameLess: within(INTERACTIVE - interval),
     interactiveFrameMore: within(INTERACTIVE + interval),

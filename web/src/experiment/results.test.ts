@@ -29,6 +29,8 @@ const FIGURES: RunFigures = {
   p90: 90,
   p95: 90,
   p99: 90,
+  viewP50: 40,
+  viewP95: 90,
   interactive: 0.9,
   interactiveFrameLess: 0.9,
   interactiveFrameMore: 0.9,

@@ -46,6 +46,8 @@ export function summarize(results: readonly RunResult[]): ConditionSummary[] {
         p90: mean("p90"),
         p95: mean("p95"),
         p99: mean("p99"),
+        viewP50: mean("viewP50"),
+        viewP95: mean("viewP95"),
         interactive: mean("interactive"),
         interactiveFrameLess: mean("interactiveFrameLess"),
         interactiveFrameMore: mean("interactiveFrameMore"),

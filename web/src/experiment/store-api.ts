@@ -147,6 +147,7 @@ export class StoreApi {
 /** The figures that the page shows, from all that the store knows. */
 export function toRunFigures({
   latencies,
+  view_latencies,
   content_ages,
   frames,
   mean_height,
@@ -158,6 +159,8 @@ export function toRunFigures({
     p90: latencies.p90,
     p95: latencies.p95,
     p99: latencies.p99,
+    viewP50: view_latencies.p50,
+    viewP95: view_latencies.p95,
     interactive: latencies.share_interactive,
     interactiveFrameLess: latencies.share_frame_less,
     interactiveFrameMore: latencies.share_frame_more,

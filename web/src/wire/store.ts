@@ -364,6 +364,7 @@ export interface RunRow {
  */
 export interface Figures {
   latencies: Latencies;
+  view_latencies: ViewLatencies;
   frame_ages: FrameAges;
   content_ages: ContentAges;
   response_times: ResponseTimes;
@@ -374,6 +375,7 @@ export interface Figures {
   rungs: Rungs;
   mean_height: number | null;
   median_height: number | null;
+  filled: number | null;
   received_kbps: number | null;
   delivered_kbps: number | null;
   sent_kbps: number | null;
@@ -383,7 +385,8 @@ export interface Figures {
   quality: QualityFigures | null;
 }
 /**
- * Motion-to-photon latency, in ms. None: that share of the inputs was never answered, or there are none.
+ * Motion-to-photon latency of the content, in ms: until pixels of a pose or of a later one were on the screen.
+ * None: that share of the inputs was never answered, or there are none.
  */
 export interface Latencies {
   inputs: number;
@@ -396,6 +399,17 @@ export interface Latencies {
   share_interactive: number | null;
   share_frame_less: number | null;
   share_frame_more: number | null;
+}
+/**
+ * Until the picture on the screen had turned to a pose or to a later one, in ms, whatever pixels it was made of;
+ * where the page turns nothing, motion-to-photon latency. None: as there.
+ */
+export interface ViewLatencies {
+  unanswered: number;
+  p50: number | null;
+  p90: number | null;
+  p95: number | null;
+  p99: number | null;
 }
 /**
  * From the sample of a frame's own pose to that frame on the screen, in ms; None without frames.
@@ -452,7 +466,7 @@ export interface Rates {
   new_views_per_s: number;
 }
 /**
- * Times at which the picture stood although the viewer moved.
+ * Times at which the picture stood, neither new nor turned, although the viewer moved.
  */
 export interface Freezes {
   count: number;
@@ -479,6 +493,7 @@ export interface QualityFigures {
   view_ssim: number | null;
   seen_psnr_db: number | null;
   seen_ssim: number | null;
+  uncovered?: number | null;
 }
 /**
  * What is known of a run's samples.

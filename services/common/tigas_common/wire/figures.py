@@ -13,7 +13,9 @@ USUAL_INTERVAL_MS = 1000 / 60
 
 
 class Latencies(WireModel):
-    """Motion-to-photon latency, in ms. None: that share of the inputs was never answered, or there are none."""
+    """Motion-to-photon latency of the content, in ms: until pixels of a pose or of a later one were on the screen.
+    None: that share of the inputs was never answered, or there are none.
+    """
 
     inputs: int
     missed: int
@@ -30,6 +32,19 @@ class Latencies(WireModel):
     """The same, were the limit one frame of the display less."""
     share_frame_more: float | None
     """And one more."""
+
+
+class ViewLatencies(WireModel):
+    """Until the picture on the screen had turned to a pose or to a later one, in ms, whatever pixels it was made of;
+    where the page turns nothing, motion-to-photon latency. None: as there.
+    """
+
+    unanswered: int
+    """Inputs that no picture ever turned to."""
+    p50: float | None
+    p90: float | None
+    p95: float | None
+    p99: float | None
 
 
 class FrameAges(WireModel):
@@ -81,7 +96,7 @@ class RenderTimes(WireModel):
 
 
 class Freezes(WireModel):
-    """Times at which the picture stood although the viewer moved."""
+    """Times at which the picture stood, neither new nor turned, although the viewer moved."""
 
     count: int
     total_ms: float
@@ -116,20 +131,23 @@ class QualityFigures(WireModel):
 
     pictures: int
     picture_psnr_db: float | None
-    """Against the pose that each was rendered from."""
+    """Against the pose that each was rendered from; none of what the page turned."""
     picture_ssim: float | None
     view_psnr_db: float | None
-    """Against the pose that the viewer had when it came on the screen."""
+    """Against the pose to which the page turned it, or else that the viewer had when it came on the screen."""
     view_ssim: float | None
     seen_psnr_db: float | None
     """Against the pose that the viewer had at the clock's tick: what the viewer sees. None of early recordings."""
     seen_ssim: float | None
+    uncovered: float | None = None
+    """Share of the picture, 0 to 1, of which nobody ever had pixels. None of early recordings."""
 
 
 class Figures(WireModel):
     """What a complete run says."""
 
     latencies: Latencies
+    view_latencies: ViewLatencies
     frame_ages: FrameAges
     content_ages: ContentAges
     response_times: ResponseTimes
@@ -142,6 +160,10 @@ class Figures(WireModel):
     mean_height: float | None
     """Of the frames shown, weighted by time, in pixels."""
     median_height: float | None
+    filled: float | None
+    """The page's estimate of the share of the picture that the newest frame did not cover, 0 to 1, weighted by time;
+    None where it turned nothing.
+    """
     received_kbps: float | None
     """By the page: frames or segments."""
     delivered_kbps: float | None

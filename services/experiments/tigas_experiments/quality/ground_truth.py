@@ -10,7 +10,15 @@ import httpx
 from tigas_common.wire.recording import Capture, Input, Lens
 from tigas_common.wire.render import RenderRequest
 from tigas_experiments.errors import RunFailed
-from tigas_experiments.quality.picture import BrokenPicture, CaptureQuality, Picture, Quality, compare, decode
+from tigas_experiments.quality.picture import (
+    BrokenPicture,
+    CaptureQuality,
+    Picture,
+    Quality,
+    compare,
+    decode,
+    decode_shown,
+)
 
 TIMEOUT_S = 60
 
@@ -42,12 +50,19 @@ class GroundTruth:
             self._last = (pose, await self._render(pose))
         return self._last[1]
 
-    async def assess(self, shown: bytes, capture: Capture, inputs: Sequence[Input]) -> CaptureQuality | None:
-        """A capture against ground truth; None while the viewer has not moved yet. Raises BrokenPicture, too."""
+    async def assess(
+        self, shown: bytes, capture: Capture, inputs: Sequence[Input], *, predicted: bool = False
+    ) -> CaptureQuality | None:
+        """A capture against ground truth; None while the viewer has not moved yet. Raises BrokenPicture, too.
+
+        predicted: frames were asked for where the viewer was expected to be, which no recording says.
+        """
         current = pose_at(inputs, capture.at)
         if current is None:
             return None
-        picture = decode(shown)
+        picture, uncovered = decode_shown(shown)
+        as_rendered = capture.view is None and not predicted
+        turned_to = pose_at(inputs, capture.shown_at) if capture.view is None else pose_of(inputs, capture.view)
         known: dict[Input, Quality] = {}
 
         async def against(pose: Input | None) -> Quality | None:
@@ -61,9 +76,10 @@ class GroundTruth:
             at=capture.at,
             pose=capture.pose,
             rung=capture.rung,
-            picture=await against(pose_of(inputs, capture.pose)),
-            view=await against(pose_at(inputs, capture.shown_at)),
+            picture=await against(pose_of(inputs, capture.pose) if as_rendered else None),
+            view=await against(turned_to),
             seen=await against(current),
+            uncovered=uncovered,
         )
 
     async def _render(self, pose: Input) -> Picture:

@@ -10,6 +10,7 @@ from contextlib import contextmanager
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, UnidentifiedImageError
+from pydantic import Field
 
 from tigas_common.wire.model import MAX_PIXELS, WireModel
 
@@ -40,15 +41,31 @@ class CaptureQuality(WireModel):
     rung: int | None
     picture: Quality | None
     """Against the very pose that the frame was rendered from: what resolution and compression cost. None of a frame
-    from before the run.
+    from before the run, and of a picture that is no frame as it was rendered: the page turned it, or the pose was
+    predicted.
     """
     view: Quality | None
-    """Against the pose that the viewer had when the frame came on the screen: what lateness costs, too. None as above.
+    """Against the pose to which the page turned it: what turning costs, too. Of a frame that was shown as it came,
+    against the pose that the viewer had when it came on the screen: what lateness costs. None of what is from before
+    the run.
     """
     seen: Quality | None = None
     """Against the pose that the viewer had at that moment: what ageing and freezes cost, too. None in early records,
     whose moments were those at which frames came on the screen.
     """
+    uncovered: float | None = Field(default=None, ge=0, le=1)
+    """Share of the picture of which nobody ever had pixels; they count as black. None in early records."""
+
+
+def decode_shown(data: bytes) -> tuple[Picture, float]:
+    """What was on the screen, on black, and the share of it that had no pixels. Raises BrokenPicture."""
+    with opened(data) as image:
+        if "A" not in image.getbands():
+            return np.asarray(image.convert("RGB")), 0.0
+        whole = image.convert("RGBA")
+        alpha = np.asarray(whole.getchannel("A"))
+        black = Image.new("RGBA", whole.size, (0, 0, 0, 255))
+        return np.asarray(Image.alpha_composite(black, whole).convert("RGB")), float(np.mean(alpha == 0))
 
 
 def decode(data: bytes) -> Picture:

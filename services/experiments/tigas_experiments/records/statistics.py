@@ -1,7 +1,8 @@
 """Figures of a run from its records, with the definitions that docs/compare.md states. Pure: records in, figures out.
 
 Every mode is measured from the same two lists, the poses that the rig sampled and the frames that were on the screen,
-so that no player's own idea of latency or stall enters.
+so that no player's own idea of latency or stall enters. A frame that the page turned has two poses: `content`, that of
+its pixels, and `view`, that of the picture. Latency, ages and new views are of contents where nothing else is said.
 """
 
 from __future__ import annotations
@@ -9,7 +10,7 @@ from __future__ import annotations
 import math
 from bisect import bisect_right
 from collections import Counter, deque
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from itertools import pairwise
 from typing import get_args
 
@@ -25,6 +26,7 @@ from tigas_common.wire.figures import (
     Requests,
     ResponseTimes,
     Rungs,
+    ViewLatencies,
 )
 from tigas_common.wire.recording import Fate, Input, Reply, Request, ShownFrame, Traffic
 
@@ -33,18 +35,31 @@ FREEZE_MS, FREEZE_HISTORY = 150.0, 30
 AGE_EVERY_MS = 5.0
 
 
+PoseOf = Callable[[ShownFrame], int]
+
+
+def content(frame: ShownFrame) -> int:
+    """The pose that its pixels are of."""
+    return frame.pose
+
+
+def view(frame: ShownFrame) -> int:
+    """The pose that it shows, turned or as it came."""
+    return frame.pose if frame.view is None else frame.view
+
+
 def percentile(values: Sequence[float], rank: float) -> float | None:
     """The nearest-rank percentile (rank 0 to 1), as the page computes it; None without values."""
     ordered = sorted(values)
     return ordered[max(0, math.ceil(rank * len(ordered)) - 1)] if ordered else None
 
 
-def answers(inputs: Sequence[Input], frames: Sequence[ShownFrame]) -> list[float]:
+def answers(inputs: Sequence[Input], frames: Sequence[ShownFrame], of: PoseOf = content) -> list[float]:
     """For each input, ms until the first frame of its pose or of a later one was on the screen; inf if none came."""
     latencies: list[float] = []
     frame, newest = 0, -1
     for entry in inputs:  # poses and times grow, so the answering frame never goes back
-        while frame < len(frames) and (newest := max(newest, frames[frame].pose)) < entry.pose:
+        while frame < len(frames) and (newest := max(newest, of(frames[frame]))) < entry.pose:
             frame += 1
         latencies.append(frames[frame].at - entry.at if frame < len(frames) else math.inf)
     return latencies
@@ -73,11 +88,23 @@ def latencies(
     )
 
 
-def new_views(frames: Sequence[ShownFrame]) -> list[ShownFrame]:
+def view_latencies(inputs: Sequence[Input], frames: Sequence[ShownFrame]) -> ViewLatencies:
+    """As `latencies`, of views."""
+    values = answers(inputs, frames, view)
+    return ViewLatencies(
+        unanswered=sum(map(math.isinf, values)),
+        p50=_finite(percentile(values, 0.5)),
+        p90=_finite(percentile(values, 0.9)),
+        p95=_finite(percentile(values, 0.95)),
+        p99=_finite(percentile(values, 0.99)),
+    )
+
+
+def new_views(frames: Sequence[ShownFrame], of: PoseOf = content) -> list[ShownFrame]:
     """The frames that show a later pose than any before them."""
     found: list[ShownFrame] = []
     for frame in frames:
-        if not found or frame.pose > found[-1].pose:
+        if not found or of(frame) > of(found[-1]):
             found.append(frame)
     return found
 
@@ -139,12 +166,13 @@ def render_times(replies: Sequence[Reply]) -> RenderTimes:
 
 
 def freezes(inputs: Sequence[Input], frames: Sequence[ShownFrame], ended_ms: float) -> Freezes:
-    """Gaps between new views that W3C webrtc-stats would count in `freezeCount`: at least max(3δ, δ + 150 ms) long,
-    δ the mean of the last 30 gaps. Time in which the viewer stood still does not count; nor does constant latency.
+    """Gaps in which the picture was neither new nor turned, and that W3C webrtc-stats would count in `freezeCount`: at
+    least max(3δ, δ + 150 ms) long, δ the mean of the last 30 gaps. Time in which the viewer stood still does not count;
+    nor does constant latency.
     """
     gaps: deque[float] = deque(maxlen=FREEZE_HISTORY)
     long: list[float] = []
-    for gap in _gaps(inputs, new_views(frames), ended_ms):
+    for gap in _gaps(inputs, new_views(frames, view), ended_ms):
         mean = sum(gaps) / len(gaps) if gaps else 0.0
         if gap >= max(3 * mean, mean + FREEZE_MS):
             long.append(gap)
@@ -157,13 +185,13 @@ def _gaps(inputs: Sequence[Input], views: Sequence[ShownFrame], ended_ms: float)
     if not inputs:
         return
     poses = [entry.pose for entry in inputs]
-    own = [view for view in views if view.pose >= poses[0]]
-    ends = [*(view.at for view in own), ended_ms][1:]
-    for view, until in zip(own, ends, strict=True):
-        following = bisect_right(poses, view.pose)
+    own = [shown for shown in views if view(shown) >= poses[0]]
+    ends = [*(shown.at for shown in own), ended_ms][1:]
+    for shown, until in zip(own, ends, strict=True):
+        following = bisect_right(poses, view(shown))
         if following == len(inputs):
             return  # nothing newer was asked for
-        yield max(0.0, until - view.at - (inputs[following].at - inputs[following - 1].at))
+        yield max(0.0, until - shown.at - (inputs[following].at - inputs[following - 1].at))
     if not own:
         yield ended_ms - inputs[0].at
 
@@ -205,6 +233,16 @@ def median_height(frames: Sequence[ShownFrame], duration_ms: float) -> float | N
         if passed >= half:
             return height
     return None
+
+
+def filled(frames: Sequence[ShownFrame], duration_ms: float) -> float | None:
+    """The share of the picture that the newest frame did not cover until the movement's end, weighted by time; None
+    where the page turned nothing.
+    """
+    known = [(frame.at, frame.filled) for frame in frames if frame.filled is not None and frame.at < duration_ms]
+    spans = [(share, until - at) for (at, share), (until, _) in pairwise([*known, (duration_ms, 0.0)])]
+    total = sum(time for _, time in spans)
+    return sum(share * time for share, time in spans) / total if total > 0 else None
 
 
 def _heights(frames: Sequence[ShownFrame], duration_ms: float) -> dict[int, float]:

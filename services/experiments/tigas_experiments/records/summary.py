@@ -93,6 +93,7 @@ def figures(records: Records) -> Figures:
     interval = records.head.display_interval_ms or USUAL_INTERVAL_MS
     return Figures(
         latencies=statistics.latencies(inputs, frames, interval),
+        view_latencies=statistics.view_latencies(inputs, frames),
         frame_ages=statistics.frame_ages(inputs, frames),
         content_ages=statistics.content_ages(inputs, frames, duration, interval),
         response_times=statistics.response_times(records.replies),
@@ -103,6 +104,7 @@ def figures(records: Records) -> Figures:
         rungs=statistics.rungs(frames, duration),
         mean_height=statistics.mean_height(frames, duration),
         median_height=statistics.median_height(frames, duration),
+        filled=statistics.filled(frames, duration),
         received_kbps=statistics.received_kbps(records.traffic, duration),
         delivered_kbps=statistics.mean_over_time([(sample.at, sample.delivered_kbps) for sample in link]),
         sent_kbps=statistics.mean_over_time([(sample.at, sample.up_delivered_kbps) for sample in link]),
@@ -131,6 +133,7 @@ def _quality(entries: list[CaptureQuality]) -> QualityFigures | None:
     picture_psnr, picture_ssim = means([entry.picture for entry in entries])
     view_psnr, view_ssim = means([entry.view for entry in entries])
     seen_psnr, seen_ssim = means([entry.seen for entry in entries])
+    uncovered = [entry.uncovered for entry in entries if entry.uncovered is not None]
     return QualityFigures(
         pictures=len(entries),
         picture_psnr_db=picture_psnr,
@@ -139,4 +142,5 @@ def _quality(entries: list[CaptureQuality]) -> QualityFigures | None:
         view_ssim=view_ssim,
         seen_psnr_db=seen_psnr,
         seen_ssim=seen_ssim,
+        uncovered=sum(uncovered) / len(uncovered) if uncovered else None,
     )

@@ -40,13 +40,15 @@ class Column:
         return self.metric.text(self.metric.of(summary.record, summary.figures))
 
 
-LATENCY, FRAMES, BANDWIDTH = "Motion-to-photon", "Frames", "Bandwidth"
+LATENCY, TURNING, FRAMES, BANDWIDTH = "Motion-to-photon", "View latency", "Frames", "Bandwidth"
 PICTURE, VIEW, SEEN = "Picture", "View", "Seen"
 COLUMNS = (
     Column(LATENCY, "p50", metrics.PHOTON_P50, "p50, ms"),
     Column(LATENCY, "p95", metrics.PHOTON_P95, "p95, ms"),
     Column(LATENCY, "p99", metrics.PHOTON_P99, "p99, ms"),
     Column(LATENCY, f"within {INTERACTIVE_MS:g} ms", metrics.IN_TIME, f"within {INTERACTIVE_MS:g} ms, %"),
+    Column(TURNING, "p50", metrics.VIEW_LATENCY_P50),
+    Column(TURNING, "p95", metrics.VIEW_LATENCY_P95, "view latency p95, ms"),
     Column(FRAMES, "new views", metrics.NEW_VIEWS, "new views/s"),
     Column(FRAMES, "freezes", metrics.FREEZES, "freezes/min"),
     Column(FRAMES, "frozen", metrics.FROZEN, "frozen, s"),
@@ -60,6 +62,7 @@ COLUMNS = (
     Column(SEEN, "SSIM", metrics.SEEN_SSIM, "SSIM of what is seen"),
     Column(SEEN, "PSNR", metrics.SEEN_PSNR),
     Column(SEEN, "content age", metrics.CONTENT_AGE_MEAN, "content age, ms"),
+    Column(SEEN, "border never seen", metrics.UNCOVERED),
 )
 
 

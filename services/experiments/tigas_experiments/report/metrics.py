@@ -7,7 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal
 
-from tigas_common.wire.figures import INTERACTIVE_MS, Figures, QualityFigures, Requests
+from tigas_common.wire.figures import INTERACTIVE_MS, Figures, QualityFigures, Requests, ViewLatencies
 from tigas_experiments.records.folder import RunRecord
 
 Value = float | None
@@ -57,6 +57,14 @@ def _answered(percentile: Callable[[Figures], Value]) -> Callable[[RunRecord, Fi
     return of
 
 
+def _turned(percentile: Callable[[ViewLatencies], Value]) -> Callable[[RunRecord, Figures], Value]:
+    def of(_: RunRecord, figures: Figures) -> Value:
+        value = percentile(figures.view_latencies)
+        return math.inf if value is None and figures.view_latencies.unanswered else value
+
+    return of
+
+
 def _plain(of: Callable[[Figures], Value]) -> Callable[[RunRecord, Figures], Value]:
     return lambda _, figures: of(figures)
 
@@ -73,6 +81,10 @@ def _scaled(value: Value, factor: float) -> Value:
     return None if value is None else value * factor
 
 
+VIEW_LATENCY_P50 = Metric("view_latency_p50_ms", "View latency p50", "ms", 0, "low", _turned(lambda v: v.p50))
+VIEW_LATENCY_P90 = Metric("view_latency_p90_ms", "View latency p90", "ms", 0, "low", _turned(lambda v: v.p90))
+VIEW_LATENCY_P95 = Metric("view_latency_p95_ms", "View latency p95", "ms", 0, "low", _turned(lambda v: v.p95))
+VIEW_LATENCY_P99 = Metric("view_latency_p99_ms", "View latency p99", "ms", 0, "low", _turned(lambda v: v.p99))
 PHOTON_P50 = Metric(
     "motion_to_photon_p50_ms", "Motion-to-photon p50", "ms", 0, "low", _answered(lambda f: f.latencies.p50)
 )
@@ -147,6 +159,12 @@ VIEW_SSIM = Metric("view_ssim", "SSIM of the view", "", 3, "high", _quality(lamb
 VIEW_PSNR = Metric("view_psnr_db", "PSNR of the view", "dB", 1, "high", _quality(lambda q: q.view_psnr_db))
 SEEN_SSIM = Metric("seen_ssim", "SSIM of what is seen", "", 3, "high", _quality(lambda q: q.seen_ssim))
 SEEN_PSNR = Metric("seen_psnr_db", "PSNR of what is seen", "dB", 1, "high", _quality(lambda q: q.seen_psnr_db))
+FILLED = Metric(
+    "border_filled_pct", "Border outside the newest frame", "%", 1, "low", _plain(lambda f: _scaled(f.filled, 100))
+)
+UNCOVERED = Metric(
+    "border_never_seen_pct", "Border never seen", "%", 1, "low", _quality(lambda q: _scaled(q.uncovered, 100))
+)
 CONTENT_AGE_MEAN = Metric(
     "content_age_mean_ms", "Mean content age", "ms", 0, "low", _plain(lambda f: f.content_ages.mean)
 )
@@ -154,6 +172,10 @@ CONTENT_AGE_P50 = Metric("content_age_p50_ms", "Content age p50", "ms", 0, "low"
 CONTENT_AGE_P95 = Metric("content_age_p95_ms", "Content age p95", "ms", 0, "low", _plain(lambda f: f.content_ages.p95))
 
 METRICS = (
+    VIEW_LATENCY_P50,
+    VIEW_LATENCY_P90,
+    VIEW_LATENCY_P95,
+    VIEW_LATENCY_P99,
     PHOTON_P50,
     PHOTON_P90,
     PHOTON_P95,
@@ -199,8 +221,11 @@ METRICS = (
     VIEW_PSNR,
     SEEN_SSIM,
     SEEN_PSNR,
+    UNCOVERED,
+    FILLED,
 )
 TABLE = (
+    VIEW_LATENCY_P95,
     PHOTON_P50,
     PHOTON_P95,
     IN_TIME,

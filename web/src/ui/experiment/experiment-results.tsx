@@ -89,6 +89,8 @@ export function ExperimentResults({ experiment, store, onExport, onAgain }: Prop
 }
 
 const COLUMNS = [
+  { title: "View latency p50", unit: "ms", of: "viewP50", digits: 0, factor: 1 },
+  { title: "View latency p95", unit: "ms", of: "viewP95", digits: 0, factor: 1 },
   { title: "Motion-to-photon p50", unit: "ms", of: "p50", digits: 0, factor: 1 },
   { title: "p90", unit: "ms", of: "p90", digits: 0, factor: 1 },
   { title: "p95", unit: "ms", of: "p95", digits: 0, factor: 1 },
