@@ -72,7 +72,7 @@ def test_the_report_says_what_was_measured(folder: Path) -> None:
     assert "processors were saturated during 100% of the run" in text
     assert page.count("<svg") == 10
     assert page.count('src="data:image/jpeg;base64,') == 8
-    assert page.count('scope="colgroup"') == 12
+    assert page.count('scope="colgroup"') == 14
     assert "4g-<bus>" not in page, "names are escaped"
     for outside in ("http://", "https://", 'src="h', "@import", "url("):
         assert outside not in page.replace("http://www.w3.org/", "").replace("http://purl.org/", "").replace(

@@ -80,7 +80,7 @@ def test_each_network_counts_the_same(tmp_path: Path) -> None:
     assert (spread.mean, spread.low, spread.high) == (80, 50, 110)
     assert (latency.controller.title, latency.runs, budget.runs) == ("Latency", 2, 3)
     first, _, row, *_ = overall_markdown([budget]).splitlines()
-    assert first.startswith("| round trip, ms | controller | runs | Motion-to-photon p50, ms |")
+    assert first.startswith("| round trip, ms | controller | runs | View latency p95, ms |")
     assert row.startswith("| 20 | Budget | 3 | 80 | 80 | ")
 
 

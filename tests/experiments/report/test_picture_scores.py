@@ -137,9 +137,3 @@ def test_the_report_has_them_with_their_values(experiment: Path) -> None:
     )
     assert float(row["mean"]) == pytest.approx(-0.015)
     assert (row["rtt_ms"], row["model"], row["runs"], row["pictures"]) == ("20.0", "scene", "1", "3")
-
-
-def test_broken_scores_are_a_run_without_result(experiment: Path) -> None:
-    (experiment / "runs" / "latency-bus" / "scores.ndjson").write_text("{}\n")
-    (failure,) = load(experiment).failures
-    assert "scores.ndjson, line 1" in failure.reason

@@ -13,7 +13,7 @@ import httpx
 
 from tigas_common.errors import StartError
 from tigas_common.wire.recording import Recording
-from tigas_common.wire.run import Configuration
+from tigas_common.wire.run import OFF, Configuration
 from tigas_experiments.errors import RunFailed
 from tigas_experiments.movement.trace import Point
 from tigas_experiments.quality.ground_truth import TIMEOUT_S, GroundTruth, pose_at
@@ -92,7 +92,7 @@ async def _measure(
         writer.link_and_load([link_sample(status, at - start) for at, status in seen], during)
         problem = await _keep_samples(page, writer) if configuration.sample_stride else None
         stage("compares with ground truth")
-        writer.quality(await _assess(page, url, recording, writer))
+        writer.quality(await _assess(page, url, recording, writer, predicted=configuration.prediction != OFF))
         return writer.close(
             status="complete" if recording.complete else "failed",
             problem=None if recording.complete else "The movement was not played to its end.",
@@ -162,7 +162,9 @@ async def _keep_samples(page: Viewer, writer: RunWriter) -> str | None:
     return told.problem
 
 
-async def _assess(page: Viewer, url: str, recording: Recording, writer: RunWriter) -> list[CaptureQuality]:
+async def _assess(
+    page: Viewer, url: str, recording: Recording, writer: RunWriter, *, predicted: bool
+) -> list[CaptureQuality]:
     """Fetch the kept pictures one by one and compare them."""
     assessed: list[CaptureQuality] = []
     async with httpx.AsyncClient(base_url=url, timeout=TIMEOUT_S, trust_env=False, verify=False) as http:
@@ -171,7 +173,7 @@ async def _assess(page: Viewer, url: str, recording: Recording, writer: RunWrite
             png = await page.capture(index)
             writer.capture(index, png)
             try:
-                quality = await truth.assess(png, capture, recording.inputs)
+                quality = await truth.assess(png, capture, recording.inputs, predicted=predicted)
             except BrokenPicture as error:
                 raise RunFailed(f"Picture {index} of the run cannot be compared: {error}") from None
             if quality is not None:
