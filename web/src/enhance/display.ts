@@ -2,6 +2,8 @@
  * What shows decoded frames: as they come on one canvas, or enhanced on a second one over it. A canvas that bitmaps are handed to
  * cannot become one of WebGPU's, and while no model is chosen, the second is not there for anyone.
  */
+
+import type { FrameHeader } from "../wire/render";
 import type { Chain } from "./chain";
 import type { Enhancement } from "./enhancement";
 import type { Size } from "./geometry";
@@ -26,14 +28,22 @@ export interface OnScreen<Frame> {
   readonly enhanced: Enhanced | null;
 }
 
-/** What is shown: a bitmap, and the rung that it has. */
+/** What is shown: a bitmap, the rung that it has, and its margins beyond what is to be displayed. */
 interface Decoded {
   readonly bitmap: ImageBitmap;
-  readonly header: { readonly profile?: number | null };
+  readonly header: Pick<FrameHeader, "profile" | "margin_x" | "margin_y">;
+}
+
+/** An enhanced picture that came on the overlay; `fresh`: none of its frame was there before. */
+export interface Arrived<Frame> {
+  readonly frame: Frame;
+  readonly enhanced: Enhanced;
+  readonly fresh: boolean;
 }
 
 /** A frame that is being enhanced. */
 interface Pending<Frame> {
+  readonly picture: Frame;
   /** Null: nobody is to hear of it. */
   frame: Frame | null;
   readonly renderer: Renderer;
@@ -51,7 +61,7 @@ export interface DisplayOptions {
   /** For enhanced ones. */
   readonly overlay: Overlay;
   readonly enhancement: Enhancement;
-  /** How large pictures are displayed, in the screen's pixels. */
+  /** How large pictures are displayed, without their margins, in the screen's pixels. */
   readonly size: () => Size;
 }
 
@@ -68,15 +78,20 @@ export class Display<Frame extends Decoded> {
   #onScreen: Pending<Frame> | null = null;
   /** Handed to the canvas for frames as they come, and not told of yet. */
   #raw: Frame | null = null;
-  /** The newest picture that was enhanced, as it came. */
-  #newest: Decoded | null = null;
-  #rung: number | null = null;
+  /** Came on the overlay in this animation frame. */
+  #arrived: Arrived<Frame> | null = null;
+  /** The newest frame that was enhanced, as it came. */
+  #newest: Frame | null = null;
+  /** The newest frame; its bitmap is the canvas's where it was shown as it came. */
+  #latest: Frame | null = null;
   /** Frames that were shown. */
   #shows = 0;
   /** The picture on the screen is to be enhanced anew. */
   #stale = false;
   /** Why the models are to be given up in the next animation frame: whoever hears of this one's frame may still copy it. */
   #verdict: string | null = null;
+  /** A frame is about to be shown as it came; its bitmap is gone afterwards. `fresh`: nothing of it was on the screen before. */
+  onRaw: (frame: Frame, fresh: boolean) => void = () => undefined;
 
   constructor(options: DisplayOptions) {
     this.#options = options;
@@ -101,8 +116,8 @@ export class Display<Frame extends Decoded> {
     const { bitmap, header } = frame;
     this.#shows++;
     this.#stale = false;
-    this.#rung = header.profile ?? null;
-    this.#options.enhancement.seen({ width: bitmap.width, height: bitmap.height, rung: this.#rung });
+    this.#latest = frame;
+    this.#options.enhancement.seen({ width: bitmap.width, height: bitmap.height, rung: header.profile ?? null });
     if (!this.#enhance(frame, frame)) this.#draw(frame, frame);
   }
 
@@ -115,6 +130,11 @@ export class Display<Frame extends Decoded> {
     const enhanced = this.#takeDone();
     if (this.#stale && this.ready) void this.#enhanceAnew();
     return raw ? { frame: raw, enhanced: null } : enhanced;
+  }
+
+  /** The picture that came on the overlay in this animation frame, if one did. */
+  get arrived(): Arrived<Frame> | null {
+    return this.#arrived;
   }
 
   /** Frames that are not on the screen yet are not to be told of. */
@@ -141,16 +161,19 @@ export class Display<Frame extends Decoded> {
     const done = working === -1 ? this.#pending : this.#pending.slice(0, working);
     this.#pending = this.#pending.slice(done.length);
     const last = done.at(-1);
+    this.#arrived = null;
     if (last) {
       this.#release([...done.slice(0, -1), this.#onScreen]);
       this.#onScreen = last;
     }
-    const frame = done.findLast((one) => one.frame !== null)?.frame;
+    const frame = done.findLast((one) => one.frame !== null)?.frame ?? undefined;
     this.#watch(done);
-    if (!last || !frame) return null;
-    const { drawn, renderer, names, ms } = last;
+    if (!last) return null;
+    const { picture, drawn, renderer, names, ms } = last;
     const { width, height } = drawn;
-    return { frame, enhanced: { width, height, ms: ms ?? 0, ...names, copy: () => renderer.copy(drawn) } };
+    const enhanced = { width, height, ms: ms ?? 0, ...names, copy: () => renderer.copy(drawn) };
+    this.#arrived = { frame: picture, enhanced, fresh: frame !== undefined };
+    return frame ? { frame, enhanced } : null;
   }
 
   #watch(done: readonly Pending<Frame>[]): void {
@@ -164,10 +187,10 @@ export class Display<Frame extends Decoded> {
   }
 
   /** Whether the picture could be handed to the graphics processor. */
-  #enhance(picture: Decoded, frame: Frame | null): boolean {
-    const { enhancement, overlay, size } = this.#options;
+  #enhance(picture: Frame, frame: Frame | null): boolean {
+    const { enhancement, overlay } = this.#options;
     const { active } = enhancement;
-    const { width, height } = size();
+    const { width, height } = this.#sizeWithMargins(picture);
     if (active === null || width < 1 || height < 1) return false;
     const { renderer, chain } = active;
     let drawn: Drawn;
@@ -177,7 +200,7 @@ export class Display<Frame extends Decoded> {
       enhancement.giveUp(sentence(error));
       return false;
     }
-    const pending: Pending<Frame> = { frame, renderer, names: chain.names, drawn, ms: null, age: 0 };
+    const pending: Pending<Frame> = { picture, frame, renderer, names: chain.names, drawn, ms: null, age: 0 };
     drawn.done.then(
       (ms) => {
         pending.ms = ms;
@@ -199,16 +222,28 @@ export class Display<Frame extends Decoded> {
       return;
     }
     const shows = this.#shows;
+    const latest = this.#latest;
     const bitmap = await createImageBitmap(this.#options.canvas).catch(() => null); // there will be another frame
-    if (bitmap === null) return;
-    const picture = { bitmap, header: { profile: this.#rung } };
+    if (bitmap === null || latest === null) return;
+    const picture = { ...latest, bitmap };
     if (shows !== this.#shows || !this.#enhance(picture, null)) bitmap.close();
   }
 
+  /** The part of a picture that is displayed fills the screen's pixels. */
+  #sizeWithMargins({ bitmap, header }: Frame): Size {
+    const { width, height } = this.#options.size();
+    const within = (length: number, margin: number | null | undefined) => length - 2 * (margin ?? 0);
+    return {
+      width: Math.round((width * bitmap.width) / within(bitmap.width, header.margin_x)),
+      height: Math.round((height * bitmap.height) / within(bitmap.height, header.margin_y)),
+    };
+  }
+
   /** As it came. A canvas does not take its proportions from the bitmap that it is given, and would show it stretched. */
-  #draw(picture: Decoded, frame: Frame | null): void {
+  #draw(picture: Frame, frame: Frame | null): void {
     const { canvas, overlay } = this.#options;
     const { bitmap } = picture;
+    this.onRaw(picture, frame !== null);
     if (canvas.width !== bitmap.width || canvas.height !== bitmap.height) {
       canvas.width = bitmap.width;
       canvas.height = bitmap.height;
@@ -219,6 +254,7 @@ export class Display<Frame extends Decoded> {
     this.#release([...this.#pending, this.#onScreen]);
     this.#pending = [];
     this.#onScreen = null;
+    this.#arrived = null;
     overlay.hide();
   }
 
@@ -234,7 +270,7 @@ export class Display<Frame extends Decoded> {
     this.#draw(picture, untold);
   }
 
-  #keep(picture: Decoded | null): void {
+  #keep(picture: Frame | null): void {
     if (picture !== this.#newest) this.#newest?.bitmap.close();
     this.#newest = picture;
   }

@@ -1,9 +1,9 @@
-/** The canvas for enhanced frames, over that for frames as they come: there is none before the first is shown, and none after the last. */
+/** A canvas over the element that shows frames as they come: there is none before its first frame is shown, and none after the last. */
 export class Overlay {
-  readonly #below: HTMLCanvasElement;
+  readonly #below: HTMLElement;
   #canvas: HTMLCanvasElement | undefined;
 
-  constructor(below: HTMLCanvasElement) {
+  constructor(below: HTMLElement) {
     this.#below = below;
   }
 

@@ -231,9 +231,9 @@ export class Runner {
   async #keep(recorder: Recorder, at: number): Promise<void> {
     const frame = this.#frame;
     if (frame === undefined) return;
-    const { display, stage } = this.#session;
+    const { stateless, stage } = this.#session;
     try {
-      const picture = await (frame.side === "dash" ? createImageBitmap(stage.video) : display.picture());
+      const picture = await (frame.side === "dash" ? createImageBitmap(stage.video) : stateless.picture());
       recorder.captured(frame, at, picture);
       this.#pictures.push(picture);
     } catch {

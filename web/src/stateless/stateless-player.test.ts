@@ -5,6 +5,8 @@ import { Enhancement } from "../enhance/enhancement";
 import { PLACE } from "../enhance/fake-gpu";
 import { Overlay } from "../enhance/overlay";
 import type { PredictorName } from "../predict/registry";
+import { FakeWarp } from "../reproject/fake-warp";
+import { Reprojector } from "../reproject/reprojector";
 import { FakeTransport, settle } from "../transport/fake";
 import { NO_NUDGE } from "../view/motion";
 import type { PresentedFrame } from "../view/presented";
@@ -12,6 +14,7 @@ import { Rig } from "../view/rig";
 import { angleBetween } from "../view/vector";
 import type { DecodedFrame } from "./pipeline";
 import { type Reply, type ShownFrame, StatelessPlayer } from "./stateless-player";
+import type { Pictured } from "./turning";
 
 const SCENE = PLACE.scene;
 const STILL = { forward: 0, right: 0, up: 0, turnRight: 0, turnUp: 0 };
@@ -21,7 +24,11 @@ let axes: typeof STILL;
 let profile: number;
 let refine: boolean;
 let prediction: PredictorName;
+let overscan: number | "auto";
+let depth: boolean;
 let drawn: unknown[];
+let reprojector: Reprojector<Pictured>;
+let warp: FakeWarp;
 let replies: Reply[];
 let shown: ShownFrame[];
 let presented: PresentedFrame[];
@@ -35,6 +42,8 @@ beforeEach(() => {
   profile = 0;
   refine = false;
   prediction = "off";
+  overscan = "auto";
+  depth = true;
   drawn = [];
   replies = [];
   shown = [];
@@ -54,10 +63,27 @@ beforeEach(() => {
 
 function play(display: Display<DecodedFrame>): void {
   presented = [];
+  reprojector = new Reprojector({
+    below: { after: () => undefined, ownerDocument: { createElement: fakeCanvas } } as unknown as HTMLElement,
+    size: () => ({ width: 1280, height: 720 }),
+    now: () => now,
+    create: (canvas, options) => {
+      warp = new FakeWarp(canvas, options);
+      return warp;
+    },
+  });
   player = new StatelessPlayer({
     display,
+    reprojector,
+    overscan: () => overscan,
+    depth: () => depth,
     rig,
-    decoder: { decode: async () => ({ bitmap: { close: () => undefined } as ImageBitmap, depth: null }) },
+    decoder: {
+      decode: async () => ({
+        bitmap: { width: 1280, height: 720, close: () => undefined } as ImageBitmap,
+        depth: null,
+      }),
+    },
     controller: () => new FixedController(profile),
     refine: () => refine,
     prediction: () => prediction,
@@ -242,4 +268,82 @@ test("while it turns asks for where the camera will be, as soon as it is known h
   await frames(40);
   expect(last()?.quaternion).toEqual(rig.pose.quaternion);
   expect(player.stats.value.settled).toBe(true);
+});
+
+const fakeCanvas = () => ({ classList: { add: () => undefined }, remove: () => undefined, width: 0, height: 0 });
+
+describe("with reprojection", () => {
+  beforeEach(() => reprojector.on(10));
+
+  test("a turn is seen in the next animation frame, and the pixels are as old as they are", async () => {
+    await frames(10);
+    presented = [];
+    axes = { ...STILL, turnRight: 1 };
+    await frames(12, { answer: false });
+    expect(presented).toHaveLength(11);
+    for (const one of presented) {
+      expect(one.latencies).toEqual([expect.closeTo(1000 / 60, 3)]);
+      expect(one.view).toBeGreaterThan(one.pose);
+    }
+    expect(new Set(presented.map(({ pose }) => pose)).size).toBe(1);
+    await frames(30, { answer: false });
+    expect(player.stats.value.motionToPhoton?.p50).toBeCloseTo(1000 / 60, 1);
+    expect(player.stats.value.contentAge).toBeGreaterThan(200);
+    expect(player.stats.value).toMatchObject({ turned: true, shown: 1, framesPerSecond: 0 });
+  });
+
+  test("only new frames count as frames, and as an end of a stall", async () => {
+    await frames(10);
+    axes = { ...STILL, turnRight: 1 };
+    await frames(20);
+    await frames(30, { answer: false });
+    await frames(20);
+    expect(player.stats.value.stalls.count).toBe(1);
+    expect(presented.length).toBeGreaterThan(50);
+  });
+
+  test("at rest the frame itself is shown, and nothing is drawn", async () => {
+    axes = { ...STILL, turnRight: 1 };
+    await frames(20);
+    axes = STILL;
+    await frames(40);
+    const draws = warp.drawn.length;
+    await frames(100);
+    expect(warp.drawn).toHaveLength(draws);
+    expect(last()).not.toHaveProperty("overscan");
+    expect(presented.at(-1)).toMatchObject({ view: rig.pose.seq, pose: rig.pose.seq, filled: 0 });
+  });
+
+  test("asks for margins and for depth as it is set", async () => {
+    overscan = 0.2;
+    await frames(5);
+    expect(last()).toMatchObject({ overscan: 0.2, depth: true });
+    depth = false;
+    await frames(5);
+    expect(last()).not.toHaveProperty("depth");
+    reprojector.off();
+    depth = true;
+    await frames(5);
+    expect(last()).not.toHaveProperty("overscan");
+    expect(last()).not.toHaveProperty("depth");
+  });
+
+  test("margins of the frame that came are what counts, not those that are asked for by now", async () => {
+    overscan = 0.25;
+    await frames(1);
+    overscan = 0;
+    await frames(4);
+    const [first] = warp.taken;
+    expect(first?.view).toMatchObject({ width: 1920, height: 1080, cx: 960, cy: 540 });
+    expect(first?.view.fx).toBeCloseTo(rig.intrinsics.value.fx);
+    expect(warp.taken.at(-1)?.view).toMatchObject({ width: 1280, height: 720 });
+  });
+
+  test("samples tell of frames as they came", async () => {
+    axes = { ...STILL, turnRight: 1 };
+    await frames(20);
+    expect(shown.length).toBeGreaterThan(5);
+    expect(shown.length).toBeLessThan(presented.length + 1);
+    expect(shown[0]?.image).toBeInstanceOf(Blob);
+  });
 });

@@ -5,6 +5,7 @@ import type { Controller, Observation } from "../abr/controller";
 import type { Display, Enhanced } from "../enhance/display";
 import { Foresight } from "../predict/foresight";
 import type { PredictorName } from "../predict/registry";
+import type { Reprojector } from "../reproject/reprojector";
 import type { Connected } from "../transport/connect";
 import { Meter, STATS_EVERY } from "../view/meter";
 import type { PresentedFrame } from "../view/presented";
@@ -14,6 +15,7 @@ import type { SceneInfo } from "../wire/render";
 import type { Decoder } from "./decoder";
 import { type DecodedFrame, FramePipeline, type SentRequest, type ViewRequest } from "./pipeline";
 import { NO_STATS, type Stats, StatsRecorder } from "./stats";
+import { type Pictured, pictured, Turning } from "./turning";
 
 /** A frame that came: what controllers hear of it, and what was asked for. */
 export interface Reply extends Observation {
@@ -33,6 +35,12 @@ export interface ShownFrame extends Pick<DecodedFrame, "asked" | "header" | "ima
 
 export interface StatelessPlayerOptions {
   readonly display: Display<DecodedFrame>;
+  /** Turns what the display shows to the pose of each animation frame, while it works. */
+  readonly reprojector: Reprojector<Pictured>;
+  /** Of reprojection: how much more frames show at each side, as a share of the viewport. */
+  readonly overscan: () => number | "auto";
+  /** Of reprojection: whether frames come with a depth. */
+  readonly depth: () => boolean;
   readonly rig: Rig;
   readonly decoder: Pick<Decoder, "decode">;
   readonly controller: () => Controller;
@@ -66,6 +74,7 @@ export class StatelessPlayer {
   readonly #options: StatelessPlayerOptions;
   readonly #enhanceTimes = new TimeWindow(ENHANCEMENT_SPAN);
   readonly #foresight: Foresight;
+  readonly #turning: Turning;
   #meter: Meter;
   #recorder = new StatsRecorder();
   #pipeline: FramePipeline | undefined;
@@ -76,6 +85,7 @@ export class StatelessPlayer {
   constructor(options: StatelessPlayerOptions) {
     this.#options = options;
     this.#foresight = new Foresight(options.rig, options.prediction);
+    this.#turning = new Turning(options);
     this.#meter = new Meter("stateless", options.onPresented);
   }
 
@@ -135,29 +145,33 @@ export class StatelessPlayer {
     this.#options.display.forget();
   }
 
+  /** A copy of what is on the screen, without loss. */
+  picture(): Promise<ImageBitmap> {
+    return this.#options.reprojector.picture() ?? this.#options.display.picture();
+  }
+
   /** Once per animation frame, first of all: the frame that was handed to the display is on the screen by now, or as soon as it is enhanced. */
   presented(now: number): void {
-    const shown = this.#options.display.presented(now);
+    const { display, reprojector, onShown } = this.#options;
+    const turned = reprojector.presented();
+    if (turned) {
+      const { frame, pose, view, filled, fresh } = turned;
+      this.#meter.presented({ at: now, pose, view, filled, ...frame }, fresh);
+    }
+    const shown = display.presented(now);
     if (shown === null) return;
-    const { pose, header, asked, askedAt, image } = shown.frame;
-    this.#foresight.shown(askedAt, now);
-    const { width, height, profile } = header;
-    const enhanced = shown.enhanced;
+    const { frame, enhanced } = shown;
+    this.#foresight.shown(frame.askedAt, now);
     if (enhanced) this.#enhanceTimes.add(enhanced.ms, now);
-    this.#meter.presented({
-      at: now,
-      pose,
-      rung: profile ?? null,
-      width: width ?? 0,
-      height: height ?? 0,
-      ...(enhanced && { shownWidth: enhanced.width, shownHeight: enhanced.height, enhanceMs: enhanced.ms }),
-    });
-    this.#options.onShown({ at: now, asked, header, image, enhanced });
+    if (!this.#turning.working) this.#meter.presented({ at: now, pose: frame.pose, ...pictured(frame, enhanced) });
+    const { asked, header, image } = frame;
+    onShown({ at: now, asked, header, image, enhanced });
   }
 
   /** Once per animation frame, after the rig was sampled; `moved` is what the rig said. */
   tick(now: number, moved: boolean): void {
     const { rig, display } = this.#options;
+    this.#meter.sampled(rig.pose.seq, now);
     if (this.#pipeline && rig.scene) {
       if (moved) this.#meter.moved(rig.pose.seq, now);
       this.#pipeline.want(this.#view(rig.scene, now), rig.pose.seq);
@@ -165,6 +179,7 @@ export class StatelessPlayer {
       const frame = display.ready ? this.#pipeline.take() : undefined;
       if (frame) display.show(frame);
     }
+    this.#turning.turn(now);
     this.#publish(now);
   }
 
@@ -180,6 +195,7 @@ export class StatelessPlayer {
       ...rig.intrinsics.value,
       ...rig.viewport.value,
       profile: this.#refining ? 0 : controller().decide(now),
+      ...this.#turning.request(scene, now),
       ...(stamp && { stamp: rig.pose.seq % 2 ** 24 }),
     };
   }
@@ -194,6 +210,9 @@ export class StatelessPlayer {
       ...this.#recorder.snapshot(now),
       transport: this.#connected?.transport.kind ?? null,
       enhanceMs: this.#enhanceTimes.percentile(0.5, now),
+      turned: this.#turning.working,
+      warpMs: this.#options.reprojector.warpMs(now),
+      gpuMs: this.#options.reprojector.gpuMs,
       inFlight: pipeline?.inFlight ?? 0,
       settled,
       counts: pipeline?.counts ?? NO_STATS.counts,

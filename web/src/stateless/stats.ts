@@ -26,6 +26,12 @@ export interface Stats extends Figures, ReplyStats {
   readonly transport: TransportKind | null;
   /** The graphics processor's time to enhance a frame, median of the last seconds; null while none is enhanced. In milliseconds. */
   readonly enhanceMs: number | null;
+  /** Pictures are turned to the newest view. */
+  readonly turned: boolean;
+  /** The main thread's time to turn a picture, median of the last seconds; null while none is turned. In milliseconds. */
+  readonly warpMs: number | null;
+  /** The graphics processor's time, in milliseconds; null where it does not tell. */
+  readonly gpuMs: number | null;
   readonly inFlight: number;
   readonly counts: PipelineCounts;
   /** The newest view is on the screen. */
@@ -40,6 +46,9 @@ export const NO_STATS: Stats = {
   frame: null,
   transport: null,
   enhanceMs: null,
+  turned: false,
+  warpMs: null,
+  gpuMs: null,
   inFlight: 0,
   counts: { sent: 0, cancelled: 0, dropped: 0 },
   settled: true,

@@ -42,7 +42,7 @@ export class FakeTransport implements FrameTransport {
       fail: reject,
       reply: ({ timing = { queue: 0, render: 0, encode: 0 }, bytes = 1000 } = {}) => {
         const at = this.#now();
-        const header: FrameHeader = { status: 200, seq: request.seq ?? 0, content_type: "image/jpeg", timing };
+        const header = { status: 200, seq: request.seq ?? 0, content_type: "image/jpeg", timing, ...extent(request) };
         const arrival = { sentAt, firstByteAt: at, lastByteAt: at, bytes, sharedBytes: 0 };
         resolve({ header, image: new Blob(), arrival });
       },
@@ -53,6 +53,14 @@ export class FakeTransport implements FrameTransport {
   close(): void {
     this.closed = true;
   }
+}
+
+/** Of a frame that has margins. */
+function extent({ width, height, overscan = 0 }: RenderRequest): Partial<FrameHeader> {
+  if (overscan === 0) return {};
+  const margin_x = Math.round(width * overscan);
+  const margin_y = Math.round(height * overscan);
+  return { width: width + 2 * margin_x, height: height + 2 * margin_y, margin_x, margin_y };
 }
 
 /** Lets all promises that can settle now settle. */

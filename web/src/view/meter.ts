@@ -1,5 +1,9 @@
-/** Measures one side, stateless or DASH, in the same way: what is shown, how late, and what it costs. */
+/**
+ * Measures one side, stateless or DASH, in the same way: what is shown, how late, and what it costs. Where the page turns frames to
+ * newer poses, latency is the view's, and the age of the content says how old the pose of its pixels is.
+ */
 import { MotionToPhoton } from "./motion-to-photon";
+import { PoseTimes } from "./pose-times";
 import type { PresentedFrame, Side } from "./presented";
 import { StallDetector, type Stalls } from "./stalls";
 import { TimeWindow } from "./window";
@@ -9,6 +13,8 @@ export interface Figures {
   readonly framesPerSecond: number;
   /** Median and 95th percentile of the last seconds, in milliseconds; null while nothing moved. */
   readonly motionToPhoton: { readonly p50: number; readonly p95: number } | null;
+  /** From the pose of the pixels until they are seen: median of the last seconds, in milliseconds; null while nothing moved. */
+  readonly contentAge: number | null;
   /** Bits a second that came in during the last seconds. */
   readonly bandwidth: number;
   readonly stalls: Stalls;
@@ -21,6 +27,7 @@ export interface Figures {
 export const NO_FIGURES: Figures = {
   framesPerSecond: 0,
   motionToPhoton: null,
+  contentAge: null,
   bandwidth: 0,
   stalls: { count: 0, time: 0 },
   shown: 0,
@@ -42,6 +49,8 @@ export class Meter {
   readonly #frames = new TimeWindow(RATE_SPAN);
   readonly #bytes = new TimeWindow(BANDWIDTH_SPAN);
   readonly #motionToPhoton = new TimeWindow(LATENCY_SPAN);
+  readonly #poses = new PoseTimes();
+  readonly #ages = new TimeWindow(LATENCY_SPAN);
   readonly #listener: (frame: PresentedFrame) => void;
   #shown = 0;
   #last: PresentedFrame | undefined;
@@ -49,6 +58,11 @@ export class Meter {
   constructor(side: Side, listener: (frame: PresentedFrame) => void) {
     this.#side = side;
     this.#listener = listener;
+  }
+
+  /** Once per animation frame: the camera is at pose number `pose`. */
+  sampled(pose: number, at: number): void {
+    this.#poses.sampled(pose, at);
   }
 
   /** The camera moved, which made pose number `pose`. */
@@ -62,14 +76,16 @@ export class Meter {
     this.#bytes.add(bytes, at);
   }
 
-  /** A frame is on the screen. */
-  presented(frame: Omit<PresentedFrame, "side" | "latencies">): void {
-    const latencies = this.#latency.presented(frame.pose, frame.at);
+  /** A frame is on the screen, or, unless `fresh`, one that was there is turned to another view. */
+  presented(frame: Omit<PresentedFrame, "side" | "latencies">, fresh = true): void {
+    const latencies = this.#latency.presented(frame.view ?? frame.pose, frame.at);
     for (const latency of latencies) this.#motionToPhoton.add(latency, frame.at);
+    const age = this.#poses.age(frame.pose, frame.at);
+    if (age !== null) this.#ages.add(age, frame.at);
     // A stream repeats its last frame when no new view came in time: the picture stands still then as it does without frames.
     if (frame.pose !== this.#last?.pose) this.#stalls.presented(frame.at);
-    this.#frames.add(1, frame.at);
-    this.#shown++;
+    if (fresh) this.#frames.add(1, frame.at);
+    if (fresh) this.#shown++;
     this.#last = { ...frame, side: this.#side, latencies };
     this.#listener(this.#last);
   }
@@ -86,6 +102,7 @@ export class Meter {
     return {
       framesPerSecond: this.#frames.rate(now),
       motionToPhoton: p50 === null || p95 === null ? null : { p50, p95 },
+      contentAge: this.#ages.percentile(0.5, now),
       bandwidth: (bytes * 8000) / BANDWIDTH_SPAN,
       stalls: this.#stalls.stalls,
       shown: this.#shown,

@@ -33,7 +33,9 @@ vi.mock("../dash/dash-player", () => ({
 class FakeWorker {
   onmessage: ((event: { data: unknown }) => void) | undefined;
   postMessage({ id }: { id: number }): void {
-    this.onmessage?.({ data: { id, value: { width: 1280, height: 720, close: () => undefined } } });
+    this.onmessage?.({
+      data: { id, value: { bitmap: { width: 1280, height: 720, close: () => undefined }, depth: null } },
+    });
   }
   terminate(): void {}
 }

@@ -11,14 +11,17 @@ import { chosenEnhancers } from "../enhance/registry";
 import { ApiError } from "../http/problem";
 import { StageInput } from "../input/stage-input";
 import { MovementDeck } from "../movement/movement-deck";
+import { Reprojector } from "../reproject/reprojector";
 import { fetchConfig, loadScene } from "../state/api";
 import { config, settings } from "../state/app";
 import { Decoder } from "../stateless/decoder";
 import type { DecodedFrame, SentRequest } from "../stateless/pipeline";
 import { selectedController } from "../stateless/selected-controller";
 import { type Reply, type ShownFrame, StatelessPlayer } from "../stateless/stateless-player";
+import type { Pictured } from "../stateless/turning";
 import { type Connected, connect } from "../transport/connect";
 import { type ConnectionState, maintainConnection } from "../transport/connection";
+import { viewDistance } from "../view/camera";
 import type { PresentedFrame } from "../view/presented";
 import { Rig } from "../view/rig";
 import type { SceneInfo } from "../wire/render";
@@ -50,7 +53,7 @@ export class ViewerSession {
   readonly rig: Rig;
   readonly movement: MovementDeck;
   readonly enhancement: Enhancement;
-  readonly display: Display<DecodedFrame>;
+  readonly reprojector: Reprojector<Pictured>;
   readonly stateless: StatelessPlayer;
   /** The DASH side; null in stateless mode, and where there is no packager. */
   readonly dash = signal<DashPlayer | null>(null);
@@ -60,6 +63,7 @@ export class ViewerSession {
   readonly seed = signal(1);
   readonly #sceneId: string;
   readonly #stamp: boolean;
+  readonly #display: Display<DecodedFrame>;
   readonly #decoder = new Decoder(
     new Worker(new URL("../stateless/decode.worker.ts", import.meta.url), { type: "module", name: "decoder" }),
   );
@@ -93,17 +97,17 @@ export class ViewerSession {
     this.movement = new MovementDeck(this.rig);
     const overlay = new Overlay(stage.canvas);
     this.enhancement = new Enhancement({ overlay, now });
-    this.display = new Display({
-      canvas: stage.canvas,
-      overlay,
-      enhancement: this.enhancement,
-      size: () => {
-        const { width, height } = this.rig.viewport.peek();
-        return { width: Math.round(width * devicePixelRatio), height: Math.round(height * devicePixelRatio) };
-      },
-    });
+    const size = () => {
+      const { width, height } = this.rig.viewport.peek();
+      return { width: Math.round(width * devicePixelRatio), height: Math.round(height * devicePixelRatio) };
+    };
+    this.#display = new Display({ canvas: stage.canvas, overlay, enhancement: this.enhancement, size });
+    this.reprojector = new Reprojector({ below: stage.canvas, size, now });
     this.stateless = new StatelessPlayer({
-      display: this.display,
+      display: this.#display,
+      reprojector: this.reprojector,
+      overscan: () => settings.peek().overscan,
+      depth: () => settings.peek().depth,
       rig: this.rig,
       decoder: this.#decoder,
       controller: () => this.#controller.value,
@@ -125,6 +129,7 @@ export class ViewerSession {
     });
     this.#follow(stage);
     this.#enhance();
+    this.#reproject();
     this.#connect();
     this.#stream();
     this.#animation = requestAnimationFrame(this.#tick);
@@ -171,7 +176,8 @@ export class ViewerSession {
     this.input.dispose();
     this.stateless.dispose();
     this.enhancement.dispose();
-    this.display.dispose();
+    this.reprojector.off();
+    this.#display.dispose();
     this.#decoder.dispose();
   }
 
@@ -224,6 +230,20 @@ export class ViewerSession {
         const { names, place } = JSON.parse(wanted.value);
         untracked(() => this.enhancement.choose(chosenEnhancers(names), place));
       }
+    });
+    this.#cleanups.push(stop);
+  }
+
+  /** As the settings have it, once the scene is there. */
+  #reproject(): void {
+    const distance = computed(() => {
+      const scene = this.scene.value;
+      const { reprojection, mode } = settings.value;
+      return reprojection && mode !== "dash" && scene !== null ? viewDistance(scene) : null;
+    });
+    const stop = effect(() => {
+      const { value } = distance;
+      untracked(() => (value === null ? this.reprojector.off() : this.reprojector.on(value)));
     });
     this.#cleanups.push(stop);
   }

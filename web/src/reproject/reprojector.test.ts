@@ -1,0 +1,180 @@
+// @vitest-environment happy-dom
+import { beforeEach, expect, test } from "vitest";
+import { orientation } from "../view/camera";
+import type { NumberedPose } from "../view/rig";
+import { FakeWarp } from "./fake-warp";
+import { type Content, Reprojector, reprojectionNote } from "./reprojector";
+import { viewOfFrame } from "./view";
+
+const LENS = { fx: 640, fy: 640, cx: 640, cy: 360, width: 1280, height: 720 };
+const PICTURE = {} as ImageBitmap;
+
+let now: number;
+let pane: HTMLElement;
+let size: { width: number; height: number };
+let reprojector: Reprojector<string>;
+let warp: FakeWarp;
+
+beforeEach(() => {
+  now = 0;
+  size = { width: 2560, height: 1440 };
+  pane = document.createElement("div");
+  const below = document.createElement("video");
+  pane.append(below);
+  reprojector = new Reprojector({
+    below,
+    size: () => size,
+    now: () => now++,
+    create: (canvas, options) => {
+      warp = new FakeWarp(canvas, options);
+      return warp;
+    },
+  });
+  reprojector.on(10);
+});
+
+/** A pose that looks `degrees` to the right. */
+const pose = (seq: number, degrees = 0): NumberedPose => ({
+  seq,
+  position: [0, 0, 0],
+  quaternion: [...orientation(degrees, 0)],
+});
+
+/** A frame of 640×360 that was asked for at a pose, and shows so much more at each side. */
+function frame(name: string, at: NumberedPose, margin = 0): Content<string> {
+  const asked = { ...at, ...LENS };
+  const extent = { width: 640 + 2 * margin, height: 360 + 2 * margin, marginX: margin, marginY: margin };
+  return { frame: name, pose: at.seq, asked, view: viewOfFrame(asked, extent), depth: null };
+}
+
+const canvas = () => pane.querySelector<HTMLCanvasElement>("canvas.reprojected");
+
+test("there is no canvas before the first picture is turned, nor once it is off", () => {
+  expect(canvas()).toBeNull();
+  reprojector.turn(pose(1), LENS);
+  expect(canvas()).toBeNull();
+  reprojector.take(PICTURE, frame("a", pose(1)));
+  reprojector.turn(pose(1), LENS);
+  expect(canvas()).toBe(warp.canvas);
+  reprojector.off();
+  expect([canvas(), warp.disposed, reprojector.status.value, reprojector.working]).toEqual([null, true, "off", false]);
+});
+
+test("each animation frame with another view draws the same picture anew, and tells of it once", () => {
+  reprojector.take(PICTURE, frame("a", pose(1)));
+  reprojector.turn(pose(1), LENS);
+  expect(reprojector.presented()).toEqual({ frame: "a", pose: 1, view: 1, filled: 0, fresh: true });
+  reprojector.turn(pose(2, 5), LENS);
+  expect(reprojector.presented()).toMatchObject({ frame: "a", pose: 1, view: 2, fresh: false });
+  expect(reprojector.presented()).toBeNull();
+  expect([warp.taken.length, warp.drawn.length]).toEqual([1, 2]);
+});
+
+test("at rest nothing is drawn, however long", () => {
+  reprojector.take(PICTURE, frame("a", pose(1)));
+  for (let i = 0; i < 100; i++) reprojector.turn(pose(1), LENS);
+  expect(warp.drawn).toHaveLength(1);
+  reprojector.turn(pose(1), { ...LENS, fx: 700 });
+  size = { width: 1280, height: 720 };
+  reprojector.turn(pose(1), { ...LENS, fx: 700 });
+  expect(warp.drawn).toHaveLength(3);
+});
+
+test("a picture of the very view is shown pixel by pixel, whatever its margins; another fills the screen's pixels", () => {
+  reprojector.take(PICTURE, frame("a", pose(1), 64));
+  reprojector.turn(pose(1), LENS);
+  expect(warp.canvas).toMatchObject({ width: 640, height: 360 });
+  expect(warp.drawn.at(-1)).toMatchObject({ fx: 320, cx: 320, width: 640 });
+  expect(warp.taken[0]?.view).toMatchObject({ fx: 320, cx: 384, width: 768 });
+  reprojector.turn(pose(2, 1), LENS);
+  expect(warp.canvas).toMatchObject({ width: 2560, height: 1440 });
+  expect(warp.drawn.at(-1)).toMatchObject({ fx: 1280, cx: 1280, width: 2560 });
+});
+
+test("what the newest frame does not cover is told, less of it with margins", () => {
+  const filled = (margin: number) => {
+    reprojector.take(PICTURE, frame("a", pose(1), margin));
+    reprojector.turn(pose(2, 10), LENS);
+    return reprojector.presented()?.filled ?? 0;
+  };
+  const without = filled(0);
+  expect(without).toBeGreaterThan(0.1);
+  expect(filled(32)).toBeLessThan(without);
+  expect(filled(128)).toBe(0);
+});
+
+test("across a cut the picture of before stays as it was, and none of before it comes back", () => {
+  reprojector.take(PICTURE, frame("before", pose(1)));
+  reprojector.turn(pose(1), LENS);
+  reprojector.presented();
+  reprojector.turn(pose(2, 90), LENS);
+  reprojector.take(PICTURE, frame("late", pose(1)));
+  reprojector.turn(pose(3, 91), LENS);
+  expect([reprojector.presented(), warp.drawn.length, warp.taken.length]).toEqual([null, 1, 1]);
+  reprojector.take(PICTURE, frame("after", pose(2, 90)));
+  reprojector.turn(pose(4, 92), LENS);
+  expect(warp.forgotten).toBe(1);
+  expect(reprojector.presented()).toMatchObject({ frame: "after", pose: 2, view: 4 });
+});
+
+test("a small step is no cut, and the scene's size says what a small one is", () => {
+  const stepped = (seq: number, x: number): NumberedPose => ({ ...pose(seq), position: [x, 0, 0] });
+  reprojector.take(PICTURE, frame("a", pose(1)));
+  reprojector.turn(pose(1), LENS);
+  reprojector.turn(stepped(2, 2), LENS);
+  expect(warp.drawn).toHaveLength(2);
+  reprojector.turn(stepped(3, 6), LENS);
+  expect(warp.drawn).toHaveLength(2);
+});
+
+test("a picture that changes only in its quality is drawn, and is no new frame", () => {
+  reprojector.take(PICTURE, frame("a", pose(1)));
+  reprojector.turn(pose(1), LENS);
+  reprojector.presented();
+  reprojector.take(PICTURE, frame("a, enhanced", pose(1)), false);
+  reprojector.turn(pose(1), LENS);
+  expect(reprojector.presented()).toMatchObject({ frame: "a, enhanced", fresh: false });
+});
+
+test("when the graphics processor is lost, what lies below is seen, and a word says why", () => {
+  reprojector.take(PICTURE, frame("a", pose(1)));
+  reprojector.turn(pose(1), LENS);
+  warp.lose();
+  expect([canvas(), reprojector.working, reprojector.picture()]).toEqual([null, false, null]);
+  expect(reprojectionNote(reprojector.status.value)).toContain("was lost");
+  reprojector.turn(pose(2, 5), LENS);
+  expect(reprojector.presented()).toBeNull();
+  warp.restore();
+  expect(reprojectionNote(reprojector.status.value)).toBeNull();
+  reprojector.take(PICTURE, frame("b", pose(2, 5)));
+  reprojector.turn(pose(2, 5), LENS);
+  expect(canvas()).not.toBeNull();
+});
+
+test("a browser without WebGL says so and shows pictures as they come", () => {
+  const plain = new Reprojector<string>({
+    below: document.createElement("video"),
+    size: () => size,
+    now: () => now,
+    create: (canvas, options) => Object.assign(new FakeWarp(canvas, options), { working: false }),
+  });
+  plain.on(10);
+  expect([plain.status.value, plain.working]).toEqual(["missing", false]);
+  expect(reprojectionNote("missing")).toContain("WebGL");
+});
+
+test("the main thread's time for a picture and its turn is measured", () => {
+  expect(reprojector.warpMs(now)).toBeNull();
+  reprojector.take(PICTURE, frame("a", pose(1)));
+  reprojector.turn(pose(1), LENS);
+  expect(reprojector.warpMs(now)).toBe(2); // one tick of this test's clock for each of the two
+  expect(reprojector.gpuMs).toBe(0.5);
+});
+
+test("more pixels than are worth it are not drawn while it turns", () => {
+  size = { width: 7680, height: 4320 };
+  reprojector.take(PICTURE, frame("a", pose(1)));
+  reprojector.turn(pose(2, 3), LENS);
+  expect(warp.canvas.width * warp.canvas.height).toBeLessThan(4.3e6);
+  expect(warp.canvas.width / warp.canvas.height).toBeCloseTo(16 / 9, 2);
+});

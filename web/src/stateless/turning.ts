@@ -1,0 +1,91 @@
+/** Reprojection of stateless frames: hands the pictures that the display shows to what turns them, and says what to ask for so that they can be. */
+import type { Display, Enhanced } from "../enhance/display";
+import { AutoOverscan } from "../reproject/overscan";
+import type { Reprojector } from "../reproject/reprojector";
+import { viewOfFrame } from "../reproject/view";
+import { viewDistance } from "../view/camera";
+import type { PresentedFrame } from "../view/presented";
+import type { Rig } from "../view/rig";
+import type { RenderRequest, SceneInfo } from "../wire/render";
+import type { DecodedFrame } from "./pipeline";
+
+/** What is told of a picture whenever it is turned. */
+export type Pictured = Pick<PresentedFrame, "rung" | "width" | "height" | "shownWidth" | "shownHeight" | "enhanceMs">;
+
+export interface TurningOptions {
+  readonly display: Display<DecodedFrame>;
+  readonly reprojector: Reprojector<Pictured>;
+  readonly rig: Rig;
+  /** How much more frames are to show at each side, as a share of the viewport. */
+  readonly overscan: () => number | "auto";
+  /** Whether they are to come with a depth. */
+  readonly depth: () => boolean;
+}
+
+export class Turning {
+  readonly #options: TurningOptions;
+  #scene: SceneInfo | undefined;
+  #overscan = new AutoOverscan();
+
+  constructor(options: TurningOptions) {
+    this.#options = options;
+    options.display.onRaw = (frame, fresh) => this.#take(frame.bitmap, frame, pictured(frame, null), fresh);
+  }
+
+  /** Whether pictures are turned; otherwise they are shown as they come. */
+  get working(): boolean {
+    return this.#options.reprojector.working;
+  }
+
+  /** What a request says besides. */
+  request(scene: SceneInfo, now: number): Pick<RenderRequest, "overscan" | "depth"> {
+    if (!this.working) return {};
+    const { overscan, depth } = this.#options;
+    if (scene !== this.#scene) this.#overscan = new AutoOverscan(viewDistance(scene));
+    this.#scene = scene;
+    const chosen = overscan();
+    const share = chosen === "auto" ? this.#overscan.at(now) : chosen;
+    return { ...(share > 0 && { overscan: share }), ...(depth() && { depth: true }) };
+  }
+
+  /** Once per animation frame, after the newest frame was handed to the display. */
+  turn(now: number): void {
+    const { display, reprojector, rig } = this.#options;
+    if (!this.working) return;
+    const arrived = display.arrived;
+    if (arrived) {
+      const { frame, enhanced, fresh } = arrived;
+      const picture = enhanced.copy();
+      this.#take(picture, frame, pictured(frame, enhanced), fresh);
+      picture.close();
+    }
+    const lens = { ...rig.intrinsics.value, ...rig.viewport.value };
+    reprojector.turn(rig.pose, lens);
+    const { content } = reprojector;
+    if (content) this.#overscan.observe(content.asked, { ...rig.pose, ...lens }, now);
+  }
+
+  #take(source: ImageBitmap, frame: DecodedFrame, about: Pictured, fresh: boolean): void {
+    const { header, pose, depth } = frame;
+    const { position, quaternion, fx, fy, cx, cy, width, height } = frame.asked;
+    if (!position || !quaternion) return; // a pose by its angles, which the page never asks for
+    const asked = { position, quaternion, fx, fy, cx, cy, width, height };
+    const view = viewOfFrame(asked, {
+      width: header.width ?? source.width,
+      height: header.height ?? source.height,
+      marginX: header.margin_x ?? 0,
+      marginY: header.margin_y ?? 0,
+    });
+    this.#options.reprojector.take(source, { frame: about, pose, asked, view, depth }, fresh);
+  }
+}
+
+/** What is told of a frame that is shown. */
+export function pictured({ header }: DecodedFrame, enhanced: Enhanced | null): Pictured {
+  return {
+    rung: header.profile ?? null,
+    width: header.width ?? 0,
+    height: header.height ?? 0,
+    ...(enhanced && { shownWidth: enhanced.width, shownHeight: enhanced.height, enhanceMs: enhanced.ms }),
+  };
+}
