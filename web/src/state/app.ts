@@ -1,8 +1,8 @@
 /** What the whole page shares: settings, the place in it, the server's configuration and its scenes. */
 
-import { effect, signal } from "@preact/signals";
+import { computed, effect, signal } from "@preact/signals";
 import { ApiError } from "../http/problem";
-import type { SceneInfo, ServerConfig } from "../wire/render";
+import type { Rung, SceneInfo, ServerConfig } from "../wire/render";
 import { fetchConfig, fetchScenes, loadScene, unloadScene } from "./api";
 import { parseRoute, type Route } from "./route";
 import { DEFAULT_SETTINGS, loadSettings, type Settings, saveSettings } from "./settings";
@@ -12,6 +12,10 @@ export const settings = signal<Settings>(DEFAULT_SETTINGS);
 export const settingsOverridden = signal(false);
 export const route = signal<Route>({ page: "scenes" });
 export const config = signal<ServerConfig | null>(null);
+/** The own ladder of the scene that is visited, if it has one. */
+export const sceneLadder = signal<readonly Rung[] | null>(null);
+/** What profiles count in: the scene's own rungs, or else the server's, the best first; empty until the server has answered. */
+export const ladder = computed<readonly Rung[]>(() => sceneLadder.value ?? config.value?.ladder ?? []);
 /** Null until the server has answered. */
 export const scenes = signal<readonly SceneInfo[] | null>(null);
 /** Why the list of scenes is missing or old, or null. */

@@ -2,7 +2,7 @@ import { signal } from "@preact/signals";
 import { afterEach, beforeEach, expect, test, vi } from "vitest";
 import { PAPER_LADDER } from "../abr/ladder";
 import { CONTROLLERS } from "../abr/registry";
-import { config, settings } from "../state/app";
+import { config, sceneLadder, settings } from "../state/app";
 import { DEFAULT_SETTINGS } from "../state/settings";
 import { selectedController } from "./selected-controller";
 
@@ -18,6 +18,7 @@ beforeEach(() => {
 
 afterEach(() => {
   config.value = null;
+  sceneLadder.value = null;
   settings.value = DEFAULT_SETTINGS;
 });
 
@@ -51,6 +52,24 @@ test("the rung that a person chose, or the last of a shorter ladder", () => {
   expect(selectedController(signal(1), HD).value.decide(0)).toBe(3);
   config.value = null;
   expect(selectedController(signal(1), HD).value.decide(0)).toBe(0);
+});
+
+test("a scene's own ladder is the controller's, and the server's again afterwards", () => {
+  const own = Array.from({ length: 9 }, (_, i) => ({
+    name: `${9 - i}`,
+    width: 1280 - 64 * i,
+    height: 720 - 36 * i,
+    quality: 80,
+    expected_kb: 200 / 2 ** i,
+  }));
+  const controller = selectedController(signal(1), HD);
+  sceneLadder.value = own;
+  controller.value;
+  expect(create.mock.lastCall?.[0].ladder).toEqual(own);
+  settings.value = { ...DEFAULT_SETTINGS, controller: "fixed", profile: 8 };
+  expect(controller.value.decide(0)).toBe(8);
+  sceneLadder.value = null;
+  expect(controller.value.decide(0)).toBe(3);
 });
 
 test("rungs larger than the picture are not offered, but can be chosen", () => {

@@ -5,7 +5,7 @@ import { FixedController } from "../abr/fixed";
 import { firstOffered, offering } from "../abr/offered";
 import { seeded } from "../abr/random";
 import { CONTROLLERS } from "../abr/registry";
-import { config, settings } from "../state/app";
+import { ladder, settings } from "../state/app";
 import type { Rung } from "../wire/render";
 
 /**
@@ -17,8 +17,8 @@ export function selectedController(
   seed: ReadonlySignal<number>,
   pixels: ReadonlySignal<number>,
 ): ReadonlySignal<Controller> {
-  const ladder = computed(() => JSON.stringify(config.value?.ladder ?? [])); // the configuration is read again and again
-  const rungs = computed((): Rung[] => JSON.parse(ladder.value));
+  const content = computed(() => JSON.stringify(ladder.value)); // the configuration is read again and again
+  const rungs = computed((): Rung[] => JSON.parse(content.value));
   const first = computed(() => firstOffered(rungs.value, pixels.value));
   const name = computed(() => settings.value.controller);
   const chosen = computed(() => settings.value.profile);
@@ -27,7 +27,7 @@ export function selectedController(
       const context = { ladder: rungs.value, random: seeded(seed.value) };
       return offering(CONTROLLERS[name.value].create, context, first.value);
     }
-    // The chosen rung, or the last if the server's ladder is shorter.
+    // The chosen rung, or the last if the ladder is shorter.
     return new FixedController(Math.min(chosen.value, Math.max(0, rungs.value.length - 1)));
   });
 }

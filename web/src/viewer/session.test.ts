@@ -1,9 +1,10 @@
 // @vitest-environment happy-dom
 import { signal } from "@preact/signals";
 import { afterEach, beforeEach, expect, test, vi } from "vitest";
+import { PAPER_LADDER } from "../abr/ladder";
 import { ApiError } from "../http/problem";
 import { fetchConfig, loadScene } from "../state/api";
-import { changeSettings, config, settings } from "../state/app";
+import { changeSettings, config, ladder, settings } from "../state/app";
 import { COURTYARD, serverConfig } from "../state/fake-server";
 import { DEFAULT_SETTINGS } from "../state/settings";
 import { connect } from "../transport/connect";
@@ -146,7 +147,26 @@ test("a lost server is announced, and the visit goes on with the same pose when 
   await drawn(3);
   expect(requests()).toBe(before + 1);
   expect(session.rig.pose).toBe(pose);
-  expect(loadScene).toHaveBeenCalledOnce();
+});
+
+test("profiles count in the scene's own ladder for as long as the visit lasts, also after the server was started with another", async () => {
+  const own = [{ name: "480×270 q50", width: 480, height: 270, quality: 50, expected_kb: 11, psnr_db: 33 }];
+  vi.mocked(loadScene).mockResolvedValue({ ...COURTYARD, ladder: own });
+  await visit();
+  expect(ladder.value).toEqual(own);
+  vi.mocked(loadScene).mockResolvedValue(COURTYARD);
+  transports[0]?.lose("The server was started again.");
+  await settle();
+  await vi.advanceTimersByTimeAsync(5000);
+  expect(phase()).toEqual({ kind: "playing" });
+  expect(ladder.value).toEqual(PAPER_LADDER);
+  vi.mocked(loadScene).mockResolvedValue({ ...COURTYARD, ladder: own });
+  transports[1]?.lose("The server was started again.");
+  await settle();
+  await vi.advanceTimersByTimeAsync(5000);
+  expect(ladder.value).toEqual(own);
+  session.dispose();
+  expect(ladder.value).toEqual(PAPER_LADDER);
 });
 
 test("another transport is connected at once, and the former closed", async () => {

@@ -13,7 +13,7 @@ import { StageInput } from "../input/stage-input";
 import { MovementDeck } from "../movement/movement-deck";
 import { Reprojector } from "../reproject/reprojector";
 import { fetchConfig, loadScene } from "../state/api";
-import { config, settings } from "../state/app";
+import { config, ladder, sceneLadder, settings } from "../state/app";
 import { Decoder } from "../stateless/decoder";
 import type { DecodedFrame, SentRequest } from "../stateless/pipeline";
 import { selectedController } from "../stateless/selected-controller";
@@ -171,6 +171,7 @@ export class ViewerSession {
 
   dispose(): void {
     cancelAnimationFrame(this.#animation);
+    sceneLadder.value = null;
     for (const cleanup of this.#cleanups) cleanup();
     this.movement.dispose();
     this.input.dispose();
@@ -217,11 +218,10 @@ export class ViewerSession {
     const wanted = computed(() => {
       const { restore, upscale, mode } = settings.value;
       const scene = this.scene.value;
-      const ladder = config.value?.ladder;
       const none = chosenEnhancers({ restore, upscale }).length === 0;
-      if (none || mode === "dash" || scene === null || ladder === undefined) return null;
+      if (none || mode === "dash" || scene === null || ladder.value.length === 0) return null;
       // As text, so that only a change of its content is one; the configuration is read again and again.
-      return JSON.stringify({ names: { restore, upscale }, place: { scene, ladder } });
+      return JSON.stringify({ names: { restore, upscale }, place: { scene, ladder: ladder.value } });
     });
     const stop = effect(() => {
       if (wanted.value === null) {
@@ -333,6 +333,7 @@ export class ViewerSession {
   #heard(state: ConnectionState, signal: AbortSignal): void {
     this.connected.value = state.status === "connected" ? state : null;
     if (state.status !== "connected") this.stateless.attach(null);
+    if (state.status === "lost") this.#loading = undefined; // started again, the server may have another ladder for it
     if (state.status === "connecting") this.phase.value = { kind: "connecting" };
     else if (state.status === "lost") this.phase.value = { kind: "lost", message: state.reason };
     else void this.#play(state, signal);
@@ -348,19 +349,21 @@ export class ViewerSession {
   }
 
   async #play(connected: Connected, signal: AbortSignal): Promise<void> {
-    if (this.scene.value === null) {
-      this.phase.value = { kind: "loading" };
-      let scene: SceneInfo;
-      try {
-        scene = await this.#load(signal);
-      } catch (error) {
-        if (signal.aborted || !(error instanceof ApiError) || error.unreachable) return; // the connection will say
-        this.phase.value = { kind: "failed", message: error.message };
-        return;
-      }
+    const entering = this.scene.value === null;
+    if (entering) this.phase.value = { kind: "loading" };
+    let scene: SceneInfo;
+    try {
+      scene = await this.#load(signal);
+    } catch (error) {
+      if (signal.aborted || !(error instanceof ApiError) || error.unreachable) return; // the connection will say
+      this.phase.value = { kind: "failed", message: error.message };
+      return;
+    }
+    if (entering) {
       this.rig.enter(scene);
       this.scene.value = scene;
     }
+    sceneLadder.value = scene.ladder ?? null;
     if (this.connected.value?.transport !== connected.transport) return; // it was lost meanwhile
     this.stateless.attach(connected);
     this.phase.value = { kind: "playing" };

@@ -23,7 +23,7 @@ import { MovementError } from "../../movement/movement";
 import type { TimedPose } from "../../movement/playback";
 import type { Shaper } from "../../network/shaper";
 import { PREDICTOR_NAMES } from "../../predict/registry";
-import { config, settings } from "../../state/app";
+import { config, ladder, settings } from "../../state/app";
 import { EXPERIMENTS } from "../../state/route";
 import type { ViewerSession } from "../../viewer/session";
 import { KIND_NAMES, ModelOptions } from "../enhancement-models";
@@ -185,9 +185,8 @@ function NetworkChoice({ shaper, draft, onChange }: PartProps & { readonly shape
 }
 
 function ConditionChoice({ draft, onChange }: PartProps) {
-  const ladder = config.value?.ladder ?? [];
   const streams = Boolean(config.value?.services.dash);
-  const rung = Math.min(settings.value.profile, ladder.length - 1);
+  const rung = Math.min(settings.value.profile, ladder.value.length - 1);
   const profiles = [...new Set<Profile>([...CONTROLLER_NAMES, rung, ...draft.profiles])]; // nothing hidden is chosen
   const stateless = draft.modes.includes("stateless");
   return (
@@ -249,7 +248,7 @@ function ConditionChoice({ draft, onChange }: PartProps) {
             checked={draft.profiles.includes(profile)}
             onChange={() => onChange({ profiles: toggled(draft.profiles, profile, profiles) })}
           >
-            {conditionLabel({ mode: "stateless", profile }, ladder)}
+            {conditionLabel({ mode: "stateless", profile }, ladder.value)}
           </Check>
         ))}
       </fieldset>

@@ -3,7 +3,7 @@ import { useSignal } from "@preact/signals";
 import { useEffect, useRef } from "preact/hooks";
 import type { Experiment } from "../../experiment/experiment";
 import { conditionLabel } from "../../experiment/plan";
-import { config } from "../../state/app";
+import { ladder } from "../../state/app";
 import { clock } from "../format";
 
 /** How often the time left is told anew, in milliseconds. */
@@ -29,7 +29,7 @@ function Running({
   return (
     <section class="experiment-progress" aria-label="Experiment">
       <p role="status">
-        Run {run} of {of} · {conditionLabel(planned, config.value?.ladder)}
+        Run {run} of {of} · {conditionLabel(planned, ladder.value)}
         <small class="muted">{stage}</small>
       </p>
       <output>{clock(Math.max(0, endsAt - now))} left</output>

@@ -15,7 +15,7 @@ import {
   summarize,
 } from "../../experiment/results";
 import type { StoreApi } from "../../experiment/store-api";
-import { config } from "../../state/app";
+import { ladder } from "../../state/app";
 import { EXPERIMENTS } from "../../state/route";
 import { Icon } from "../icon";
 import { ExperimentChart } from "./experiment-chart";
@@ -128,7 +128,7 @@ function Figures({ rows, legend }: { rows: readonly ConditionSummary[]; legend: 
             <tr key={conditionLabel(run)}>
               <th scope="row">
                 <i class="swatch" data-series={i} />
-                {conditionLabel(run, config.value?.ladder)}
+                {conditionLabel(run, ladder.value)}
               </th>
               <td>{complete === runs ? runs : `${complete} of ${runs}`}</td>
               {COLUMNS.map(({ of, digits, factor }) => (
@@ -152,7 +152,7 @@ function Remarks({ results }: { results: readonly RunResult[] }) {
       samplesProblem,
       hidden ? "The page was hidden, so that the browser may have held frames back." : null,
     ];
-    const name = conditionLabel(run, config.value?.ladder);
+    const name = conditionLabel(run, ladder.value);
     return said.flatMap((sentence) => (sentence === null ? [] : `Run ${i + 1}, ${name}: ${sentence}`));
   });
   if (remarks.length === 0) return null;

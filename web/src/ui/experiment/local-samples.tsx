@@ -7,7 +7,6 @@ import { deleteSamples, uploadSamples } from "../../experiment/sample-upload";
 import type { StoreApi } from "../../experiment/store-api";
 import { ApiError } from "../../http/problem";
 import { listSampledRuns, type SampledRun } from "../../samples/sampled-runs";
-import { config } from "../../state/app";
 import { bytes } from "../format";
 import { Icon } from "../icon";
 
@@ -128,5 +127,5 @@ function Row({ run, store, onDone }: RowProps) {
 }
 
 function labelOf(configuration: NonNullable<SampledRun["about"]>["configuration"]): string {
-  return conditionLabel(configuration as PlannedRun, config.value?.ladder);
+  return conditionLabel(configuration as PlannedRun); // in a ladder that is not known any more
 }

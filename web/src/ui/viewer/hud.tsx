@@ -2,7 +2,7 @@
 import { ChevronDown, ChevronUp } from "lucide";
 import type { ComponentChildren } from "preact";
 import type { EnhancementStatus } from "../../enhance/enhancement";
-import { changeSettings, config, settings } from "../../state/app";
+import { changeSettings, ladder, settings } from "../../state/app";
 import type { Stats } from "../../stateless/stats";
 import type { ViewerSession } from "../../viewer/session";
 import { bitrate, bytes } from "../format";
@@ -88,7 +88,7 @@ export function EnhancementRow({ status, time }: { status: EnhancementStatus; ti
 
 function Details({ stats, enhancement }: { stats: Stats; enhancement: EnhancementStatus }) {
   const { server, frame, counts } = stats;
-  const rung = frame?.profile == null ? undefined : config.value?.ladder[frame.profile];
+  const rung = frame?.profile == null ? undefined : ladder.value[frame.profile];
   const total = server && server.queue + server.render + server.encode;
   return (
     <dl class="hud-details">

@@ -1,7 +1,7 @@
 /** The measurements of each side, over its own picture: the same figures in the same places. */
 import type { ComponentChildren } from "preact";
 import { NO_DASH_STATS } from "../../dash/dash-player";
-import { config } from "../../state/app";
+import { ladder } from "../../state/app";
 import type { Mode } from "../../state/settings";
 import type { Figures } from "../../view/meter";
 import type { Side } from "../../view/presented";
@@ -53,7 +53,7 @@ interface HudProps {
 
 function SideHud({ side, title, figures, children, note }: HudProps) {
   const { motionToPhoton, framesPerSecond, bandwidth, stalls, picture } = figures;
-  const rung = picture?.rung == null ? undefined : config.value?.ladder[picture.rung];
+  const rung = picture?.rung == null ? undefined : ladder.value[picture.rung];
   return (
     <section class="floating side-hud" aria-label={`Measurements: ${title}`} data-side={side}>
       <h2>

@@ -2,7 +2,7 @@
 import { cleanup, render, screen, within } from "@testing-library/preact";
 import userEvent from "@testing-library/user-event";
 import { afterEach, beforeEach, expect, test, vi } from "vitest";
-import { config, settings } from "../../state/app";
+import { config, sceneLadder, settings } from "../../state/app";
 import { serverConfig } from "../../state/fake-server";
 import { DEFAULT_SETTINGS } from "../../state/settings";
 import { NO_STATS } from "../../stateless/stats";
@@ -20,6 +20,7 @@ beforeEach(() => {
   vi.clearAllMocks();
   settings.value = DEFAULT_SETTINGS;
   config.value = serverConfig();
+  sceneLadder.value = null;
   session = fakeSession();
 });
 
@@ -48,6 +49,13 @@ test("a rung that this server's ladder does not have is its last", () => {
   settings.value = { ...DEFAULT_SETTINGS, controller: "fixed", profile: 9 };
   show();
   expect(section("Quality").getByRole("radio", { name: /^Low/ })).toHaveProperty("checked", true);
+});
+
+test("a rung of a scene's own ladder is named once, with the size of its frames", () => {
+  sceneLadder.value = [{ name: "480×270 q50", width: 480, height: 270, quality: 50, expected_kb: 11.4 }];
+  show();
+  expect(section("Quality").getByRole("radio").closest("label")?.textContent).toBe("480×270 q50about 11 kB");
+  expect(section("Quality").getAllByRole("radio")).toHaveLength(1);
 });
 
 test("the transport is chosen by name", async () => {

@@ -2,10 +2,12 @@
 import { ChevronDown, X } from "lucide";
 import type { ComponentChildren } from "preact";
 import { CONTROLLER_NAMES, CONTROLLERS, type ControllerName } from "../../abr/registry";
-import { changeSettings, config, settings } from "../../state/app";
+import { changeSettings, config, ladder, settings } from "../../state/app";
 import type { TransportChoice } from "../../transport/connect";
 import type { Intrinsics } from "../../view/intrinsics";
 import type { ViewerSession } from "../../viewer/session";
+import type { Rung } from "../../wire/render";
+import { bytes } from "../format";
 import { Icon } from "../icon";
 import { IconButton } from "../icon-button";
 import { InsecureHint } from "../insecure-hint";
@@ -77,11 +79,10 @@ function Section({
 }
 
 function Quality({ session }: { session: ViewerSession }) {
-  const ladder = config.value?.ladder ?? [];
   const { controller, profile, refine } = settings.value;
   const { frame } = session.stateless.stats.value;
   const adapts = controller !== "fixed";
-  const chosen = adapts ? frame?.profile : Math.min(profile, Math.max(0, ladder.length - 1));
+  const chosen = adapts ? frame?.profile : Math.min(profile, Math.max(0, ladder.value.length - 1));
   return (
     <Section title="Quality">
       <div class="select">
@@ -101,7 +102,7 @@ function Quality({ session }: { session: ViewerSession }) {
       </div>
       <fieldset class="rungs" disabled={adapts}>
         <legend class="visually-hidden">Profile</legend>
-        {ladder.map((rung, index) => (
+        {ladder.value.map((rung, index) => (
           <label key={rung.name}>
             <input
               type="radio"
@@ -110,9 +111,7 @@ function Quality({ session }: { session: ViewerSession }) {
               onChange={() => changeSettings({ profile: index })}
             />
             <span>{rung.name}</span>
-            <span class="muted">
-              {rung.width} × {rung.height} · q{rung.quality}
-            </span>
+            <span class="muted">{detail(rung)}</span>
           </label>
         ))}
       </fieldset>
@@ -126,6 +125,12 @@ function Quality({ session }: { session: ViewerSession }) {
       </p>
     </Section>
   );
+}
+
+/** What its name does not tell: a rung of a scene's own ladder is named after its size and quality. */
+function detail({ name, width, height, quality, expected_kb }: Rung): string {
+  if (!name.startsWith(`${width}×${height} `)) return `${width} × ${height} · q${quality}`;
+  return `about ${bytes(1000 * expected_kb)}`;
 }
 
 function Movement({ session, onReset }: Pick<Props, "session" | "onReset">) {
