@@ -37,7 +37,7 @@ async function main() {
     { evaluate, predictions },
     { recorded, steered },
     { PREDICTOR_NAMES },
-    { table },
+    { tables },
     { readMovement, writeMovement },
   ] = await Promise.all(
     ["predict/evaluate", "predict/courses", "predict/registry", "predict/report", "movement/movement"].map(load),
@@ -59,7 +59,7 @@ async function main() {
       const each = courses.map((course) => evaluate(course(), predictor, horizons));
       return { predictor, errors: horizons.map((_, i) => each.map((one) => one[i])) };
     });
-    process.stdout.write(`${title}\n\n${table(rows, horizons)}\n\n`);
+    process.stdout.write(`${title}\n\n${tables(rows, horizons)}\n\n`);
   };
   if (movements.length > 0)
     report(

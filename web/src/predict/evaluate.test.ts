@@ -3,7 +3,7 @@ import type { TimedPose } from "../movement/playback";
 import { orientation } from "../view/camera";
 import { recorded, steered } from "./courses";
 import { evaluate, predictions } from "./evaluate";
-import { table } from "./report";
+import { tables } from "./report";
 
 /** Turns at 30 degrees a second for two seconds, and walks at 1 m/s. */
 const TURN: TimedPose[] = Array.from({ length: 101 }, (_, i) => ({
@@ -44,8 +44,9 @@ test("someone who steers is foreseen better by the input than by what was seen",
   expect(mean("velocity")).toBeLessThan(mean("off") / 2);
 });
 
-test("a table has every horizon's median and 95th percentile, with each movement counting the same", () => {
-  const flat = (degrees: number) => ({ degrees: [degrees], distance: [0.01 * degrees] });
-  const text = table([{ predictor: "off", errors: [[flat(1), flat(3)]] }], [100]);
-  expect(text.split("\n").at(-1)?.replaceAll(" ", "")).toBe("|off|2.00|2.00|2.0|2.0|");
+test("tables have mean, median and 95th percentile of every horizon, each movement counting the same", () => {
+  const of = (degrees: number[]) => ({ degrees, distance: degrees.map((value) => value / 100) });
+  const text = tables([{ predictor: "off", errors: [[of([1, 2, 9]), of([4, 4, 4])]] }], [100]);
+  const rows = text.split("\n").filter((line) => line.includes("off"));
+  expect(rows.map((row) => row.replaceAll(" ", ""))).toEqual(["|off|4.00/3.00/6.50|", "|off|4.0/3.0/6.5|"]);
 });

@@ -1,4 +1,4 @@
-/** Errors of predictors as a Markdown table. */
+/** Errors of predictors as Markdown tables. */
 import type { Errors } from "./evaluate";
 
 export interface Row {
@@ -7,15 +7,26 @@ export interface Row {
   readonly errors: readonly (readonly Errors[])[];
 }
 
-/** Median and 95th percentile, degrees and centimetres (of movements in metres), for each horizon in milliseconds. */
-export function table(rows: readonly Row[], horizons: readonly number[]): string {
-  const header = ["predictor", ...horizons.flatMap((ms) => [`${ms} ms: °`, "p95", "cm", "p95"])];
+/** Mean, median and 95th percentile for each horizon in milliseconds: degrees, and centimetres of movements in metres. */
+export function tables(rows: readonly Row[], horizons: readonly number[]): string {
+  return [
+    table(rows, horizons, "degrees", ({ degrees }) => degrees),
+    table(rows, horizons, "centimetres", ({ distance }) => distance.map((metres) => 100 * metres)),
+  ].join("\n\n");
+}
+
+function table(
+  rows: readonly Row[],
+  horizons: readonly number[],
+  unit: string,
+  of: (errors: Errors) => readonly number[],
+): string {
+  const header = [unit, ...horizons.map((ms) => `${ms} ms`)];
   const body = rows.map(({ predictor, errors }) => [
     predictor,
-    ...horizons.flatMap((_, i) => {
-      const of = (kind: keyof Errors, rank: number, scale: number) =>
-        mean((errors[i] ?? []).map((one) => scale * percentile(one[kind], rank))).toFixed(kind === "degrees" ? 2 : 1);
-      return [of("degrees", 0.5, 1), of("degrees", 0.95, 1), of("distance", 0.5, 100), of("distance", 0.95, 100)];
+    ...errors.map((courses) => {
+      const figures = [mean, median, percentile95].map((figure) => mean(courses.map((one) => figure(of(one)))));
+      return figures.map((value) => value.toFixed(unit === "degrees" ? 2 : 1)).join(" / ");
     }),
   ]);
   const widths = header.map((_, i) => Math.max(...[header, ...body].map((row) => (row[i] ?? "").length)));
@@ -23,6 +34,15 @@ export function table(rows: readonly Row[], horizons: readonly number[]): string
   return [line(header), `|${widths.map((width) => "-".repeat(width + 2)).join("|")}|`, ...body.map(line)].join("\n");
 }
 
+function median(values: readonly number[]): number {
+  return percentile(values, 0.5);
+}
+
+function percentile95(values: readonly number[]): number {
+  return percentile(values, 0.95);
+}
+
+/** Nearest rank. */
 function percentile(values: readonly number[], rank: number): number {
   const sorted = values.toSorted((a, b) => a - b);
   return sorted[Math.max(0, Math.ceil(rank * sorted.length) - 1)] ?? Number.NaN;
