@@ -10,6 +10,7 @@ export class Foresight {
   readonly #rig: Rig;
   readonly #chosen: () => PredictorName;
   readonly #lead = new LeadTime();
+  #sampledAt = 0;
   #name: PredictorName | undefined;
   #predictor: Predictor | undefined;
 
@@ -25,12 +26,18 @@ export class Foresight {
 
   /** Once per animation frame, after the rig was sampled: the pose to ask for. */
   pose(now: number): ScenePose {
+    this.#sampledAt = now;
     const predictor = this.#current();
     predictor.observe(this.#rig.pose, now);
     return predictor.predict(this.ahead);
   }
 
-  /** A frame that was asked for at a time is on the screen. */
+  /** A frame that was asked for at a time was turned to the pose of the last animation frame: that is what it should have shown. */
+  turned(askedAt: number): void {
+    this.#lead.shown(askedAt, this.#sampledAt);
+  }
+
+  /** A frame that was asked for at a time is on the screen, as it came. */
   shown(askedAt: number, now: number): void {
     this.#lead.shown(askedAt, now);
   }

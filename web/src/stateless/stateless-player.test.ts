@@ -292,6 +292,14 @@ describe("with reprojection", () => {
     expect(player.stats.value).toMatchObject({ turned: true, shown: 1, framesPerSecond: 0 });
   });
 
+  test("asks for where the camera will be one animation frame earlier: that is when a frame is turned", async () => {
+    prediction = "velocity";
+    await frames(3);
+    axes = { ...STILL, turnRight: 1 };
+    await frames(20);
+    expect(angleBetween(rig.pose.quaternion, last()?.quaternion ?? [0, 0, 0, 1])).toBeCloseTo(1.5, 3);
+  });
+
   test("only new frames count as frames, and as an end of a stall", async () => {
     await frames(10);
     axes = { ...STILL, turnRight: 1 };

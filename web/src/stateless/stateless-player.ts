@@ -161,7 +161,8 @@ export class StatelessPlayer {
     const shown = display.presented(now);
     if (shown === null) return;
     const { frame, enhanced } = shown;
-    this.#foresight.shown(frame.askedAt, now);
+    if (this.#turning.working) this.#foresight.turned(frame.askedAt);
+    else this.#foresight.shown(frame.askedAt, now);
     if (enhanced) this.#enhanceTimes.add(enhanced.ms, now);
     if (!this.#turning.working) this.#meter.presented({ at: now, pose: frame.pose, ...pictured(frame, enhanced) });
     const { asked, header, image } = frame;
