@@ -51,7 +51,7 @@ def test_the_bare_player_shows_the_same_stream_earlier_than_dash_js(open_page: O
 
 def open_stamped(open_page: OpenPage, url: str, *, mode: str, **chosen: object) -> Page:
     """The viewer, with frames on the screen that carry their pose's number, and somebody who reads it."""
-    page = open_page(url=url, **with_settings(url, mode=mode, refine=False, **chosen))
+    page = open_page(url=url, **with_settings(url, mode=mode, refine=False, reprojection=False, **chosen))
     watch_screen(page)
     page.goto("about:blank")
     page.goto(f"{url}{SCENE}?stamp")

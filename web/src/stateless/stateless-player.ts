@@ -211,7 +211,6 @@ export class StatelessPlayer {
       ...this.#recorder.snapshot(now),
       transport: this.#connected?.transport.kind ?? null,
       enhanceMs: this.#enhanceTimes.percentile(0.5, now),
-      turned: this.#turning.working,
       warpMs: this.#options.reprojector.warpMs(now),
       gpuMs: this.#options.reprojector.gpuMs,
       inFlight: pipeline?.inFlight ?? 0,

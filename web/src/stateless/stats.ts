@@ -26,8 +26,6 @@ export interface Stats extends Figures, ReplyStats {
   readonly transport: TransportKind | null;
   /** The graphics processor's time to enhance a frame, median of the last seconds; null while none is enhanced. In milliseconds. */
   readonly enhanceMs: number | null;
-  /** Pictures are turned to the newest view. */
-  readonly turned: boolean;
   /** The main thread's time to turn a picture, median of the last seconds; null while none is turned. In milliseconds. */
   readonly warpMs: number | null;
   /** The graphics processor's time, in milliseconds; null where it does not tell. */
@@ -46,7 +44,6 @@ export const NO_STATS: Stats = {
   frame: null,
   transport: null,
   enhanceMs: null,
-  turned: false,
   warpMs: null,
   gpuMs: null,
   inFlight: 0,

@@ -13,6 +13,8 @@ export interface Figures {
   readonly framesPerSecond: number;
   /** Median and 95th percentile of the last seconds, in milliseconds; null while nothing moved. */
   readonly motionToPhoton: { readonly p50: number; readonly p95: number } | null;
+  /** Pictures are turned to the newest view: the latency is the view's. */
+  readonly turned: boolean;
   /** From the pose of the pixels until they are seen: median of the last seconds, in milliseconds; null while nothing moved. */
   readonly contentAge: number | null;
   /** Bits a second that came in during the last seconds. */
@@ -27,6 +29,7 @@ export interface Figures {
 export const NO_FIGURES: Figures = {
   framesPerSecond: 0,
   motionToPhoton: null,
+  turned: false,
   contentAge: null,
   bandwidth: 0,
   stalls: { count: 0, time: 0 },
@@ -102,6 +105,7 @@ export class Meter {
     return {
       framesPerSecond: this.#frames.rate(now),
       motionToPhoton: p50 === null || p95 === null ? null : { p50, p95 },
+      turned: this.#last?.view !== undefined,
       contentAge: this.#ages.percentile(0.5, now),
       bandwidth: (bytes * 8000) / BANDWIDTH_SPAN,
       stalls: this.#stalls.stalls,

@@ -4,6 +4,7 @@ import type { DashPhase, DashPlayer, DashStats } from "../dash/dash-player";
 import { NO_DASH_STATS } from "../dash/dash-player";
 import type { EnhancementStatus } from "../enhance/enhancement";
 import { MovementDeck } from "../movement/movement-deck";
+import type { ReprojectionStatus } from "../reproject/reprojector";
 import { COURTYARD } from "../state/fake-server";
 import { NO_STATS, type Stats } from "../stateless/stats";
 import type { Connected } from "../transport/connect";
@@ -38,6 +39,7 @@ export function fakeSession() {
         fake.renewals++;
       },
     },
+    reprojector: { status: signal<ReprojectionStatus>("on") },
     dash: signal<DashPlayer | null>(null),
     seed: signal(1),
     input: { pad: { forward: 0, right: 0, up: 0 } },

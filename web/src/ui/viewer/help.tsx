@@ -27,6 +27,8 @@ const POINTERS: readonly (readonly [string, string])[] = [
 
 const NUMBERS: readonly (readonly [string, string])[] = [
   ["Motion to photon", "From the moment that your input was read to the first frame on the screen that shows it."],
+  ["View latency", "The same while frames are turned: until the picture has turned with you, whatever the network."],
+  ["Content age", "How old the pixels are: from the pose that they were rendered for until you see them."],
   ["Response time", "From sending a request to the last byte of its frame."],
   ["Server", "Waiting, rendering and encoding, as the server measured them."],
   ["Throughput", "How fast the network delivered the last frames."],

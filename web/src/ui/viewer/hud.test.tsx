@@ -40,6 +40,20 @@ const show = (stats: Partial<Stats> = {}, wide = true) => {
 };
 const stat = (root: Element, name: string) => root.querySelector(`[data-stat="${name}"]`)?.textContent;
 
+test("while frames are turned, the view's latency and the content's age are told apart", () => {
+  const hud = show({ turned: true, contentAge: 312, warpMs: 0.42, gpuMs: null });
+  expect([stat(hud, "motion-to-photon"), stat(hud, "content-age")]).toEqual(["48", "312"]);
+  expect(screen.getByText("view latency")).toBeTruthy();
+  expect(screen.getByText("View latency, p95")).toBeTruthy();
+  expect(stat(hud, "reprojection-time")).toBe("0.4 ms · –");
+  expect(screen.queryByText("motion to photon")).toBeNull();
+});
+
+test("where frames cannot be turned, a word says why", () => {
+  session.reprojector.status.value = "lost";
+  expect(stat(show(), "reprojection-note")).toContain("was lost");
+});
+
 test("shows every figure with its unit", () => {
   const hud = show();
   const shown = [...hud.querySelectorAll("[data-stat]")].map((one) => [one.getAttribute("data-stat"), one.textContent]);

@@ -2,6 +2,7 @@
 import { ChevronDown, ChevronUp } from "lucide";
 import type { ComponentChildren } from "preact";
 import type { EnhancementStatus } from "../../enhance/enhancement";
+import { reprojectionNote } from "../../reproject/reprojector";
 import { changeSettings, ladder, settings } from "../../state/app";
 import type { Stats } from "../../stateless/stats";
 import type { ViewerSession } from "../../viewer/session";
@@ -10,6 +11,8 @@ import { Icon } from "../icon";
 import { TRANSPORT_NAMES } from "./names";
 
 const NONE = "–";
+const VIEW_LATENCY = "From your input until the picture has turned";
+const CONTENT_AGE = "From the pose that the pixels were rendered for until they are seen";
 
 export function Hud({ session, wide }: { session: ViewerSession; wide: boolean }) {
   const stats = session.stateless.stats.value;
@@ -22,10 +25,20 @@ export function Hud({ session, wide }: { session: ViewerSession; wide: boolean }
         <Figure name="fps" label="frames/s" value={rate(stats)} />
         <Figure
           name="motion-to-photon"
-          label="motion to photon"
+          label={latencyName(stats)}
+          title={stats.turned ? VIEW_LATENCY : undefined}
           value={milliseconds(stats.motionToPhoton?.p50)}
           unit="ms"
         />
+        {stats.turned && (
+          <Figure
+            name="content-age"
+            label="content age"
+            title={CONTENT_AGE}
+            value={milliseconds(stats.contentAge)}
+            unit="ms"
+          />
+        )}
         <button
           type="button"
           class="icon-button"
@@ -50,6 +63,7 @@ export function Hud({ session, wide }: { session: ViewerSession; wide: boolean }
         {session.silent.value && <span data-stat="silence"> – no answer, asking again…</span>}
       </p>
       <EnhancementNote status={enhancement} />
+      <ReprojectionNote session={session} />
     </section>
   );
 }
@@ -60,6 +74,18 @@ export function EnhancementNote({ status }: { status: EnhancementStatus }) {
   return (
     note && (
       <p class="hud-note" role="status" data-stat="enhancement-note">
+        {note}
+      </p>
+    )
+  );
+}
+
+/** Frames are to be turned and are not. */
+function ReprojectionNote({ session }: { session: ViewerSession }) {
+  const note = reprojectionNote(session.reprojector.status.value);
+  return (
+    note && (
+      <p class="hud-note" role="status" data-stat="reprojection-note">
         {note}
       </p>
     )
@@ -92,7 +118,7 @@ function Details({ stats, enhancement }: { stats: Stats; enhancement: Enhancemen
   const total = server && server.queue + server.render + server.encode;
   return (
     <dl class="hud-details">
-      <Row name="motion-to-photon-p95" label="Motion to photon, p95">
+      <Row name="motion-to-photon-p95" label={stats.turned ? "View latency, p95" : "Motion to photon, p95"}>
         {withUnit(stats.motionToPhoton?.p95)}
       </Row>
       <Row name="round-trip" label="Response time">
@@ -117,6 +143,11 @@ function Details({ stats, enhancement }: { stats: Stats; enhancement: Enhancemen
         {rung?.name ?? NONE}
       </Row>
       <EnhancementRow status={enhancement} time={stats.enhanceMs} />
+      {stats.turned && (
+        <Row name="reprojection-time" label="Reprojection, main thread · GPU">
+          {[stats.warpMs, stats.gpuMs].map(withUnit).join(" · ")}
+        </Row>
+      )}
       <Row name="requests" label="In flight">
         {stats.inFlight}
       </Row>
@@ -137,9 +168,17 @@ export function Row({ name, label, children }: { name: string; label: string; ch
   );
 }
 
-function Figure({ name, label, value, unit }: { name: string; label: string; value: string; unit?: string }) {
+interface FigureProps {
+  readonly name: string;
+  readonly label: string;
+  readonly title?: string | undefined;
+  readonly value: string;
+  readonly unit?: string;
+}
+
+function Figure({ name, label, title, value, unit }: FigureProps) {
   return (
-    <p class="figure">
+    <p class="figure" title={title}>
       <strong>
         <span data-stat={name}>{value}</span>
         {unit && value !== NONE && <small> {unit}</small>}
@@ -156,6 +195,11 @@ function withUnit(value: number | null | undefined): string {
 /** A still camera needs no frames: none a second is no fault then. */
 function rate({ framesPerSecond, settled, shown }: Stats): string {
   return framesPerSecond === 0 && settled && shown > 0 ? "idle" : String(Math.round(framesPerSecond));
+}
+
+/** While pictures are turned, it is not that of their pixels. */
+export function latencyName({ turned }: Pick<Stats, "turned">): string {
+  return turned ? "view latency" : "motion to photon";
 }
 
 /** Without the unit. */

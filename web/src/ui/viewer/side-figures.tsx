@@ -7,7 +7,7 @@ import type { Figures } from "../../view/meter";
 import type { Side } from "../../view/presented";
 import type { ViewerSession } from "../../viewer/session";
 import { bitrate } from "../format";
-import { EnhancementNote, EnhancementRow, Row } from "./hud";
+import { EnhancementNote, EnhancementRow, latencyName, Row } from "./hud";
 
 const NONE = "–";
 
@@ -62,12 +62,17 @@ function SideHud({ side, title, figures, children, note }: HudProps) {
       </h2>
       <p class="figure">
         <strong data-stat="motion-to-photon">{milliseconds(motionToPhoton?.p50)}</strong>
-        <span class="muted">motion to photon</span>
+        <span class="muted">{latencyName(figures)}</span>
       </p>
       <dl class="hud-details">
         <Row name="motion-to-photon-p95" label="p95">
           {milliseconds(motionToPhoton?.p95)}
         </Row>
+        {figures.turned && (
+          <Row name="content-age" label="Content age">
+            {milliseconds(figures.contentAge)}
+          </Row>
+        )}
         <Row name="fps" label="Frames/s">
           {Math.round(framesPerSecond)}
         </Row>

@@ -58,6 +58,33 @@ test("a rung of a scene's own ladder is named once, with the size of its frames"
   expect(section("Quality").getAllByRole("radio")).toHaveLength(1);
 });
 
+test("how movement is met is chosen by keyboard, and what needs reprojection waits for it", async () => {
+  const user = userEvent.setup();
+  show();
+  const panel = section("Reprojection");
+  const depth = panel.getByRole("checkbox", { name: "Use depth" });
+  const overscan = panel.getByRole("combobox", { name: "Overscan" });
+  await user.selectOptions(overscan, "10 %");
+  await user.selectOptions(panel.getByRole("combobox", { name: "Prediction" }), "Linear");
+  await user.click(depth);
+  panel.getByRole("checkbox", { name: "Turn frames to the current view" }).focus();
+  await user.keyboard(" ");
+  expect(settings.value).toMatchObject({ reprojection: false, prediction: "linear", overscan: 0.1, depth: false });
+  expect([depth, overscan].map((field) => (field as HTMLInputElement).disabled)).toEqual([true, true]);
+});
+
+test("an overscan that an experiment set is offered, too", () => {
+  settings.value = { ...DEFAULT_SETTINGS, overscan: 0.125 };
+  show();
+  expect(section("Reprojection").getByRole("option", { name: "12.5 %" })).toHaveProperty("selected", true);
+});
+
+test("a browser that cannot turn frames says so in the panel", () => {
+  session.reprojector.status.value = "missing";
+  show();
+  expect(section("Reprojection").getByRole("status").textContent).toContain("WebGL 2");
+});
+
 test("the transport is chosen by name", async () => {
   show();
   await userEvent.selectOptions(screen.getByRole("combobox", { name: "Transport" }), "HTTP fetch");

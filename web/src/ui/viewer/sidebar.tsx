@@ -18,6 +18,7 @@ import { ModePanel } from "./mode-panel";
 import { MovementTrace } from "./movement-trace";
 import { TRANSPORT_NAMES } from "./names";
 import { NumberField } from "./number-field";
+import { ReprojectionPanel } from "./reprojection-panel";
 
 interface Props {
   readonly session: ViewerSession;
@@ -43,6 +44,9 @@ export function Sidebar({ session, onClose, onReset }: Props) {
           <EnhancementPanel session={session} />
         </Section>
       )}
+      <Section title="Reprojection">
+        <ReprojectionPanel session={session} />
+      </Section>
       <Transport />
       {shaper && (
         <Section title="Network">

@@ -1,0 +1,96 @@
+/** How movement is met: whether frames are turned to the newest view, what is asked for so that they can be, and how that goes. */
+import { ChevronDown } from "lucide";
+import type { ComponentChildren } from "preact";
+import type { PredictorName } from "../../predict/registry";
+import { reprojectionNote } from "../../reproject/reprojector";
+import { changeSettings, settings } from "../../state/app";
+import type { ViewerSession } from "../../viewer/session";
+import { Icon } from "../icon";
+import { PredictionOptions } from "../predictions";
+import { milliseconds } from "./hud";
+
+const OVERSCANS = [0, 0.05, 0.1, 0.15, 0.2, 0.25];
+
+export function ReprojectionPanel({ session }: { session: ViewerSession }) {
+  const { reprojection, prediction, overscan, depth } = settings.value;
+  const status = session.reprojector.status.value;
+  const note = reprojectionNote(status);
+  const { warpMs } = session.stateless.stats.value;
+  const shares = overscan === "auto" || OVERSCANS.includes(overscan) ? OVERSCANS : [...OVERSCANS, overscan];
+  return (
+    <>
+      <label
+        class="check"
+        title="Turns the newest frame to where the camera is now, every time the display shows a picture"
+      >
+        <input
+          type="checkbox"
+          checked={reprojection}
+          onChange={() => changeSettings({ reprojection: !reprojection })}
+        />
+        Turn frames to the current view
+      </label>
+      <label class="check" title="With a coarse depth, near things shift more than far ones as you walk">
+        <input
+          type="checkbox"
+          checked={depth}
+          disabled={!reprojection}
+          onChange={() => changeSettings({ depth: !depth })}
+        />
+        Use depth
+      </label>
+      <div class="models">
+        <Choice
+          label="Overscan"
+          title="How much more each frame shows beyond its edges, as a share of the picture"
+          value={String(overscan)}
+          disabled={!reprojection}
+          onValue={(value) => changeSettings({ overscan: value === "auto" ? "auto" : Number(value) })}
+        >
+          <option value="auto">Automatic</option>
+          {shares.map((share) => (
+            <option key={share} value={String(share)}>
+              {Math.round(share * 1000) / 10} %
+            </option>
+          ))}
+        </Choice>
+        <Choice
+          label="Prediction"
+          title="Asks for the view where the camera will be when the frame is shown"
+          value={prediction}
+          onValue={(value) => changeSettings({ prediction: value as PredictorName })}
+        >
+          <PredictionOptions />
+        </Choice>
+      </div>
+      {(note || (status === "on" && warpMs !== null)) && (
+        <p class="muted small" role="status" data-reprojection={status}>
+          {note ?? `On: ${milliseconds(warpMs)} ms a picture.`}
+        </p>
+      )}
+    </>
+  );
+}
+
+interface ChoiceProps {
+  readonly label: string;
+  readonly title: string;
+  readonly value: string;
+  readonly disabled?: boolean;
+  readonly onValue: (value: string) => void;
+  readonly children: ComponentChildren;
+}
+
+function Choice({ label, title, value, disabled, onValue, children }: ChoiceProps) {
+  return (
+    <label class="number-field" title={title}>
+      <span>{label}</span>
+      <div class="select">
+        <select value={value} disabled={disabled} onChange={(event) => onValue(event.currentTarget.value)}>
+          {children}
+        </select>
+        <Icon of={ChevronDown} size={16} />
+      </div>
+    </label>
+  );
+}
