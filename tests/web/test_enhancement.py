@@ -32,7 +32,14 @@ WEBGPU_ARGS = [
     "--use-angle=swiftshader",
 ]
 SMALL: ViewportSize = {"width": 160, "height": 90}
-LOWEST_RUNG = {"controller": "fixed", "profile": 3, "refine": False, "sidebar": False, "transport": "fetch"}
+LOWEST_RUNG = {
+    "controller": "fixed",
+    "profile": 3,
+    "refine": False,
+    "sidebar": False,
+    "transport": "fetch",
+    "reprojection": False,
+}
 NOTE = "[data-stat=enhancement-note]"
 KEEP_DEVICES = """
 (() => {
@@ -81,7 +88,8 @@ def wait_until_enhanced(page: Page) -> None:
 
 def wait_for_canvases(page: Page, count: int) -> None:
     """The second is there while frames are enhanced."""
-    page.wait_for_function("n => document.querySelectorAll('.stage canvas').length === n", arg=count)
+    shows = "n => document.querySelectorAll('.stage canvas:not(.reprojected)').length === n"
+    page.wait_for_function(shows, arg=count)
 
 
 def shown(page: Page) -> NDArray[np.int16]:
@@ -145,6 +153,25 @@ def test_baselines_are_pillow_s(
     expected = source.resize((viewport["width"], viewport["height"]), method, box=box)
     difference = np.abs(shown(page) - np.asarray(expected, dtype=np.int16))
     assert difference.max() <= 2, f"{(difference > 2).mean():.2%} of the values differ by up to {difference.max()}"
+
+
+def test_the_enhanced_picture_is_what_is_turned(open_page: OpenPage, server: RenderServer) -> None:
+    source = pattern(320, 180)
+    chosen = with_settings(server.url, **(LOWEST_RUNG | {"reprojection": True}), upscale="bicubic")
+    page = open_page(url="about:blank", viewport={"width": 480, "height": 270}, **chosen)
+    page.add_init_script(SLOW_DISPLAY)
+    answer_with(page, source)
+    page.goto(server.url + SCENE)
+    wait_for_frames(page)
+    wait_until_enhanced(page)
+    page.locator("canvas.reprojected").wait_for()
+    expected = np.asarray(source.resize((480, 270), Image.Resampling.BICUBIC), dtype=np.int16)
+    assert np.abs(shown(page) - expected).max() <= 2
+    page.evaluate("() => tigas.settings({ upscale: 'off' })")
+    wait_for_canvases(page, 1)
+    plain = shown(page)
+    assert plain.shape == (180, 320, 3)
+    assert np.abs(plain - np.asarray(source, dtype=np.int16)).max() <= 1
 
 
 def test_a_scene_s_network_is_pytorch_s(open_page: OpenPage, tmp_path: Path) -> None:
@@ -219,7 +246,7 @@ def test_models_are_swapped_while_walking(open_page: OpenPage, server: RenderSer
 def test_without_a_model_no_device_is_asked_for(open_page: OpenPage, server: RenderServer) -> None:
     page = viewer(open_page, server)
     assert page.evaluate("() => window.devices.length") == 0
-    assert page.locator(".stage canvas").count() == 1
+    assert page.locator(".stage canvas:not(.reprojected)").count() == 1
 
 
 def test_a_model_that_is_switched_on_enhances_the_view_that_stands_still(
@@ -281,7 +308,7 @@ def test_a_model_that_is_too_slow_is_switched_off(open_page: OpenPage, server: R
     expect(page.locator(NOTE)).to_contain_text("Enhancement is off. It took ")
     page.keyboard.up("ArrowRight")
     wait_until_settled(page)
-    assert page.locator(".stage canvas").count() == 1
+    assert page.locator(".stage canvas:not(.reprojected)").count() == 1
     assert picture(page).std() > 10, "the picture is blank"
 
 
@@ -375,4 +402,4 @@ def test_without_webgpu_the_panel_says_so(open_page: OpenPage, server: RenderSer
         "This browser has no WebGPU. Frames are shown as they come."
     )
     expect(page.get_by_label("Upscale")).to_be_disabled()
-    assert page.locator(".stage canvas").count() == 1
+    assert page.locator(".stage canvas:not(.reprojected)").count() == 1

@@ -26,7 +26,8 @@ ALIKE = 10
 
 
 def test_switching_the_mode_keeps_the_pose(open_page: OpenPage, viewer_url: str) -> None:
-    page = open_page(SCENE, url=viewer_url, viewport=WINDOW, **with_settings(viewer_url, hud=False))
+    chosen = with_settings(viewer_url, hud=False, reprojection=False, prediction="off")
+    page = open_page(SCENE, url=viewer_url, viewport=WINDOW, **chosen)
     wait_for_frames(page)
     start = shown(page, "canvas")
     page.keyboard.press("ArrowRight", delay=400)

@@ -2,7 +2,7 @@
 import type { Display, Enhanced } from "../enhance/display";
 import { AutoOverscan } from "../reproject/overscan";
 import type { Reprojector } from "../reproject/reprojector";
-import { viewOfFrame } from "../reproject/view";
+import { resized, viewOfFrame } from "../reproject/view";
 import { viewDistance } from "../view/camera";
 import type { PresentedFrame } from "../view/presented";
 import type { Rig } from "../view/rig";
@@ -70,12 +70,13 @@ export class Turning {
     const { position, quaternion, fx, fy, cx, cy, width, height } = frame.asked;
     if (!position || !quaternion) return; // a pose by its angles, which the page never asks for
     const asked = { position, quaternion, fx, fy, cx, cy, width, height };
-    const view = viewOfFrame(asked, {
+    const encoded = {
       width: header.width ?? source.width,
       height: header.height ?? source.height,
       marginX: header.margin_x ?? 0,
       marginY: header.margin_y ?? 0,
-    });
+    };
+    const view = resized(viewOfFrame(asked, encoded), source.width, source.height); // it may have been enlarged
     this.#options.reprojector.take(source, { frame: about, pose, asked, view, depth }, fresh);
   }
 }
