@@ -1,12 +1,13 @@
 import { beforeEach, expect, test } from "vitest";
 import { orientation } from "../view/camera";
 import { defaultIntrinsics } from "../view/intrinsics";
-import { type AskedView, AutoOverscan, MAX_OVERSCAN, neededMargin } from "./overscan";
+import { AutoOverscan, MAX_OVERSCAN, neededMargin } from "./overscan";
+import type { View } from "./view";
 
 const STAGE = { width: 1280, height: 720 };
 const FRAME = 1000 / 60;
 
-function looking(azimuth: number, elevation = 0, x = 0): AskedView {
+function looking(azimuth: number, elevation = 0, x = 0): View {
   return {
     position: [x, 0, 0],
     quaternion: orientation(azimuth, elevation),

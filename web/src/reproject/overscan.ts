@@ -8,14 +8,8 @@
  * latency and prediction need no model: where pictures are rendered for the very views that they are shown at, little was
  * needed. At rest it is 0. Pure: time comes in.
  */
-import type { Intrinsics, Viewport } from "../view/intrinsics";
-import { angleBetween, conjugate, multiply, type Quaternion, rotate, subtract, type Vector3 } from "../view/vector";
-
-/** What was asked for, or is to be seen: a camera-to-world pose and the lens for a viewport without margins. */
-export interface AskedView extends Intrinsics, Viewport {
-  readonly position: Vector3;
-  readonly quaternion: Quaternion;
-}
+import { angleBetween, conjugate, multiply, rotate, subtract, type Vector3 } from "../view/vector";
+import type { View } from "./view";
 
 export const MAX_OVERSCAN = 0.25;
 /** Margins come in such steps, so that few frames differ in size. */
@@ -46,7 +40,7 @@ export class AutoOverscan {
   readonly #distance: number;
   /** While the camera moved; the newest last. */
   #samples: Sample[] = [];
-  #last: { readonly view: AskedView; readonly at: number } | undefined;
+  #last: { readonly view: View; readonly at: number } | undefined;
   #speed = 0;
   #movedAt = Number.NEGATIVE_INFINITY;
 
@@ -55,8 +49,8 @@ export class AutoOverscan {
     this.#distance = distance;
   }
 
-  /** Once per animation frame: a picture that was rendered for `frame` was shown turned to `view`. */
-  observe(frame: AskedView, view: AskedView, now: number): void {
+  /** Once per animation frame: a picture that was rendered for `frame` was shown turned to `view`; both without margins. */
+  observe(frame: View, view: View, now: number): void {
     const last = this.#last;
     this.#last = { view, at: now };
     if (last === undefined || now <= last.at) return;
@@ -79,7 +73,7 @@ export class AutoOverscan {
   }
 
   /** How far things seem to turn because the camera changed its place, in degrees. */
-  #parallax(from: AskedView, to: AskedView): number {
+  #parallax(from: View, to: View): number {
     return DEGREES * Math.atan(Math.hypot(...subtract(to.position, from.position)) / this.#distance);
   }
 
@@ -100,7 +94,7 @@ export class AutoOverscan {
  * How far `view` reaches beyond the viewport of `frame`, as a share of that viewport's width or height: at the middles of its
  * sides, because corners that stick out are small. Infinite if it looks elsewhere.
  */
-export function neededMargin(frame: AskedView, view: AskedView, distance = Number.POSITIVE_INFINITY): number {
+export function neededMargin(frame: View, view: View, distance = Number.POSITIVE_INFINITY): number {
   const back = conjugate(frame.quaternion);
   const turned = multiply(back, view.quaternion);
   const moved = rotate(back, subtract(view.position, frame.position)).map((value) => value / distance);
