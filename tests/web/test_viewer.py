@@ -99,7 +99,7 @@ def test_the_hud_measures(viewer: Page) -> None:
     viewer.keyboard.up("ArrowRight")
     assert float(stat(viewer, "round-trip").split()[0]) > 0
     assert float(stat(viewer, "server").split()[0]) > 0
-    expect(viewer.locator("[data-stat=profile]")).to_have_text("High")  # refined, as it stands still
+    expect(viewer.locator("[data-stat=profile]")).to_have_text("Refined")  # as it stands still
     assert stat(viewer, "frame").endswith("kB")
     viewer.keyboard.press("i")
     expect(viewer.locator(".hud")).to_have_count(0)
@@ -113,7 +113,7 @@ def test_a_lower_profile_has_fewer_pixels_and_is_refined_when_still(viewer: Page
     expect(viewer.locator("[data-stat=profile]")).to_have_text("Low")
     assert int(stat(viewer, "resolution").split(" × ")[0]) < int(high.split(" × ")[0]) / 2
     viewer.get_by_label("Refine when still").check()
-    expect(viewer.locator("[data-stat=profile]")).to_have_text("High")
+    expect(viewer.locator("[data-stat=profile]")).to_have_text("Refined")
 
 
 def test_the_lens_can_be_set_and_reset(viewer: Page) -> None:

@@ -117,8 +117,10 @@ export class Display<Frame extends Decoded> {
     this.#shows++;
     this.#stale = false;
     this.#latest = frame;
-    this.#options.enhancement.seen({ width: bitmap.width, height: bitmap.height, rung: header.profile ?? null });
-    if (!this.#enhance(frame, frame)) this.#draw(frame, frame);
+    // What was refined is shown as it came: it has the screen's pixels, or soon will.
+    const rung = header.profile ?? null;
+    if (rung !== null) this.#options.enhancement.seen({ width: bitmap.width, height: bitmap.height, rung });
+    if (rung === null || !this.#enhance(frame, frame)) this.#draw(frame, frame);
   }
 
   /** Once per animation frame, first of all: the frame that is on the screen by now and was not in the last one, if any. */

@@ -65,6 +65,7 @@ export async function simulate(options: SimulationOptions): Promise<Figures> {
       controller.observe(observation);
     },
     refused: () => undefined,
+    unrefined: () => undefined,
     transmission: (bytes) => (throughput.bitsPerSecond === null ? 0 : (bytes * 8000) / throughput.bitsPerSecond),
   });
   let pose = 0;

@@ -9,6 +9,7 @@ let transport: FakeTransport;
 let bitmaps: { closed: boolean; close(): void }[];
 let refusals: string[];
 let requests: SentRequest[];
+let unrefined: number;
 
 function pipeline(decode?: () => Promise<DecodedImage>): FramePipeline {
   const decodeNow = async () => {
@@ -25,6 +26,9 @@ function pipeline(decode?: () => Promise<DecodedImage>): FramePipeline {
     sent: (request) => requests.push(request),
     replied: () => undefined,
     refused: (problem) => refusals.push(problem.message),
+    unrefined: () => {
+      unrefined++;
+    },
     transmission: () => 0,
   });
 }
@@ -64,6 +68,7 @@ beforeEach(() => {
   bitmaps = [];
   refusals = [];
   requests = [];
+  unrefined = 0;
 });
 
 describe("asking for frames", () => {
@@ -294,4 +299,50 @@ describe("the frame rate does not fall with the round trip", () => {
     },
     30_000,
   );
+});
+
+describe("a refinement, which is a request without a rung", () => {
+  const refined = { ...view(1), profile: null };
+
+  async function refining(): Promise<FramePipeline> {
+    const subject = pipeline();
+    subject.want(view(1), 0);
+    transport.requests[0]?.reply();
+    await frame(subject, view(1));
+    await frame(subject, refined);
+    return subject;
+  }
+
+  test("is cancelled in the very animation frame in which another view is wanted, which is asked for at once", async () => {
+    const subject = await refining();
+    expect([transport.requests[1]?.signal.aborted, subject.inFlight]).toEqual([false, 1]);
+    subject.want(view(2), 1);
+    expect(transport.requests[1]?.signal.aborted).toBe(true);
+    expect([sent(), subject.inFlight]).toEqual([[1, 1, 2], 1]);
+    expect(requests[1]?.fate).toBe("cancelled");
+  });
+
+  test("is told of when it fails, is no refusal that concerns a person, and is not asked for again by itself", async () => {
+    const subject = await refining();
+    transport.requests[1]?.fail(problem("tigas:overloaded"));
+    await frame(subject, view(1));
+    expect([unrefined, refusals]).toEqual([1, []]);
+  });
+
+  test("that takes seconds says nothing of how many requests to keep in flight", async () => {
+    const limitAfter = async (size: ViewRequest) => {
+      transport = new FakeTransport(() => now);
+      const subject = pipeline();
+      await frame(subject, view(1));
+      transport.requests[0]?.reply();
+      await frame(subject, size);
+      now += 3000;
+      transport.requests[1]?.reply();
+      for (let x = 2; x < 40; x++) await frame(subject, view(x));
+      return subject.inFlight;
+    };
+    const { inFlight } = await refining();
+    expect(inFlight).toBe(1);
+    expect(await limitAfter(refined)).toBeLessThan(await limitAfter({ ...view(1), fx: 2 }));
+  });
 });

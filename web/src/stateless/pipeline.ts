@@ -5,6 +5,9 @@
  * request goes out if the newest version is neither on the screen nor on its way and the limit allows, so while the limit is
  * reached the newest view simply waits in its slot and older ones are forgotten. Whatever fails is asked for again as long as
  * it is the newest: the last view is always rendered. A frame that is shown cancels all older requests.
+ *
+ * A request without a rung refines a view that rests (refinement.ts). It may be large, so it is cancelled as soon as another view
+ * is wanted, it says nothing of how long frames take otherwise, and one that fails is not asked for again.
  */
 import { FrameClock } from "../abr/frame-clock";
 import { FrameDropped, type FrameReply, type FrameTransport, RequestProblem } from "../transport/transport";
@@ -22,7 +25,7 @@ export interface SentRequest {
   readonly at: number;
   /** The number of the pose. */
   readonly pose: number;
-  /** The rung; null if the server was to choose. */
+  /** The rung; null for a refinement. */
   readonly asked: number | null;
   /** `overtaken` from the last byte on, until its frame is handed to the screen. */
   readonly fate: Request["fate"];
@@ -51,6 +54,8 @@ export interface PipelineEvents {
   replied(reply: FrameReply, view: ViewRequest, pose: number): void;
   /** A refusal that concerns the person: not one of a frame that came too late. */
   refused(problem: RequestProblem): void;
+  /** A refinement failed. */
+  unrefined(): void;
   /** Transmission time of so many bytes in milliseconds, 0 if unknown. */
   transmission(bytes: number): number;
 }
@@ -112,6 +117,7 @@ export class FramePipeline {
     if (this.#wanted === undefined || !sameView(view, this.#wanted)) {
       this.#wanted = view;
       this.#version++;
+      this.#cancel(({ request }) => request.asked === null, "another view is wanted");
     }
     const covered = Math.max(this.#shown.version, this.#ready?.version ?? 0, ...this.#versionsInFlight());
     const room = Math.min(this.#limit.limit, this.#transport.maxInFlight) - this.#inFlight.size;
@@ -125,14 +131,7 @@ export class FramePipeline {
     if (frame === undefined) return undefined;
     this.#shown = frame;
     frame.request.fate = "shown";
-    for (const [seq, { abort, request }] of this.#inFlight) {
-      if (seq < frame.seq) {
-        this.#counts.cancelled++;
-        if (request.fate === "unanswered") request.fate = "cancelled";
-        this.#inFlight.delete(seq);
-        abort.abort(new FrameDropped("a newer frame is on the screen"));
-      }
-    }
+    this.#cancel((_, seq) => seq < frame.seq, "a newer frame is on the screen");
     return frame;
   }
 
@@ -156,6 +155,16 @@ export class FramePipeline {
     this.#ready = undefined;
   }
 
+  #cancel(which: (entry: Entry, seq: number) => boolean, reason: string): void {
+    for (const [seq, entry] of this.#inFlight) {
+      if (!which(entry, seq)) continue;
+      this.#counts.cancelled++;
+      if (entry.request.fate === "unanswered") entry.request.fate = "cancelled";
+      this.#inFlight.delete(seq);
+      entry.abort.abort(new FrameDropped(reason));
+    }
+  }
+
   async #send(view: ViewRequest, pose: number): Promise<void> {
     const seq = this.#seq++;
     const alone = this.#inFlight.size === 0;
@@ -171,14 +180,14 @@ export class FramePipeline {
       if (!abort.signal.aborted) request.fate = "overtaken";
       this.#events.replied(reply, view, pose);
       const decoded = await this.#decode(reply.image, abort.signal);
-      this.#observe(reply, alone);
+      if (request.asked !== null) this.#observe(reply, alone);
       const { header, image } = reply;
       const askedAt = request.at;
       this.#decoded({ seq, version, pose, header, ...decoded, asked, askedAt, image, request });
     } catch (error) {
       if (abort.signal.aborted) return;
       request.fate = "dropped";
-      this.#failed(error);
+      this.#failed(error, request);
     } finally {
       this.#inFlight.delete(seq);
     }
@@ -202,8 +211,12 @@ export class FramePipeline {
     this.#limit.observe({ overhead, render, encode, transmission, alone }, now);
   }
 
-  #failed(error: unknown): void {
+  #failed(error: unknown, { asked }: SentRequest): void {
     this.#counts.dropped++;
+    if (asked === null) {
+      this.#events.unrefined();
+      return;
+    }
     if (error instanceof RequestProblem && LATE.has(error.problem.type)) return;
     if (error instanceof FrameDropped) return;
     this.#retryAt = this.#now() + RETRY_AFTER;
@@ -216,7 +229,7 @@ export class FramePipeline {
 }
 
 /** Whether two views are the same, number by number: this is asked in every animation frame. */
-function sameView(a: ViewRequest, b: ViewRequest): boolean {
+export function sameView(a: ViewRequest, b: ViewRequest): boolean {
   const names = Object.keys(a) as (keyof ViewRequest)[];
   return names.length === Object.keys(b).length && names.every((name) => sameValue(a[name], b[name]));
 }

@@ -1,5 +1,5 @@
 import { beforeEach, describe, expect, test } from "vitest";
-import { FixedController } from "../abr/fixed";
+import type { Observation } from "../abr/controller";
 import { Display } from "../enhance/display";
 import { Enhancement } from "../enhance/enhancement";
 import { PLACE } from "../enhance/fake-gpu";
@@ -23,6 +23,7 @@ let now: number;
 let axes: typeof STILL;
 let profile: number;
 let refine: boolean;
+let observed: (observation: Observation) => void;
 let prediction: PredictorName;
 let overscan: number | "auto";
 let depth: boolean;
@@ -41,6 +42,7 @@ beforeEach(() => {
   axes = STILL;
   profile = 0;
   refine = false;
+  observed = () => undefined;
   prediction = "off";
   overscan = "auto";
   depth = true;
@@ -84,8 +86,9 @@ function play(display: Display<DecodedFrame>): void {
         depth: null,
       }),
     },
-    controller: () => new FixedController(profile),
+    controller: () => ({ decide: () => profile, observe: observed }),
     refine: () => refine,
+    pixelRatio: () => 2,
     prediction: () => prediction,
     stamp: false,
     onPresented: (frame) => presented.push(frame),
@@ -203,14 +206,51 @@ test("an enhanced frame is on the screen when the display says so: its time is i
 });
 
 describe("refining", () => {
-  test("asks for the best rung once the camera stands still, and for the chosen one when it moves again", async () => {
+  const asked = () => transport.requests.map(({ request: { profile, width } }) => [profile, width]);
+
+  test("asks for the screen's own pixels once the camera stands still, and for the rung when it moves again", async () => {
     profile = 3;
     refine = true;
     await frames(40);
-    expect(transport.requests.map(({ request }) => request.profile)).toEqual([3, 0]);
+    expect(asked()).toEqual([
+      [3, 1280],
+      [undefined, 2560],
+    ]);
+    expect(last()).toMatchObject({ height: 1440, cx: 1280, cy: 720 });
     axes = { ...STILL, forward: 1 };
     await frames(2);
-    expect(last()?.profile).toBe(3);
+    expect(last()).toMatchObject({ profile: 3, width: 1280 });
+  });
+
+  test("is not heard of by the controller", async () => {
+    const heard: unknown[] = [];
+    observed = (observation) => heard.push(observation.profile);
+    profile = 3;
+    refine = true;
+    await frames(40);
+    expect(replies.map(({ asked }) => asked)).toEqual([3, null]);
+    expect(heard).toEqual([3]);
+  });
+
+  test("the view is settled when it is as sharp as it gets", async () => {
+    refine = true;
+    await frames(8);
+    expect(shown).toHaveLength(1);
+    expect(player.stats.value.settled).toBe(false);
+    await frames(40);
+    expect(player.stats.value.settled).toBe(true);
+  });
+
+  test("a step that fails leaves what is shown, and is not tried again before the camera moves", async () => {
+    refine = true;
+    profile = 3;
+    await frames(3);
+    while (transport.requests.length < 2) await frames(1, { answer: false });
+    transport.requests[1]?.fail(new Error("too large"));
+    await frames(100);
+    expect(asked().map(([rung]) => rung)).toEqual([3, undefined, 3]);
+    expect(player.stats.value.settled).toBe(true);
+    expect(player.problem.value).toBeNull();
   });
 
   test("can be left out", async () => {

@@ -14,6 +14,7 @@ import { TimeWindow } from "../view/window";
 import type { SceneInfo } from "../wire/render";
 import type { Decoder } from "./decoder";
 import { type DecodedFrame, FramePipeline, type SentRequest, type ViewRequest } from "./pipeline";
+import { type PosedRequest, Refinement } from "./refinement";
 import { NO_STATS, type Stats, StatsRecorder } from "./stats";
 import { type Pictured, pictured, Turning } from "./turning";
 
@@ -21,7 +22,7 @@ import { type Pictured, pictured, Turning } from "./turning";
 export interface Reply extends Observation {
   /** The number of the pose. */
   readonly pose: number;
-  /** The rung; null if the server was to choose. */
+  /** The rung; null for a refinement, of which the controller does not hear. */
   readonly asked: number | null;
 }
 
@@ -44,8 +45,10 @@ export interface StatelessPlayerOptions {
   readonly rig: Rig;
   readonly decoder: Pick<Decoder, "decode">;
   readonly controller: () => Controller;
-  /** Whether to ask for the view at the best rung once it stands still. */
+  /** Whether to ask for the view with all of the screen's pixels once it stands still. */
   readonly refine: () => boolean;
+  /** Pixels of the screen along one of the viewport's. */
+  readonly pixelRatio: () => number;
   /** What foretells the poses that frames are asked for. */
   readonly prediction: () => PredictorName;
   /** Whether frames carry their pose's number, for tests that read it from the screen. */
@@ -62,8 +65,6 @@ export interface StatelessPlayerOptions {
   readonly now: () => number;
 }
 
-/** The camera stands still when nothing moved it for this long, in milliseconds. */
-const STILL_AFTER = 300;
 /** How far back the time that enhancement takes is looked at, in milliseconds. */
 const ENHANCEMENT_SPAN = 5000;
 
@@ -79,7 +80,7 @@ export class StatelessPlayer {
   #recorder = new StatsRecorder();
   #pipeline: FramePipeline | undefined;
   #connected: Connected | undefined;
-  #refining = false;
+  #refinement = new Refinement();
   #publishedAt = 0;
 
   constructor(options: StatelessPlayerOptions) {
@@ -94,6 +95,7 @@ export class StatelessPlayer {
     this.#pipeline?.dispose();
     this.#meter = new Meter("stateless", this.#options.onPresented);
     this.#recorder = new StatsRecorder();
+    this.#refinement = new Refinement();
     this.#foresight.reset();
     this.#connected = connected ?? undefined;
     const { decoder, display, now } = this.#options;
@@ -105,6 +107,7 @@ export class StatelessPlayer {
             sent: this.#options.onSent,
             replied: (reply, view, pose) => {
               this.#recorder.replied(reply, now());
+              this.#refinement.observe(reply);
               this.#meter.received(reply.arrival.bytes, now());
               this.#options.onReceived(reply.arrival.bytes);
               this.problem.value = null;
@@ -117,12 +120,14 @@ export class StatelessPlayer {
                 turning: this.#options.rig.turning,
                 at: now(),
               };
-              this.#options.controller().observe(observation);
-              this.#options.onReplied({ ...observation, pose, asked: view.profile ?? null });
+              const asked = view.profile ?? null;
+              if (asked !== null) this.#options.controller().observe(observation);
+              this.#options.onReplied({ ...observation, pose, asked });
             },
             refused: (problem) => {
               this.problem.value = problem.message;
             },
+            unrefined: () => this.#refinement.failed(),
             transmission: (bytes) => {
               const rate = this.#recorder.throughput.bitsPerSecond;
               return rate === null ? 0 : (bytes * 8000) / rate;
@@ -185,25 +190,34 @@ export class StatelessPlayer {
   }
 
   #view(scene: SceneInfo, now: number): ViewRequest {
-    const { rig, refine, stamp, controller } = this.#options;
-    const still = now - rig.changedAt > STILL_AFTER;
-    this.#refining = refine() && still && (this.#refining || this.#pipeline?.settled === true);
+    const { rig, refine, pixelRatio, stamp, controller } = this.#options;
     const { position, quaternion } = this.#foresight.pose(now);
-    return {
+    const view: PosedRequest = {
       scene: scene.id,
       position,
       quaternion,
       ...rig.intrinsics.value,
       ...rig.viewport.value,
-      profile: this.#refining ? 0 : controller().decide(now),
+      profile: controller().decide(now),
       ...this.#turning.request(scene, now),
       ...(stamp && { stamp: rig.pose.seq % 2 ** 24 }),
     };
+    if (!refine()) return view;
+    const settled = this.#pipeline?.settled === true;
+    const throughput = this.#recorder.throughput.bitsPerSecond;
+    return this.#refinement.next(view, { now, settled, throughput, pixelRatio: pixelRatio() }) ?? view;
+  }
+
+  /** The newest view is on the screen, as sharp as it gets. */
+  get #settled(): boolean {
+    if (this.#pipeline === undefined) return true;
+    const refining = this.#options.refine() && this.#refinement.pending;
+    return this.#pipeline.settled && this.#options.display.settled && !refining;
   }
 
   #publish(now: number): void {
     const pipeline = this.#pipeline;
-    const settled = (pipeline?.settled ?? true) && this.#options.display.settled;
+    const settled = this.#settled;
     if (now - this.#publishedAt < STATS_EVERY && settled === this.stats.peek().settled) return;
     this.#publishedAt = now;
     this.stats.value = {

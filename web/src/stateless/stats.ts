@@ -32,7 +32,7 @@ export interface Stats extends Figures, ReplyStats {
   readonly gpuMs: number | null;
   readonly inFlight: number;
   readonly counts: PipelineCounts;
-  /** The newest view is on the screen. */
+  /** The newest view is on the screen, as sharp as it gets. */
   readonly settled: boolean;
 }
 

@@ -55,12 +55,12 @@ export class FakeTransport implements FrameTransport {
   }
 }
 
-/** Of a frame that has margins. */
-function extent({ width, height, overscan = 0 }: RenderRequest): Partial<FrameHeader> {
-  if (overscan === 0) return {};
+/** Of a frame that has margins. Rungs are as large as the viewport. */
+function extent({ width, height, overscan = 0, profile = null }: RenderRequest): Partial<FrameHeader> {
+  if (overscan === 0) return { width, height, profile };
   const margin_x = Math.round(width * overscan);
   const margin_y = Math.round(height * overscan);
-  return { width: width + 2 * margin_x, height: height + 2 * margin_y, margin_x, margin_y };
+  return { width: width + 2 * margin_x, height: height + 2 * margin_y, margin_x, margin_y, profile };
 }
 
 /** Lets all promises that can settle now settle. */

@@ -112,6 +112,7 @@ export class ViewerSession {
       decoder: this.#decoder,
       controller: () => this.#controller.value,
       refine: () => settings.value.refine,
+      pixelRatio: () => devicePixelRatio,
       prediction: () => settings.value.prediction,
       stamp,
       onPresented: this.#tell,

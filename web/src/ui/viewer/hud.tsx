@@ -140,7 +140,7 @@ function Details({ stats, enhancement }: { stats: Stats; enhancement: Enhancemen
         {frame?.width && frame.height ? `${frame.width} × ${frame.height}` : NONE}
       </Row>
       <Row name="profile" label="Profile">
-        {rung?.name ?? NONE}
+        {rung?.name ?? (frame ? "Refined" : NONE)}
       </Row>
       <EnhancementRow status={enhancement} time={stats.enhanceMs} />
       {stats.turned && (
