@@ -87,10 +87,12 @@ test("puts frames in the order of time, and leaves out what was on the screen be
 test("tells what the page turned a frame to, apart from the pose that its pixels are of", () => {
   const recorder = recorderFrom({ startedAt: 1000, pose: 0, received: 0, captureEvery: 0 });
   recorder.presented(frame(1020, 2));
-  recorder.presented(frame(1036, 2, { view: 4, filled: 0.02 }));
-  expect(recorder.events.frames.map(({ at, pose, view, filled }) => [at, pose, view, filled])).toEqual([
-    [20, 2, null, null],
-    [36, 2, 4, 0.02],
+  recorder.presented(frame(1036, 2, { view: 4, filled: 0.02, warpMs: 0.6 }));
+  expect(
+    recorder.events.frames.map(({ at, pose, view, filled, warp_ms }) => [at, pose, view, filled, warp_ms]),
+  ).toEqual([
+    [20, 2, null, null, null],
+    [36, 2, 4, 0.02, 0.6],
   ]);
 });
 

@@ -73,12 +73,13 @@ export class Recorder {
   presented(frame: PresentedFrame): void {
     const at = frame.at - this.#start.startedAt;
     if (at < 0) return;
-    const { shownWidth, shownHeight, enhanceMs, view, filled, ...shown } = frame;
+    const { shownWidth, shownHeight, enhanceMs, view, filled, warpMs, ...shown } = frame;
     this.#frames.push({
       ...shown,
       at,
       view: view ?? null,
       filled: filled ?? null,
+      warp_ms: warpMs ?? null,
       latencies: [...frame.latencies],
       shown_width: shownWidth ?? null,
       shown_height: shownHeight ?? null,

@@ -12,6 +12,8 @@ export interface PresentedFrame {
   readonly view?: number;
   /** The estimated share of the picture that the newest frame did not cover; left out where it was not turned. */
   readonly filled?: number;
+  /** How long turning it kept the main thread, in milliseconds. */
+  readonly warpMs?: number;
   /** Motion-to-photon latency of each pose change that it shows first, in milliseconds. */
   readonly latencies: readonly number[];
   /** The ladder's rung. */

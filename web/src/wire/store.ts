@@ -179,6 +179,7 @@ export interface ShownFrame {
   pose: number;
   view?: number | null;
   filled?: number | null;
+  warp_ms?: number | null;
   latencies: number[];
   rung: number | null;
   width: number;
@@ -376,6 +377,7 @@ export interface Figures {
   mean_height: number | null;
   median_height: number | null;
   filled: number | null;
+  warp_times: WarpTimes;
   received_kbps: number | null;
   delivered_kbps: number | null;
   sent_kbps: number | null;
@@ -483,6 +485,13 @@ export interface Rungs {
   switches: number;
 }
 /**
+ * How long turning a picture kept the page's main thread, in ms; None where it turned none.
+ */
+export interface WarpTimes {
+  mean: number | null;
+  p95: number | null;
+}
+/**
  * Means over the kept pictures of a run; None where none could be compared so.
  */
 export interface QualityFigures {
@@ -494,6 +503,7 @@ export interface QualityFigures {
   seen_psnr_db: number | null;
   seen_ssim: number | null;
   uncovered?: number | null;
+  seen_lpips?: number | null;
 }
 /**
  * What is known of a run's samples.

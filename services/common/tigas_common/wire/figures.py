@@ -103,6 +103,13 @@ class Freezes(WireModel):
     longest_ms: float
 
 
+class WarpTimes(WireModel):
+    """How long turning a picture kept the page's main thread, in ms; None where it turned none."""
+
+    mean: float | None
+    p95: float | None
+
+
 class Rates(WireModel):
     """Frames over the movement's duration."""
 
@@ -141,6 +148,8 @@ class QualityFigures(WireModel):
     seen_ssim: float | None
     uncovered: float | None = None
     """Share of the picture, 0 to 1, of which nobody ever had pixels. None of early recordings."""
+    seen_lpips: float | None = None
+    """Where `tigas quality` was run with the ground truth of the kept pictures."""
 
 
 class Figures(WireModel):
@@ -164,6 +173,7 @@ class Figures(WireModel):
     """The page's estimate of the share of the picture that the newest frame did not cover, 0 to 1, weighted by time;
     None where it turned nothing.
     """
+    warp_times: WarpTimes
     received_kbps: float | None
     """By the page: frames or segments."""
     delivered_kbps: float | None

@@ -52,6 +52,8 @@ class ShownFrame(WireModel):
     """The number of the pose to which the page turned it; None where it was shown as it came."""
     filled: float | None = Field(default=None, ge=0, le=1)
     """The page's estimate of the share of the picture that the newest frame did not cover; None where not turned."""
+    warp_ms: float | None = Field(default=None, ge=0)
+    """How long turning it kept the page's main thread; None where not turned."""
     latencies: Entries[float]
     """What the page itself took for the latency of each input whose view this shows first."""
     rung: int | None

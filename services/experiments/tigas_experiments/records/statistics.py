@@ -27,6 +27,7 @@ from tigas_common.wire.figures import (
     ResponseTimes,
     Rungs,
     ViewLatencies,
+    WarpTimes,
 )
 from tigas_common.wire.recording import Fate, Input, Reply, Request, ShownFrame, Traffic
 
@@ -243,6 +244,12 @@ def filled(frames: Sequence[ShownFrame], duration_ms: float) -> float | None:
     spans = [(share, until - at) for (at, share), (until, _) in pairwise([*known, (duration_ms, 0.0)])]
     total = sum(time for _, time in spans)
     return sum(share * time for share, time in spans) / total if total > 0 else None
+
+
+def warp_times(frames: Sequence[ShownFrame], duration_ms: float) -> WarpTimes:
+    """Of the pictures that the page turned until the movement's end."""
+    values = [frame.warp_ms for frame in frames if frame.warp_ms is not None and 0 <= frame.at <= duration_ms]
+    return WarpTimes(mean=_mean(values), p95=percentile(values, 0.95))
 
 
 def _heights(frames: Sequence[ShownFrame], duration_ms: float) -> dict[int, float]:

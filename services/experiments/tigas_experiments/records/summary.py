@@ -105,6 +105,7 @@ def figures(records: Records) -> Figures:
         mean_height=statistics.mean_height(frames, duration),
         median_height=statistics.median_height(frames, duration),
         filled=statistics.filled(frames, duration),
+        warp_times=statistics.warp_times(frames, duration),
         received_kbps=statistics.received_kbps(records.traffic, duration),
         delivered_kbps=statistics.mean_over_time([(sample.at, sample.delivered_kbps) for sample in link]),
         sent_kbps=statistics.mean_over_time([(sample.at, sample.up_delivered_kbps) for sample in link]),

@@ -83,6 +83,18 @@ Several = Annotated[tuple[Value, ...], AfterValidator(_several)]
 OneOrSeveral = Annotated[tuple[Value, ...], BeforeValidator(_one_or_several), AfterValidator(_several)]
 
 
+class Variant(WireModel):
+    """What is compared, in place of what the file says itself; left out: as there."""
+
+    controllers: Several[Controller] | None = None
+    restore: ModelName | None = None
+    upscale: ModelName | None = None
+    reprojection: OneOrSeveral[bool] | None = None
+    prediction: OneOrSeveral[PredictorName] | None = None
+    overscan: Overscan | None = None
+    depth: bool | None = None
+
+
 class Plan(WireModel):
     """What an experiment's file says."""
 
@@ -109,6 +121,8 @@ class Plan(WireModel):
     """Of reprojection: how much more frames show at each side, or `auto`."""
     depth: bool = True
     """Of reprojection: whether frames come with a coarse depth."""
+    variants: Annotated[tuple[Variant, ...], Field(min_length=1)] = (Variant(),)
+    """What is compared where it is no product of the above: each with the runs of its own."""
     dash_frame_rate: FrameRate | None = None
     """Of the modes with DASH, in frames a second; without it, each preset's own."""
     dash_representations: Several[Representation] = (ADAPTIVE,)
@@ -204,6 +218,14 @@ class Plan(WireModel):
         return runs
 
     def _profiles(self) -> list[Chosen]:
+        """Those of all variants, each once."""
+        found: list[Chosen] = []
+        for variant in self.variants:
+            own = self.model_copy(update=variant.model_dump(exclude_none=True))
+            found += [profile for profile in own._own_profiles() if profile not in found]
+        return found
+
+    def _own_profiles(self) -> list[Chosen]:
         """Each mode, with each of its controllers or representations, and each way to meet movement."""
         models = {"restore": self.restore, "upscale": self.upscale}
         controllers = [{"profile": controller, **models} for controller in self.controllers]
