@@ -43,12 +43,15 @@ def write_run(
     link_kbps: float = 20_000.0,
     busy: float = 0.5,
     view_ssim: float = 0.8,
+    turned_ms: float | None = None,
+    uncovered: float = 0.0,
     **changes: Any,
 ) -> Path:
     """A run whose every `every`th input is shown `delay_ms` later, in these rungs in turn, each for `hold` frames.
 
     Every input's reply takes `reply_ms`, if replies are recorded. The page receives `kbps`. With `jitter_ms`, delays
-    have a long tail, the same for the same folder's name.
+    have a long tail, the same for the same folder's name. With `turned_ms`, the page turns what it has to every input
+    so much later, and `uncovered` of the picture has no pixels.
     """
     duration = seconds * 1000
     chance = random.Random(folder.name)
@@ -70,6 +73,8 @@ def write_run(
                 height=height,
             )
         )
+    if turned_ms is not None:
+        shown = [_turned(shown, entry.at + turned_ms, entry.pose) for entry in sampled]
     made = Recording(
         scene="courtyard",
         mode="stateless" if mode == "stateless" else "dash",
@@ -111,7 +116,9 @@ def write_run(
     writer.link_and_load([_link(at, link_kbps, kbps) for at in ticks(duration, 200)], load)
     quality = Quality(psnr_db=30.0, ssim=0.9)
     view = Quality(psnr_db=20.0, ssim=view_ssim)
-    writer.quality([CaptureQuality(at=500.0, pose=20, rung=2, picture=quality, view=view, seen=view)])
+    writer.quality(
+        [CaptureQuality(at=500.0, pose=20, rung=2, picture=quality, view=view, seen=view, uncovered=uncovered)]
+    )
     writer.close(status="complete", browser="156", backend="netem", load=Load.of(load), recording=made.head)
     return folder
 
@@ -119,6 +126,13 @@ def write_run(
 def ticks(duration_ms: float, every_ms: float) -> list[float]:
     """From 0 to the duration."""
     return [index * every_ms for index in range(int(duration_ms / every_ms) + 1)]
+
+
+def _turned(shown: Sequence[ShownFrame], at: float, view: int) -> ShownFrame:
+    """What came last, or first of all."""
+    newest = next((frame for frame in reversed(shown) if frame.at <= at), shown[0])
+    pose = newest.pose if newest.at <= at else 0
+    return newest.model_copy(update={"at": at, "pose": pose, "view": view, "filled": 0.01, "warp_ms": 0.8})
 
 
 def _link(at: float, rate: float, delivered: float) -> LinkSample:

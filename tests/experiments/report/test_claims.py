@@ -9,9 +9,10 @@ import pytest
 
 from tests.experiments.report.made_up_results import write_run
 from tigas_experiments.report.blocks import LEAST_BLOCKS
-from tigas_experiments.report.claims import Claim, claims
+from tigas_experiments.report.claims import claims
 from tigas_experiments.report.groups import Groups
 from tigas_experiments.report.results import load
+from tigas_experiments.report.verdicts import Claim
 
 
 def found(folder: Path, *runs: dict[str, Any]) -> dict[str, Claim]:

@@ -22,8 +22,17 @@ SMALL: dict[str, Any] = {"name": "small", "scenes": ["courtyard"], "movements": 
 
 
 def toml(**fields: Any) -> str:
-    """A file; JSON's values are TOML's."""
-    return "".join(f"{key} = {json.dumps(value)}\n" for key, value in {**SMALL, **fields}.items())
+    """A file."""
+    return "".join(f"{key} = {_value(value)}\n" for key, value in {**SMALL, **fields}.items())
+
+
+def _value(value: Any) -> str:
+    """JSON's values are TOML's, but for tables."""
+    if isinstance(value, list):
+        return f"[{', '.join(map(_value, value))}]"
+    if isinstance(value, dict):
+        return f"{{ {', '.join(f'{key} = {_value(own)}' for key, own in value.items())} }}"
+    return json.dumps(value)
 
 
 def runs(directory: Path, **fields: Any) -> list[Configuration]:
@@ -286,7 +295,8 @@ def test_the_experiments_that_come_along_can_be_made(experiments: Path, name: st
     assert min(Counter(network for network, *_ in blocks).values()) >= 6, "as many as an interval needs, per network"
     if name in ("abr-rtt.toml", "comparison.toml"):
         return
-    assert all(run.movement.startswith("recorded/") for run in made), "what it is called after"
+    generated = {"quick-turns"} if name == "reprojection.toml" else set()
+    assert {run.movement for run in made if not run.movement.startswith("recorded/")} == generated
     assert all(str(run.network.trace_file).startswith("recorded/") for run in made)
     if name == "paper.toml":
         assert {run.network.round_trip_ms for run in made} == {20, 50, 100, 200, 300}
@@ -327,6 +337,27 @@ def test_reprojection_and_prediction_can_be_compared_in_every_mode(tmp_path: Pat
     (one,) = runs(tmp_path, reprojection=True, prediction="linear", overscan=0.1, depth=False)
     chosen = {"reprojection": True, "prediction": "linear", "overscan": 0.1, "depth": False}
     assert chosen.items() <= page_settings(one).items()
+
+
+def test_variants_are_compared_where_it_is_no_product(tmp_path: Path) -> None:
+    made = runs(
+        tmp_path,
+        seed=3,
+        depth=False,
+        variants=[
+            {"controllers": ["budget", 2]},
+            {"controllers": [2], "reprojection": True, "prediction": "auto"},
+            {"controllers": [2]},
+        ],
+        shuffled=False,
+    )
+    assert [(run.profile, run.reprojection, run.prediction, run.depth) for run in made] == [
+        ("budget", False, "off", False),
+        (2, False, "off", False),
+        (2, True, "auto", False),
+    ], "each once"
+    with pytest.raises(StartError, match="variants"):
+        runs(tmp_path, variants=[{"scenes": ["room"]}])
 
 
 def test_what_is_no_model_s_name_is_told_in_a_sentence(tmp_path: Path) -> None:

@@ -63,7 +63,7 @@ test("there is no canvas before the first picture is turned, nor once it is off"
 test("each animation frame with another view draws the same picture anew, and tells of it once", () => {
   reprojector.take(PICTURE, frame("a", pose(1)));
   reprojector.turn(pose(1), LENS);
-  expect(reprojector.presented()).toEqual({ frame: "a", pose: 1, view: 1, filled: 0, fresh: true });
+  expect(reprojector.presented()).toEqual({ frame: "a", pose: 1, view: 1, filled: 0, warpMs: 2, fresh: true });
   reprojector.turn(pose(2, 5), LENS);
   expect(reprojector.presented()).toMatchObject({ frame: "a", pose: 1, view: 2, fresh: false });
   expect(reprojector.presented()).toBeNull();

@@ -46,6 +46,8 @@ export interface Turned<Frame> {
   readonly view: number;
   /** The share of the picture that the newest frame does not cover, as an estimate. */
   readonly filled: number;
+  /** How long taking and turning it kept the main thread, in milliseconds. */
+  readonly warpMs: number;
   /** The frame was not on the screen before. */
   readonly fresh: boolean;
 }
@@ -178,10 +180,11 @@ export class Reprojector<Frame> {
     const begun = this.#options.now();
     this.#draw(now);
     const ended = this.#options.now();
-    this.#times.add(this.#spent + ended - begun, ended);
+    const warpMs = this.#spent + ended - begun;
+    this.#times.add(warpMs, ended);
     this.#spent = 0;
     const filled = uncoveredShare(content.view, viewOf(now), 1 / this.#distance);
-    this.#untold = { frame: content.frame, pose: content.pose, view: pose.seq, filled, fresh: this.#fresh };
+    this.#untold = { frame: content.frame, pose: content.pose, view: pose.seq, filled, warpMs, fresh: this.#fresh };
     this.#changed = false;
     this.#fresh = false;
     this.#overlay?.show();

@@ -160,8 +160,8 @@ export class StatelessPlayer {
     const { display, reprojector, onShown } = this.#options;
     const turned = reprojector.presented();
     if (turned) {
-      const { frame, pose, view, filled, fresh } = turned;
-      this.#meter.presented({ at: now, pose, view, filled, ...frame }, fresh);
+      const { frame, pose, view, filled, warpMs, fresh } = turned;
+      this.#meter.presented({ at: now, pose, view, filled, warpMs, ...frame }, fresh);
     }
     const shown = display.presented(now);
     if (shown === null) return;

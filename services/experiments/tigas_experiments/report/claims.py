@@ -5,10 +5,7 @@ A verdict is what the whole 95 % confidence interval over blocks (blocks.py) say
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
-from typing import Literal
+from collections.abc import Callable, Mapping, Sequence
 
 from tigas_common.wire.figures import INTERACTIVE_MS
 from tigas_experiments.report.blocks import Block, Estimate, differences, signed
@@ -26,11 +23,11 @@ from tigas_experiments.report.metrics import (
     SWITCHES,
     Metric,
 )
+from tigas_experiments.report.reprojection_claims import reprojection_claims
+from tigas_experiments.report.verdicts import OURS, Claim, Verdict, all_of, judged, of_interval
 
-Verdict = Literal["holds", "does not hold", "not certain", "no data"]
 SWITCHES_IN_PAPER = "the paper's: Performance Evaluation, Results, (d) Quality Switches"
 RESPONSE_IN_PAPER = "the paper's: Performance Evaluation, Impact of Round-Trip Time"
-OURS = "ours"
 READINGS = ("latency", "latency-transfer")
 """Of the paper's controller (docs/abr.md): its words come first, the other is judged where it has runs."""
 BASELINES = ("lol+", "l2a")
@@ -39,18 +36,6 @@ RESPONSE_MS, RESPONSE_RTT_MS = 100.0, 50.0
 SPANS = {RESPONSE_TIME_P95: "from asking to the last byte", FRAME_AGE_P95: "from the pose to the screen"}
 """The paper's notion, which runs without replies do not have, and the longer one that all have."""
 FRAMES_PER_S, FRAMES_RTT_MS = 25.0, 300.0
-
-
-@dataclass(frozen=True, slots=True)
-class Claim:
-    """One, and what the runs say of it."""
-
-    text: str
-    whose: str
-    """The paper's, with the section, or ours."""
-    verdict: Verdict
-    figures: str
-    """What the verdict rests on."""
 
 
 Cell = dict[str, Group]
@@ -65,7 +50,7 @@ def claims(groups: Groups) -> list[Claim]:
         cells.setdefault((condition.network, condition.rtt_ms), {})[condition.controller.name] = group
     first, *others = READINGS
     readings = [first, *(name for name in others if any(name in cell for cell in cells.values()))]
-    return [claim for reading in readings for claim in _of_reading(cells, reading)]
+    return [*reprojection_claims(groups), *(claim for reading in readings for claim in _of_reading(cells, reading))]
 
 
 def _of_reading(cells: dict[tuple[str, float | None], Cell], reading: str) -> list[Claim]:
@@ -83,14 +68,14 @@ def _of_reading(cells: dict[tuple[str, float | None], Cell], reading: str) -> li
                 metric: f"{title}'s p95 response, {span}, is under 100 ms at round trips of up to 50 ms"
                 for metric, span in SPANS.items()
             },
-            lambda low, high: _judged(high < RESPONSE_MS, low >= RESPONSE_MS),
+            lambda low, high: judged(high < RESPONSE_MS, low >= RESPONSE_MS),
         ),
         *_each_network(
             cells,
             reading,
             lambda rtt: rtt == FRAMES_RTT_MS,
             {NEW_VIEWS: f"{title} shows at least 25 new views a second at a round trip of 300 ms"},
-            lambda low, high: _judged(low >= FRAMES_PER_S, high < FRAMES_PER_S),
+            lambda low, high: judged(low >= FRAMES_PER_S, high < FRAMES_PER_S),
         ),
         _budget(every, reading, HEIGHT, "at an equal or greater height"),
         _budget(every, reading, SEEN_SSIM, "at an equal or better SSIM of what is seen"),
@@ -110,7 +95,7 @@ def _fewer_switches(cells: Sequence[Cell], reading: str, other: str) -> Claim:
         f"{own} {SWITCHES.text(ours)}, {title} {SWITCHES.text(theirs)} a minute; "
         f"{_told(estimate, SWITCHES)}; less often at {fewer} of {len(pairs)} networks and round trips."
     )
-    verdict = _of_interval(estimate, lambda low, high: _judged(high < 0, low >= 0))
+    verdict = of_interval(estimate, lambda low, high: judged(high < 0, low >= 0))
     return Claim(text, SWITCHES_IN_PAPER, verdict, figures + _saturated(both, reading, other))
 
 
@@ -128,7 +113,7 @@ def _slower(cells: Sequence[Cell], reading: str, other: str) -> Claim:
         f"{metric.title}: {own} {metric.with_unit(ours)}, {title} {metric.with_unit(theirs)}; "
         f"{_told(estimate, metric)}."
     )
-    verdict = _of_interval(estimate, lambda low, high: _judged(low > 0, high <= 0))
+    verdict = of_interval(estimate, lambda low, high: judged(low > 0, high <= 0))
     return Claim(text, RESPONSE_IN_PAPER, verdict, figures + _saturated(both, reading, other))
 
 
@@ -166,7 +151,7 @@ def _each_network(
             beside = f" ({', '.join(others)})" if others else ""
             parts.append(f"{metric.with_unit(estimate.mean)} {estimate.range(metric)} at {rtt:g} ms{beside}")
         figures = f"{'; '.join(parts)}.{_saturated(list(at.values()), reading)}"
-        verdict = _all(_of_interval(estimate, judge) for estimate in estimates.values())
+        verdict = all_of(of_interval(estimate, judge) for estimate in estimates.values())
         found.append(Claim(f"{texts[metric]}, over {network}", OURS, verdict, figures))
     nothing = f"There are no runs of {CONTROLLER_TITLES[reading]} at such a known round trip."
     return found or [Claim(next(iter(texts.values())), OURS, "no data", nothing)]
@@ -191,10 +176,10 @@ def _budget(cells: Sequence[Cell], reading: str, quality: Metric, words: str) ->
         f"{quality.with_unit(their_quality)}; {_told(more, IN_TIME)}, and of {quality.title} "
         f"{_told(better, quality)}; both are so at {won} of {len(both)} networks and round trips."
     )
-    verdict = _all(
+    verdict = all_of(
         (
-            _of_interval(more, lambda low, high: _judged(low > 0, high <= 0)),
-            _of_interval(better, lambda low, high: _judged(low >= 0, high < 0)),
+            of_interval(more, lambda low, high: judged(low > 0, high <= 0)),
+            of_interval(better, lambda low, high: judged(low >= 0, high < 0)),
         )
     )
     return Claim(text, OURS, verdict, figures + _saturated(both, "budget", reading))
@@ -233,22 +218,6 @@ def _told(estimate: Estimate | None, metric: Metric) -> str:
     if estimate is None:
         return "they have no block in common"
     return f"difference {signed(metric, estimate.mean)} {estimate.range(metric)}"
-
-
-def _of_interval(estimate: Estimate | None, judge: Callable[[float, float], Verdict]) -> Verdict:
-    if estimate is None or estimate.interval is None or math.isnan(estimate.mean):
-        return "not certain"
-    return judge(*estimate.interval)
-
-
-def _judged(holds: bool, fails: bool) -> Verdict:
-    return "holds" if holds else "does not hold" if fails else "not certain"
-
-
-def _all(verdicts: Iterable[Verdict]) -> Verdict:
-    """Of what holds only if every part does."""
-    found = set(verdicts)
-    return "does not hold" if "does not hold" in found else "not certain" if "not certain" in found else "holds"
 
 
 def _saturated(cells: Sequence[Cell], *names: str) -> str:

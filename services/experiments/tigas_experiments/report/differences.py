@@ -83,7 +83,9 @@ def choose_baseline(groups: Groups, experiment: ExperimentRecord | None, asked: 
 def _planned(experiment: ExperimentRecord | None) -> list[str]:
     """Names of controllers in the file's order; a page's plan may say nothing of them."""
     plan = {} if experiment is None else experiment.plan
-    modes, controllers = plan.get("modes"), plan.get("controllers")
+    variants = plan.get("variants")
+    first = variants[0] if isinstance(variants, list) and variants and isinstance(variants[0], dict) else {}
+    modes, controllers = plan.get("modes"), first.get("controllers", plan.get("controllers"))
     if not isinstance(modes, list) or not isinstance(controllers, list):
         return []
     names = [f"profile-{each}" if isinstance(each, int) else str(each) for each in controllers]

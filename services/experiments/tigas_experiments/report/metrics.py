@@ -165,6 +165,13 @@ FILLED = Metric(
 UNCOVERED = Metric(
     "border_never_seen_pct", "Border never seen", "%", 1, "low", _quality(lambda q: _scaled(q.uncovered, 100))
 )
+SEEN_LPIPS = Metric("seen_lpips", "LPIPS of what is seen", "", 3, "low", _quality(lambda q: q.seen_lpips))
+WARP_MEAN = Metric(
+    "warp_mean_ms", "Main thread per turned picture", "ms", 2, "low", _plain(lambda f: f.warp_times.mean)
+)
+WARP_P95 = Metric(
+    "warp_p95_ms", "Main thread per turned picture p95", "ms", 2, "low", _plain(lambda f: f.warp_times.p95)
+)
 CONTENT_AGE_MEAN = Metric(
     "content_age_mean_ms", "Mean content age", "ms", 0, "low", _plain(lambda f: f.content_ages.mean)
 )
@@ -221,8 +228,11 @@ METRICS = (
     VIEW_PSNR,
     SEEN_SSIM,
     SEEN_PSNR,
+    SEEN_LPIPS,
     UNCOVERED,
     FILLED,
+    WARP_MEAN,
+    WARP_P95,
 )
 TABLE = (
     VIEW_LATENCY_P95,

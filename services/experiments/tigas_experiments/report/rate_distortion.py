@@ -40,7 +40,8 @@ class Series:
         first = self.controllers[0]
         if not self.is_curve:
             return first.title
-        return "Fixed rungs" if first.mode == "stateless" else f"{MODE_NAMES[first.mode].replace(',', '')}, fixed"
+        name = "Fixed rungs" if first.mode == "stateless" else f"{MODE_NAMES[first.mode].replace(',', '')}, fixed"
+        return " + ".join((name, *(word.replace("-", " ") for word in first.motion)))
 
     def mean(self, controller: Controller, metric: Metric) -> Estimate | None:
         """Over the blocks of one controller that have the metric."""
@@ -113,7 +114,8 @@ class RateDistortion:
             return None
         by_series: dict[object, list[Controller]] = {}
         for controller in found:
-            by_series.setdefault((controller.mode if controller.fixed else controller), []).append(controller)
+            own = (controller.mode, controller.motion) if controller.fixed else controller
+            by_series.setdefault(own, []).append(controller)
         series = (Series(tuple(own), {each: found[each] for each in own}) for own in by_series.values())
         return cls(network, rtt_ms, tuple(sorted(series, key=lambda one: not one.is_curve)))
 
