@@ -43,7 +43,7 @@ from tigas_enhance.evaluate import bicubic_scores, enhanced_scores, interval
 from tigas_enhance.network import Network, resampled, shown
 from tigas_enhance.pairs import Pair, Pixels, Renderer
 from tigas_enhance.renderer_process import render_service
-from tigas_enhance.tuning import RECIPES, SceneViews, collect, fit, to_network
+from tigas_enhance.tuning import RECIPES, SceneViews, collect, common_ladder, fit, to_network
 from tigas_enhance.views import held_out_views
 from tigas_experiments.quality.perceptual import Perceptual
 from tigas_experiments.quality.weights import NoWeights, dists, lpips
@@ -141,14 +141,16 @@ def work(job: Job, arguments: argparse.Namespace) -> None:
     device = torch.device(arguments.device)
     is_own = job.train == job.test
     seconds = arguments.seconds if is_own else arguments.general_seconds
-    with render_service(arguments.scenes, arguments.device) as url, Renderer(url, workers=8) as renderer:
-        ladder = renderer.ladder()
+    service = render_service(arguments.scenes, arguments.device, own_ladders=False)
+    with service as url, Renderer(url, workers=8) as renderer:
+        trained = [renderer.load(name) for name in job.train]
+        ladder = common_ladder(renderer, trained)
         began = time.monotonic()
         views: list[SceneViews] = []
-        for index, name in enumerate(job.train):
+        for index, scene in enumerate(trained):
             until = began + seconds * RENDERING * (index + 1) / len(job.train)
             number = max(8, arguments.views // len(job.train))
-            views.append(collect(renderer, name, ladder, number, 4, until))
+            views.append(collect(renderer, scene, ladder, number, 4, until))
         recipe = replace(RECIPES[device.type], channels=arguments.channels)
         weights = fit(views, ladder, began + seconds, device, _unheard, recipe, general=not is_own)
         write_weights(arguments.out / f"{job.name}.safetensors", weights)
@@ -166,7 +168,7 @@ def held_out(renderer: Renderer, scene: SceneInfo, ladder: Sequence[Rung], numbe
 
     def both() -> Iterator[tuple[Pair, Pair]]:
         for pose in held_out_views(scene, 4 * number):
-            pair = renderer.pair(scene, ladder, pose)
+            pair = renderer.pair(scene, ladder, range(1, len(ladder)), pose)
             if pair is None:
                 continue
             before = {}

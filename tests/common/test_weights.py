@@ -21,7 +21,7 @@ from tigas_common.weights import (
     parse_weights,
     read_weights,
 )
-from tigas_common.wire.render import DEFAULT_LADDER
+from tigas_common.wire.render import DEFAULT_LADDER, Rung
 
 NETWORK = NetworkInfo(rung=2, width=640, height=360, quality=35, scale=2, layers=3, channels=8, gain_db=1.25)
 
@@ -99,11 +99,33 @@ def test_only_a_regular_file_of_bounded_size_is_read(tmp_path: Path) -> None:
             read_weights(path)
 
 
-def test_weights_fit_the_scene_and_the_ladder_that_they_were_trained_for() -> None:
+def test_weights_fit_the_scene_that_they_were_trained_for_and_ladders_with_rungs_of_about_their_sizes() -> None:
     weights = made(NETWORK)
     assert weights.misfit(weights.scene_sha256, DEFAULT_LADDER) is None
     assert replace(weights, scene_sha256=GENERAL).misfit("cd" * 32, DEFAULT_LADDER) is None
     for other in ("cd" * 32, None):
         assert "changed since" in (weights.misfit(other, DEFAULT_LADDER) or "")
-    for ladder in (DEFAULT_LADDER[:2], DEFAULT_LADDER[::-1]):
-        assert "another ladder: rung 2" in (weights.misfit(weights.scene_sha256, ladder) or "")
+    assert weights.misfit(weights.scene_sha256, DEFAULT_LADDER[::-1]) is None
+    assert "frames of other sizes" in (weights.misfit(weights.scene_sha256, DEFAULT_LADDER[:2]) or "")
+
+
+@pytest.mark.parametrize(
+    ("height", "quality", "expected"),
+    [
+        (450, 35, (360, 35)),
+        (451, 35, None),
+        (288, 57, (360, 35)),
+        (287, 35, None),
+        (225, 90, (180, 10)),
+        (360, 58, (360, 80)),
+    ],
+)
+def test_a_rung_has_the_network_for_the_nearest_size_if_one_is_near(
+    height: int, quality: int, expected: tuple[int, int] | None
+) -> None:
+    trained = ((360, 35), (360, 80), (180, 10))
+    networks = tuple(NETWORK.model_copy(update={"height": h, "quality": q}) for h, q in trained)
+    weights = replace(made(NETWORK), networks=networks)
+    rung = Rung(name="", width=640, height=height, quality=quality, expected_kb=1)
+    found = weights.network_for(rung)
+    assert (found and (found.height, found.quality)) == expected

@@ -9,9 +9,10 @@ import torch
 
 from tests.common.test_weights import NETWORK, made
 from tigas_common.weights import parse_weights
+from tigas_common.wire.render import DEFAULT_LADDER, Rung
 from tigas_enhance.errors import NothingToLearn
 from tigas_enhance.network import Network
-from tigas_enhance.tuning import gaining, rounded, to_network, to_tensors
+from tigas_enhance.tuning import gaining, rounded, to_network, to_tensors, training_rungs
 
 
 def test_networks_that_make_nothing_better_are_left_out() -> None:
@@ -30,3 +31,14 @@ def test_a_network_is_the_same_after_it_was_written_and_read() -> None:
     written = replace(made(NETWORK), tensors=to_tensors(NETWORK.rung, network))
     pictures = torch.rand(1, 3, 12, 16)
     assert torch.equal(to_network(NETWORK, parse_weights(written.to_bytes()))(pictures), network(pictures))
+
+
+def test_of_many_rungs_those_are_trained_for_that_serve_the_most() -> None:
+    def ladder(*heights: int) -> list[Rung]:
+        return [Rung(name=f"{i}", width=640, height=h, quality=50, expected_kb=9) for i, h in enumerate(heights)]
+
+    assert training_rungs(DEFAULT_LADDER) == (1, 2, 3)
+    assert training_rungs(DEFAULT_LADDER[:2]) == (1,)
+    assert training_rungs(ladder(720, 630, 540, 468, 300, 220, 200, 180, 144)) == (2, 4, 7)
+    with pytest.raises(NothingToLearn, match="one rung only"):
+        training_rungs(DEFAULT_LADDER[:1])

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -32,6 +33,8 @@ FILE = "enhance.safetensors"
 GENERAL = "general"
 """In the place of a scene's SHA-256: trained on several scenes, for any."""
 MAX_BYTES = 1_000_000
+NEAR = 1.25
+"""A network serves rungs of up to so many times its own rung's height, and down to as small a part of it."""
 _METADATA = ("architecture", "scene_sha256", "networks", "created", "version")
 
 
@@ -72,6 +75,11 @@ class _Networks(WireModel):
     networks: Entries[NetworkInfo]
 
 
+def distance(trained: NetworkInfo | Rung, rung: Rung) -> tuple[float, int]:
+    """How far a rung is from the one that a network was trained for: by height, and by quality if that is the same."""
+    return abs(math.log(trained.height / rung.height)), abs(trained.quality - rung.quality)
+
+
 @dataclass(frozen=True, slots=True)
 class Weights:
     """A file's content."""
@@ -89,15 +97,17 @@ class Weights:
         """Why a scene with this file cannot be enhanced with these weights, in one sentence."""
         if self.scene_sha256 not in (GENERAL, scene_sha256):
             return "These are weights for a scene whose file has changed since; train them again."
-        for network in self.networks:
-            rung = ladder[network.rung] if network.rung < len(ladder) else None
-            if rung is None or (rung.width, rung.height, rung.quality) != (
-                network.width,
-                network.height,
-                network.quality,
-            ):
-                return f"These weights were trained for another ladder: rung {network.rung} differs; train them again."
+        if all(self.network_for(rung) is None for rung in ladder):
+            return "These weights were trained for frames of other sizes than the ladder's; train them again."
         return None
+
+    def network_for(self, rung: Rung) -> NetworkInfo | None:
+        """The network that was trained for the size nearest to a rung's, of those of about its height.
+
+        Of two equally near, the one for the nearer quality; None: its frames are enlarged bicubically.
+        """
+        near = [each for each in self.networks if 1 / NEAR <= each.height / rung.height <= NEAR]
+        return min(near, key=lambda each: distance(each, rung), default=None)
 
     def to_bytes(self) -> bytes:
         """The file."""

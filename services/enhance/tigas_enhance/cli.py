@@ -61,7 +61,7 @@ def train(
             raise StartError("--out is for one set: give one scene, or --general.")
         files = [out or _file(scenes, None if general else each[0]) for each in sets]
         where = _device(device)
-        with _renderer(render, scenes, device) as renderer:
+        with _renderer(render, scenes, device, own_ladders=not general) as renderer:
             for each, file in zip(sets, files, strict=True):
                 with _listening(as_json) as listener:
                     weights = tune(renderer, each, seconds or SECONDS[where.type], where, listener, general=general)
@@ -89,23 +89,25 @@ def evaluate(
         read = read_weights(weights or _file(scenes, name))
         where = _device(device)
         with _renderer(render, scenes, device) as renderer:
-            scene, ladder = renderer.load(name), renderer.ladder()
+            scene = renderer.load(name)
+            ladder = renderer.ladder(scene)
             if problem := read.misfit(scene.file_sha256 or built_in_digest(name), ladder):
                 raise StartError(problem)
-            pairs = held_out_pairs(renderer, scene, ladder, views)
+            networks = {rung: network for rung, each in enumerate(ladder) if (network := read.network_for(each))}
+            pairs = held_out_pairs(renderer, scene, ladder, tuple(networks), views)
         from rich.table import Table
 
         from tigas_enhance.evaluate import bicubic_scores, enhanced_scores, interval
         from tigas_enhance.tuning import to_network
 
         table = Table("rung", "bicubic", "enhanced", "gain, dB", "95 %", "SSIM", box=None)
-        for network in read.networks:
-            plain = bicubic_scores(pairs, network.rung, where)
-            better = enhanced_scores(pairs, network.rung, to_network(network, read), where)
+        for rung, network in networks.items():
+            plain = bicubic_scores(pairs, rung, where)
+            better = enhanced_scores(pairs, rung, to_network(network, read), where)
             gains = better.psnr - plain.psnr
             low, high = interval(gains)
             table.add_row(
-                f"{network.rung}  {network.width} × {network.height}",
+                f"{rung}  {ladder[rung].width} × {ladder[rung].height}",
                 f"{plain.psnr.mean():.2f} dB",
                 f"{better.psnr.mean():.2f} dB",
                 f"{gains.mean():+.2f}",
@@ -142,13 +144,14 @@ def _device(name: str) -> torch.device:
 
 
 @contextmanager
-def _renderer(url: str | None, scenes: Path | None, device: str) -> Iterator[Renderer]:
+def _renderer(url: str | None, scenes: Path | None, device: str, *, own_ladders: bool = True) -> Iterator[Renderer]:
     """The service at a URL, or one that is started for the while."""
     from tigas_enhance.pairs import Renderer
     from tigas_enhance.renderer_process import render_service
 
     with ExitStack() as stack:
-        yield stack.enter_context(Renderer(url or stack.enter_context(render_service(scenes, device))))
+        started = render_service(scenes, device, own_ladders=own_ladders)
+        yield stack.enter_context(Renderer(url or stack.enter_context(started)))
 
 
 @contextmanager

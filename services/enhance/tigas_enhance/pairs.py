@@ -6,7 +6,7 @@ import io
 import time
 from collections import deque
 from collections.abc import Iterable, Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from itertools import islice
 from types import TracebackType
@@ -67,35 +67,40 @@ class Renderer:
         self._pool.shutdown(cancel_futures=True)
         self._http.close()
 
-    def ladder(self) -> tuple[Rung, ...]:
-        """The service's quality ladder."""
-        return _read(ServerConfig, self._ask("GET", "/config.json")).ladder
+    def ladder(self, scene: SceneInfo) -> tuple[Rung, ...]:
+        """What profiles count in for a scene."""
+        return scene.ladder or _read(ServerConfig, self._ask("GET", "/config.json")).ladder
 
     def load(self, scene_id: str) -> SceneInfo:
         """A scene that is loaded, so that its camera and its file's digest are known."""
         return _read(SceneInfo, self._ask("POST", f"/scenes/{quote(scene_id, safe='')}/load"))
 
-    def pairs(self, scene: SceneInfo, ladder: Sequence[Rung], poses: Iterable[Pose]) -> Iterator[Pair]:
+    def pairs(
+        self, scene: SceneInfo, ladder: Sequence[Rung], rungs: Sequence[int], poses: Iterable[Pose]
+    ) -> Iterator[Pair]:
         """The views that show something, in order; as many at once as there are workers."""
         waiting = iter(poses)
-        running = deque(self._pool.submit(self.pair, scene, ladder, pose) for pose in islice(waiting, self._workers))
+
+        def begun(number: int) -> list[Future[Pair | None]]:
+            return [self._pool.submit(self.pair, scene, ladder, rungs, pose) for pose in islice(waiting, number)]
+
+        running = deque(begun(self._workers))
         while running:
             pair = running.popleft().result()
-            running.extend(self._pool.submit(self.pair, scene, ladder, pose) for pose in islice(waiting, 1))
+            running.extend(begun(1))
             if pair is not None:
                 yield pair
 
-    def pair(self, scene: SceneInfo, ladder: Sequence[Rung], pose: Pose) -> Pair | None:
-        """One view at the best rung's size; None if it shows next to nothing."""
+    def pair(self, scene: SceneInfo, ladder: Sequence[Rung], rungs: Sequence[int], pose: Pose) -> Pair | None:
+        """One view at the best rung's size, and its frames of these rungs; None if it shows next to nothing."""
         lens = intrinsics(ladder[0].width, ladder[0].height)
         full = self.picture(RenderRequest.at(scene.id, pose, lens, format="png"))
         background = np.round(np.array(scene.background) * 255).astype(np.int16)
         content = (np.abs(full.astype(np.int16) - background) > 1).any(axis=2)
         if content.mean() < LEAST_CONTENT:
             return None
-        low = range(1, len(ladder))
-        rungs = {rung: self.picture(RenderRequest.at(scene.id, pose, lens, profile=rung)) for rung in low}
-        return Pair(full, content, rungs)
+        frames = {rung: self.picture(RenderRequest.at(scene.id, pose, lens, profile=rung)) for rung in rungs}
+        return Pair(full, content, frames)
 
     def picture(self, request: RenderRequest) -> Pixels:
         """A frame's pixels [H, W, 3]."""

@@ -15,12 +15,14 @@ STOP_S = 5
 
 
 @contextmanager
-def render_service(scenes: Path | None, device: str) -> Iterator[str]:
+def render_service(scenes: Path | None, device: str, *, own_ladders: bool = True) -> Iterator[str]:
     """The URL of a render service on this machine, which ends with the context, or with us if we are killed.
 
+    own_ladders: whether scenes have ladders of their own, or all have the paper's.
     Raises RenderFailed with what it said if it does not start.
     """
-    options = ["--http", "127.0.0.1:0", "--quic", "off", "--device", device]
+    ladder = "scene" if own_ladders else "paper"
+    options = ["--http", "127.0.0.1:0", "--quic", "off", "--device", device, "--ladder", ladder]
     command = with_parent(tigas("render", *options, *(["--scenes", str(scenes)] if scenes else [])))
     process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, start_new_session=True)
     try:

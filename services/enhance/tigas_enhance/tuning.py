@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from importlib.metadata import version
-from itertools import islice
+from itertools import combinations, islice
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from tigas_common.weights import GENERAL, NetworkInfo, Weights, built_in_digest
+from tigas_common.weights import GENERAL, NEAR, NetworkInfo, Weights, built_in_digest, distance
 from tigas_common.wire.render import Rung, SceneInfo
 from tigas_enhance.errors import NothingToLearn
 from tigas_enhance.evaluate import bicubic_scores, enhanced_scores
@@ -24,6 +25,8 @@ from tigas_enhance.views import held_out_views, training_views
 
 RENDERING = 0.25
 """The share of the time in which views are rendered, at most."""
+NETWORKS = 3
+"""So many are trained for a ladder, at most."""
 TRIES = 4
 """So many poses are tried for a view that shows something."""
 HELD_OUT = {"cpu": 4, "cuda": 12}
@@ -51,22 +54,48 @@ class SceneViews:
 
 
 def collect(
-    renderer: Renderer, scene_id: str, ladder: Sequence[Rung], number: int, held_out: int, until: float
+    renderer: Renderer, scene: SceneInfo, ladder: Sequence[Rung], number: int, held_out: int, until: float
 ) -> SceneViews:
     """A scene's views: so many, or as many as are rendered until a time of the monotonic clock.
 
     Raises RenderFailed and NothingToLearn.
     """
-    if len(ladder) < 2:
-        raise NothingToLearn("The ladder has one rung only, and that needs no enhancement.")
-    scene = renderer.load(scene_id)
-    training = renderer.pairs(scene, ladder, islice(training_views(scene), TRIES * number))
-    return SceneViews(scene, several(training, number, until), held_out_pairs(renderer, scene, ladder, held_out))
+    rungs = training_rungs(ladder)
+    training = renderer.pairs(scene, ladder, rungs, islice(training_views(scene), TRIES * number))
+    tests = held_out_pairs(renderer, scene, ladder, rungs, held_out)
+    return SceneViews(scene, several(training, number, until), tests)
 
 
-def held_out_pairs(renderer: Renderer, scene: SceneInfo, ladder: Sequence[Rung], number: int) -> list[Pair]:
+def held_out_pairs(
+    renderer: Renderer, scene: SceneInfo, ladder: Sequence[Rung], rungs: Sequence[int], number: int
+) -> list[Pair]:
     """The views of a scene that no training sees. Raises RenderFailed and NothingToLearn."""
-    return several(renderer.pairs(scene, ladder, held_out_views(scene, TRIES * number)), number)
+    return several(renderer.pairs(scene, ladder, rungs, held_out_views(scene, TRIES * number)), number)
+
+
+def training_rungs(ladder: Sequence[Rung]) -> tuple[int, ...]:
+    """The rungs below the best that networks are trained for: all of a few, and NETWORKS of many.
+
+    Those that serve the most rungs, and of such the nearest to what they serve. Raises NothingToLearn.
+    """
+    low = range(1, len(ladder))
+    if not low:
+        raise NothingToLearn("The ladder has one rung only, and that needs no enhancement.")
+
+    def worth(chosen: tuple[int, ...]) -> tuple[int, float]:
+        away = [min(distance(ladder[trained], ladder[rung])[0] for trained in chosen) for rung in low]
+        served = [each for each in away if each <= math.log(NEAR)]
+        return len(served), -sum(served)
+
+    return max(combinations(low, min(NETWORKS, len(low))), key=worth)
+
+
+def common_ladder(renderer: Renderer, scenes: Sequence[SceneInfo]) -> tuple[Rung, ...]:
+    """The ladder of all of several scenes. Raises NothingToLearn if they differ."""
+    ladders = {renderer.ladder(scene) for scene in scenes}
+    if len(ladders) > 1:
+        raise NothingToLearn("The scenes have ladders of their own: start the render service with --ladder paper.")
+    return ladders.pop()
 
 
 def tune(
@@ -80,13 +109,14 @@ def tune(
 ) -> Weights:
     """Weights for the scene, or, if they are `general`, for any scene. Raises RenderFailed and NothingToLearn."""
     began = time.monotonic()
-    ladder = renderer.ladder()
+    scenes = [renderer.load(scene_id) for scene_id in scene_ids]
+    ladder = common_ladder(renderer, scenes)
     found = []
-    for index, scene_id in enumerate(scene_ids):
-        listener(f"rendering views of {scene_id}", RENDERING * index / len(scene_ids))
-        until = began + seconds * RENDERING * (index + 1) / len(scene_ids)
-        number = max(1, VIEWS[device.type] // len(scene_ids))
-        found.append(collect(renderer, scene_id, ladder, number, HELD_OUT[device.type], until))
+    for index, scene in enumerate(scenes):
+        listener(f"rendering views of {scene.id}", RENDERING * index / len(scenes))
+        until = began + seconds * RENDERING * (index + 1) / len(scenes)
+        number = max(1, VIEWS[device.type] // len(scenes))
+        found.append(collect(renderer, scene, ladder, number, HELD_OUT[device.type], until))
     return gaining(fit(found, ladder, began + seconds, device, listener, general=general))
 
 
@@ -101,7 +131,7 @@ def fit(
     general: bool = False,
 ) -> Weights:
     """Weights from views that are there, at a time of the monotonic clock."""
-    rungs = range(1, len(ladder))
+    rungs = training_rungs(ladder)
     training = [pair for scene in scenes for pair in scene.training]
     networks: list[NetworkInfo] = []
     tensors: dict[str, NDArray[np.float16]] = {}
@@ -109,7 +139,7 @@ def fit(
         share = (until - time.monotonic()) / (len(rungs) - len(networks))
 
         def report(done: float, rung: int = rung) -> None:
-            whole = RENDERING + (1 - RENDERING) * (rung - 1 + done) / len(rungs)
+            whole = RENDERING + (1 - RENDERING) * (rungs.index(rung) + done) / len(rungs)
             listener(f"training rung {rung} ({ladder[rung].width} × {ladder[rung].height})", whole)
 
         chosen = recipe or RECIPES[device.type]

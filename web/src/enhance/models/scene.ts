@@ -5,7 +5,7 @@
 
 import type { Rung } from "../../wire/render";
 import { EnhancementError, type Enhancer, type Loaded } from "../model/enhancer";
-import { readNetworks, requireRungs } from "../network/networks";
+import { networksFor, readNetworks } from "../network/networks";
 import { NetworkPipelines } from "../network/pipelines";
 
 export const SCENE: Enhancer = {
@@ -23,13 +23,14 @@ export const SCENE: Enhancer = {
 async function load(device: GPUDevice, weights: ArrayBuffer | null, ladder: readonly Rung[]): Promise<Loaded> {
   if (weights === null) throw new EnhancementError("there are no weights for this scene.");
   const networks = readNetworks(weights);
-  requireRungs(networks, ladder);
-  const pipelines = await Promise.all(networks.map((network) => NetworkPipelines.compile(device, network)));
-  const byRung = new Map(networks.map(({ rung }, i) => [rung, pipelines[i]]));
+  const chosen = networksFor(networks, ladder);
+  const used = [...new Set(chosen.filter((network) => network !== undefined))];
+  const compiled = await Promise.all(used.map((network) => NetworkPipelines.compile(device, network)));
+  const byRung = chosen.map((network) => (network === undefined ? undefined : compiled[used.indexOf(network)]));
   return {
-    run: (encoder, input, rung) => (rung === null ? undefined : byRung.get(rung))?.run(encoder, input) ?? input,
+    run: (encoder, input, rung) => (rung === null ? undefined : byRung[rung])?.run(encoder, input) ?? input,
     dispose: () => {
-      for (const each of pipelines) each.dispose();
+      for (const each of compiled) each.dispose();
     },
   };
 }

@@ -1,7 +1,8 @@
 import { expect, test } from "vitest";
+import type { Rung } from "../../wire/render";
 import { EnhancementError } from "../model/enhancer";
 import { type Header, LADDER, ONE, OTHER, safetensors, weights } from "./fake-weights";
-import { multiplications, readNetworks, requireRungs } from "./networks";
+import { multiplications, type Network, networksFor, readNetworks } from "./networks";
 
 const SOUND = weights([ONE, OTHER]);
 
@@ -92,12 +93,21 @@ test.each<[string, ArrayBuffer, RegExp]>([
   expect(() => readNetworks(file)).toThrow(/^[^\n]{1,400}\.$/);
 });
 
-test("networks are for this very ladder, or refused in a sentence", () => {
-  const networks = readNetworks(safetensors(SOUND.header, SOUND.data));
-  expect(() => requireRungs(networks, LADDER)).not.toThrow();
-  const better = LADDER.map((rung) => ({ ...rung, quality: rung.quality + 5 }));
-  expect(() => requireRungs(networks, better)).toThrow(
-    "its weights were trained for rung 1 of 32×18 pixels at quality 35, which this server's ladder does not have.",
+test("a rung has the network that was trained for the nearest size, and for the nearer quality of two, if one is near", () => {
+  const at = (height: number, quality: number) => ({ ...LADDER[0], width: (height * 16) / 9, height, quality }) as Rung;
+  const [one, other] = readNetworks(safetensors(SOUND.header, SOUND.data)) as [Network, Network];
+  const networks = [one, other, { ...one, quality: 80 }, { ...one, height: 24 }];
+  const chosen = networksFor(
+    networks,
+    [90, 30.1, 24, 18, 18, 14.4, 14.3, 9, 7].map((height, i) => at(height, i === 4 ? 70 : 40)),
   );
-  expect(() => requireRungs(networks, LADDER.slice(0, 2))).toThrow(/rung 2 of 16×9/);
+  expect(chosen).toEqual([undefined, undefined, networks[3], one, networks[2], one, undefined, other, undefined]);
+});
+
+test("networks that are near no rung are refused in a sentence", () => {
+  const networks = readNetworks(safetensors(SOUND.header, SOUND.data));
+  expect(() => networksFor(networks, LADDER)).not.toThrow();
+  expect(() => networksFor(networks, LADDER.slice(0, 1))).toThrow(
+    new EnhancementError("its weights were trained for frames of other sizes than this ladder's."),
+  );
 });

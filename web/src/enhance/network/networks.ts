@@ -38,7 +38,7 @@ export interface Layer {
 }
 
 export interface Network {
-  /** The rung whose frames it enhances. */
+  /** The rung that it was trained for, in the ladder of then. */
   readonly rung: number;
   /** Of that rung: pixels, and JPEG's quality. */
   readonly width: number;
@@ -103,14 +103,26 @@ function take(tensors: Map<string, Tensor>, name: string, shape: readonly number
   return tensor.halves;
 }
 
-/** Throws EnhancementError unless each network was trained for a rung of this ladder. */
-export function requireRungs(networks: readonly Network[], ladder: readonly Rung[]): void {
-  for (const { rung, width, height, quality } of networks) {
-    const own = ladder[rung];
-    if (own?.width === width && own.height === height && own.quality === quality) continue;
-    const trained = `rung ${rung} of ${width}×${height} pixels at quality ${quality}`;
-    throw new EnhancementError(`its weights were trained for ${trained}, which this server's ladder does not have.`);
+/** A network serves rungs of up to so many times its own rung's height, and down to as small a part of it. */
+const NEAR = 1.25;
+
+/**
+ * For each rung of a ladder the network that was trained for the nearest height; of two such, for the nearer quality. None where no
+ * height is near. Throws EnhancementError if that is so of all.
+ */
+export function networksFor(networks: readonly Network[], ladder: readonly Rung[]): (Network | undefined)[] {
+  const found = ladder.map((rung) => nearest(networks, rung));
+  if (found.every((network) => network === undefined)) {
+    throw new EnhancementError("its weights were trained for frames of other sizes than this ladder's.");
   }
+  return found;
+}
+
+function nearest(networks: readonly Network[], { height, quality }: Rung): Network | undefined {
+  const away = (network: Network) => Math.abs(Math.log(network.height / height));
+  return networks
+    .filter((network) => network.height <= NEAR * height && height <= NEAR * network.height)
+    .sort((a, b) => away(a) - away(b) || Math.abs(a.quality - quality) - Math.abs(b.quality - quality))[0];
 }
 
 /** Multiply-accumulate operations for a pixel of the frame, without the bilinear enlargement. */
