@@ -1,6 +1,6 @@
 // How far off the page's predictors of poses are, over movements (docs/prediction.md); --write saves what they predict.
-import { mkdirSync, readFileSync, writeFileSync } from "node:fs";
-import { basename, join } from "node:path";
+import { readFileSync, writeFileSync } from "node:fs";
+import { basename } from "node:path";
 import { fileURLToPath } from "node:url";
 import { parseArgs } from "node:util";
 import { runnerImport } from "vite";
@@ -11,7 +11,8 @@ const USAGE = `npm run predict-report -- [options] MOVEMENT.csv...
   --rate HZ           samples a second of the movements [as recorded, so that nothing of the future is between two]
   --steered SECONDS   also someone made up who steers by keys and pointer
   --each              a table for each movement
-  --write DIR         movements of what is predicted: at each time the pose that was foretold for it, NAME-PREDICTOR-MS.csv
+  --write FILE        a CSV of what is foretold: movement, predictor, t_ms (for when), horizon_ms and the pose, in the
+                      movement's own frame; one predictor at --rate 1000 is what \`benchmarks.reprojection\` takes
 `;
 
 async function load(name) {
@@ -33,15 +34,10 @@ async function main() {
     },
   });
   if (values.help || (positionals.length === 0 && values.steered === undefined)) return process.stdout.write(USAGE);
-  const [
-    { evaluate, predictions },
-    { recorded, steered },
-    { PREDICTOR_NAMES },
-    { tables },
-    { readMovement, writeMovement },
-  ] = await Promise.all(
-    ["predict/evaluate", "predict/courses", "predict/registry", "predict/report", "movement/movement"].map(load),
-  );
+  const [{ evaluate, predictions }, { recorded, steered }, { PREDICTOR_NAMES }, { tables }, { readMovement }] =
+    await Promise.all(
+      ["predict/evaluate", "predict/courses", "predict/registry", "predict/report", "movement/movement"].map(load),
+    );
   const horizons = values.horizon.map((text) => positive("--horizon", text));
   const rate = values.rate === undefined ? null : positive("--rate", values.rate);
   const predictors = values.predictor ?? PREDICTOR_NAMES;
@@ -72,21 +68,19 @@ async function main() {
     report(`Keys and pointer, ${seconds} s`, [() => steered(seconds, 1)]);
   }
   if (values.write === undefined) return;
-  mkdirSync(values.write, { recursive: true });
-  for (const { name, trace, course } of movements) {
-    for (const predictor of predictors) {
-      const { said, seen } = predictions(course(), predictor, horizons);
-      for (const [i, horizon] of horizons.entries()) {
-        // Until anything was foretold the camera is where it is.
-        const points = [...seen.filter(({ t_ms }) => t_ms < (said[i][0]?.t_ms ?? 0)), ...said[i]];
-        const comments = new Map([...trace.comments, ["predicted", `${predictor}, ${horizon} ms ahead`]]);
-        writeFileSync(
-          join(values.write, `${name}-${predictor}-${horizon}.csv`),
-          writeMovement({ ...trace, comments, points }),
-        );
-      }
-    }
-  }
+  const lines = movements.flatMap(({ name, course }) =>
+    predictors.flatMap((predictor) => {
+      const { said } = predictions(course(), predictor, horizons);
+      return horizons.flatMap((horizon, i) =>
+        said[i].map(({ t_ms, position, quaternion }) => {
+          const numbers = [t_ms, horizon, ...position, ...quaternion].map((value) => Number(value.toFixed(6)));
+          return [name, predictor, ...numbers].join();
+        }),
+      );
+    }),
+  );
+  const header = "movement,predictor,t_ms,horizon_ms,x,y,z,qx,qy,qz,qw";
+  writeFileSync(values.write, `${[header, ...lines].join("\n")}\n`);
 }
 
 function positive(option, text) {
