@@ -1,9 +1,8 @@
 // Compares controllers in the simulator over many different trace segments (docs/abr.md): paired differences with intervals.
 import { readFileSync, writeFileSync } from "node:fs";
 import { basename } from "node:path";
-import { fileURLToPath } from "node:url";
 import { parseArgs } from "node:util";
-import { runnerImport } from "vite";
+import { load } from "./page-module.mjs";
 
 const USAGE = `npm run abr-bench -- [options] TRACE.csv...
   --controller NAME   as abr-sim has them, and first-budget; may be repeated [all, first-budget and all fixed rungs]
@@ -27,11 +26,6 @@ const figuresWithin = (limit) => [
   ["switches/min", (f) => f.switches, 1],
   ["Mbit/s", (f) => f.bandwidth, 1],
 ];
-
-async function load(name) {
-  const path = fileURLToPath(new URL(`../src/${name}.ts`, import.meta.url));
-  return (await runnerImport(path, { configFile: false, logLevel: "error" })).module;
-}
 
 async function main() {
   const { values, positionals } = parseArgs({

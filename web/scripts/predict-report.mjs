@@ -1,9 +1,8 @@
 // How far off the page's predictors of poses are, over movements (docs/prediction.md); --write saves what they predict.
 import { readFileSync, writeFileSync } from "node:fs";
 import { basename } from "node:path";
-import { fileURLToPath } from "node:url";
 import { parseArgs } from "node:util";
-import { runnerImport } from "vite";
+import { load } from "./page-module.mjs";
 
 const USAGE = `npm run predict-report -- [options] MOVEMENT.csv...
   --predictor NAME    may be repeated [all]
@@ -14,11 +13,6 @@ const USAGE = `npm run predict-report -- [options] MOVEMENT.csv...
   --write FILE        a CSV of what is foretold: movement, predictor, t_ms (for when), horizon_ms and the pose, in the
                       movement's own frame; one predictor at --rate 1000 is what \`benchmarks.reprojection\` takes
 `;
-
-async function load(name) {
-  const path = fileURLToPath(new URL(`../src/${name}.ts`, import.meta.url));
-  return (await runnerImport(path, { configFile: false, logLevel: "error" })).module;
-}
 
 async function main() {
   const { values, positionals } = parseArgs({

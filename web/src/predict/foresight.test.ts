@@ -1,0 +1,54 @@
+import { beforeEach, expect, test } from "vitest";
+import { NO_INPUT } from "../view/motion";
+import { Rig } from "../view/rig";
+import type { SceneInfo } from "../wire/render";
+import { Foresight } from "./foresight";
+import type { PredictorName } from "./registry";
+
+const SCENE = { up: [0, -1, 0], camera: { position: [0, 0, -4], look_at: [0, 0, 0] } } as SceneInfo;
+
+let chosen: PredictorName;
+let rig: Rig;
+let foresight: Foresight;
+let now: number;
+
+beforeEach(() => {
+  chosen = "velocity";
+  now = 1000;
+  rig = new Rig({ sampleInput: () => NO_INPUT, turnSpeed: () => 60 });
+  rig.enter(SCENE);
+  rig.drive((at) => ({ position: [at / 1000, 0, 0], quaternion: [0, 0, 0, 1] }));
+  foresight = new Foresight(rig, () => chosen);
+});
+
+/** Animation frames every 10 ms, each with a frame that was asked for 100 ms before; how far ahead the last one looks (m). */
+function frames(count: number, arrive: (askedAt: number, now: number) => void): number {
+  let [x] = rig.pose.position;
+  for (let i = 0; i < count; i++) {
+    now += 10;
+    arrive(now - 100, now);
+    rig.sample(now);
+    [x] = foresight.pose(now).position;
+  }
+  return x - rig.pose.position[0];
+}
+
+test("looks as far ahead as frames take, which are shown as they come", () => {
+  expect(frames(20, () => undefined)).toBe(0);
+  expect(frames(20, (askedAt, at) => foresight.shown(askedAt, at))).toBeCloseTo(0.105, 6);
+});
+
+test("and to when they were drawn, where they are turned", () => {
+  expect(frames(20, (askedAt) => foresight.turned(askedAt))).toBeCloseTo(0.095, 6);
+});
+
+test("another choice holds at once, and of another connection nothing is known", () => {
+  const shown = (askedAt: number, at: number) => foresight.shown(askedAt, at);
+  frames(20, shown);
+  chosen = "off";
+  expect(frames(10, shown)).toBe(0);
+  chosen = "velocity";
+  expect(frames(10, shown)).toBeCloseTo(0.105, 6);
+  foresight.reset();
+  expect(frames(10, () => undefined)).toBe(0);
+});
