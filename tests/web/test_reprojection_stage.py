@@ -228,6 +228,23 @@ def test_what_is_enlarged_is_as_sharp_as_bicubic_makes_it(stage: Stage) -> None:
     assert np.quantile(difference, 0.99) <= 2
 
 
+def test_a_slow_graphics_processor_draws_a_simpler_picture(stage: Stage) -> None:
+    frame = noise(96, 54)
+    stage.take(frame, HOME)
+    bicubic = stage.draw(HOME, enlarged=2)
+    stage.page.evaluate("""async () => {
+      const context = canvas.getContext("webgl2");
+      const ask = context.getQueryParameter.bind(context);
+      context.getQueryParameter = (query, name) => (name === context.QUERY_RESULT ? 20e6 : ask(query, name));
+    }""")
+    for _ in range(30):
+        stage.draw(HOME, enlarged=2)
+    assert stage.page.evaluate("warp.gpuMs") == 20
+    simple = stage.draw(HOME, enlarged=2)
+    expected = np.asarray(Image.fromarray(frame).resize((192, 108), Image.Resampling.BILINEAR))
+    assert psnr(simple, expected) > psnr(bicubic, expected) + 6
+
+
 def test_what_shrinks_does_not_flicker(stage: Stage) -> None:
     fine = np.kron(np.indices((108, 192)).sum(axis=0) % 2, np.ones((1, 1)))
     stage.take(np.repeat((255 * fine).astype(np.uint8)[..., None], 3, axis=2), HOME.scaled(2))

@@ -1,11 +1,15 @@
 /** How long what was drawn took the graphics processor, where it tells: the answer comes some frames later. */
 
+import { median } from "../enhance/median";
+
 /** EXT_disjoint_timer_query_webgl2. */
 interface TimerExtension {
   readonly TIME_ELAPSED_EXT: GLenum;
   readonly GPU_DISJOINT_EXT: GLenum;
 }
 
+/** Times that count. */
+const REMEMBERED = 15;
 /** While so many are awaited, nothing is timed. */
 const MOST_AWAITED = 4;
 
@@ -14,12 +18,16 @@ export class GpuTimer {
   readonly #extension: TimerExtension | null;
   #awaited: readonly WebGLQuery[] = [];
   #running: WebGLQuery | null = null;
-  /** The newest that is known, in milliseconds. */
-  ms: number | null = null;
+  readonly #times: number[] = [];
 
   constructor(gl: WebGL2RenderingContext) {
     this.#gl = gl;
     this.#extension = gl.getExtension("EXT_disjoint_timer_query_webgl2") as TimerExtension | null;
+  }
+
+  /** The median of the last ones, in milliseconds; null until there are enough of them. */
+  get ms(): number | null {
+    return this.#times.length < REMEMBERED ? null : median(this.#times);
   }
 
   begin(): void {
@@ -46,10 +54,13 @@ export class GpuTimer {
     const gl = this.#gl;
     const waiting = this.#awaited.findIndex((query) => !gl.getQueryParameter(query, gl.QUERY_RESULT_AVAILABLE));
     const done = waiting === -1 ? this.#awaited : this.#awaited.slice(0, waiting);
-    const newest = done.at(-1);
     // The clock was interrupted, for instance by a change of the processor's frequency: what it says means nothing.
-    if (newest && !gl.getParameter(GPU_DISJOINT_EXT)) this.ms = gl.getQueryParameter(newest, gl.QUERY_RESULT) / 1e6;
-    for (const query of done) gl.deleteQuery(query);
+    const absurd = done.length > 0 && gl.getParameter(GPU_DISJOINT_EXT);
+    for (const query of done) {
+      if (!absurd) this.#times.push(gl.getQueryParameter(query, gl.QUERY_RESULT) / 1e6);
+      gl.deleteQuery(query);
+    }
+    this.#times.splice(0, this.#times.length - REMEMBERED);
     this.#awaited = this.#awaited.slice(done.length);
   }
 }

@@ -23,13 +23,13 @@ void main() {
 }`;
 
 /**
- * A grid over the frame, a strip of triangles to each instance: vertices at the centres of the depth's pixels and along the edge.
+ * A grid over the frame, a strip of triangles to each instance: vertices in the middle of its cells and along the edge.
  * Without depth, everything lies on a sphere around the frame's camera. Nothing is divided by depth, so infinitely far is like far.
  */
 export const MESH_VERTEX = `${HEAD}
 uniform mat3 u_turn; // from the frame's (u, v, 1), 0 to 1, to clip space's x, y, w
 uniform vec3 u_shift; // of a point at inverse depth 1
-uniform vec2 u_cells; // the depth's pixels
+uniform vec2 u_cells; // of the grid
 uniform bool u_has_depth;
 uniform sampler2D u_depth;
 uniform float u_nearest; // inverse depth of code 255, or of the sphere's radius
@@ -40,14 +40,13 @@ void main() {
   vec2 vertex = vec2(gl_VertexID >> 1, gl_InstanceID + (gl_VertexID & 1));
   v_at = clamp((vertex - 0.5) / u_cells, 0.0, 1.0);
   vec3 at = vec3(v_at, 1.0);
-  ivec2 cell = ivec2(clamp(vertex - 1.0, vec2(0.0), u_cells - 1.0));
-  float inverse_depth = u_nearest * (u_has_depth ? texelFetch(u_depth, cell, 0).r : length(u_ray * at));
+  float inverse_depth = u_nearest * (u_has_depth ? texture(u_depth, v_at).r : length(u_ray * at));
   vec3 clip = u_turn * at + inverse_depth * u_shift;
   // Divided by w, z falls with inverse depth in the view, from just before the far end to the near one.
   gl_Position = vec4(clip.xy, 0.999 * clip.z - 1.999 * inverse_depth / u_limit, clip.z);
 }`;
 
-/** Catmull-Rom where the frame is enlarged (nine bilinear taps), the mean of four bilinear ones where it shrinks. */
+/** Catmull-Rom where the frame is enlarged (nine bilinear taps), the mean of four bilinear ones where it shrinks; or one, to be quick. */
 const SAMPLE = `
 vec3 tap(vec2 at) {
   return textureLod(u_frame, at, 0.0).rgb;
@@ -76,11 +75,13 @@ vec3 sharp(vec2 at) {
 export const MESH_FRAGMENT = `${HEAD}
 uniform sampler2D u_frame;
 uniform float u_step; // from one pixel of the target to the next, in the frame's
+uniform bool u_quick;
 in vec2 v_at;
 out vec4 color;
 ${SAMPLE}
 void main() {
-  vec3 picture = u_step > 1.25 ? mean(v_at, 0.25 * u_step / vec2(textureSize(u_frame, 0))) : sharp(v_at);
+  vec3 picture = u_quick ? tap(v_at)
+    : u_step > 1.25 ? mean(v_at, 0.25 * u_step / vec2(textureSize(u_frame, 0))) : sharp(v_at);
   color = vec4(picture, 1.0);
 }`;
 

@@ -29,6 +29,8 @@ interface Resources {
   readonly timer: GpuTimer;
 }
 
+/** Milliseconds: half of what a display of 60 Hz has for a frame. */
+const SLOW = 8;
 /** Opaque pictures come with alpha, and what was never seen is transparent. */
 const CONTEXT: WebGLContextAttributes = { alpha: true, premultipliedAlpha: true, antialias: false, depth: true };
 
@@ -41,6 +43,8 @@ export class Warp {
   #frame: View | null = null;
   /** The cache has not got it yet. */
   #fresh = false;
+  /** The graphics processor is too slow for the sharpest picture. */
+  #slow = false;
 
   /** The canvas is its own from now on. Never throws: see `working`. */
   constructor(canvas: HTMLCanvasElement, options: WarpOptions) {
@@ -57,7 +61,7 @@ export class Warp {
     return this.#resources !== null;
   }
 
-  /** The graphics processor's time for one of the last draws, in milliseconds; null where it does not tell. */
+  /** The graphics processor's time for a draw, median of the last ones, in milliseconds; null where it does not tell. */
   get gpuMs(): number | null {
     return this.#resources?.timer.ms ?? null;
   }
@@ -80,6 +84,7 @@ export class Warp {
     if (this.#gl === null || this.#resources === null || width === 0 || height === 0) return;
     const { timer } = this.#resources;
     timer.begin();
+    this.#slow ||= timer.ms !== null && timer.ms > SLOW;
     this.#draw(this.#gl, this.#resources, resized(view, width, height));
     timer.end();
   }
@@ -119,7 +124,7 @@ export class Warp {
       copy.integer("u_height", view.height);
       gl.drawArrays(gl.TRIANGLES, 0, 3);
     } else {
-      mesh.draw(frame, view, 1 / distance);
+      mesh.draw(frame, view, 1 / distance, this.#slow);
       cache.draw(view);
     }
   }
