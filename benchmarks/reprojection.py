@@ -15,8 +15,8 @@ moment itself by PSNR and SSIM.
 
 The border is the share of the view that lies outside the frame with its margins; it is filled with the frame's edge.
 Moments at which next to nothing of the scene is in sight are left out. Means over moments; PSNR of equal pictures
-counts as 60 dB. At the end: how squared error grows with the way from the frame's pose to the view, which a controller
-needs to know (`fitted`). `--depths` compares kinds of depth instead.
+counts as 60 dB. At the end: how squared error grows with how far the view has turned since the frame's pose, which a
+controller needs to know (`fitted`). `--depths` compares kinds of depth instead.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ import typer
 from numpy.typing import NDArray
 from rich.console import Console
 from rich.table import Table
-from scipy.optimize import lsq_linear
+from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
 from benchmarks.reprojection_depth import KINDS, DepthScene
@@ -50,6 +50,7 @@ from tigas_render.raster.base import Camera
 from tigas_render.raster.cpu import CpuRasterizer
 from tigas_render.scenes.demo import DEMO_METADATA
 
+TURN_DEG = 4.0
 IN_SIGHT = 0.1
 """Moments at which less of the view than this differs from the background say nothing."""
 HORIZONS_MS = (20, 50, 100, 200, 300)
@@ -190,20 +191,21 @@ def walked(path: Path, info: SceneInfo) -> Walk:
     return Walk(path.stem, MovementTrace(times, positions, quaternions, "scene", "scene"))
 
 
-def fitted(samples: list[Sample]) -> tuple[Floats, float]:
-    """How squared error grows with what changed between a frame's pose and the view: [at once, per degree, per shift,
-    per border] of frames shown in one way, and the share of the variance between moments that this explains.
+def fitted(samples: list[Sample]) -> tuple[float, float]:
+    """How squared error grows with how far the view has turned since the frame's pose: error at TURN_DEG, and power.
 
-    The power of natural pictures falls as 1/f², so the squared difference of two of which one has moved grows in
-    proportion to the way; a border that is made up differs by a constant. Least squares, none below 0.
+    A power law, by least squares of the root of the error over all moments, so that large errors do not decide alone.
+    People walk while they turn, so the way they went is in it, and so is the border.
     """
-    rows = np.array([[1.0, one.turn_deg, one.shift, one.border] for one in samples])
-    found = np.array([one.mse for one in samples])
-    weights = 1 / np.maximum(np.sqrt(found), 1)  # errors range over decades; the small ones count, too
-    solution = lsq_linear(rows * weights[:, None], found * weights, bounds=(0, np.inf)).x
-    total = float(np.sum(np.square(weights * (found - np.average(found, weights=weights**2)))))
-    left = float(np.sum(np.square(weights * (found - rows @ solution))))
-    return solution, 1 - left / total if total else 0.0
+    turns = np.array([max(one.turn_deg, 0.05) / TURN_DEG for one in samples])
+    roots = np.sqrt([one.mse for one in samples])
+
+    def off(law: Floats) -> Floats:
+        result: Floats = np.exp(law[0] / 2) * turns ** (law[1] / 2) - roots
+        return result
+
+    log_error, power = least_squares(off, x0=(math.log(np.mean(roots**2) + 1e-3), 1.0), bounds=([-9, 0], [12, 4])).x
+    return math.exp(log_error), float(power)
 
 
 def main(
@@ -267,15 +269,17 @@ def _table(title: str, samples: list[Sample], ways: list[str], *, depths: bool) 
 
 
 def _fits(samples: list[Sample], scenes: list[str | None], ways: list[str]) -> Table:
-    table = Table(title="Squared error of 8-bit RGB over the change of the view", title_justify="left")
-    for heading in ("scene", "way", "always", "per degree", "per shift", "per border", "explained"):
+    horizons = sorted({one.horizon_ms for one in samples})
+    table = Table(title=f"Squared error of 8-bit RGB: mean by age, and error · (turn / {TURN_DEG:g}°)^power")
+    for heading in ("scene", "way", *(f"{horizon} ms" for horizon in horizons), "error", "power"):
         table.add_column(heading, justify="right")
     for scene in scenes:
         for way in ways:
             own = [one for one in samples if one.way == way and scene in (None, one.scene)]
-            (always, degree, shift, border), explained = fitted(own)
-            row = (f"{always:.1f}", f"{degree:.1f}", f"{shift:.0f}", f"{border:.0f}", f"{explained:.0%}")
-            table.add_row(scene or "all scenes", way, *row)
+            means = [_mean([one for one in own if one.horizon_ms == horizon], "mse") for horizon in horizons]
+            error, power = fitted(own)
+            cells = (*(f"{mean:.1f}" for mean in means), f"{error:.1f}", f"{power:.2f}")
+            table.add_row(scene or "all scenes", way, *cells)
     return table
 
 
