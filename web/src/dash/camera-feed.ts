@@ -1,0 +1,96 @@
+/**
+ * Tells the packager of the camera, and remembers what each message said: each frame of the stream names the message that it was
+ * rendered from.
+ */
+import type { Foresight } from "../predict/foresight";
+import type { View } from "../reproject/view";
+import type { ScenePose } from "../view/camera";
+import type { Intrinsics, Viewport } from "../view/intrinsics";
+import { type Rig, samePose } from "../view/rig";
+import type { PoseUpdate } from "../wire/dash";
+import { widened } from "./wider";
+
+/** What a message said. */
+export interface Told {
+  /** The number of the rig's pose. */
+  readonly pose: number;
+  /** When, on the page's clock. */
+  readonly at: number;
+  /** What the frame shows, in a picture of the session's size. */
+  readonly view: View;
+}
+
+export interface CameraFeedOptions {
+  readonly rig: Rig;
+  readonly foresight: Foresight;
+  /** How much more the stream shows at each side; null: it is shown as it comes. */
+  readonly overscan: number | null;
+}
+
+export class CameraFeed {
+  /** Frames come a few messages after theirs; so many are remembered. */
+  static readonly KEPT = 1200;
+  readonly #options: CameraFeedOptions;
+  readonly #told = new Map<number, Told>();
+  /** A lens for another viewport is not one for this stream. */
+  readonly #viewport: Viewport;
+  #lens: Intrinsics;
+  /** The last message; null before the first. */
+  #last: (Told & { readonly camera: ScenePose; readonly lens: Intrinsics }) | null = null;
+  #number = 0;
+
+  constructor(options: CameraFeedOptions) {
+    this.#options = options;
+    this.#viewport = options.rig.viewport.peek();
+    this.#lens = options.rig.intrinsics.peek();
+  }
+
+  /** A stream is opened: the view that it begins with, as message 0. */
+  open(now: number): View {
+    const { rig } = this.#options;
+    this.#told.clear();
+    this.#last = null;
+    this.#number = 0;
+    this.#followLens();
+    const view = this.#view(rig.pose);
+    this.#told.set(0, { pose: rig.pose.seq, at: now, view });
+    return view;
+  }
+
+  /** Once per animation frame: `send` is called if there is something new, and tells whether it went out. */
+  follow(now: number, send: (update: PoseUpdate) => boolean): void {
+    const { rig, foresight, overscan } = this.#options;
+    const camera = foresight.pose(now);
+    const pose = rig.pose.seq;
+    this.#followLens();
+    const last = this.#last;
+    if (last && last.pose === pose && last.lens === this.#lens && samePose(last.camera, camera)) return;
+    // One pose may be told more than once, as another prediction or through another lens: to turn a frame one must know which it is.
+    const number = overscan === null ? pose : this.#number + 1;
+    const view = this.#view(camera);
+    const { fx, fy, cx, cy } = view;
+    if (!send({ ...camera, fx, fy, cx, cy, seq: number })) return;
+    this.#number = number;
+    this.#last = { pose, at: now, view, camera, lens: this.#lens };
+    this.#told.set(number, this.#last);
+    for (const old of this.#told.keys()) {
+      if (this.#told.size <= CameraFeed.KEPT) break;
+      this.#told.delete(old);
+    }
+  }
+
+  /** What the message of this number said; undefined if there was none, or long ago. */
+  told(number: number): Told | undefined {
+    return this.#told.get(number);
+  }
+
+  /** In pixels of the session's viewport. */
+  #view({ position, quaternion }: ScenePose): View {
+    return widened({ position, quaternion, ...this.#viewport, ...this.#lens }, this.#options.overscan ?? 0);
+  }
+
+  #followLens(): void {
+    const { rig } = this.#options;
+    if (rig.viewport.peek() === this.#viewport) this.#lens = rig.intrinsics.peek();
+  }
+}
