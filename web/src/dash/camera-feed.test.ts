@@ -58,7 +58,7 @@ test("a stream that is turned shows more at each side, and its messages say what
   const subject = new CameraFeed({ rig, foresight, overscan: 0.1 });
   const first = subject.open(5);
   expect(first).toMatchObject({ width: 768, height: 432, cx: 384, cy: 216, quaternion: rig.pose.quaternion });
-  expect(subject.told(0)).toEqual({ pose: rig.pose.seq, at: 5, view: first });
+  expect(subject.told(0)).toMatchObject({ pose: rig.pose.seq, at: 5, view: first, asked: { width: 640, cx: 320 } });
   axes = { ...STILL, turnRight: 1 };
   const update = frame(subject);
   expect(update).toMatchObject({ seq: 1, cx: 384, cy: 216, quaternion: rig.pose.quaternion });

@@ -3,12 +3,14 @@
  * rendered from.
  */
 import type { Foresight } from "../predict/foresight";
-import type { View } from "../reproject/view";
 import type { ScenePose } from "../view/camera";
 import type { Intrinsics, Viewport } from "../view/intrinsics";
 import { type Rig, samePose } from "../view/rig";
 import type { PoseUpdate } from "../wire/dash";
 import { widened } from "./wider";
+
+/** A camera at a place, with its lens in pixels of a viewport. */
+type Camera = ScenePose & Intrinsics & Viewport;
 
 /** What a message said. */
 export interface Told {
@@ -16,8 +18,10 @@ export interface Told {
   readonly pose: number;
   /** When, on the page's clock. */
   readonly at: number;
-  /** What the frame shows, in a picture of the session's size. */
-  readonly view: View;
+  /** The camera and its lens, for the stage. */
+  readonly asked: Camera;
+  /** What frames show, which may be more at each side: in pixels of the session's viewport. */
+  readonly view: Camera;
 }
 
 export interface CameraFeedOptions {
@@ -46,15 +50,15 @@ export class CameraFeed {
   }
 
   /** A stream is opened: the view that it begins with, as message 0. */
-  open(now: number): View {
+  open(now: number): Camera {
     const { rig } = this.#options;
     this.#told.clear();
     this.#last = null;
     this.#number = 0;
     this.#followLens();
-    const view = this.#view(rig.pose);
-    this.#told.set(0, { pose: rig.pose.seq, at: now, view });
-    return view;
+    const views = this.#views(rig.pose);
+    this.#told.set(0, { pose: rig.pose.seq, at: now, ...views });
+    return views.view;
   }
 
   /** Once per animation frame: `send` is called if there is something new, and tells whether it went out. */
@@ -67,11 +71,11 @@ export class CameraFeed {
     if (last && last.pose === pose && last.lens === this.#lens && samePose(last.camera, camera)) return;
     // One pose may be told more than once, as another prediction or through another lens: to turn a frame one must know which it is.
     const number = overscan === null ? pose : this.#number + 1;
-    const view = this.#view(camera);
-    const { fx, fy, cx, cy } = view;
+    const views = this.#views(camera);
+    const { fx, fy, cx, cy } = views.view;
     if (!send({ ...camera, fx, fy, cx, cy, seq: number })) return;
     this.#number = number;
-    this.#last = { pose, at: now, view, camera, lens: this.#lens };
+    this.#last = { pose, at: now, ...views, camera, lens: this.#lens };
     this.#told.set(number, this.#last);
     for (const old of this.#told.keys()) {
       if (this.#told.size <= CameraFeed.KEPT) break;
@@ -84,9 +88,9 @@ export class CameraFeed {
     return this.#told.get(number);
   }
 
-  /** In pixels of the session's viewport. */
-  #view({ position, quaternion }: ScenePose): View {
-    return widened({ position, quaternion, ...this.#viewport, ...this.#lens }, this.#options.overscan ?? 0);
+  #views({ position, quaternion }: ScenePose): Pick<Told, "asked" | "view"> {
+    const asked = { position, quaternion, ...this.#viewport, ...this.#lens };
+    return { asked, view: widened(asked, this.#options.overscan ?? 0) };
   }
 
   #followLens(): void {

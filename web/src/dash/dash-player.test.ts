@@ -1,9 +1,10 @@
 import { afterEach, beforeEach, expect, test, vi } from "vitest";
 import { deferred } from "../async/deferred";
 import { ApiError } from "../http/problem";
+import type { Content, Reprojector, Turned } from "../reproject/reprojector";
 import { NO_NUDGE } from "../view/motion";
 import type { PresentedFrame } from "../view/presented";
-import { Rig } from "../view/rig";
+import { type NumberedPose, Rig } from "../view/rig";
 import type { FrameShown, PoseUpdate, SessionInfo } from "../wire/dash";
 import type { SceneInfo } from "../wire/render";
 import { endSession, openPoseSocket, openSession } from "./api";
@@ -11,6 +12,7 @@ import { DashPlayer } from "./dash-player";
 import { playStream } from "./dashjs-stream";
 import { type DashPlan, tuned } from "./presets";
 import { type StreamEvents, StreamUnsupported } from "./streaming";
+import type { StreamedFrame } from "./turned-video";
 
 vi.mock("./api");
 vi.mock("./dashjs-stream", () => ({ playStream: vi.fn() })); // the real one loads a player that needs a browser
@@ -29,6 +31,16 @@ const SESSION = {
 } as unknown as SessionInfo;
 const STILL = { forward: 0, right: 0, up: 0, turnRight: 0, turnUp: 0 };
 
+/** What the video shows, in seconds. */
+let mediaTimeNow: number;
+
+class FakePicture {
+  readonly timestamp = mediaTimeNow * 1e6;
+  readonly displayWidth = 640;
+  readonly displayHeight = 360;
+  readonly close = () => undefined;
+}
+
 let now: number;
 let axes: typeof STILL;
 let rig: Rig;
@@ -40,6 +52,11 @@ let tab: EventTarget & { hidden: boolean };
 let announce: (frame: FrameShown) => void;
 let hangUp: () => void;
 let stream: StreamEvents;
+/** The poses of the pictures that were to be turned, and those that they were turned to. */
+let turned: { taken: number[]; to: number[] };
+/** What it drew and has not told of. */
+let drawn: Turned<StreamedFrame> | null;
+let reprojector: Reprojector<StreamedFrame>;
 /** Latencies that the stream was told to hold. */
 let aims: number[];
 /** The browser presents a frame of the video. */
@@ -54,6 +71,26 @@ beforeEach(() => {
   shown = [];
   told = [];
   aims = [];
+  turned = { taken: [], to: [] };
+  drawn = null;
+  reprojector = {
+    working: true,
+    gpuMs: null,
+    warpMs: () => 1,
+    take: (_: VideoFrame, { pose, frame }: Content<StreamedFrame>) => {
+      turned.taken.push(pose);
+      drawn = { frame, pose, view: 0, filled: 0.1, fresh: true };
+    },
+    turn: ({ seq }: NumberedPose) => {
+      turned.to.push(seq);
+      if (drawn) drawn = { ...drawn, view: seq };
+    },
+    presented: () => {
+      const told = drawn;
+      if (drawn) drawn = null;
+      return told;
+    },
+  } as unknown as Reprojector<StreamedFrame>;
   rig = new Rig({ sampleInput: () => ({ axes, nudge: NO_NUDGE }), turnSpeed: () => 60 });
   rig.resize(640, 360);
   rig.enter(SCENE);
@@ -77,11 +114,13 @@ afterEach(() => {
   vi.useRealTimers();
 });
 
-function open(plan: Partial<DashPlan> = {}): void {
+function open(plan: Partial<DashPlan> = {}, overscan: number | null = null): void {
   const video = {
     requestVideoFrameCallback: (heard: VideoFrameRequestCallback) => {
-      present = (mediaTime, expectedDisplayTime) =>
+      present = (mediaTime, expectedDisplayTime) => {
+        mediaTimeNow = mediaTime;
         heard(0, { mediaTime, expectedDisplayTime, width: 640, height: 360 } as VideoFrameCallbackMetadata);
+      };
     },
   };
   player = new DashPlayer({
@@ -91,6 +130,9 @@ function open(plan: Partial<DashPlan> = {}): void {
     scene: "courtyard",
     plan: { setup: tuned(30), player: "dash.js", adaptive: true, representation: null, ...plan },
     stamp: false,
+    prediction: () => "off",
+    reprojector,
+    overscan,
     onPresented: (frame) => shown.push(frame),
     onReceived: () => undefined,
     now: () => now,
@@ -152,7 +194,32 @@ test("the packager hears of each new pose and of each new lens, and of neither t
   frame(80);
   rig.resize(320, 180); // the lens for the new viewport is not one for this stream
   frame(96);
-  expect(told.at(-1)).not.toHaveProperty("fx");
+  expect(told.at(-1)).toMatchObject({ fx: 900, cx: 320 });
+});
+
+test("with reprojection a stream is wider, its frames are turned, and view and content are told apart", async () => {
+  vi.stubGlobal("VideoFrame", FakePicture);
+  open({}, 0.1);
+  await settle();
+  expect(vi.mocked(openSession).mock.calls[0]?.[1]).toMatchObject({ width: 768, height: 432, cx: 384, cy: 216 });
+  announce({ frame: 0, media_time_s: 0, pose: 0 });
+  present(0, 1500);
+  const first = rig.pose.seq;
+  axes = { ...STILL, turnRight: 1 };
+  frame(1600);
+  frame(1616);
+  expect(shown).toEqual([]);
+  player.presented(1633);
+  expect(turned).toEqual({ taken: [first], to: [first + 1, first + 2] });
+  expect(shown).toMatchObject([{ at: 1633, pose: first, view: first + 2, filled: 0.1, rung: 2, latencies: [33, 17] }]);
+  expect(shown[0]).not.toHaveProperty("askedAt");
+  player.presented(1650);
+  expect(shown).toHaveLength(1);
+  const message = told.at(-1)?.seq ?? -1;
+  present(4 / 30, 1700); // before it is known what it shows
+  expect(turned.taken).toEqual([first]);
+  announce({ frame: 4, media_time_s: 4 / 30, pose: message });
+  expect(turned.taken).toEqual([first, first + 2]);
 });
 
 test("the packager is asked for a single representation, or left to choose them", async () => {

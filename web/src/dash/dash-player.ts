@@ -4,26 +4,43 @@ import { signal } from "@preact/signals";
 import pRetry from "p-retry";
 import { deferred } from "../async/deferred";
 import { ApiError } from "../http/problem";
-import type { Intrinsics, Viewport } from "../view/intrinsics";
+import { Foresight } from "../predict/foresight";
+import type { PredictorName } from "../predict/registry";
+import type { Reprojector } from "../reproject/reprojector";
 import { type Figures, Meter, NO_FIGURES, STATS_EVERY } from "../view/meter";
 import type { PresentedFrame } from "../view/presented";
 import type { Rig } from "../view/rig";
 import type { FrameShown, SessionInfo, SessionRequest } from "../wire/dash";
 import type { PlayedStream } from "../wire/store";
 import { endSession, openPoseSocket, openSession, type PoseSocket } from "./api";
+import { CameraFeed } from "./camera-feed";
 import { FramePoses } from "./frame-poses";
 import { LatencyTarget } from "./latency-target";
 import type { DashPlan } from "./presets";
 import { type PlayStream, type Stream, StreamEnded, StreamUnsupported } from "./streaming";
+import { type StreamedFrame, TurnedVideo } from "./turned-video";
 
 export interface DashStats extends Figures {
   /** Behind the live edge, in milliseconds, as the player counts. */
   readonly liveLatency: number | null;
   /** What it is to be, in milliseconds. */
   readonly targetLatency: number | null;
+  /** Pictures are turned to the newest view. */
+  readonly turned: boolean;
+  /** The main thread's time to turn a picture, median of the last seconds; null while none is turned. In milliseconds. */
+  readonly warpMs: number | null;
+  /** The graphics processor's time, in milliseconds; null where it does not tell. */
+  readonly gpuMs: number | null;
 }
 
-export const NO_DASH_STATS: DashStats = { ...NO_FIGURES, liveLatency: null, targetLatency: null };
+export const NO_DASH_STATS: DashStats = {
+  ...NO_FIGURES,
+  liveLatency: null,
+  targetLatency: null,
+  turned: false,
+  warpMs: null,
+  gpuMs: null,
+};
 
 /** A page that nobody has looked at for so long gives its stream up, in milliseconds; it comes back with who looks again. */
 const HIDDEN_FOR = 10_000;
@@ -43,6 +60,12 @@ export interface DashOptions {
   readonly scene: string;
   readonly plan: DashPlan;
   readonly stamp: boolean;
+  /** What foretells the poses that the packager is told. */
+  readonly prediction: () => PredictorName;
+  /** Turns the stream's frames to the pose of each animation frame while it works. */
+  readonly reprojector: Reprojector<StreamedFrame>;
+  /** How much more frames show at each side, as a share of the viewport; null: they are shown as they come. */
+  readonly overscan: number | null;
   readonly onPresented: (frame: PresentedFrame) => void;
   /** Bytes of segments came in. */
   readonly onReceived: (bytes: number) => void;
@@ -51,6 +74,8 @@ export interface DashOptions {
 
 /** A frame of the video, as the browser told of it. */
 interface Shown {
+  /** Its number. */
+  readonly frame: number;
   readonly at: number;
   readonly width: number;
   readonly height: number;
@@ -69,19 +94,23 @@ export class DashPlayer {
   #visit = new AbortController();
   #hiding: ReturnType<typeof setTimeout> | undefined;
   readonly #meter: Meter;
+  readonly #foresight: Foresight;
+  readonly #feed: CameraFeed;
+  /** Null: frames are shown as they come. */
+  readonly #turned: TurnedVideo | null;
   #session: SessionInfo | undefined;
   #poses: PoseSocket | undefined;
   #stream: Stream | undefined;
   #target: LatencyTarget | undefined;
-  /** The pose and the lens that the packager was told last. */
-  #sent: { readonly seq: number; readonly lens: Intrinsics | undefined } | undefined;
-  readonly #viewport: Viewport;
   #publishedAt = 0;
 
   constructor(options: DashOptions) {
     this.#options = options;
     this.#meter = new Meter("dash", options.onPresented);
-    this.#viewport = options.rig.viewport.peek();
+    const { rig, prediction, overscan, video, reprojector } = options;
+    this.#foresight = new Foresight(rig, prediction);
+    this.#feed = new CameraFeed({ rig, foresight: this.#foresight, overscan });
+    this.#turned = overscan === null ? null : new TurnedVideo(video, reprojector);
     void this.#run(this.#visit.signal);
     this.#visibilityChanged();
     document.addEventListener("visibilitychange", this.#visibilityChanged);
@@ -111,12 +140,29 @@ export class DashPlayer {
     return this.#target?.value ?? this.#session?.target_latency_ms ?? null;
   }
 
+  /** A copy of what is on the screen. */
+  picture(): Promise<ImageBitmap> {
+    return this.#options.reprojector.picture() ?? createImageBitmap(this.#options.video);
+  }
+
+  /** Once per animation frame, first of all: what was turned in the last one is on the screen by now. */
+  presented(now: number): void {
+    const turned = this.#options.reprojector.presented();
+    if (turned === null || this.#turned === null) return;
+    const { pose, view, filled, fresh } = turned;
+    const { askedAt, ...frame } = turned.frame;
+    if (fresh) this.#foresight.shown(askedAt, now);
+    this.#meter.presented({ at: now, pose, view, filled, ...frame }, fresh);
+  }
+
   /** Once per animation frame, after the rig was sampled; `moved` is what the rig said. */
   tick(now: number, moved: boolean): void {
-    const { rig } = this.#options;
+    const { rig, reprojector } = this.#options;
+    this.#meter.sampled(rig.pose.seq, now);
     // Until the stream plays, poses wait for its start: that is no latency.
     if (moved && this.phase.peek().kind === "playing") this.#meter.moved(rig.pose.seq, now);
-    this.#follow();
+    this.#feed.follow(now, (update) => this.#poses?.send(update) ?? false);
+    if (this.#turned) reprojector.turn(rig.pose, { ...rig.intrinsics.peek(), ...rig.viewport.peek() });
     if (now - this.#publishedAt < STATS_EVERY) return;
     this.#publishedAt = now;
     const seconds = this.#stream?.latency() ?? null;
@@ -124,16 +170,10 @@ export class DashPlayer {
       ...this.#meter.figures(now),
       liveLatency: seconds === null ? null : seconds * 1000,
       targetLatency: this.targetLatency,
+      turned: this.#turned !== null && reprojector.working,
+      warpMs: reprojector.warpMs(now),
+      gpuMs: reprojector.gpuMs,
     };
-  }
-
-  /** Tells the packager of a new pose or lens. A lens for another viewport is not one for this stream. */
-  #follow(): void {
-    const { rig } = this.#options;
-    const { pose } = rig;
-    const lens = rig.viewport.peek() === this.#viewport ? rig.intrinsics.peek() : undefined;
-    if (pose.seq === this.#sent?.seq && lens === this.#sent.lens) return;
-    if (this.#poses?.send({ ...pose, ...lens })) this.#sent = { seq: pose.seq, lens };
   }
 
   readonly #visibilityChanged = (): void => {
@@ -199,15 +239,11 @@ export class DashPlayer {
   }
 
   #open(signal: AbortSignal): Promise<SessionInfo> {
-    const { rig, base, scene, plan, stamp } = this.#options;
-    const { position, quaternion } = rig.pose;
+    const { base, scene, plan, stamp, now } = this.#options;
     // Unless there is to be only one, the representations are the packager's choice: it knows the ladder and the viewport.
     const request: SessionRequest = {
       scene,
-      position,
-      quaternion,
-      ...rig.intrinsics.value,
-      ...rig.viewport.value,
+      ...this.#feed.open(now()),
       ...plan.setup,
       ...(plan.representation && { representations: [plan.representation] }),
       stamp,
@@ -220,8 +256,8 @@ export class DashPlayer {
     const { video, base, plan, now, onReceived } = this.#options;
     return new Promise((resolve) => {
       signal.addEventListener("abort", () => resolve(""), { once: true });
-      const frames = new FramePoses<Shown>((pose, shown) => this.#present(session, pose, shown));
-      this.#sent = undefined;
+      const frames = new FramePoses<Shown>((message, shown) => this.#present(session, message, shown));
+      this.#foresight.reset();
       this.#meter.reset();
       this.#poses = openPoseSocket(
         base,
@@ -245,18 +281,28 @@ export class DashPlayer {
         if (this.phase.peek().kind !== "playing") this.phase.value = { kind: "playing" };
         onPlaying();
         if (target?.presented(expectedDisplayTime, mediaTime)) stream.aim(target.value);
-        frames.presented(Math.round(mediaTime * session.frame_rate), { at: expectedDisplayTime, width, height });
+        const captured = this.#turned?.capture(session.frame_rate);
+        const frame = captured ?? Math.round(mediaTime * session.frame_rate);
+        frames.presented(frame, { frame, at: expectedDisplayTime, width, height });
       };
       video.requestVideoFrameCallback(presented);
     });
   }
 
-  #present({ representations }: SessionInfo, pose: number, { at, width, height }: Shown): void {
+  /** It is known of which message a frame of the video is. */
+  #present({ representations }: SessionInfo, message: number, { frame, at, width, height }: Shown): void {
     const rung = representations.find((one) => one.width === width && one.height === height)?.rung ?? null;
-    this.#meter.presented({ at, pose, rung, width, height });
+    const told = this.#feed.told(message);
+    if (this.#turned) {
+      if (told) this.#turned.show(frame, told, { rung, width, height });
+      return;
+    }
+    if (told) this.#foresight.shown(told.at, at);
+    this.#meter.presented({ at, pose: told?.pose ?? message, rung, width, height });
   }
 
   #leave(): void {
+    this.#turned?.clear();
     this.#poses?.close();
     this.#stream?.dispose();
     if (this.#session) endSession(this.#options.base, this.#session);

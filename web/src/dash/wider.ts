@@ -1,10 +1,9 @@
 /** A wider lens: what is beyond a view's edges, so that the page can turn the picture later and still fill the view. */
-import type { View } from "../reproject/view";
 import { resized } from "../reproject/view";
-import { viewportFor } from "../view/intrinsics";
+import { type Intrinsics, type Viewport, viewportFor } from "../view/intrinsics";
 
 /** The same camera with so much more at each side, as a share of the width and of the height; within the server's limits. */
-export function widened(view: View, overscan: number): View {
+export function widened<View extends Intrinsics & Viewport>(view: View, overscan: number): View {
   const marginX = Math.round(view.width * overscan);
   const marginY = Math.round(view.height * overscan);
   const wide = {

@@ -16,7 +16,7 @@ export interface FrameSize extends Viewport {
 }
 
 /** The same field of view in a picture of another size. */
-export function resized(view: View, width: number, height: number): View {
+export function resized<Part extends Intrinsics & Viewport>(view: Part, width: number, height: number): Part {
   const across = width / view.width;
   const down = height / view.height;
   const lens = { fx: view.fx * across, fy: view.fy * down, cx: view.cx * across, cy: view.cy * down };
