@@ -2,6 +2,9 @@
 import { resized } from "../reproject/view";
 import { type Intrinsics, type Viewport, viewportFor } from "../view/intrinsics";
 
+/** Of a stream, where nobody has chosen it: a stream would have to be opened anew to change it. */
+export const AUTO_OVERSCAN = 0.1;
+
 /** The same camera with so much more at each side, as a share of the width and of the height; within the server's limits. */
 export function widened<View extends Intrinsics & Viewport>(view: View, overscan: number): View {
   const marginX = Math.round(view.width * overscan);

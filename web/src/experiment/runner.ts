@@ -231,9 +231,10 @@ export class Runner {
   async #keep(recorder: Recorder, at: number): Promise<void> {
     const frame = this.#frame;
     if (frame === undefined) return;
-    const { stateless, stage } = this.#session;
+    const { stateless, dash } = this.#session;
     try {
-      const picture = await (frame.side === "dash" ? createImageBitmap(stage.video) : stateless.picture());
+      const picture = await (frame.side === "dash" ? dash.peek() : stateless)?.picture();
+      if (picture === undefined) return;
       recorder.captured(frame, at, picture);
       this.#pictures.push(picture);
     } catch {

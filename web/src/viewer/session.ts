@@ -4,6 +4,8 @@ import { computed, effect, type ReadonlySignal, signal, untracked } from "@preac
 import { sleep } from "../async/sleep";
 import { DashPlayer } from "../dash/dash-player";
 import { planFor } from "../dash/presets";
+import { type StreamedFrame, TurnedVideo } from "../dash/turned-video";
+import { AUTO_OVERSCAN } from "../dash/wider";
 import { Display } from "../enhance/display";
 import { Enhancement } from "../enhance/enhancement";
 import { Overlay } from "../enhance/overlay";
@@ -14,6 +16,7 @@ import { MovementDeck } from "../movement/movement-deck";
 import { Reprojector } from "../reproject/reprojector";
 import { fetchConfig, loadScene } from "../state/api";
 import { config, ladder, sceneLadder, settings } from "../state/app";
+import type { Mode } from "../state/settings";
 import { Decoder } from "../stateless/decoder";
 import type { DecodedFrame, SentRequest } from "../stateless/pipeline";
 import { selectedController } from "../stateless/selected-controller";
@@ -55,6 +58,8 @@ export class ViewerSession {
   readonly enhancement: Enhancement;
   readonly reprojector: Reprojector<Pictured>;
   readonly stateless: StatelessPlayer;
+  /** Of the DASH side. */
+  readonly videoReprojector: Reprojector<StreamedFrame>;
   /** The DASH side; null in stateless mode, and where there is no packager. */
   readonly dash = signal<DashPlayer | null>(null);
   readonly input: StageInput;
@@ -103,6 +108,7 @@ export class ViewerSession {
     };
     this.#display = new Display({ canvas: stage.canvas, overlay, enhancement: this.enhancement, size });
     this.reprojector = new Reprojector({ below: stage.canvas, size, now });
+    this.videoReprojector = new Reprojector({ below: stage.video, size, now });
     this.stateless = new StatelessPlayer({
       display: this.#display,
       reprojector: this.reprojector,
@@ -130,7 +136,8 @@ export class ViewerSession {
     });
     this.#follow(stage);
     this.#enhance();
-    this.#reproject();
+    this.#reproject(this.reprojector, "dash");
+    if (TurnedVideo.supported) this.#reproject(this.videoReprojector, "stateless");
     this.#connect();
     this.#stream();
     this.#animation = requestAnimationFrame(this.#tick);
@@ -179,6 +186,7 @@ export class ViewerSession {
     this.stateless.dispose();
     this.enhancement.dispose();
     this.reprojector.off();
+    this.videoReprojector.off();
     this.#display.dispose();
     this.#decoder.dispose();
   }
@@ -199,6 +207,7 @@ export class ViewerSession {
     // Before the sample: whoever hears of it finds on the canvas the frame that was told of last.
     if (stateless) this.stateless.presented(time);
     else this.stateless.suspend();
+    this.dash.peek()?.presented(time);
     const moved = this.rig.sample(time);
     if (stateless) this.stateless.tick(time, moved);
     this.dash.peek()?.tick(time, moved);
@@ -235,16 +244,16 @@ export class ViewerSession {
     this.#cleanups.push(stop);
   }
 
-  /** As the settings have it, once the scene is there. */
-  #reproject(): void {
+  /** As the settings have it, once the scene is there; a mode `without` this side needs none. */
+  #reproject(reprojector: Pick<Reprojector<unknown>, "on" | "off">, without: Mode): void {
     const distance = computed(() => {
       const scene = this.scene.value;
       const { reprojection, mode } = settings.value;
-      return reprojection && mode !== "dash" && scene !== null ? viewDistance(scene) : null;
+      return reprojection && mode !== without && scene !== null ? viewDistance(scene) : null;
     });
     const stop = effect(() => {
       const { value } = distance;
-      untracked(() => (value === null ? this.reprojector.off() : this.reprojector.on(value)));
+      untracked(() => (value === null ? reprojector.off() : reprojector.on(value)));
     });
     this.#cleanups.push(stop);
   }
@@ -284,17 +293,19 @@ export class ViewerSession {
   #stream(): void {
     const viewport = settled(this.rig.viewport, RESIZED_AFTER, this.#cleanups);
     const wanted = computed(() => {
-      const { mode } = settings.value;
+      const { mode, overscan } = settings.value;
       const base = config.value?.services.dash;
       const scene = this.scene.value;
       const { width, height } = viewport.value;
       if (mode === "stateless" || base === undefined || scene === null || width * height <= 1) return null;
+      const turned = this.videoReprojector.status.value === "on";
       // As text, so that only a change of its content is one; the configuration is read again and again.
       return JSON.stringify({
         base,
         scene: scene.id,
         plan: planFor(settings.value),
         viewport: viewport.value,
+        overscan: turned ? (overscan === "auto" ? AUTO_OVERSCAN : overscan) : null,
       });
     });
     /** How often the page was left and shown again as it was. */
@@ -311,6 +322,8 @@ export class ViewerSession {
             video: stage.video,
             rig,
             stamp: this.#stamp,
+            prediction: () => settings.value.prediction,
+            reprojector: this.videoReprojector,
             onPresented: this.#tell,
             onReceived: this.#count,
             now,
