@@ -1,0 +1,98 @@
+"""Late reprojection of a DASH stream: the view follows the camera at once, while the stream stays as old as it is."""
+
+from __future__ import annotations
+
+import io
+from itertools import pairwise
+from statistics import median
+from typing import Any
+
+import numpy as np
+import pytest
+from PIL import Image
+from playwright.sync_api import Page, expect
+
+from tests.web.conftest import OpenPage
+from tests.web.modes import wait_for_dash, with_settings
+from tests.web.stage import SCENE
+from tests.web.test_motion_to_photon import WALK_MS, turning
+
+pytest.importorskip("tigas_dash")
+pytest.importorskip("av")
+SMALL = {"width": 260, "height": 200}
+"""Where there is no graphics processor, turning a picture takes time for each pixel."""
+PLAIN = {"prediction": "off", "hud": False, "sidebar": False, "dashPreset": "edge", "controller": "fixed", "profile": 3}
+
+
+def walk(page: Page) -> dict[str, Any]:
+    """Half a turn, recorded."""
+    run: dict[str, Any] = page.evaluate(
+        "plan => tigas.run(plan)", {"points": turning(), "duration_ms": WALK_MS, "capture_every_ms": 1000}
+    )
+    return run
+
+
+def frames_of(run: dict[str, Any], side: str) -> list[dict[str, Any]]:
+    """What was on the screen while the camera turned."""
+    moved = {one["pose"] for one in run["inputs"]}
+    return [one for one in run["frames"] if one["side"] == side and one["pose"] in moved and one["at"] < WALK_MS]
+
+
+def assert_turned(run: dict[str, Any], side: str) -> None:
+    """Each view was there in the animation frame after its sample or soon after, whatever its pixels' age."""
+    sampled = {one["pose"]: one["at"] for one in run["inputs"] if not one["missed"]}
+    frame_ms = median(after - before for before, after in pairwise(sampled.values()))
+    frames = frames_of(run, side)
+    assert len(frames) > 10, f"{side} showed nothing"
+    assert all(one["view"] >= one["pose"] for one in frames)
+    views = [latency for one in frames for latency in one["latencies"]]
+    assert median(views) < 2 * frame_ms + 20
+    ages = [one["at"] - sampled[one["pose"]] for one in frames if one["pose"] in sampled]
+    assert median(ages) > median(views)
+    if side == "dash":
+        assert median(ages) > run["dash"]["target_latency_ms"]
+
+
+def test_the_view_follows_the_camera_and_at_rest_nothing_is_stretched(open_page: OpenPage, viewer_url: str) -> None:
+    page = open_page(
+        SCENE, url=viewer_url, viewport=SMALL, **with_settings(viewer_url, mode="dash", reprojection=True, **PLAIN)
+    )
+    wait_for_dash(page, at_least=30)
+    run = walk(page)
+    assert_turned(run, "dash")
+    pictures = [(one["width"], one["height"]) for one in run["captures"]]
+    assert len(pictures) >= 3
+    assert set(pictures) == {(SMALL["width"], SMALL["height"])}, "a turned picture has the stage's pixels"
+    turned = at_rest(page)
+    page.evaluate("tigas.settings({ reprojection: false })")
+    expect(page.locator("canvas.reprojected")).to_have_count(0)
+    page.wait_for_function("() => tigas.state().ready")
+    wait_for_dash(page, at_least=30)
+    plain = at_rest(page)
+    shifted = np.abs(plain - np.roll(plain, 8, axis=1)).mean()
+    assert np.abs(turned - plain).mean() < shifted / 3, "at rest it is the picture that the stream has without it"
+    assert all(one["view"] is None for one in frames_of(walk(page), "dash"))
+
+
+def test_side_by_side_both_follow_it(open_page: OpenPage, viewer_url: str) -> None:
+    page = open_page(
+        SCENE,
+        url=viewer_url,
+        viewport=SMALL | {"width": 2 * SMALL["width"]},
+        **with_settings(viewer_url, mode="side-by-side", reprojection=True, **PLAIN),
+    )
+    wait_for_dash(page, at_least=30)
+    expect(page.locator(".pane > canvas.reprojected")).to_have_count(2)
+    run = walk(page)
+    for side in ("stateless", "dash"):
+        assert_turned(run, side)
+
+
+def at_rest(page: Page) -> np.ndarray[tuple[int, ...], np.dtype[np.float64]]:
+    """The lower half of the stage, where nothing lies over it, once the encoder has had time for it."""
+    page.evaluate("tigas.stand({ position: [0, 0, 0], quaternion: [0, 0, 0, 1] })")
+    page.wait_for_function("() => tigas.state().ready")
+    shown = page.evaluate("tigas.state().shown")
+    page.wait_for_function("shown => tigas.state().shown > shown + 40", arg=shown)
+    picture = Image.open(io.BytesIO(page.locator(".stage").screenshot())).convert("RGB")
+    return np.asarray(picture, dtype=np.float64)[picture.height // 2 :]
