@@ -79,7 +79,7 @@ beforeEach(() => {
     warpMs: () => 1,
     take: (_: VideoFrame, { pose, frame }: Content<StreamedFrame>) => {
       turned.taken.push(pose);
-      drawn = { frame, pose, view: 0, filled: 0.1, fresh: true };
+      drawn = { frame, pose, view: 0, filled: 0.1, warpMs: 1, fresh: true };
     },
     turn: ({ seq }: NumberedPose) => {
       turned.to.push(seq);

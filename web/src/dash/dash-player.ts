@@ -25,8 +25,6 @@ export interface DashStats extends Figures {
   readonly liveLatency: number | null;
   /** What it is to be, in milliseconds. */
   readonly targetLatency: number | null;
-  /** Pictures are turned to the newest view. */
-  readonly turned: boolean;
   /** The main thread's time to turn a picture, median of the last seconds; null while none is turned. In milliseconds. */
   readonly warpMs: number | null;
   /** The graphics processor's time, in milliseconds; null where it does not tell. */
@@ -37,7 +35,6 @@ export const NO_DASH_STATS: DashStats = {
   ...NO_FIGURES,
   liveLatency: null,
   targetLatency: null,
-  turned: false,
   warpMs: null,
   gpuMs: null,
 };
@@ -149,10 +146,10 @@ export class DashPlayer {
   presented(now: number): void {
     const turned = this.#options.reprojector.presented();
     if (turned === null || this.#turned === null) return;
-    const { pose, view, filled, fresh } = turned;
+    const { pose, view, filled, warpMs, fresh } = turned;
     const { askedAt, ...frame } = turned.frame;
-    if (fresh) this.#foresight.shown(askedAt, now);
-    this.#meter.presented({ at: now, pose, view, filled, ...frame }, fresh);
+    if (fresh) this.#foresight.turned(askedAt);
+    this.#meter.presented({ at: now, pose, view, filled, warpMs, ...frame }, fresh);
   }
 
   /** Once per animation frame, after the rig was sampled; `moved` is what the rig said. */
@@ -170,7 +167,6 @@ export class DashPlayer {
       ...this.#meter.figures(now),
       liveLatency: seconds === null ? null : seconds * 1000,
       targetLatency: this.targetLatency,
-      turned: this.#turned !== null && reprojector.working,
       warpMs: reprojector.warpMs(now),
       gpuMs: reprojector.gpuMs,
     };

@@ -40,6 +40,7 @@ export function fakeSession() {
       },
     },
     reprojector: { status: signal<ReprojectionStatus>("on") },
+    videoReprojector: { status: signal<ReprojectionStatus>("on") },
     dash: signal<DashPlayer | null>(null),
     seed: signal(1),
     input: { pad: { forward: 0, right: 0, up: 0 } },

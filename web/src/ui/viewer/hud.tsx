@@ -2,7 +2,7 @@
 import { ChevronDown, ChevronUp } from "lucide";
 import type { ComponentChildren } from "preact";
 import type { EnhancementStatus } from "../../enhance/enhancement";
-import { reprojectionNote } from "../../reproject/reprojector";
+import { type ReprojectionStatus, reprojectionNote } from "../../reproject/reprojector";
 import { changeSettings, ladder, settings } from "../../state/app";
 import type { Stats } from "../../stateless/stats";
 import type { ViewerSession } from "../../viewer/session";
@@ -63,7 +63,7 @@ export function Hud({ session, wide }: { session: ViewerSession; wide: boolean }
         {session.silent.value && <span data-stat="silence"> – no answer, asking again…</span>}
       </p>
       <EnhancementNote status={enhancement} />
-      <ReprojectionNote session={session} />
+      <ReprojectionNote status={session.reprojector.status.value} />
     </section>
   );
 }
@@ -81,13 +81,24 @@ export function EnhancementNote({ status }: { status: EnhancementStatus }) {
 }
 
 /** Frames are to be turned and are not. */
-function ReprojectionNote({ session }: { session: ViewerSession }) {
-  const note = reprojectionNote(session.reprojector.status.value);
+export function ReprojectionNote({ status }: { status: ReprojectionStatus }) {
+  const note = reprojectionNote(status);
   return (
     note && (
       <p class="hud-note" role="status" data-stat="reprojection-note">
         {note}
       </p>
+    )
+  );
+}
+
+/** What it takes to turn a picture. */
+export function ReprojectionRow({ stats }: { stats: Pick<Stats, "turned" | "warpMs" | "gpuMs"> }) {
+  return (
+    stats.turned && (
+      <Row name="reprojection-time" label="Reprojection, main thread · GPU">
+        {[stats.warpMs, stats.gpuMs].map(withUnit).join(" · ")}
+      </Row>
     )
   );
 }
@@ -143,11 +154,7 @@ function Details({ stats, enhancement }: { stats: Stats; enhancement: Enhancemen
         {rung?.name ?? (frame ? "Refined" : NONE)}
       </Row>
       <EnhancementRow status={enhancement} time={stats.enhanceMs} />
-      {stats.turned && (
-        <Row name="reprojection-time" label="Reprojection, main thread · GPU">
-          {[stats.warpMs, stats.gpuMs].map(withUnit).join(" · ")}
-        </Row>
-      )}
+      <ReprojectionRow stats={stats} />
       <Row name="requests" label="In flight">
         {stats.inFlight}
       </Row>

@@ -1,6 +1,7 @@
 /** How movement is met: whether frames are turned to the newest view, what is asked for so that they can be, and how that goes. */
 import { ChevronDown } from "lucide";
 import type { ComponentChildren } from "preact";
+import { NO_DASH_STATS } from "../../dash/dash-player";
 import type { PredictorName } from "../../predict/registry";
 import { reprojectionNote } from "../../reproject/reprojector";
 import { changeSettings, settings } from "../../state/app";
@@ -12,10 +13,11 @@ import { milliseconds } from "./hud";
 const OVERSCANS = [0, 0.05, 0.1, 0.15, 0.2, 0.25];
 
 export function ReprojectionPanel({ session }: { session: ViewerSession }) {
-  const { reprojection, prediction, overscan, depth } = settings.value;
-  const status = session.reprojector.status.value;
+  const { reprojection, prediction, overscan, depth, mode } = settings.value;
+  const side = mode === "dash" ? session.videoReprojector : session.reprojector;
+  const status = side.status.value;
   const note = reprojectionNote(status);
-  const { warpMs } = session.stateless.stats.value;
+  const { warpMs } = (mode === "dash" ? session.dash.value : session.stateless)?.stats.value ?? NO_DASH_STATS;
   const shares = overscan === "auto" || OVERSCANS.includes(overscan) ? OVERSCANS : [...OVERSCANS, overscan];
   return (
     <>

@@ -7,7 +7,7 @@ import type { Figures } from "../../view/meter";
 import type { Side } from "../../view/presented";
 import type { ViewerSession } from "../../viewer/session";
 import { bitrate } from "../format";
-import { EnhancementNote, EnhancementRow, latencyName, Row } from "./hud";
+import { EnhancementNote, EnhancementRow, latencyName, ReprojectionNote, ReprojectionRow, Row } from "./hud";
 
 const NONE = "–";
 
@@ -22,20 +22,32 @@ export function SideFigures({ session, mode }: { session: ViewerSession; mode: M
             side="stateless"
             title="Stateless"
             figures={session.stateless.stats.value}
-            note={<EnhancementNote status={session.enhancement.status.value} />}
+            note={
+              <>
+                <EnhancementNote status={session.enhancement.status.value} />
+                <ReprojectionNote status={session.reprojector.status.value} />
+              </>
+            }
           >
             <EnhancementRow status={session.enhancement.status.value} time={session.stateless.stats.value.enhanceMs} />
+            <ReprojectionRow stats={session.stateless.stats.value} />
           </SideHud>
         </div>
       )}
       <div class="side">
-        <SideHud side="dash" title="DASH" figures={stats}>
+        <SideHud
+          side="dash"
+          title="DASH"
+          figures={stats}
+          note={<ReprojectionNote status={session.videoReprojector.status.value} />}
+        >
           <Row name="live-latency" label="Live latency">
             {milliseconds(stats.liveLatency)}
           </Row>
           <Row name="target-latency" label="Target">
             {milliseconds(stats.targetLatency)}
           </Row>
+          <ReprojectionRow stats={stats} />
         </SideHud>
       </div>
     </div>
