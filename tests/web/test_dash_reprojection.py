@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import io
-from itertools import pairwise
+from bisect import bisect_left
 from statistics import median
 from typing import Any
 
@@ -39,16 +39,18 @@ def frames_of(run: dict[str, Any], side: str) -> list[dict[str, Any]]:
 
 
 def assert_turned(run: dict[str, Any], side: str) -> None:
-    """Each view was there in the animation frame after its sample or soon after, whatever its pixels' age."""
+    """Each view was on the screen by the animation frame after the next, whatever the age of its pixels.
+
+    In animation frames, since where nothing else draws they take as long as the machine is busy.
+    """
     sampled = {one["pose"]: one["at"] for one in run["inputs"] if not one["missed"]}
-    frame_ms = median(after - before for before, after in pairwise(sampled.values()))
-    frames = frames_of(run, side)
+    times = sorted(sampled.values())
+    frames = [one for one in frames_of(run, side) if one["view"] in sampled]
     assert len(frames) > 10, f"{side} showed nothing"
-    assert all(one["view"] >= one["pose"] for one in frames)
-    views = [latency for one in frames for latency in one["latencies"]]
-    assert median(views) < 2 * frame_ms + 20
+    waits = [bisect_left(times, one["at"]) - bisect_left(times, sampled[one["view"]]) for one in frames]
+    assert np.percentile(waits, 95) <= 2, f"in animation frames: {waits}"
     ages = [one["at"] - sampled[one["pose"]] for one in frames if one["pose"] in sampled]
-    assert median(ages) > median(views)
+    assert median(ages) > median(one["at"] - sampled[one["view"]] for one in frames)
     if side == "dash":
         assert median(ages) > run["dash"]["target_latency_ms"]
 
