@@ -52,3 +52,14 @@ test("another choice holds at once, and of another connection nothing is known",
   foresight.reset();
   expect(frames(10, () => undefined)).toBe(0);
 });
+
+test("what takes long at rest, where views are refined, is not what the next movement waits for", () => {
+  const shown = (askedAt: number, at: number) => foresight.shown(askedAt, at);
+  frames(20, shown);
+  const stop = now;
+  rig.drive((at) => ({ position: [Math.min(at, stop) / 1000, 0, 0], quaternion: [0, 0, 0, 1] }));
+  frames(50, () => undefined);
+  frames(30, (_, at) => foresight.shown(at - 150, at + 300));
+  rig.drive((at) => ({ position: [(at - 800) / 1000, 0, 0], quaternion: [0, 0, 0, 1] }));
+  expect(frames(10, () => undefined)).toBeCloseTo(0.105, 6);
+});

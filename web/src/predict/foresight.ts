@@ -6,11 +6,16 @@ import { LeadTime } from "./lead-time";
 import type { Predictor } from "./predictor";
 import { createPredictor, type PredictorName } from "./registry";
 
+/** From then on a view may be refined (ms). */
+const RESTS_AFTER = 300;
+
 export class Foresight {
   readonly #rig: Rig;
   readonly #chosen: () => PredictorName;
   readonly #lead = new LeadTime();
   #sampledAt = 0;
+  /** The last time in which the camera rested: frames that were asked for then may be refined ones, which are larger. */
+  #rest = { from: 0, until: Number.POSITIVE_INFINITY };
   #name: PredictorName | undefined;
   #predictor: Predictor | undefined;
 
@@ -27,6 +32,7 @@ export class Foresight {
   /** Once per animation frame, after the rig was sampled: the pose to ask for. */
   pose(now: number): ScenePose {
     this.#sampledAt = now;
+    this.#follow(now);
     const predictor = this.#current();
     predictor.observe(this.#rig.pose, now);
     return predictor.predict(this.ahead);
@@ -34,18 +40,30 @@ export class Foresight {
 
   /** A frame that was asked for at a time was turned to the pose of the last animation frame: that is what it should have shown. */
   turned(askedAt: number): void {
-    this.#lead.shown(askedAt, this.#sampledAt);
+    this.#learn(askedAt, this.#sampledAt);
   }
 
   /** A frame that was asked for at a time is on the screen, as it came. */
   shown(askedAt: number, now: number): void {
-    this.#lead.shown(askedAt, now);
+    this.#learn(askedAt, now);
   }
 
   /** Another connection: how long frames take is not known. */
   reset(): void {
     this.#lead.clear();
     this.#predictor?.reset();
+  }
+
+  #learn(askedAt: number, at: number): void {
+    const { from, until } = this.#rest;
+    if (!this.#lead.known || askedAt < from || askedAt >= until) this.#lead.shown(askedAt, at);
+  }
+
+  #follow(now: number): void {
+    const rests = now - this.#rig.changedAt > RESTS_AFTER;
+    const rested = this.#rest.until === Number.POSITIVE_INFINITY;
+    if (rests && !rested) this.#rest = { from: now, until: Number.POSITIVE_INFINITY };
+    else if (!rests && rested) this.#rest = { ...this.#rest, until: now };
   }
 
   #current(): Predictor {

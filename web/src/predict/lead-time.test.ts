@@ -20,7 +20,7 @@ test("follows the network within a few frames, and not a single one that is late
   const at = watched(lead, { delay: 40, every: 10 });
   lead.shown(at - 900, at);
   expect(lead.ahead).toBe(45);
-  watched(lead, { delay: 300, every: 10, count: 8, from: at + 10 });
+  watched(lead, { delay: 300, every: 10, count: 8, from: at + 300 });
   expect(lead.ahead).toBe(305);
 });
 
@@ -29,6 +29,13 @@ test("a rest is no long interval between frames", () => {
   const at = watched(lead, { delay: 50, every: 20 });
   watched(lead, { delay: 50, every: 10_000, count: 20, from: at + 10_000 });
   expect(lead.ahead).toBe(60);
+});
+
+test("a video that goes on while the camera rests is not late", () => {
+  const lead = new LeadTime();
+  let at = watched(lead, { delay: 100, every: 20 });
+  for (const asked = at - 100; at < 9000; at += 20) lead.shown(asked, at);
+  expect(lead.ahead).toBe(110);
 });
 
 test("looks half a second ahead at most, and nowhere on a new connection", () => {

@@ -14,13 +14,21 @@ export class LeadTime {
   #delays: number[] = [];
   #stays: number[] = [];
   #shownAt: number | undefined;
+  #askedAt = Number.NEGATIVE_INFINITY;
 
-  /** A frame that was asked for at a time is on the screen. */
+  /** A frame that was asked for at a time is on the screen; one that answers what another did already (a video at rest) says nothing. */
   shown(askedAt: number, at: number): void {
+    if (askedAt <= this.#askedAt) return;
+    this.#askedAt = askedAt;
     this.#delays = [...this.#delays, at - askedAt].slice(-FRAMES);
     const stay = at - (this.#shownAt ?? Number.NEGATIVE_INFINITY);
     if (stay <= LONGEST_STAY) this.#stays = [...this.#stays, stay].slice(-FRAMES);
     this.#shownAt = at;
+  }
+
+  /** Whether any frame was shown. */
+  get known(): boolean {
+    return this.#delays.length > 0;
   }
 
   /** In milliseconds; 0 until a frame was shown. */
@@ -33,6 +41,7 @@ export class LeadTime {
     this.#delays = [];
     this.#stays = [];
     this.#shownAt = undefined;
+    this.#askedAt = Number.NEGATIVE_INFINITY;
   }
 }
 
