@@ -1,0 +1,232 @@
+"""The newest frame is turned to where the camera is, in a browser, behind a server that is slow to answer."""
+
+from __future__ import annotations
+
+import base64
+import io
+import math
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from PIL import Image
+from playwright.sync_api import Page, ViewportSize, expect
+
+from tests.web.conftest import OpenPage
+from tests.web.modes import with_settings
+from tests.web.server import RenderServer
+from tests.web.stage import SCENE, frames, picture, stat, wait_for_frames, wait_until_settled
+
+SMALL: ViewportSize = {"width": 320, "height": 180}
+DELAY_MS = 300
+SETTINGS = {
+    "controller": "fixed",
+    "profile": 3,
+    "refine": False,
+    "sidebar": False,
+    "transport": "fetch",
+    "prediction": "off",
+}
+TURN_MS = 1500
+
+Recording = dict[str, Any]
+
+
+@pytest.fixture
+def slow(open_page: OpenPage, server: RenderServer) -> Callable[..., Page]:
+    """Opens the viewer with a settled frame on the screen; every frame takes 300 ms longer than it would."""
+
+    def open_(**settings: object) -> Page:
+        chosen = with_settings(server.url, **(SETTINGS | settings))
+        page = open_page(url="about:blank", viewport=SMALL, **chosen)
+        page.add_init_script(LATE)
+        page.goto(server.url + SCENE)
+        wait_for_frames(page)
+        wait_until_settled(page)
+        return page
+
+    return open_
+
+
+LATE = f"""
+(() => {{
+  const ask = window.fetch;
+  window.fetch = async (...asked) => {{
+    const answer = await ask(...asked);
+    if (String(asked[0]).endsWith("render")) await new Promise((on) => setTimeout(on, {DELAY_MS}));
+    return answer;
+  }};
+}})();
+"""
+
+
+def play(page: Page, *turns: tuple[float, float], capture_every_ms: float = 0) -> Recording:
+    """Record a movement that looks so many degrees to the right at each of these times, in milliseconds."""
+    points = [{"t_ms": at, **pose(degrees)} for at, degrees in turns]
+    plan = {"points": points, "duration_ms": turns[-1][0], "capture_every_ms": capture_every_ms}
+    recording: Recording = page.evaluate("plan => tigas.run(plan)", plan)
+    return recording
+
+
+def pose(degrees: float) -> dict[str, Any]:
+    """Where the scene's camera starts, turned to the right."""
+    half = math.radians(degrees) / 2
+    return {"position": [0, 0, 0], "quaternion": [0, math.sin(half), 0, math.cos(half)]}
+
+
+def degrees_of(quaternion: list[float]) -> float:
+    """Of such a pose."""
+    return math.degrees(2 * math.atan2(quaternion[1], quaternion[3]))
+
+
+def capture(page: Page, index: int) -> NDArray[np.int16]:
+    """A kept picture: [height, width, 4]."""
+    png = page.evaluate("index => tigas.capture(index)", index)
+    with Image.open(io.BytesIO(base64.b64decode(png))) as image:
+        return np.asarray(image.convert("RGBA"), dtype=np.int16)
+
+
+def test_the_picture_turns_at_once_however_late_frames_are(slow: Callable[..., Page]) -> None:
+    page = slow()
+    run = play(page, (0, 0), (TURN_MS, 30))
+    moving = [one for one in run["frames"] if one["latencies"]]
+    assert len(moving) > 5
+    for one in moving:
+        # Counted in animation frames, whatever they take here: nothing that was sampled waited for another one.
+        assert len(one["latencies"]) == 1, "the picture does not turn with the camera"
+        assert one["view"] >= one["pose"]
+    sampled = {one["pose"]: one["at"] for one in run["inputs"] if not one["missed"]}
+    ages = [one["at"] - sampled[one["pose"]] for one in moving if one["pose"] in sampled]
+    assert min(ages, default=DELAY_MS + 1) > DELAY_MS
+    assert max(one["filled"] for one in moving) > 0, "nothing says that the frame did not cover the view"
+
+
+def test_what_is_seen_is_the_view_of_that_moment(slow: Callable[..., Page]) -> None:
+    """Not only the page's word for it: the turned picture is far nearer to that view's own frame than a stale one."""
+    errors = []
+    for reprojection in (True, False):
+        page = slow(reprojection=reprojection, overscan=0.25)
+        run = play(page, (0, 0), (TURN_MS, 15), capture_every_ms=TURN_MS / 5)
+        kept = run["captures"][3]
+        known = [one for one in run["inputs"] if not one["missed"] and one["at"] < kept["at"]]
+        now = next((one for one in known if one["pose"] == kept["view"]), known[-1])
+        seen = capture(page, 3)
+        truth = enlarged(view_at(page, degrees_of(now["quaternion"])), seen)
+        height, width, _ = seen.shape
+        middle = (slice(height // 4, -height // 4), slice(width // 4, -width // 4), slice(3))
+        errors.append(float(np.abs(seen - truth)[middle].mean()))
+    assert errors[0] < 0.6 * errors[1], errors
+
+
+def test_at_rest_the_picture_is_the_frame_itself(slow: Callable[..., Page]) -> None:
+    turned, plain = slow(), slow(reprojection=False)
+    expect(turned.locator("canvas.reprojected")).to_have_count(1)
+    expect(plain.locator("canvas.reprojected")).to_have_count(0)
+    assert np.array_equal(view_at(turned, 20), view_at(plain, 20))
+
+
+def test_at_rest_nothing_is_drawn(slow: Callable[..., Page]) -> None:
+    page = slow()
+    page.evaluate(
+        """() => {
+          const gl = document.querySelector("canvas.reprojected").getContext("webgl2");
+          window.draws = 0;
+          for (const name of ["drawArrays", "drawElements", "clear"]) {
+            const draw = gl[name].bind(gl);
+            gl[name] = (...given) => { window.draws++; draw(...given); };
+          }
+        }"""
+    )
+    frames_pass(page, 30)
+    assert page.evaluate("window.draws") == 0
+    page.keyboard.press("ArrowRight", delay=100)
+    assert page.evaluate("window.draws") > 0
+
+
+def test_across_a_jump_the_old_view_stays_until_the_new_one_is_there(slow: Callable[..., Page]) -> None:
+    page = slow()
+    half = TURN_MS / 2
+    run = play(page, (0, 0), (half, 0), (half + 0.001, 120), (TURN_MS, 120))
+    jump = next(one for one in run["inputs"] if one["at"] >= half and not one["missed"])
+    after = [one for one in run["frames"] if one["at"] > jump["at"]]
+    assert after
+    assert all(one["pose"] >= jump["pose"] for one in after), "a frame of before the jump was turned"
+    assert after[0]["at"] - jump["at"] > DELAY_MS
+
+
+def test_a_lost_graphics_processor_leaves_frames_as_they_come_and_says_so(slow: Callable[..., Page]) -> None:
+    page = slow(hud=True)
+    page.evaluate(
+        """() => {
+          const gl = document.querySelector("canvas.reprojected").getContext("webgl2");
+          window.loss = gl.getExtension("WEBGL_lose_context");
+          window.loss.loseContext();
+        }"""
+    )
+    expect(page.locator("[data-stat=reprojection-note]")).to_contain_text("graphics processor was lost")
+    expect(page.locator("canvas.reprojected")).to_have_count(0)
+    assert picture(page).std() > 10, "the picture is blank"
+    before = frames(page)
+    page.keyboard.press("ArrowRight", delay=200)
+    wait_for_frames(page, before + 1)
+    page.evaluate("() => window.loss.restoreContext()")
+    expect(page.locator("[data-stat=reprojection-note]")).to_have_count(0)
+    page.keyboard.press("ArrowRight", delay=200)
+    expect(page.locator("canvas.reprojected")).to_have_count(1)
+
+
+def test_a_resized_window_and_a_turned_phone_show_the_whole_view(slow: Callable[..., Page]) -> None:
+    page = slow()
+    sizes: list[ViewportSize] = [{"width": 180, "height": 320}, {"width": 400, "height": 200}]
+    for size in sizes:
+        page.set_viewport_size(size)
+        page.wait_for_function(
+            "size => tigas.state().ready && document.querySelector('.stage').clientWidth === size.width", arg=size
+        )
+        wait_until_settled(page)
+        canvas = page.locator("canvas.reprojected")
+        shape = canvas.evaluate("canvas => [canvas.width, canvas.height, canvas.clientWidth, canvas.clientHeight]")
+        assert shape[0] / shape[1] == pytest.approx(shape[2] / shape[3], rel=0.02)
+        assert picture(page).std() > 10
+
+
+def test_the_panel_and_the_hud_tell_of_it(open_page: OpenPage, server: RenderServer) -> None:
+    page = open_page(SCENE, **with_settings(server.url, **(SETTINGS | {"sidebar": True}), hudDetails=True))
+    wait_for_frames(page)
+    page.keyboard.down("ArrowRight")
+    page.wait_for_function("() => parseFloat(document.querySelector('[data-stat=content-age]')?.innerText) > 0")
+    page.keyboard.up("ArrowRight")
+    expect(page.locator(".hud")).to_contain_text("view latency")
+    assert float(stat(page, "reprojection-time").split(" ")[0]) >= 0
+    page.get_by_label("Turn frames to the current view").uncheck()
+    expect(page.locator("canvas.reprojected")).to_have_count(0)
+    expect(page.get_by_label("Overscan")).to_be_disabled()
+
+
+def frames_pass(page: Page, count: int) -> None:
+    """Until so many animation frames have come."""
+    page.evaluate(
+        """count => new Promise((resolve) => {
+          const next = () => (count-- > 0 ? requestAnimationFrame(next) : resolve());
+          next();
+        })""",
+        count,
+    )
+
+
+def view_at(page: Page, degrees: float) -> NDArray[np.int16]:
+    """What the page shows where it stands still and looks so far to the right."""
+    page.evaluate("pose => tigas.stand(pose)", pose(degrees))
+    frames_pass(page, 2)
+    page.wait_for_function("() => tigas.state().ready")
+    wait_until_settled(page)
+    play(page, (0, degrees), (500, degrees), capture_every_ms=500)
+    return capture(page, 0)
+
+
+def enlarged(image: NDArray[np.int16], like: NDArray[np.int16]) -> NDArray[np.int16]:
+    """As large as another."""
+    size = (like.shape[1], like.shape[0])
+    return np.asarray(Image.fromarray(image.astype(np.uint8)).resize(size), dtype=np.int16)
