@@ -90,7 +90,7 @@ async def measure(plan: Plan, most: int) -> None:
     """Make the runs that are missing, at most so many."""
     if not plan.missing and plan.views.exists():
         return
-    async with open_environment(None, None, None, Inputs(Path())) as environment:
+    async with open_environment(None, None, None, Inputs(Path()), ladder="paper") as environment:
         await environment.check(plan.runs)
         for configuration in plan.missing[:most]:
             folder = plan.folder(configuration)

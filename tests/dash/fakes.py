@@ -7,12 +7,12 @@ import asyncio
 import numpy as np
 from starlette.applications import Starlette
 from starlette.requests import Request
-from starlette.responses import Response
+from starlette.responses import JSONResponse, Response
 from starlette.routing import Route
 
 from tigas_common.errors import Overloaded, TigasError, UnknownScene
 from tigas_common.web import EXCEPTION_HANDLERS, json_response, read_message
-from tigas_common.wire.render import DEFAULT_LADDER, RenderRequest, ServerConfig
+from tigas_common.wire.render import DEFAULT_LADDER, RenderRequest, Rung, SceneInfo, ServerConfig
 
 
 class FakeRender:
@@ -23,10 +23,16 @@ class FakeRender:
         self.gate.set()
         self.error: TigasError | None = None
         self.requests: list[RenderRequest] = []
+        self.ladder: tuple[Rung, ...] | None = None
+        """The scene's own."""
         self.cut = 0
         """Bytes that are missing at the end of a frame."""
         self.app = Starlette(
-            routes=[Route("/config.json", self._config), Route("/render", self._render, methods=["POST"])],
+            routes=[
+                Route("/config.json", self._config),
+                Route("/scenes", self._scenes),
+                Route("/render", self._render, methods=["POST"]),
+            ],
             exception_handlers=EXCEPTION_HANDLERS,
         )
 
@@ -41,6 +47,24 @@ class FakeRender:
                 services={},
             )
         )
+
+    async def _scenes(self, request: Request) -> Response:
+        scene = SceneInfo(
+            id="scene",
+            name="Scene",
+            state="loaded",
+            error=None,
+            gaussians=1,
+            sh_degree=0,
+            file_bytes=1,
+            memory_bytes=1,
+            preview="/scenes/scene/preview",
+            up=(0, -1, 0),
+            camera=None,
+            background=(0, 0, 0),
+            ladder=self.ladder,
+        )
+        return JSONResponse([scene.model_dump()])
 
     async def _render(self, request: Request) -> Response:
         wanted = await read_message(request, RenderRequest)

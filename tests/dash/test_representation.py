@@ -10,7 +10,7 @@ from tests.dash.conftest import session_request
 from tigas_common.errors import InvalidRequest
 from tigas_common.parsing import parse
 from tigas_common.wire.dash import SessionRequest
-from tigas_common.wire.render import DEFAULT_LADDER
+from tigas_common.wire.render import DEFAULT_LADDER, Rung
 from tigas_dash.representation import representations
 
 
@@ -33,6 +33,24 @@ def test_a_session_offers_no_more_pixels_than_are_shown_and_the_best_of_them_fin
 ) -> None:
     width, height = viewport
     assert offered(width=width, height=height, representations=None) == expected
+
+
+@pytest.mark.parametrize(
+    ("viewport", "expected"),
+    [
+        ((1280, 720), ["r0-12000", "r0-4000", "r3-2096", "r5-1108", "r8-577"]),
+        ((480, 270), ["r6-2757", "r6-919", "r8-577"]),
+    ],
+)
+def test_of_a_ladder_with_many_rungs_a_few_sizes_are_offered(viewport: tuple[int, int], expected: list[str]) -> None:
+    widths = (1280, 1120, 960, 832, 640, 544, 480, 480, 352, 352)
+    ladder = [
+        Rung(name=f"{i}", width=width, height=width * 9 // 16, quality=50, expected_kb=99 - i)
+        for i, width in enumerate(widths)
+    ]
+    body = session_request(width=viewport[0], height=viewport[1], representations=None)
+    request = parse(SessionRequest, json.dumps(body).encode())
+    assert [one.id for one in representations(request, ladder)] == expected
 
 
 def test_a_rung_may_have_several_bitrates() -> None:

@@ -11,6 +11,7 @@ from websockets.exceptions import ConnectionClosed
 from tests.dash.boxes import contents
 from tests.dash.conftest import Packager, running_packager, session_request
 from tests.dash.watching import PATIENCE_S, told, until, until_idle
+from tigas_common.wire.render import Rung
 from tigas_dash.session import Session
 
 pytestmark = pytest.mark.anyio
@@ -23,6 +24,17 @@ async def test_no_more_sessions_than_may_be(packager: Packager) -> None:
     assert (await packager.http.delete(f"/sessions/{opened[0]['id']}")).status_code == 204
     assert (await packager.http.delete(f"/sessions/{opened[0]['id']}")).status_code == 404
     await packager.open()
+
+
+async def test_representations_are_rungs_of_the_scenes_own_ladder(packager: Packager) -> None:
+    packager.render.ladder = (
+        Rung(name="Large", width=320, height=180, quality=80, expected_kb=9),
+        Rung(name="Small", width=160, height=90, quality=80, expected_kb=3),
+    )
+    session = await packager.open(representations=[{"rung": 1, "bitrate_kbps": 300}])
+    assert [(one["id"], one["width"]) for one in session["representations"]] == [("r1-300", 160)]
+    answer = await packager.http.post("/sessions", json=session_request(representations=[{"rung": 2}]))
+    assert "no rung 2, only 0 to 1" in answer.json()["detail"]
 
 
 async def test_a_stream_that_nobody_watches_ends_and_one_that_is_watched_does_not() -> None:

@@ -11,6 +11,7 @@ import pytest
 
 from tests.experiments.made_up import MACHINE, SERVER
 from tests.experiments.movement.scenes import scene
+from tigas_common.wire.render import Rung
 from tigas_common.wire.run import Configuration
 from tigas_experiments.errors import RunFailed
 from tigas_experiments.records.folder import RunRecord, RunWriter
@@ -29,10 +30,13 @@ class Stub:
 
     machine = MACHINE
     inputs: Inputs
+    ladder = ""
+    """What the experiment asked for."""
     commit = "abc"
     browser = "156"
     server = Server.of(SERVER)
     scene_bytes = 1000
+    scene_ladder: tuple[Rung, ...] | None = None
     scene_sha256: str | None = "a" * 64
 
     def __init__(self) -> None:
@@ -51,7 +55,12 @@ class Stub:
             self.server,
             {
                 name: scene().model_copy(
-                    update={"id": name, "file_bytes": self.scene_bytes, "file_sha256": self.scene_sha256}
+                    update={
+                        "id": name,
+                        "file_bytes": self.scene_bytes,
+                        "file_sha256": self.scene_sha256,
+                        "ladder": self.scene_ladder,
+                    }
                 )
                 for name in scenes
             },
@@ -82,9 +91,9 @@ def installed(monkeypatch: pytest.MonkeyPatch) -> Stub:
 
     @asynccontextmanager
     async def open_environment(
-        url: object, scenes: object, traces: object, inputs: Inputs, *, webgpu: bool
+        url: object, scenes: object, traces: object, inputs: Inputs, *, ladder: str, webgpu: bool
     ) -> AsyncIterator[Stub]:
-        made.inputs = inputs
+        made.inputs, made.ladder = inputs, ladder
         yield made
 
     monkeypatch.setattr(runner, "open_environment", open_environment)

@@ -11,6 +11,7 @@ from tigas_common.wire.dash import SessionRequest
 from tigas_common.wire.render import Rung
 
 _REFERENCE_PIXELS, _REFERENCE_RATE, _REFERENCE_KBPS = 1280 * 720, 30, 4000
+MOST_SIZES = 4
 HIGH_BITRATE_FACTOR = 3
 """The best resolution is also offered at so many times its bitrate, for links that carry more."""
 
@@ -51,10 +52,16 @@ def representations(request: SessionRequest, ladder: Sequence[Rung]) -> tuple[Re
 
 
 def _default_set(request: SessionRequest, ladder: Sequence[Rung]) -> list[Representation]:
-    """Every rung with no more pixels than the viewport, since more would be thrown away, or else the smallest."""
-    pixels = [rung.width * rung.height for rung in ladder]
-    limit = max(request.width * request.height, min(pixels))
-    made = [_representation(request, ladder, rung, None) for rung, count in enumerate(pixels) if count <= limit]
+    """Every size with no more pixels than the viewport, since more would be thrown away, or else the smallest.
+
+    Of a ladder with many, each of which costs an encoder, MOST_SIZES from the largest to the smallest.
+    """
+    rungs: dict[int, int] = {}
+    for number, rung in enumerate(ladder):
+        rungs.setdefault(rung.width * rung.height, number)  # a video's quality is its bitrate's
+    limit = max(request.width * request.height, min(rungs))
+    sizes = sorted((pixels for pixels in rungs if pixels <= limit), reverse=True)
+    made = [_representation(request, ladder, rungs[pixels], None) for pixels in _spread(sizes)]
     best = max(made, key=lambda one: one.pixels)
     return [*made, replace(best, bitrate_kbps=HIGH_BITRATE_FACTOR * best.bitrate_kbps)]
 
@@ -76,6 +83,15 @@ def default_bitrate(width: int, height: int, frame_rate: int) -> int:
     """
     size = math.pow(width * height / _REFERENCE_PIXELS, 0.75)
     return max(50, round(_REFERENCE_KBPS * size * math.sqrt(frame_rate / _REFERENCE_RATE)))
+
+
+def _spread(sizes: Sequence[int]) -> list[int]:
+    """MOST_SIZES of descending sizes, as evenly by their logarithm as may be; all of fewer."""
+    if len(sizes) <= MOST_SIZES:
+        return list(sizes)
+    step = math.log(sizes[-1] / sizes[0]) / (MOST_SIZES - 1)
+    wanted = [sizes[0] * math.exp(step * each) for each in range(MOST_SIZES)]
+    return list(dict.fromkeys(min(sizes, key=lambda size: abs(math.log(size / each))) for each in wanted))
 
 
 def _even(side: int) -> int:

@@ -89,8 +89,7 @@ class Sessions:
             await asyncio.wait([task])
 
     async def _make(self, request: SessionRequest) -> Session:
-        config = await self._client.config()
-        ladder = representations(request, config.ladder)
+        ladder = representations(request, await self._client.ladder(request.scene))
         source = ViewSource(self._client, request, ladder[0])
         encoder = await asyncio.to_thread(
             LadderEncoder, self.encoder, ladder, request.frame_rate, request.frames_per_segment

@@ -6,12 +6,12 @@ import math
 from dataclasses import replace
 
 import httpx
-from pydantic import ValidationError
+from pydantic import TypeAdapter, ValidationError
 
 from tigas_common.errors import InvalidRequest
 from tigas_common.parsing import sentence
 from tigas_common.wire.dash import PoseUpdate, SessionRequest
-from tigas_common.wire.render import Problem, RenderRequest, ServerConfig
+from tigas_common.wire.render import Problem, RenderRequest, Rung, SceneInfo, ServerConfig
 from tigas_dash.encoding import RawFrame
 from tigas_dash.errors import RenderProblem, RenderUnavailable
 from tigas_dash.representation import Representation
@@ -21,6 +21,8 @@ FIRST_FRAME_S = 60
 FRAME_S = 5
 """After this the render service counts as dead, in seconds."""
 
+_SCENES = TypeAdapter(list[SceneInfo])
+
 
 class RenderClient:
     """The render service. One for all sessions; its connections are kept."""
@@ -28,11 +30,16 @@ class RenderClient:
     def __init__(self, http: httpx.AsyncClient) -> None:
         self._http = http
 
-    async def config(self) -> ServerConfig:
-        """What the render service says of itself. Raises RenderUnavailable."""
-        answer = await self._ask("GET", "/config.json", FRAME_S)
+    async def ladder(self, scene: str) -> tuple[Rung, ...]:
+        """What profiles count in for a scene; where there is none, whoever asks for its frames hears of it.
+
+        Raises RenderUnavailable.
+        """
+        scenes = await self._ask("GET", "/scenes", FRAME_S)
+        configured = await self._ask("GET", "/config.json", FRAME_S)
         try:
-            return ServerConfig.model_validate_json(answer.content)
+            ladders = {info.id: info.ladder for info in _SCENES.validate_json(scenes.content)}
+            return ladders.get(scene) or ServerConfig.model_validate_json(configured.content).ladder
         except ValidationError:
             raise RenderUnavailable("What answers as the render service is none.") from None
 

@@ -11,13 +11,13 @@ from pydantic_settings import SettingsConfigDict
 from tigas_common.address import Address
 from tigas_common.settings import Listen, ListenOrOff, ServiceSettings
 from tigas_common.topology import PAGE, PAGE_HTTPS, WEBTRANSPORT
-from tigas_common.wire.render import DEFAULT_LADDER, Rung
+from tigas_common.wire.render import DEFAULT_LADDER, LadderName, Rung
 from tigas_render.cache import cache_directory
 from tigas_render.scenes.ladder import MAX_RUNGS
 from tigas_render.transport.limits import Limits
 
 Ladder = Annotated[
-    Annotated[Literal["scene", "paper"], Tag("name")]
+    Annotated[LadderName, Tag("name")]
     | Annotated[tuple[Rung, ...], Field(min_length=1, max_length=MAX_RUNGS), Tag("rungs")],
     Discriminator(lambda given: "name" if isinstance(given, str) else "rungs"),
 ]

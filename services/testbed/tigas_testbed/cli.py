@@ -23,13 +23,19 @@ def up(
     scenes: Annotated[Path | None, typer.Option(help="Models directory, one folder per scene.")] = None,
     traces: Annotated[Path | None, typer.Option(help="Directory of network traces.")] = None,
     trace: Annotated[str | None, typer.Option(help="Trace to play at start-up.")] = None,
+    ladder: Annotated[
+        str | None,
+        typer.Option(
+            metavar="scene|paper", help="Quality levels: each scene's own, or the paper's.", show_default="scene"
+        ),
+    ] = None,
 ) -> None:
     """Start the services behind the shaped link until Ctrl+C. The page is at http://localhost:8080."""
     from tigas_testbed.services import run_lab
 
     stop = _told_to_stop()
     with in_a_sentence(StartError, subprocess.CalledProcessError):
-        run_lab(scenes=scenes, traces=traces, trace=trace, stop=stop)
+        run_lab(scenes=scenes, traces=traces, trace=trace, ladder=ladder, stop=stop)
 
 
 @lab.command("check")

@@ -31,9 +31,9 @@ TUN = Path("/dev/net/tun")
 """What the shaper's relay needs."""
 
 
-def render_command(scenes: Path | None) -> list[str]:
+def render_command(scenes: Path | None, ladder: str | None = None) -> list[str]:
     """The render service, on all addresses of its namespace."""
-    chosen = ("--scenes", str(scenes)) if scenes else ()
+    chosen = [*(("--scenes", str(scenes)) if scenes else ()), *(("--ladder", ladder) if ladder else ())]
     return tigas("render", "--http", str(PAGE.everywhere), "--quic", str(WEBTRANSPORT.everywhere), *chosen)
 
 
@@ -98,13 +98,16 @@ class Runner:
         )
 
 
-def run_lab(*, scenes: Path | None, traces: Path | None, trace: str | None, stop: threading.Event) -> None:
+def run_lab(
+    *, scenes: Path | None, traces: Path | None, trace: str | None, ladder: str | None, stop: threading.Event
+) -> None:
     """Run the whole lab until `stop` is set. Raises StartError if it cannot start, or if a service ends too often."""
     check_rights()
     results = load_settings(_StoreSettings, {}).results
     caller, user = User.caller(os.environ), User.of_services(os.environ, Path.cwd())
     options = [*(("--traces", str(traces)) if traces else ()), *(("--trace", trace) if trace else ())]
     page = {SERVICES_VARIABLE: page_services(shaped=True)}
+    render = render_command(scenes, ladder)
     with Lab(NAME).up(PORTS, host=True) as lab:
         user.give(results)
         needed = [each for each in (scenes, traces, results) if each is not None and each.is_dir()]
@@ -113,7 +116,7 @@ def run_lab(*, scenes: Path | None, traces: Path | None, trace: str | None, stop
             keep_running(
                 (
                     Service("shaper", lambda: runner.start(runner.shaper(*options))),
-                    Service("render service", lambda: runner.start(runner.service(render_command(scenes)), page)),
+                    Service("render service", lambda: runner.start(runner.service(render), page)),
                     Service("DASH packager", lambda: runner.start(runner.service(dash_command()))),
                     Service("experiment store", lambda: runner.start(runner.service(store_command()))),
                 ),

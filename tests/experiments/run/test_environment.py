@@ -14,6 +14,7 @@ import pytest
 from tests.experiments.made_up import MACHINE, SERVER, configuration
 from tests.experiments.movement.scenes import scene
 from tigas_common.errors import StartError
+from tigas_common.wire.render import LadderName, Rung
 from tigas_common.wire.run import Configuration, Network
 from tigas_experiments.errors import RunFailed
 from tigas_experiments.lock import exclusive, services_lock
@@ -108,6 +109,8 @@ class World:
         self.target = Target("http://127.0.0.1:9", SERVER.model_copy(update={"services": services}))
         self.asked: list[str] = []
         self.pages = 0
+        self.ladder: tuple[Rung, ...] | None = None
+        """The scene's own."""
         monkeypatch.setattr(module, "viewer", self.viewer)
         monkeypatch.setattr(module, "load_scene", self.load_scene)
 
@@ -117,18 +120,18 @@ class World:
         yield self
 
     async def load_scene(self, *_: object) -> object:
-        return scene()
+        return scene().model_copy(update={"ladder": self.ladder})
 
     async def prepare(self, settings: dict[str, str], pose: object) -> None:
         self.asked += settings.values()
         if not {"budget", "latency", "off", "bicubic"}.issuperset(settings.values()):
             raise RunFailed(REFUSED)
 
-    def environment(self, directory: Path = Path()) -> Environment:
-        return Environment(supervised(self.target), supervised(None), MACHINE, Inputs(directory))
+    def environment(self, directory: Path = Path(), ladder: LadderName = "scene") -> Environment:
+        return Environment(supervised(self.target), supervised(None), MACHINE, Inputs(directory), ladder)
 
-    def check(self, *runs: Configuration) -> None:
-        asyncio.run(self.environment().check(runs))
+    def check(self, *runs: Configuration, ladder: LadderName = "scene") -> None:
+        asyncio.run(self.environment(ladder=ladder).check(runs))
 
 
 def unshaped(**changes: Any) -> Configuration:
@@ -171,6 +174,19 @@ def test_a_representation_has_a_rung_of_the_ladder(monkeypatch: pytest.MonkeyPat
     world.check(unshaped(mode="dash-tuned", dash_representation={"rung": 3, "bitrate_kbps": 500}))
     with pytest.raises(StartError, match="There is no rung 4"):
         world.check(unshaped(mode="dash-tuned", dash_representation={"rung": 4, "bitrate_kbps": 500}))
+
+
+def test_rungs_are_those_of_the_scenes_own_ladder_unless_the_papers_is_asked_for(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    world = World(monkeypatch)
+    world.check(unshaped(profile=3), ladder="paper")
+    world.ladder = SERVER.ladder[:1] * 6
+    world.check(unshaped(profile=5))
+    with pytest.raises(StartError, match=r"There is no rung 6: .* has 6"):
+        world.check(unshaped(profile=6))
+    with pytest.raises(StartError, match=r"a ladder of its own, .* start the render service with --ladder paper\.$"):
+        world.check(unshaped(profile=3), ladder="paper")
 
 
 def test_a_page_that_cannot_be_opened_is_said_before_the_first_run(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -39,6 +39,7 @@ class World:
     def __init__(self) -> None:
         self.recording: dict[str, Any] = recording()
         self.services_live = True
+        self.scene = scene()
         self.enhances = True
         self.can_start = True
         self.asked: dict[str, Any] = {}
@@ -49,7 +50,7 @@ class World:
         return Setup(
             target=Target("http://127.0.0.1:9", SERVER),
             browser=SimpleNamespace(version="1"),  # type: ignore[arg-type]
-            scene=scene(),
+            scene=self.scene,
             points=POINTS,
             network=UNSHAPED.network,
             digests=DIGESTS,
@@ -105,6 +106,10 @@ def test_the_record_says_what_it_was_made_from_and_with(world: World, tmp_path: 
     record = run(world, tmp_path / "run")
     assert record.inputs_sha256 == DIGESTS
     assert record.server == Server(version="9", commit="abc", device="GPU", ladder=SERVER.ladder)
+    world.scene = world.scene.model_copy(update={"ladder": SERVER.ladder[1:]})
+    of_its_own = run(world, tmp_path / "of its own").server
+    assert of_its_own is not None
+    assert of_its_own.ladder == SERVER.ladder[1:]
 
 
 def test_a_service_that_ended_meanwhile_costs_the_run(world: World, tmp_path: Path) -> None:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import errno
 import json
+import shutil
 import signal
 from pathlib import Path
 from typing import Any
@@ -99,6 +100,17 @@ def test_a_run_that_was_killed_is_repeated(stub: Stub, file: Path) -> None:
     assert stub.made[6:] == [stub.made[5]]
 
 
+def test_the_services_are_started_with_the_ladder_that_the_file_asks_for(stub: Stub, file: Path) -> None:
+    tigas("run", file)
+    assert stub.ladder == "scene"
+    shutil.rmtree(file.parent / "out")
+    file.write_text(toml(ladder="paper"))
+    assert tigas("run", file).exit_code == 0
+    assert stub.ladder == "paper"
+    file.write_text(toml(ladder="mine"))
+    assert "ladder: input should be 'scene' or 'paper'" in tigas("run", file).output
+
+
 def test_other_configurations_are_made_again_and_the_old_ones_kept(stub: Stub, file: Path) -> None:
     tigas("run", file)
     file.write_text(toml(controllers=["latency", "l2a", 0], repeats=2, duration_s=30))
@@ -175,6 +187,7 @@ def test_an_experiment_may_grow_but_not_become_another(stub: Stub, file: Path) -
             Server.of(SERVER.model_copy(update={"ladder": SERVER.ladder[:1]})),
             "another ladder (1280x720 q90, ",
         ),
+        ("scene_ladder", SERVER.ladder[1:2], "another ladder (1280x720 q90, "),
         (
             "server",
             Server.of(SERVER.model_copy(update={"commit": "abd"})),

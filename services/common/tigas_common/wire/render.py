@@ -12,6 +12,8 @@ from tigas_common.pose import Intrinsics, Pose
 from tigas_common.wire.model import MAX_PIXELS, MAX_SIDE, Angle, Entries, Point, Quaternion, Unit, WireModel
 
 FrameFormat = Literal["jpeg", "png", "yuv420p"]
+LadderName = Literal["scene", "paper"]
+"""What profiles count in: each scene's own ladder, where it has one, or the paper's for all."""
 
 
 class Rung(WireModel):

@@ -11,7 +11,7 @@ import psutil
 
 from tigas_common.commit import this_commit
 from tigas_common.wire.model import Entries, WireModel
-from tigas_common.wire.render import Rung, ServerConfig
+from tigas_common.wire.render import Rung, SceneInfo, ServerConfig
 
 PACKAGES = ("aioquic", "av", "numba", "playwright", "scikit-image")
 
@@ -39,11 +39,13 @@ class Server(WireModel):
     device: str | None
     """What it renders with."""
     ladder: Entries[Rung]
+    """What the run's profiles count in: that of its scene, where it has one of its own."""
 
     @classmethod
-    def of(cls, config: ServerConfig) -> Self:
-        """From what it tells its pages."""
-        return cls(version=config.version, commit=config.commit, device=config.device, ladder=config.ladder)
+    def of(cls, config: ServerConfig, scene: SceneInfo | None = None) -> Self:
+        """From what it tells its pages, of itself and of a run's scene."""
+        own = scene.ladder if scene is not None else None
+        return cls(version=config.version, commit=config.commit, device=config.device, ladder=own or config.ladder)
 
 
 def this_machine() -> Machine:

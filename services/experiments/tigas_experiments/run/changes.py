@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
-from tigas_common.wire.render import SceneInfo
+from tigas_common.wire.render import Rung, SceneInfo
 from tigas_experiments.records.folder import RunRecord
 from tigas_experiments.records.machine import Server
 
@@ -31,20 +31,21 @@ def changes(kept: Iterable[RunRecord], now: MadeWith) -> list[str]:
             found.setdefault(what, f"{what} ({was}, now {new})")
 
     for record in kept:
+        scene = now.scenes.get(record.configuration.scene)
         compare("commit", record.machine.commit, now.commit)
         compare("browser", record.browser, now.browser)
         if record.server is not None:
             compare("render service's commit", record.server.commit, now.server.commit)
-            compare("ladder", _rungs(record.server), _rungs(now.server))
-        scene = now.scenes.get(record.configuration.scene)
+            own = scene.ladder if scene is not None else None
+            compare("ladder", _rungs(record.server.ladder), _rungs(own or now.server.ladder))
         if scene is not None:
             compare(f"scene {scene.id}", _size(record.scene_bytes), _size(scene.file_bytes))
             compare(f"scene {scene.id}", _digest(record.scene_sha256), _digest(scene.file_sha256))
     return list(found.values())
 
 
-def _rungs(server: Server) -> str:
-    return ", ".join(f"{rung.width}x{rung.height} q{rung.quality}" for rung in server.ladder)
+def _rungs(ladder: Iterable[Rung]) -> str:
+    return ", ".join(f"{rung.width}x{rung.height} q{rung.quality}" for rung in ladder)
 
 
 def _size(size: int | None) -> str | None:

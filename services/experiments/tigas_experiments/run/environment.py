@@ -15,7 +15,7 @@ from typing import Generic, TypeVar
 from playwright.async_api import Browser
 
 from tigas_common.errors import StartError
-from tigas_common.wire.render import SceneInfo
+from tigas_common.wire.render import LadderName, SceneInfo
 from tigas_common.wire.run import OFF, Configuration, Network
 from tigas_experiments.errors import RunFailed
 from tigas_experiments.lock import exclusive, services_lock
@@ -75,8 +75,14 @@ class Environment:
     """Services and a browser for many runs, one at a time."""
 
     def __init__(
-        self, target: Supervised[Target], browser: Supervised[Browser], machine: Machine, inputs: Inputs
+        self,
+        target: Supervised[Target],
+        browser: Supervised[Browser],
+        machine: Machine,
+        inputs: Inputs,
+        ladder: LadderName = "scene",
     ) -> None:
+        self._ladder = ladder
         self._target = target
         self._browser = browser
         self._inputs = inputs
@@ -90,9 +96,11 @@ class Environment:
         """
         await self._browser.get()
         target = await self._target.get()
-        _check_services(runs, target)
+        _check_packager(runs, target)
+        scenes = {}
         for configuration in {_inputs(run): run for run in runs}.values():
-            await self.setup(configuration)
+            scenes[configuration.scene] = (await self.setup(configuration)).scene
+        _check_rungs(runs, target, scenes, self._ladder)
         for network in {run.network: None for run in runs}:
             try:
                 async with held(target, self._inputs.network(network)):
@@ -141,21 +149,27 @@ class Environment:
 
 @asynccontextmanager
 async def open_environment(
-    url: str | None, scenes: Path | None, traces: Path | None, inputs: Inputs, *, webgpu: bool = False
+    url: str | None,
+    scenes: Path | None,
+    traces: Path | None,
+    inputs: Inputs,
+    *,
+    ladder: LadderName = "scene",
+    webgpu: bool = False,
 ) -> AsyncIterator[Environment]:
     """For as long as the context lasts, and for nobody else meanwhile. Raises StartError.
 
     The services at `url`, or the lab's, which is started when it is first needed; `scenes` and `traces` are its
-    directories. With `webgpu`, pages can enhance frames.
+    directories, and `ladder` what profiles count in. With `webgpu`, pages can enhance frames.
     """
     find_chromium()
     where = url or LAB_URL
 
     with exclusive(services_lock(where), f"Another experiment uses the services at {where}; wait until it has ended."):
-        target = Supervised(lambda: lab_target(scenes, traces) if url is None else url_target(url), alive)
+        target = Supervised(lambda: lab_target(scenes, traces, ladder) if url is None else url_target(url), alive)
         browser = Supervised(lambda: chromium(webgpu=webgpu), responds)
         try:
-            yield Environment(target, browser, this_machine(), inputs)
+            yield Environment(target, browser, this_machine(), inputs, ladder)
         finally:
             try:
                 await browser.close()
@@ -163,13 +177,26 @@ async def open_environment(
                 await target.close()
 
 
-def _check_services(runs: Sequence[Configuration], target: Target) -> None:
-    """Whether they have what the runs name. Raises StartError."""
-    rungs = len(target.config.ladder)
+def _check_packager(runs: Sequence[Configuration], target: Target) -> None:
+    """Whether there is one, if the runs need it. Raises StartError."""
     for run in runs:
+        if run.mode != "stateless" and target.dash is None:
+            raise StartError(f"There is no packager behind {target.url}, so {run.mode} cannot be measured.")
+
+
+def _check_rungs(
+    runs: Sequence[Configuration], target: Target, scenes: Mapping[str, SceneInfo], ladder: LadderName
+) -> None:
+    """Whether the scenes have the ladder that was asked for, and the rungs that the runs name. Raises StartError."""
+    for run in runs:
+        own = scenes[run.scene].ladder
+        if ladder == "paper" and own is not None:
+            raise StartError(
+                f"The services at {target.url} show {run.scene} with a ladder of its own, and the experiment asks for "
+                "the paper's: start the render service with --ladder paper."
+            )
+        rungs = len(own or target.config.ladder)
         if run.mode != "stateless":
-            if target.dash is None:
-                raise StartError(f"There is no packager behind {target.url}, so {run.mode} cannot be measured.")
             rung = None if run.dash_representation is None else run.dash_representation.rung
         else:
             rung = run.profile if isinstance(run.profile, int) else None

@@ -99,7 +99,7 @@ async def _measure(
             browser=setup.browser.version,
             backend=seen[-1][1].backend if seen else None,
             inputs_sha256=setup.digests,
-            server=Server.of(setup.target.config),
+            server=Server.of(setup.target.config, setup.scene),
             sampling_problem=problem,
             scene_bytes=setup.scene.file_bytes,
             scene_sha256=setup.scene.file_sha256,

@@ -19,6 +19,7 @@ from tigas_common.errors import StartError
 from tigas_common.parsing import sentence
 from tigas_common.wire.dash import RepresentationRequest
 from tigas_common.wire.model import WireModel
+from tigas_common.wire.render import LadderName
 from tigas_common.wire.run import (
     AUTO,
     MAX_OFFSET_S,
@@ -109,6 +110,8 @@ class Plan(WireModel):
     modes: Several[Mode] = ("stateless",)
     controllers: Several[Controller] = ("budget",)
     """Of the mode `stateless`: controllers' names, and fixed rungs of the ladder."""
+    ladder: LadderName = "scene"
+    """Each scene's own, where it has one, or the paper's for all."""
     restore: ModelName = OFF
     """Of the mode `stateless`: the page's model that restores each frame (docs/enhancement.md), or `off`."""
     upscale: ModelName = OFF

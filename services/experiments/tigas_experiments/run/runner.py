@@ -103,8 +103,9 @@ async def make_missing_runs(
     Raises StartError if nothing can be begun, if what runs are made with has changed since those that are kept, or if
     GIVE_UP_AFTER runs have failed in a row, and OSError.
     """
-    webgpu = any(run.enhanced for run in missing)
-    async with open_environment(url, scenes, traces, experiment.inputs, webgpu=webgpu) as environment:
+    ladder, webgpu = experiment.plan.ladder, any(run.enhanced for run in missing)
+    opened = open_environment(url, scenes, traces, experiment.inputs, ladder=ladder, webgpu=webgpu)
+    async with opened as environment:
         listener.stage("starts the services")
         await environment.check(missing)
         if not allow_changes:

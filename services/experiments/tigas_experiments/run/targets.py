@@ -21,7 +21,7 @@ from pydantic import ValidationError
 from tigas_common.errors import StartError
 from tigas_common.processes import end, tigas, with_parent
 from tigas_common.topology import PAGE_ORIGINS
-from tigas_common.wire.render import SceneInfo, ServerConfig
+from tigas_common.wire.render import LadderName, SceneInfo, ServerConfig
 
 LAB_URL = PAGE_ORIGINS[0]
 START_S = 120
@@ -56,7 +56,7 @@ class Target:
 
 
 @asynccontextmanager
-async def lab_target(scenes: Path | None, traces: Path | None) -> AsyncIterator[Target]:
+async def lab_target(scenes: Path | None, traces: Path | None, ladder: LadderName) -> AsyncIterator[Target]:
     """The namespace lab, for as long as the context lasts. Raises StartError."""
     await asyncio.to_thread(_check)
     if await _serves(LAB_URL):
@@ -64,7 +64,7 @@ async def lab_target(scenes: Path | None, traces: Path | None) -> AsyncIterator[
     options = [*(("--scenes", str(scenes)) if scenes else ()), *(("--traces", str(traces)) if traces else ())]
     # A session of its own: Ctrl+C reaches us alone, so that runs end before their services. If we die, it ends, too.
     process = subprocess.Popen(  # noqa: ASYNC220 - starting takes no time
-        with_parent([*tigas("lab", "up"), *options]),
+        with_parent([*tigas("lab", "up", "--ladder", ladder), *options]),
         stdin=subprocess.DEVNULL,
         stdout=subprocess.DEVNULL,
         stderr=subprocess.PIPE,

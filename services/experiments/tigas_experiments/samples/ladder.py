@@ -1,4 +1,4 @@
-"""The quality ladder of a render service, as one view at each of its rungs."""
+"""The quality ladder of a scene, as one view at each of its rungs."""
 
 from __future__ import annotations
 
@@ -33,8 +33,7 @@ async def ladder(renderer: Renderer, scene: str, pose: Pose, lens: Lens) -> list
 
     It is shown at the best rung's size, in the viewport's shape. Raises RendererAway, NotRendered and BrokenPicture.
     """
-    await renderer.load(scene)
-    rungs = (await renderer.config()).ladder
+    rungs = (await renderer.load(scene)).ladder or (await renderer.config()).ladder
     view = _at_best(lens.intrinsics, rungs[0])
     truth = decode(await renderer.frame(RenderRequest.at(scene, pose, view, format="png")))
     found = []
