@@ -34,6 +34,8 @@ class Kind:
     pixels: int = PIXELS
     median: bool = False
     """The inverse depth that half of a pixel's light comes from behind of, in place of the mean."""
+    of_what_is_there: bool = False
+    """The mean over what is drawn alone; otherwise what shines through counts as infinitely far."""
     webp: int | None = 80
     """Quality of the lossy WebP; None sends the codes as they are."""
 
@@ -44,6 +46,8 @@ KINDS = (
     Kind("expected, WebP 50", webp=50),
     Kind("expected, full size", pixels=FULL, webp=None),
     Kind("expected, half as many", pixels=PIXELS // 2),
+    Kind("of what is there", of_what_is_there=True),
+    Kind("of what is there, lossless", of_what_is_there=True, webp=None),
     Kind("median, as sent", median=True),
 )
 
@@ -69,7 +73,13 @@ class DepthScene:
             codes = self._painted(np.clip(inverse / most, 0, 1), camera)
             most *= max(float(np.quantile(codes, NEAREST_SHARE)), 1.0) / 255
         share = np.clip(inverse / most, 0, 1)
-        codes = self._median(share, camera) if kind.median else self._painted(share, camera)
+        if kind.median:
+            codes = self._median(share, camera)
+        elif kind.of_what_is_there:
+            inverse, covered = np.moveaxis(self._channels([share, np.ones_like(share)], camera)[..., :2], -1, 0)
+            codes = np.where(covered > 8, np.clip(255.0 * inverse / np.maximum(covered, 1), 0, 255), 0).astype(np.uint8)
+        else:
+            codes = self._painted(share, camera)
         codes, sent = _sent(codes, kind.webp)
         return most * codes.astype(np.float64) / 255, sent
 

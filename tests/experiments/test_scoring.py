@@ -102,9 +102,9 @@ def test_samples_that_cannot_be_compared_are_named_and_cost_nothing_else(tmp_pat
     scoring = Scoring(tmp_path, Meters.of(["psnr", "vif"], "cpu"))
     scores = scoring.score()
     assert {score.seq for score in scores} == {10, 40}
-    assert list(scoring.problems) == [20, 30]
-    assert "cannot be read" in scoring.problems[20]
-    assert "shown at 50×50" in scoring.problems[30]
+    assert list(scoring.problems) == ["sample 20", "sample 30"]
+    assert "cannot be read" in scoring.problems["sample 20"]
+    assert "shown at 50×50" in scoring.problems["sample 30"]
     assert all(score.has(["psnr", "ssim", "vmaf", "vif"]) for score in scores)
 
 
@@ -121,3 +121,21 @@ def test_how_far_it_is(tmp_path: Path) -> None:
     scoring = Scoring(tmp_path, Meters.of(["ssim", "vmaf"], "cpu"), told.append)
     scoring.score()
     assert sum(told) == scoring.steps == 6
+
+
+def test_what_was_seen_is_scored_on_black_beside_the_samples(tmp_path: Path) -> None:
+    write_triplets(tmp_path, 1, enhance=None)
+    (tmp_path / "captures").mkdir()
+    shown = np.dstack((view(1), np.full(view(1).shape[:2], 255, np.uint8)))
+    for number in range(3):
+        shown[:, : 20 * number, 3] = 0  # never seen
+        (tmp_path / "captures" / f"000{number}.png").write_bytes(encode(shown))
+        (tmp_path / "captures" / f"000{number}.truth.png").write_bytes(encode(view(1)))
+    (tmp_path / "captures" / "view.png").write_bytes(encode(view(1)))
+    scores = Scoring(tmp_path, Meters.of(["psnr", "ssim"], "cpu")).score()
+    assert [score.key for score in read_scores(tmp_path)] == [(0, "seen"), (1, "seen"), (2, "seen"), (10, "original")]
+    whole, less, least = (score.psnr or 0.0 for score in scores if score.picture == "seen")
+    assert whole == 100 > less > least
+    counted = Counted()
+    assert len(Scoring(tmp_path, counted.meters).score()) == 4
+    assert counted.seen == 0, "once"

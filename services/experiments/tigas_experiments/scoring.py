@@ -1,4 +1,4 @@
-"""Scores the triplets of a run by the metrics that are asked for; what was scored before is not computed again."""
+"""Scores the samples of a run, and what was seen in it, by the metrics that are asked for; nothing is scored twice."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from tigas_experiments.quality.vmaf import vmaf_and_vif
 from tigas_experiments.records.recording import BrokenRecording
 from tigas_experiments.records.samples import read_samples
 from tigas_experiments.records.scores import Score, Values, read_scores, write_scores
-from tigas_experiments.records.triplets import KINDS, Contents, Kind, Triplet, triplets
+from tigas_experiments.records.triplets import KINDS, Contents, Kind, Triplet, seen, triplets
 
 FRAMES = 240
 """Of a video for VMAF, at most: what is lost if somebody interrupts."""
@@ -28,9 +28,9 @@ class Scoring:
 
     def __init__(self, run: Path, meters: Meters, told: Told = lambda steps: None, *, again: bool = False) -> None:
         """With `again`, earlier scores count for nothing. Raises BrokenRecording and OSError."""
-        self.triplets = triplets(run)
-        self.problems: dict[int, str] = {}
-        """Why a sample has no scores."""
+        self.triplets = [*triplets(run), *seen(run)]
+        self.problems: dict[str, str] = {}
+        """Why something has no scores, by its name."""
         self._run = run
         self._meters = meters
         self._told = told
@@ -54,8 +54,9 @@ class Scoring:
                     for kind in KINDS:
                         self._score_video(kind, [each for each in batch if kind in each.pictures])
                     self._told(len(batch))
-            there = {(each.seq, kind) for each in self.triplets for kind in each.pictures}
-            gone = [key for key in self._scores if key not in there or key[0] in self.problems]
+            sound = [each for each in self.triplets if each.name not in self.problems]
+            there = {(each.seq, kind) for each in sound for kind in each.pictures}
+            gone = [key for key in self._scores if key not in there]
             for key in gone:
                 del self._scores[key]
         finally:  # Ctrl+C, too, keeps what there is
@@ -80,7 +81,7 @@ class Scoring:
                     for kind, values in zip(kinds, measured, strict=True):
                         self._add(triplet.seq, kind, dict(zip(meter.names, values, strict=True)))
         except (BrokenRecording, BrokenPicture) as error:
-            self.problems[triplet.seq] = str(error)
+            self.problems[triplet.name] = str(error)
         if self._meters.single:
             self._told(1)
         if time.monotonic() - self._saved > SAVED_EVERY_S:
@@ -89,7 +90,7 @@ class Scoring:
 
     def _score_video(self, kind: Kind, batch: Sequence[Triplet]) -> None:
         """By VMAF and VIFp: all samples of the batch, unless all of them were."""
-        if all(each.seq in self.problems or self._scores[each.seq, kind].has(VIDEO) for each in batch):
+        if all(each.name in self.problems or self._scores[each.seq, kind].has(VIDEO) for each in batch):
             return
         frames = self._decoded(kind, batch)
         for _, group in groupby(frames, key=lambda frame: frame[2].shape):
@@ -99,11 +100,11 @@ class Scoring:
     def _decoded(self, kind: Kind, batch: Sequence[Triplet]) -> Iterator[tuple[int, Picture, Picture]]:
         """(seq, picture, truth), one by one; what cannot be compared is left out."""
         for triplet in batch:
-            if triplet.seq not in self.problems:
+            if triplet.name not in self.problems:
                 try:
                     truth, pictures = triplet.read().decoded()
                 except (BrokenRecording, BrokenPicture) as error:
-                    self.problems[triplet.seq] = str(error)
+                    self.problems[triplet.name] = str(error)
                 else:
                     yield triplet.seq, pictures[kind], truth
 

@@ -19,10 +19,11 @@ from tests.experiments.triplets_made_up import view, write_triplets
 from tests.web.scenes import SMALL, write_scenes
 from tests.web.server import RenderServer
 from tigas_common.pose import Intrinsics, Pose
+from tigas_common.wire.recording import Capture, Lens
 from tigas_common.wire.render import RenderRequest
 from tigas_experiments.commands.quality import quality as command
-from tigas_experiments.quality.picture import encode
-from tigas_experiments.records.folder import StoredRun
+from tigas_experiments.quality.picture import CaptureQuality, compare, decode, encode
+from tigas_experiments.records.folder import StoredRun, capture_path
 from tigas_experiments.records.lines import write_lines
 from tigas_experiments.records.materialised import TRUTH, Materialised, add_materialised, materialised_log
 from tigas_experiments.records.samples import JPEG, write_sample_file
@@ -92,7 +93,7 @@ def test_without_weights_only_these_two_are_left_out(tmp_path: Path, monkeypatch
     [
         (["--metrics", "psnr,beauty"], "'beauty' is no metric; there are psnr, ssim, vmaf, vif, lpips, dists."),
         (["--metrics", " , "], "--metrics names none"),
-        (["--metrics", "psnr"], "has no samples with ground truth (docs/quality.md)."),
+        (["--metrics", "psnr"], "has no samples or kept pictures with ground truth (docs/quality.md)."),
     ],
 )
 def test_what_cannot_be_done_is_a_sentence(tmp_path: Path, arguments: list[str], sentence: str) -> None:
@@ -131,6 +132,31 @@ def rendered(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
     write_scenes(models)
     with RenderServer("--scenes", str(models)) as server:
         yield server.url.rstrip("/")
+
+
+def test_what_was_seen_is_scored_after_its_ground_truth_was_rendered(rendered: str, tmp_path: Path) -> None:
+    run = write_run(tmp_path / "runs" / "a", "budget", "bus", 20.0, scene=SMALL)
+    stored = StoredRun(run)
+    pose = stored.inputs()[20].model_copy(update={"position": (0.0, 0.0, 0.0)})
+    write_lines(run / "inputs.ndjson", [pose])
+    head = stored.record.recording
+    assert head is not None
+    lens = Lens(width=96, height=54, fx=60, fy=60, cx=48, cy=27)
+    record = stored.record.model_copy(update={"recording": head.model_copy(update={"scene": SMALL, "lens": lens})})
+    (run / "run.json").write_text(record.model_dump_json())
+    asked = RenderRequest.at(SMALL, pose.camera, lens.intrinsics, format="png")
+    truth = httpx.post(f"{rendered}/render", content=asked.model_dump_json(exclude_none=True), timeout=90).content
+    shown = decode(truth) // 2
+    write_lines(run / "captures.ndjson", [Capture(at=pose.at, shown_at=0, pose=3, rung=2, width=96, height=54)])
+    capture_path(run, 0).write_bytes(encode(shown))
+    seen = compare(shown, decode(truth))
+    write_lines(
+        run / "quality.ndjson", [CaptureQuality(at=pose.at, pose=3, rung=2, picture=None, view=None, seen=seen)]
+    )
+    result = quality(str(tmp_path), "--metrics", "psnr,ssim", "--render", rendered)
+    assert result.exit_code == 0, result.output
+    assert re.search(r"bus, 20 ms Budget seen 1 ", words(result))
+    assert read_scores(run)[0].psnr == pytest.approx(seen.psnr_db)
 
 
 def test_rendered_frames_are_better_the_higher_their_rung(rendered: str, tmp_path: Path) -> None:

@@ -64,11 +64,9 @@ def score(
     console = make_console(stderr=True)
     with in_a_sentence(StartError, OSError):
         asked = _asked(metrics)
-        if render is not None:
-            for run in materialised(folder, render):
-                for problem in run.problems:
-                    console.print(f"{run.folder}: {problem}", style="yellow", soft_wrap=True)
         try:
+            for problem in () if render is None else _render_truth(folder, render):
+                console.print(problem, style="yellow", soft_wrap=True)
             rows, sentences = _score(folder, asked, device, again=again)
         except KeyboardInterrupt:
             console.print("Interrupted. The same command goes on.")
@@ -174,13 +172,45 @@ def _score(folder: Path, asked: list[PictureMetric], device: str | None, *, agai
             except BrokenRecording as error:
                 sentences.append(f"{run.name}: {error}")
         if not any(scoring.triplets for scoring in scorings.values()):
-            raise StartError(" ".join(sentences) or f"{folder} has no samples with ground truth (docs/quality.md).")
+            raise StartError(
+                " ".join(sentences) or f"{folder} has no samples or kept pictures with ground truth (docs/quality.md)."
+            )
         bar.update(task, total=sum(scoring.steps for scoring in scorings.values()))
         for run, scoring in scorings.items():
             bar.update(task, description=run.name)
             scored.append((_condition(run), scoring.score()))
             sentences += _doubts(run, scoring)
     return rows(scored), sentences
+
+
+def _render_truth(folder: Path, render: str) -> Iterator[str]:
+    """Has what is missing rendered; what is wrong with it. Raises StartError and OSError."""
+    from tigas_experiments.samples.materialise import alone, with_samples
+    from tigas_experiments.samples.renderer import Renderer, RendererAway
+    from tigas_experiments.samples.seen import render_truth
+
+    runs, _ = _runs(folder)
+    if with_samples(folder):
+        for sampled in materialised(folder, render):
+            yield from (f"{sampled.folder}: {problem}" for problem in sampled.problems)
+
+    async def all_of_them(bar: Progress) -> list[str]:
+        problems = []
+        async with Renderer.at(render) as renderer:
+            for run in runs:
+                task = bar.add_task(run.name, total=None)
+                told = lambda done, total, task=task: bar.update(task, completed=done, total=total)  # noqa: E731
+                if (run / "captures.ndjson").exists() and (problem := await render_truth(run, renderer, told)):
+                    problems.append(f"{run.name}: {problem}")
+                bar.remove_task(task)
+        return problems
+
+    columns = (TextColumn("{task.description}", markup=False), BarColumn(), TimeRemainingColumn())
+    with alone(folder), Progress(*columns, console=make_console(stderr=True), transient=True) as bar:
+        try:
+            yield from asyncio.run(all_of_them(bar))
+        except RendererAway as error:
+            raise StartError(str(error)) from None
 
 
 def _condition(run: Path) -> Condition | None:
@@ -199,11 +229,12 @@ def _doubts(run: Path, scoring: Scoring) -> Iterator[str]:
     """What must be known of a run's scores."""
     from tigas_experiments.records.materialised import sampled_run
 
-    for seq, why in sorted(scoring.problems.items()):
-        yield f"{run.name}, sample {seq}: {why}"
-    if different := sampled_run(run).different:
+    for name, why in scoring.problems.items():
+        yield f"{run.name}, {name}: {why}"
+    sampled = sampled_run(run)
+    if different := sampled.different:
         yield (
-            f"{run.name}: the renderer answered {different} of {len(scoring.triplets)} samples differently when it was "
+            f"{run.name}: the renderer answered {different} of {len(sampled.samples)} samples differently when it was "
             "asked again, so ground truth may not be theirs."
         )
 

@@ -26,6 +26,7 @@ from pydantic import BaseModel, Field
 from tigas_common.files import read_regular
 from tigas_common.wire.model import WireModel
 from tigas_common.wire.recording import (
+    Capture,
     Input,
     LinkSample,
     Recording,
@@ -161,6 +162,10 @@ class StoredRun:
         """How the kept pictures compare with ground truth."""
         return read_lines(self.folder / "quality.ndjson", CaptureQuality)
 
+    def captures(self) -> list[Capture]:
+        """When pictures were kept, and of what; their files: `capture_path`."""
+        return read_lines(self.folder / "captures.ndjson", Capture)
+
     def samples(self) -> list[Sample]:
         """Shown frames that were sampled; empty where none were. Their files: `samples.py`."""
         return read_samples(self.folder)
@@ -170,7 +175,7 @@ class StoredRun:
         if not (self.folder / "snapshot.json").exists():
             return None
         snapshot = read_record(self.folder / "snapshot.json", Snapshot)
-        shown, view = _capture(self.folder, snapshot.capture), self.folder / "captures" / "view.png"
+        shown, view = capture_path(self.folder, snapshot.capture), self.folder / "captures" / "view.png"
         try:
             return snapshot.at, read_regular(shown, MAX_PICTURE_BYTES), read_regular(view, MAX_PICTURE_BYTES)
         except OSError as error:
@@ -204,7 +209,7 @@ class RunWriter:
 
     def capture(self, index: int, png: bytes) -> None:
         """One picture."""
-        _capture(self.folder, index).write_bytes(png)
+        capture_path(self.folder, index).write_bytes(png)
 
     def snapshot(self, snapshot: Snapshot, view: bytes) -> None:
         """Ground truth of what the viewer should have seen at a capture's time."""
@@ -233,5 +238,6 @@ class RunWriter:
         write_lines(self.folder / f"{name}.ndjson", entries)
 
 
-def _capture(folder: Path, index: int) -> Path:
-    return folder / "captures" / f"{index:04}.png"
+def capture_path(folder: Path, index: int, suffix: str = "png") -> Path:
+    """A kept picture of a run, or what is beside it."""
+    return folder / "captures" / f"{index:04}.{suffix}"

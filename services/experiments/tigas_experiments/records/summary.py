@@ -112,7 +112,7 @@ def figures(records: Records) -> Figures:
         target_kbps=statistics.mean_over_time([(sample.at, sample.target_kbps) for sample in link]),
         trace_start_ms=_trace_start(link),
         drops=link[-1].drops - link[0].drops if link else None,
-        quality=_quality(records.quality),
+        quality=_quality(records.quality, records.scores),
     )
 
 
@@ -121,7 +121,7 @@ def _trace_start(link: list[LinkSample]) -> float | None:
     return None if first is None or first.position_ms is None else first.position_ms - first.at
 
 
-def _quality(entries: list[CaptureQuality]) -> QualityFigures | None:
+def _quality(entries: list[CaptureQuality], scores: list[Score]) -> QualityFigures | None:
     if not entries:
         return None
 
@@ -135,6 +135,7 @@ def _quality(entries: list[CaptureQuality]) -> QualityFigures | None:
     view_psnr, view_ssim = means([entry.view for entry in entries])
     seen_psnr, seen_ssim = means([entry.seen for entry in entries])
     uncovered = [entry.uncovered for entry in entries if entry.uncovered is not None]
+    lpips = [score.lpips for score in scores if score.picture == "seen" and score.lpips is not None]
     return QualityFigures(
         pictures=len(entries),
         picture_psnr_db=picture_psnr,
@@ -144,4 +145,5 @@ def _quality(entries: list[CaptureQuality]) -> QualityFigures | None:
         seen_psnr_db=seen_psnr,
         seen_ssim=seen_ssim,
         uncovered=sum(uncovered) / len(uncovered) if uncovered else None,
+        seen_lpips=sum(lpips) / len(lpips) if lpips else None,
     )

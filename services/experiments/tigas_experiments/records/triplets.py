@@ -1,6 +1,7 @@
 """Triplets: of each sample of a run, the frame as it came, the enhanced picture as it was shown, and ground truth.
 
-A folder with `samples/` alone has them, too, however its pictures came about.
+A folder with `samples/` alone has them, too, however its pictures came about. Of each kept picture of a run: what was
+seen, and ground truth of the pose that the viewer had.
 """
 
 from __future__ import annotations
@@ -11,24 +12,30 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
-from tigas_experiments.quality.picture import BrokenPicture, Picture, decode, upscaled
+from tigas_experiments.quality.picture import BrokenPicture, Picture, decode, decode_shown, enlarged, upscaled
 from tigas_experiments.records.materialised import TRUTH
 from tigas_experiments.records.samples import ENHANCED, JPEG, read_sample_file
 
 LEAST_SIDE, MOST_PIXELS = 32, 3840 * 2160
 """Of ground truth. VIFp's lowest scale is an eighth as large; DISTS takes 13 GB for a pair of the largest."""
-Kind = Literal["original", "enhanced"]
-KINDS: tuple[Kind, ...] = ("original", "enhanced")
+Kind = Literal["original", "enhanced", "seen"]
+KINDS: tuple[Kind, ...] = ("original", "enhanced", "seen")
 
 
 @dataclass(frozen=True, slots=True)
 class Triplet:
-    """The files of one sample that has a ground truth."""
+    """The files of one sample, or of one kept picture, that has a ground truth."""
 
     seq: int
+    """Of a kept picture: its place among them."""
     pictures: dict[Kind, Path]
-    """The original, the enhanced one, or both."""
+    """The original, the enhanced one, or both; or what was seen."""
     truth: Path
+
+    @property
+    def name(self) -> str:
+        """For people."""
+        return f"{'picture' if 'seen' in self.pictures else 'sample'} {self.seq}"
 
     def read(self) -> Contents:
         """Raises BrokenRecording."""
@@ -49,15 +56,20 @@ class Contents:
         return hashlib.sha256(b"".join(hashlib.sha256(part).digest() for part in parts)).hexdigest()[:16]
 
     def decoded(self) -> tuple[Picture, dict[Kind, Picture]]:
-        """Ground truth, and the pictures at its size: the original by bicubic. Raises BrokenPicture."""
+        """Ground truth, and the pictures at its size: the original by bicubic, what was seen by bilinear, on black.
+
+        Raises BrokenPicture.
+        """
         truth = decode(self.truth)
         height, width = truth.shape[:2]
         if min(height, width) < LEAST_SIDE or height * width > MOST_PIXELS:
             raise BrokenPicture(f"Its ground truth has {width}×{height} pixels; 32×32 to 3840×2160 can be compared.")
         found: dict[Kind, Picture] = {}
         for kind, data in self.pictures.items():
-            picture = decode(data)
-            if kind == "original":
+            picture = decode_shown(data)[0] if kind == "seen" else decode(data)
+            if kind == "seen":
+                picture = enlarged(picture, width, height)
+            elif kind == "original":
                 picture = upscaled(picture, width, height)
             elif picture.shape != truth.shape:
                 shown = f"{picture.shape[1]}×{picture.shape[0]}"
@@ -81,3 +93,15 @@ def triplets(run: Path) -> list[Triplet]:
         else:
             truths[int(number)] = path
     return [Triplet(seq, pictures[seq], truths[seq]) for seq in sorted(truths.keys() & pictures.keys())]
+
+
+def seen(run: Path) -> list[Triplet]:
+    """The kept pictures that have a ground truth, in their order. Raises OSError."""
+    folder = run / "captures"
+    found = []
+    for truth in sorted(folder.glob(f"*.{TRUTH}")) if folder.is_dir() else ():
+        number = truth.name.partition(".")[0]
+        picture = folder / f"{number}.png"
+        if re.fullmatch("[0-9]{4,10}", number) and picture.exists():
+            found.append(Triplet(int(number), {"seen": picture}, truth))
+    return found

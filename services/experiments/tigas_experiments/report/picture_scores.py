@@ -11,7 +11,7 @@ from tigas_experiments.quality.metrics import PICTURE_METRICS, Name, PictureMetr
 from tigas_experiments.records.scores import Score
 from tigas_experiments.report.groups import Condition, Groups
 
-What = Literal["original", "enhanced", "difference"]
+What = Literal["original", "enhanced", "difference", "seen"]
 """The difference is the enhanced picture's score less the original's, sample by sample."""
 
 
@@ -78,7 +78,7 @@ def rows(runs: Iterable[tuple[Condition | None, Sequence[Score]]]) -> list[Row]:
                 both = score.values.keys() & original.values.keys()
                 add("difference", score.model, {name: score.values[name] - original.values[name] for name in both})
     conditions = list(dict.fromkeys(condition for condition, *_ in found))
-    order: tuple[What, ...] = ("original", "enhanced", "difference")
+    order: tuple[What, ...] = ("original", "enhanced", "difference", "seen")
     return sorted(
         found.values(), key=lambda row: (conditions.index(row.condition), order.index(row.what), row.model or "")
     )

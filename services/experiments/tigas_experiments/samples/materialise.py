@@ -96,6 +96,14 @@ def changed_scene(record: RunRecord, sha256: str | None) -> str | None:
 
 def sampled_runs(folder: Path) -> list[Path]:
     """The runs with samples, of an experiment's folder or of a run's own. Raises StartError if there are none."""
+    found = with_samples(folder)
+    if not found:
+        raise StartError(f"{folder} has no samples: only runs with a `sample_stride` have (docs/samples.md).")
+    return found
+
+
+def with_samples(folder: Path) -> list[Path]:
+    """The same; perhaps none. Raises StartError if there are no runs."""
     if (folder / "run.json").is_file():
         runs = [folder]
     else:
@@ -105,10 +113,7 @@ def sampled_runs(folder: Path) -> list[Path]:
             raise StartError(
                 f"{folder} is neither a run nor an experiment: {error.filename} cannot be read ({error.strerror})."
             ) from None
-    found = [run for run in runs if (run / "samples.ndjson").exists()]
-    if not found:
-        raise StartError(f"{folder} has no samples: only runs with a `sample_stride` have (docs/samples.md).")
-    return found
+    return [run for run in runs if (run / "samples.ndjson").exists()]
 
 
 def _is_run(path: Path) -> bool:

@@ -1,0 +1,97 @@
+"""Ground truth of a run's kept pictures, rendered again: what the viewer should have seen at each tick of the clock."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable
+from pathlib import Path
+
+from tigas_common.files import read_regular
+from tigas_common.wire.recording import Capture, Input, RecordingHead
+from tigas_common.wire.render import RenderRequest
+from tigas_experiments.quality.ground_truth import pose_at
+from tigas_experiments.quality.picture import BrokenPicture, CaptureQuality, compare, decode, decode_shown
+from tigas_experiments.records.folder import StoredRun, capture_path
+from tigas_experiments.records.materialised import TRUTH
+from tigas_experiments.records.recording import BrokenRecording
+from tigas_experiments.records.samples import MAX_PICTURE_BYTES
+from tigas_experiments.samples.materialise import changed_scene
+from tigas_experiments.samples.renderer import AT_ONCE, NotRendered, Renderer, RendererAway
+
+SAME_DB = 0.5
+"""By so much the PSNR of a picture may differ from that in the run: rounding does, another scene does more."""
+Told = Callable[[int, int], None]
+
+
+async def render_truth(run: Path, renderer: Renderer, told: Told = lambda done, total: None) -> str | None:
+    """Render what is missing; why something still is, in one sentence.
+
+    Raises RendererAway and OSError.
+    """
+    try:
+        stored = StoredRun(run)
+        head, inputs = stored.record.recording, stored.inputs()
+        known = {entry.at: entry for entry in stored.quality()}
+        missing = [
+            (index, capture, known[capture.at])
+            for index, capture in enumerate(stored.captures())
+            if capture.at in known and not capture_path(run, index, TRUTH).exists()
+        ]
+        if head is None or not missing:
+            return None
+        scene = await renderer.load(head.scene)
+    except (BrokenRecording, NotRendered) as error:
+        return str(error)
+    if (changed := changed_scene(stored.record, scene.file_sha256)) is not None:
+        return changed
+    problems: list[str] = []
+    left = iter(missing)
+    done = 0
+
+    async def work() -> None:
+        nonlocal done
+        for index, capture, quality in left:
+            try:
+                await _keep(run, renderer, head, inputs, index, capture, quality)
+            except (NotRendered, BrokenPicture) as error:
+                problems.append(f"Picture {index}: {error}")
+            done += 1
+            told(done, len(missing))
+
+    try:
+        async with asyncio.TaskGroup() as group:
+            for _ in range(AT_ONCE):
+                group.create_task(work())
+    except* (RendererAway, OSError) as errors:
+        raise errors.exceptions[0] from None
+    return " ".join(problems[:1]) or None
+
+
+async def _keep(
+    run: Path,
+    renderer: Renderer,
+    head: RecordingHead,
+    inputs: list[Input],
+    index: int,
+    capture: Capture,
+    quality: CaptureQuality,
+) -> None:
+    """One, if it is what the picture was compared with in the run. Raises BrokenPicture, NotRendered and OSError."""
+    pose = pose_at(inputs, capture.at)
+    if pose is None:
+        return
+    request = RenderRequest.at(head.scene, pose.camera, head.lens.intrinsics, format="png")
+    truth = await renderer.frame(request)
+    await asyncio.to_thread(_check, read_regular(capture_path(run, index), MAX_PICTURE_BYTES), truth, quality)
+    new = capture_path(run, index, f"{TRUTH}.new")
+    new.write_bytes(truth)
+    new.replace(capture_path(run, index, TRUTH))
+
+
+def _check(picture: bytes, truth: bytes, quality: CaptureQuality) -> None:
+    found = compare(decode_shown(picture)[0], decode(truth))
+    if quality.seen is not None and abs(found.psnr_db - quality.seen.psnr_db) > SAME_DB:
+        raise BrokenPicture(
+            f"the renderer answers differently now: the picture was {quality.seen.psnr_db:.1f} dB from ground truth in "
+            f"the run, and is {found.psnr_db:.1f} dB from what is rendered now."
+        )
