@@ -84,7 +84,13 @@ class FakeRasterizer(Rasterizer):
         return FakeScene()
 
     def render(
-        self, scene: PreparedScene, camera: Camera, format: FrameFormat = "jpeg", pause: Pause | None = None
+        self,
+        scene: PreparedScene,
+        camera: Camera,
+        format: FrameFormat = "jpeg",
+        pause: Pause | None = None,
+        *,
+        depth: bool = False,
     ) -> Image:
         self.cameras.append(camera)
         self.formats.append(format)
@@ -94,6 +100,8 @@ class FakeRasterizer(Rasterizer):
             raise self.error
         size = (camera.intrinsics.width, camera.intrinsics.height)
         self.images.append(FakeImage(*size, text="{}x{}".format(*size)))
+        if depth:
+            self.images[-1].depth = np.full((9, 16), 0.5, np.float32)
         return self.images[-1]
 
 

@@ -6,6 +6,7 @@ import asyncio
 import hashlib
 import io
 import json
+import struct
 from collections.abc import AsyncIterator
 from pathlib import Path
 from typing import Any
@@ -96,6 +97,18 @@ async def test_an_overscanned_frame_says_what_its_margins_are(client: httpx.Asyn
     assert Image.open(io.BytesIO(response.content)).size == (384, 216)
     raw = await client.post("/render", json=frame(format="yuv420p", overscan=0.1))
     assert len(raw.content) == 384 * 216 * 3 // 2
+
+
+async def test_a_frame_carries_the_depth_of_its_view_when_it_is_asked_for(client: httpx.AsyncClient) -> None:
+    plain = (await client.post("/render", json=frame(overscan=0.1))).content
+    deep = (await client.post("/render", json=frame(overscan=0.1, depth=True))).content
+    segment = deep[4 : 4 + int.from_bytes(deep[4:6], "big")]
+    assert deep == plain[:2] + b"\xff\xe9" + segment + plain[2:]
+    assert segment[2:14] == b"tigas:depth\0"
+    (nearest,) = struct.unpack(">f", segment[14:18])
+    codes = np.asarray(Image.open(io.BytesIO(segment[18:])).convert("L"))
+    assert codes.shape == (104, 184)
+    assert nearest * codes / 255 == pytest.approx(1 / 3, rel=0.02)  # the wall is three units away
 
 
 async def test_the_other_formats_and_pose(client: httpx.AsyncClient) -> None:

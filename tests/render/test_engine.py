@@ -125,6 +125,24 @@ async def test_a_frame_that_overscan_makes_too_large_is_refused(bench: Bench) ->
     assert bench.rasterizer.cameras == []
 
 
+async def test_a_jpeg_carries_its_depth_when_it_is_asked_for(bench: Bench) -> None:
+    bench.rasterizer.gate.set()
+    plain, deep = await bench.submit("a", profile=3), await bench.submit("a", profile=3, depth=True)
+    assert plain.body == b"320x180 jpeg 10"
+    assert deep.body.startswith(b"\xff\xd8\xff\xe9")
+    assert b"tigas:depth" in deep.body
+    assert deep.body.endswith(plain.body)
+    stamped = await bench.submit("a", profile=3, depth=True, stamp=7)
+    assert b"tigas:depth" in stamped.body
+
+
+@pytest.mark.parametrize("format", ["png", "yuv420p"])
+async def test_other_formats_have_no_depth_and_pay_for_none(bench: Bench, format: FrameFormat) -> None:
+    bench.rasterizer.gate.set()
+    assert (await bench.submit("a", profile=3, depth=True, format=format)).body == f"320x180 {format} 10".encode()
+    assert bench.rasterizer.images[0].depth is None
+
+
 async def test_without_a_profile_the_frame_has_the_viewports_resolution(bench: Bench) -> None:
     bench.rasterizer.gate.set()
     frame = await bench.submit("a", profile=None, format="png")
@@ -451,14 +469,20 @@ class PausingRasterizer(FakeRasterizer):
     take: Callable[[float], None] = lambda seconds: None
 
     def render(
-        self, scene: PreparedScene, camera: Camera, format: FrameFormat = "jpeg", pause: Pause | None = None
+        self,
+        scene: PreparedScene,
+        camera: Camera,
+        format: FrameFormat = "jpeg",
+        pause: Pause | None = None,
+        *,
+        depth: bool = False,
     ) -> Image:
         self.started.release()
         assert self.gate.wait(10)
         if pause is not None:
             pause()
         self.take(1e-6 * camera.intrinsics.width * camera.intrinsics.height)
-        return super().render(scene, camera, format)
+        return super().render(scene, camera, format, depth=depth)
 
 
 @pytest.mark.parametrize(

@@ -28,6 +28,7 @@ from tigas_common.wire.render import RenderRequest, Rung, ServerTiming
 from tigas_render.admission import Admission
 from tigas_render.costs import FrameCosts
 from tigas_render.device_memory import with_room
+from tigas_render.encode.depth_segment import with_depth
 from tigas_render.encode_queue import EncodeQueue
 from tigas_render.frame import Client, Frame
 from tigas_render.frame_size import FrameSize
@@ -201,7 +202,9 @@ class Engine:
             started = self._clock()
             format = work.request.format if work.request.stamp is None else "png"  # stamped on the host
             camera = work.size.camera(work.request, work.scene.background)
-            image = self._rasterizer.render(work.scene.prepared, camera, format, pause if interruptible else None)
+            image = self._rasterizer.render(
+                work.scene.prepared, camera, format, pause if interruptible else None, depth=_has_depth(work.request)
+            )
             rendering = self._clock() - started - interrupted
         except Exception as error:
             self._release(work)
@@ -302,6 +305,8 @@ class Engine:
                 quality = work.ladder[request.profile or 0].quality
                 begun = self._clock()
                 body = _stamped(image, work).encode(request.format, quality)
+                if image.depth is not None:
+                    body = with_depth(body, image.depth)
                 encoding = self._clock() - begun
         except Exception as error:
             self._failed("Encoding", work, error)
@@ -326,6 +331,10 @@ class Engine:
         """Charge the client for what its frame has really cost."""
         with self._changed:
             self._schedule.settle(work.client, max(seconds, MIN_COST_S) - work.expected)
+
+
+def _has_depth(request: RenderRequest) -> bool:
+    return request.depth and request.format == "jpeg"
 
 
 def _stamped(image: Image, work: Work) -> Image:

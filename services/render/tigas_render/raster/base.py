@@ -59,6 +59,9 @@ class Camera:
 
 
 Pause = Callable[[], None]
+Depth = NDArray[np.float32]
+"""Inverse depth of z, not of the ray, [h, w] in 1/scene units, over the whole picture, in as many pixels as
+`depth.depth_size` says; 0 is infinitely far."""
 
 
 class PreparedScene(ABC):
@@ -75,6 +78,8 @@ class Image(ABC):
 
     width: int
     height: int
+    depth: Depth | None = None
+    """The view's depth, if it was asked for; there once the image has been encoded, or taken to the host."""
 
     @abstractmethod
     def encode(self, format: FrameFormat, quality: int) -> bytes:
@@ -114,12 +119,19 @@ class Rasterizer(ABC):
 
     @abstractmethod
     def render(
-        self, scene: PreparedScene, camera: Camera, format: FrameFormat = "jpeg", pause: Pause | None = None
+        self,
+        scene: PreparedScene,
+        camera: Camera,
+        format: FrameFormat = "jpeg",
+        pause: Pause | None = None,
+        *,
+        depth: bool = False,
     ) -> Image:
         """Render one view at the intrinsics' own resolution, or begin to: what is missing, `encode` waits for.
 
         format: what the image is going to be encoded as; a rasteriser may lay out its pixels accordingly.
         pause: may be called every few milliseconds meanwhile; it may call `render` once more, without a pause.
+        depth: whether the image is to have a depth; its pixels are the same.
         """
 
     def warm_up(self) -> None:  # noqa: B027 - a rasteriser without a compiler has nothing to do

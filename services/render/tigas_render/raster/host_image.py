@@ -13,7 +13,7 @@ from tigas_common.wire.render import FrameFormat
 from tigas_render.encode.jpeg import encode_jpeg
 from tigas_render.encode.png import encode_png
 from tigas_render.encode.yuv420p import encode_yuv420p
-from tigas_render.raster.base import Image
+from tigas_render.raster.base import Depth, Image
 
 Pixels = NDArray[np.uint8]
 
@@ -21,8 +21,9 @@ Pixels = NDArray[np.uint8]
 class HostImage(Image):
     """RGB pixels as a NumPy array; `on_close` is called once, when they are no longer needed."""
 
-    def __init__(self, pixels: Pixels, on_close: Callable[[], None] | None = None) -> None:
+    def __init__(self, pixels: Pixels, on_close: Callable[[], None] | None = None, depth: Depth | None = None) -> None:
         self.height, self.width = pixels.shape[:2]
+        self.depth = depth
         self._pixels: Pixels | None = pixels
         self._on_close = on_close
 

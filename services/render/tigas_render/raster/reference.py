@@ -29,6 +29,7 @@ from tigas_render.raster.base import (
     Rasterizer,
     footprint,
 )
+from tigas_render.raster.depth import depth_size, inverse_depth
 from tigas_render.raster.host_image import HostImage
 
 TILE = 32
@@ -59,12 +60,23 @@ class ReferenceRasterizer(Rasterizer):
         return ReferenceScene(gaussians)
 
     def render(
-        self, scene: PreparedScene, camera: Camera, format: FrameFormat = "jpeg", pause: Pause | None = None
+        self,
+        scene: PreparedScene,
+        camera: Camera,
+        format: FrameFormat = "jpeg",
+        pause: Pause | None = None,
+        *,
+        depth: bool = False,
     ) -> HostImage:
         """Render one view; seconds, not milliseconds."""
         assert isinstance(scene, ReferenceScene)
         picture = render_float(scene.gaussians, camera)  # [H, W, 3]
-        return HostImage((picture.clamp(0, 1) * 255 + 0.5).to(torch.uint8).cpu().numpy())
+        image = HostImage((picture.clamp(0, 1) * 255 + 0.5).to(torch.uint8).cpu().numpy())
+        if depth:
+            columns, rows = depth_size(image.width, image.height)
+            means = average(average(depth_float(scene.gaussians, camera), rows).mT, columns).mT  # [2, h, w]
+            image.depth = inverse_depth(means.permute(1, 2, 0).cpu().numpy())
+        return image
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,15 +88,36 @@ class _Splats:
     extents: torch.Tensor  # [M, 2] pixels from the centre beyond which alpha < ALPHA_MIN
     colours: torch.Tensor  # [M, 3]
     opacities: torch.Tensor  # [M]
+    depths: torch.Tensor  # [M]
 
 
 def render_float(gaussians: Gaussians, camera: Camera) -> torch.Tensor:
     """The picture before rounding, float32 [H, W, 3]."""
-    device = gaussians.means.device
-    intrinsics = camera.intrinsics
-    background = torch.tensor(camera.background, dtype=torch.float32, device=device)
-    picture = torch.empty(intrinsics.height, intrinsics.width, 3, device=device)
     splats = _project(gaussians, camera)
+    background = torch.tensor(camera.background, dtype=torch.float32, device=gaussians.means.device)
+    return _draw(splats, splats.colours, background, camera.intrinsics)
+
+
+def depth_float(gaussians: Gaussians, camera: Camera) -> torch.Tensor:
+    """What the Gaussians' weights add up to at each pixel, float32 [2, H, W]: divided by z, and alone."""
+    splats = _project(gaussians, camera)
+    values = torch.stack([1 / splats.depths, torch.ones_like(splats.depths)], 1)
+    return _draw(splats, values, values.new_zeros(2), camera.intrinsics).permute(2, 0, 1)
+
+
+def average(values: torch.Tensor, rows: int) -> torch.Tensor:
+    """Values [..., H, W] averaged over rows that are as high as H / rows each: [..., rows, W]."""
+    edges = torch.arange(values.shape[-2] + 1, device=values.device)
+    ends = torch.arange(rows + 1, device=values.device) * (values.shape[-2] / rows)
+    overlap = torch.minimum(ends[1:, None], edges[1:]) - torch.maximum(ends[:-1, None], edges[:-1])
+    weights = overlap.clamp_min(0)
+    return (weights / weights.sum(1, keepdim=True)).to(values.dtype) @ values
+
+
+def _draw(splats: _Splats, values: torch.Tensor, background: torch.Tensor, intrinsics: Intrinsics) -> torch.Tensor:
+    """Blend the splats' values [M, C]: [H, W, C]."""
+    device = values.device
+    picture = torch.empty(intrinsics.height, intrinsics.width, values.shape[1], device=device)
     low, high = splats.centres - splats.extents, splats.centres + splats.extents
     for y in range(0, intrinsics.height, TILE):
         in_rows = (low[:, 1] < y + TILE) & (high[:, 1] > y)
@@ -94,7 +127,7 @@ def render_float(gaussians: Gaussians, camera: Camera) -> torch.Tensor:
             rows = torch.arange(y, y + tile.shape[0], device=device) + 0.5
             columns = torch.arange(x, x + tile.shape[1], device=device) + 0.5
             pixels = torch.cartesian_prod(rows, columns).flip(1)  # [P, 2] x, y
-            tile[:] = _blend(splats, near, pixels, background).reshape(tile.shape)
+            tile[:] = _blend(splats, values, near, pixels, background).reshape(tile.shape)
     return picture
 
 
@@ -125,10 +158,14 @@ def _project(gaussians: Gaussians, camera: Camera) -> _Splats:
         extents=reach[:, None] * torch.stack([cxx, cyy], 1).sqrt(),
         colours=colours(gaussians.sh[keep], torch.nn.functional.normalize(from_camera[keep], dim=1)),
         opacities=opacities,
+        depths=z,
     )
     numbers = torch.cat([splats.centres, splats.conics, splats.extents], 1)
     ok = (determinant > 0) & (opacities >= ALPHA_MIN) & numbers.isfinite().all(1)
-    return _Splats(splats.centres[ok], splats.conics[ok], splats.extents[ok], splats.colours[ok], splats.opacities[ok])
+    return _Splats(
+        splats.centres[ok], splats.conics[ok], splats.extents[ok], splats.colours[ok], splats.opacities[ok],
+        splats.depths[ok],
+    )  # fmt: skip
 
 
 def _compensation(covariance: torch.Tensor, dilation: float, low_pass: float) -> torch.Tensor:
@@ -200,12 +237,14 @@ def sh_basis(directions: torch.Tensor, count: int) -> torch.Tensor:
     return torch.stack(functions[:count], 1)
 
 
-def _blend(splats: _Splats, near: torch.Tensor, pixels: torch.Tensor, background: torch.Tensor) -> torch.Tensor:
-    """Front to back over `near` (indices, nearest first): [P, 3] colours of pixel centres [P, 2].
+def _blend(
+    splats: _Splats, values: torch.Tensor, near: torch.Tensor, pixels: torch.Tensor, background: torch.Tensor
+) -> torch.Tensor:
+    """Front to back over `near` (indices, nearest first): [P, C] values of pixel centres [P, 2].
 
     A Gaussian that would leave a transmittance of TRANSMITTANCE_MIN or less is not drawn and ends its pixel [gsplat].
     """
-    colour = torch.zeros(len(pixels), 3, device=pixels.device)
+    colour = torch.zeros(len(pixels), values.shape[1], device=pixels.device)
     light = torch.ones(len(pixels), device=pixels.device)  # transmittance so far
     alive = torch.ones(len(pixels), dtype=torch.bool, device=pixels.device)
     for first in range(0, len(near), DEPTH_CHUNK):
@@ -218,7 +257,7 @@ def _blend(splats: _Splats, near: torch.Tensor, pixels: torch.Tensor, background
         after = light[:, None] * torch.cumprod(1 - alpha, 1)  # transmittance behind each Gaussian
         drawn = alive[:, None] & (after > TRANSMITTANCE_MIN)
         before = torch.cat([light[:, None], after[:, :-1]], 1)
-        colour += torch.where(drawn, alpha * before, 0.0) @ splats.colours[some]
+        colour += torch.where(drawn, alpha * before, 0.0) @ values[some]
         light = torch.where(drawn, after, light[:, None]).amin(1)
         alive &= drawn[:, -1]
         if not alive.any():

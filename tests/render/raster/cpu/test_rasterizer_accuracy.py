@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 
+import numpy as np
 import pytest
 import torch
 
@@ -13,6 +14,7 @@ from tigas_render.gaussians import Gaussians
 from tigas_render.raster.base import Camera
 from tigas_render.raster.cpu import CpuRasterizer
 from tigas_render.raster.cpu import rasterizer as cpu_rasterizer
+from tigas_render.raster.depth import depth_size
 from tigas_render.raster.reference import ReferenceRasterizer
 
 FAST, SLOW = CpuRasterizer(), ReferenceRasterizer()
@@ -39,6 +41,45 @@ def test_all_degrees_and_shapes(degree: int, width: int, height: int) -> None:
         focal = 0.6 * max(width, height)
         lens = Intrinsics(focal, 1.1 * focal, 0.45 * width, 0.6 * height, width, height)
         assert agreement(gaussians, Camera(pose, lens, (0.2, 0.5, 0.9))) >= 55
+
+
+@pytest.mark.parametrize(("width", "height"), [*SIZES, (250, 200)], ids=lambda side: str(side))
+@pytest.mark.parametrize("place", ["outside", "among"])
+def test_depth_is_the_references_and_costs_no_pixel(place: str, width: int, height: int) -> None:
+    gaussians = cloud(1500, 0, seed=1, size=0.15)
+    focal = 0.6 * max(width, height)
+    lens = Intrinsics(focal, 1.1 * focal, 0.45 * width, 0.6 * height, width, height)
+    view = Camera(Pose.from_euler(20, 10, 30, PLACES[place]), lens, (0.2, 0.5, 0.9))
+    scene = FAST.prepare(gaussians)
+    with FAST.render(scene, view) as plain, FAST.render(scene, view, depth=True) as image:
+        assert (image.pixels == plain.pixels).all()
+        assert plain.depth is None
+        depth = image.depth
+    expected = SLOW.render(SLOW.prepare(gaussians), view, depth=True).depth
+    assert depth is not None
+    assert expected is not None
+    assert depth.shape == expected.shape == depth_size(width, height)[::-1]
+    edge = (depth == 0) != (expected == 0)  # hardly any opacity, and just enough in one of them
+    assert edge.mean() <= 0.005
+    error, norm = np.linalg.norm((depth - expected)[~edge]), np.linalg.norm(expected)
+    # What lies between two pixels of the map is even within a cell of 2 × 2, where it may be uneven.
+    in_whole_cells = (height, width) in (depth.shape, tuple(2 * side for side in depth.shape))
+    assert error <= (1e-5 if in_whole_cells else 0.01) * norm
+
+
+def test_depth_survives_pauses_and_what_is_drawn_in_them() -> None:
+    scene, view = FAST.prepare(cloud(3000, 0, seed=2, size=0.15)), camera(320, 200)
+
+    def draw_another() -> None:
+        FAST.render(scene, camera(100, 60), depth=True).close()
+
+    with (
+        FAST.render(scene, view, depth=True) as image,
+        FAST.render(scene, view, pause=draw_another, depth=True) as paused,
+    ):
+        assert image.depth is not None
+        assert paused.depth is not None
+        assert (image.depth == paused.depth).all()
 
 
 @pytest.mark.parametrize("size", [0.002, 0.5, 3.0])

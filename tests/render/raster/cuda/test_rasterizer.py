@@ -17,11 +17,13 @@ from PIL import Image as PillowImage
 from tests.render.raster.views import balls, camera, cloud, gsplat_frames, psnr
 from tests.shared_data import reference_scene_ply, shared_file
 from tigas_common.pose import Pose
+from tigas_common.wire.render import FrameFormat
 from tigas_render.encode.yuv420p import encode_yuv420p
 from tigas_render.gaussians import Gaussians
 from tigas_render.raster.base import Camera
+from tigas_render.raster.depth import coarse, depth_size, inverse_depth
 from tigas_render.raster.devices import why_no_cuda
-from tigas_render.raster.reference import ReferenceRasterizer, render_float
+from tigas_render.raster.reference import ReferenceRasterizer, depth_float, render_float
 from tigas_render.scenes.ply import load_ply
 
 if TYPE_CHECKING:
@@ -48,15 +50,18 @@ def decoded(image: bytes) -> Pixels:
     return np.asarray(PillowImage.open(io.BytesIO(image)).convert("RGB"))
 
 
-def reference(gaussians: Gaussians, view: Camera) -> Pixels:
-    on_gpu = Gaussians(
+def on_gpu(gaussians: Gaussians) -> Gaussians:
+    return Gaussians(
         gaussians.means.cuda(),
         gaussians.scales.cuda(),
         gaussians.quaternions.cuda(),
         gaussians.opacities.cuda(),
         gaussians.sh.cuda(),
     )
-    return (render_float(on_gpu, view).clamp(0, 1) * 255 + 0.5).to(torch.uint8).cpu().numpy()
+
+
+def reference(gaussians: Gaussians, view: Camera) -> Pixels:
+    return (render_float(on_gpu(gaussians), view).clamp(0, 1) * 255 + 0.5).to(torch.uint8).cpu().numpy()
 
 
 @pytest.mark.parametrize("degree", [0, 1, 2, 3])
@@ -115,6 +120,91 @@ def test_lists_that_outgrow_their_buffer_are_drawn_after_it_has_grown(
     small = CudaRasterizer(0, tmp_path)
     gaussians, view = cloud(20_000, 0, size=0.2), camera(320, 200)
     assert (draw(small, gaussians, view) == draw(rasterizer, gaussians, view)).all()
+
+
+def depth_of(rasterizer: CudaRasterizer, gaussians: Gaussians, view: Camera) -> NDArray[np.float32]:
+    with rasterizer.render(rasterizer.prepare(gaussians), view, depth=True) as image:
+        image.encode("jpeg", 90)
+    assert image.depth is not None
+    return image.depth
+
+
+@pytest.mark.parametrize(
+    ("width", "height"), [(64, 48), (37, 41), (1, 1), (400, 20), (20, 400), (640, 360), (1280, 720), (1921, 1081)]
+)
+@pytest.mark.parametrize("place", [(0.0, 0.0, -4.0), (0.3, -0.2, -1.0)], ids=["outside", "among"])
+def test_depth_is_the_references_of_the_same_coarse_view(
+    rasterizer: CudaRasterizer, place: tuple[float, float, float], width: int, height: int
+) -> None:
+    gaussians = cloud(3_000, 1, size=0.15)
+    view = camera(width, height, Pose.from_euler(20, 10, 30, place), background=(0.2, 0.5, 0.9))
+    depth = depth_of(rasterizer, gaussians, view)
+    assert depth.shape == depth_size(width, height)[::-1]
+    means = depth_float(on_gpu(gaussians), coarse(view)).permute(1, 2, 0)
+    expected = inverse_depth(means.cpu().numpy())
+    edge = (depth == 0) != (expected == 0)  # as good as no opacity, just enough in one of them
+    assert edge.mean() <= 0.005
+    # A value is kept in 16 bits while it waits to be blended.
+    assert depth[~edge] == pytest.approx(expected[~edge], rel=5e-3, abs=1e-4)
+
+
+def test_depth_costs_no_pixel_in_any_format(rasterizer: CudaRasterizer) -> None:
+    scene, view = rasterizer.prepare(cloud(3_000, 1, size=0.15)), camera(641, 359)
+    formats: tuple[FrameFormat, ...] = ("jpeg", "png", "yuv420p")
+    for format in formats:
+        with (
+            rasterizer.render(scene, view, format) as plain,
+            rasterizer.render(scene, view, format, depth=True) as deep,
+        ):
+            assert plain.encode(format, 80) == deep.encode(format, 80)
+        assert plain.depth is None
+        assert deep.depth is not None
+
+
+def test_depth_comes_with_an_image_that_is_drawn_again_in_another_format(rasterizer: CudaRasterizer) -> None:
+    gaussians, view = cloud(3_000, 1, size=0.15), camera(320, 200)
+    expected = depth_of(rasterizer, gaussians, view)
+    with rasterizer.render(rasterizer.prepare(gaussians), view, "jpeg", depth=True) as image:
+        image.to_host()
+    assert image.depth is not None
+    assert (image.depth == expected).all()
+
+
+def test_depth_is_whole_after_lists_have_outgrown_their_buffer(
+    rasterizer: CudaRasterizer, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    from tigas_render.raster.cuda import workspace
+    from tigas_render.raster.cuda.rasterizer import CudaRasterizer
+
+    monkeypatch.setattr(workspace, "FIRST_CAPACITY", 2048)
+    small = CudaRasterizer(0, tmp_path)
+    gaussians, view = cloud(20_000, 0, size=0.2), camera(320, 200)
+    assert (depth_of(small, gaussians, view) == depth_of(rasterizer, gaussians, view)).all()
+
+
+def test_where_nothing_is_depth_is_infinite_whatever_the_frame_before_had(rasterizer: CudaRasterizer) -> None:
+    view = camera(640, 360)
+    assert depth_of(rasterizer, cloud(3_000, 0, size=0.15), view).max() > 0.1
+    nothing = Gaussians(torch.zeros(0, 3), torch.zeros(0, 3), torch.zeros(0, 4), torch.zeros(0), torch.zeros(0, 1, 3))
+    assert (depth_of(rasterizer, nothing, view) == 0).all()
+
+
+def test_depths_of_several_views_in_flight_do_not_mix(rasterizer: CudaRasterizer) -> None:
+    scene = rasterizer.prepare(cloud(5_000, 0, size=0.15))
+    views = [camera(640, 400, Pose.from_euler(10 * i, 0, 0, (0.0, 0.0, -4.0))) for i in range(6)]
+
+    def depths(some: list[Camera]) -> list[NDArray[np.float32]]:
+        found = []
+        for image in [rasterizer.render(scene, view, depth=True) for view in some]:
+            with image:
+                image.encode("jpeg", 90)
+            assert image.depth is not None
+            found.append(image.depth)
+        return found
+
+    alone = [depths([view])[0] for view in views]
+    for _ in range(20):
+        assert all((one == other).all() for one, other in zip(depths(views), alone, strict=True))
 
 
 def test_jpeg_and_yuv_show_what_png_shows(rasterizer: CudaRasterizer) -> None:

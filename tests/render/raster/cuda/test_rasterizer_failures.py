@@ -52,6 +52,32 @@ def test_a_frame_whose_lists_are_too_short_is_drawn_again(gpu: FakeGpu, rasteriz
     assert gpu.frames == 3, "the lists stay long"
 
 
+def test_a_frame_is_drawn_again_when_only_its_depth_found_the_lists_too_short(
+    gpu: FakeGpu, rasterizer: CudaRasterizer, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    needed = iter([10 * MEGABYTE, 1000, 1000, 1000])  # of depth, picture; depth, picture
+    draw = gpu.draw
+
+    def draw_next() -> None:
+        gpu.entries = next(needed)
+        draw()
+
+    monkeypatch.setattr(gpu, "draw", draw_next)
+    with rasterizer.render(SCENE, camera(64, 64), "png", depth=True) as image:
+        image.encode("png", 90)
+    assert gpu.frames == 4
+    assert image.depth is not None
+    assert image.depth.shape == (32, 32)
+
+
+def test_a_frame_without_depth_after_one_with_it_has_none(gpu: FakeGpu, rasterizer: CudaRasterizer) -> None:
+    for depth in (True, False):
+        with rasterizer.render(SCENE, camera(64, 64), "png", depth=depth) as image:
+            image.encode("png", 90)
+        assert (image.depth is not None) is depth
+    assert gpu.encoders == 1, "in the same workspace"
+
+
 def test_lists_that_cannot_grow_are_an_error_and_take_no_memory_until_they_can(
     gpu: FakeGpu, rasterizer: CudaRasterizer
 ) -> None:

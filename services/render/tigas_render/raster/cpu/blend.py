@@ -8,6 +8,7 @@ from numba import prange
 
 from tigas_render.raster.base import ALPHA_MAX, TRANSMITTANCE_MIN
 from tigas_render.raster.cpu import layout as L
+from tigas_render.raster.cpu.depth import CELL
 from tigas_render.raster.cpu.intrinsics import fetch_add, prefetch
 from tigas_render.raster.cpu.kernel import kernel
 from tigas_render.raster.cpu.tiles import pixel_box
@@ -17,11 +18,12 @@ CHECK_EVERY = 32
 """Gaussians between two looks at whether a tile is finished."""
 AHEAD = 16
 """Records are asked for this many places ahead."""
-CHANNELS = 4
-"""Red, green, blue, and the transmittance: negative once the pixel is finished."""
+CHANNELS = 5
+"""Red, green, blue, the transmittance, which is negative once the pixel is finished, and what is asked for with depth:
+weight / z. One place for all, however many are in use: so much memory costs nothing, and the loop is one."""
 BLOCK_FLOATS = CHANNELS * L.LANES
 TILE_FLOATS = BLOCK_FLOATS * L.TILE_BLOCKS * L.TILE_BLOCKS
-LIGHT = U(3 * L.LANES)
+LIGHT, INVERSE = U(3 * L.LANES), U(4 * L.LANES)
 
 # exp2(8 x) for -1 ≤ x ≤ 0 is p(x)⁸; p is a minimax polynomial of 2^x there.
 P0, P1, P2 = F(0.9999999250673), F(0.6931422526456), F(0.2401721894460)
@@ -29,9 +31,10 @@ P3, P4, P5 = F(0.05527972284758), F(0.009188611833452), F(0.0009387883195262)
 
 
 @kernel(parallel=True)
-def blend(splats, starts, begin, end, entries, background, frame, accumulators, turn):
+def blend(splats, starts, begin, end, entries, background, frame, cells, accumulators, turn):
     """Draw tiles begin … end - 1 into frame [H, W, 3] uint8. background: RGB float32.
 
+    cells: what `write_cells` fills, or None; they are compiled apart, so that depth costs nothing where nobody asks.
     accumulators [threads, TILE_FLOATS]; turn [1]: the next tile, `begin` at first.
     """
     tiles_x = (frame.shape[1] + L.TILE - 1) // L.TILE
@@ -41,15 +44,17 @@ def blend(splats, starts, begin, end, entries, background, frame, accumulators, 
             if tile >= end:
                 break
             x0, y0 = tile % tiles_x * L.TILE, tile // tiles_x * L.TILE
-            blend_tile(splats, entries, starts[tile], starts[tile + 1], x0, y0, accumulators[thread])
+            blend_tile(splats, entries, starts[tile], starts[tile + 1], x0, y0, accumulators[thread], cells)
             write_tile(accumulators[thread], background, x0, y0, frame)
+            if cells is not None:
+                write_cells(accumulators[thread], x0, y0, frame.shape[1], frame.shape[0], cells)
 
 
 @kernel()
-def blend_tile(splats, entries, start, end, tile_x, tile_y, acc):
+def blend_tile(splats, entries, start, end, tile_x, tile_y, acc, cells):
     """Blend entries[start:end] into `acc`: blocks of BLOCK × BLOCK pixels, row by row, each CHANNELS × LANES floats."""
     for j in range(U(TILE_FLOATS)):
-        acc[j] = F(1) if j % U(BLOCK_FLOATS) >= LIGHT else F(0)
+        acc[j] = F(1) if j % U(BLOCK_FLOATS) // U(L.LANES) == U(3) else F(0)
     for i in range(start, end):
         if i + AHEAD < end:
             prefetch(splats, (entries[i + AHEAD] & U(0xFFFFFFFF)) * U(L.RECORD))
@@ -61,6 +66,7 @@ def blend_tile(splats, entries, start, end, tile_x, tile_y, acc):
         xx, xy, yy = splats[at + U(L.XX)], splats[at + U(L.XY)], splats[at + U(L.YY)]
         log_alpha = splats[at + U(L.LOG)]
         red, green, blue = splats[at + U(L.RED)], splats[at + U(L.GREEN)], splats[at + U(L.BLUE)]
+        inverse = F(1) / splats[at + U(L.DEPTH)]
         for by in range(by0, by1 + 1):
             top = F(by * L.BLOCK) - v
             for bx in range(bx0, bx1 + 1):
@@ -84,6 +90,8 @@ def blend_tile(splats, entries, start, end, tile_x, tile_y, acc):
                     acc[first + lane] += weight * red
                     acc[first + U(L.LANES) + lane] += weight * green
                     acc[first + U(2 * L.LANES) + lane] += weight * blue
+                    if cells is not None:
+                        acc[first + INVERSE + lane] += weight * inverse
         if (i - start) % CHECK_EVERY == CHECK_EVERY - 1 and is_finished(acc):
             break
 
@@ -112,3 +120,19 @@ def write_tile(acc, background, x0, y0, frame):
             for channel in range(3):
                 value = (acc[at + U(channel * L.LANES)] + light * background[channel]) * F(255) + F(0.5)
                 frame[y0 + y, x0 + x, channel] = np.uint8(np.int32(min(max(value, F(0)), F(255))))
+
+
+@kernel()
+def write_cells(acc, x0, y0, width, height, cells):
+    """Sum up a tile's pixels inside the picture by cell: cells [rows, columns, 2], of weight / z and of weight."""
+    for cy in range(y0 // CELL, min((y0 + L.TILE) // CELL, cells.shape[0])):
+        for cx in range(x0 // CELL, min((x0 + L.TILE) // CELL, cells.shape[1])):
+            inverse, opacity = F(0), F(0)
+            for y in range(cy * CELL - y0, min(cy * CELL + CELL, height) - y0):
+                for x in range(cx * CELL - x0, min(cx * CELL + CELL, width) - x0):
+                    block = (y // L.BLOCK) * L.TILE_BLOCKS + x // L.BLOCK
+                    at = U(block * BLOCK_FLOATS + (y % L.BLOCK) * L.BLOCK + x % L.BLOCK)
+                    inverse += acc[at + INVERSE]
+                    opacity += F(1) - abs(acc[at + LIGHT])
+            cells[cy, cx, 0] = inverse
+            cells[cy, cx, 1] = opacity

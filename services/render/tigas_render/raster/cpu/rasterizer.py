@@ -17,10 +17,12 @@ from tigas_render.raster.base import Camera, Pause, PreparedScene, Rasterizer, o
 from tigas_render.raster.cpu import layout as L
 from tigas_render.raster.cpu.binning import AHEAD, DIGIT, DIGITS, fill_lists, place_lists, sort_lists
 from tigas_render.raster.cpu.blend import TILE_FLOATS, blend
+from tigas_render.raster.cpu.depth import CELL, average_cells
 from tigas_render.raster.cpu.project import project
 from tigas_render.raster.cpu.scene import CpuScene, pack
 from tigas_render.raster.cpu.view import VIEW, fill_view
 from tigas_render.raster.cpu.workspace import Workspace
+from tigas_render.raster.depth import depth_size, inverse_depth
 from tigas_render.raster.host_image import FramebufferPool, HostImage
 
 SLICES_PER_THREAD = 8
@@ -47,6 +49,8 @@ class FrameJob:
     visible: NDArray[np.int64]
     tile_counts: NDArray[np.int64]
     starts: NDArray[np.int64]
+    cells: NDArray[np.float32] | None
+    """See `blend.write_cells`; None unless depth is asked for."""
     begin: int = 0
     end: int = 0
     """The tiles that are being listed, sorted and drawn are begin … end - 1; those before are finished."""
@@ -72,11 +76,17 @@ class CpuRasterizer(Rasterizer):
         return pack(gaussians)
 
     def render(
-        self, scene: PreparedScene, camera: Camera, format: FrameFormat = "jpeg", pause: Pause | None = None
+        self,
+        scene: PreparedScene,
+        camera: Camera,
+        format: FrameFormat = "jpeg",
+        pause: Pause | None = None,
+        *,
+        depth: bool = False,
     ) -> HostImage:
         """Render one view into a framebuffer of the pool; closing the image gives it back."""
         assert isinstance(scene, CpuScene)
-        job = self.start(scene, camera)
+        job = self.start(scene, camera, depth=depth)
         self.project(job)
         while job.end < job.tiles:
             self.bin(job)
@@ -85,6 +95,8 @@ class CpuRasterizer(Rasterizer):
                 self.blend(job)
             else:
                 self._blend_with_pauses(job, pause)
+        if job.cells is not None:
+            job.image.depth = _depth(job.cells, job.image.width, job.image.height)
         return job.image
 
     def _blend_with_pauses(self, job: FrameJob, pause: Pause) -> None:
@@ -105,16 +117,18 @@ class CpuRasterizer(Rasterizer):
         """Compile every kernel, or load it from the cache."""
         pose = Pose((0.0, 0.0, 0.0), ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)))
         camera = Camera(pose, Intrinsics(16.0, 16.0, 8.0, 8.0, 16, 16))
-        self.render(self.prepare(one_gaussian()), camera).close()
+        for depth in (False, True):
+            self.render(self.prepare(one_gaussian()), camera, depth=depth).close()
 
     # The stages, in their order; benchmarks time them one by one.
 
-    def start(self, scene: CpuScene, camera: Camera) -> FrameJob:
+    def start(self, scene: CpuScene, camera: Camera, *, depth: bool = False) -> FrameJob:
         """Lay out the buffers of one frame."""
         k = camera.intrinsics
         tiles_x, tiles_y = -(-k.width // L.TILE), -(-k.height // L.TILE)
         chunks = len(scene.bounds)
         parts = max(1, min(chunks, self._threads * SLICES_PER_THREAD))
+        rows, columns = -(-k.height // CELL), -(-k.width // CELL)
         get = self._workspace.get
         job = FrameJob(
             scene=scene,
@@ -129,6 +143,7 @@ class CpuRasterizer(Rasterizer):
             visible=get("visible", chunks, np.int64),
             tile_counts=get("tile_counts", parts * tiles_x * tiles_y, np.int64).reshape(parts, -1),
             starts=get("starts", tiles_x * tiles_y + 1, np.int64),
+            cells=get("cells", rows * columns * 2, np.float32).reshape(rows, columns, 2) if depth else None,
         )
         job.background[:] = camera.background
         fill_view(camera, job.view)
@@ -165,8 +180,8 @@ class CpuRasterizer(Rasterizer):
         """Draw the listed tiles into the image."""
         accumulators = self._per_thread("accumulators", TILE_FLOATS, np.float32)
         blend(
-            job.splats, job.starts, job.begin, job.end, job.in_order, job.background, job.image.pixels, accumulators,
-            self._turn_from(job.begin),
+            job.splats, job.starts, job.begin, job.end, job.in_order, job.background, job.image.pixels, job.cells,
+            accumulators, self._turn_from(job.begin),
         )  # fmt: skip
 
     def _per_thread(self, name: str, size: int, dtype: Any) -> NDArray[Any]:
@@ -175,3 +190,11 @@ class CpuRasterizer(Rasterizer):
     def _turn_from(self, first: int) -> NDArray[np.int64]:
         self._turn[0] = first
         return self._turn
+
+
+def _depth(cells: NDArray[np.float32], width: int, height: int) -> NDArray[np.float32]:
+    """The inverse depth of a picture, from its cells."""
+    columns, rows = depth_size(width, height)
+    means = np.empty((rows, columns, 2), np.float32)
+    average_cells(cells, width, height, means)
+    return inverse_depth(means)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import ctypes
 import struct
-from typing import Final
+from typing import Final, Literal
 
 from tigas_common.wire.render import FrameFormat
 from tigas_render.raster.base import Camera, derivative_limits, footprint
@@ -13,8 +13,9 @@ from tigas_render.raster.cuda.scene import CHUNK, CudaScene
 
 LAYOUT: Final = struct.Struct("=22Q6I4i27f4x")
 """Pointers; padded, chunks, capacity, tiles, tiles_x, slices; width, height, format, sh_coefficients; the floats."""
-FORMATS: Final[dict[FrameFormat, int]] = {"png": 0, "jpeg": 1, "yuv420p": 2}
-"""How the blending kernel lays out pixels: RGB, JPEG's planes, video's planes."""
+PixelFormat = FrameFormat | Literal["depth"]
+FORMATS: Final[dict[PixelFormat, int]] = {"png": 0, "jpeg": 1, "yuv420p": 2, "depth": 3}
+"""What the blending kernel writes for pixels: RGB, JPEG's planes, video's planes, what `inverse_depth` takes."""
 GREATEST: Final = 3.4e38
 """Of float32, nearly."""
 
@@ -24,7 +25,7 @@ def write_frame(
     scene: CudaScene,
     camera: Camera,
     layout: TileLayout,
-    format: FrameFormat,
+    format: PixelFormat,
     buffers: tuple[int, ...],
     capacity: int,
 ) -> None:

@@ -74,7 +74,13 @@ class CudaRasterizer(Rasterizer):
             return scene
 
     def render(
-        self, scene: PreparedScene, camera: Camera, format: FrameFormat = "jpeg", pause: Pause | None = None
+        self,
+        scene: PreparedScene,
+        camera: Camera,
+        format: FrameFormat = "jpeg",
+        pause: Pause | None = None,
+        *,
+        depth: bool = False,
     ) -> CudaImage:
         """Queue one view and return at once. Raises OutOfDeviceMemory and DeviceLost."""
         assert isinstance(scene, CudaScene)
@@ -82,7 +88,7 @@ class CudaRasterizer(Rasterizer):
             self._make_room()
             workspace = self.take_workspace()
             try:
-                return CudaImage(self, workspace, scene, camera, format)
+                return CudaImage(self, workspace, scene, camera, format, with_depth=depth)
             except BaseException:
                 self.give_back(workspace)
                 raise
@@ -93,7 +99,7 @@ class CudaRasterizer(Rasterizer):
         pose = Pose((0.0, 0.0, 0.0), ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)))
         for width, height in ((64, 36), (1280, 720)):
             camera = Camera(pose, Intrinsics(width, width, width / 2, height / 2, width, height))
-            images = [self.render(scene, camera) for _ in range(self.frames_in_flight)]
+            images = [self.render(scene, camera, depth=True) for _ in range(self.frames_in_flight)]
             for image in images:
                 with image:
                     image.encode("jpeg", 90)
@@ -168,7 +174,14 @@ class CudaImage(Image):
     """A view that the device is rendering, or has rendered."""
 
     def __init__(
-        self, rasterizer: CudaRasterizer, workspace: Workspace, scene: CudaScene, camera: Camera, format: FrameFormat
+        self,
+        rasterizer: CudaRasterizer,
+        workspace: Workspace,
+        scene: CudaScene,
+        camera: Camera,
+        format: FrameFormat,
+        *,
+        with_depth: bool,
     ) -> None:
         self.width, self.height = camera.intrinsics.width, camera.intrinsics.height
         self._rasterizer = rasterizer
@@ -176,8 +189,9 @@ class CudaImage(Image):
         self._scene = scene  # held until the device is done with it
         self._camera = camera
         self._format = format
+        self._with_depth = with_depth
         self._finished = False
-        workspace.start(scene, camera, format)
+        workspace.start(scene, camera, format, depth=with_depth)
 
     def encode(self, format: FrameFormat, quality: int) -> bytes:
         """The image in a file format. Rendered again if its pixels were laid out for another.
@@ -196,13 +210,14 @@ class CudaImage(Image):
             again = format != self._format
             while True:
                 if again:
-                    workspace.start(self._scene, self._camera, format)
+                    workspace.start(self._scene, self._camera, format, depth=self._with_depth)
                     self._format, self._finished = format, False
                 length = self._queue(workspace, format, quality)
                 again = not workspace.finish()
                 if not again:
                     break
             self._finished = True
+            self.depth = workspace.depth()
             return workspace.output(length)
 
     def _rgb(self, encoded: bytes) -> NDArray[np.uint8]:

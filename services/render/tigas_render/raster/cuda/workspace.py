@@ -3,19 +3,22 @@
 from __future__ import annotations
 
 import ctypes
+import math
 from dataclasses import dataclass
 
+import numpy as np
 import torch
 from cuda.bindings import driver
 from cuda.core import Device, Kernel, LaunchConfig, Stream, launch
 from cuda.core.graph import Graph
 
 from tigas_common.wire.render import FrameFormat
-from tigas_render.raster.base import Camera
+from tigas_render.raster.base import Camera, Depth
 from tigas_render.raster.cuda.layout import TileLayout, tile_layout
 from tigas_render.raster.cuda.nvjpeg import JpegEncoder, NvJpeg
-from tigas_render.raster.cuda.parameters import LAYOUT, write_frame
+from tigas_render.raster.cuda.parameters import LAYOUT, PixelFormat, write_frame
 from tigas_render.raster.cuda.scene import CHUNK, CudaScene
+from tigas_render.raster.depth import coarse, inverse_depth
 
 FIRST_CAPACITY = 1 << 21
 """Entries of all tiles' lists together that a workspace begins with; it grows when a frame needs more."""
@@ -47,10 +50,15 @@ class Workspace:
         self.torch_stream = torch.cuda.Stream(device)  # type: ignore[no-untyped-call]
         self.stream: Stream = Stream.from_handle(self.torch_stream.cuda_stream)
         self._parameters = ctypes.create_string_buffer(LAYOUT.size)
-        self._status = torch.zeros(1, dtype=torch.int32, pin_memory=True)
-        self._needed = ctypes.c_uint32.from_address(self._status.data_ptr())
+        self._status = torch.zeros(2, dtype=torch.int32, pin_memory=True)
+        self._needed, self._needed_for_depth = (
+            ctypes.c_uint32.from_address(self._status.data_ptr() + offset) for offset in (0, 4)
+        )
         self._buffers: dict[str, torch.Tensor] = {}
         self._output = torch.empty(0, dtype=torch.uint8)
+        self._depth_output = torch.empty(0, dtype=torch.uint8)
+        self._depth_shape: tuple[int, int, int] | None = None
+        """Of what the frame that was started last has in `_depth_output`; None if it has no depth."""
         self._allocate("frame", LAYOUT.size)
         self._allocate("progress", PROGRESS_BYTES).zero_()
         torch.cuda.current_stream(device).synchronize()
@@ -62,13 +70,30 @@ class Workspace:
         """Entries of all lists of the last frame that was finished."""
         return self._needed.value
 
-    def start(self, scene: CudaScene, camera: Camera, format: FrameFormat) -> None:
+    def start(self, scene: CudaScene, camera: Camera, format: FrameFormat, *, depth: bool = False) -> None:
         """Queue one frame. Raises torch.cuda.OutOfMemoryError if the buffers have to grow and cannot."""
+        self._needed_for_depth.value = 0
+        self._depth_shape = None
+        if depth:
+            self._start_depth(scene, coarse(camera))
+        self._launch(scene, camera, format)
+
+    def _start_depth(self, scene: CudaScene, camera: Camera) -> None:
+        """Queue a small picture of depth, and its copy to the host."""
+        self._launch(scene, camera, "depth")
+        self._depth_shape = (camera.intrinsics.height, camera.intrinsics.width, 2)
+        length = 4 * math.prod(self._depth_shape)
+        if self._depth_output.nbytes < length:
+            self._depth_output = torch.empty(length, dtype=torch.uint8, pin_memory=True)
+        with torch.cuda.stream(self.torch_stream):
+            self._depth_output[:length].copy_(self._buffers["depth"][:length], non_blocking=True)
+
+    def _launch(self, scene: CudaScene, camera: Camera, format: PixelFormat) -> None:
         side = self.prepare(scene, camera, format).side
         self.begin(self._stages[side][0])
         self._graphs[side].launch(self.stream)
 
-    def prepare(self, scene: CudaScene, camera: Camera, format: FrameFormat) -> TileLayout:
+    def prepare(self, scene: CudaScene, camera: Camera, format: PixelFormat) -> TileLayout:
         """Make room for a frame and write its parameters, but launch nothing."""
         k = camera.intrinsics
         layout = tile_layout(k.width, k.height, scene.padded)
@@ -90,10 +115,13 @@ class Workspace:
             ("finished", 4 * layout.tiles),
             ("lights", 4 * layout.tiles * MAX_SEGMENTS),
             ("partials", capacity // ENTRIES_PER_PARTIAL * layout.side**2 * 16),
-            ("pixels", 3 * k.width * k.height + 4 * max(k.width, k.height)),  # planes of odd sizes take a little more
+            ("depth", 8 * k.width * k.height)
+            if format == "depth"
+            else ("pixels", 3 * k.width * k.height + 4 * max(k.width, k.height)),  # planes of odd sizes take a bit more
         )
         addresses = tuple(self._allocate(name, size).data_ptr() for name, size in sizes)
-        others = (self._status.data_ptr(), self._buffers["progress"].data_ptr())
+        status = ctypes.addressof(self._needed_for_depth if format == "depth" else self._needed)
+        others = (status, self._buffers["progress"].data_ptr())
         write_frame(self._parameters, scene, camera, layout, format, addresses + others, capacity)
         return layout
 
@@ -113,10 +141,17 @@ class Workspace:
         """The first bytes that a queued copy brought to the host, once `finish` has waited for it."""
         return ctypes.string_at(self._output.data_ptr(), length)
 
+    def depth(self) -> Depth | None:
+        """The depth of the frame, once `finish` has waited for it; None if it was started without."""
+        if self._depth_shape is None:
+            return None
+        means = ctypes.string_at(self._depth_output.data_ptr(), 4 * math.prod(self._depth_shape))
+        return inverse_depth(np.frombuffer(means, np.float32).reshape(self._depth_shape))
+
     def finish(self) -> bool:
         """Wait for everything queued. False if the lists overflowed: they have been enlarged, start the frame again."""
         self.stream.sync()
-        needed = self._needed.value
+        needed = max(self._needed.value, self._needed_for_depth.value)
         if 8 * needed <= self._buffers["entries"].nbytes:
             return True
         self._allocate("entries", 8 * needed * 5 // 4)

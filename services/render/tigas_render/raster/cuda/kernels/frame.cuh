@@ -48,7 +48,8 @@ __device__ __forceinline__ u32 segment_length(const Progress& progress, u32 entr
     return max(progress.segment, (entries - 1) / MAX_SEGMENTS + 1);
 }
 
-enum Format { RGB = 0, JPEG_PLANES = 1, VIDEO_PLANES = 2 };
+// DEPTH: not colours but the means of weight / z and of weight, float [H, W, 2].
+enum Format { RGB = 0, JPEG_PLANES = 1, VIDEO_PLANES = 2, DEPTH = 3 };
 
 // One frame: parameters.py writes it (LAYOUT there), `begin` copies it to the device. Pointers first.
 struct Frame {
@@ -73,7 +74,7 @@ struct Frame {
     u32* finished;          // [tiles] segments that are blended
     float* lights;          // [tiles, MAX_SEGMENTS] the most light that passes a segment at any pixel; 1 until finished
     float4* partials;       // [capacity / 256, side²] red, green, blue, light
-    u8* pixels;             // RGB [H, W, 3], or three planes
+    u8* pixels;             // RGB [H, W, 3], three planes, or depth
     u32* status;            // pinned, [0]: entries that the frame needed
     Progress* progress;
     u32 padded, chunks, capacity, tiles, tiles_x, slices;  // slices: a power of two, at most 256

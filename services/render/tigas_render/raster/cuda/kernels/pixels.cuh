@@ -1,4 +1,4 @@
-// From colours to bytes: RGB, or planes as JPEG and video take them.
+// From colours to bytes: RGB, planes as JPEG and video take them, or depth's numbers as they are.
 #pragma once
 #include "frame.cuh"
 
@@ -23,8 +23,12 @@ struct Planes {
 
 __device__ __forceinline__ float rounded(float colour) { return floorf(clamp(colour, 0.f, 1.f) * 255 + 0.5f); }
 
-// Fills the whole picture with the background; `thread` of `threads`.
+// Fills the whole picture with the background, or with zeros; `thread` of `threads`.
 __device__ __forceinline__ void fill(const Frame& f, u32 thread, u32 threads) {
+    if (f.format == DEPTH) {
+        for (u32 at = thread; at < (u32)(f.width * f.height); at += threads) ((float2*)f.pixels)[at] = make_float2(0, 0);
+        return;
+    }
     float r = rounded(f.background[0]), g = rounded(f.background[1]), b = rounded(f.background[2]);
     u32 area = f.width * f.height, chroma = ((f.width + 1) / 2) * ((f.height + 1) / 2);
     Planes planes(f.format);
@@ -46,6 +50,10 @@ __device__ __forceinline__ void fill(const Frame& f, u32 thread, u32 threads) {
 
 // Stores one pixel in the frame's format. All lanes of the warp call it: lanes 1 and 8 apart are neighbours.
 __device__ __forceinline__ void store(const Frame& f, int x, int y, bool inside, float r, float g, float b) {
+    if (f.format == DEPTH) {
+        if (inside) ((float2*)f.pixels)[(u64)y * f.width + x] = make_float2(r, g);
+        return;
+    }
     r = rounded(r), g = rounded(g), b = rounded(b);
     if (f.format == RGB) {
         if (!inside) return;

@@ -97,7 +97,7 @@ __device__ bool project_one(const Frame& f, u32 i, float4& s0, float4& s1, ushor
     int tx0 = left / TILE, ty0 = top / TILE;
     box = make_ushort4(tx0, ty0, (right - 1) / TILE - tx0 + 1, (bottom - 1) / TILE - ty0 + 1);
     float length = rsqrtf(wx * wx + wy * wy + wz * wz);
-    Colour colour = shade(f, i, wx * length, wy * length, wz * length);
+    Colour colour = f.format == DEPTH ? Colour{inverse, 1, 0} : shade(f, i, wx * length, wy * length, wz * length);
     u32 red_green = to_half(fminf(colour.r, 6e4f)) | to_half(fminf(colour.g, 6e4f)) << 16;
     u32 blue = to_half(fminf(colour.b, 6e4f));
     s0 = make_float4(u, v, scale * cyy, -2 * scale * cxy);

@@ -1,0 +1,46 @@
+"""The depth that a JPEG carries: a segment of its own at its start, which every decoder of pictures skips.
+
+    APP9, its length, `tigas:depth` and a zero byte; `nearest`, float32; an 8-bit image
+
+Numbers are big-endian. A pixel's code v means an inverse depth of nearest · v / 255: 0 is infinitely far.
+
+The image is a lossy WebP. Of a view of the courtyard, at an error of 2.5 codes in 255 (less than a tenth of a pixel on
+the screen, after a step of 5 cm), it took 0.52 kB and 0.5 ms; a grayscale JPEG at the same error took 1.0 kB and
+0.03 ms. A frame of the lowest rung has 7 kB, and costs 10 ms and more on the cores that would save the half: bytes are
+dearer. More effort (`method`) takes a tenth off the bytes for twice the time.
+"""
+
+from __future__ import annotations
+
+import io
+import struct
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+
+IDENTIFIER: Final = b"tigas:depth\0"
+QUALITY: Final = 40
+METHOD: Final = 2
+CLIPPED: Final = 0.005
+"""The share of the map that may be nearer than code 255: a speck before the lens must not take all codes."""
+
+_SOI, _APP9 = b"\xff\xd8", b"\xff\xe9"
+
+
+def with_depth(jpeg: bytes, inverse: NDArray[np.float32]) -> bytes:
+    """A JPEG with an inverse depth [h, w], in 1/scene units, in it."""
+    nearest, codes = quantised(inverse)
+    image = io.BytesIO()
+    Image.fromarray(codes).save(image, "WEBP", quality=QUALITY, method=METHOD)
+    content = IDENTIFIER + struct.pack(">f", nearest) + image.getvalue()
+    return _SOI + _APP9 + struct.pack(">H", len(content) + 2) + content + jpeg.removeprefix(_SOI)
+
+
+def quantised(inverse: NDArray[np.float32]) -> tuple[float, NDArray[np.uint8]]:
+    """The inverse depth of code 255, and the codes [h, w]."""
+    nearest = float(np.quantile(inverse, 1 - CLIPPED, method="higher")) or float(inverse.max())
+    if nearest == 0:
+        return 0.0, np.zeros(inverse.shape, np.uint8)
+    return nearest, np.minimum(inverse * (255 / nearest) + 0.5, 255).astype(np.uint8)

@@ -1,0 +1,75 @@
+"""A JPEG carries its depth where no other decoder minds, in few bytes, near enough to the truth."""
+
+from __future__ import annotations
+
+import io
+import struct
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from PIL import Image
+
+from tests.render.encode.pictures import gradient
+from tigas_render.encode.depth_segment import IDENTIFIER, with_depth
+from tigas_render.encode.jpeg import encode_jpeg
+
+JPEG = encode_jpeg(gradient(64, 36), 80)
+
+
+def room(width: int = 184, height: int = 104) -> NDArray[np.float32]:
+    """A floor that comes nearer, with a pillar on it and nothing above."""
+    inverse = np.linspace(-0.2, 0.4, height, dtype=np.float32).clip(0)[:, None].repeat(width, 1)
+    inverse[:, width // 3 : width // 2] = 0.35
+    return inverse
+
+
+def read(jpeg: bytes) -> tuple[float, NDArray[np.uint8]]:
+    """The inverse depth of code 255, and the codes."""
+    assert jpeg[:4] == b"\xff\xd8\xff\xe9"
+    (length,) = struct.unpack(">H", jpeg[4:6])
+    content = jpeg[6 : 4 + length]
+    assert content.startswith(IDENTIFIER)
+    (nearest,) = struct.unpack(">f", content[12:16])
+    return nearest, np.asarray(Image.open(io.BytesIO(content[16:])).convert("L"))
+
+
+def test_the_picture_is_the_same_to_every_other_reader() -> None:
+    both = [np.asarray(Image.open(io.BytesIO(jpeg))) for jpeg in (JPEG, with_depth(JPEG, room()))]
+    assert (both[0] == both[1]).all()
+
+
+def test_depth_comes_back_nearly_as_it_was_in_few_bytes() -> None:
+    nearest, codes = read(with_depth(JPEG, room()))
+    error = codes * (nearest / 255) - room()
+    assert codes.shape == (104, 184)
+    assert np.sqrt(np.mean(error**2)) < 0.015 * nearest
+    assert len(with_depth(JPEG, room())) - len(JPEG) < 1500
+
+
+def test_a_speck_before_the_lens_does_not_take_the_others_codes() -> None:
+    inverse = room()
+    inverse[50:54, 10:14] = 100
+    nearest, codes = read(with_depth(JPEG, inverse))
+    assert nearest == pytest.approx(0.4, rel=0.02)
+    assert codes[51:53, 11:13].min() > 240
+
+
+@pytest.mark.parametrize("shape", [(104, 184), (1, 1), (1, 4096)])
+def test_nothing_at_all_is_infinitely_far(shape: tuple[int, int]) -> None:
+    nearest, codes = read(with_depth(JPEG, np.zeros(shape, np.float32)))
+    assert nearest == 0  # whatever the codes
+    assert codes.shape == shape
+
+
+def test_a_thing_smaller_than_what_may_be_clipped_has_a_depth_where_nothing_else_has() -> None:
+    inverse = np.zeros((104, 184), np.float32)
+    inverse[50:54, 10:14] = 0.5
+    nearest, codes = read(with_depth(JPEG, inverse))
+    assert nearest == 0.5
+    assert codes[51:53, 11:13].min() > 200
+
+
+def test_even_noise_fits_into_a_segment() -> None:
+    noise = np.random.default_rng(0).random((104, 184), np.float32)
+    assert read(with_depth(JPEG, noise))[1].shape == noise.shape
