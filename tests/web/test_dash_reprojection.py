@@ -19,6 +19,7 @@ from tests.web.test_motion_to_photon import WALK_MS, turning
 
 pytest.importorskip("tigas_dash")
 pytest.importorskip("av")
+Pixels = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 SMALL = {"width": 260, "height": 200}
 """Where there is no graphics processor, turning a picture takes time for each pixel."""
 PLAIN = {"prediction": "off", "hud": False, "sidebar": False, "dashPreset": "edge", "controller": "fixed", "profile": 3}
@@ -39,16 +40,13 @@ def frames_of(run: dict[str, Any], side: str) -> list[dict[str, Any]]:
 
 
 def assert_turned(run: dict[str, Any], side: str) -> None:
-    """Each view was on the screen by the animation frame after the next, whatever the age of its pixels.
-
-    In animation frames, since where nothing else draws they take as long as the machine is busy.
-    """
+    """Views were there by the next animation frame, which is late on a busy machine; their pixels were older."""
     sampled = {one["pose"]: one["at"] for one in run["inputs"] if not one["missed"]}
     times = sorted(sampled.values())
     frames = [one for one in frames_of(run, side) if one["view"] in sampled]
     assert len(frames) > 10, f"{side} showed nothing"
     waits = [bisect_left(times, one["at"]) - bisect_left(times, sampled[one["view"]]) for one in frames]
-    assert np.percentile(waits, 95) <= 2, f"in animation frames: {waits}"
+    assert median(waits) <= 1, f"in animation frames: {waits}"
     ages = [one["at"] - sampled[one["pose"]] for one in frames if one["pose"] in sampled]
     assert median(ages) > median(one["at"] - sampled[one["view"]] for one in frames)
     if side == "dash":
@@ -71,8 +69,7 @@ def test_the_view_follows_the_camera_and_at_rest_nothing_is_stretched(open_page:
     page.wait_for_function("() => tigas.state().ready")
     wait_for_dash(page, at_least=30)
     plain = at_rest(page)
-    shifted = np.abs(plain - np.roll(plain, 8, axis=1)).mean()
-    assert np.abs(turned - plain).mean() < shifted / 3, "at rest it is the picture that the stream has without it"
+    assert_same_view(turned, plain)
     assert all(one["view"] is None for one in frames_of(walk(page), "dash"))
 
 
@@ -90,7 +87,38 @@ def test_side_by_side_both_follow_it(open_page: OpenPage, viewer_url: str) -> No
         assert_turned(run, side)
 
 
-def at_rest(page: Page) -> np.ndarray[tuple[int, ...], np.dtype[np.float64]]:
+def test_a_lost_graphics_processor_leaves_the_stream_as_it_comes(open_page: OpenPage, viewer_url: str) -> None:
+    page = open_page(
+        SCENE,
+        url=viewer_url,
+        viewport=SMALL,
+        expected_errors="WebGL",
+        **with_settings(viewer_url, mode="dash", reprojection=True, **PLAIN),
+    )
+    canvas = page.locator("canvas.reprojected")
+    expect(canvas).to_have_count(1)
+    wait_for_dash(page, at_least=30)
+    turned = at_rest(page)
+    lost = canvas.evaluate_handle("one => one.getContext('webgl2').getExtension('WEBGL_lose_context')")
+    lost.evaluate("one => one.loseContext()")
+    page.evaluate("tigas.settings({ hud: true })")
+    expect(page.get_by_text("The graphics processor was lost")).to_be_visible()
+    page.evaluate("tigas.settings({ hud: false })")  # it lies over the picture
+    expect(canvas).to_have_count(0)
+    page.wait_for_function("() => tigas.state().ready")
+    wait_for_dash(page, at_least=30)
+    assert_same_view(turned, at_rest(page))
+    lost.evaluate("one => one.restoreContext()")
+    expect(canvas).to_have_count(1)
+
+
+def assert_same_view(turned: Pixels, plain: Pixels) -> None:
+    """Much less apart than from itself a few pixels aside."""
+    shifted = np.abs(plain - np.roll(plain, 8, axis=1)).mean()
+    assert np.abs(turned - plain).mean() < shifted / 3
+
+
+def at_rest(page: Page) -> Pixels:
     """The lower half of the stage, where nothing lies over it, once the encoder has had time for it."""
     page.evaluate("tigas.stand({ position: [0, 0, 0], quaternion: [0, 0, 0, 1] })")
     page.wait_for_function("() => tigas.state().ready")
