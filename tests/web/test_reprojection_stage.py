@@ -317,10 +317,12 @@ def test_what_is_infinitely_far_stays_where_it_is(stage: Stage) -> None:
 
 def test_without_depth_all_is_on_a_sphere(page: Page) -> None:
     stage = Stage(page, 5)
-    stage.take(on_a_sphere(WIDE, 5), WIDE)
-    view = replace(HOME, position=(0.4, 0.1, 0.5), turn=(-3, 2, 0))
-    assert psnr(stage.draw(view), on_a_sphere(view, 5)) > 40
-    assert psnr(on_a_sphere(HOME, 5), on_a_sphere(view, 5)) < 25, "the step should make a difference"
+    home = replace(HOME, fx=32, fy=32)
+    wide = home.with_margins(40, 24)
+    stage.take(on_a_sphere(wide, 5), wide)
+    view = replace(home, position=(0.6, 0.2, -0.7), turn=(-3, 2, 0))
+    assert psnr(stage.draw(view), on_a_sphere(view, 5)) > 37
+    assert psnr(on_a_sphere(home, 5), on_a_sphere(view, 5)) < 25, "the step should make a difference"
 
 
 def test_at_an_infinite_distance_steps_change_nothing(stage: Stage) -> None:
