@@ -140,6 +140,12 @@ def psnr(shown: Pixels, expected: Pixels, where: NDArray[np.bool_] | None = None
     return math.inf if error == 0 else 10 * math.log10(255**2 / error)
 
 
+def encoded(picture: NDArray[np.uint8], kind: str, **options: Any) -> bytes:
+    file = io.BytesIO()
+    Image.fromarray(picture).save(file, kind, **options)
+    return file.getvalue()
+
+
 START = """async () => {
   const { Warp } = await import("/warp.js");
   window.bytes = (base64) => Uint8Array.from(atob(base64), (character) => character.charCodeAt(0));
@@ -176,10 +182,8 @@ class Stage:
         assert page.evaluate("(distance) => begin(distance)", distance)
 
     def take(self, picture: Pixels, view: View, depth: dict[str, Any] | None = None) -> None:
-        png = io.BytesIO()
-        Image.fromarray(picture).save(png, "png")
-        encoded = base64.b64encode(png.getvalue()).decode()
-        self.page.evaluate("([png, view, depth]) => take(png, view, depth)", [encoded, view.message, depth])
+        png = base64.b64encode(encoded(picture, "png")).decode()
+        self.page.evaluate("([png, view, depth]) => take(png, view, depth)", [png, view.message, depth])
 
     def draw(self, view: View, *, enlarged: int = 1) -> Pixels:
         """[height, width, 4]."""
@@ -428,6 +432,39 @@ def test_a_lost_context_is_told_of_and_comes_back(page: Page) -> None:
     assert psnr(stage.draw(view), far_away(view)) > 33
 
 
+def test_a_warp_that_is_disposed_of_leaves_its_context_to_others(page: Page) -> None:
+    complaints: list[str] = []
+    page.on("console", lambda message: complaints.append(message.text))
+    for _ in range(20):
+        stage = Stage(page, None)
+        stage.take(far_away(HOME), HOME)
+        stage.draw(HOME)
+    assert page.evaluate("heard") == []
+    assert [complaint for complaint in complaints if "ReadPixels" not in complaint] == []
+
+
+def test_a_video_is_turned_like_any_picture(page: Page) -> None:
+    stage = Stage(page, None)
+    playing = """async (png) => {
+      const bitmap = await createImageBitmap(new Blob([bytes(png)]));
+      const source = Object.assign(document.createElement("canvas"), { width: bitmap.width, height: bitmap.height });
+      window.video = Object.assign(document.createElement("video"), { muted: true });
+      warp.take(video, view, null); // it has no picture yet
+      const context = source.getContext("2d");
+      context.drawImage(bitmap, 0, 0);
+      video.srcObject = source.captureStream();
+      const shown = new Promise((resolve) => video.requestVideoFrameCallback(resolve));
+      await video.play();
+      context.drawImage(bitmap, 0, 0);
+      await shown;
+      warp.take(video, view, null);
+    }"""
+    stage.page.evaluate(f"(view) => {{ window.view = view; window.play = {playing}; }}", WIDE.message)
+    stage.page.evaluate("(png) => play(png)", base64.b64encode(encoded(far_away(WIDE), "png")).decode())
+    view = replace(HOME, turn=(4, 1, 2))
+    assert psnr(stage.draw(view), far_away(view)) > 30
+
+
 def test_without_webgl_there_is_no_warp(page: Page) -> None:
     """As where a canvas already has another context."""
     working = page.evaluate("""async () => {
@@ -460,12 +497,6 @@ def decoded_depth(page: Page, jpeg: bytes) -> dict[str, Any] | None:
         base64.b64encode(jpeg).decode(),
     )
     return depth
-
-
-def encoded(picture: NDArray[np.uint8], kind: str, **options: Any) -> bytes:
-    file = io.BytesIO()
-    Image.fromarray(picture).save(file, kind, **options)
-    return file.getvalue()
 
 
 @pytest.mark.parametrize(

@@ -83,13 +83,6 @@ export class CubeCache {
     gl.bindFramebuffer(gl.FRAMEBUFFER, null);
   }
 
-  delete(): void {
-    this.#keep.delete();
-    this.#fill.delete();
-    this.#gl.deleteTexture(this.#texture);
-    this.#gl.deleteFramebuffer(this.#target);
-  }
-
   #aim(face: number): void {
     const gl = this.#gl;
     gl.bindFramebuffer(gl.FRAMEBUFFER, this.#target);

@@ -45,11 +45,6 @@ export class GpuTimer {
     this.#running = null;
   }
 
-  delete(): void {
-    for (const query of this.#awaited) this.#gl.deleteQuery(query);
-    this.#awaited = [];
-  }
-
   #collect({ GPU_DISJOINT_EXT }: TimerExtension): void {
     const gl = this.#gl;
     const waiting = this.#awaited.findIndex((query) => !gl.getQueryParameter(query, gl.QUERY_RESULT_AVAILABLE));

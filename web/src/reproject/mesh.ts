@@ -80,11 +80,6 @@ export class Mesh {
     gl.enable(gl.DEPTH_TEST);
     gl.drawArraysInstanced(gl.TRIANGLE_STRIP, 0, 2 * (width + 2), height + 1);
   }
-
-  delete(): void {
-    this.#program.delete();
-    this.#gl.deleteTexture(this.#codes);
-  }
 }
 
 function fitting(cells: number, pixels: number): number {

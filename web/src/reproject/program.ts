@@ -52,10 +52,6 @@ export class Program {
     this.#gl.uniform2iv(this.#location(name), values);
   }
 
-  delete(): void {
-    this.#gl.deleteProgram(this.#program);
-  }
-
   #location(name: string): WebGLUniformLocation | null {
     let location = this.#locations.get(name);
     if (location === undefined) {

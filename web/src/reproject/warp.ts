@@ -95,14 +95,11 @@ export class Warp {
     this.#resources?.cache.clear();
   }
 
+  /** The canvas is of no use afterwards. */
   dispose(): void {
     this.#canvas.removeEventListener("webglcontextlost", this.#lost);
     this.#canvas.removeEventListener("webglcontextrestored", this.#restored);
-    this.#resources?.copy.delete();
-    this.#resources?.mesh.delete();
-    this.#resources?.cache.delete();
-    this.#resources?.timer.delete();
-    this.#gl?.deleteTexture(this.#resources?.frame ?? null);
+    this.#gl?.getExtension("WEBGL_lose_context")?.loseContext(); // browsers keep only a few
     this.#resources = null;
     this.#frame = null;
   }
