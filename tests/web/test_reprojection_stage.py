@@ -18,6 +18,7 @@ from playwright.sync_api import Browser, Page
 
 from tests.web.bundle import bundled, open_with
 from tests.web.conftest import CHROMIUM, CHROMIUM_ARGS
+from tigas_render.encode import depth_segment
 
 WEBGL_ARGS = ["--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
 
@@ -514,6 +515,15 @@ def test_a_frame_s_depth_has_the_codes_that_were_sent(page: Page, kind: str, opt
     with Image.open(io.BytesIO(sent)) as image:
         expected = np.asarray(image.convert("L"), dtype=int)
     assert np.abs(np.reshape(depth["codes"], codes.shape) - expected).max() <= 1
+
+
+def test_the_page_reads_the_depth_that_the_server_writes(page: Page) -> None:
+    y, x = np.mgrid[:104, :184]
+    inverse = (0.3 + 0.2 * np.sin(x / 40) * np.cos(y / 30)).astype(np.float32)
+    depth = decoded_depth(page, depth_segment.with_depth(encoded(noise(32, 18), "jpeg"), inverse))
+    assert depth is not None
+    found = depth["nearest"] * np.reshape(depth["codes"], inverse.shape) / 255
+    assert np.abs(found - inverse).mean() < 0.005
 
 
 @pytest.mark.parametrize(
