@@ -14,6 +14,7 @@ const USAGE = `npm run abr-sim -- [options] TRACE.csv...
   --render MS         the server's time for a frame [11, the paper's RTX 2060 Super]
   --render-best MS    for one of the best rung, where the server takes longer for more pixels [as --render]
   --scale X           frames are so many times as large as the ladder says [1]
+  --ladder FILE       a scene's ladder.json (docs/ladder.md) [the paper's]
   --batch MS          the page hears of what has arrived every so many milliseconds [at once]
   --measured FILE     server, frame sizes and page as they were in a real visit, in place of the paper's (docs/abr.md)
   --seed N            [1]
@@ -39,6 +40,7 @@ async function main() {
       render: { type: "string" },
       "render-best": { type: "string" },
       scale: { type: "string" },
+      ladder: { type: "string" },
       batch: { type: "string" },
       measured: { type: "string" },
       seed: { type: "string", default: "1" },
@@ -78,10 +80,11 @@ async function main() {
     ...(values.batch !== undefined && { batch: number("--batch", values.batch) }),
   };
   const measured = values.measured === undefined ? undefined : readFileSync(values.measured, "utf8");
+  const ladder = values.ladder === undefined ? PAPER_LADDER : JSON.parse(readFileSync(values.ladder, "utf8")).rungs;
   const endpoints = () =>
     measured === undefined
-      ? new PaperEndpoints(PAPER_LADDER, seed + 2, paper)
-      : MeasuredEndpoints.parse(measured, PAPER_LADDER.length);
+      ? new PaperEndpoints(ladder, seed + 2, paper)
+      : MeasuredEndpoints.parse(measured, ladder.length);
   const factories = await Promise.all(
     values.controller.map(async (name) =>
       name.endsWith(".ts")
@@ -98,7 +101,7 @@ async function main() {
         const figures = await simulate({
           controller: create,
           trace,
-          ladder: PAPER_LADDER,
+          ladder,
           duration: values.seconds === undefined ? trace.duration : number("--seconds", values.seconds) * 1000,
           roundTrip,
           endpoints: endpoints(),

@@ -163,7 +163,7 @@ def test_a_run_that_somebody_else_spoils_is_named(services: Services, out: Path)
     [
         (("--network", "no-such-trace"), "The shaper refused /start: "),
         (("--scene", "no-such-scene"), "The scene 'no-such-scene' cannot be loaded"),
-        (("--profile", "4"), "There is no rung 4: the ladder at"),
+        (("--profile", "16"), "There is no rung 16: the ladder at"),
         (("--profile", "magic"), "The controller 'magic' cannot be measured: The viewer failed"),
     ],
 )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -91,6 +92,16 @@ def test_the_first_view_is_bright_colourful_and_detailed(rasterizer: Rasterizer,
     assert (picture.max(axis=2) - picture.min(axis=2)).mean() > 25
     assert (picture.min(axis=2) > 250).mean() < 0.03  # hardly anything is burnt out
     assert np.abs(np.diff(picture.sum(axis=2), axis=1)).mean() > 6
+
+
+def test_it_comes_with_a_ladder_of_its_own_without_jumps() -> None:
+    ladder = DEMO_SOURCE.ladder
+    assert ladder is not None
+    assert len(ladder) >= 8
+    for better, worse in pairwise(ladder):
+        assert 1.2 < better.expected_kb / worse.expected_kb < 2
+        assert 1 < (better.psnr_db or 0) - (worse.psnr_db or 0) < 3
+        assert worse.width * worse.height <= better.width * better.height
 
 
 def test_a_visitor_enters_at_eye_height() -> None:

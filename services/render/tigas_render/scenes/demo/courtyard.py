@@ -20,6 +20,8 @@ from tigas_render.scenes.demo.roofs import roofs, tower
 from tigas_render.scenes.demo.sky import landscape, sky
 from tigas_render.scenes.demo.surfels import Floats, Surfels, join
 from tigas_render.scenes.demo.water import jets, water
+from tigas_render.scenes.ladder import FILE as LADDER_FILE
+from tigas_render.scenes.ladder import read_ladder
 from tigas_render.scenes.metadata import SceneMetadata
 from tigas_render.scenes.source import SceneSource
 
@@ -57,6 +59,7 @@ DEMO_SOURCE = SceneSource(
     open=demo_scene,
     sh_degree=1,
     memory_bytes=30_000_000,
+    ladder=read_ladder(Path(__file__).with_name(LADDER_FILE)),
 )
 """The courtyard as the registry offers it."""
 
