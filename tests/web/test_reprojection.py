@@ -200,7 +200,7 @@ def test_the_panel_and_the_hud_tell_of_it(open_page: OpenPage, server: RenderSer
     page.keyboard.up("ArrowRight")
     expect(page.locator(".hud")).to_contain_text("view latency")
     assert float(stat(page, "reprojection-time").split(" ")[0]) >= 0
-    page.get_by_label("Turn frames to the current view").uncheck()
+    page.get_by_label("Turn frames to the view").uncheck()
     expect(page.locator("canvas.reprojected")).to_have_count(0)
     expect(page.get_by_label("Overscan")).to_be_disabled()
 

@@ -65,7 +65,7 @@ class World:
 
     async def check_enhancement(self) -> None:
         if not self.enhances:
-            raise RunFailed("Frames are not enhanced as they should be: it took 40 ms a frame.")
+            raise RunFailed("Frames are not shown as they should be: it took 40 ms a frame.")
 
 
 @pytest.fixture
@@ -127,7 +127,7 @@ def test_services_that_do_not_start_again_cost_the_run(world: World, tmp_path: P
 def test_models_that_were_given_up_meanwhile_cost_the_run(world: World, tmp_path: Path) -> None:
     world.enhances = False
     record = run(world, tmp_path / "run")
-    assert record.problem == "Frames are not enhanced as they should be: it took 40 ms a frame."
+    assert record.problem == "Frames are not shown as they should be: it took 40 ms a frame."
 
 
 @pytest.mark.parametrize(

@@ -5,6 +5,7 @@ import type { EnhancementStatus } from "../enhance/enhancement";
 import type { TimedPose } from "../movement/playback";
 import { ShaperError } from "../network/api";
 import type { Shaper } from "../network/shaper";
+import type { ReprojectionStatus } from "../reproject/reprojector";
 import { changeSettings, settings } from "../state/app";
 import { COURTYARD } from "../state/fake-server";
 import { DEFAULT_SETTINGS } from "../state/settings";
@@ -86,6 +87,7 @@ function fakeSession() {
     dash: signal<{ phase: { value: { kind: string; message?: string } } } | null>(null),
     scene: signal(COURTYARD),
     enhancement: { status: signal<EnhancementStatus>({ kind: "off" }) },
+    reprojector: { status: signal<ReprojectionStatus>("off") },
     rig: { viewport: signal({ width: 640, height: 360 }), intrinsics: signal({ fx: 300, fy: 300, cx: 320, cy: 180 }) },
     retry: () => events.push("connect anew"),
   };
@@ -343,7 +345,9 @@ test("a shaper that refuses fails the run in its own words; one that cannot be g
 test("models that cannot be used fail the run before it plays, with the reason", async () => {
   problem = "There are no weights for this scene.";
   const { outcome } = await measured({ upscale: "bicubic" });
-  expect(outcome).toEqual(new RunFailed("Frames cannot be enhanced. There are no weights for this scene."));
+  expect(outcome).toEqual(
+    new RunFailed("Frames cannot be shown as they are to be. There are no weights for this scene."),
+  );
   expect(events).not.toContain("play");
 });
 
@@ -353,4 +357,13 @@ test("models that are given up meanwhile fail the run", async () => {
   };
   const { outcome } = await measured({ upscale: "bicubic" });
   expect(outcome).toEqual(new RunFailed("Enhancement was given up during the run. It took 40 ms a frame."));
+});
+
+test("a graphics processor that is lost meanwhile fail the run", async () => {
+  meanwhile = () => {
+    session.reprojector.status.value = "lost";
+  };
+  const { outcome } = await measured({ reprojection: true });
+  expect(outcome).toBeInstanceOf(RunFailed);
+  expect(String(outcome)).toContain("Reprojection ended during the run. The graphics processor was lost");
 });

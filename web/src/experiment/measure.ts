@@ -3,6 +3,7 @@ import { effect } from "@preact/signals";
 import { sleep } from "../async/sleep";
 import { poseAt, type TimedPose } from "../movement/playback";
 import type { Shaper } from "../network/shaper";
+import { reprojectionNote } from "../reproject/reprojector";
 import type { About } from "../samples/layout";
 import { settings } from "../state/app";
 import type { ViewerSession } from "../viewer/session";
@@ -60,7 +61,7 @@ export async function measure(
       signal,
     );
     const { problem } = runner.state();
-    if (problem !== null) throw new RunFailed(`Frames cannot be enhanced. ${problem}`);
+    if (problem !== null) throw new RunFailed(`Frames cannot be shown as they are to be. ${problem}`);
     stage("Warms up");
     await sleep(run.warm_up_s * 1000, signal);
     stage("Plays the movement");
@@ -136,6 +137,8 @@ function watchForTrouble(
     if (session.phase.value.kind !== "playing") return "The connection was lost during the run.";
     const enhanced = session.enhancement.status.value;
     if (enhanced.kind === "failed") return `Enhancement was given up during the run. ${enhanced.message}`;
+    const turned = reprojectionNote(session.reprojector.status.value);
+    if (turned !== null) return `Reprojection ended during the run. ${turned}`;
     if (run.mode !== "stateless" && stream?.kind !== "playing") return "The DASH stream was lost during the run.";
     if (decisiveSettings() !== asked || lens() !== before)
       return "Settings or the window's size were changed during the run.";

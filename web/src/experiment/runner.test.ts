@@ -1,6 +1,7 @@
 import { type Signal, signal } from "@preact/signals";
 import { afterEach, beforeEach, expect, test, vi } from "vitest";
 import type { EnhancementStatus } from "../enhance/enhancement";
+import type { ReprojectionStatus } from "../reproject/reprojector";
 import { settings } from "../state/app";
 import { settle } from "../transport/fake";
 import { NO_NUDGE } from "../view/motion";
@@ -18,11 +19,13 @@ let waiting: (() => void)[];
 let page: EventTarget & { visibilityState: string };
 let rig: Rig;
 let enhancement: Signal<EnhancementStatus>;
+let reprojection: Signal<ReprojectionStatus>;
 let runner: Runner;
 
 beforeEach(() => {
   now = 0;
   enhancement = signal({ kind: "off" });
+  reprojection = signal("off");
   waiting = [];
   page = Object.assign(new EventTarget(), { visibilityState: "visible" });
   vi.stubGlobal("document", page);
@@ -38,6 +41,7 @@ beforeEach(() => {
     connected: signal(null),
     dash: signal(null),
     enhancement: { status: enhancement },
+    reprojector: { status: reprojection },
     phase: signal({ kind: "playing" }),
     onPresented: nothing,
     onShown: nothing,

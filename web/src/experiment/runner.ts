@@ -7,6 +7,7 @@ import { effect } from "@preact/signals";
 import { KINDS, OFF } from "../enhance/model/enhancer";
 import { nameProblem } from "../enhance/registry";
 import { poseAt, type TimedPose } from "../movement/playback";
+import { reprojectionNote } from "../reproject/reprojector";
 import type { About } from "../samples/layout";
 import { removeSampledRun } from "../samples/sampled-runs";
 import { type Sampled, Sampler } from "../samples/sampler";
@@ -33,7 +34,7 @@ export interface RunPlan {
 export interface RunnerState {
   /** Frames come, the newest pose is on the screen, and the models that enhance frames are loaded, or given up. */
   readonly ready: boolean;
-  /** Why frames are not enhanced as was chosen, or null. */
+  /** Why frames are not enhanced, or not turned, as was chosen; or null. */
   readonly problem: string | null;
   readonly phase: string;
   readonly mode: Mode;
@@ -98,12 +99,12 @@ export class Runner {
   }
 
   state(): RunnerState {
-    const { phase, rig, enhancement } = this.#session;
+    const { phase, rig, enhancement, reprojector } = this.#session;
     const enhanced = enhancement.status.peek();
     const shown = this.#shown > 0 && this.#newest >= rig.pose.seq;
     return {
       ready: phase.peek().kind === "playing" && shown && enhanced.kind !== "starting",
-      problem: enhanced.kind === "failed" ? enhanced.message : null,
+      problem: enhanced.kind === "failed" ? enhanced.message : reprojectionNote(reprojector.status.peek()),
       phase: phase.peek().kind,
       mode: settings.peek().mode,
       shown: this.#shown,

@@ -4,7 +4,7 @@ import { orientation } from "../view/camera";
 import type { NumberedPose } from "../view/rig";
 import { FakeWarp } from "./fake-warp";
 import { type Content, Reprojector, reprojectionNote } from "./reprojector";
-import { viewOfFrame } from "./view";
+import { resized, viewOfFrame } from "./view";
 
 const LENS = { fx: 640, fy: 640, cx: 640, cy: 360, width: 1280, height: 720 };
 const PICTURE = {} as ImageBitmap;
@@ -75,7 +75,7 @@ test("at rest nothing is drawn, however long", () => {
   for (let i = 0; i < 100; i++) reprojector.turn(pose(1), LENS);
   expect(warp.drawn).toHaveLength(1);
   reprojector.turn(pose(1), { ...LENS, fx: 700 });
-  size = { width: 1280, height: 720 };
+  size = { width: 1000, height: 562 };
   reprojector.turn(pose(1), { ...LENS, fx: 700 });
   expect(warp.drawn).toHaveLength(3);
 });
@@ -87,8 +87,10 @@ test("a picture of the very view is shown pixel by pixel, whatever its margins; 
   expect(warp.drawn.at(-1)).toMatchObject({ fx: 320, cx: 320, width: 640 });
   expect(warp.taken[0]?.view).toMatchObject({ fx: 320, cx: 384, width: 768 });
   reprojector.turn(pose(2, 1), LENS);
-  expect(warp.canvas).toMatchObject({ width: 2560, height: 1440 });
-  expect(warp.drawn.at(-1)).toMatchObject({ fx: 1280, cx: 1280, width: 2560 });
+  size = { width: 1000, height: 562 };
+  reprojector.turn(pose(3, 2), LENS);
+  expect(warp.canvas).toMatchObject({ width: 1000, height: 562 });
+  expect(warp.drawn.at(-1)).toMatchObject({ fx: 500, cx: 500, width: 1000 });
 });
 
 test("what the newest frame does not cover is told, less of it with margins", () => {
@@ -171,10 +173,22 @@ test("the main thread's time for a picture and its turn is measured", () => {
   expect(reprojector.gpuMs).toBe(0.5);
 });
 
-test("more pixels than are worth it are not drawn while it turns", () => {
+test.each([
+  ["twice as many in a row as the frame has", 1, 1280],
+  ["four million", 8, 2731],
+])("at most %s pixels are drawn while it turns", (_, scale, width) => {
   size = { width: 7680, height: 4320 };
-  reprojector.take(PICTURE, frame("a", pose(1)));
+  const { view, ...rest } = frame("a", pose(1));
+  reprojector.take(PICTURE, { ...rest, view: resized(view, 640 * scale, 360 * scale) });
   reprojector.turn(pose(2, 3), LENS);
-  expect(warp.canvas.width * warp.canvas.height).toBeLessThan(4.3e6);
+  expect(warp.canvas.width).toBe(width);
   expect(warp.canvas.width / warp.canvas.height).toBeCloseTo(16 / 9, 2);
+});
+
+test("a sharper picture of the same place that comes without depth has the one that is known", () => {
+  const depth = { width: 1, height: 1, nearest: 1, codes: Uint8Array.of(7) };
+  reprojector.take(PICTURE, { ...frame("a", pose(1), 64), depth });
+  reprojector.take(PICTURE, frame("b", pose(1)));
+  reprojector.take(PICTURE, frame("c", pose(2, 3)));
+  expect(warp.taken.map((one) => one.depth)).toEqual([depth, depth, null]);
 });

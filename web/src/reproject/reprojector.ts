@@ -13,6 +13,7 @@ import { type NumberedPose, samePose } from "../view/rig";
 import { TimeWindow } from "../view/window";
 import { uncoveredShare } from "./coverage";
 import type { DepthMap } from "./depth";
+import { depthOfView } from "./depth-of-view";
 import { resized, type View } from "./view";
 import { Warp, type WarpOptions } from "./warp";
 
@@ -71,8 +72,9 @@ interface Drawn extends Size {
   readonly lens: Lens;
 }
 
-/** More pixels are not drawn while the picture is turned: the browser enlarges it. */
+/** More pixels are not drawn while the picture is turned, nor more than so many in a row for each of its own: the browser enlarges it. */
 const MOST_PIXELS = 4_194_304;
+const MOST_ENLARGED = 2;
 /** How far back the main thread's time is looked at, in milliseconds. */
 const SPAN = 5000;
 
@@ -151,16 +153,20 @@ export class Reprojector<Frame> {
     this.#status.value = "off";
   }
 
-  /** The newest picture, which is copied; `fresh`: it is of another frame. One from before a cut is ignored. */
+  /**
+   * The newest picture, which is copied; `fresh`: it is of another frame. One from before a cut is ignored, and one without depth
+   * has that of the picture before, if it was asked for at the same place.
+   */
   take(source: TexImageSource, content: Content<Frame>, fresh = true): void {
     if (!this.working || (this.#cut !== undefined && content.pose < this.#cut)) return;
     if (this.#cut !== undefined) this.#warp?.forget();
     this.#cut = undefined;
     const begun = this.#options.now();
-    this.#warp?.take(source, content.view, content.depth);
+    const depth = content.depth ?? knownDepth(content, this.#content);
+    this.#warp?.take(source, content.view, depth);
     this.#spent += this.#options.now() - begun;
     this.#fresh ||= fresh;
-    this.#content = content;
+    this.#content = { ...content, depth };
     this.#changed = true;
   }
 
@@ -219,7 +225,8 @@ export class Reprojector<Frame> {
   #sizeFor({ asked, view }: Content<Frame>, pose: NumberedPose, lens: Lens): Size {
     if (samePose(asked, pose) && sameLens(asked, lens)) return innerSize(asked, view);
     const { width, height } = this.#options.size();
-    const scale = Math.min(1, Math.sqrt(MOST_PIXELS / (width * height)));
+    const useful = (MOST_ENLARGED * innerSize(asked, view).width) / width;
+    const scale = Math.min(1, useful, Math.sqrt(MOST_PIXELS / (width * height)));
     return { width: Math.round(width * scale), height: Math.round(height * scale) };
   }
 
@@ -240,6 +247,11 @@ function innerSize(asked: Lens, view: View): Size {
     width: Math.round((asked.width * view.fx) / asked.fx),
     height: Math.round((asked.height * view.fy) / asked.fy),
   };
+}
+
+function knownDepth<Frame>({ asked, view }: Content<Frame>, before: Content<Frame> | undefined): DepthMap | null {
+  if (!before?.depth || !samePose(asked, before.asked)) return null;
+  return depthOfView(before.depth, before.view, view);
 }
 
 function sameDrawing(a: Drawn, b: Drawn): boolean {

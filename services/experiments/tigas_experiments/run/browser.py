@@ -125,7 +125,7 @@ class Viewer:
         """Whether the page enhances frames as it was told to, or shows them as they come if so it was told."""
         state = await self._call("state", None)
         if isinstance(state, dict) and state.get("problem"):
-            raise RunFailed(f"Frames are not enhanced as they should be: {state['problem']}")
+            raise RunFailed(f"Frames are not shown as they should be: {state['problem']}")
 
     async def record(self, plan: dict[str, Any], patience_s: float) -> Recording:
         """Play a movement and record it. Raises BrokenRecording, too."""

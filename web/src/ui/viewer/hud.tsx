@@ -96,7 +96,7 @@ export function ReprojectionNote({ status }: { status: ReprojectionStatus }) {
 export function ReprojectionRow({ stats }: { stats: Pick<Stats, "turned" | "warpMs" | "gpuMs"> }) {
   return (
     stats.turned && (
-      <Row name="reprojection-time" label="Reprojection, main thread · GPU">
+      <Row name="reprojection-time" label="Reprojection · GPU">
         {[stats.warpMs, stats.gpuMs].map(withUnit).join(" · ")}
       </Row>
     )

@@ -23,14 +23,14 @@ export function ReprojectionPanel({ session }: { session: ViewerSession }) {
     <>
       <label
         class="check"
-        title="Turns the newest frame to where the camera is now, every time the display shows a picture"
+        title="Turns the newest frame to where the camera is now, each time the display shows a picture"
       >
         <input
           type="checkbox"
           checked={reprojection}
           onChange={() => changeSettings({ reprojection: !reprojection })}
         />
-        Turn frames to the current view
+        Turn frames to the view
       </label>
       <label class="check" title="With a coarse depth, near things shift more than far ones as you walk">
         <input

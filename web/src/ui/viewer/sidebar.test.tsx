@@ -67,7 +67,7 @@ test("how movement is met is chosen by keyboard, and what needs reprojection wai
   await user.selectOptions(overscan, "10 %");
   await user.selectOptions(panel.getByRole("combobox", { name: "Prediction" }), "Linear");
   await user.click(depth);
-  panel.getByRole("checkbox", { name: "Turn frames to the current view" }).focus();
+  panel.getByRole("checkbox", { name: "Turn frames to the view" }).focus();
   await user.keyboard(" ");
   expect(settings.value).toMatchObject({ reprojection: false, prediction: "linear", overscan: 0.1, depth: false });
   expect([depth, overscan].map((field) => (field as HTMLInputElement).disabled)).toEqual([true, true]);
