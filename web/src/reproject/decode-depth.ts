@@ -2,8 +2,8 @@
 import type { DepthMap } from "./depth";
 import { DEPTH_SEGMENT_BYTES, readDepthSegment } from "./depth-segment";
 
-/** A coarse depth has no more pixels. */
-const MOST_PIXELS = 1 << 18;
+/** No side of a coarse depth is longer; every graphics processor takes such an image. */
+const MOST_SIDE = 1024;
 
 /** Null if the frame has none, or none that can be read: a frame without depth is still a frame. */
 export async function decodeDepth(frame: Blob): Promise<DepthMap | null> {
@@ -24,7 +24,7 @@ async function grayValues(encoded: Uint8Array<ArrayBuffer>): Promise<Omit<DepthM
   });
   const { width, height } = image;
   try {
-    if (width * height > MOST_PIXELS) throw new RangeError(`a depth of ${width}×${height} pixels is not coarse`);
+    if (Math.max(width, height) > MOST_SIDE) throw new RangeError(`a depth of ${width}×${height} pixels is not coarse`);
     const context = new OffscreenCanvas(width, height).getContext("2d", { willReadFrequently: true });
     if (context === null) throw new Error("this worker cannot read images");
     context.drawImage(image, 0, 0);
