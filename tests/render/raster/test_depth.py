@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -59,8 +61,6 @@ def test_where_nearly_nothing_is_it_is_infinitely_far() -> None:
 
 
 def test_the_coarse_view_is_the_same_view() -> None:
-    from dataclasses import replace
-
     view = replace(camera(832, 468), margins=(96, 54), display_scale=2.0, background=(1.0, 0.0, 0.0))
     small = coarse(view)
     k, c = view.intrinsics, small.intrinsics
