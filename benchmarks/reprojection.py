@@ -37,7 +37,7 @@ from rich.table import Table
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
-from benchmarks.reprojection_depth import KINDS, DepthScene
+from benchmarks.reprojection_depth import PAINTED, DepthScene, packed
 from benchmarks.reprojection_warp import Frame, cropped, turned, with_margins
 from benchmarks.views import View, centred_lens, chosen
 from tigas_common.pose import Intrinsics, Pose
@@ -46,7 +46,7 @@ from tigas_experiments.movement.placing import placed
 from tigas_experiments.movement.trace import MovementTrace
 from tigas_experiments.quality.picture import Picture, compare
 from tigas_render.gaussians import Gaussians
-from tigas_render.raster.base import Camera
+from tigas_render.raster.base import Camera, Depth
 from tigas_render.raster.cpu import CpuRasterizer
 from tigas_render.scenes.demo import DEMO_METADATA
 
@@ -55,6 +55,7 @@ IN_SIGHT = 0.1
 """Moments at which less of the view than this differs from the background say nothing."""
 HORIZONS_MS = (20, 50, 100, 200, 300)
 MAX_PSNR_DB = 60.0
+AS_SENT, NOT_PACKED = "as sent", "not packed"
 WAYS = ("stale", "rotation", "sphere", "depth", "predicted")
 Floats = NDArray[np.float64]
 Predicted = dict[tuple[str, int, int], tuple[Floats, Floats]]
@@ -122,8 +123,8 @@ class Bench:
         if not self._in_sight(truth):
             return
         for horizon in HORIZONS_MS:
-            frame = self._frame(walk.pose(at - horizon))
-            inverse, sent = self._depth.inverse(frame.pose, frame.lens, KINDS[0])
+            frame, depth = self._frame(walk.pose(at - horizon))
+            inverse, sent = packed(depth)
             ways: dict[str, tuple[Picture, float]] = {
                 "stale": (cropped(frame, self._lens), 0.0),
                 "rotation": turned(frame, pose, self._lens, 0.0),
@@ -132,8 +133,8 @@ class Bench:
             }
             expected = predicted.get((walk.name, int(at), horizon))
             if expected is not None:
-                ahead = self._frame(self._placed(*expected))
-                inverse, _ = self._depth.inverse(ahead.pose, ahead.lens, KINDS[0])
+                ahead, depth = self._frame(self._placed(*expected))
+                inverse, _ = packed(depth)
                 ways["predicted"] = turned(ahead, pose, self._lens, inverse)
             for way, (picture, border) in ways.items():
                 yield self._sample(walk, at, horizon, way, frame.pose, pose, picture, truth, border, sent)
@@ -145,18 +146,23 @@ class Bench:
         if not self._in_sight(truth):
             return
         for horizon in HORIZONS_MS[1:]:
-            frame = self._frame(walk.pose(at - horizon))
-            for kind in KINDS:
-                inverse, sent = self._depth.inverse(frame.pose, frame.lens, kind)
+            frame, depth = self._frame(walk.pose(at - horizon))
+            kinds = {AS_SENT: packed(depth), NOT_PACKED: (depth.astype(np.float64), 0)}
+            kinds |= {kind.name: self._depth.inverse(frame.pose, frame.lens, kind) for kind in PAINTED}
+            for name, (inverse, sent) in kinds.items():
                 picture, border = turned(frame, pose, self._lens, inverse)
-                yield self._sample(walk, at, horizon, kind.name, frame.pose, pose, picture, truth, border, sent)
+                yield self._sample(walk, at, horizon, name, frame.pose, pose, picture, truth, border, sent)
 
     def _in_sight(self, truth: Picture) -> bool:
         background = np.round(np.array(self._background) * 255)
         return bool((np.abs(truth - background).max(axis=-1) > 8).mean() >= IN_SIGHT)
 
-    def _frame(self, pose: Pose) -> Frame:
-        return Frame(self._rendered(pose, self._wide), pose, self._wide)
+    def _frame(self, pose: Pose) -> tuple[Frame, Depth]:
+        """With the depth that the render service would send."""
+        camera = Camera(pose, self._wide, self._background)
+        with self._rasterizer.render(self._scene, camera, depth=True) as image:
+            assert image.depth is not None
+            return Frame(image.to_host().copy(), pose, self._wide), image.depth
 
     def _rendered(self, pose: Pose, lens: Intrinsics) -> Picture:
         with self._rasterizer.render(self._scene, Camera(pose, lens, self._background)) as image:
@@ -231,7 +237,11 @@ def main(
                 samples += bench.depths(walk, at) if depths else bench.samples(walk, at, poses)
     if out is not None:
         _write(samples, out)
-    ways = [kind.name for kind in KINDS] if depths else [way for way in WAYS if any(one.way == way for one in samples)]
+    ways = (
+        [AS_SENT, NOT_PACKED, *(kind.name for kind in PAINTED)]
+        if depths
+        else [way for way in WAYS if any(one.way == way for one in samples)]
+    )
     console = Console(width=150)
     if not samples:
         console.print("Nothing of the scene is in sight at any of these moments.")

@@ -1,4 +1,4 @@
-"""The coarse depth of a view as a frame carries it, and finer ones to hold it against, for benchmarks.reprojection."""
+"""The coarse depth of a view as a frame carries it, and others to hold it against, for benchmarks.reprojection."""
 
 from __future__ import annotations
 
@@ -12,44 +12,50 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from tigas_common.pose import Intrinsics, Pose
+from tigas_render.encode.depth_segment import IDENTIFIER, quantised, with_depth
 from tigas_render.gaussians import Gaussians
-from tigas_render.raster.base import NEAR_PLANE, Camera
+from tigas_render.raster.base import NEAR_PLANE, Camera, Depth
 from tigas_render.raster.cpu import CpuRasterizer
 from tigas_render.raster.cpu import layout as L
+from tigas_render.raster.depth import OPACITY_MIN, PIXELS
 
-PIXELS = 184 * 104
-"""Of a depth as frames carry it."""
 FULL = 640 * 360
 NEAREST_SHARE = 0.999
-"""The share of pixels that lie no nearer than the code 255: a floater before the camera must not take all codes."""
+"""The share of pixels that lie no nearer than the code 255 of what is painted."""
 MEDIAN_BINS = 96
+BEFORE_IMAGE = 2 + 2 + 2 + len(IDENTIFIER) + 4
+"""Bytes of a JPEG's start, the segment's marker and length, its name, and `nearest`."""
 Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
 class Kind:
-    """A way to make and send depth."""
+    """A way to paint depth, which is then packed as the render service packs its own."""
 
     name: str
     pixels: int = PIXELS
     median: bool = False
     """The inverse depth that half of a pixel's light comes from behind of, in place of the mean."""
-    of_what_is_there: bool = False
-    """The mean over what is drawn alone; otherwise what shines through counts as infinitely far."""
-    webp: int | None = 80
-    """Quality of the lossy WebP; None sends the codes as they are."""
+    shines_through: bool = False
+    """What is behind a pixel that is not quite covered counts as infinitely far."""
+    packed: bool = True
 
 
-KINDS = (
-    Kind("expected, as sent"),
-    Kind("expected, lossless", webp=None),
-    Kind("expected, WebP 50", webp=50),
-    Kind("expected, full size", pixels=FULL, webp=None),
-    Kind("expected, half as many", pixels=PIXELS // 2),
-    Kind("of what is there", of_what_is_there=True),
-    Kind("of what is there, lossless", of_what_is_there=True, webp=None),
-    Kind("median, as sent", median=True),
+PAINTED = (
+    Kind("painted mean"),
+    Kind("painted mean, full size, not packed", pixels=FULL, packed=False),
+    Kind("painted mean, half as many pixels", pixels=PIXELS // 2),
+    Kind("painted mean, shining through", shines_through=True),
+    Kind("painted median", median=True),
 )
+
+
+def packed(inverse: Depth) -> tuple[Floats, int]:
+    """A depth as it arrives, and the bytes that it took."""
+    data = with_depth(b"\xff\xd8", inverse)
+    nearest, _ = quantised(inverse)
+    codes = np.asarray(Image.open(io.BytesIO(data[BEFORE_IMAGE:])).convert("L"), np.float64)
+    return nearest * codes / 255, len(data) - 2
 
 
 class DepthScene:
@@ -64,7 +70,7 @@ class DepthScene:
         self._scene = rasterizer.prepare(plain)
 
     def inverse(self, pose: Pose, lens: Intrinsics, kind: Kind) -> tuple[Floats, int]:
-        """1/z in 1/scene units, [h, w] over the whole of `lens`, and the bytes that were sent for it."""
+        """1/z in 1/scene units, [h, w] over the whole of `lens`, and the bytes that it took; 0 if not packed."""
         small = _smaller(lens, kind.pixels)
         camera = Camera(pose, small, display_scale=max(1.0, lens.width / small.width))
         inverse = self._inverse_z(pose)
@@ -75,13 +81,14 @@ class DepthScene:
         share = np.clip(inverse / most, 0, 1)
         if kind.median:
             codes = self._median(share, camera)
-        elif kind.of_what_is_there:
-            inverse, covered = np.moveaxis(self._channels([share, np.ones_like(share)], camera)[..., :2], -1, 0)
-            codes = np.where(covered > 8, np.clip(255.0 * inverse / np.maximum(covered, 1), 0, 255), 0).astype(np.uint8)
-        else:
+        elif kind.shines_through:
             codes = self._painted(share, camera)
-        codes, sent = _sent(codes, kind.webp)
-        return most * codes.astype(np.float64) / 255, sent
+        else:
+            mean, covered = np.moveaxis(self._channels([share, np.ones_like(share)], camera)[..., :2], -1, 0)
+            there = covered >= 255 * OPACITY_MIN
+            codes = np.where(there, np.clip(255.0 * mean / np.maximum(covered, 1), 0, 255), 0).astype(np.uint8)
+        inverse = most * codes.astype(np.float64) / 255
+        return packed(inverse.astype(np.float32)) if kind.packed else (inverse, 0)
 
     def _painted(self, share: Floats, camera: Camera) -> NDArray[np.uint8]:
         """[h, w] codes of the mean of what Gaussians have [chunks, CHUNK]; nothing behind them counts as 0."""
@@ -117,13 +124,3 @@ def _smaller(lens: Intrinsics, pixels: int) -> Intrinsics:
     """The same view on so many pixels, or on its own if it has no more."""
     scale = min(1.0, math.sqrt(pixels / (lens.width * lens.height)))
     return lens.resized(round(lens.width * scale), round(lens.height * scale))
-
-
-def _sent(codes: NDArray[np.uint8], quality: int | None) -> tuple[NDArray[np.uint8], int]:
-    """The codes as they arrive, and how many bytes they took."""
-    file = io.BytesIO()
-    if quality is None:
-        Image.fromarray(codes).save(file, "PNG", optimize=True)
-        return codes, file.tell()
-    Image.fromarray(codes).convert("RGB").save(file, "WEBP", quality=quality, method=4)
-    return np.asarray(Image.open(file).convert("L")), file.tell()

@@ -74,6 +74,19 @@ async def test_ground_truth_has_no_profile_deadline_or_stamp_and_fits_what_was_s
     }
 
 
+async def test_ground_truth_of_a_frame_with_overscan_has_its_margins(tmp_path: Path) -> None:
+    run = tmp_path / "run"
+    (one,) = sampled_run(run, [3])
+    request = one.request.model_copy(update={"overscan": 0.25, "depth": True})
+    (run / "samples.ndjson").write_text(one.model_copy(update={"request": request}).model_dump_json() + "\n")
+    asked: list[dict[str, Any]] = []
+    assert (await made(run, FakeRenderer(refuse=lambda wanted: asked.append(wanted)))).missing == 0
+    again, truth = asked
+    assert (again["overscan"], again["depth"]) == (0.25, True)
+    wider = {"width": 96, "height": 54, "fx": 30, "fy": 30, "cx": 48, "cy": 27, "overscan": 0, "depth": False}
+    assert wider.items() <= truth.items()
+
+
 async def test_a_renderer_that_answers_differently_is_flagged_and_what_it_sent_is_kept(tmp_path: Path) -> None:
     run = tmp_path / "run"
     sampled_run(run, [3, 7])

@@ -12,6 +12,7 @@ from pydantic import ValidationError
 
 from tigas_common.files import read_regular
 from tigas_common.parsing import sentence
+from tigas_common.pose import Intrinsics
 from tigas_common.wire.recording import Sample
 from tigas_common.wire.render import RenderRequest
 from tigas_experiments.quality.picture import BrokenPicture, compare, decode, opened
@@ -26,19 +27,30 @@ def request_again(sample: Sample) -> RenderRequest:
 
 
 def shown_size(sample: Sample) -> tuple[int, int]:
-    """Width and height in pixels: of the enhanced picture; any other was enlarged to the viewport by the display."""
-    return (sample.width, sample.height) if sample.enhanced else (sample.request.width, sample.request.height)
+    """Width and height in pixels, margins of overscan included: of the enhanced picture; any other was enlarged to the
+    viewport by the display.
+    """
+    lens = _lens(sample.request)
+    return (sample.width, sample.height) if sample.enhanced else (lens.width, lens.height)
 
 
 def request_truth(sample: Sample) -> RenderRequest:
     """The same view without loss, in the size that it was shown in. Raises NotRendered if nobody can have that."""
     request = sample.request
-    lens = request.intrinsics.resized(*shown_size(sample))
-    plain = {"profile": None, "format": "png", "deadline_ms": None, "stamp": None}
+    lens = _lens(request).resized(*shown_size(sample))
+    plain = {
+        "profile": None, "format": "png", "deadline_ms": None, "stamp": None, "overscan": 0.0, "depth": False
+    }  # fmt: skip
     try:
         return RenderRequest.model_validate(request.model_dump() | asdict(lens) | plain)
     except ValidationError as error:
         raise NotRendered(f"There is no such view: {sentence(error)}") from None
+
+
+def _lens(request: RenderRequest) -> Intrinsics:
+    """Of the whole view that was asked for, in the viewport's pixels."""
+    margins = (round(side * request.overscan) for side in (request.width, request.height))
+    return request.intrinsics.widened(*margins)
 
 
 async def replay(run: Path, sample: Sample, renderer: Renderer, *, again: bool = False) -> Materialised:
