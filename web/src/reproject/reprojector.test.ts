@@ -192,3 +192,15 @@ test("a sharper picture of the same place that comes without depth has the one t
   reprojector.take(PICTURE, frame("c", pose(2, 3)));
   expect(warp.taken.map((one) => one.depth)).toEqual([depth, depth, null]);
 });
+
+test("a machine that cannot keep up gets frames as they come, and a sentence, until it is switched on again", () => {
+  reprojector.take(PICTURE, frame("a", pose(1)));
+  for (let i = 1; i <= 40; i++) {
+    now += 200;
+    reprojector.turn(pose(i, i), LENS);
+  }
+  expect([reprojector.status.value, reprojector.working, canvas()]).toEqual(["slow", false, null]);
+  expect(reprojectionNote("slow")).toContain("too slow");
+  reprojector.on(10);
+  expect(reprojector.status.value).toBe("on");
+});

@@ -14,15 +14,17 @@ import { TimeWindow } from "../view/window";
 import { uncoveredShare } from "./coverage";
 import type { DepthMap } from "./depth";
 import { depthOfView } from "./depth-of-view";
+import { KeepingUp } from "./keeping-up";
 import { resized, type View } from "./view";
 import { Warp, type WarpOptions } from "./warp";
 
-export type ReprojectionStatus = "off" | "on" | "missing" | "lost";
+export type ReprojectionStatus = "off" | "on" | "missing" | "lost" | "slow";
 
 /** What a person should know where pictures are not turned although they are to be; else null. */
 export function reprojectionNote(status: ReprojectionStatus): string | null {
   if (status === "missing")
     return "Reprojection needs WebGL 2, which this browser does not offer. Frames are shown as they come.";
+  if (status === "slow") return "This machine is too slow to turn each frame. Frames are shown as they come.";
   return status === "lost" ? "The graphics processor was lost, so frames are shown as they come." : null;
 }
 
@@ -97,6 +99,7 @@ export class Reprojector<Frame> {
   #untold: Turned<Frame> | undefined;
   /** The main thread's time since the last draw, in milliseconds. */
   #spent = 0;
+  #pace = new KeepingUp();
 
   constructor(options: ReprojectorOptions) {
     this.#options = { create: (canvas, warp) => new Warp(canvas, warp), ...options };
@@ -132,6 +135,7 @@ export class Reprojector<Frame> {
     overlay.canvas.classList.add("reprojected");
     this.#overlay = overlay;
     this.#distance = distance;
+    this.#pace = new KeepingUp();
     this.#warp = this.#options.create(overlay.canvas, {
       distance,
       onLost: () => {
@@ -182,8 +186,16 @@ export class Reprojector<Frame> {
     const { width, height } = this.#sizeFor(content, pose, lens);
     if (width < 1 || height < 1) return;
     const now: Drawn = { pose, lens, width, height };
-    if (!this.#changed && this.#drawn && sameDrawing(now, this.#drawn)) return;
+    if (!this.#changed && this.#drawn && sameDrawing(now, this.#drawn)) {
+      this.#pace.rested();
+      return;
+    }
     const begun = this.#options.now();
+    if (!this.#pace.drawn(begun)) {
+      this.off();
+      this.#status.value = "slow";
+      return;
+    }
     this.#draw(now);
     const ended = this.#options.now();
     const warpMs = this.#spent + ended - begun;

@@ -1,0 +1,27 @@
+import { expect, test } from "vitest";
+import { KeepingUp } from "./keeping-up";
+
+/** Whether it keeps up after so many animation frames of so many milliseconds, each with a draw. */
+function after(frames: number, interval: number, subject = new KeepingUp()): boolean {
+  let keeps = true;
+  for (let i = 0; i < frames; i++) keeps = subject.drawn(1000 + i * interval);
+  return keeps;
+}
+
+test("30 frames a second are enough, five are not", () => {
+  expect(after(500, 33)).toBe(true);
+  expect(after(40, 200)).toBe(false);
+});
+
+test("a few slow frames say nothing, nor does a hidden page", () => {
+  expect(after(20, 200)).toBe(true);
+  expect(after(100, 5000)).toBe(true);
+});
+
+test("what passes while nothing is drawn does not count", () => {
+  const subject = new KeepingUp();
+  for (let i = 0; i < 100; i++) {
+    expect(subject.drawn(i * 500)).toBe(true);
+    subject.rested();
+  }
+});
