@@ -106,6 +106,11 @@ export class Display<Frame extends Decoded> {
     return this.#pending.length < AT_ONCE;
   }
 
+  /** Models enhance the next frame. */
+  get enhances(): boolean {
+    return this.#options.enhancement.active !== null;
+  }
+
   /** Nothing is in the making. */
   get settled(): boolean {
     return this.#pending.length === 0;

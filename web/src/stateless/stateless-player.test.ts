@@ -1,4 +1,4 @@
-import { beforeEach, describe, expect, test } from "vitest";
+import { beforeEach, describe, expect, test, vi } from "vitest";
 import type { Observation } from "../abr/controller";
 import { Display } from "../enhance/display";
 import { Enhancement } from "../enhance/enhancement";
@@ -374,6 +374,18 @@ describe("with reprojection", () => {
     await frames(5);
     expect(last()).not.toHaveProperty("overscan");
     expect(last()).not.toHaveProperty("depth");
+  });
+
+  test("margins of enhanced frames come in few sizes", async () => {
+    vi.spyOn(Display.prototype, "enhances", "get").mockReturnValue(true);
+    axes = { ...STILL, turnRight: 1 };
+    await frames(10);
+    await frames(20, { answer: false });
+    await frames(20);
+    vi.restoreAllMocks();
+    const margins = new Set(transport.requests.map(({ request }) => request.overscan ?? 0));
+    expect([...margins].filter((margin) => ![0, 0.125, 0.25].includes(margin))).toEqual([]);
+    expect(margins.size).toBeGreaterThan(1);
   });
 
   test("margins of the frame that came are what counts, not those that are asked for by now", async () => {

@@ -12,6 +12,9 @@ import type { DecodedFrame } from "./pipeline";
 /** What is told of a picture whenever it is turned. */
 export type Pictured = Pick<PresentedFrame, "rung" | "width" | "height" | "shownWidth" | "shownHeight" | "enhanceMs">;
 
+/** Models hold what each size of frames needs, so margins of enhanced frames come in few sizes. */
+const COARSE = 0.125;
+
 export interface TurningOptions {
   readonly display: Display<DecodedFrame>;
   readonly reprojector: Reprojector<Pictured>;
@@ -44,7 +47,7 @@ export class Turning {
     if (scene !== this.#scene) this.#overscan = new AutoOverscan(viewDistance(scene));
     this.#scene = scene;
     const chosen = overscan();
-    const share = chosen === "auto" ? this.#overscan.at(now) : chosen;
+    const share = chosen === "auto" ? this.#auto(now) : chosen;
     return { ...(share > 0 && { overscan: share }), ...(depth() && { depth: true }) };
   }
 
@@ -63,6 +66,11 @@ export class Turning {
     reprojector.turn(rig.pose, lens);
     const { content } = reprojector;
     if (content) this.#overscan.observe(content.asked, { ...rig.pose, ...lens }, now);
+  }
+
+  #auto(now: number): number {
+    const share = this.#overscan.at(now);
+    return this.#options.display.enhances ? COARSE * Math.ceil(share / COARSE) : share;
   }
 
   #take(source: ImageBitmap, frame: DecodedFrame, about: Pictured, fresh: boolean): void {
