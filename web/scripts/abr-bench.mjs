@@ -12,6 +12,9 @@ const USAGE = `npm run abr-bench -- [options] TRACE.csv...
   --rtt MS            round trip in place of the traces' own delay; may be repeated [20, 50, 100]
   --jitter MS         each way, beside the round trip [0]
   --render MS, --render-best MS, --scale X, --batch MS   as abr-sim has them
+  --ladder FILE       a scene's ladder.json in place of the paper's
+  --way WAY           how the page shows a frame that is older than the view: stale, rotation, depth, or predicted,
+                      which is with depth, too [predicted]
   --seed N            [1]
   --json FILE         all runs' figures
 `;
@@ -20,6 +23,9 @@ const figuresWithin = (limit) => [
   [`poses ≤ ${limit} ms, %`, (f) => 100 * f.inTime, 1],
   ["photon mean, ms", (f) => f.photonMean, 1],
   ["photon p95, ms", (f) => f.photonP95, 0],
+  ["view, dB", (f) => f.viewPsnr, 2],
+  ["view MSE", (f) => f.viewError, 0],
+  ["content age, ms", (f) => f.contentAge, 0],
   ["mean rung", (f) => f.rungOverTime, 2],
   ["halvings", (f) => f.halvings, 2],
   ["frames/s", (f) => f.framesPerSecond, 1],
@@ -41,6 +47,8 @@ async function main() {
       "render-best": { type: "string" },
       scale: { type: "string" },
       batch: { type: "string" },
+      ladder: { type: "string" },
+      way: { type: "string", default: "predicted" },
       seed: { type: "string", default: "1" },
       json: { type: "string" },
       help: { type: "boolean", default: false },
@@ -58,6 +66,7 @@ async function main() {
     { CONTROLLER_NAMES },
     { seeded },
     { INTERACTIVE },
+    { WAYS },
   ] = await Promise.all(
     [
       "simulator/simulate",
@@ -70,9 +79,12 @@ async function main() {
       "abr/registry",
       "abr/random",
       "experiment/figures",
+      "abr/view-error",
     ].map(load),
   );
   const columns = figuresWithin(INTERACTIVE);
+  const ladder = values.ladder === undefined ? PAPER_LADDER : JSON.parse(readFileSync(values.ladder, "utf8")).rungs;
+  if (!WAYS.includes(values.way)) throw new Error(`--way is one of ${WAYS.join(", ")}, not "${values.way}".`);
   const seed = Number(values.seed);
   const jitter_ms = Number(values.jitter);
   const duration = Number(values.seconds) * 1000;
@@ -84,11 +96,7 @@ async function main() {
       ["batch", values.batch],
     ].flatMap(([name, value]) => (value === undefined ? [] : [[name, Number(value)]])),
   );
-  const names = values.controller ?? [
-    ...CONTROLLER_NAMES,
-    "first-budget",
-    ...PAPER_LADDER.map((_, rung) => `fixed:${rung}`),
-  ];
+  const names = values.controller ?? [...CONTROLLER_NAMES, "first-budget", ...ladder.map((_, rung) => `fixed:${rung}`)];
   const traces = positionals.map((path) => ({
     name: basename(path, ".csv"),
     trace: parseTrace(readFileSync(path, "utf8")),
@@ -101,10 +109,11 @@ async function main() {
         const figures = await simulate({
           controller: controllerFactory(controller),
           trace: { ...trace, steps: trace.steps.map((step) => ({ ...step, delay_ms: roundTrip / 2, jitter_ms })) },
-          ladder: PAPER_LADDER,
+          ladder,
           duration,
           roundTrip: null,
-          endpoints: new PaperEndpoints(PAPER_LADDER, seed + block, options),
+          endpoints: new PaperEndpoints(ladder, seed + block, options),
+          way: values.way,
           seed: seed + block,
         });
         runs.push({ block, trace: name, start, roundTrip, controller, figures });

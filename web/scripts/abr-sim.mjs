@@ -6,9 +6,9 @@ import { parseArgs } from "node:util";
 import { runnerImport } from "vite";
 
 const USAGE = `npm run abr-sim -- [options] TRACE.csv...
-  --controller NAME   latency, latency-transfer, budget, lol+, l2a, fixed:RUNG, latency@MS and latency-transfer@MS
+  --controller NAME   latency, latency-transfer, budget, view, lol+, l2a, fixed:RUNG, latency@MS and latency-transfer@MS
                       (another target), or a file of your own whose default export makes a controller; may be
-                      repeated [all of the first five]
+                      repeated [all of the first six]
   --rtt MS            round trip in place of the traces' own delay; may be repeated
   --seconds N         how long each visit lasts [each trace once]
   --render MS         the server's time for a frame [11, the paper's RTX 2060 Super]
@@ -17,6 +17,9 @@ const USAGE = `npm run abr-sim -- [options] TRACE.csv...
   --ladder FILE       a scene's ladder.json (docs/ladder.md) [the paper's]
   --batch MS          the page hears of what has arrived every so many milliseconds [at once]
   --measured FILE     server, frame sizes and page as they were in a real visit, in place of the paper's (docs/abr.md)
+  --ladder FILE       a scene's ladder.json in place of the paper's
+  --way WAY           how the page shows a frame that is older than the view: stale, rotation, depth, or predicted,
+                      which is with depth, too [predicted]
   --seed N            [1]
   --each              a row for each trace, besides the mean over all
   --json FILE, --plot FILE.svg
@@ -34,7 +37,11 @@ async function main() {
   const { values, positionals } = parseArgs({
     allowPositionals: true,
     options: {
-      controller: { type: "string", multiple: true, default: ["latency", "latency-transfer", "budget", "lol+", "l2a"] },
+      controller: {
+        type: "string",
+        multiple: true,
+        default: ["latency", "latency-transfer", "budget", "view", "lol+", "l2a"],
+      },
       rtt: { type: "string", multiple: true },
       seconds: { type: "string" },
       render: { type: "string" },
@@ -43,6 +50,8 @@ async function main() {
       ladder: { type: "string" },
       batch: { type: "string" },
       measured: { type: "string" },
+      ladder: { type: "string" },
+      way: { type: "string", default: "predicted" },
       seed: { type: "string", default: "1" },
       each: { type: "boolean", default: false },
       json: { type: "string" },
@@ -60,6 +69,7 @@ async function main() {
     { PaperEndpoints },
     { MeasuredEndpoints },
     { INTERACTIVE },
+    { WAYS },
   ] = await Promise.all(
     [
       "simulator/simulate",
@@ -70,9 +80,12 @@ async function main() {
       "simulator/endpoints",
       "simulator/measured",
       "experiment/figures",
+      "abr/view-error",
     ].map((name) => load(source(name))),
   );
   const seed = number("--seed", values.seed);
+  const ladder = values.ladder === undefined ? PAPER_LADDER : JSON.parse(readFileSync(values.ladder, "utf8")).rungs;
+  if (!WAYS.includes(values.way)) throw new Error(`--way is one of ${WAYS.join(", ")}, not "${values.way}".`);
   const paper = {
     ...(values.render !== undefined && { render: number("--render", values.render) }),
     ...(values["render-best"] !== undefined && { renderBest: number("--render-best", values["render-best"]) }),
@@ -105,6 +118,7 @@ async function main() {
           duration: values.seconds === undefined ? trace.duration : number("--seconds", values.seconds) * 1000,
           roundTrip,
           endpoints: endpoints(),
+          way: values.way,
           seed,
         });
         runs.push({ trace: basename(path, ".csv"), controller, roundTrip, figures });

@@ -1,6 +1,7 @@
 /** Chooses the profile of each frame. Pure: time comes in with what is observed, chance with the context. */
 import type { Arrival } from "../transport/transport";
 import type { Rung, ServerTiming } from "../wire/render";
+import type { Way } from "./view-error";
 
 /** What became of one frame. */
 export interface Observation {
@@ -16,6 +17,8 @@ export interface Observation {
   readonly inFlight: number;
   /** How fast the camera turns, in degrees a second. */
   readonly turning: number;
+  /** How the page shows a frame that is older than the view. */
+  readonly way: Way;
   /** When it was heard of, on the page's clock, in milliseconds. */
   readonly at: number;
 }

@@ -1,5 +1,6 @@
 /** Observations for tests: a frame of so many bytes, on a link and a server as told. */
 import type { Observation } from "./controller";
+import type { Way } from "./view-error";
 
 export interface ObservationOptions {
   readonly profile?: number;
@@ -11,11 +12,21 @@ export interface ObservationOptions {
   /** All in rendering, in milliseconds. */
   readonly server?: number;
   readonly turning?: number;
+  readonly way?: Way;
   readonly at?: number;
 }
 
 export function observation(options: ObservationOptions = {}): Observation {
-  const { profile = 3, bytes = 7000, response = 50, throughput = 20e6, server = 10, turning = 0, at = 0 } = options;
+  const {
+    profile = 3,
+    bytes = 7000,
+    response = 50,
+    throughput = 20e6,
+    server = 10,
+    turning = 0,
+    way = "stale",
+    at = 0,
+  } = options;
   const duration = throughput === null ? 0 : (bytes * 8000) / throughput;
   const arrival = {
     sentAt: at - response,
@@ -31,6 +42,7 @@ export function observation(options: ObservationOptions = {}): Observation {
     throughput,
     inFlight: 0,
     turning,
+    way,
     at,
   };
 }

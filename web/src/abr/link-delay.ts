@@ -16,7 +16,8 @@ const ENOUGH = 5;
 
 export class LinkDelay {
   #least = new RecentMinimum(SPAN);
-  #average = 0;
+  /** Of the last ones. */
+  average = 0;
   #last: number | undefined;
   #queue = 0;
   jitter = 0;
@@ -26,9 +27,9 @@ export class LinkDelay {
   observe(delay: number, at: number): void {
     if (this.#last !== undefined) this.jitter += JITTER_ALPHA * (Math.abs(delay - this.#last) - this.jitter);
     this.#last = delay;
-    this.#average = this.frames === 0 ? delay : this.#average + ALPHA * (delay - this.#average);
+    this.average = this.frames === 0 ? delay : this.average + ALPHA * (delay - this.average);
     this.frames++;
-    if (this.frames >= ENOUGH) this.#queue = this.#average - this.#least.add(this.#average, at);
+    if (this.frames >= ENOUGH) this.#queue = this.average - this.#least.add(this.average, at);
   }
 
   get queue(): number {

@@ -1,5 +1,7 @@
 import { expect, test } from "vitest";
 import { PAPER_LADDER } from "../abr/ladder";
+import type { Way } from "../abr/view-error";
+import type { Rung } from "../wire/render";
 import { controllerFactory } from "./controllers";
 import { PaperEndpoints, type PaperOptions } from "./endpoints";
 import { overTraces, table } from "./report";
@@ -9,16 +11,17 @@ import { parseTrace } from "./trace";
 function visit(
   controller: string,
   rate: number | string,
-  options: { seed?: number; roundTrip?: number | null; paper?: PaperOptions } = {},
+  options: { seed?: number; roundTrip?: number | null; paper?: PaperOptions; way?: Way; ladder?: readonly Rung[] } = {},
 ) {
+  const { ladder = PAPER_LADDER } = options;
   const trace = parseTrace(typeof rate === "string" ? rate : `t_ms,down_kbps\n0,${rate * 1000}\n`);
   return simulate({
     controller: controllerFactory(controller),
     trace,
-    ladder: PAPER_LADDER,
+    ladder,
     duration: 20_000,
     roundTrip: 20,
-    endpoints: new PaperEndpoints(PAPER_LADDER, options.seed ?? 1, options.paper),
+    endpoints: new PaperEndpoints(ladder, options.seed ?? 1, options.paper),
     seed: 1,
     ...options,
   });
@@ -100,6 +103,25 @@ test("jitter does not keep Budget at the lowest rung of a link that carries bett
   const jittery = "t_ms,down_kbps,up_kbps,delay_ms,jitter_ms\n0,24000,10000,40,15\n";
   const { rungOverTime } = await visit("budget", jittery, { roundTrip: null });
   expect(rungOverTime).toBeLessThan(2.5);
+});
+
+test("what is seen gets worse the later it is and the worse frames are shown when they are late", async () => {
+  const [near, far] = await Promise.all([visit("fixed:3", 100), visit("fixed:3", 100, { roundTrip: 200 })]);
+  expect(far.contentAge - near.contentAge).toBeCloseTo(180, -1);
+  expect(near.contentAge).toBeGreaterThan(near.age);
+  expect(far.viewError).toBeGreaterThan(near.viewError);
+  const stale = await visit("fixed:3", 100, { way: "stale" });
+  expect(stale.viewPsnr).toBeLessThan(near.viewPsnr - 3);
+});
+
+test("View shows better views than Budget where late frames are turned, on a link that changes and a ladder that is fine", async () => {
+  const ladder = [138, 92, 56, 36, 23, 14, 9, 6].map((expected_kb, i) => {
+    const width = 1280 - 128 * i;
+    return { name: `${i}`, width, height: (width * 9) / 16, quality: 80, expected_kb, psnr_db: 41 - 2 * i };
+  });
+  const rate = "t_ms,down_kbps\n0,24000\n7000,8000\n13000,40000\n";
+  const [view, budget] = await Promise.all(["view", "budget"].map((name) => visit(name, rate, { ladder })));
+  expect(view?.viewPsnr).toBeGreaterThan((budget?.viewPsnr ?? 99) + 1);
 });
 
 test("a table of runs, and of their mean over traces", async () => {

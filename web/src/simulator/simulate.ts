@@ -6,6 +6,7 @@
 import { type ControllerFactory, responseTime } from "../abr/controller";
 import { seeded } from "../abr/random";
 import { ThroughputEstimator } from "../abr/throughput";
+import { ageError, rungError, type Way } from "../abr/view-error";
 import type { DecodedImage } from "../stateless/decoder";
 import { FramePipeline } from "../stateless/pipeline";
 import { Meter } from "../view/meter";
@@ -26,11 +27,13 @@ export interface SimulationOptions {
   readonly roundTrip: number | null;
   /** Fresh ones for each visit. */
   readonly endpoints: Endpoints;
+  /** How the page shows a frame that is older than the view; `predicted` if not said. */
+  readonly way?: Way;
   readonly seed: number;
 }
 
 export async function simulate(options: SimulationOptions): Promise<Figures> {
-  const { ladder, duration, endpoints, seed } = options;
+  const { ladder, duration, endpoints, way = "predicted", seed } = options;
   const events = new EventLoop();
   const { now } = events;
   const random = seeded(seed);
@@ -38,6 +41,7 @@ export async function simulate(options: SimulationOptions): Promise<Figures> {
   const controller = options.controller({ ladder, random });
   const throughput = new ThroughputEstimator();
   const tally = new Tally(ladder);
+  const rungErrors = ladder.map(rungError);
   const meter = new Meter("stateless", (frame) => tally.presented(frame));
   const decode = (image: Blob): Promise<DecodedImage> =>
     new Promise((resolve) =>
@@ -59,6 +63,7 @@ export async function simulate(options: SimulationOptions): Promise<Figures> {
         throughput: throughput.bitsPerSecond,
         inFlight: pipeline.inFlight - 1,
         turning,
+        way,
         at: now(),
       };
       tally.replied(responseTime(observation), arrival.bytes);
@@ -69,6 +74,9 @@ export async function simulate(options: SimulationOptions): Promise<Figures> {
     transmission: (bytes) => (throughput.bitsPerSecond === null ? 0 : (bytes * 8000) / throughput.bitsPerSecond),
   });
   let pose = 0;
+  /** Of each pose: when it was, and how far the camera had turned by then, in degrees. */
+  const poses = [ORIGIN];
+  let onScreen: { readonly pose: number; readonly error: number } | undefined;
   let presenting: ReturnType<FramePipeline["take"]>;
   const tick = () => {
     events.at(endpoints.nextAnimationFrame(now()), tick);
@@ -77,9 +85,17 @@ export async function simulate(options: SimulationOptions): Promise<Figures> {
       const { header, pose: shown } = presenting;
       const { profile, width, height } = header;
       meter.presented({ at: now(), pose: shown, rung: profile ?? null, width: width ?? 0, height: height ?? 0 });
+      onScreen = { pose: shown, error: rungErrors[profile ?? 0] ?? 0 };
     }
     turning = endpoints.turning(now());
+    const before = poses[pose] ?? ORIGIN;
+    const view = { at: now(), turned: before.turned + (turning * (now() - before.at)) / 1000 };
     pose++;
+    poses.push(view);
+    const rendered = onScreen && poses[onScreen.pose];
+    if (onScreen && rendered) {
+      tally.seen(onScreen.error + ageError(way, view.turned - rendered.turned), view.at - rendered.at);
+    }
     meter.moved(pose, now());
     pipeline.want({ ...VIEW, azimuth: pose, profile: controller.decide(now()) }, pose);
     presenting = pipeline.take();
@@ -90,5 +106,6 @@ export async function simulate(options: SimulationOptions): Promise<Figures> {
   return tally.figures(duration, meter.figures(duration).stalls);
 }
 
+const ORIGIN = { at: 0, turned: 0 };
 const VIEW = { scene: "simulated", fx: 1, fy: 1, cx: 0, cy: 0, width: 1280, height: 720 };
 const BITMAP = { close: () => undefined } as ImageBitmap;

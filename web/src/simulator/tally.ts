@@ -1,4 +1,5 @@
 /** Sums a simulated visit up. */
+import { decibels } from "../abr/view-error";
 import { INTERACTIVE } from "../experiment/figures";
 import type { PresentedFrame } from "../view/presented";
 import type { Stalls } from "../view/stalls";
@@ -19,6 +20,11 @@ export interface Figures {
   readonly photonMean: number;
   /** From a frame's own pose to the screen, mean in milliseconds: what its request and answer took, and the page. */
   readonly age: number;
+  /** What is seen against what should be seen, by `abr/view-error.ts`: mean squared error, and mean PSNR, over all animation frames. */
+  readonly viewError: number;
+  readonly viewPsnr: number;
+  /** How old the pixels are that are seen, mean over all animation frames, in milliseconds. */
+  readonly contentAge: number;
   /** Mean rung of the frames shown, 0 the best. */
   readonly rung: number;
   /** Mean rung, each frame counted for as long as it was on the screen. */
@@ -47,6 +53,10 @@ export class Tally {
   #halvings = 0;
   #firstAt = 0;
   #last: PresentedFrame | undefined;
+  #views = 0;
+  #errors = 0;
+  #decibels = 0;
+  #contentAges = 0;
 
   readonly #ladder: readonly Rung[];
 
@@ -76,6 +86,14 @@ export class Tally {
     this.#last = frame;
   }
 
+  /** In an animation frame: how far it is from what should be seen, and how old. */
+  seen(error: number, age: number): void {
+    this.#views++;
+    this.#errors += error;
+    this.#decibels += decibels(error);
+    this.#contentAges += age;
+  }
+
   #below(rung: number): number {
     const [best, own] = [this.#ladder[0], this.#ladder[rung]];
     return best && own ? Math.log2(best.expected_kb / own.expected_kb) : 0;
@@ -96,6 +114,9 @@ export class Tally {
       photonP95: percentile(latencies, 0.95),
       photonMean: latencies.reduce((sum, value) => sum + value, 0) / Math.max(1, latencies.length),
       age: this.#ages / Math.max(1, this.#shown),
+      viewError: this.#errors / Math.max(1, this.#views),
+      viewPsnr: this.#decibels / Math.max(1, this.#views),
+      contentAge: this.#contentAges / Math.max(1, this.#views),
       rung: this.#rungs / Math.max(1, this.#shown),
       rungOverTime: this.#weighted / visible,
       halvings: this.#halvings / visible,

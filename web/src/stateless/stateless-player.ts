@@ -2,6 +2,7 @@
 
 import { signal } from "@preact/signals";
 import type { Controller, Observation } from "../abr/controller";
+import type { Way } from "../abr/view-error";
 import type { Display, Enhanced } from "../enhance/display";
 import { Foresight } from "../predict/foresight";
 import type { PredictorName } from "../predict/registry";
@@ -118,6 +119,7 @@ export class StatelessPlayer {
                 throughput: this.#recorder.throughput.bitsPerSecond,
                 inFlight: (this.#pipeline?.inFlight ?? 1) - 1,
                 turning: this.#options.rig.turning,
+                way: this.#way,
                 at: now(),
               };
               const asked = view.profile ?? null;
@@ -206,6 +208,14 @@ export class StatelessPlayer {
     const settled = this.#pipeline?.settled === true;
     const throughput = this.#recorder.throughput.bitsPerSecond;
     return this.#refinement.next(view, { now, settled, throughput, pixelRatio: pixelRatio() }) ?? view;
+  }
+
+  /** How a frame that is older than the view is shown. */
+  get #way(): Way {
+    if (!this.#turning.working) return "stale";
+    const { depth, prediction } = this.#options;
+    if (prediction() !== "off") return "predicted";
+    return depth() ? "depth" : "rotation";
   }
 
   /** The newest view is on the screen, as sharp as it gets. */
