@@ -12,7 +12,7 @@ const USAGE = `npm run abr-bench -- [options] TRACE.csv...
   --rtt MS            round trip in place of the traces' own delay; may be repeated [20, 50, 100]
   --jitter MS         each way, beside the round trip [0]
   --render MS, --render-best MS, --scale X, --batch MS   as abr-sim has them
-  --ladder FILE       a scene's ladder.json in place of the paper's
+  --ladder FILE       a scene's ladder.json (docs/ladder.md) [the paper's]
   --way WAY           how the page shows a frame that is older than the view: stale, rotation, depth, or predicted,
                       which is with depth, too [predicted]
   --seed N            [1]

@@ -17,7 +17,6 @@ const USAGE = `npm run abr-sim -- [options] TRACE.csv...
   --ladder FILE       a scene's ladder.json (docs/ladder.md) [the paper's]
   --batch MS          the page hears of what has arrived every so many milliseconds [at once]
   --measured FILE     server, frame sizes and page as they were in a real visit, in place of the paper's (docs/abr.md)
-  --ladder FILE       a scene's ladder.json in place of the paper's
   --way WAY           how the page shows a frame that is older than the view: stale, rotation, depth, or predicted,
                       which is with depth, too [predicted]
   --seed N            [1]
@@ -47,7 +46,6 @@ async function main() {
       render: { type: "string" },
       "render-best": { type: "string" },
       scale: { type: "string" },
-      ladder: { type: "string" },
       batch: { type: "string" },
       measured: { type: "string" },
       ladder: { type: "string" },
@@ -93,7 +91,6 @@ async function main() {
     ...(values.batch !== undefined && { batch: number("--batch", values.batch) }),
   };
   const measured = values.measured === undefined ? undefined : readFileSync(values.measured, "utf8");
-  const ladder = values.ladder === undefined ? PAPER_LADDER : JSON.parse(readFileSync(values.ladder, "utf8")).rungs;
   const endpoints = () =>
     measured === undefined
       ? new PaperEndpoints(ladder, seed + 2, paper)

@@ -13,7 +13,7 @@ function frame(at: number, seq: number, more: Partial<PresentedFrame> = {}): Pre
 function reply(sentAt: number, lastByteAt: number, more: Partial<Reply> = {}): Reply {
   const arrival = { sentAt, firstByteAt: lastByteAt - 2, lastByteAt, bytes: 7000, sharedBytes: 0 };
   const server = { queue: 0.5, render: 11, encode: 1 };
-  const observation = { profile: 3, arrival, server, throughput: 12_345_678, inFlight: 1, turning: 0, at: lastByteAt } as const;
+  const observation = { profile: 3, arrival, server, throughput: 12_345_678, inFlight: 1, turning: 0, at: lastByteAt };
   return { ...observation, way: "stale", pose: 4, asked: 2, ...more };
 }
 
