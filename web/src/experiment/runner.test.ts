@@ -2,9 +2,10 @@ import { type Signal, signal } from "@preact/signals";
 import { afterEach, beforeEach, expect, test, vi } from "vitest";
 import type { EnhancementStatus } from "../enhance/enhancement";
 import type { ReprojectionStatus } from "../reproject/reprojector";
-import { settings } from "../state/app";
+import { changeSettings, settings } from "../state/app";
 import { settle } from "../transport/fake";
 import { NO_NUDGE } from "../view/motion";
+import type { PresentedFrame } from "../view/presented";
 import { Rig } from "../view/rig";
 import type { ViewerSession } from "../viewer/session";
 import type { SceneInfo } from "../wire/render";
@@ -21,6 +22,7 @@ let rig: Rig;
 let enhancement: Signal<EnhancementStatus>;
 let reprojection: Signal<ReprojectionStatus>;
 let runner: Runner;
+let present: (frame: PresentedFrame) => void;
 
 beforeEach(() => {
   now = 0;
@@ -43,7 +45,10 @@ beforeEach(() => {
     enhancement: { status: enhancement },
     reprojector: { status: reprojection },
     phase: signal({ kind: "playing" }),
-    onPresented: nothing,
+    onPresented: (listener: typeof present) => {
+      present = listener;
+      return nothing;
+    },
     onShown: nothing,
     onSent: nothing,
     onReplied: nothing,
@@ -110,6 +115,21 @@ test("a viewer is ready when its models are, and says why they are not used", ()
   expect(runner.state()).toMatchObject({ problem: "It took 40 ms a frame." });
   enhancement.value = { kind: "starting", message: null };
   expect(runner.state()).toMatchObject({ ready: false, problem: null });
+});
+
+test("a stream that is opened anew is waited for, and a view that is there in the stateless mode is not", () => {
+  const before = settings.value;
+  for (const [mode, waits] of [
+    ["dash", true],
+    ["stateless", false],
+  ] as const) {
+    runner.settings({ mode, reprojection: true });
+    present({ pose: rig.pose.seq } as PresentedFrame);
+    expect(runner.state().ready).toBe(true);
+    runner.settings({ reprojection: false });
+    expect(runner.state().ready).toBe(!waits);
+  }
+  changeSettings(before);
 });
 
 test("a model that there is not is refused with those that there are", () => {

@@ -85,7 +85,9 @@ export class Runner {
     changeSettings(validSettings({ ...before, ...part }));
     const now = settings.peek();
     const streamed = ["mode", "dashPreset", "dashFrameRate", "dashRepresentation"] as const;
-    if (streamed.some((name) => now[name] !== before[name])) this.#shown = 0; // other frames are waited for
+    // A stream is opened anew for these; the stateless mode may have no reason to ask for another frame.
+    const turned = now.mode === "stateless" ? [] : (["reprojection", "overscan"] as const);
+    if ([...streamed, ...turned].some((name) => now[name] !== before[name])) this.#shown = 0; // other frames are waited for
   }
 
   /** Stand at a pose of the scene's own frame until a run begins, or the camera is released. */
