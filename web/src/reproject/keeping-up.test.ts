@@ -11,6 +11,7 @@ function after(frames: number, interval: number, subject = new KeepingUp()): boo
 test("30 frames a second are enough, five are not", () => {
   expect(after(500, 33)).toBe(true);
   expect(after(40, 200)).toBe(false);
+  expect(after(12, 400)).toBe(false);
 });
 
 test("a few slow frames say nothing, nor does a hidden page", () => {

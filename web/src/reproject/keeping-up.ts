@@ -4,10 +4,12 @@
  */
 import { median } from "../enhance/median";
 
-/** So many draws in a row are judged. */
+/** So many draws in a row are judged; a few, where they are far too slow. */
 const DRAWS = 30;
+const FEW = 10;
 /** Milliseconds between two that are too many: ten frames a second would be no gain over frames as they come. */
 const TOO_LONG = 100;
+const FAR_TOO_LONG = 250;
 /** A longer pause is a hidden page, or one that waited for something else. */
 const PAUSE = 1000;
 
@@ -20,7 +22,9 @@ export class KeepingUp {
     const interval = at - (this.#last ?? at);
     this.#last = at;
     if (interval > 0 && interval < PAUSE) this.#intervals = [...this.#intervals, interval].slice(-DRAWS);
-    return this.#intervals.length < DRAWS || median(this.#intervals) < TOO_LONG;
+    const { length } = this.#intervals;
+    const usual = length < FEW ? 0 : median(this.#intervals);
+    return usual < (length < DRAWS ? FAR_TOO_LONG : TOO_LONG);
   }
 
   /** Nothing was to be drawn in an animation frame. */
