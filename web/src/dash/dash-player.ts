@@ -148,7 +148,7 @@ export class DashPlayer {
     if (turned === null || this.#turned === null) return;
     const { pose, view, filled, warpMs, fresh } = turned;
     const { askedAt, ...frame } = turned.frame;
-    if (fresh) this.#foresight.turned(askedAt);
+    if (fresh) this.#foresight.shown(askedAt, now);
     this.#meter.presented({ at: now, pose, view, filled, warpMs, ...frame }, fresh);
   }
 
@@ -159,7 +159,8 @@ export class DashPlayer {
     // Until the stream plays, poses wait for its start: that is no latency.
     if (moved && this.phase.peek().kind === "playing") this.#meter.moved(rig.pose.seq, now);
     this.#feed.follow(now, (update) => this.#poses?.send(update) ?? false);
-    if (this.#turned) reprojector.turn(rig.pose, { ...rig.intrinsics.peek(), ...rig.viewport.peek() });
+    const lens = { ...rig.intrinsics.peek(), ...rig.viewport.peek() };
+    if (this.#turned) reprojector.turn(this.#foresight.onScreen(now), lens);
     if (now - this.#publishedAt < STATS_EVERY) return;
     this.#publishedAt = now;
     const seconds = this.#stream?.latency() ?? null;

@@ -33,13 +33,20 @@ function frames(count: number, arrive: (askedAt: number, now: number) => void): 
   return x - rig.pose.position[0];
 }
 
-test("looks as far ahead as frames take, which are shown as they come", () => {
+test("looks as far ahead as frames take", () => {
   expect(frames(20, () => undefined)).toBe(0);
   expect(frames(20, (askedAt, at) => foresight.shown(askedAt, at))).toBeCloseTo(0.105, 6);
 });
 
-test("and to when they were drawn, where they are turned", () => {
-  expect(frames(20, (askedAt) => foresight.turned(askedAt))).toBeCloseTo(0.095, 6);
+test("what is drawn now is drawn for when it is seen: one frame of the display later", () => {
+  frames(20, () => undefined);
+  const { position, seq } = foresight.onScreen(now);
+  expect(position[0] - rig.pose.position[0]).toBeCloseTo(0.01, 6);
+  expect(seq).toBe(rig.pose.seq);
+  expect(foresight.onScreen(now + 10)).toBe(rig.pose); // nothing was asked for in that animation frame
+  chosen = "off";
+  frames(1, () => undefined);
+  expect(foresight.onScreen(now).position).toEqual(rig.pose.position);
 });
 
 test("another choice holds at once, and of another connection nothing is known", () => {

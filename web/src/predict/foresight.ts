@@ -1,6 +1,7 @@
 /** Where the rig's camera will be when a frame that is asked for now is looked at, by the chosen predictor. */
+import { FrameClock } from "../abr/frame-clock";
 import { type ScenePose, viewDistance } from "../view/camera";
-import type { Rig } from "../view/rig";
+import type { NumberedPose, Rig } from "../view/rig";
 import { Guarded } from "./guarded";
 import { LeadTime } from "./lead-time";
 import type { Predictor } from "./predictor";
@@ -13,7 +14,8 @@ export class Foresight {
   readonly #rig: Rig;
   readonly #chosen: () => PredictorName;
   readonly #lead = new LeadTime();
-  #sampledAt = 0;
+  readonly #clock = new FrameClock();
+  #sampledAt = Number.NEGATIVE_INFINITY;
   /** The last time in which the camera rested: frames that were asked for then may be refined ones, which are larger. */
   #rest = { from: 0, until: Number.POSITIVE_INFINITY };
   #name: PredictorName | undefined;
@@ -32,31 +34,33 @@ export class Foresight {
   /** Once per animation frame, after the rig was sampled: the pose to ask for. */
   pose(now: number): ScenePose {
     this.#sampledAt = now;
+    this.#clock.tick(now);
     this.#follow(now);
     const predictor = this.#current();
     predictor.observe(this.#rig.pose, now);
     return predictor.predict(this.ahead);
   }
 
-  /** A frame that was asked for at a time was turned to the pose of the last animation frame: that is what it should have shown. */
-  turned(askedAt: number): void {
-    this.#learn(askedAt, this.#sampledAt);
+  /**
+   * The pose of the moment in which what is drawn in this animation frame is seen, which is one frame of the display later; it has
+   * the number of the rig's. Where no pose was asked for in this animation frame, it is the rig's.
+   */
+  onScreen(now: number): NumberedPose {
+    const { pose } = this.#rig;
+    if (now !== this.#sampledAt) return pose;
+    return { ...this.#current().predict(this.#clock.interval), seq: pose.seq };
   }
 
-  /** A frame that was asked for at a time is on the screen, as it came. */
+  /** A frame that was asked for at a time is on the screen. */
   shown(askedAt: number, now: number): void {
-    this.#learn(askedAt, now);
+    const { from, until } = this.#rest;
+    if (!this.#lead.known || askedAt < from || askedAt >= until) this.#lead.shown(askedAt, now);
   }
 
   /** Another connection: how long frames take is not known. */
   reset(): void {
     this.#lead.clear();
     this.#predictor?.reset();
-  }
-
-  #learn(askedAt: number, at: number): void {
-    const { from, until } = this.#rest;
-    if (!this.#lead.known || askedAt < from || askedAt >= until) this.#lead.shown(askedAt, at);
   }
 
   #follow(now: number): void {

@@ -174,7 +174,7 @@ export class Reprojector<Frame> {
     this.#changed = true;
   }
 
-  /** Once per animation frame, after the camera was sampled and the newest picture was taken. */
+  /** Once per animation frame, after the camera was sampled and the newest picture was taken; `pose` may be one that is foretold. */
   turn(pose: NumberedPose, lens: Lens): void {
     const before = this.#sampled;
     this.#sampled = pose;
@@ -267,7 +267,13 @@ function knownDepth<Frame>({ asked, view }: Content<Frame>, before: Content<Fram
 }
 
 function sameDrawing(a: Drawn, b: Drawn): boolean {
-  return a.pose.seq === b.pose.seq && a.width === b.width && a.height === b.height && sameLens(a.lens, b.lens);
+  return (
+    samePose(a.pose, b.pose) &&
+    a.pose.seq === b.pose.seq &&
+    a.width === b.width &&
+    a.height === b.height &&
+    sameLens(a.lens, b.lens)
+  );
 }
 
 function sameLens(a: Lens, b: Lens): boolean {

@@ -332,12 +332,16 @@ describe("with reprojection", () => {
     expect(player.stats.value).toMatchObject({ turned: true, shown: 1, framesPerSecond: 0 });
   });
 
-  test("asks for where the camera will be one animation frame earlier: that is when a frame is turned", async () => {
+  test("asks for where the camera will be, and draws where it will be when that is seen: one animation frame later", async () => {
     prediction = "velocity";
     await frames(3);
     axes = { ...STILL, turnRight: 1 };
     await frames(20);
-    expect(angleBetween(rig.pose.quaternion, last()?.quaternion ?? [0, 0, 0, 1])).toBeCloseTo(1.5, 3);
+    expect(angleBetween(rig.pose.quaternion, last()?.quaternion ?? [0, 0, 0, 1])).toBeCloseTo(2.5, 2);
+    expect(angleBetween(rig.pose.quaternion, warp.drawn.at(-1)?.quaternion ?? [0, 0, 0, 1])).toBeCloseTo(1, 2);
+    axes = STILL;
+    await frames(20);
+    expect(warp.drawn.at(-1)?.quaternion).toEqual(rig.pose.quaternion);
   });
 
   test("only new frames count as frames, and as an end of a stall", async () => {

@@ -168,8 +168,7 @@ export class StatelessPlayer {
     const shown = display.presented(now);
     if (shown === null) return;
     const { frame, enhanced } = shown;
-    if (this.#turning.working) this.#foresight.turned(frame.askedAt);
-    else this.#foresight.shown(frame.askedAt, now);
+    this.#foresight.shown(frame.askedAt, now);
     if (enhanced) this.#enhanceTimes.add(enhanced.ms, now);
     if (!this.#turning.working) this.#meter.presented({ at: now, pose: frame.pose, ...pictured(frame, enhanced) });
     const { asked, header, image } = frame;
@@ -187,7 +186,7 @@ export class StatelessPlayer {
       const frame = display.ready ? this.#pipeline.take() : undefined;
       if (frame) display.show(frame);
     }
-    this.#turning.turn(now);
+    this.#turning.turn(this.#foresight.onScreen(now), now);
     this.#publish(now);
   }
 

@@ -5,7 +5,7 @@ import type { Reprojector } from "../reproject/reprojector";
 import { resized, viewOfFrame } from "../reproject/view";
 import { viewDistance } from "../view/camera";
 import type { PresentedFrame } from "../view/presented";
-import type { Rig } from "../view/rig";
+import type { NumberedPose, Rig } from "../view/rig";
 import type { RenderRequest, SceneInfo } from "../wire/render";
 import type { DecodedFrame } from "./pipeline";
 
@@ -51,8 +51,8 @@ export class Turning {
     return { ...(share > 0 && { overscan: share }), ...(depth() && { depth: true }) };
   }
 
-  /** Once per animation frame, after the newest frame was handed to the display. */
-  turn(now: number): void {
+  /** Once per animation frame, after the newest frame was handed to the display: shows it as `pose` sees it. */
+  turn(pose: NumberedPose, now: number): void {
     const { display, reprojector, rig } = this.#options;
     if (!this.working) return;
     const arrived = display.arrived;
@@ -63,9 +63,9 @@ export class Turning {
       picture.close();
     }
     const lens = { ...rig.intrinsics.value, ...rig.viewport.value };
-    reprojector.turn(rig.pose, lens);
+    reprojector.turn(pose, lens);
     const { content } = reprojector;
-    if (content) this.#overscan.observe(content.asked, { ...rig.pose, ...lens }, now);
+    if (content) this.#overscan.observe(content.asked, { ...pose, ...lens }, now);
   }
 
   #auto(now: number): number {
