@@ -90,8 +90,6 @@ def measure(
     number = 0
     with ThreadPoolExecutor(os.cpu_count()) as pool:
         for pose in islice(poses, views * TRIES):
-            if number == views:
-                break
             truth = _rendered(rasterizer, scene, Camera(pose, intrinsics(*DISPLAY), background))
             if not _shows_something(truth, background):
                 continue
@@ -102,6 +100,8 @@ def measure(
                 totals[done - 1] += outcome.result()
                 listener((number + done / len(settings)) / views)
             number += 1
+            if number == views:
+                break
     if number == 0:
         raise StartError("No view about the scene's start camera shows anything.")
     means = totals / number
