@@ -62,8 +62,11 @@ class Poses:
 
 
 def opened(open_page: OpenPage, url: str, **options: Any) -> tuple[Page, Poses]:
-    """A viewer whose requests can be watched, and whose settings are open."""
-    chosen = with_settings(url, transport="fetch", controller="fixed", profile=3, refine=False, sidebar=True)
+    """A viewer whose requests can be watched, and tell where the camera is; its settings are open."""
+    as_they_come = {"reprojection": False, "prediction": "off"}
+    chosen = with_settings(
+        url, transport="fetch", controller="fixed", profile=3, refine=False, sidebar=True, **as_they_come
+    )
     page = open_page(SCENE, url=url, **{**WALK, **chosen, **options})
     poses = Poses(page)
     wait_for_frames(page)

@@ -38,7 +38,7 @@ def picture(page: Page) -> NDArray[np.int16]:
     box = page.locator(".stage").bounding_box()
     assert box is not None
     clip: FloatRect = {
-        "x": box["x"] + box["width"] * 0.45,
+        "x": box["x"] + box["width"] * 0.52,
         "y": box["y"] + box["height"] * 0.3,
         "width": box["width"] * 0.4,
         "height": box["height"] * 0.35,

@@ -14,6 +14,7 @@ from tests.web.server import RenderServer
 from tests.web.stage import SCENE, changes, frames, picture, stat, wait_for_frames, wait_until_settled
 
 ONE_RUNG = {"controller": "fixed", "profile": 0, "refine": False}
+AS_THEY_COME = {"reprojection": False, "prediction": "off"}
 """Settings with which equal views are equal pictures, and a view that stands still is asked for once."""
 
 
@@ -54,7 +55,7 @@ def test_r_goes_back_to_the_start(open_page: OpenPage, server: RenderServer) -> 
     one at Medium-Low by 2.2, and that at Low by 7.3; adaptation or refinement may have come to another at the second
     visit.
     """
-    viewer = open_page(**with_settings(server.url, **ONE_RUNG, transport="fetch"))
+    viewer = open_page(**with_settings(server.url, **ONE_RUNG, **AS_THEY_COME, transport="fetch"))
     asked: list[Any] = []
 
     def note(request: Request) -> None:

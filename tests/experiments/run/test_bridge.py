@@ -19,6 +19,8 @@ from tigas_experiments.errors import RunFailed
 from tigas_experiments.run.browser import SampleList, Viewer, chromium
 from tigas_render.raster.stamp import read_stamp
 
+AS_THEY_COME = {"reprojection": False, "prediction": "off", "refine": False}
+"""Frames are shown as they come, and asked for where the camera is, once each."""
 TURN = [
     {"t_ms": t, "position": [0, 0, 0], "quaternion": [0, np.sin(t / 4000), 0, np.cos(t / 4000)]}
     for t in range(0, 2500, 50)
@@ -36,7 +38,7 @@ def recorded(url: str, settings: dict[str, Any]) -> tuple[Recording, list[int | 
             viewer = Viewer(page)
             with pytest.raises(RunFailed):
                 await viewer.prepare({"seed": -1}, TURN[0])
-            await viewer.prepare({"seed": 7, **settings, "hud": False, "sidebar": False, "refine": False}, TURN[0])
+            await viewer.prepare({"seed": 7, **settings, **AS_THEY_COME, "hud": False, "sidebar": False}, TURN[0])
             recording = await viewer.record({"points": TURN, "duration_ms": 2000, "capture_every_ms": 100}, 30)
             pictures = [await viewer.capture(index) for index in range(len(recording.captures))]
             with pytest.raises(RunFailed, match="there is no picture 0"):
@@ -82,7 +84,7 @@ def test_a_stalled_page_owes_the_poses_that_it_did_not_sample(services: Services
             await page.goto(f"{services.url}#/scene/pebbles")
             await page.wait_for_function("() => window.tigas !== undefined")
             viewer = Viewer(page)
-            await viewer.prepare({"mode": "stateless", "controller": "fixed", "profile": 2, "refine": False}, TURN[0])
+            await viewer.prepare({"mode": "stateless", "controller": "fixed", "profile": 2, **AS_THEY_COME}, TURN[0])
             await page.evaluate(stall)
             return await viewer.record({"points": TURN, "duration_ms": 2000, "capture_every_ms": 100}, 30)
 
@@ -103,7 +105,7 @@ def test_every_third_shown_frame_is_sampled_as_it_came(services: Services) -> No
             await page.goto(f"{services.url}#/scene/pebbles")
             await page.wait_for_function("() => window.tigas !== undefined")
             viewer = Viewer(page)
-            await viewer.prepare({"mode": "stateless", "controller": "fixed", "profile": 2, "refine": False}, TURN[0])
+            await viewer.prepare({"mode": "stateless", "controller": "fixed", "profile": 2, **AS_THEY_COME}, TURN[0])
             plan = {"points": TURN, "duration_ms": 2000, "capture_every_ms": 0, "sample_stride": 3}
             recording = await viewer.record(plan, 30)
             told = await viewer.samples()
