@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import math
+from typing import Self
+
 from pydantic import BaseModel, ConfigDict, Field
 
 
@@ -27,3 +30,8 @@ class HttpLimits(BaseModel):
     """For the next request on a connection."""
     unread_s: float = Field(default=30.0, gt=0, le=86_400)
     """For a client that takes nothing of what is sent to it (on Linux)."""
+
+    def of_each(self, processes: int) -> Self:
+        """The limits of each of several processes, which count by themselves: rounded up where they do not divide."""
+        counts = ("connections", "connections_per_address")
+        return self.model_copy(update={name: math.ceil(getattr(self, name) / processes) for name in counts})

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import os
 import signal
+import socket
 import ssl
 from collections.abc import AsyncIterator, Iterator
 from contextlib import asynccontextmanager, contextmanager, suppress
@@ -30,7 +31,20 @@ async def serve_http(
     Raises OSError if the address cannot be listened on. With `tls`, it is HTTPS; a certificate that is loaded into the
     same context later is used for new connections.
     """
-    listener = address.listen(limits.unread_s)
+    async with serve_listener(app, address.listen(limits.unread_s), limits, tls, websockets=websockets) as port:
+        yield port
+
+
+@asynccontextmanager
+async def serve_listener(
+    app: Any,
+    listener: socket.socket,
+    limits: HttpLimits,
+    tls: ssl.SSLContext | None = None,
+    *,
+    websockets: bool = False,
+) -> AsyncIterator[int]:
+    """The same on a socket that listens already, perhaps in other processes as well; it is closed here at the end."""
     config = uvicorn.Config(
         told_when_stopping(app),
         lifespan="off",

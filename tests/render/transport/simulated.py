@@ -13,6 +13,7 @@ from aioquic.quic.connection import QuicConnection
 from aioquic.quic.events import DatagramFrameReceived, QuicEvent, StreamDataReceived
 
 from tests.render.transport.client import CERTIFICATE
+from tigas_render.transport.cids import ALONE
 from tigas_render.transport.congestion import CongestionControl, algorithm
 from tigas_render.transport.quic import ServerQuicConnection
 
@@ -55,6 +56,7 @@ class Simulation:
         self.client.connect(SERVER, now=0.0)
         settings: dict[str, Any] = {"max_datagram_size": 1452, "max_stream_data": 64 * 1024}
         self.server = ServerQuicConnection(
+            edge=ALONE,
             reset_token=lambda cid: bytes(16),
             configuration=QuicConfiguration(
                 is_client=False,

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import math
+from typing import Self
+
 from pydantic import BaseModel, ConfigDict, Field
 
 
@@ -51,3 +54,12 @@ class Limits(BaseModel):
     """For a client that says nothing at all, before its connection ends."""
     grace: float = Field(default=0.5, ge=0)
     """For running requests to finish once the server stops."""
+
+    def of_each(self, edges: int) -> Self:
+        """The limits of each of several edges, which count by themselves: rounded up where they do not divide."""
+        counts = (
+            "connections", "connections_per_address", "unvalidated", "unvalidated_per_address", "requests_per_address",
+            "sessions_per_address",
+        )  # fmt: skip
+        parts: dict[str, float] = {name: math.ceil(getattr(self, name) / edges) for name in counts}
+        return self.model_copy(update=parts | {"handshakes_per_s": self.handshakes_per_s / edges})

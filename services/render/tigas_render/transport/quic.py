@@ -17,6 +17,7 @@ from aioquic.quic.recovery import QuicPacketSpace
 from aioquic.quic.stream import QuicStream
 
 from tigas_render.transport.bulk import SHORT_HEADER, BulkQuicConnection
+from tigas_render.transport.cids import Edge
 
 DATAGRAM_HEADER = 1 + 2
 """Bytes of a DATAGRAM frame before its data: type and length."""
@@ -27,19 +28,24 @@ BLACK_HOLE_PROBES = 2
 class ServerQuicConnection(BulkQuicConnection):
     """A server's connection."""
 
-    def __init__(self, *, reset_token: Callable[[bytes], bytes], **arguments: Any) -> None:
-        """`reset_token` gives a connection id's token of stateless resets; the rest is aioquic's."""
+    def __init__(self, *, edge: Edge, reset_token: Callable[[bytes], bytes], **arguments: Any) -> None:
+        """Connection ids name the `edge`, and `reset_token` gives their tokens of stateless resets; the rest is
+        aioquic's.
+        """
         super().__init__(**arguments)
+        self._edge = edge
         self._reset_token = reset_token
-        self._assign_reset_tokens()
+        self._finish_connection_ids()
+        self.host_cid = self._local_initial_source_connection_id = self._host_cids[0].cid
         self._begun: set[int] = set()
 
     def _replenish_connection_ids(self) -> None:
         super()._replenish_connection_ids()
-        self._assign_reset_tokens()
+        self._finish_connection_ids()
 
-    def _assign_reset_tokens(self) -> None:
+    def _finish_connection_ids(self) -> None:
         for connection_id in self._host_cids:
+            connection_id.cid = self._edge.named(connection_id.cid)
             connection_id.stateless_reset_token = self._reset_token(connection_id.cid)
 
     # -- receiving ---------------------------------------------------------------------------------------------------

@@ -16,14 +16,16 @@ from tigas_render.transport.gso import Address
 TOKEN_LIFETIME = 10.0
 """Seconds that a client has to come back."""
 RETRY_ID_LENGTH = 8
+KEY_LENGTH = 16
 NONCE_LENGTH = 12
 
 
 class RetryTokens:
-    """Makes and checks tokens with a key that lives as long as the process; keeps nothing per client."""
+    """Makes and checks tokens; keeps nothing per client. Servers that have the same key take each other's."""
 
-    def __init__(self) -> None:
-        self._aead = AESGCM(AESGCM.generate_key(128))
+    def __init__(self, key: bytes | None = None) -> None:
+        """key: of KEY_LENGTH bytes; a new one by default."""
+        self._aead = AESGCM(key or os.urandom(KEY_LENGTH))
 
     def new_connection_id(self) -> bytes:
         """The connection id that the client must use when it comes back."""

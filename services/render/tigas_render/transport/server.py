@@ -33,6 +33,7 @@ from tigas_render.transport.quic import ServerQuicConnection
 from tigas_render.transport.refusal import encode_refusal
 from tigas_render.transport.retry import RetryTokens
 from tigas_render.transport.routing import Service
+from tigas_render.transport.share import Share
 from tigas_render.transport.stateless_reset import StatelessResets
 from tigas_render.transport.tickets import TicketStore
 from tigas_render.transport.udp import UdpEndpoint, bind_all
@@ -67,21 +68,25 @@ class Http3Server:
         limits: Limits | None = None,
         reset_key: bytes | None = None,
         origins: OriginPolicy | None = None,
+        share: Share | None = None,
     ) -> None:
         """`host` may be `::` for every address of both families; port 0 takes any that is free.
 
         With the `reset_key` and the port of an earlier server, that one's clients learn that it is gone. `origins` says
-        which pages may open sessions; requests are for `app` to refuse.
+        which pages may open sessions; requests are for `app` to refuse. One of several edges has a `share` of a port
+        that is bound already.
         """
         self._host = host
         self._port = port
+        self._share = share or Share()
         self._limits = limits or Limits()
         self._service = Service(app, dict(webtransport or {}), self._limits, origins or OriginPolicy())
         self._algorithm = algorithm(congestion_control)
         self._configuration = self._configure(certificate)
-        self._tickets = TicketStore()
-        self._retry = RetryTokens()
+        self._tickets = TicketStore() if self._share.tickets is None else self._share.tickets
+        self._retry = RetryTokens(self._share.retry_key)
         self._reset_key = reset_key or os.urandom(32)
+        self._relay = self._share.relay
         self._connections: dict[Connection, set[bytes]] = {}
         self._by_cid: dict[bytes, Connection] = {}
         self._handshaking: set[Connection] = set()
@@ -101,10 +106,12 @@ class Http3Server:
 
     async def start(self) -> None:
         """Bind and serve. Raises OSError if the address cannot be bound."""
-        for sock in bind_all(self._host, self._port):
+        for sock in self._share.sockets or bind_all(self._host, self._port):
             self._address = sock.getsockname()[:2]
             self._endpoints[len(sock.getsockname())] = UdpEndpoint(sock, self._received, self._drained)
         self._resets = StatelessResets(self._reset_key, self.port)
+        if self._relay is not None:
+            self._relay.start(self._own_received, self._drained)
 
     async def close(self) -> None:
         """Stop taking requests, give running ones a moment to finish (`Limits.grace`), and close every connection."""
@@ -132,6 +139,8 @@ class Http3Server:
         for endpoint in self._endpoints.values():
             endpoint.close()
         self._endpoints.clear()
+        if self._relay is not None:
+            self._relay.close()
         if self._next_turns is not None:
             self._next_turns.cancel()
 
@@ -178,6 +187,10 @@ class Http3Server:
             endpoint.send(datagrams)
 
     def _received(self, data: bytes, address: Address, arrived: float) -> None:
+        if self._relay is None or not self._relay.pass_on(data, address, arrived):
+            self._own_received(data, address, arrived)
+
+    def _own_received(self, data: bytes, address: Address, arrived: float) -> None:
         self._inbox.add(Received(data, address, arrived))
 
     def _drained(self) -> None:
@@ -268,6 +281,7 @@ class Http3Server:
             self.send([(encode_refusal(header, reason), address)])
             return None
         quic = ServerQuicConnection(
+            edge=self._share.edge,
             reset_token=self._resets.token,
             configuration=self._configuration,
             original_destination_connection_id=original,

@@ -63,10 +63,21 @@ def bind(host: str, port: int) -> socket.socket:
     return _bind(family, address)
 
 
-def _bind(family: int, address: Address) -> socket.socket:
+def bind_another(sock: socket.socket) -> socket.socket:
+    """A further socket of the same address, between which and the others the kernel divides what arrives.
+
+    The first was bound alone, so that nobody else has the port.
+    """
+    sock.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEPORT, 1)
+    return _bind(sock.family, sock.getsockname(), shared=True)
+
+
+def _bind(family: int, address: Address, *, shared: bool = False) -> socket.socket:
     sock = socket.socket(family, socket.SOCK_DGRAM)
     try:
         sock.setblocking(False)
+        if shared:
+            sock.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEPORT, 1)
         if family == socket.AF_INET6:
             sock.setsockopt(socket.IPPROTO_IPV6, socket.IPV6_V6ONLY, 0)
         for forced, option in ((SO_SNDBUFFORCE, socket.SO_SNDBUF), (SO_RCVBUFFORCE, socket.SO_RCVBUF)):
