@@ -1,0 +1,55 @@
+"""An engine over stand-ins for the rasteriser and the scenes, with a clock that the test sets."""
+
+from __future__ import annotations
+
+import asyncio
+from dataclasses import dataclass, field
+
+from tests.render.fakes import FakeRasterizer, FakeScenes, render_request
+from tigas_common.wire.render import DEFAULT_LADDER
+from tigas_render.engine import Engine
+from tigas_render.frame import Client, Frame
+from tigas_render.metrics import EngineMetrics
+
+
+@dataclass
+class Bench:
+    """Requests go in by `submit`; `rasterizer.gate` lets them be rendered."""
+
+    rasterizer: FakeRasterizer = field(default_factory=FakeRasterizer)
+    scenes: FakeScenes = field(default_factory=FakeScenes)
+    metrics: EngineMetrics = field(default_factory=EngineMetrics)
+    now: float = 1000.0
+    waiting_per_address: int = 128
+
+    def __post_init__(self) -> None:
+        self.engine = Engine(
+            self.rasterizer, self.scenes, DEFAULT_LADDER, self.metrics, lambda: self.now, self.waiting_per_address
+        )
+
+    async def rendering(self) -> None:
+        """Wait until the rasteriser has begun one more frame."""
+        assert await asyncio.to_thread(self.rasterizer.started.acquire, True, 10)
+
+    def submit(
+        self, session: str, *, address: str = "somewhere", waited: float = 0.0, **changes: object
+    ) -> asyncio.Task[Frame]:
+        """A request that arrived so many seconds ago."""
+        client = Client(address, session)
+        return asyncio.create_task(self.engine.submit(client, render_request(**changes), self.now - waited))
+
+    async def waiting(self, count: int) -> None:
+        """Wait until so many requests wait."""
+        async with asyncio.timeout(10):
+            while len(self.engine._schedule) != count:  # noqa: ASYNC110 - nothing announces it
+                await asyncio.sleep(0)
+
+    def outcome(self, name: str) -> float:
+        return self.metrics.registry.get_sample_value("tigas_requests_total", {"outcome": name}) or 0.0
+
+
+async def busy(bench: Bench) -> asyncio.Task[Frame]:
+    """Keep the rasteriser busy with a frame, so that whatever comes next has to wait."""
+    task = bench.submit("somebody else")
+    await bench.rendering()
+    return task

@@ -1,0 +1,126 @@
+"""Frames of the engine that are made together: one encoded beside another, a small one in the midst of a large one."""
+
+from __future__ import annotations
+
+import asyncio
+import threading
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import pytest
+
+from tests.render.engine_bench import Bench, busy
+from tests.render.fakes import FakeImage, FakeRasterizer
+from tigas_common.wire.render import FrameFormat
+from tigas_render.raster.base import Camera, Image, Pause, PreparedScene
+
+pytestmark = pytest.mark.anyio
+
+
+async def test_one_frame_is_rendered_while_another_is_encoded(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The first frame's encoding waits until the second frame's rendering has begun: it does not, if they overlap."""
+
+    def encode(image: FakeImage, format: str, quality: int) -> bytes:
+        if image is bench.rasterizer.images[0]:
+            assert bench.rasterizer.started.acquire(timeout=10)
+        return b"frame"
+
+    monkeypatch.setattr(FakeImage, "encode", encode)
+    first = await busy(bench)
+    second = bench.submit("a")
+    await bench.waiting(1)
+    bench.rasterizer.gate.set()
+    await asyncio.wait_for(asyncio.gather(first, second), 10)
+
+
+async def test_as_many_images_are_encoded_at_a_time_as_the_rasteriser_allows(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    rasterizer = FakeRasterizer(frames_in_flight=5)
+    rasterizer.gate.set()
+    together = threading.Barrier(4)
+
+    def encode(image: FakeImage, format: str, quality: int) -> bytes:
+        together.wait(10)
+        return b"frame"
+
+    monkeypatch.setattr(FakeImage, "encode", encode)
+    bench = Bench(rasterizer)
+    async with bench.engine:
+        frames = await asyncio.wait_for(asyncio.gather(*(bench.submit("a", address=f"{n}") for n in range(4))), 20)
+    assert [frame.body for frame in frames] == [b"frame"] * 4
+
+
+async def test_one_address_does_not_take_every_encoder(monkeypatch: pytest.MonkeyPatch) -> None:
+    rasterizer = FakeRasterizer(frames_in_flight=3)
+    rasterizer.gate.set()
+    let_go = threading.Event()
+
+    def encode(image: FakeImage, format: str, quality: int) -> bytes:
+        assert format == "jpeg" or let_go.wait(10)
+        return b"frame"
+
+    monkeypatch.setattr(FakeImage, "encode", encode)
+    bench = Bench(rasterizer)
+    async with bench.engine:
+        pictures = [bench.submit("pictures", address="a", format="png") for _ in range(4)]
+        for _ in range(2):
+            await bench.rendering()
+        frame = await asyncio.wait_for(bench.submit("viewer", address="b"), 10)
+        assert frame.body == b"frame"
+        assert not any(picture.done() for picture in pictures)
+        let_go.set()
+        await asyncio.gather(*pictures)
+
+
+@dataclass
+class PausingRasterizer(FakeRasterizer):
+    """Takes a microsecond a pixel of the test's clock, and pauses once the gate lets it."""
+
+    frames_in_flight: int = 3
+    take: Callable[[float], None] = lambda seconds: None
+
+    def render(
+        self,
+        scene: PreparedScene,
+        camera: Camera,
+        format: FrameFormat = "jpeg",
+        pause: Pause | None = None,
+        *,
+        depth: bool = False,
+    ) -> Image:
+        self.started.release()
+        assert self.gate.wait(10)
+        if pause is not None:
+            pause()
+        self.take(1e-6 * camera.intrinsics.width * camera.intrinsics.height)
+        return super().render(scene, camera, format, depth=depth)
+
+
+@pytest.mark.parametrize(
+    ("address", "profile", "first"), [("b", 3, "320x180"), ("a", 3, "1280x720"), ("b", 1, "1280x720")]
+)
+async def test_a_large_frame_is_interrupted_for_anothers_small_one(address: str, profile: int, first: str) -> None:
+    rasterizer = PausingRasterizer()
+    bench = Bench(rasterizer)
+
+    def take(seconds: float) -> None:
+        bench.now += seconds
+
+    rasterizer.take = take
+    rasterizer.gate.set()
+    async with bench.engine:
+        for rung in (0, profile):  # what frames cost is known then
+            await bench.submit("warm-up", address=f"{rung}", profile=rung, width=1280, height=720)
+        rasterizer.gate.clear()
+        rasterizer.images.clear()
+        while rasterizer.started.acquire(blocking=False):
+            pass
+        large = bench.submit("large", address="a", profile=0, width=1280, height=720)
+        await bench.rendering()
+        small = bench.submit("small", address=address, profile=profile, width=1280, height=720)
+        await bench.waiting(1)
+        rasterizer.gate.set()
+        frames = await asyncio.gather(large, small)
+    assert rasterizer.images[0].text == first
+    assert [round(frame.timing.render) for frame in frames] == [922, 58 if profile == 3 else 518]
