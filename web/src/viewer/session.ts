@@ -1,11 +1,9 @@
 /** One visit to one scene: connects, loads the scene, and shows what the rig sees in the chosen mode, until it is disposed of. */
 
-import { computed, effect, type ReadonlySignal, signal, untracked } from "@preact/signals";
+import { computed, effect, signal, untracked } from "@preact/signals";
 import { sleep } from "../async/sleep";
-import { DashPlayer } from "../dash/dash-player";
-import { planFor } from "../dash/presets";
+import type { DashPlayer } from "../dash/dash-player";
 import { type StreamedFrame, TurnedVideo } from "../dash/turned-video";
-import { AUTO_OVERSCAN } from "../dash/wider";
 import { Display } from "../enhance/display";
 import { Enhancement } from "../enhance/enhancement";
 import { Overlay } from "../enhance/overlay";
@@ -28,6 +26,7 @@ import { viewDistance } from "../view/camera";
 import type { PresentedFrame } from "../view/presented";
 import { Rig } from "../view/rig";
 import type { SceneInfo } from "../wire/render";
+import { keepStream } from "./stream-opening";
 
 /** How the visit stands; `failed` waits for the person. */
 export type Phase =
@@ -43,9 +42,6 @@ export interface Stage {
   readonly canvas: HTMLCanvasElement;
   readonly video: HTMLVideoElement;
 }
-
-/** A stream is opened anew when the viewport has kept its size for this long, in milliseconds. */
-const RESIZED_AFTER = 400;
 
 export class ViewerSession {
   readonly phase = signal<Phase>({ kind: "connecting" });
@@ -67,7 +63,6 @@ export class ViewerSession {
   /** Of the controllers' random numbers. */
   readonly seed = signal(1);
   readonly #sceneId: string;
-  readonly #stamp: boolean;
   readonly #display: Display<DecodedFrame>;
   readonly #decoder = new Decoder(
     new Worker(new URL("../stateless/decode.worker.ts", import.meta.url), { type: "module", name: "decoder" }),
@@ -92,7 +87,6 @@ export class ViewerSession {
   /** `stamp`: frames carry their pose's number, for tests that read it from the screen. */
   constructor(sceneId: string, stage: Stage, stamp: boolean) {
     this.#sceneId = sceneId;
-    this.#stamp = stamp;
     this.stage = stage;
     this.input = new StageInput(stage.element, () => this.rig.intrinsics.value);
     this.rig = new Rig({
@@ -139,7 +133,17 @@ export class ViewerSession {
     this.#reproject(this.reprojector, "dash");
     if (TurnedVideo.supported) this.#reproject(this.videoReprojector, "stateless");
     this.#connect();
-    this.#stream();
+    this.#cleanups.push(
+      keepStream(this.dash, this.scene, {
+        video: stage.video,
+        rig: this.rig,
+        stamp,
+        reprojector: this.videoReprojector,
+        onPresented: this.#tell,
+        onReceived: this.#count,
+        now,
+      }),
+    );
     this.#animation = requestAnimationFrame(this.#tick);
   }
 
@@ -289,61 +293,6 @@ export class ViewerSession {
     this.#cleanups.push(stop);
   }
 
-  /** Opens a DASH stream where the mode has one, and anew whenever what decides it changes. */
-  #stream(): void {
-    const viewport = settled(this.rig.viewport, RESIZED_AFTER, this.#cleanups);
-    const wanted = computed(() => {
-      const { mode, overscan } = settings.value;
-      const base = config.value?.services.dash;
-      const scene = this.scene.value;
-      const { width, height } = viewport.value;
-      if (mode === "stateless" || base === undefined || scene === null || width * height <= 1) return null;
-      const turned = this.videoReprojector.status.value === "on";
-      // As text, so that only a change of its content is one; the configuration is read again and again.
-      return JSON.stringify({
-        base,
-        scene: scene.id,
-        plan: planFor(settings.value),
-        viewport: viewport.value,
-        overscan: turned ? (overscan === "auto" ? AUTO_OVERSCAN : overscan) : null,
-      });
-    });
-    /** How often the page was left and shown again as it was. */
-    const returned = signal(0);
-    const stop = effect(() => {
-      returned.value;
-      if (wanted.value === null) return undefined;
-      const { viewport: _, ...options } = JSON.parse(wanted.value);
-      const { rig, stage } = this;
-      const dash = untracked(
-        () =>
-          new DashPlayer({
-            ...options,
-            video: stage.video,
-            rig,
-            stamp: this.#stamp,
-            prediction: () => settings.value.prediction,
-            reprojector: this.videoReprojector,
-            onPresented: this.#tell,
-            onReceived: this.#count,
-            now,
-          }),
-      );
-      this.dash.value = dash;
-      const leave = () => dash.dispose();
-      const comeBack = ({ persisted }: PageTransitionEvent) => persisted && returned.value++;
-      addEventListener("pagehide", leave);
-      addEventListener("pageshow", comeBack);
-      return () => {
-        removeEventListener("pagehide", leave);
-        removeEventListener("pageshow", comeBack);
-        this.dash.value = null;
-        dash.dispose();
-      };
-    });
-    this.#cleanups.push(stop);
-  }
-
   #heard(state: ConnectionState, signal: AbortSignal): void {
     this.connected.value = state.status === "connected" ? state : null;
     if (state.status !== "connected") this.stateless.attach(null);
@@ -385,21 +334,3 @@ export class ViewerSession {
 }
 
 const now = () => performance.now();
-
-/** A signal that follows another once that has kept its value for a while. */
-function settled<T>(source: ReadonlySignal<T>, after: number, cleanups: (() => void)[]): ReadonlySignal<T> {
-  const result = signal(source.peek());
-  let timer: ReturnType<typeof setTimeout>;
-  const stop = effect(() => {
-    const { value } = source;
-    clearTimeout(timer);
-    timer = setTimeout(() => {
-      result.value = value;
-    }, after);
-  });
-  cleanups.push(() => {
-    stop();
-    clearTimeout(timer);
-  });
-  return result;
-}
