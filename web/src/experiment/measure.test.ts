@@ -88,6 +88,7 @@ function fakeSession() {
     scene: signal(COURTYARD),
     enhancement: { status: signal<EnhancementStatus>({ kind: "off" }) },
     reprojector: { status: signal<ReprojectionStatus>("off") },
+    videoReprojector: { status: signal<ReprojectionStatus>("off") },
     rig: { viewport: signal({ width: 640, height: 360 }), intrinsics: signal({ fx: 300, fy: 300, cx: 320, cy: 180 }) },
     retry: () => events.push("connect anew"),
   };
@@ -359,11 +360,15 @@ test("models that are given up meanwhile fail the run", async () => {
   expect(outcome).toEqual(new RunFailed("Enhancement was given up during the run. It took 40 ms a frame."));
 });
 
-test("a graphics processor that is lost meanwhile fail the run", async () => {
+test.each([
+  ["stateless", "reprojector"],
+  ["dash-tuned", "videoReprojector"],
+] as const)("a graphics processor that is lost meanwhile fails a run of the mode %s", async (mode, side) => {
+  session.dash.value = { phase: { value: { kind: "playing" } } };
   meanwhile = () => {
-    session.reprojector.status.value = "lost";
+    session[side].status.value = "lost";
   };
-  const { outcome } = await measured({ reprojection: true });
+  const { outcome } = await measured({ mode, reprojection: true });
   expect(outcome).toBeInstanceOf(RunFailed);
   expect(String(outcome)).toContain("Reprojection ended during the run. The graphics processor was lost");
 });

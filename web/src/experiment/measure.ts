@@ -137,7 +137,7 @@ function watchForTrouble(
     if (session.phase.value.kind !== "playing") return "The connection was lost during the run.";
     const enhanced = session.enhancement.status.value;
     if (enhanced.kind === "failed") return `Enhancement was given up during the run. ${enhanced.message}`;
-    const turned = reprojectionNote(session.reprojector.status.value);
+    const turned = reprojectionNote(session.reprojector.status.value, session.videoReprojector.status.value);
     if (turned !== null) return `Reprojection ended during the run. ${turned}`;
     if (run.mode !== "stateless" && stream?.kind !== "playing") return "The DASH stream was lost during the run.";
     if (decisiveSettings() !== asked || lens() !== before)

@@ -21,6 +21,7 @@ let page: EventTarget & { visibilityState: string };
 let rig: Rig;
 let enhancement: Signal<EnhancementStatus>;
 let reprojection: Signal<ReprojectionStatus>;
+let videoReprojection: Signal<ReprojectionStatus>;
 let runner: Runner;
 let present: (frame: PresentedFrame) => void;
 
@@ -28,6 +29,7 @@ beforeEach(() => {
   now = 0;
   enhancement = signal({ kind: "off" });
   reprojection = signal("off");
+  videoReprojection = signal("off");
   waiting = [];
   page = Object.assign(new EventTarget(), { visibilityState: "visible" });
   vi.stubGlobal("document", page);
@@ -44,6 +46,7 @@ beforeEach(() => {
     dash: signal(null),
     enhancement: { status: enhancement },
     reprojector: { status: reprojection },
+    videoReprojector: { status: videoReprojection },
     phase: signal({ kind: "playing" }),
     onPresented: (listener: typeof present) => {
       present = listener;
@@ -115,6 +118,24 @@ test("a viewer is ready when its models are, and says why they are not used", ()
   expect(runner.state()).toMatchObject({ problem: "It took 40 ms a frame." });
   enhancement.value = { kind: "starting", message: null };
   expect(runner.state()).toMatchObject({ ready: false, problem: null });
+});
+
+test("frames that were not turned for a while are a problem of the run, on either side, until settings are made again", async () => {
+  const { position, quaternion } = rig.pose;
+  for (const side of [reprojection, videoReprojection]) {
+    const points = [{ t_ms: 0, position, quaternion }];
+    const run = runner.run({ points, duration_ms: 200, capture_every_ms: 0, sample_stride: 0 });
+    await drawn(...every20(now, now + 100));
+    expect(runner.state().problem).toBeNull();
+    side.value = "lost";
+    await drawn(...every20(now, now + 20));
+    side.value = "on";
+    await drawn(...every20(now, now + 300));
+    await run;
+    expect(runner.state().problem).toContain("graphics processor was lost");
+    runner.settings({});
+    expect(runner.state().problem).toBeNull();
+  }
 });
 
 test("a stream that is opened anew is waited for, and a view that is there in the stateless mode is not", () => {

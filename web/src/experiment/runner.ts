@@ -34,7 +34,7 @@ export interface RunPlan {
 export interface RunnerState {
   /** Frames come, the newest pose is on the screen, and the models that enhance frames are loaded, or given up. */
   readonly ready: boolean;
-  /** Why frames are not enhanced, or not turned, as was chosen; or null. */
+  /** Why frames are not enhanced, or not turned, as was chosen, or were not at some time of the last run; or null. */
   readonly problem: string | null;
   readonly phase: string;
   readonly mode: Mode;
@@ -61,6 +61,8 @@ export class Runner {
   #running = false;
   #sampler: Sampler | null = null;
   #sampled: Sampled | null = null;
+  /** Why frames were not turned at some time of the last run, as they were to be. */
+  #lapse: string | null = null;
 
   constructor(session: ViewerSession) {
     this.#session = session;
@@ -83,6 +85,7 @@ export class Runner {
     const unknown = KINDS.map((kind) => nameProblem(kind, part[kind] ?? OFF)).find((problem) => problem !== null);
     if (unknown) throw new Error(unknown);
     changeSettings(validSettings({ ...before, ...part }));
+    this.#lapse = null;
     const now = settings.peek();
     const streamed = ["mode", "dashPreset", "dashFrameRate", "dashRepresentation"] as const;
     // A stream is opened anew for these; the stateless mode may have no reason to ask for another frame.
@@ -101,12 +104,12 @@ export class Runner {
   }
 
   state(): RunnerState {
-    const { phase, rig, enhancement, reprojector } = this.#session;
+    const { phase, rig, enhancement } = this.#session;
     const enhanced = enhancement.status.peek();
     const shown = this.#shown > 0 && this.#newest >= rig.pose.seq;
     return {
       ready: phase.peek().kind === "playing" && shown && enhanced.kind !== "starting",
-      problem: enhanced.kind === "failed" ? enhanced.message : reprojectionNote(reprojector.status.peek()),
+      problem: enhanced.kind === "failed" ? enhanced.message : (this.#unturned() ?? this.#lapse),
       phase: phase.peek().kind,
       mode: settings.peek().mode,
       shown: this.#shown,
@@ -177,6 +180,10 @@ export class Runner {
       hidden ||= document.visibilityState === "hidden";
     };
     document.addEventListener("visibilitychange", onVisibility);
+    this.#lapse = null;
+    const watch = effect(() => {
+      this.#lapse ??= this.#unturned();
+    });
     try {
       const lens = { ...rig.viewport.peek(), ...rig.intrinsics.peek() };
       const movedUntil = startedAt + duration_ms;
@@ -213,9 +220,15 @@ export class Runner {
       };
     } finally {
       document.removeEventListener("visibilitychange", onVisibility);
+      watch();
       this.#recorder = undefined;
       this.release();
     }
+  }
+
+  #unturned(): string | null {
+    const { reprojector, videoReprojector } = this.#session;
+    return reprojectionNote(reprojector.status.value, videoReprojector.status.value);
   }
 
   #forgetPictures(): void {

@@ -165,6 +165,20 @@ test("a browser without WebGL says so and shows pictures as they come", () => {
   expect(reprojectionNote("missing")).toContain("WebGL");
 });
 
+test("a browser that gives a video's pictures away to nobody says so and shows them as they come", () => {
+  const plain = new Reprojector<string>({
+    below: document.createElement("video"),
+    size: () => size,
+    now: () => now,
+    readable: false,
+  });
+  plain.on(10);
+  expect([plain.status.value, plain.working]).toEqual(["unreadable", false]);
+  expect(reprojectionNote("on", "unreadable")).toContain("WebCodecs");
+  plain.off();
+  expect(reprojectionNote(plain.status.value)).toBeNull();
+});
+
 test("the main thread's time for a picture and its turn is measured", () => {
   expect(reprojector.warpMs(now)).toBeNull();
   reprojector.take(PICTURE, frame("a", pose(1)));

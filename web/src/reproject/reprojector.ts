@@ -18,14 +18,21 @@ import { KeepingUp } from "./keeping-up";
 import { resized, type View } from "./view";
 import { Warp, type WarpOptions } from "./warp";
 
-export type ReprojectionStatus = "off" | "on" | "missing" | "lost" | "slow";
+export type ReprojectionStatus = "off" | "on" | "missing" | "unreadable" | "lost" | "slow";
 
-/** What a person should know where pictures are not turned although they are to be; else null. */
-export function reprojectionNote(status: ReprojectionStatus): string | null {
-  if (status === "missing")
-    return "Reprojection needs WebGL 2, which this browser does not offer. Frames are shown as they come.";
-  if (status === "slow") return "This machine is too slow to turn each frame. Frames are shown as they come.";
-  return status === "lost" ? "The graphics processor was lost, so frames are shown as they come." : null;
+const NOTES: Readonly<Record<ReprojectionStatus, string | null>> = {
+  off: null,
+  on: null,
+  missing: "Reprojection needs WebGL 2, which this browser does not offer. Frames are shown as they come.",
+  unreadable:
+    "Reprojection of a video needs WebCodecs, which this browser does not offer. Frames are shown as they come.",
+  lost: "The graphics processor was lost, so frames are shown as they come.",
+  slow: "This machine is too slow to turn each frame. Frames are shown as they come.",
+};
+
+/** What a person should know where pictures of any side are not turned although they are to be; else null. */
+export function reprojectionNote(...sides: readonly ReprojectionStatus[]): string | null {
+  return sides.map((status) => NOTES[status]).find((note) => note !== null) ?? null;
 }
 
 /** A picture, and what it shows. */
@@ -66,6 +73,8 @@ export interface ReprojectorOptions {
   readonly size: () => Size;
   /** In milliseconds. */
   readonly now: () => number;
+  /** The browser gives the pictures away; it always does, unless they are a video's. */
+  readonly readable?: boolean;
   readonly create?: (canvas: HTMLCanvasElement, options: WarpOptions) => Warper;
 }
 
@@ -102,7 +111,7 @@ export class Reprojector<Frame> {
   #pace = new KeepingUp();
 
   constructor(options: ReprojectorOptions) {
-    this.#options = { create: (canvas, warp) => new Warp(canvas, warp), ...options };
+    this.#options = { readable: true, create: (canvas, warp) => new Warp(canvas, warp), ...options };
   }
 
   get status(): ReadonlySignal<ReprojectionStatus> {
@@ -131,6 +140,10 @@ export class Reprojector<Frame> {
   /** Turn pictures from the next one on; `distance`: how far away most of the scene is, in its units. */
   on(distance: number): void {
     this.off();
+    if (!this.#options.readable) {
+      this.#status.value = "unreadable";
+      return;
+    }
     const overlay = new Overlay(this.#options.below);
     overlay.canvas.classList.add("reprojected");
     this.#overlay = overlay;

@@ -210,6 +210,15 @@ test("a stream is opened where the mode has one, and anew when what decides it c
   expect(streams.map(({ disposed }) => disposed)).toEqual([true, true, true]);
 });
 
+test("where the browser gives a video's pictures away to nobody, a word says so, and the stream has no margins", async () => {
+  await visit(); // this DOM has no VideoFrame
+  await vi.advanceTimersByTimeAsync(1000);
+  expect(session.videoReprojector.status.value).toBe("off");
+  changeSettings({ mode: "dash" });
+  expect(session.videoReprojector.status.value).toBe("unreadable");
+  expect(streams.at(-1)?.options.overscan).toBeNull();
+});
+
 test("a page that is left ends its stream, and one that is shown again as it was opens another", async () => {
   await visit();
   await vi.advanceTimersByTimeAsync(1000);

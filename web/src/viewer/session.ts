@@ -102,7 +102,7 @@ export class ViewerSession {
     };
     this.#display = new Display({ canvas: stage.canvas, overlay, enhancement: this.enhancement, size });
     this.reprojector = new Reprojector({ below: stage.canvas, size, now });
-    this.videoReprojector = new Reprojector({ below: stage.video, size, now });
+    this.videoReprojector = new Reprojector({ below: stage.video, size, now, readable: TurnedVideo.supported });
     this.stateless = new StatelessPlayer({
       display: this.#display,
       reprojector: this.reprojector,
@@ -131,7 +131,7 @@ export class ViewerSession {
     this.#follow(stage);
     this.#enhance();
     this.#reproject(this.reprojector, "dash");
-    if (TurnedVideo.supported) this.#reproject(this.videoReprojector, "stateless");
+    this.#reproject(this.videoReprojector, "stateless");
     this.#connect();
     this.#cleanups.push(
       keepStream(this.dash, this.scene, {

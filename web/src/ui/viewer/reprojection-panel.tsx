@@ -16,7 +16,7 @@ export function ReprojectionPanel({ session }: { session: ViewerSession }) {
   const { reprojection, prediction, overscan, depth, mode } = settings.value;
   const side = mode === "dash" ? session.videoReprojector : session.reprojector;
   const status = side.status.value;
-  const note = reprojectionNote(status);
+  const note = reprojectionNote(session.reprojector.status.value, session.videoReprojector.status.value);
   const { warpMs } = (mode === "dash" ? session.dash.value : session.stateless)?.stats.value ?? NO_DASH_STATS;
   const shares = overscan === "auto" || OVERSCANS.includes(overscan) ? OVERSCANS : [...OVERSCANS, overscan];
   return (

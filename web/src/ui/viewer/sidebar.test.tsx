@@ -85,6 +85,13 @@ test("a browser that cannot turn frames says so in the panel", () => {
   expect(section("Reprojection").getByRole("status").textContent).toContain("WebGL 2");
 });
 
+test("a browser that cannot turn the stream's frames says so, beside frames that are turned, too", () => {
+  settings.value = { ...DEFAULT_SETTINGS, mode: "side-by-side" };
+  session.videoReprojector.status.value = "unreadable";
+  show();
+  expect(section("Reprojection").getByRole("status").textContent).toContain("WebCodecs");
+});
+
 test("the transport is chosen by name", async () => {
   show();
   await userEvent.selectOptions(screen.getByRole("combobox", { name: "Transport" }), "HTTP fetch");
