@@ -16,6 +16,7 @@ from tigas_common.runner import explained, serve_http, until_stopped
 from tigas_common.terminal import printable
 from tigas_render.app import STATIC, create_app
 from tigas_render.cache import kept_key
+from tigas_render.certificates import CertificateKeeper
 from tigas_render.engine import Engine
 from tigas_render.raster.devices import create_rasterizer
 from tigas_render.service import RenderService
@@ -41,6 +42,8 @@ async def serve(settings: RenderSettings) -> None:
             service = await stack.enter_async_context(RenderService.open(settings, rasterizer))
         except TigasError as error:  # a GPU that is full, or lost
             raise StartError(error.detail) from None
+        keeper = await stack.enter_async_context(CertificateKeeper.running(settings))
+        keeper.on_renewal(service.show)
         app = create_app(service)
         if settings.quic:
             with explained(settings.quic, "--quic"):
@@ -49,7 +52,7 @@ async def serve(settings: RenderSettings) -> None:
                         app,
                         host=settings.quic.host,
                         port=settings.quic.port,
-                        certificate=service.certificate,
+                        certificate=keeper.certificate,
                         webtransport={"/render": render_session(service)},
                         congestion_control=settings.congestion_control,
                         limits=settings.quic_limits,
@@ -58,10 +61,10 @@ async def serve(settings: RenderSettings) -> None:
                     )
                 )
             service.quic_port = server.port
-            service.on_renewal(server.replace_certificate)
+            keeper.on_renewal(server.replace_certificate)
         if settings.https:
             tls = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
-            service.on_renewal(lambda certificate: certificate.load_into(tls))
+            keeper.on_renewal(lambda certificate: certificate.load_into(tls))
             with explained(settings.https, "--https"):
                 service.https_port = await stack.enter_async_context(
                     serve_http(app, settings.https, settings.http_limits, tls)

@@ -1,14 +1,12 @@
-"""Everything that the render service holds while it runs: rasteriser, scenes, engine, previews and certificate."""
+"""Everything that the render service holds while it runs: rasteriser, scenes, engine and previews."""
 
 from __future__ import annotations
 
 import asyncio
 import logging
-import socket
 import time
-from collections.abc import AsyncIterator, Callable, Iterator
+from collections.abc import AsyncIterator, Iterator
 from contextlib import asynccontextmanager, contextmanager
-from datetime import UTC, datetime
 from importlib.metadata import version
 
 from tigas_common.certificate import Certificate
@@ -30,7 +28,7 @@ from tigas_render.settings import RenderSettings
 logger = logging.getLogger(__name__)
 
 HOUSEKEEPING_S = 15
-"""How often idle scenes and the certificate are looked after, in seconds."""
+"""How often idle scenes are looked after, in seconds."""
 
 PREVIEWS = Client("previews", "previews")
 """Whom thumbnails are rendered for: they are kept, so that all who ask are one client."""
@@ -61,7 +59,8 @@ class RenderService:
             time.monotonic,
             settings.waiting_per_address,
         )
-        self.certificate = Certificate.create(_own_names(settings), datetime.now(UTC))
+        self.certificate: Certificate | None = None
+        """What QUIC shows, once it is served."""
         self.origins = OriginPolicy.of(settings.addresses, settings.allow_hosts, settings.allow_origins)
         self.quic_port: int | None = None
         """Where QUIC is served, once it is."""
@@ -71,9 +70,6 @@ class RenderService:
         self.shelf = Shelf(settings.default_ladder, settings.cache)
         self.trainer = Trainer(rasterizer.device)
         self._previews = PreviewCache(settings.cache, self._render_preview)
-        self._on_renewal: list[Callable[[Certificate], None]] = []
-        self._to_renew: list[Callable[[Certificate], None]] = []
-        """Those that have not had the newest certificate yet."""
 
     @classmethod
     @asynccontextmanager
@@ -89,10 +85,9 @@ class RenderService:
                 housekeeping.cancel()
                 await service.trainer.close()
 
-    def on_renewal(self, use: Callable[[Certificate], None]) -> None:
-        """Call `use` with the certificate now, and with each that replaces it."""
-        use(self.certificate)
-        self._on_renewal.append(use)
+    def show(self, certificate: Certificate) -> None:
+        """Tell pages of this certificate from now on."""
+        self.certificate = certificate
 
     def config(self, host: str) -> ServerConfig:
         """What a page that was opened under `host` needs to know."""
@@ -104,7 +99,7 @@ class RenderService:
             commit=self._commit,
             device=self._hardware,
             ladder=self.settings.default_ladder,
-            certificate_sha256=self.certificate.sha256 if quic_port else None,
+            certificate_sha256=self.certificate.sha256 if quic_port and self.certificate else None,
             webtransport_url=f"https://{_bracketed(quic_host)}:{quic_port}/render" if quic_port else None,
             https_url=f"https://{_bracketed(host)}:{self.https_port}/" if self.https_port else None,
             services={name: _fitted(url, host) for name, url in self.settings.services.items()},
@@ -176,27 +171,10 @@ class RenderService:
     async def _keep_house(self) -> None:
         while True:
             await asyncio.sleep(HOUSEKEEPING_S)
-            for duty in (self._unload_idle, self._renew_certificate):
-                try:
-                    duty()
-                except Exception:  # such as a full disk: what failed is tried again the next time
-                    logger.exception("Housekeeping failed")
-
-    def _unload_idle(self) -> None:
-        self.registry.evict_idle(time.monotonic())
-
-    def _renew_certificate(self) -> None:
-        now = datetime.now(UTC)
-        if self.certificate.needs_renewal(now):
-            self.certificate = Certificate.create(_own_names(self.settings), now)
-            self._to_renew = list(self._on_renewal)
-        while self._to_renew:
-            self._to_renew[0](self.certificate)
-            del self._to_renew[0]
-
-
-def _own_names(settings: RenderSettings) -> list[str]:
-    return [socket.gethostname(), *(address.host for address in settings.addresses)]
+            try:
+                self.registry.evict_idle(time.monotonic())
+            except Exception:  # it is tried again the next time
+                logger.exception("Housekeeping failed")
 
 
 def _fitted(url: str, host: str) -> str:
