@@ -7,8 +7,6 @@ import gc
 import itertools
 import math
 import time
-from collections.abc import AsyncIterator
-from contextlib import asynccontextmanager
 from dataclasses import dataclass
 
 from tigas_common.errors import Overloaded, Superseded
@@ -40,9 +38,17 @@ class OneScene:
     background: tuple[float, float, float] = (0.0, 0.0, 0.0)
     ladder: None = None
 
-    @asynccontextmanager
-    async def use(self, scene_id: str) -> AsyncIterator[OneScene]:
-        yield self
+    def use(self, scene_id: str) -> OneScene:
+        return self
+
+    def enter_if_loaded(self) -> OneScene:
+        return self
+
+    async def enter(self) -> OneScene:
+        return self
+
+    def leave(self) -> None:
+        pass
 
     def evict(self) -> bool:
         return False

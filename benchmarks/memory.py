@@ -31,7 +31,7 @@ from aioquic.quic.events import QuicEvent, StreamDataReceived
 from tigas_common.certificate import Certificate
 from tigas_common.pose import Intrinsics, Pose
 from tigas_common.wire.render import RenderRequest, ServerTiming
-from tigas_render.frame import Client, Frame
+from tigas_render.frame import Answered, Client, Frame, FrameSource, Withdraw
 from tigas_render.transport.frames import render_session
 from tigas_render.transport.server import Http3Server
 
@@ -44,14 +44,15 @@ VIEW = RenderRequest.at("demo", Pose.from_euler(0, 0, 0, (0, 0, 0)), Intrinsics(
 REQUEST = VIEW.model_dump_json(exclude_none=True).encode()
 
 
-class Memory:
+class Memory(FrameSource):
     """A FrameSource that has every frame already."""
 
     def __init__(self, size: int) -> None:
         self.body = bytes(size)
 
-    async def submit(self, client: Client, request: RenderRequest, arrived: float) -> Frame:
-        return Frame(self.body, "jpeg", 320, 180, request.seq, request.profile, TIMING)
+    def request(self, client: Client, request: RenderRequest, arrived: float, answered: Answered) -> Withdraw:
+        frame = Frame(self.body, "jpeg", 320, 180, request.seq, request.profile, TIMING)
+        return asyncio.get_running_loop().call_soon(answered, frame).cancel
 
 
 async def serve(size: int) -> None:

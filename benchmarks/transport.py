@@ -33,7 +33,7 @@ from aioquic.quic.events import ProtocolNegotiated, QuicEvent
 from tigas_common.certificate import Certificate
 from tigas_common.pose import Intrinsics, Pose
 from tigas_common.wire.render import FrameHeader, RenderRequest, ServerTiming
-from tigas_render.frame import Client, Frame
+from tigas_render.frame import Answered, Client, Frame, FrameSource, Withdraw
 from tigas_render.transport.frames import render_session
 from tigas_render.transport.server import Http3Server
 
@@ -89,13 +89,14 @@ async ({ port, hash, request, inFlight, milliseconds }) => {
 """
 
 
-class Memory:
+class Memory(FrameSource):
     """A FrameSource that has every frame already."""
 
     body = bytes(FRAME_BYTES)
 
-    async def submit(self, client: Client, request: RenderRequest, arrived: float) -> Frame:
-        return Frame(self.body, "jpeg", 1280, 720, request.seq, request.profile, TIMING)
+    def request(self, client: Client, request: RenderRequest, arrived: float, answered: Answered) -> Withdraw:
+        frame = Frame(self.body, "jpeg", 1280, 720, request.seq, request.profile, TIMING)
+        return asyncio.get_running_loop().call_soon(answered, frame).cancel
 
 
 class StockProtocol(QuicConnectionProtocol):

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
+import asyncio
 import threading
 import weakref
-from collections.abc import AsyncIterator
-from contextlib import asynccontextmanager
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -125,19 +124,39 @@ class FakeScenes:
     """The scene's own."""
     last: weakref.ref[FakeLoaded] | None = None
     """The scene that was given out last."""
+    loading: asyncio.Future[None] | None = None
+    """Set: the scene has to be loaded, which takes until this is done."""
 
-    @asynccontextmanager
-    async def use(self, scene_id: str) -> AsyncIterator[FakeLoaded]:
-        if scene_id != "scene":
-            raise UnknownScene(f"There is no scene {scene_id!r}.")
-        self.users += 1
-        try:
-            loaded = FakeLoaded(ladder=self.ladder)
-            self.last = weakref.ref(loaded)
-            yield loaded
-        finally:
-            self.users -= 1
+    def use(self, scene_id: str) -> FakeUse:
+        return FakeUse(self, scene_id)
 
     def evict(self) -> bool:
         self.evicted += 1
         return self.evictable >= self.evicted
+
+
+@dataclass
+class FakeUse:
+    """What holds the one scene."""
+
+    scenes: FakeScenes
+    scene_id: str
+
+    def enter_if_loaded(self) -> FakeLoaded | None:
+        if self.scene_id != "scene":
+            raise UnknownScene(f"There is no scene {self.scene_id!r}.")
+        return None if self.scenes.loading is not None else self._enter()
+
+    async def enter(self) -> FakeLoaded:
+        assert self.scenes.loading is not None
+        await asyncio.shield(self.scenes.loading)
+        return self._enter()
+
+    def leave(self) -> None:
+        self.scenes.users -= 1
+
+    def _enter(self) -> FakeLoaded:
+        self.scenes.users += 1
+        loaded = FakeLoaded(ladder=self.scenes.ladder)
+        self.scenes.last = weakref.ref(loaded)
+        return loaded

@@ -68,9 +68,10 @@ async def render(request: Request) -> Response:
     frame = await _unless_disconnected(request, answer)
     if frame is None:
         return Response(status_code=CLIENT_GONE)
-    timing = frame.timing
+    timing, body = frame.timing, bytes(frame.body)
+    frame.release()
     return Response(
-        frame.body,
+        body,
         media_type=frame.content_type,
         headers={
             "Server-Timing": f"queue;dur={timing.queue}, render;dur={timing.render}, encode;dur={timing.encode}",

@@ -13,13 +13,14 @@ import threading
 from collections import Counter
 from collections.abc import Callable, Collection
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import AbstractAsyncContextManager
+from functools import partial
 from typing import Protocol, Self
 
 from tigas_common.errors import (
     DeadlineExceeded,
     DeviceLost,
     InvalidRequest,
+    OutOfDeviceMemory,
     Overloaded,
     Superseded,
     TigasError,
@@ -27,17 +28,17 @@ from tigas_common.errors import (
 from tigas_common.wire.render import RenderRequest, Rung, ServerTiming
 from tigas_render.admission import Admission
 from tigas_render.costs import FrameCosts
-from tigas_render.device_memory import with_room
 from tigas_render.encode.depth_segment import with_depth
 from tigas_render.encode_queue import EncodeQueue
-from tigas_render.frame import Client, Frame
+from tigas_render.frame import Answered, Client, Frame, FrameSource, Withdraw
 from tigas_render.frame_size import FrameSize
+from tigas_render.mailbox import Mailbox
 from tigas_render.metrics import EngineMetrics
 from tigas_render.raster.base import Image, Rasterizer
 from tigas_render.raster.host_image import HostImage
 from tigas_render.raster.stamp import draw_stamp
 from tigas_render.schedule import FairSchedule
-from tigas_render.work import LoadedScene, Rendered, Work
+from tigas_render.work import LoadedScene, Rendered, SceneUse, Work
 
 logger = logging.getLogger(__name__)
 
@@ -57,14 +58,14 @@ STOPPING = "The server is stopping."
 class Scenes(Protocol):
     """Where scenes come from: the registry, or a test's stand-in."""
 
-    def use(self, scene_id: str) -> AbstractAsyncContextManager[LoadedScene]:
-        """The scene, loaded for as long as the context lasts. Raises UnknownScene and BrokenScene."""
+    def use(self, scene_id: str) -> SceneUse:
+        """What holds the scene in memory once it is entered."""
 
     def evict(self) -> bool:
         """Unload the least recently used of the scenes that nobody uses; False if there is none."""
 
 
-class Engine:
+class Engine(FrameSource):
     """Answers RenderRequests with Frames; an async context manager that owns its threads."""
 
     def __init__(
@@ -96,6 +97,9 @@ class Engine:
         self._rendered: EncodeQueue[Rendered] = EncodeQueue(rasterizer.frames_in_flight - 1)
         self._costs = FrameCosts()
         self._admission = Admission(ladder, self._costs)
+        self._loading: set[asyncio.Task[None]] = set()
+        """Those that wait for a scene."""
+        self._answers: Mailbox[tuple[Work, Frame | Exception]] = Mailbox(self._deliver)
 
     async def __aenter__(self) -> Self:
         loop = asyncio.get_running_loop()
@@ -109,68 +113,128 @@ class Engine:
         with self._changed:
             self._closed = True
             while (work := self._schedule.pop()) is not None:
-                work.resolve(Overloaded(STOPPING))
+                self._answers.put((work, Overloaded(STOPPING)))
             self._changed.notify()
         await asyncio.gather(*self._running)
         self._encoders.shutdown()
         self._renderer.shutdown()
+        for task in self._loading:
+            task.cancel()
+        await asyncio.gather(*self._loading, return_exceptions=True)
+        self._answers.deliver()
 
-    async def submit(self, client: Client, request: RenderRequest, arrived: float) -> Frame:
-        """The frame for a request that arrived at a time of the engine's clock; cancel the call to withdraw it.
+    def request(self, client: Client, request: RenderRequest, arrived: float, answered: Answered) -> Withdraw:
+        """Ask for a frame, as `FrameSource.request`, at a time of the engine's clock.
 
-        Raises InvalidRequest for a rung that the scene's ladder does not have, UnknownScene, BrokenScene, Superseded,
+        Answers InvalidRequest for a rung that the scene's ladder does not have, UnknownScene, BrokenScene, Superseded,
         DeadlineExceeded and Overloaded; OutOfDeviceMemory, if that is so even after unloading a scene that nobody uses;
         and DeviceLost.
         """
+        work = Work(client, request, arrived, self._scenes.use(request.scene), answered)
         try:
-            async with self._scenes.use(request.scene) as scene:
-                frame = await with_room(lambda: self._frame(client, request, scene, arrived), self._scenes.evict)
-        except asyncio.CancelledError:
-            self._metrics.count("cancelled")
-            raise
+            scene = work.use.enter_if_loaded()
+            if scene is None:
+                work.loading = asyncio.create_task(self._enter(work))
+                self._loading.add(work.loading)
+                work.loading.add_done_callback(self._loading.discard)
+            else:
+                self._begin(work, scene)
         except TigasError as error:
-            self._metrics.count(error.type)
-            if isinstance(error, DeviceLost):
-                self.lose_device(error)
-            raise
-        self._metrics.frame(frame)
-        return frame
+            self._answers.put((work, error))
+        return partial(self._withdraw, work)
 
     def lose_device(self, reason: DeviceLost) -> None:
         """Remember that the device failed for good: only a new process can use it."""
         if not self.device_lost.done():
             self.device_lost.set_result(reason)
 
-    async def _frame(self, client: Client, request: RenderRequest, scene: LoadedScene, arrived: float) -> Frame:
-        loop = asyncio.get_running_loop()
-        ladder = scene.ladder or self._ladder
+    async def _enter(self, work: Work) -> None:
+        """Wait until the scene is loaded."""
+        try:
+            scene = await work.use.enter()
+            work.loading = None
+            self._begin(work, scene)
+        except asyncio.CancelledError:
+            self._answer(work, Overloaded(STOPPING))  # nobody is there any more if it was withdrawn
+            raise
+        except Exception as error:
+            self._answer(work, error)
+
+    def _begin(self, work: Work, scene: LoadedScene) -> None:
+        """The scene is entered: queue the work. Raises InvalidRequest and Overloaded."""
+        request = work.request
+        work.scene, work.is_entered = scene, True
+        work.ladder = ladder = scene.ladder or self._ladder
         if request.profile is not None and request.profile >= len(ladder):
             raise InvalidRequest(f"profile: the ladder has rungs 0 to {len(ladder) - 1}.")
-        size = FrameSize.of(request, ladder)
-        with self._changed:
-            expected = max(MIN_COST_S, self._costs.at_least(request.scene, request.format, size.pixels))
-        work = Work(client, request, scene, ladder, arrived, size, expected, loop.create_future(), loop)
+        work.size = FrameSize.of(request, ladder)
         self._enqueue(work)
-        try:
-            frame = await work.answer
-        except asyncio.CancelledError:
-            with self._changed:
-                self._schedule.remove(client, work)
-            raise
-        work.check_deadline(self._clock())
-        return frame
 
     def _enqueue(self, work: Work) -> None:
+        client, request = work.client, work.request
         with self._changed:
             if self._closed or len(self._schedule) >= MAX_WAITING:
                 raise Overloaded(STOPPING if self._closed else "Too many requests wait; ask less often.")
-            if self._schedule.waiting(work.client.address) >= self._waiting_per_address:
+            if self._schedule.waiting(client.address) >= self._waiting_per_address:
                 raise Overloaded("Too many requests from this address wait; ask less often.")
-            self._admission.heard_of(work.client, self._clock())
-            pushed_out = self._schedule.push(work.client, work, work.expected)
+            self._admission.heard_of(client, self._clock())
+            work.expected = max(MIN_COST_S, self._costs.at_least(request.scene, request.format, work.size.pixels))
+            pushed_out = self._schedule.push(client, work, work.expected)
             self._changed.notify()
         if pushed_out is not None:
-            pushed_out.resolve(Superseded("Newer requests of this client took this one's place."))
+            self._answers.put((pushed_out, Superseded("Newer requests of this client took this one's place.")))
+
+    def _withdraw(self, work: Work) -> None:
+        if work.is_over:
+            return
+        work.answered = None
+        self._metrics.count("cancelled")
+        if work.loading is not None:
+            work.loading.cancel()
+        if work.is_entered:
+            with self._changed:
+                self._schedule.remove(work.client, work)
+            work.use.leave()
+
+    def _deliver(self, answer: tuple[Work, Frame | Exception]) -> None:
+        """What became of some work, on the event loop."""
+        work, result = answer
+        if isinstance(result, Frame):
+            try:
+                work.check_deadline(self._clock())
+            except DeadlineExceeded as error:
+                result = error
+        elif isinstance(result, OutOfDeviceMemory) and self._may_try_again(work):
+            # not before the error is gone, which holds what was allocated until then
+            asyncio.get_running_loop().call_soon(self._try_again, work)
+            return
+        self._answer(work, result)
+
+    def _may_try_again(self, work: Work) -> bool:
+        return work.is_entered and not work.is_over and not work.is_second_try and self._scenes.evict()
+
+    def _try_again(self, work: Work) -> None:
+        if work.is_over:
+            return
+        work.is_second_try = True
+        try:
+            self._enqueue(work)
+        except Overloaded as error:
+            self._answer(work, error)
+
+    def _answer(self, work: Work, result: Frame | Exception) -> None:
+        if isinstance(result, DeviceLost):
+            self.lose_device(result)
+        answered, work.answered = work.answered, None
+        if answered is None:
+            return
+        if work.is_entered:
+            work.use.leave()
+        if isinstance(result, Frame):
+            self._metrics.frame(result)
+        elif isinstance(result, TigasError):
+            self._metrics.count(result.type)
+        answered(result)
 
     # The threads' loops hold nothing while they wait: a scene that was unloaded gives its memory back at once.
 
@@ -252,7 +316,7 @@ class Engine:
             logger.error("%s %s failed: %s", doing, work.request.scene, error.detail)
         else:
             logger.exception("%s %s failed", doing, work.request.scene)
-        work.resolve(error)
+        self._answers.put((work, error))
 
     def _next(self) -> Work | None:
         """Wait for work that can be rendered; None once the engine is closed."""
@@ -271,12 +335,12 @@ class Engine:
         most = max(2, self._rasterizer.frames_in_flight - 1)
         left_out = {*besides, *(address for address, images in self._held.items() if images >= most)}
         while (work := self._schedule.pop(left_out, at_most)) is not None:
-            if work.is_withdrawn:
+            if work.is_over:
                 continue
             try:
                 self._check(work)
             except (DeadlineExceeded, Overloaded) as error:
-                work.resolve(error)
+                self._answers.put((work, error))
                 continue
             self._schedule.begin(work.client, work.expected)
             self._held[work.client.address] += 1
@@ -299,7 +363,7 @@ class Engine:
         rendering = rendered.rendering
         try:
             with image:
-                if work.is_withdrawn:
+                if work.is_over:
                     self._settle(work, rendering)
                     return
                 quality = work.ladder[request.profile or 0].quality
@@ -320,12 +384,11 @@ class Engine:
         timing = ServerTiming(
             queue=round(1000 * waiting, 3), render=round(1000 * rendering, 3), encode=round(1000 * encoding, 3)
         )
-        work.resolve(
-            Frame(
-                body, request.format, size.width, size.height, request.seq, request.profile, timing,
-                size.margin_x, size.margin_y,
-            )
+        frame = Frame(
+            body, request.format, size.width, size.height, request.seq, request.profile, timing,
+            size.margin_x, size.margin_y,
         )  # fmt: skip
+        self._answers.put((work, frame))
 
     def _settle(self, work: Work, seconds: float) -> None:
         """Charge the client for what its frame has really cost."""

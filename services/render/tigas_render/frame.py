@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import asyncio
+from abc import ABC, abstractmethod
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol
+from functools import partial
 
 from tigas_common.wire.render import FrameFormat, RenderRequest, ServerTiming
 
@@ -28,7 +31,8 @@ class Client:
 class Frame:
     """The answer to one RenderRequest."""
 
-    body: bytes
+    body: bytes | memoryview
+    """Once it was copied to where it goes, `release` must be called, if it is a memoryview."""
     format: FrameFormat
     width: int
     """Pixels."""
@@ -41,6 +45,13 @@ class Frame:
     """Pixels beyond the viewport at the left, and as many at the right; they count in the width."""
     margin_y: int = 0
     """The same at the top and at the bottom."""
+    on_release: Callable[[], None] | None = None
+    """Takes back the memory that the body lies in."""
+
+    def release(self) -> None:
+        """Give back what holds the body, which must not be read any more; to be called once."""
+        if self.on_release is not None:
+            self.on_release()
 
     @property
     def content_type(self) -> str:
@@ -48,11 +59,39 @@ class Frame:
         return CONTENT_TYPES[self.format]
 
 
-class FrameSource(Protocol):
-    """Whatever answers requests with frames: the engine, or a test's stand-in."""
+Answered = Callable[[Frame | Exception], None]
+Withdraw = Callable[[], None]
+
+
+class FrameSource(ABC):
+    """Whatever answers requests with frames: the engine, or a test's stand-in. It belongs to one event loop."""
+
+    @abstractmethod
+    def request(self, client: Client, request: RenderRequest, arrived: float, answered: Answered) -> Withdraw:
+        """Ask for the frame for a request that arrived at a time of the monotonic clock.
+
+        answered: called once, on the event loop and after this has returned, with the frame or the reason why there is
+        none: mostly a TigasError, such as UnknownScene, BrokenScene, Superseded, DeadlineExceeded or Overloaded.
+        Returns what withdraws the request: `answered` is not called any more then. Later it does nothing.
+        """
 
     async def submit(self, client: Client, request: RenderRequest, arrived: float) -> Frame:
-        """The frame for a request that arrived at a time of the monotonic clock; cancel the call to withdraw it.
+        """The frame for a request, as `request`; raises why there is none. Cancel the call to withdraw it."""
+        answer: asyncio.Future[Frame] = asyncio.get_running_loop().create_future()
+        withdraw = self.request(client, request, arrived, partial(_resolve, answer))
+        try:
+            return await answer
+        except asyncio.CancelledError:
+            withdraw()
+            if answer.done() and not answer.cancelled() and answer.exception() is None:
+                answer.result().release()  # it came just when the call was cancelled
+            raise
 
-        Raises a TigasError: UnknownScene, BrokenScene, Superseded, DeadlineExceeded, Overloaded.
-        """
+
+def _resolve(future: asyncio.Future[Frame], answer: Frame | Exception) -> None:
+    if future.done():
+        return
+    if isinstance(answer, Frame):
+        future.set_result(answer)
+    else:
+        future.set_exception(answer)

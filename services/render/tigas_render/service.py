@@ -18,7 +18,7 @@ from tigas_common.wire.render import RenderRequest, SceneInfo, ServerConfig, Tra
 from tigas_render.engine import Engine
 from tigas_render.enhance.shelf import Shelf
 from tigas_render.enhance.trainer import Trainer
-from tigas_render.frame import Client, Frame
+from tigas_render.frame import Answered, Client, Frame, FrameSource, Withdraw
 from tigas_render.metrics import EngineMetrics
 from tigas_render.preview import Preview, PreviewCache, preview_camera
 from tigas_render.raster.base import Rasterizer
@@ -34,7 +34,7 @@ PREVIEWS = Client("previews", "previews")
 """Whom thumbnails are rendered for: they are kept, so that all who ask are one client."""
 
 
-class RenderService:
+class RenderService(FrameSource):
     """The running service. Transports ask it for frames; `app` turns the rest into HTTP."""
 
     def __init__(self, settings: RenderSettings, rasterizer: Rasterizer) -> None:
@@ -109,11 +109,15 @@ class RenderService:
         """Whether a page that was opened under `host` may find QUIC there: another machine does not, on loopback."""
         return self.settings.quic is not None and (not self.settings.quic.is_loopback or is_loopback(host))
 
-    async def submit(self, client: Client, request: RenderRequest, arrived: float) -> Frame:
-        """A viewer's frame, as `Engine.submit`."""
-        frame = await self.engine.submit(client, request, arrived)
-        self.registry.viewed(request.scene)
-        return frame
+    def request(self, client: Client, request: RenderRequest, arrived: float, answered: Answered) -> Withdraw:
+        """A viewer's frame, as `Engine.request`."""
+
+        def note(answer: Frame | Exception) -> None:
+            if isinstance(answer, Frame):
+                self.registry.viewed(request.scene)
+            answered(answer)
+
+        return self.engine.request(client, request, arrived, note)
 
     async def load(self, scene_id: str) -> None:
         """Load a scene and wait until it is loaded. Raises as `SceneRegistry.load` does."""
@@ -157,7 +161,7 @@ class RenderService:
             async with self.registry.use(scene_id) as scene:
                 camera = preview_camera(scene.camera, scene.source.metadata.up, width, height)
                 request = RenderRequest.at(scene_id, camera.pose, camera.intrinsics)
-                return (await self.engine.submit(PREVIEWS, request, time.monotonic())).body
+                return bytes((await self.engine.submit(PREVIEWS, request, time.monotonic())).body)
 
     @contextmanager
     def _noticing_loss(self) -> Iterator[None]:

@@ -1,14 +1,14 @@
-"""What the engine's threads hand on: a request on its way to a frame, from any thread back to its event loop."""
+"""What the engine's threads hand on: a request on its way to a frame."""
 
 from __future__ import annotations
 
 import asyncio
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Protocol
 
 from tigas_common.errors import DeadlineExceeded
 from tigas_common.wire.render import RenderRequest, Rung
-from tigas_render.frame import Client, Frame
+from tigas_render.frame import Answered, Client
 from tigas_render.frame_size import FrameSize
 from tigas_render.raster.base import Image, PreparedScene
 
@@ -29,27 +29,46 @@ class LoadedScene(Protocol):
         """The scene's own quality levels, the best first, if it has them."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+class SceneUse(Protocol):
+    """Holds a scene in memory, from one of the ways to enter until `leave`."""
+
+    def enter_if_loaded(self) -> LoadedScene | None:
+        """The scene; None, and nothing to leave, if it has to be loaded first. Raises UnknownScene."""
+
+    async def enter(self) -> LoadedScene:
+        """The scene, loaded if need be. Raises UnknownScene, BrokenScene, Overloaded."""
+
+    def leave(self) -> None:
+        """The scene may be unloaded again."""
+
+
+@dataclass(slots=True, eq=False)
 class Work:
-    """A request that waits for its frame, or is being rendered."""
+    """A request, until it is answered or withdrawn. Only the event loop changes it."""
 
     client: Client
     request: RenderRequest
-    scene: LoadedScene
-    ladder: tuple[Rung, ...]
-    """What the request's profile counts in."""
     arrived: float
     """In seconds of the engine's clock."""
-    size: FrameSize
-    expected: float
+    use: SceneUse
+    answered: Answered | None
+    """Who waits for the frame; None once it was answered or withdrawn."""
+    loading: asyncio.Task[None] | None = None
+    """Waits for the scene, which is to be loaded."""
+    is_second_try: bool = False
+    is_entered: bool = False
+    """Whether the scene is in use for it; all below is set then."""
+    scene: LoadedScene = field(init=False)
+    ladder: tuple[Rung, ...] = field(init=False)
+    """What the request's profile counts in."""
+    size: FrameSize = field(init=False)
+    expected: float = field(init=False)
     """Seconds that the frame is expected to cost."""
-    answer: asyncio.Future[Frame]
-    loop: asyncio.AbstractEventLoop
 
     @property
-    def is_withdrawn(self) -> bool:
+    def is_over(self) -> bool:
         """Whether nobody wants the frame any more."""
-        return self.answer.cancelled()
+        return self.answered is None
 
     def check_deadline(self, ready_at: float) -> None:
         """Raises DeadlineExceeded if the frame is of no use then."""
@@ -57,20 +76,8 @@ class Work:
         if deadline_ms is not None and ready_at > self.arrived + deadline_ms / 1000:
             raise DeadlineExceeded(f"The frame could not be ready within {deadline_ms:g} ms.")
 
-    def resolve(self, answer: Frame | Exception) -> None:
-        """Hand over the frame, or the reason why there is none, from any thread."""
-        self.loop.call_soon_threadsafe(self._resolve, answer)
 
-    def _resolve(self, answer: Frame | Exception) -> None:
-        if self.answer.done():
-            return
-        if isinstance(answer, Frame):
-            self.answer.set_result(answer)
-        else:
-            self.answer.set_exception(answer)
-
-
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(slots=True, eq=False)
 class Rendered:
     """Its image, which waits to be encoded, or is."""
 

@@ -32,8 +32,8 @@ from aioquic.tls import SessionTicket
 from tests.render.fakes import render_request
 from tigas_common.certificate import Certificate
 from tigas_common.wire.render import RenderRequest, ServerTiming
+from tigas_render.frame import Answered, Frame, FrameSource, Withdraw
 from tigas_render.frame import Client as FrameClient
-from tigas_render.frame import Frame
 
 CERTIFICATE = Certificate.create([], datetime.now(UTC))
 TIMING = ServerTiming(queue=1.0, render=2.0, encode=3.0)
@@ -267,7 +267,7 @@ class Recorder:
                 await self._news.wait()
 
 
-class FakeFrames:
+class FakeFrames(FrameSource):
     """A FrameSource: answers at once with `body`, or, if `held`, when the test lets a request go."""
 
     def __init__(self, body: bytes = b"frame") -> None:
@@ -279,23 +279,29 @@ class FakeFrames:
         self.arrivals: list[float] = []
         self.cancelled: list[int] = []
         self._gates: dict[int, asyncio.Future[None]] = {}
+        self._tasks: set[asyncio.Task[None]] = set()
         self._news = asyncio.Event()
 
-    async def submit(self, client: FrameClient, request: RenderRequest, arrived: float) -> Frame:
+    def request(self, client: FrameClient, request: RenderRequest, arrived: float, answered: Answered) -> Withdraw:
         self.requests.append((client, request))
         self.arrivals.append(arrived)
         self._news.set()
-        try:
-            if self.held is True or (self.held and request.seq in self.held):
-                await self._gate(request.seq)
-        except asyncio.CancelledError:
-            self.cancelled.append(request.seq)
-            self._news.set()
-            raise
-        if self.error is not None:
-            raise self.error
+        task = asyncio.create_task(self._answer(request, answered))
+        self._tasks.add(task)
+        task.add_done_callback(self._tasks.discard)
+        return lambda: None if task.done() else self._cancel(task, request.seq)
+
+    async def _answer(self, request: RenderRequest, answered: Answered) -> None:
+        if self.held is True or (self.held and request.seq in self.held):
+            await self._gate(request.seq)
         x, y = round(320 * request.overscan), round(180 * request.overscan)
-        return Frame(self.body, "jpeg", 320 + 2 * x, 180 + 2 * y, request.seq, request.profile, TIMING, x, y)
+        size = (320 + 2 * x, 180 + 2 * y)
+        answered(self.error or Frame(self.body, "jpeg", *size, request.seq, request.profile, TIMING, x, y))
+
+    def _cancel(self, task: asyncio.Task[None], seq: int) -> None:
+        task.cancel()
+        self.cancelled.append(seq)
+        self._news.set()
 
     def release(self, seq: int) -> None:
         self._gate(seq).set_result(None)

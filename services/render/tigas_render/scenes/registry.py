@@ -321,7 +321,7 @@ class SceneRegistry:
 
 
 class SceneUse:
-    """Holds a scene in memory while its context lasts."""
+    """Holds a scene in memory while its context lasts, or from one of the ways to enter until `leave`."""
 
     __slots__ = ("_entry", "_registry", "_scene_id")
 
@@ -329,11 +329,27 @@ class SceneUse:
         self._registry = registry
         self._scene_id = scene_id
 
-    async def __aenter__(self) -> LoadedScene:
+    def enter_if_loaded(self) -> LoadedScene | None:
+        """The scene; None, and nothing to leave, if it has to be loaded first. Raises UnknownScene."""
+        entry = self._registry._entry(self._scene_id)
+        if entry.loaded is not None:
+            entry.users += 1
+            self._entry = entry
+        return entry.loaded
+
+    async def enter(self) -> LoadedScene:
+        """The scene, loaded if need be. Raises as `SceneRegistry.use` says."""
         self._entry, loaded = await self._registry._acquire(self._scene_id)
         return loaded
+
+    def leave(self) -> None:
+        """The scene may be unloaded again."""
+        self._registry._release(self._entry)
+
+    async def __aenter__(self) -> LoadedScene:
+        return await self.enter()
 
     async def __aexit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        self._registry._release(self._entry)
+        self.leave()

@@ -92,7 +92,9 @@ def _success(frame: Frame) -> bytes:
         profile=frame.profile,
         timing=frame.timing,
     )
-    return _answer(header, frame.body)
+    answer = _answer(header, frame.body)
+    frame.release()
+    return answer
 
 
 def _failure(error: Exception, body: bytes) -> bytes:
@@ -103,9 +105,9 @@ def _failure(error: Exception, body: bytes) -> bytes:
     return _answer(header, about.model_dump_json().encode())
 
 
-def _answer(header: FrameHeader, body: bytes) -> bytes:
+def _answer(header: FrameHeader, body: bytes | memoryview) -> bytes:
     text = header.model_dump_json().encode()
-    return struct.pack("!I", len(text)) + text + body
+    return b"".join((struct.pack("!I", len(text)), text, body))
 
 
 def _seq(body: bytes) -> int:

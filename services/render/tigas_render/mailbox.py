@@ -1,0 +1,42 @@
+"""From any thread to the event loop, in batches: one wakeup for all that has come until the loop gets to it."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from collections import deque
+from collections.abc import Callable
+from typing import Generic, TypeVar
+
+Item = TypeVar("Item")
+
+logger = logging.getLogger(__name__)
+
+
+class Mailbox(Generic[Item]):
+    """Hands what threads put in to `receive`, in order, on the event loop that it was made on.
+
+    A wakeup costs the thread a system call, and with it the interpreter's lock.
+    """
+
+    def __init__(self, receive: Callable[[Item], None]) -> None:
+        self._receive = receive
+        self._loop = asyncio.get_running_loop()
+        self._items: deque[Item] = deque()
+        self._is_woken = False
+
+    def put(self, item: Item) -> None:
+        """Hand over an item, from any thread; the loop receives it soon, never at once."""
+        self._items.append(item)
+        if not self._is_woken:
+            self._is_woken = True
+            self._loop.call_soon_threadsafe(self.deliver)
+
+    def deliver(self) -> None:
+        """Receive all that has come until now. On the event loop."""
+        self._is_woken = False  # first of all: whatever is not received now was put in by someone who wakes the loop
+        for _ in range(len(self._items)):
+            try:
+                self._receive(self._items.popleft())
+            except Exception:  # the others' answers are not to be lost with one
+                logger.exception("An answer was not delivered")
