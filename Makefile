@@ -48,7 +48,7 @@ demo: .venv/.ready $(STATIC)
 ONE_BY_ONE := tests/dash tests/experiments/commands tests/experiments/run tests/shaper tests/testbed tests/web
 # Of these, what measures no time. Browser tests cannot share a process with the tests before them.
 TWO_AT_ONCE := $(addprefix tests/web/test_,samples.py samples_page.py scene_network.py dashboard.py devices.py movement.py \
-	movement_files.py ladder.py reprojection_stage.py) $(addprefix tests/experiments/commands/test_,materialise.py quality.py)
+	movement_files.py ladder.py) tests/web/warp $(addprefix tests/experiments/commands/test_,materialise.py quality.py)
 
 test: .venv/.ready $(STATIC)
 	@command -v chromium >/dev/null || { echo "The browser tests need Chromium: sudo apt-get install chromium"; exit 1; }

@@ -83,11 +83,11 @@ def test_a_folder_says_which_models_enhanced_its_frames() -> None:
 
 def test_a_folder_says_how_movement_was_met_only_where_it_was() -> None:
     plain = configuration().slug
-    assert configuration(overscan=0.1, depth=False).slug == plain
+    assert configuration(overscan=0.1, depth=False, surround=False).slug == plain
     assert configuration(reprojection=True).slug == plain.replace("_0", "_reprojection_0")
     assert configuration(prediction="linear").slug == plain.replace("_0", "_prediction-linear_0")
-    every = configuration(reprojection=True, overscan=0.1, depth=False, prediction="auto").slug
-    assert every == plain.replace("_0", "_reprojection_overscan-0.1_no-depth_prediction-auto_0")
+    every = configuration(reprojection=True, overscan=0.1, depth=False, surround=False, prediction="auto").slug
+    assert every == plain.replace("_0", "_reprojection_overscan-0.1_no-depth_no-surround_prediction-auto_0")
 
 
 @pytest.mark.parametrize("change", [{"overscan": 0.6}, {"overscan": "much"}, {"prediction": "Linear!"}])

@@ -320,7 +320,8 @@ def test_models_enhance_what_is_stateless(tmp_path: Path) -> None:
 
 def test_reprojection_and_prediction_can_be_compared_in_every_mode(tmp_path: Path) -> None:
     (plain,) = runs(tmp_path)
-    assert (plain.reprojection, plain.prediction, plain.overscan, plain.depth) == (False, "off", "auto", True)
+    assert (plain.reprojection, plain.prediction) == (False, "off")
+    assert (plain.overscan, plain.depth, plain.surround) == ("auto", True, True)
     made = runs(
         tmp_path,
         modes=["stateless", "dash-edge"],
@@ -336,8 +337,8 @@ def test_reprojection_and_prediction_can_be_compared_in_every_mode(tmp_path: Pat
         for reprojection in (False, True)
         for prediction in ("off", "auto")
     }
-    (one,) = runs(tmp_path, reprojection=True, prediction="linear", overscan=0.1, depth=False)
-    chosen = {"reprojection": True, "prediction": "linear", "overscan": 0.1, "depth": False}
+    chosen = {"reprojection": True, "prediction": "linear", "overscan": 0.1, "depth": False, "surround": False}
+    (one,) = runs(tmp_path, **chosen)
     assert chosen.items() <= page_settings(one).items()
 
 
@@ -349,14 +350,16 @@ def test_variants_are_compared_where_it_is_no_product(tmp_path: Path) -> None:
         variants=[
             {"controllers": ["budget", 2]},
             {"controllers": [2], "reprojection": True, "prediction": "auto"},
+            {"controllers": [2], "reprojection": True, "prediction": "auto", "surround": False},
             {"controllers": [2]},
         ],
         shuffled=False,
     )
-    assert [(run.profile, run.reprojection, run.prediction, run.depth) for run in made] == [
-        ("budget", False, "off", False),
-        (2, False, "off", False),
-        (2, True, "auto", False),
+    assert [(run.profile, run.reprojection, run.prediction, run.depth, run.surround) for run in made] == [
+        ("budget", False, "off", False, True),
+        (2, False, "off", False, True),
+        (2, True, "auto", False, True),
+        (2, True, "auto", False, False),
     ], "each once"
     with pytest.raises(StartError, match="variants"):
         runs(tmp_path, variants=[{"scenes": ["room"]}])

@@ -40,6 +40,7 @@ const RUN: PlannedRun = {
   prediction: "off",
   overscan: "auto",
   depth: true,
+  surround: true,
   dash_representation: null,
 };
 const DIRECTION = { target_kbps: 20_000, delivered_kbps: 100, queue_ms: 1, drops: 0 };

@@ -165,10 +165,10 @@ function from(points: readonly TimedPose[], begin: number): readonly TimedPose[]
 /** The settings that decide what is measured, as text. */
 function decisiveSettings(): string {
   const { transport, mode, controller, profile, refine, restore, upscale } = settings.value;
-  const { reprojection, prediction, overscan, depth } = settings.value;
+  const { reprojection, prediction, overscan, depth, surround } = settings.value;
   const { dashPreset, dashFrameRate, dashRepresentation, dashCustom } = settings.value;
   const dash = [dashPreset, dashFrameRate, dashRepresentation, dashCustom];
-  const motion = [reprojection, prediction, overscan, depth];
+  const motion = [reprojection, prediction, overscan, depth, surround];
   return JSON.stringify([transport, mode, controller, profile, refine, restore, upscale, ...dash, ...motion]);
 }
 

@@ -64,6 +64,7 @@ test("a run says all that must be known to make it again", () => {
     reprojection: false,
     overscan: "auto",
     depth: true,
+    surround: true,
     prediction: "off",
     dash_representation: null,
   });

@@ -151,6 +151,7 @@ export function runsOf(plan: ExperimentPlan): PlannedRun[] {
     prediction: plan.prediction,
     overscan: "auto" as const,
     depth: true,
+    surround: true,
   };
   const random = seeded(seed);
   const inOrder = <T>(values: readonly T[]) => (plan.shuffled ? shuffled(values, random) : values);
@@ -203,7 +204,8 @@ type Decisive =
   | "reprojection"
   | "prediction"
   | "overscan"
-  | "depth";
+  | "depth"
+  | "surround";
 
 /** The viewer's settings for a run: nothing beside the picture, and no second request for a view that stands still. */
 export function settingsFor({
@@ -216,8 +218,9 @@ export function settingsFor({
   prediction,
   overscan,
   depth,
+  surround,
 }: Pick<PlannedRun, Decisive>): Partial<Settings> {
-  const motion = { reprojection, prediction, overscan, depth };
+  const motion = { reprojection, prediction, overscan, depth, surround };
   const shared = { sidebar: false, hud: false, refine: false, restore, upscale, ...motion };
   if (mode !== "stateless") {
     return {

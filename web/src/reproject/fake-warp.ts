@@ -9,6 +9,8 @@ export class FakeWarp implements Warper {
   readonly gpuMs = 0.5;
   taken: { readonly source: unknown; readonly view: View; readonly depth: DepthMap | null }[] = [];
   drawn: View[] = [];
+  /** Of the surround. */
+  sides: View[] = [];
   /** How often it was told to forget. */
   forgotten = 0;
   disposed = false;
@@ -22,6 +24,10 @@ export class FakeWarp implements Warper {
 
   take(source: TexImageSource, view: View, depth: DepthMap | null): void {
     this.taken.push({ source, view, depth });
+  }
+
+  surround(_source: TexImageSource, view: View): void {
+    this.sides.push(view);
   }
 
   draw(view: View): void {

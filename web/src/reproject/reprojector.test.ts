@@ -4,6 +4,7 @@ import { orientation } from "../view/camera";
 import type { NumberedPose } from "../view/rig";
 import { FakeWarp } from "./fake-warp";
 import { type Content, Reprojector, reprojectionNote } from "./reprojector";
+import { sideView } from "./sides";
 import { resized, viewOfFrame } from "./view";
 
 const LENS = { fx: 640, fy: 640, cx: 640, cy: 360, width: 1280, height: 720 };
@@ -217,4 +218,40 @@ test("a machine that cannot keep up gets frames as they come, and a sentence, un
   expect(reprojectionNote("slow")).toContain("too slow");
   reprojector.on(10);
   expect(reprojector.status.value).toBe("on");
+});
+
+const SIDE = sideView(1, [0, 0, 0], [0, -1, 0]);
+
+test("a side of the surround is drawn at once where the frame does not fill the view, and changes nothing where it does", () => {
+  reprojector.take(PICTURE, frame("a", pose(1)));
+  reprojector.turn(pose(1), LENS);
+  reprojector.takeSide(PICTURE, 1, SIDE, 1);
+  reprojector.turn(pose(1), LENS);
+  expect([warp.sides.length, warp.drawn.length, [...reprojector.surround.keys()]]).toEqual([1, 1, [1]]);
+  reprojector.turn(pose(2, 20), LENS);
+  reprojector.takeSide(PICTURE, 1, SIDE, 2);
+  reprojector.turn(pose(2, 20), LENS);
+  expect(warp.drawn.length).toBe(3);
+});
+
+test("the surround of before a cut is forgotten, also what comes of it later", () => {
+  reprojector.take(PICTURE, frame("a", pose(1)));
+  reprojector.turn(pose(1), LENS);
+  reprojector.takeSide(PICTURE, 1, SIDE, 1);
+  reprojector.turn(pose(2, 90), LENS);
+  reprojector.takeSide(PICTURE, 2, SIDE, 1);
+  reprojector.take(PICTURE, frame("b", pose(2, 90)));
+  expect([reprojector.surround.size, warp.forgotten]).toEqual([0, 1]);
+  reprojector.takeSide(PICTURE, 3, SIDE, 1);
+  expect(reprojector.surround.size).toBe(0);
+  reprojector.takeSide(PICTURE, 3, SIDE, 2);
+  expect([...reprojector.surround.keys()]).toEqual([3]);
+});
+
+test.each(["off", "lost"])("no surround is left once it is %s", (how) => {
+  reprojector.take(PICTURE, frame("a", pose(1)));
+  reprojector.takeSide(PICTURE, 1, SIDE, 1);
+  if (how === "off") reprojector.off();
+  else warp.lose();
+  expect(reprojector.surround.size).toBe(0);
 });

@@ -65,7 +65,7 @@ export interface Turned<Frame> {
 export type Lens = Intrinsics & Viewport;
 
 /** The part of a `Warp` that is used. */
-export type Warper = Pick<Warp, "working" | "gpuMs" | "take" | "draw" | "forget" | "dispose">;
+export type Warper = Pick<Warp, "working" | "gpuMs" | "take" | "surround" | "draw" | "forget" | "dispose">;
 
 export interface ReprojectorOptions {
   readonly below: HTMLElement;
@@ -104,6 +104,12 @@ export class Reprojector<Frame> {
   #sampled: NumberedPose | undefined;
   /** Since a cut: the first pose after it, until a picture of it comes. */
   #cut: number | undefined;
+  /** The first pose after the last cut. */
+  #begun = 0;
+  /** The sides of the surround that there are, by number. */
+  #surround = new Map<number, View>();
+  /** The share of what was drawn last that the newest frame does not cover. */
+  #filled = 0;
   #drawn: Drawn | undefined;
   #untold: Turned<Frame> | undefined;
   /** The main thread's time since the last draw, in milliseconds. */
@@ -135,6 +141,11 @@ export class Reprojector<Frame> {
   /** What the picture on the canvas is; undefined while there is none. */
   get content(): Content<Frame> | undefined {
     return this.#drawn && this.#content;
+  }
+
+  /** The sides of the surround that there are, by number. */
+  get surround(): ReadonlyMap<number, View> {
+    return this.#surround;
   }
 
   /** Turn pictures from the next one on; `distance`: how far away most of the scene is, in its units. */
@@ -176,7 +187,10 @@ export class Reprojector<Frame> {
    */
   take(source: TexImageSource, content: Content<Frame>, fresh = true): void {
     if (!this.working || (this.#cut !== undefined && content.pose < this.#cut)) return;
-    if (this.#cut !== undefined) this.#warp?.forget();
+    if (this.#cut !== undefined) {
+      this.#warp?.forget();
+      this.#surround.clear();
+    }
     this.#cut = undefined;
     const begun = this.#options.now();
     const depth = content.depth ?? knownDepth(content, this.#content);
@@ -187,13 +201,23 @@ export class Reprojector<Frame> {
     this.#changed = true;
   }
 
+  /** A side of the surround, asked for at a pose's number; it is copied. One from before a cut is ignored. */
+  takeSide(source: TexImageSource, side: number, view: View, pose: number): void {
+    if (!this.working || this.#cut !== undefined || pose < this.#begun) return;
+    const begun = this.#options.now();
+    this.#warp?.surround(source, view);
+    this.#spent += this.#options.now() - begun;
+    this.#surround.set(side, view);
+    this.#changed ||= this.#filled > 0;
+  }
+
   /** Once per animation frame, after the camera was sampled and the newest picture was taken; `pose` may be one that is foretold. */
   turn(pose: NumberedPose, lens: Lens): void {
     const before = this.#sampled;
     this.#sampled = pose;
     if (!this.working) return;
     const cut = before !== undefined && before.seq !== pose.seq && isCut(before, pose, this.#distance);
-    if (cut) this.#cut = pose.seq;
+    if (cut) this.#cut = this.#begun = pose.seq;
     const content = this.#content;
     if (content === undefined || this.#cut !== undefined) return;
     const { width, height } = this.#sizeFor(content, pose, lens);
@@ -214,8 +238,9 @@ export class Reprojector<Frame> {
     const warpMs = this.#spent + ended - begun;
     this.#times.add(warpMs, ended);
     this.#spent = 0;
-    const filled = uncoveredShare(content.view, viewOf(now), 1 / this.#distance);
-    this.#untold = { frame: content.frame, pose: content.pose, view: pose.seq, filled, warpMs, fresh: this.#fresh };
+    this.#filled = uncoveredShare(content.view, viewOf(now), 1 / this.#distance);
+    const { frame, pose: shown } = content;
+    this.#untold = { frame, pose: shown, view: pose.seq, filled: this.#filled, warpMs, fresh: this.#fresh };
     this.#changed = false;
     this.#fresh = false;
     this.#overlay?.show();
@@ -259,6 +284,8 @@ export class Reprojector<Frame> {
     this.#overlay?.hide();
     this.#content = this.#drawn = this.#untold = this.#cut = undefined;
     this.#changed = this.#fresh = false;
+    this.#surround.clear();
+    this.#filled = 0;
   }
 }
 

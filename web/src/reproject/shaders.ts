@@ -109,3 +109,20 @@ void main() {
   if (seen.a < 0.5) discard;
   color = vec4(seen.rgb / seen.a, 1.0);
 }`;
+
+/** A side of the surround, on a sphere of radius 1 around the place where it was taken. */
+export const SIDE = `${HEAD}
+uniform sampler2D u_side;
+uniform mat3 u_direction; // from the target's (x, y, 1) in pixels
+uniform vec3 u_offset; // from the side's place to the view's
+uniform mat3 u_to_side; // from a direction to the side's (u, v, 1), homogeneous
+out vec4 color;
+void main() {
+  vec3 ray = normalize(u_direction * vec3(gl_FragCoord.xy, 1.0));
+  float along = dot(ray, u_offset);
+  float reach = sqrt(along * along + 1.0 - dot(u_offset, u_offset)) - along;
+  vec3 at = u_to_side * (u_offset + reach * ray);
+  vec2 uv = at.xy / at.z;
+  if (at.z <= 0.0 || any(lessThan(uv, vec2(0.0))) || any(greaterThan(uv, vec2(1.0)))) discard;
+  color = vec4(textureLod(u_side, uv, 0.0).rgb, 1.0);
+}`;

@@ -1,7 +1,7 @@
 /**
  * Late reprojection: shows the newest frame as it would look from where the camera is by now, on a canvas of WebGL2. Where the view is
- * the frame's own, its pixels are shown unchanged; where the frame has nothing, what was seen before; where nothing was seen, the
- * canvas is transparent.
+ * the frame's own, its pixels are shown unchanged; where the frame has nothing, what was seen before, or else the surround; where
+ * there is neither, the canvas is transparent.
  */
 import { cropFor } from "./crop";
 import { CubeCache } from "./cube-cache";
@@ -10,6 +10,7 @@ import { GpuTimer } from "./gpu-timer";
 import { Mesh } from "./mesh";
 import { Program } from "./program";
 import { COPY, EVERYWHERE } from "./shaders";
+import { SidePictures } from "./side-pictures";
 import { resized, type View } from "./view";
 
 export interface WarpOptions {
@@ -26,6 +27,7 @@ interface Resources {
   readonly copy: Program;
   readonly mesh: Mesh;
   readonly cache: CubeCache;
+  readonly sides: SidePictures;
   readonly timer: GpuTimer;
 }
 
@@ -78,6 +80,11 @@ export class Warp {
     this.#fresh = true;
   }
 
+  /** A side of the surround: it is copied, and takes the place of one of the same direction. */
+  surround(source: TexImageSource, view: View): void {
+    this.#resources?.sides.take(source, view);
+  }
+
   /** Shows a view as large as the canvas is; transparent before the first frame. */
   draw(view: View): void {
     const { width, height } = this.#canvas;
@@ -93,6 +100,7 @@ export class Warp {
   forget(): void {
     this.#frame = null;
     this.#resources?.cache.clear();
+    this.#resources?.sides.clear();
   }
 
   /** The canvas is of no use afterwards. */
@@ -104,7 +112,7 @@ export class Warp {
     this.#frame = null;
   }
 
-  #draw(gl: WebGL2RenderingContext, { copy, mesh, cache }: Resources, view: View): void {
+  #draw(gl: WebGL2RenderingContext, { copy, mesh, cache, sides }: Resources, view: View): void {
     const frame = this.#frame;
     const { distance } = this.#options;
     if (frame && this.#fresh) cache.add(frame, distance);
@@ -122,6 +130,7 @@ export class Warp {
       gl.drawArrays(gl.TRIANGLES, 0, 3);
     } else {
       mesh.draw(frame, view, 1 / distance, this.#slow);
+      sides.draw(view, distance);
       cache.draw(view);
     }
   }
@@ -137,7 +146,8 @@ export class Warp {
       gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_WRAP_S, gl.CLAMP_TO_EDGE);
       gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_WRAP_T, gl.CLAMP_TO_EDGE);
       const copy = new Program(gl, EVERYWHERE, COPY);
-      this.#resources = { frame, copy, mesh: new Mesh(gl), cache: new CubeCache(gl), timer: new GpuTimer(gl) };
+      const around = { cache: new CubeCache(gl), sides: new SidePictures(gl) };
+      this.#resources = { frame, copy, mesh: new Mesh(gl), ...around, timer: new GpuTimer(gl) };
     } catch {
       this.#resources = null; // a driver that refuses the shaders, or a processor that was lost meanwhile
     }

@@ -54,6 +54,8 @@ const Settings = v.object({
   overscan: v.fallback(v.union([v.literal("auto"), v.pipe(v.number(), v.minValue(0), v.maxValue(0.5))]), "auto"),
   /** Of reprojection: whether frames are asked for with a coarse depth. */
   depth: v.fallback(v.boolean(), true),
+  /** Of reprojection: whether small pictures of all directions are asked for, too, beside the view. */
+  surround: v.fallback(v.boolean(), true),
   /** Degrees a second. */
   turnSpeed: v.fallback(v.pipe(v.number(), v.minValue(1), v.maxValue(720)), 60),
   /** Null: open where there is room. */

@@ -346,3 +346,50 @@ describe("a refinement, which is a request without a rung", () => {
     expect(await limitAfter(refined)).toBeLessThan(await limitAfter({ ...view(1), fx: 2 }));
   });
 });
+
+describe("a picture beside the view", () => {
+  const aside = view(-1, 3);
+
+  test("neither takes the view's place nor is cancelled by it", async () => {
+    const subject = pipeline();
+    await frame(subject, view(1));
+    const asked = subject.aside(aside);
+    transport.requests[0]?.reply();
+    await frame(subject, view(2));
+    transport.requests[2]?.reply();
+    await frame(subject, view(2));
+    expect([transport.requests[1]?.signal.aborted, subject.inFlight, subject.settled]).toEqual([false, 0, true]);
+    transport.requests[1]?.reply({ bytes: 700 });
+    expect((await asked).arrival.bytes).toBe(700);
+    expect(await frame(subject, view(2))).toBeUndefined();
+  });
+
+  test("finds room only beside what the view may have in flight", async () => {
+    transport = new FakeTransport(() => now, { maxInFlight: 2 });
+    const subject = pipeline();
+    await frame(subject, view(1));
+    expect(subject.spare).toBe(false); // until a first frame has come
+    transport.requests[0]?.reply();
+    await frame(subject, view(1));
+    expect(subject.spare).toBe(true);
+    await frame(subject, view(2));
+    expect(subject.spare).toBe(true);
+    const asked = subject.aside(aside);
+    expect(subject.spare).toBe(false);
+    await frame(subject, view(3));
+    expect(sent()).toEqual([1, 2, -1, 3]); // the view has as much room as without
+    subject.dispose();
+    await expect(asked).rejects.toThrow("closed");
+  });
+
+  test("waits for a quiet moment where frames come as datagrams, of which a newer one drops the older", async () => {
+    Object.assign(transport, { kind: "webtransport-datagrams" });
+    const subject = pipeline();
+    await frame(subject, view(1));
+    transport.requests[0]?.reply();
+    await frame(subject, view(1));
+    expect(subject.spare).toBe(true);
+    await frame(subject, view(2));
+    expect(subject.spare).toBe(false);
+  });
+});

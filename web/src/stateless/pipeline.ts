@@ -74,6 +74,9 @@ interface Entry {
   readonly abort: AbortController;
 }
 
+/** A picture that was asked for beside the view. Whoever gets it closes its bitmap. */
+export interface AsidePicture extends DecodedImage, FrameReply {}
+
 type ReadyFrame = DecodedFrame & Pick<Entry, "request">;
 
 /** After a failure the same view is not asked for again before this many milliseconds. */
@@ -89,6 +92,7 @@ export class FramePipeline {
   readonly #clock = new FrameClock();
   readonly #limit: InFlightLimit;
   readonly #inFlight = new Map<number, Entry>();
+  readonly #asides = new Set<AbortController>();
   #seq = 0;
   #version = 0;
   #wanted: ViewRequest | undefined;
@@ -120,8 +124,26 @@ export class FramePipeline {
       this.#cancel(({ request }) => request.asked === null, "another view is wanted");
     }
     const covered = Math.max(this.#shown.version, this.#ready?.version ?? 0, ...this.#versionsInFlight());
-    const room = Math.min(this.#limit.limit, this.#transport.maxInFlight) - this.#inFlight.size;
-    if (covered < this.#version && room > 0 && now >= this.#retryAt) void this.#send(view, pose);
+    if (covered < this.#version && this.#room > 0 && now >= this.#retryAt) void this.#send(view, pose);
+  }
+
+  /** Whether there is room that the view does not need now, for something beside it. */
+  get spare(): boolean {
+    // Of datagrams, whichever frame is complete first would push the older ones out.
+    if (this.#transport.kind === "webtransport-datagrams" && this.#inFlight.size > 0) return false;
+    return this.#room > this.#asides.size;
+  }
+
+  /** Ask for a picture beside the view: neither shows instead of the other. Rejects as transport and decoder do. */
+  async aside(request: ViewRequest): Promise<AsidePicture> {
+    const abort = new AbortController();
+    this.#asides.add(abort);
+    try {
+      const reply = await this.#transport.request({ ...request, seq: this.#seq++ }, abort.signal);
+      return { ...reply, ...(await this.#decode(reply.image, abort.signal)) };
+    } finally {
+      this.#asides.delete(abort);
+    }
   }
 
   /** The newest decoded frame that was not taken yet, for the screen; whatever is older gets cancelled. */
@@ -149,10 +171,15 @@ export class FramePipeline {
   }
 
   dispose(): void {
-    for (const { abort } of this.#inFlight.values()) abort.abort(new FrameDropped("the viewer was closed"));
+    const all = [...[...this.#inFlight.values()].map(({ abort }) => abort), ...this.#asides];
+    for (const abort of all) abort.abort(new FrameDropped("the viewer was closed"));
     this.#inFlight.clear();
     this.#ready?.bitmap.close();
     this.#ready = undefined;
+  }
+
+  get #room(): number {
+    return Math.min(this.#limit.limit, this.#transport.maxInFlight) - this.#inFlight.size;
   }
 
   #cancel(which: (entry: Entry, seq: number) => boolean, reason: string): void {

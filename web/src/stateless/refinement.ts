@@ -39,8 +39,8 @@ export interface Circumstances {
 export class Refinement {
   #still: { readonly view: PosedRequest; readonly pixelRatio: number; readonly since: number } | undefined;
   /** What was asked for last, and what of it was seen. */
-  #step: ViewRequest | null = null;
-  #shown: ViewRequest | null = null;
+  #step: PosedRequest | null = null;
+  #shown: PosedRequest | null = null;
   #finished = false;
   /** Of the last frame that came, without margins. */
   #frame = { pixels: 0, best: false };
@@ -53,7 +53,7 @@ export class Refinement {
   }
 
   /** Once per animation frame: what to ask for instead of `view` at its rung; null for that itself. */
-  next(view: PosedRequest, circumstances: Circumstances): ViewRequest | null {
+  next(view: PosedRequest, circumstances: Circumstances): PosedRequest | null {
     const { now, settled, pixelRatio } = circumstances;
     const { profile: _, overscan: __, depth: ___, ...plain } = view;
     if (this.#still?.pixelRatio !== pixelRatio || !sameView(plain, this.#still.view)) {
@@ -86,7 +86,7 @@ export class Refinement {
   }
 
   /** Null if there is none that would look better. */
-  #larger(view: PosedRequest, { throughput, pixelRatio }: Circumstances): ViewRequest | null {
+  #larger(view: PosedRequest, { throughput, pixelRatio }: Circumstances): PosedRequest | null {
     if (this.#frame.pixels === 0) return null;
     const screen = viewportFor(view.width * pixelRatio, view.height * pixelRatio);
     const all = screen.width * screen.height;
@@ -106,7 +106,7 @@ export class Refinement {
 }
 
 /** The same view with other pixels. */
-function enlarged(view: PosedRequest, { width, height }: Viewport): ViewRequest {
+function enlarged(view: PosedRequest, { width, height }: Viewport): PosedRequest {
   const { fx, fy, cx, cy } = resized(view, width, height);
   return { ...view, fx, fy, cx, cy, width, height };
 }

@@ -27,6 +27,7 @@ let observed: (observation: Observation) => void;
 let prediction: PredictorName;
 let overscan: number | "auto";
 let depth: boolean;
+let surround: boolean;
 let drawn: unknown[];
 let reprojector: Reprojector<Pictured>;
 let warp: FakeWarp;
@@ -46,6 +47,7 @@ beforeEach(() => {
   prediction = "off";
   overscan = "auto";
   depth = true;
+  surround = false;
   drawn = [];
   replies = [];
   shown = [];
@@ -79,6 +81,8 @@ function play(display: Display<DecodedFrame>): void {
     reprojector,
     overscan: () => overscan,
     depth: () => depth,
+    surround: () => surround,
+    ladder: () => PLACE.ladder,
     rig,
     decoder: {
       decode: async () => ({
@@ -409,5 +413,51 @@ describe("with reprojection", () => {
     expect(shown.length).toBeGreaterThan(5);
     expect(shown.length).toBeLessThan(presented.length + 1);
     expect(shown[0]?.image).toBeInstanceOf(Blob);
+  });
+});
+
+describe("with a surround", () => {
+  let received: number;
+
+  beforeEach(() => {
+    surround = true;
+    received = 0;
+  });
+
+  const sides = () => transport.requests.filter(({ request }) => request.width === request.height);
+
+  test("small pictures of all directions come once the first view is on the screen, and nothing hears of them but the throughput", async () => {
+    reprojector.on(8);
+    observed = () => received++;
+    await frames(1, { answer: false });
+    await frames(2, { answer: false });
+    expect(sides()).toHaveLength(0);
+    await frames(120);
+    expect(sides()).toHaveLength(6);
+    expect(new Set(sides().map(({ request }) => request.profile))).toEqual(new Set([3]));
+    expect([warp.sides.length, received, replies.length]).toEqual([6, 1, 1]);
+    expect(player.stats.value).toMatchObject({ settled: true, frame: { width: 1280 }, counts: { sent: 1 } });
+    expect(new Set(transport.requests.map(({ request }) => request.seq)).size).toBe(7);
+  });
+
+  test.each(["off", "without reprojection"])("asks for nothing besides: %s", async (how) => {
+    if (how === "off") {
+      surround = false;
+      reprojector.on(8);
+    }
+    await frames(120);
+    expect(transport.requests).toHaveLength(1);
+  });
+
+  test("another connection begins where the last one ended", async () => {
+    reprojector.on(8);
+    await frames(10, { answer: false });
+    for (const { reply } of transport.requests) reply();
+    await frames(3, { answer: false });
+    expect(sides()).toHaveLength(1);
+    transport = new FakeTransport(() => now);
+    player.attach({ transport, fallback: null });
+    await frames(120);
+    expect([sides().length, warp.sides.length]).toEqual([6, 6]);
   });
 });

@@ -12,11 +12,12 @@ import { Meter, STATS_EVERY } from "../view/meter";
 import type { PresentedFrame } from "../view/presented";
 import type { Rig } from "../view/rig";
 import { TimeWindow } from "../view/window";
-import type { SceneInfo } from "../wire/render";
+import type { Rung, SceneInfo } from "../wire/render";
 import type { Decoder } from "./decoder";
-import { type DecodedFrame, FramePipeline, type SentRequest, type ViewRequest } from "./pipeline";
+import { type DecodedFrame, FramePipeline, type SentRequest } from "./pipeline";
 import { type PosedRequest, Refinement } from "./refinement";
 import { NO_STATS, type Stats, StatsRecorder } from "./stats";
+import { SurroundFeed } from "./surround-feed";
 import { type Pictured, pictured, Turning } from "./turning";
 
 /** A frame that came: what controllers hear of it, and what was asked for. */
@@ -43,6 +44,10 @@ export interface StatelessPlayerOptions {
   readonly overscan: () => number | "auto";
   /** Of reprojection: whether frames come with a depth. */
   readonly depth: () => boolean;
+  /** Of reprojection: whether small pictures of all directions are asked for, too. */
+  readonly surround: () => boolean;
+  /** What the profiles of requests count in; empty until it is known. */
+  readonly ladder: () => readonly Rung[];
   readonly rig: Rig;
   readonly decoder: Pick<Decoder, "decode">;
   readonly controller: () => Controller;
@@ -77,6 +82,7 @@ export class StatelessPlayer {
   readonly #enhanceTimes = new TimeWindow(ENHANCEMENT_SPAN);
   readonly #foresight: Foresight;
   readonly #turning: Turning;
+  readonly #surround: SurroundFeed;
   #meter: Meter;
   #recorder = new StatsRecorder();
   #pipeline: FramePipeline | undefined;
@@ -88,6 +94,7 @@ export class StatelessPlayer {
     this.#options = options;
     this.#foresight = new Foresight(options.rig, options.prediction);
     this.#turning = new Turning(options);
+    this.#surround = new SurroundFeed({ ...options, onReceived: (bytes) => this.#received(bytes) });
     this.#meter = new Meter("stateless", options.onPresented);
   }
 
@@ -98,6 +105,7 @@ export class StatelessPlayer {
     this.#recorder = new StatsRecorder();
     this.#refinement = new Refinement();
     this.#foresight.reset();
+    this.#surround.reset();
     this.#connected = connected ?? undefined;
     const { decoder, display, now } = this.#options;
     display.forget();
@@ -109,8 +117,7 @@ export class StatelessPlayer {
             replied: (reply, view, pose) => {
               this.#recorder.replied(reply, now());
               this.#refinement.observe(reply);
-              this.#meter.received(reply.arrival.bytes, now());
-              this.#options.onReceived(reply.arrival.bytes);
+              this.#received(reply.arrival.bytes);
               this.problem.value = null;
               const observation = {
                 profile: reply.header.profile ?? null,
@@ -181,7 +188,9 @@ export class StatelessPlayer {
     this.#meter.sampled(rig.pose.seq, now);
     if (this.#pipeline && rig.scene) {
       if (moved) this.#meter.moved(rig.pose.seq, now);
-      this.#pipeline.want(this.#view(rig.scene, now), rig.pose.seq);
+      const view = this.#view(rig.scene, now);
+      this.#pipeline.want(view, rig.pose.seq);
+      this.#surround.tick(this.#pipeline, view, this.#recorder.throughput.bitsPerSecond, now);
       // The newest frame waits where it can be overtaken, not in the graphics processor's queue.
       const frame = display.ready ? this.#pipeline.take() : undefined;
       if (frame) display.show(frame);
@@ -190,7 +199,12 @@ export class StatelessPlayer {
     this.#publish(now);
   }
 
-  #view(scene: SceneInfo, now: number): ViewRequest {
+  #received(bytes: number): void {
+    this.#meter.received(bytes, this.#options.now());
+    this.#options.onReceived(bytes);
+  }
+
+  #view(scene: SceneInfo, now: number): PosedRequest {
     const { rig, refine, pixelRatio, stamp, controller } = this.#options;
     const { position, quaternion } = this.#foresight.pose(now);
     const view: PosedRequest = {

@@ -108,6 +108,8 @@ export class ViewerSession {
       reprojector: this.reprojector,
       overscan: () => settings.peek().overscan,
       depth: () => settings.peek().depth,
+      surround: () => settings.peek().surround,
+      ladder: () => ladder.peek(),
       rig: this.rig,
       decoder: this.#decoder,
       controller: () => this.#controller.value,

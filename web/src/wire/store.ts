@@ -61,6 +61,7 @@ export interface Configuration {
   prediction?: string;
   overscan?: "auto" | number;
   depth?: boolean;
+  surround?: boolean;
   seed?: number;
   segment?: number;
   repeat?: number;

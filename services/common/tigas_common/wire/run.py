@@ -143,6 +143,8 @@ class Configuration(WireModel):
     """Of reprojection."""
     depth: bool = True
     """Of reprojection: whether frames are asked for with a coarse depth."""
+    surround: bool = True
+    """Of reprojection, in the mode `stateless`: whether small pictures of all directions are asked for, too."""
     seed: int = Field(default=1, ge=0, le=2**53 - 1)
     """Of generated movements, and of the controllers' random numbers."""
     segment: int = Field(default=0, ge=0)
@@ -168,12 +170,15 @@ class Configuration(WireModel):
 
     @property
     def motion(self) -> tuple[str, ...]:
-        """How the page meets movement: any of `reprojection`, `overscan-0.1`, `no-depth` and `prediction-auto`."""
+        """How the page meets movement: any of `reprojection`, `overscan-0.1`, `no-depth`, `no-surround` and
+        `prediction-auto`."""
         words = ["reprojection"] if self.reprojection else []
         if self.reprojection and self.overscan != AUTO:
             words.append(f"overscan-{self.overscan:g}")
         if self.reprojection and not self.depth:
             words.append("no-depth")
+        if self.reprojection and not self.surround:
+            words.append("no-surround")
         return (*words, *((f"prediction-{self.prediction}",) if self.prediction != OFF else ()))
 
     def asks_for_the_same(self, other: Configuration) -> bool:

@@ -128,7 +128,7 @@ def page_settings(configuration: Configuration) -> dict[str, Any]:
         chosen = {"mode": "stateless", "controller": profile}
     # Nothing beside the picture, so that the stage is the viewport; no second request for a view that stands still.
     enhancement = {"restore": configuration.restore, "upscale": configuration.upscale}
-    motion = configuration.model_dump(include={"reprojection", "prediction", "overscan", "depth"})
+    motion = configuration.model_dump(include={"reprojection", "prediction", "overscan", "depth", "surround"})
     return {
         **chosen,
         **enhancement,

@@ -94,6 +94,7 @@ class Variant(WireModel):
     prediction: OneOrSeveral[PredictorName] | None = None
     overscan: Overscan | None = None
     depth: bool | None = None
+    surround: bool | None = None
 
 
 class Plan(WireModel):
@@ -124,6 +125,8 @@ class Plan(WireModel):
     """Of reprojection: how much more frames show at each side, or `auto`."""
     depth: bool = True
     """Of reprojection: whether frames come with a coarse depth."""
+    surround: bool = True
+    """Of reprojection, in the mode `stateless`: whether small pictures of all directions are asked for, too."""
     variants: Annotated[tuple[Variant, ...], Field(min_length=1)] = (Variant(),)
     """What is compared where it is no product of the above: each with the runs of its own."""
     dash_frame_rate: FrameRate | None = None
@@ -234,7 +237,8 @@ class Plan(WireModel):
         controllers = [{"profile": controller, **models} for controller in self.controllers]
         representations = [{"dash_representation": _representation(name)} for name in self.dash_representations]
         motions = [
-            {"reprojection": reprojection, "prediction": prediction, "overscan": self.overscan, "depth": self.depth}
+            {"reprojection": reprojection, "prediction": prediction}
+            | self.model_dump(include={"overscan", "depth", "surround"})
             for reprojection, prediction in product(self.reprojection, self.prediction)
         ]
         return [

@@ -13,7 +13,7 @@ import { milliseconds } from "./hud";
 const OVERSCANS = [0, 0.05, 0.1, 0.15, 0.2, 0.25];
 
 export function ReprojectionPanel({ session }: { session: ViewerSession }) {
-  const { reprojection, prediction, overscan, depth, mode } = settings.value;
+  const { reprojection, prediction, overscan, depth, surround, mode } = settings.value;
   const side = mode === "dash" ? session.videoReprojector : session.reprojector;
   const status = side.status.value;
   const note = reprojectionNote(session.reprojector.status.value, session.videoReprojector.status.value);
@@ -40,6 +40,15 @@ export function ReprojectionPanel({ session }: { session: ViewerSession }) {
           onChange={() => changeSettings({ depth: !depth })}
         />
         Use depth
+      </label>
+      <label class="check" title="Small pictures of all directions, so that a quick turn has no dark borders">
+        <input
+          type="checkbox"
+          checked={surround}
+          disabled={!reprojection || mode === "dash"}
+          onChange={() => changeSettings({ surround: !surround })}
+        />
+        Surround
       </label>
       <div class="models">
         <Choice

@@ -1,0 +1,82 @@
+/**
+ * A picture of each side of a surround, drawn beneath all else that is seen: coarse, but whichever way the view turns, something is
+ * there. Each side was taken from a place of its own, and all that it shows counts as on a sphere around that place.
+ */
+import { subtract, type Vector3 } from "../view/vector";
+import { directionOfPixel, pixelOfDirection } from "./homography";
+import { product, scaling } from "./matrix";
+import { Program } from "./program";
+import { EVERYWHERE, SIDE } from "./shaders";
+import type { View } from "./view";
+
+/** Of the sphere's radius: a camera that has gone farther sees nothing of a side where it was. */
+export const FARTHEST = 0.9;
+
+interface Side {
+  readonly texture: WebGLTexture;
+  readonly view: View;
+}
+
+export class SidePictures {
+  readonly #gl: WebGL2RenderingContext;
+  readonly #program: Program;
+  #sides: readonly Side[] = [];
+
+  /** Uses texture unit 3. */
+  constructor(gl: WebGL2RenderingContext) {
+    this.#gl = gl;
+    this.#program = new Program(gl, EVERYWHERE, SIDE);
+    this.#program.use();
+    this.#program.integer("u_side", 3);
+  }
+
+  /** The picture is copied, and takes the place of one of the same direction. */
+  take(source: TexImageSource, view: View): void {
+    const gl = this.#gl;
+    const before = this.#sides.find((side) => sameDirection(side.view, view));
+    const texture = before?.texture ?? gl.createTexture();
+    gl.activeTexture(gl.TEXTURE3);
+    gl.bindTexture(gl.TEXTURE_2D, texture);
+    gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_MIN_FILTER, gl.LINEAR);
+    gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_WRAP_S, gl.CLAMP_TO_EDGE);
+    gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_WRAP_T, gl.CLAMP_TO_EDGE);
+    gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGBA8, gl.RGBA, gl.UNSIGNED_BYTE, source);
+    gl.activeTexture(gl.TEXTURE0);
+    this.#sides = [...this.#sides.filter((side) => side !== before), { texture, view }];
+  }
+
+  /** Draws them behind all that was drawn of a view; where two of them show the same, the one from nearer. */
+  draw(view: View, distance: number): void {
+    const gl = this.#gl;
+    const program = this.#program;
+    const away = ({ view: { position } }: Side) => Math.hypot(...offset(view.position, position, distance));
+    const near = this.#sides.filter((side) => away(side) < FARTHEST).sort((a, b) => away(b) - away(a));
+    if (near.length === 0) return;
+    program.use();
+    program.matrix("u_direction", product(directionOfPixel(view), scaling(1, -1, 0, view.height)));
+    gl.enable(gl.DEPTH_TEST);
+    gl.activeTexture(gl.TEXTURE3);
+    for (const { texture, view: side } of near) {
+      gl.bindTexture(gl.TEXTURE_2D, texture);
+      program.vector("u_offset", offset(view.position, side.position, distance));
+      program.matrix("u_to_side", product(scaling(1 / side.width, 1 / side.height), pixelOfDirection(side)));
+      gl.drawArrays(gl.TRIANGLES, 0, 3);
+    }
+    gl.activeTexture(gl.TEXTURE0);
+  }
+
+  clear(): void {
+    for (const { texture } of this.#sides) this.#gl.deleteTexture(texture);
+    this.#sides = [];
+  }
+}
+
+/** In radii of the sphere. */
+function offset(to: Vector3, from: Vector3, radius: number): Vector3 {
+  const [x, y, z] = subtract(to, from);
+  return [x / radius, y / radius, z / radius];
+}
+
+function sameDirection(a: View, b: View): boolean {
+  return a.quaternion.every((value, i) => value === b.quaternion[i]);
+}

@@ -1,0 +1,66 @@
+/** Asks for the sides of the surround beside the view, and hands their pictures to what turns frames. */
+import type { Reprojector } from "../reproject/reprojector";
+import { type ScenePose, viewDistance } from "../view/camera";
+import type { Rig } from "../view/rig";
+import type { Rung, SceneInfo } from "../wire/render";
+import type { FramePipeline, ViewRequest } from "./pipeline";
+import { Surround, type WantedSide } from "./surround";
+
+export interface SurroundFeedOptions {
+  readonly reprojector: Pick<Reprojector<unknown>, "working" | "content" | "surround" | "takeSide">;
+  readonly rig: Rig;
+  /** Whether there is to be one, where frames are turned. */
+  readonly surround: () => boolean;
+  readonly ladder: () => readonly Rung[];
+  /** Bytes of pictures came in. */
+  readonly onReceived: (bytes: number) => void;
+}
+
+export class SurroundFeed {
+  readonly #options: SurroundFeedOptions;
+  #scene: SceneInfo | undefined;
+  #surround = new Surround(Number.POSITIVE_INFINITY, [0, -1, 0]);
+
+  constructor(options: SurroundFeedOptions) {
+    this.#options = options;
+  }
+
+  /**
+   * Once per animation frame, after the view was asked for, while there is a connection; `pose`: where the camera will be by the
+   * time of an answer, `throughput`: in bits per second.
+   */
+  tick(pipeline: FramePipeline, pose: ScenePose, throughput: number | null, now: number): void {
+    const { reprojector, rig, surround, ladder } = this.#options;
+    const { scene } = rig;
+    if (!reprojector.working || !surround() || scene === undefined) return;
+    if (scene !== this.#scene) this.#surround = new Surround(viewDistance(scene), scene.up);
+    this.#scene = scene;
+    if (!pipeline.spare || reprojector.content === undefined) return; // the first view goes before everything else
+    const idle = pipeline.inFlight === 0;
+    const there = reprojector.surround;
+    const wanted = this.#surround.next({ now, pose, there, idle, throughput, ladder: ladder() });
+    if (wanted) void this.#ask(pipeline, scene.id, wanted, throughput);
+  }
+
+  /** Another connection: what was asked for will not come. */
+  reset(): void {
+    this.#scene = undefined;
+  }
+
+  async #ask(pipeline: FramePipeline, scene: string, { side, view, profile }: WantedSide, throughput: number | null) {
+    const surround = this.#surround;
+    const { position, quaternion, ...lens } = view;
+    const { seq } = this.#options.rig.pose;
+    try {
+      const asked: ViewRequest = { scene, position: [...position], quaternion: [...quaternion], ...lens, profile };
+      const { header, arrival, bitmap } = await pipeline.aside(asked);
+      const { render, encode } = header.timing ?? { render: 0, encode: 0 };
+      surround.came(arrival.bytes, render + encode, throughput);
+      this.#options.onReceived(arrival.bytes);
+      this.#options.reprojector.takeSide(bitmap, side, view, seq);
+      bitmap.close();
+    } catch {
+      surround.failed(); // a picture that is not the view's: nobody needs to hear of it
+    }
+  }
+}
