@@ -82,6 +82,18 @@ class Overloaded(TigasError):
         """When to try again, in seconds, if that can be told."""
 
 
+class ServerFull(Overloaded):
+    """The server keeps what it has promised to those who are in, and takes nobody else for now."""
+
+    status, type, title = 503, "full", "The server is full"
+
+
+class AskedTooOften(TigasError):
+    """The client asks more often than it was told that it may."""
+
+    status, type, title = 429, "asked-too-often", "You ask too often"
+
+
 class OutOfDeviceMemory(TigasError):
     """The device that renders has too little free memory, even after scenes that nobody uses were unloaded."""
 

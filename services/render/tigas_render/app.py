@@ -62,9 +62,12 @@ def create_app(service: RenderService) -> ASGIApp:
 async def render(request: Request) -> Response:
     """One frame."""
     began = time.monotonic()
+    service, client = _service(request), _client(request)
+    service.http_viewers.check(client.address)
+    service.rate.check(client)
     render_request = await read_message(request, RenderRequest)
     arrived = getattr(request.state, ARRIVED, began)
-    answer = _service(request).submit(_client(request), render_request, arrived)
+    answer = service.submit(client, render_request, arrived)
     frame = await _unless_disconnected(request, answer)
     if frame is None:
         return Response(status_code=CLIENT_GONE)
@@ -75,7 +78,7 @@ async def render(request: Request) -> Response:
         media_type=frame.content_type,
         headers={
             "Server-Timing": f"queue;dur={timing.queue}, render;dur={timing.render}, encode;dur={timing.encode}",
-            "Tigas-Frame": _about(frame),
+            "Tigas-Frame": _about(frame, service.rate.told),
             **NO_STORE,
             "Timing-Allow-Origin": "*",
         },
@@ -199,7 +202,7 @@ def _page_policy(config: ServerConfig) -> str:
     )
 
 
-def _about(frame: Frame) -> str:
+def _about(frame: Frame, requests_per_s: float | None) -> str:
     """The frame's `Tigas-Frame`: what applies to it."""
     numbers = {
         "seq": frame.seq,
@@ -208,6 +211,7 @@ def _about(frame: Frame) -> str:
         "margin_x": frame.margin_x or None,
         "margin_y": frame.margin_y or None,
         "profile": frame.profile,
+        "requests_per_s": requests_per_s,
     }
     return ", ".join(f"{name}={number}" for name, number in numbers.items() if number is not None)
 

@@ -53,11 +53,12 @@ async def serve(settings: RenderSettings) -> None:
                         host=settings.quic.host,
                         port=settings.quic.port,
                         certificate=keeper.certificate,
-                        webtransport={"/render": render_session(service)},
+                        webtransport={"/render": render_session(service, service.rate)},
                         congestion_control=settings.congestion_control,
                         limits=settings.quic_limits,
                         reset_key=kept_key(settings.cache / "stateless-reset.key"),
                         origins=service.origins,
+                        load=service.loop_load,
                     )
                 )
             service.quic_port = server.port

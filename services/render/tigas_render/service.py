@@ -24,6 +24,9 @@ from tigas_render.preview import Preview, PreviewCache, preview_camera
 from tigas_render.raster.base import Rasterizer
 from tigas_render.scenes.registry import SceneRegistry
 from tigas_render.settings import RenderSettings
+from tigas_render.transport.http_viewers import HttpViewers
+from tigas_render.transport.load import Load
+from tigas_render.transport.request_rate import RequestRate
 
 logger = logging.getLogger(__name__)
 
@@ -62,6 +65,9 @@ class RenderService(FrameSource):
         self.certificate: Certificate | None = None
         """What QUIC shows, once it is served."""
         self.origins = OriginPolicy.of(settings.addresses, settings.allow_hosts, settings.allow_origins)
+        self.loop_load = Load()
+        self.rate = RequestRate(self.loop_load, settings.quic_limits.requests_per_s, time.monotonic)
+        self.http_viewers = HttpViewers(self.loop_load, time.monotonic)
         self.quic_port: int | None = None
         """Where QUIC is served, once it is."""
         self.https_port: int | None = None
@@ -78,11 +84,12 @@ class RenderService(FrameSource):
         service = cls(settings, rasterizer)
         async with service.engine:
             await service.registry.scan()
-            housekeeping = asyncio.create_task(service._keep_house())
+            background = [asyncio.create_task(service._keep_house()), asyncio.create_task(service.loop_load.keep())]
             try:
                 yield service
             finally:
-                housekeeping.cancel()
+                for task in background:
+                    task.cancel()
                 await service.trainer.close()
 
     def show(self, certificate: Certificate) -> None:
@@ -103,6 +110,7 @@ class RenderService(FrameSource):
             webtransport_url=f"https://{_bracketed(quic_host)}:{quic_port}/render" if quic_port else None,
             https_url=f"https://{_bracketed(host)}:{self.https_port}/" if self.https_port else None,
             services={name: _fitted(url, host) for name, url in self.settings.services.items()},
+            retry_after_s=self.loop_load.full(),
         )
 
     def _reaches_quic(self, host: str) -> bool:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import math
+import time
 from collections.abc import AsyncIterator, Callable
 
 from starlette.types import Receive, Scope, Send
@@ -14,6 +16,8 @@ from tests.render.transport.client import (
 )
 from tigas_render.transport.frames import render_session
 from tigas_render.transport.limits import Limits
+from tigas_render.transport.load import Load
+from tigas_render.transport.request_rate import RequestRate
 from tigas_render.transport.server import Http3Server
 
 
@@ -23,10 +27,19 @@ async def hello(scope: Scope, receive: Receive, send: Send) -> None:
 
 
 @contextlib.asynccontextmanager
-async def served(limits: Limits | None = None, source: FakeFrames | None = None) -> AsyncIterator[Http3Server]:
-    sessions = {"/render": render_session(source or FakeFrames())}
+async def served(
+    limits: Limits | None = None,
+    source: FakeFrames | None = None,
+    *,
+    load: Load | None = None,
+    most_requests_per_s: float = math.inf,
+) -> AsyncIterator[Http3Server]:
+    load = load or Load()
+    sessions = {
+        "/render": render_session(source or FakeFrames(), RequestRate(load, most_requests_per_s, time.monotonic))
+    }
     async with Http3Server(
-        hello, host="127.0.0.1", certificate=CERTIFICATE, webtransport=sessions, limits=limits
+        hello, host="127.0.0.1", certificate=CERTIFICATE, webtransport=sessions, limits=limits, load=load
     ) as server:
         yield server
 

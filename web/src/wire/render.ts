@@ -50,6 +50,7 @@ export interface FrameHeader {
   margin_y?: number | null;
   profile?: number | null;
   timing?: ServerTiming | null;
+  requests_per_s?: number | null;
 }
 /**
  * Where the server's time went, in milliseconds.
@@ -136,6 +137,7 @@ export interface ServerConfig {
   services: {
     [k: string]: string;
   };
+  retry_after_s?: number | null;
 }
 /**
  * How far the training of a scene's networks is.

@@ -177,6 +177,8 @@ class FrameHeader(WireModel):
     """The same of its rows, at the top and at the bottom."""
     profile: int | None = None
     timing: ServerTiming | None = None
+    requests_per_s: float | None = None
+    """How many requests a second this client may send from now on; null: as many as a display shows."""
 
 
 class Problem(WireModel):
@@ -252,3 +254,5 @@ class ServerConfig(WireModel):
     """The same page as a secure context, for other devices on the network."""
     services: dict[str, str]
     """Other services by name, such as `dash`, with their base URLs."""
+    retry_after_s: float | None = None
+    """The server is full: after so many seconds a new viewer may try again. Null if it takes new viewers."""

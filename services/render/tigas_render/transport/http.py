@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import logging
+import math
 from collections import deque
 from collections.abc import Iterable
 from http import HTTPStatus
@@ -45,11 +46,13 @@ def http_scope(headers: Headers, client: tuple[str, int], server: tuple[str, int
     }
 
 
-def refusal(status: int, detail: str) -> ASGIApp:
+def refusal(status: int, detail: str, retry_after_s: float | None = None) -> ASGIApp:
     """The application that answers in place of the real one, with one sentence."""
     problem = Problem(type="about:blank", title=HTTPStatus(status).phrase, status=status, detail=detail)
     body = problem.model_dump_json().encode()
     headers = [(b"content-type", b"application/problem+json"), (b"content-length", str(len(body)).encode())]
+    if retry_after_s is not None:
+        headers.append((b"retry-after", str(math.ceil(retry_after_s)).encode()))
 
     async def refuse(scope: Scope, receive: Receive, send: Send) -> None:
         await send({"type": "http.response.start", "status": status, "headers": headers})

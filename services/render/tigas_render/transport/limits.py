@@ -32,6 +32,9 @@ class Limits(BaseModel):
     ones are answered 503, or reset if they have not arrived whole."""
     requests_per_address: int = Field(default=512, ge=1)
     """The same, of one address."""
+    requests_per_s: float = Field(default=240.0, gt=0)
+    """Requests of one session a second in the long run; further ones are answered 429. A busy server allows fewer, and
+    says so in its answers."""
     sessions: int = Field(default=4, ge=1)
     """WebTransport sessions per connection; further ones are answered 429."""
     sessions_per_address: int = Field(default=64, ge=1)

@@ -26,6 +26,7 @@ from tigas_common.web import problem_response
 from tigas_render.transport.h3 import ServerH3Connection
 from tigas_render.transport.http import HttpRequest, http_scope, refusal
 from tigas_render.transport.limits import Limits
+from tigas_render.transport.load import FULL, Load
 from tigas_render.transport.outlet import DatagramOutlet, Outlet, Writer
 from tigas_render.transport.quic import ServerQuicConnection
 from tigas_render.transport.unfinished import UnfinishedStreams
@@ -66,6 +67,7 @@ class Service:
     webtransport: Mapping[str, SessionFactory]
     """By path."""
     limits: Limits = field(default_factory=Limits)
+    load: Load = field(default_factory=Load)
     origins: OriginPolicy = field(default_factory=OriginPolicy)
     """Which pages may open sessions."""
     early_posts: frozenset[str] = frozenset({"/render"})
@@ -282,6 +284,10 @@ class Router:
             return refusal(429, "This connection has as many sessions as it may.")
         if self._usage.sessions >= limits.sessions_per_address:
             return refusal(429, "Your address has as many sessions as it may.")
+        if (retry_after := self._service.load.full()) is not None:
+            self._service.load.refused()
+            return refusal(503, FULL, retry_after)
+        self._service.load.entered()
         outlet.send_headers([(b":status", b"200"), DRAFT_HEADER])
         self._usage.sessions += 1
         self._sessions[outlet.stream_id] = WebTransportSession(
@@ -294,6 +300,7 @@ class Router:
         if session is None:
             return
         self._usage.sessions -= 1
+        self._service.load.left()
         for stream in list(self._streams.values()):
             if isinstance(stream, WebTransportStream) and stream.session is session:
                 stream.cancelled()

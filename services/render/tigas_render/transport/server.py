@@ -29,6 +29,7 @@ from tigas_render.transport.connection import Connection
 from tigas_render.transport.gso import Address, Datagram
 from tigas_render.transport.inbox import Inbox, Received
 from tigas_render.transport.limits import Limits
+from tigas_render.transport.load import FULL, Load
 from tigas_render.transport.quic import ServerQuicConnection
 from tigas_render.transport.refusal import encode_refusal
 from tigas_render.transport.retry import RetryTokens
@@ -69,18 +70,20 @@ class Http3Server:
         reset_key: bytes | None = None,
         origins: OriginPolicy | None = None,
         share: Share | None = None,
+        load: Load | None = None,
     ) -> None:
         """`host` may be `::` for every address of both families; port 0 takes any that is free.
 
         With the `reset_key` and the port of an earlier server, that one's clients learn that it is gone. `origins` says
         which pages may open sessions; requests are for `app` to refuse. One of several edges has a `share` of a port
-        that is bound already.
+        that is bound already. `load` is measured by whoever made it.
         """
         self._host = host
         self._port = port
         self._share = share or Share()
         self._limits = limits or Limits()
-        self._service = Service(app, dict(webtransport or {}), self._limits, origins or OriginPolicy())
+        self._load = load or Load()
+        self._service = Service(app, dict(webtransport or {}), self._limits, self._load, origins or OriginPolicy())
         self._algorithm = algorithm(congestion_control)
         self._configuration = self._configure(certificate)
         self._tickets = TicketStore() if self._share.tickets is None else self._share.tickets
@@ -205,7 +208,8 @@ class Http3Server:
         had_enough: set[str] = set()
         while now < until and (taken := self._inbox.take(had_enough)) is not None:
             network, datagram = taken
-            self._handle(datagram)
+            if self._load.handled(now - datagram.arrived):
+                self._handle(datagram)
             handled[network] += 1
             if handled[network] >= AT_ONCE and len(self._usage) > 1:
                 had_enough.add(network)
@@ -305,6 +309,9 @@ class Http3Server:
 
     def _refusal(self, usage: Usage, now: float) -> str | None:
         """Why an address may not open another connection now."""
+        if self._load.full() is not None:
+            self._load.refused()
+            return FULL
         if len(self._connections) >= self._limits.connections:
             return "The server has as many connections as it may; try again later."
         if usage.connections >= self._limits.connections_per_address:

@@ -8,7 +8,7 @@ import logging
 import socket
 import time
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 
 from tigas_render.transport.arrival import STAMP_SPACE, arrival, ask_for_stamps, stamp_ns
 from tigas_render.transport.gso import Address, Datagram, batches, segment_size
@@ -17,10 +17,10 @@ logger = logging.getLogger(__name__)
 
 SOCKET_BUFFER = 8 << 20
 """Bytes asked of the kernel for each direction; it gives what its own limits allow."""
-MAX_DRAIN = 128
-"""Datagrams read before other work gets its turn."""
-MAX_BACKLOG = 4096
-"""Batches that wait for room in the socket; beyond it the oldest are dropped, which QUIC sees as loss."""
+DRAIN_S = 0.0005
+"""Datagrams are read for so long, in seconds, before other work gets its turn."""
+MAX_BACKLOG, MAX_BACKLOG_S = 4096, 1.0
+"""Batches that wait for room in the socket, and how long, in seconds; what is older is dropped: QUIC sees loss."""
 MAX_DATAGRAM = 65_535
 SO_RCVBUFFORCE, SO_SNDBUFFORCE = 33, 32
 
@@ -107,21 +107,21 @@ class UdpEndpoint:
         self._sock = sock
         self._received = received
         self._drained = drained
-        self._backlog: deque[tuple[list[bytes], Address]] = deque(maxlen=MAX_BACKLOG)
+        self._backlog: deque[tuple[list[bytes], Address, float]] = deque(maxlen=MAX_BACKLOG)
+        """With the time when each came."""
         self._offload = True
         self._empty_at = time.monotonic()
         self._loop.add_reader(sock.fileno(), self._read)
 
     def send(self, datagrams: list[Datagram]) -> None:
         """Send now, or as soon as the socket has room. What the network refuses is dropped, as the network would."""
-        if self._backlog:
-            self._backlog.extend(batches(datagrams))
-            return
         pending = batches(datagrams)
+        if self._backlog:
+            self._wait(pending)
+            return
         for batch, address in pending:
             if not self._send(batch, address):
-                self._backlog.append((batch, address))
-                self._backlog.extend(pending)
+                self._wait([(batch, address), *pending])
                 self._loop.add_writer(self._sock.fileno(), self._flush)
 
     def close(self) -> None:
@@ -136,10 +136,11 @@ class UdpEndpoint:
 
     def _read(self) -> None:
         try:
-            for _ in range(MAX_DRAIN):
+            until = (now := time.monotonic()) + DRAIN_S
+            while now < until:
                 data, ancillary, _, address = self._sock.recvmsg(MAX_DATAGRAM, STAMP_SPACE)
-                arrived = arrival(stamp_ns(ancillary), time.time_ns(), time.monotonic(), self._empty_at)
-                self._received(data, address, arrived)
+                now = time.monotonic()
+                self._received(data, address, arrival(stamp_ns(ancillary), time.time_ns(), now, self._empty_at))
         except BlockingIOError:
             self._empty_at = time.monotonic()
         except InterruptedError:
@@ -148,9 +149,15 @@ class UdpEndpoint:
             logger.debug("UDP receive failed: %s", error)
         self._drained()
 
+    def _wait(self, pending: Iterable[tuple[list[bytes], Address]]) -> None:
+        now = time.monotonic()
+        self._backlog.extend((batch, address, now) for batch, address in pending)
+
     def _flush(self) -> None:
+        oldest = time.monotonic() - MAX_BACKLOG_S
         while self._backlog:
-            if not self._send(*self._backlog[0]):
+            batch, address, since = self._backlog[0]
+            if since >= oldest and not self._send(batch, address):
                 return
             self._backlog.popleft()
         self._loop.remove_writer(self._sock.fileno())

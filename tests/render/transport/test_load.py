@@ -1,0 +1,167 @@
+"""When a server takes new viewers, and when it does not, with a clock that the test turns."""
+
+from __future__ import annotations
+
+import pytest
+
+from tigas_render.transport.load import (
+    FREE_AT,
+    FULL_AT,
+    LEAST_RATE,
+    MAX_AGE_S,
+    SETTLED_S,
+    STANDING_AGE_S,
+    TICK_S,
+    Load,
+)
+
+
+class Loop:
+    """An event loop that is as busy as it is told to be."""
+
+    def __init__(self) -> None:
+        self.now = self.cpu = 0.0
+        self.load = Load(lambda: self.now, lambda: self.cpu)
+
+    def run(self, seconds: float, busy: float, ages: tuple[float, ...] = ()) -> None:
+        """So many seconds, in each tick of which datagrams of these ages are handled."""
+        for _ in range(round(seconds / TICK_S)):
+            for age in ages:
+                self.load.handled(age)
+            self.pause(TICK_S, busy)
+
+    def pause(self, seconds: float, busy: float) -> None:
+        """The loop does nothing else for so long."""
+        self.now += seconds
+        self.cpu += busy * seconds
+        self.load.tick()
+
+    def is_full_after(self, ticks: int, busy: float) -> list[bool]:
+        full = []
+        for _ in range(ticks):
+            self.pause(TICK_S, busy)
+            full.append(self.load.full() is not None)
+        return full
+
+
+QUICK, LATE = (0.001,) * 10, (0.02,) * 10
+
+
+def test_a_busy_loop_takes_nobody_until_it_has_had_time_again_for_a_while() -> None:
+    loop = Loop()
+    loop.run(10, busy=FULL_AT - 0.05, ages=QUICK)
+    assert loop.load.full() is None
+    loop.run(5, busy=FULL_AT + 0.1, ages=QUICK)
+    assert loop.load.full() is not None
+    loop.run(1, busy=0.1)
+    assert loop.load.full() is not None
+    loop.run(5, busy=0.1)
+    assert loop.load.full() is None
+
+
+def test_a_load_about_the_limit_does_not_make_it_flap() -> None:
+    loop = Loop()
+    loop.run(5, busy=1.0, ages=QUICK)
+    loop.run(5, busy=FULL_AT, ages=QUICK)
+    between = (FREE_AT + FULL_AT) / 2
+    full = [
+        state for _ in range(50) for busy in (between - 0.1, between + 0.1) for state in loop.is_full_after(3, busy)
+    ]
+    assert all(full)
+
+
+@pytest.mark.parametrize("busy", [0.0, 1.0])
+@pytest.mark.parametrize("seconds", [0.2, 1.0, 30.0])
+def test_one_pause_refuses_nobody(seconds: float, busy: float) -> None:
+    loop = Loop()
+    loop.run(5, busy=0.05, ages=QUICK)
+    for age in (0.0, seconds / 2, seconds):  # what came meanwhile
+        loop.load.handled(age)
+    loop.pause(seconds, busy)
+    full = [loop.load.full() is not None]
+    for _ in range(20):
+        loop.run(TICK_S, busy=0.05, ages=QUICK)
+        full.append(loop.load.full() is not None)
+    assert not any(full)
+    assert loop.load.requests_per_s is None
+
+
+def test_datagrams_that_all_come_late_say_that_it_is_full_whatever_the_processor_does() -> None:
+    loop = Loop()
+    loop.run(1, busy=0.2, ages=LATE)
+    assert loop.load.full() is not None
+
+
+def test_a_burst_that_is_worked_off_says_nothing() -> None:
+    loop = Loop()
+    loop.run(5, busy=0.2, ages=(0.1, 0.08, 0.04, 0.02, 0.002))
+    assert loop.load.full() is None
+
+
+def test_a_slow_renderer_takes_no_more_clients_only_while_it_has_no_pause() -> None:
+    loop = Loop()
+    loop.load.engine(queue_age_s=0.2, utilisation=0.5)
+    loop.run(5, busy=0.1)
+    assert loop.load.full() is None
+    loop.load.engine(queue_age_s=0.2, utilisation=1.0)
+    loop.run(5, busy=0.1)
+    assert loop.load.full() is not None
+
+
+def test_a_rush_is_let_in_a_few_at_a_time_until_it_is_known_what_they_cost() -> None:
+    loop = Loop()
+    came_in = 0
+    while loop.load.full() is None:
+        loop.load.entered()
+        came_in += 1
+    assert 5 < came_in < 30
+    loop.run(SETTLED_S + TICK_S, busy=0.01 * came_in)
+    assert loop.load.full() is None
+
+
+def test_a_thousand_who_ask_for_nothing_come_in_within_seconds() -> None:
+    loop = Loop()
+    came_in = 0
+    while came_in < 1000:
+        while came_in < 1000 and loop.load.full() is None:
+            loop.load.entered()
+            came_in += 1
+        loop.run(TICK_S, busy=0.02)
+    assert loop.now < 15
+
+
+def test_those_who_are_in_are_slowed_down_until_it_is_better_and_then_let_go() -> None:
+    loop = Loop()
+    assert loop.load.requests_per_s is None
+    loop.run(5, busy=1.0, ages=LATE)
+    rate = loop.load.requests_per_s
+    assert rate is not None
+    assert LEAST_RATE <= rate < 30
+    loop.run(60, busy=1.0, ages=LATE)
+    assert loop.load.requests_per_s == LEAST_RATE
+    loop.run(5, busy=0.5, ages=QUICK)
+    better = loop.load.requests_per_s
+    assert better is not None
+    assert LEAST_RATE < better < 2 * rate
+    loop.run(60, busy=0.5, ages=QUICK)
+    assert loop.load.requests_per_s is None
+
+
+def test_old_datagrams_are_dropped_and_sooner_where_a_queue_stands() -> None:
+    loop = Loop()
+    assert loop.load.handled(0.9 * MAX_AGE_S)
+    assert not loop.load.handled(1.1 * MAX_AGE_S)
+    loop.run(1, busy=1.0, ages=LATE)
+    assert loop.load.handled(0.9 * STANDING_AGE_S)
+    assert not loop.load.handled(1.1 * STANDING_AGE_S)
+    assert loop.load.state.stale == 2
+
+
+def test_it_says_how_old_things_got() -> None:
+    loop = Loop()
+    loop.load.handled(0.2)
+    loop.load.engine(queue_age_s=0.03, utilisation=0.4)
+    loop.pause(0.5, busy=0.0)
+    assert loop.load.state.ages == pytest.approx({"datagrams": 0.2, "loop": 0.4, "engine": 0.03})
+    loop.run(5, busy=0.0)
+    assert loop.load.state.ages["datagrams"] == 0.0
