@@ -1,7 +1,7 @@
 # Newcomers need only two commands: `make demo` and `make test`.
 SHELL := /bin/bash
 .DEFAULT_GOAL := help
-.PHONY: help demo gpu test test-compose fuzz lint lock format bench compare bench-gpu bench-hostile clean
+.PHONY: help demo gpu test test-compose fuzz lint lock format bench compare bench-gpu bench-hostile bench-load clean
 
 PYTHON ?= python3
 # PyTorch's package index. Without an NVIDIA GPU, save gigabytes with
@@ -29,6 +29,7 @@ help:
 	@echo "make lint          check types, style and generated files"
 	@echo "make bench         measure speed and memory against baselines (about 10 minutes)"
 	@echo "make bench-hostile measure a polite viewer while somebody else attacks (about 30 minutes; needs root for all of it)"
+	@echo "make bench-load    find how many viewers the render service serves, and what becomes of twice as many (about 3 minutes)"
 	@echo "make gpu           install GPU support for NVIDIA, as in: make gpu demo"
 	@echo "make bench-gpu     measure GPU rendering (needs a GPU)"
 	@echo "make lock          write the locks after a change of pyproject.toml or constraints.txt"
@@ -94,7 +95,10 @@ bench: .venv/.ready $(STATIC)
 	@$(VENV)/python -m benchmarks.dash
 	@$(VENV)/python -m benchmarks.sampling
 
-bench-gpu: .venv/.gpu
+bench-bench-load: .venv/.ready
+	@$(VENV)/python -m benchmarks.load $(ARGS)
+
+gpu: .venv/.gpu
 	@$(VENV)/python -m benchmarks.gpu $(ARGS)
 
 bench-hostile: .venv/.ready

@@ -41,8 +41,9 @@ class RenderSettings(ServiceSettings):
         default_factory=lambda given: Address("::" if given["lan"] else "localhost", WEBTRANSPORT.number)
     )
     """Address of HTTP/3 and WebTransport; `localhost` is 127.0.0.1 and ::1; `off` disables both."""
-    device: str = Field(default="auto", pattern=r"^(auto|cpu|cuda(:[0-9]{1,3})?)$")
-    """The device to render on: `cpu`, `cuda`, `cuda:N` for one of several GPUs, or `auto` for the fastest."""
+    device: str = Field(default="auto", pattern=r"^(auto|cpu|cuda(:[0-9]{1,3})?|instant(:[0-9]{1,7})?)$")
+    """The device to render on: `cpu`, `cuda`, `cuda:N` for one of several GPUs, or `auto` for the fastest. `instant`
+    and `instant:BYTES` render nothing: frames are made up, to measure everything else."""
     congestion_control: Literal["reno", "cubic"] = "reno"
     """QUIC's congestion control."""
     quic_limits: Limits = Limits()

@@ -1,0 +1,87 @@
+"""The processes of viewers, as the one that measures sees them."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from contextlib import ExitStack
+from typing import Self
+
+from benchmarks.load.observed import Observed
+from benchmarks.load.plan import ARRIVALS_PER_S, PATIENCE_S, Plan
+from tigas_common.processes import with_parent
+
+END_S = 5
+
+
+class Crowds:
+    """Viewers of one service, in several processes; a context manager."""
+
+    def __init__(self, plan: Plan, processes: int) -> None:
+        self._plan = plan
+        self._count = processes
+        self._processes: list[subprocess.Popen[str]] = []
+        self._viewers = 0
+
+    def __enter__(self) -> Self:
+        with ExitStack() as stack:
+            for place in range(self._count):
+                command = [sys.executable, "-m", "benchmarks.load.generator", str(place), str(self._count)]
+                process = subprocess.Popen(
+                    with_parent(command), stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+                )
+                stack.callback(_end, process)
+                self._processes.append(process)
+            self._tell(self._plan.to_json())
+            self._ending = stack.pop_all()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._ending.close()
+
+    def measure(self, viewers: int, warm_up_s: float, seconds: float, wait: Callable[[float], None]) -> Observed:
+        """What so many viewers meet within `seconds`, once they are there and have looked around for `warm_up_s`.
+
+        `wait` waits until a time of the monotonic clock. Raises RuntimeError if a process has ended.
+        """
+        arrivals = max(0, viewers - self._viewers) / ARRIVALS_PER_S
+        self._viewers = viewers
+        begin = time.monotonic() + arrivals + warm_up_s
+        end = begin + seconds
+        self._tell(f"viewers {viewers}")
+        self._tell(f"measure {begin} {end}")
+        wait(begin)
+        wait(end + PATIENCE_S)
+        return Observed.together([self._answer(process) for process in self._processes])
+
+    def clear(self) -> None:
+        """Let all viewers leave."""
+        self._viewers = 0
+        self._tell("viewers 0")
+
+    def _tell(self, line: str) -> None:
+        for process in self._processes:
+            assert process.stdin is not None
+            try:
+                process.stdin.write(line + "\n")
+                process.stdin.flush()
+            except BrokenPipeError:
+                raise RuntimeError("A process of viewers has ended.") from None
+
+    @staticmethod
+    def _answer(process: subprocess.Popen[str]) -> Observed:
+        assert process.stdout is not None
+        if not (line := process.stdout.readline()):
+            raise RuntimeError("A process of viewers has ended.")
+        return Observed.from_json(line)
+
+
+def _end(process: subprocess.Popen[str]) -> None:
+    process.terminate()
+    with process:
+        try:
+            process.wait(END_S)
+        except subprocess.TimeoutExpired:
+            process.kill()

@@ -1,0 +1,147 @@
+"""Measures a service: at given numbers of viewers, at the largest that it serves and beyond, or beside another."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+
+from benchmarks.load.crowd import Crowds
+from benchmarks.load.search import search
+from benchmarks.load.server import Server
+from benchmarks.load.step import Interval, Step
+from tigas_experiments.report.blocks import Estimate
+
+BEYOND = (1.5, 2.0)
+"""Times the number of viewers that can be served: what is offered afterwards."""
+LEAST_SERVED = 0.9995
+"""What counts as all of them: 100.0 %."""
+
+Told = Callable[[Step], None]
+Waits = Callable[[str, float], None]
+"""Waits until a time of the monotonic clock, while something is going on."""
+
+
+@dataclass(frozen=True, slots=True)
+class Timing:
+    """How long a step takes, in seconds."""
+
+    seconds: float
+    """That are measured."""
+    warm_up_s: float
+
+
+@dataclass(slots=True)
+class Subject:
+    """A service, and the viewers that look at its scene."""
+
+    server: Server
+    device: str
+    """What it renders with."""
+    crowds: Crowds
+
+    def step(self, viewers: int, timing: Timing, wait: Waits) -> Step:
+        """So many viewers, measured once. Raises RuntimeError if a process of viewers ends."""
+        cpu: list[float | None] = []
+
+        def measured(until: float) -> None:
+            wait(f"{viewers} viewers", until)
+            cpu.append(self.server.cpu_s())
+
+        observed = self.crowds.measure(viewers, timing.warm_up_s, timing.seconds, measured)
+        before, after = cpu[:2]
+        spent = None if before is None or after is None else after - before
+        return Step.of(viewers, timing.seconds, observed, spent)
+
+
+@dataclass(slots=True)
+class Capacity:
+    """The largest number of viewers that a service serves as it should, and how it was found."""
+
+    limit_ms: float
+    """That the 95th percentile may have."""
+    viewers: int = 0
+    """The largest that held; 0 if none did."""
+    found: bool = False
+    """Whether more were tried, and the service was what could not do it."""
+    steps: list[Step] = field(default_factory=list)
+    beyond: list[Step] = field(default_factory=list)
+    """At that number once more, and above it."""
+
+    def holds(self, step: Step) -> bool:
+        """Whether all were served, and in time."""
+        return step.served >= LEAST_SERVED and not step.outside and step.p95_ms <= self.limit_ms
+
+
+def measure_capacity(
+    subject: Subject, capacity: Capacity, first: int, most: int, steps: int, timing: Timing, told: Told, wait: Waits
+) -> None:
+    """Find it, in at most so many steps, and go on to what is more than that. `capacity` is filled while it is done."""
+    looking = search(first, most)
+    viewers = next(looking)
+    for _ in range(steps):
+        step = subject.step(viewers, timing, wait)
+        told(step)
+        capacity.steps.append(step)
+        good = step.bottleneck is None and capacity.holds(step)
+        if good:
+            capacity.viewers = max(capacity.viewers, viewers)
+        try:
+            viewers = looking.send(good)
+        except StopIteration:
+            break
+    failed = [step for step in capacity.steps if step.viewers > capacity.viewers]
+    capacity.found = bool(failed) and min(failed, key=lambda step: step.viewers).bottleneck is None
+    for factor in (1.0, *BEYOND) if capacity.viewers else ():
+        step = subject.step(round(factor * capacity.viewers), timing, wait)
+        told(step)
+        capacity.beyond.append(step)
+
+
+@dataclass(frozen=True, slots=True)
+class Ratio:
+    """How many times a figure of one service is that of another."""
+
+    value: float
+    """The geometric mean over pairs of steps."""
+    interval: Interval | None
+    """95 %, by a bootstrap over the pairs; None with too few."""
+
+    @classmethod
+    def of(cls, pairs: Sequence[tuple[float, float]]) -> Ratio | None:
+        """Of what was measured in turns; None if there is nothing to divide."""
+        logarithms = [math.log(one / other) for one, other in pairs if one > 0 and other > 0]
+        estimate = Estimate.over(logarithms)
+        if estimate is None:
+            return None
+        low, high = estimate.interval or (math.nan, math.nan)
+        return cls(math.exp(estimate.mean), (math.exp(low), math.exp(high)) if estimate.interval else None)
+
+
+@dataclass(frozen=True, slots=True)
+class Comparison:
+    """Two services at the same number of viewers, measured in turns."""
+
+    viewers: int
+    pairs: tuple[tuple[Step, Step], ...]
+    """The one that is looked at, and the baseline."""
+
+    def ratio(self, figure: Callable[[Step], float]) -> Ratio | None:
+        """Of a figure."""
+        return Ratio.of([(figure(one), figure(other)) for one, other in self.pairs])
+
+
+def compare(
+    subject: Subject, baseline: Subject, viewers: int, pairs: int, timing: Timing, told: Told, wait: Waits
+) -> Comparison:
+    """So many pairs of steps; who is first changes from pair to pair."""
+    measured = []
+    for number in range(pairs):
+        steps: dict[int, Step] = {}
+        for which in ((0, 1), (1, 0))[number % 2]:
+            one = (subject, baseline)[which]
+            steps[which] = one.step(viewers, timing, wait)
+            told(steps[which])
+            one.crowds.clear()
+        measured.append((steps[0], steps[1]))
+    return Comparison(viewers, tuple(measured))

@@ -1,0 +1,149 @@
+"""One step of a measurement: so many viewers, what they met, and whether it says anything of the service."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmarks.load.observed import Observed
+from benchmarks.load.viewer import SERVED
+
+LEAST_SPANS = 6
+"""For an interval: if nothing but chance decided each span's sign, fewer would agree in more than 5 % of all cases."""
+SPAN_MS = 500.0
+"""Latencies of neighbouring frames depend on one another, those of one span and the next hardly."""
+RESAMPLES = 400
+SEED = 1
+MOST_CPU = 0.85
+"""A process of viewers that computes for a larger share of the time is itself what everybody waits for."""
+MOST_LAG_MS, MOST_LAG_SHARE = 5.0, 0.1
+"""So late the viewers' processes may be, as a 95th percentile: in milliseconds, or as a share of the frames' own."""
+
+Floats = NDArray[np.float64]
+Interval = tuple[float, float]
+"""That the value lies in with a probability of 95 %, by a bootstrap over spans; nan with too few."""
+
+
+@dataclass(frozen=True, slots=True)
+class Generator:
+    """How the viewers' own processes did."""
+
+    cpu: float
+    """The share of the time that the busiest computed."""
+    cpu_ms: float
+    """Processor time of all of them for a frame, in milliseconds."""
+    lag_p95_ms: float
+    """How late they were: in sending requests, and in reading what had come."""
+
+
+@dataclass(frozen=True, slots=True)
+class Step:
+    """Figures of so many viewers at a time."""
+
+    viewers: int
+    outside: int
+    """Viewers without a session at the end: turned away, or thrown out."""
+    due: int
+    """Frames that these viewers wanted."""
+    fates: dict[str, int]
+    """How many of them ended how; see `viewer.Due`."""
+    p50_ms: float
+    p50_interval: Interval
+    p95_ms: float
+    """From sending a request to the last byte, of frames that were served."""
+    p95_interval: Interval
+    frames_per_s: float
+    """That came while it was measured, whenever they were due."""
+    frames_interval: Interval
+    mbit_per_s: float
+    kilobytes: float
+    """Of a frame."""
+    generator: Generator
+    server_cores: float | None
+    """Processor time of the service over time; None where that is not known."""
+
+    @property
+    def served(self) -> float:
+        """The share of frames that came."""
+        return self.fates.get(SERVED, 0) / self.due if self.due else 0.0
+
+    @property
+    def lost(self) -> dict[str, int]:
+        """All others, by their fates."""
+        return {fate: count for fate, count in sorted(self.fates.items()) if fate != SERVED}
+
+    @property
+    def bottleneck(self) -> str | None:
+        """Why it says nothing of the service: one sentence, if that is so."""
+        if self.generator.cpu > MOST_CPU:
+            return f"a process of viewers computed {self.generator.cpu:.0%} of the time"
+        if self.generator.lag_p95_ms > max(MOST_LAG_MS, MOST_LAG_SHARE * self.p95_ms):
+            return f"the viewers' processes were {self.generator.lag_p95_ms:.0f} ms late themselves (p95)"
+        return None
+
+    @classmethod
+    def of(cls, viewers: int, seconds: float, observed: Observed, server_cpu_s: float | None) -> Self:
+        """From what was observed in so many seconds."""
+        spans = max(1, round(1000 * seconds / SPAN_MS))
+        due = sum(observed.fates.values())
+        took = _by_span(observed.served, spans, 1000 * seconds)
+        arrivals = np.histogram(observed.there, bins=spans, range=(0, 1000 * seconds))[0] * spans / seconds
+        middle, late = _percentiles(took)
+        served = len(observed.served)
+        return cls(
+            viewers=viewers,
+            outside=observed.outside,
+            due=due,
+            fates=observed.fates,
+            p50_ms=middle[0],
+            p50_interval=middle[1],
+            p95_ms=late[0],
+            p95_interval=late[1],
+            frames_per_s=float(np.mean(arrivals)),
+            frames_interval=_mean_interval(arrivals),
+            mbit_per_s=8e-6 * observed.bytes / seconds,
+            kilobytes=observed.bytes / served / 1000 if served else math.nan,
+            generator=Generator(
+                max(observed.cpu) / seconds,
+                1000 * sum(observed.cpu) / served if served else math.nan,
+                float(np.percentile(observed.lags, 95)) if served else 0.0,
+            ),
+            server_cores=None if server_cpu_s is None else server_cpu_s / seconds,
+        )
+
+
+def _by_span(served: list[tuple[float, float]], spans: int, length_ms: float) -> list[Floats]:
+    at, took = np.array(served, np.float64).reshape(-1, 2).T
+    span = np.minimum((at / length_ms * spans).astype(int), spans - 1)
+    return [took[span == number] for number in range(spans)]
+
+
+def _percentiles(spans: list[Floats]) -> list[tuple[float, Interval]]:
+    """The 50th and the 95th of all spans together, each with its interval; nan if there is nothing."""
+    whole = np.concatenate(spans)
+    if not len(whole):
+        return [(math.nan, (math.nan, math.nan))] * 2
+    values = np.percentile(whole, (50, 95)).tolist()
+    filled = [span for span in spans if len(span)]
+    if len(filled) < LEAST_SPANS:
+        return [(value, (math.nan, math.nan)) for value in values]
+    random = np.random.default_rng(SEED)
+    drawn = [
+        np.percentile(np.concatenate([filled[n] for n in random.integers(len(filled), size=len(filled))]), (50, 95))
+        for _ in range(RESAMPLES)
+    ]
+    low, high = np.percentile(drawn, (2.5, 97.5), axis=0).tolist()
+    return list(zip(values, zip(low, high, strict=True), strict=True))
+
+
+def _mean_interval(values: Floats) -> Interval:
+    if len(values) < LEAST_SPANS:
+        return math.nan, math.nan
+    random = np.random.default_rng(SEED)
+    means = values[random.integers(len(values), size=(RESAMPLES, len(values)))].mean(axis=1)
+    low, high = np.percentile(means, (2.5, 97.5)).tolist()
+    return low, high

@@ -1,0 +1,81 @@
+"""A viewer's UDP socket: whole batches at a time where the kernel keeps together what was sent together (UDP_GRO)."""
+
+from __future__ import annotations
+
+import contextlib
+import socket
+import struct
+import time
+from collections.abc import Iterator
+
+from tigas_render.transport.arrival import STAMP_SPACE, arrival, ask_for_stamps, stamp_ns
+from tigas_render.transport.gso import Address
+
+SOL_UDP, UDP_GRO = 17, 104
+SIZE = struct.Struct("=i")
+SPACE = STAMP_SPACE + socket.CMSG_SPACE(SIZE.size)
+MAX_DATAGRAM = 65_535
+MAX_READS = 16
+"""Batches that one viewer reads before others have their turn."""
+BUFFER = 4 << 20
+"""Bytes asked of the kernel for what a viewer has not read yet."""
+
+
+class ViewerSocket:
+    """Connected to one server."""
+
+    def __init__(self, server: tuple[str, int], source: str | None) -> None:
+        """source: an address of this machine, or None for its own. Raises OSError."""
+        family, _, _, _, address = socket.getaddrinfo(*server, type=socket.SOCK_DGRAM)[0]
+        self.server: Address = address
+        self._socket = socket.socket(family, socket.SOCK_DGRAM)
+        self._empty_at = time.monotonic()
+        try:
+            self._socket.setblocking(False)
+            self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, BUFFER)
+            ask_for_stamps(self._socket)
+            with contextlib.suppress(OSError):  # an old kernel
+                self._socket.setsockopt(SOL_UDP, UDP_GRO, 1)
+            if source is not None:
+                self._socket.bind((source, 0))
+            self._socket.connect(self.server)
+        except BaseException:
+            self._socket.close()
+            raise
+
+    def fileno(self) -> int:
+        """For the event loop."""
+        return self._socket.fileno()
+
+    def read(self) -> Iterator[tuple[bytes, float]]:
+        """The datagrams that wait, and when each arrived, in seconds of the monotonic clock.
+
+        Raises ConnectionError if the server's port is closed.
+        """
+        for _ in range(MAX_READS):
+            try:
+                data, ancillary, _, _ = self._socket.recvmsg(MAX_DATAGRAM, SPACE)
+            except BlockingIOError:
+                self._empty_at = time.monotonic()
+                return
+            arrived = arrival(stamp_ns(ancillary), time.time_ns(), time.monotonic(), self._empty_at)
+            size = _segment(ancillary) or len(data)
+            for start in range(0, len(data), size):
+                yield data[start : start + size], arrived
+
+    def send(self, data: bytes) -> None:
+        """Send, or drop what the kernel has no room for, which QUIC sees as loss. Raises ConnectionError."""
+        with contextlib.suppress(BlockingIOError):
+            self._socket.send(data)
+
+    def close(self) -> None:
+        """Close the socket."""
+        self._socket.close()
+
+
+def _segment(ancillary: list[tuple[int, int, bytes]]) -> int:
+    """Of what sizes a batch is made, but for its last part; 0 if it is no batch."""
+    for level, kind, data in ancillary:
+        if (level, kind) == (SOL_UDP, UDP_GRO):
+            return int(SIZE.unpack_from(data)[0])
+    return 0
