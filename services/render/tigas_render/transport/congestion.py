@@ -7,6 +7,8 @@ burst that a 5 Mbit/s link drops. RFC 9002, 7.8: a window that is not used does 
 
 from __future__ import annotations
 
+from bisect import bisect_right
+from collections.abc import Sequence
 from typing import Any, Literal
 
 from aioquic.quic.congestion.base import QuicCongestionControl, register_congestion_control
@@ -38,13 +40,40 @@ class WindowLimited(QuicCongestionControl):
         if packet.packet_number > self._full_at:
             self.congestion_window = min(self.congestion_window, window)
 
+    def on_packets_sent(self, packets: Sequence[QuicSentPacket]) -> None:
+        """As `on_packet_sent` for each of them, the oldest first."""
+        for packet in packets:
+            self.on_packet_sent(packet=packet)
+
+    def on_packets_acked(self, packets: Sequence[QuicSentPacket], now: float) -> None:
+        """As `on_packet_acked` for each of them, the oldest first."""
+        for packet in packets:
+            self.on_packet_acked(now=now, packet=packet)
+
 
 class LimitedReno(WindowLimited, RenoCongestionControl):
-    """NewReno (RFC 9002)."""
+    """NewReno (RFC 9002), which takes a batch at once."""
+
+    def on_packets_sent(self, packets: Sequence[QuicSentPacket]) -> None:
+        """As `on_packet_sent` for each of them: once the window is full, it is full for those that follow."""
+        self.bytes_in_flight += sum(packet.sent_bytes for packet in packets)
+        if self.bytes_in_flight + self._packet_size > self.congestion_window:
+            self._full_at = packets[-1].packet_number
+
+    def on_packets_acked(self, packets: Sequence[QuicSentPacket], now: float) -> None:
+        """As `on_packet_acked` for each of them: those sent with room to spare change nothing but what is in flight."""
+        first_spare = bisect_right(packets, self._full_at, key=_number)
+        for packet in packets[:first_spare]:
+            self.on_packet_acked(now=now, packet=packet)
+        self.bytes_in_flight -= sum(packet.sent_bytes for packet in packets[first_spare:])
 
 
 class LimitedCubic(WindowLimited, CubicCongestionControl):
     """CUBIC (RFC 9438)."""
+
+
+def _number(packet: QuicSentPacket) -> int:
+    return packet.packet_number
 
 
 def algorithm(name: CongestionControl) -> str:

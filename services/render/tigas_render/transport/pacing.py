@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 from aioquic.quic.recovery import K_MICRO_SECOND, K_SECOND, QuicPacketPacer
 
 GAIN = 1.25
@@ -27,6 +29,18 @@ class TickPacer(QuicPacketPacer):
             if self.bucket_time <= 0:
                 return now + max(self.packet_time, TICK)
         return None
+
+    def allowance(self, now: float, most: int) -> int:
+        """How many of `most` packets `next_send_time` lets out now, one after the other."""
+        if self.packet_time is None:
+            return most
+        self.update_bucket(now=now)
+        return min(most, max(0, math.ceil(self.bucket_time / self.packet_time)))
+
+    def update_after_sends(self, count: int) -> None:
+        """As `update_after_send` for so many packets that `allowance` let out."""
+        if self.packet_time is not None:
+            self.bucket_time = max(0.0, self.bucket_time - count * self.packet_time)
 
     def update_rate(self, congestion_window: int, smoothed_rtt: float) -> None:
         size = self._max_datagram_size

@@ -69,19 +69,30 @@ class ServerQuicConnection(BulkQuicConnection):
         stream = self._streams.get(stream_id)
         return stream is not None and not stream.receiver.starting_offset() and not stream.receiver.is_finished
 
+    def _has_control_frames(self, stream: QuicStream) -> bool:
+        return super()._has_control_frames(stream) or (
+            self._window_to_announce(stream) != stream.max_stream_data_local_sent
+        )
+
+    def _window_to_announce(self, stream: QuicStream) -> int:
+        """A client may be one window ahead of what has arrived in order."""
+        limit = stream.receiver.starting_offset() + (window := self._configuration.max_stream_data)
+        if (
+            stream.max_stream_data_local
+            and not stream.receiver.is_finished
+            and limit - stream.max_stream_data_local >= window // 2
+        ):
+            return limit
+        return stream.max_stream_data_local
+
     def _write_stream_limits(self, builder: QuicPacketBuilder, space: QuicPacketSpace, stream: QuicStream) -> None:
-        """Let a client be one window ahead of what has arrived in order.
+        """Announce a stream's window.
 
         aioquic doubles the window whenever half of it was *reached*, so that a few bytes sent at ever higher offsets
         make it allocate without bound.
         """
         assert stream.stream_id is not None
-        window = self._configuration.max_stream_data
-        receiver = stream.receiver
-        if stream.max_stream_data_local and not receiver.is_finished:
-            limit = receiver.starting_offset() + window
-            if limit - stream.max_stream_data_local >= window // 2:
-                stream.max_stream_data_local = limit
+        stream.max_stream_data_local = self._window_to_announce(stream)
         if stream.max_stream_data_local_sent != stream.max_stream_data_local:
             buffer = builder.start_frame(
                 QuicFrameType.MAX_STREAM_DATA,
