@@ -1,4 +1,5 @@
 import { beforeEach, expect, test } from "vitest";
+import { orientation } from "../view/camera";
 import { NO_INPUT } from "../view/motion";
 import { Rig } from "../view/rig";
 import type { SceneInfo } from "../wire/render";
@@ -11,11 +12,16 @@ let chosen: PredictorName;
 let rig: Rig;
 let foresight: Foresight;
 let now: number;
+let turning: number;
 
 beforeEach(() => {
   chosen = "velocity";
   now = 1000;
-  rig = new Rig({ sampleInput: () => NO_INPUT, turnSpeed: () => 60 });
+  turning = 0;
+  rig = new Rig({
+    sampleInput: () => ({ ...NO_INPUT, axes: { ...NO_INPUT.axes, turnRight: turning } }),
+    turnSpeed: () => 60,
+  });
   rig.enter(SCENE);
   rig.drive((at) => ({ position: [at / 1000, 0, 0], quaternion: [0, 0, 0, 1] }));
   foresight = new Foresight(rig, () => chosen);
@@ -58,6 +64,24 @@ test("another choice holds at once, and of another connection nothing is known",
   expect(frames(10, shown)).toBeCloseTo(0.105, 6);
   foresight.reset();
   expect(frames(10, () => undefined)).toBe(0);
+});
+
+test("a camera that is put elsewhere, however near, is not on its way there", () => {
+  const shown = (askedAt: number, at: number) => foresight.shown(askedAt, at);
+  chosen = "auto";
+  frames(20, shown);
+  const [x, y, z] = rig.pose.position;
+  rig.drive(() => ({ position: [x + 0.5, y, z], quaternion: [...orientation(10, 0)] }));
+  expect(frames(1, shown)).toBe(0);
+  rig.drive(null); // back to the person, who is at the scene's start
+  expect(frames(1, shown)).toBe(0);
+  turning = 1;
+  frames(20, shown);
+  turning = 0;
+  rig.resetCamera();
+  frames(1, shown);
+  expect(foresight.pose(now).quaternion).toEqual(rig.pose.quaternion);
+  expect(foresight.onScreen(now).quaternion).toEqual(rig.pose.quaternion);
 });
 
 test("what takes long at rest, where views are refined, is not what the next movement waits for", () => {

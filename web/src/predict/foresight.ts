@@ -20,6 +20,8 @@ export class Foresight {
   #rest = { from: 0, until: Number.POSITIVE_INFINITY };
   #name: PredictorName | undefined;
   #predictor: Predictor | undefined;
+  /** The rig's, when it was looked at last. */
+  #placements = 0;
 
   constructor(rig: Rig, chosen: () => PredictorName) {
     this.#rig = rig;
@@ -37,6 +39,8 @@ export class Foresight {
     this.#clock.tick(now);
     this.#follow(now);
     const predictor = this.#current();
+    if (this.#rig.placements !== this.#placements) predictor.reset();
+    this.#placements = this.#rig.placements;
     predictor.observe(this.#rig.pose, now);
     return predictor.predict(this.ahead);
   }

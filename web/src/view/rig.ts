@@ -53,6 +53,7 @@ export class Rig {
   #sampledAt = 0;
   #changedAt = 0;
   #turning = 0;
+  #placements = 0;
 
   constructor(options: RigOptions) {
     this.#options = options;
@@ -78,6 +79,11 @@ export class Rig {
     return this.#turning;
   }
 
+  /** How often it was put somewhere else: wherever that was, nothing before it says where the camera will go. */
+  get placements(): number {
+    return this.#placements;
+  }
+
   /** What the person asked for at the last sample. */
   get input(): InputSample {
     return this.#input;
@@ -100,6 +106,7 @@ export class Rig {
     if (!this.#scene) return;
     this.#camera = startCamera(this.#scene);
     if (this.#source.peek() !== null) return;
+    this.#placements++;
     this.#pose = { seq: this.#pose.seq + 1, ...toScene(this.#camera, levelFor(this.#scene.up)) };
   }
 
@@ -110,6 +117,7 @@ export class Rig {
 
   /** Follow a source instead of a person, until it ends; null gives the person's camera back, which is where it was. */
   drive(source: PoseSource | null): void {
+    this.#placements++;
     this.#source.value = source;
   }
 
@@ -157,7 +165,7 @@ export class Rig {
 
   #driven(now: number): ScenePose | null {
     const pose = this.#source.peek()?.(now) ?? null;
-    if (pose === null) this.#source.value = null;
+    if (pose === null && this.#source.peek() !== null) this.drive(null);
     return pose;
   }
 
