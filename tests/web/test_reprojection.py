@@ -60,6 +60,13 @@ LATE = f"""
   }};
 }})();
 """
+LOSE = """
+() => {
+  const gl = document.querySelector("canvas.reprojected").getContext("webgl2");
+  window.loss = gl.getExtension("WEBGL_lose_context");
+  window.loss.loseContext();
+}
+"""
 
 
 def play(page: Page, *turns: tuple[float, float], capture_every_ms: float = 0) -> Recording:
@@ -158,13 +165,7 @@ def test_across_a_jump_the_old_view_stays_until_the_new_one_is_there(slow: Calla
 
 def test_a_lost_graphics_processor_leaves_frames_as_they_come_and_says_so(slow: Callable[..., Page]) -> None:
     page = slow(hud=True)
-    page.evaluate(
-        """() => {
-          const gl = document.querySelector("canvas.reprojected").getContext("webgl2");
-          window.loss = gl.getExtension("WEBGL_lose_context");
-          window.loss.loseContext();
-        }"""
-    )
+    page.evaluate(LOSE)
     expect(page.locator("[data-stat=reprojection-note]")).to_contain_text("graphics processor was lost")
     expect(page.locator("canvas.reprojected")).to_have_count(0)
     assert picture(page).std() > 10, "the picture is blank"
@@ -175,6 +176,18 @@ def test_a_lost_graphics_processor_leaves_frames_as_they_come_and_says_so(slow: 
     expect(page.locator("[data-stat=reprojection-note]")).to_have_count(0)
     page.keyboard.press("ArrowRight", delay=200)
     expect(page.locator("canvas.reprojected")).to_have_count(1)
+
+
+def test_a_lost_graphics_processor_leaves_the_view_as_large_as_it_was(slow: Callable[..., Page]) -> None:
+    """The frame below has margins, which nobody is to see."""
+    page = slow(hud=False, overscan=0.25)
+    before = picture(page)
+    page.route("**/render", lambda route: None)  # no other frame takes its place
+    page.evaluate(LOSE)
+    expect(page.locator("canvas.reprojected")).to_have_count(0)
+    after = picture(page)
+    aside = np.abs(before - np.roll(before, 8, axis=1)).mean()
+    assert np.abs(after - before).mean() < aside / 2
 
 
 def test_a_resized_window_and_a_turned_phone_show_the_whole_view(slow: Callable[..., Page]) -> None:

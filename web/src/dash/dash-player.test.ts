@@ -42,6 +42,7 @@ class FakePicture {
 }
 
 let now: number;
+let video: HTMLVideoElement;
 let axes: typeof STILL;
 let rig: Rig;
 let player: DashPlayer;
@@ -115,16 +116,17 @@ afterEach(() => {
 });
 
 function open(plan: Partial<DashPlan> = {}, overscan: number | null = null): void {
-  const video = {
+  video = {
+    style: {},
     requestVideoFrameCallback: (heard: VideoFrameRequestCallback) => {
       present = (mediaTime, expectedDisplayTime) => {
         mediaTimeNow = mediaTime;
         heard(0, { mediaTime, expectedDisplayTime, width: 640, height: 360 } as VideoFrameCallbackMetadata);
       };
     },
-  };
+  } as HTMLVideoElement;
   player = new DashPlayer({
-    video: video as HTMLVideoElement,
+    video,
     rig,
     base: "http://packager",
     scene: "courtyard",
@@ -202,6 +204,7 @@ test("with reprojection a stream is wider, its frames are turned, and view and c
   open({}, 0.1);
   await settle();
   expect(vi.mocked(openSession).mock.calls[0]?.[1]).toMatchObject({ width: 768, height: 432, cx: 384, cy: 216 });
+  expect(video.style.scale).toBe("1.2"); // until one is, margins are beyond the pane
   announce({ frame: 0, media_time_s: 0, pose: 0 });
   present(0, 1500);
   const first = rig.pose.seq;

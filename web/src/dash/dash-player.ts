@@ -108,6 +108,7 @@ export class DashPlayer {
     this.#foresight = new Foresight(rig, prediction);
     this.#feed = new CameraFeed({ rig, foresight: this.#foresight, overscan });
     this.#turned = overscan === null ? null : new TurnedVideo(video, reprojector);
+    video.style.scale = String(1 + 2 * (overscan ?? 0)); // until a frame is turned, its margins lie beyond the pane
     void this.#run(this.#visit.signal);
     this.#visibilityChanged();
     document.addEventListener("visibilitychange", this.#visibilityChanged);

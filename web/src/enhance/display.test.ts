@@ -10,7 +10,7 @@ import type { Renderer } from "./renderer";
 interface Frame {
   readonly id: number;
   readonly bitmap: ImageBitmap & { closed: boolean };
-  readonly header: { readonly profile: number };
+  readonly header: { readonly profile: number; readonly margin_x?: number; readonly margin_y?: number };
 }
 
 /** Enhancement as the test says. */
@@ -33,8 +33,8 @@ class FakeEnhancement {
 }
 
 let device: FakeDevice;
-let canvas: { drawn: unknown[]; shows: boolean };
-let overlay: { shows: boolean };
+let canvas: { drawn: unknown[]; style: { scale?: string } };
+let overlay: { shows: boolean; canvas: { style: { scale?: string } } };
 let enhancement: FakeEnhancement;
 let renderer: FakeRenderer;
 let size: { width: number; height: number };
@@ -46,8 +46,8 @@ beforeEach(() => {
   vi.stubGlobal("GPUTextureUsage", {});
   vi.stubGlobal("createImageBitmap", async () => bitmap());
   device = new Device();
-  canvas = { drawn: [], shows: true };
-  overlay = { shows: false };
+  canvas = { drawn: [], style: {} };
+  overlay = { shows: false, canvas: { style: {} } };
   enhancement = new FakeEnhancement();
   renderer = new FakeRenderer();
   size = { width: 1280, height: 720 };
@@ -55,23 +55,35 @@ beforeEach(() => {
   ids = 0;
   display = new Display<Frame>({
     canvas: {
-      getContext: () => ({ transferFromImageBitmap: (drawn: unknown) => canvas.drawn.push(drawn) }),
+      style: canvas.style,
+      getContext: () => ({
+        transferFromImageBitmap: (drawn: Frame["bitmap"]) => {
+          canvas.drawn.push(drawn);
+          Object.assign(drawn, { width: 0, height: 0 }); // its pixels are the canvas's
+        },
+      }),
     } as unknown as HTMLCanvasElement,
     overlay: {
+      canvas: overlay.canvas,
       show: () => {
         overlay.shows = true;
       },
       hide: () => {
         overlay.shows = false;
       },
-    } as Overlay,
+    } as unknown as Overlay,
     enhancement: enhancement as unknown as Enhancement,
     size: () => size,
   });
 });
 
 function bitmap(): Frame["bitmap"] {
-  const made = { width: 320, height: 180, closed: false, close: () => Object.assign(made, { closed: true }) };
+  const made = {
+    width: 320,
+    height: 180,
+    closed: false,
+    close: () => Object.assign(made, { width: 0, height: 0, closed: true }),
+  };
   return made as unknown as Frame["bitmap"];
 }
 
@@ -104,6 +116,20 @@ test("without a model a frame goes to the canvas, and is on the screen in the ne
   expect(canvas.drawn).toEqual([first.bitmap]);
   expect([animationFrame(), animationFrame()]).toEqual([1, undefined]);
   expect(overlay.shows).toBe(false);
+});
+
+test("a picture's margins lie beyond the pane, and those of a picture that is to replace it do not matter yet", async () => {
+  const wide = (margin_x: number, margin_y: number) => ({ ...frame(), header: { profile: 3, margin_x, margin_y } });
+  display.show(wide(40, 20));
+  expect(canvas.style.scale).toBe(`${320 / 240} ${180 / 140}`);
+  display.show(frame());
+  expect(canvas.style.scale).toBe("1 1");
+  await on();
+  display.show(wide(40, 20));
+  display.show(frame());
+  await done(0);
+  animationFrame();
+  expect(overlay.canvas.style.scale).toBe(`${320 / 240} ${180 / 140}`);
 });
 
 describe("with a model", () => {

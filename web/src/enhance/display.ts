@@ -34,6 +34,12 @@ interface Decoded {
   readonly header: Pick<FrameHeader, "profile" | "margin_x" | "margin_y">;
 }
 
+/** How many times as large a picture is with its margins. */
+interface Extent {
+  readonly across: number;
+  readonly down: number;
+}
+
 /** An enhanced picture that came on the overlay; `fresh`: none of its frame was there before. */
 export interface Arrived<Frame> {
   readonly frame: Frame;
@@ -49,6 +55,7 @@ interface Pending<Frame> {
   readonly renderer: Renderer;
   readonly names: Chain["names"];
   readonly drawn: Drawn;
+  readonly extent: Extent;
   /** Once it is done. */
   ms: number | null;
   /** Animation frames that it has taken. */
@@ -172,6 +179,7 @@ export class Display<Frame extends Decoded> {
     if (last) {
       this.#release([...done.slice(0, -1), this.#onScreen]);
       this.#onScreen = last;
+      hideMargins(this.#options.overlay.canvas, last.extent);
     }
     const frame = done.findLast((one) => one.frame !== null)?.frame ?? undefined;
     this.#watch(done);
@@ -207,7 +215,8 @@ export class Display<Frame extends Decoded> {
       enhancement.giveUp(sentence(error));
       return false;
     }
-    const pending: Pending<Frame> = { picture, frame, renderer, names: chain.names, drawn, ms: null, age: 0 };
+    const extent = extentOf(picture);
+    const pending: Pending<Frame> = { picture, frame, renderer, names: chain.names, drawn, extent, ms: null, age: 0 };
     drawn.done.then(
       (ms) => {
         pending.ms = ms;
@@ -237,13 +246,10 @@ export class Display<Frame extends Decoded> {
   }
 
   /** The part of a picture that is displayed fills the screen's pixels. */
-  #sizeWithMargins({ bitmap, header }: Frame): Size {
+  #sizeWithMargins(picture: Frame): Size {
     const { width, height } = this.#options.size();
-    const within = (length: number, margin: number | null | undefined) => length - 2 * (margin ?? 0);
-    return {
-      width: Math.round((width * bitmap.width) / within(bitmap.width, header.margin_x)),
-      height: Math.round((height * bitmap.height) / within(bitmap.height, header.margin_y)),
-    };
+    const { across, down } = extentOf(picture);
+    return { width: Math.round(width * across), height: Math.round(height * down) };
   }
 
   /** As it came. A canvas does not take its proportions from the bitmap that it is given, and would show it stretched. */
@@ -255,6 +261,7 @@ export class Display<Frame extends Decoded> {
       canvas.width = bitmap.width;
       canvas.height = bitmap.height;
     }
+    hideMargins(canvas, extentOf(picture));
     this.#context.transferFromImageBitmap(bitmap);
     this.#raw = frame;
     this.#keep(null);
@@ -285,6 +292,16 @@ export class Display<Frame extends Decoded> {
   #release(frames: readonly (Pending<Frame> | null)[]): void {
     for (const frame of frames) frame?.renderer.release(frame.drawn);
   }
+}
+
+function extentOf({ bitmap: { width, height }, header }: Decoded): Extent {
+  const times = (length: number, margin: number | null | undefined) => length / (length - 2 * (margin ?? 0));
+  return { across: times(width, header.margin_x), down: times(height, header.margin_y) };
+}
+
+/** Has margins lie beyond the pane: they are seen as soon as nothing turns pictures any more, and would shrink the view. */
+function hideMargins({ style }: HTMLCanvasElement, { across, down }: Extent): void {
+  style.scale = `${across} ${down}`;
 }
 
 function sentence(error: unknown): string {

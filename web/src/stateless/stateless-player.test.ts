@@ -52,7 +52,10 @@ beforeEach(() => {
   replies = [];
   shown = [];
   transport = new FakeTransport(() => now);
-  const canvas = { getContext: () => ({ transferFromImageBitmap: (bitmap: unknown) => drawn.push(bitmap) }) };
+  const canvas = {
+    style: {},
+    getContext: () => ({ transferFromImageBitmap: (bitmap: unknown) => drawn.push(bitmap) }),
+  };
   const overlay = new Overlay(canvas as unknown as HTMLCanvasElement);
   rig = new Rig({ sampleInput: () => ({ axes, nudge: NO_NUDGE }), turnSpeed: () => 60 });
   play(
