@@ -30,6 +30,7 @@ export const playStream: PlayStream = (video, manifest, events) => {
   player.on("fragmentLoadingProgress" as "fragmentLoadingCompleted", (event) => count(event, false));
   player.on(names.FRAGMENT_LOADING_COMPLETED, (event) => count(event, true));
   player.on(names.ERROR, (event) => events.failed(reasonOf(event as MediaPlayerErrorEvent)));
+  const deafen = listeningAsLongAs(video);
   player.initialize(video, manifest, true);
   return {
     player: `dash.js ${player.getVersion()}`,
@@ -38,9 +39,29 @@ export const playStream: PlayStream = (video, manifest, events) => {
       return Number.isFinite(seconds) && seconds > 0 ? seconds : null;
     },
     aim: (target) => player.updateSettings({ streaming: { delay: { liveDelay: target / 1000 } } }),
-    dispose: () => player.destroy(),
+    dispose: () => {
+      player.destroy();
+      deafen();
+    },
   };
 };
+
+/**
+ * Ends what listens to the video from now on, once the function that this returns is called. dash.js leaves a listener behind that
+ * fails: to set the playback rate it waits until the video can play (`VideoModel`), which may be in the next player's time.
+ */
+function listeningAsLongAs(video: HTMLVideoElement): () => void {
+  const visit = new AbortController();
+  const listen = video.addEventListener.bind(video) as EventTarget["addEventListener"];
+  video.addEventListener = ((type, listener, options) => {
+    const chosen = typeof options === "object" ? options : { capture: options === true };
+    listen(type, listener, { ...chosen, signal: visit.signal });
+  }) as EventTarget["addEventListener"];
+  return () => {
+    Reflect.deleteProperty(video, "addEventListener"); // the prototype's is seen again
+    visit.abort();
+  };
+}
 
 function reasonOf({ error }: MediaPlayerErrorEvent): string {
   return typeof error === "object" && error.message ? `The player stopped: ${error.message}` : "The player stopped.";
