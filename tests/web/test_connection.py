@@ -81,6 +81,24 @@ def test_a_server_that_falls_silent_is_named_and_keeps_its_viewers(open_page: Op
     wait_until_settled(page)
 
 
+def test_a_full_server_is_said_to_be_full_and_the_visit_begins_by_itself(open_page: OpenPage) -> None:
+    full = True
+
+    def say_so(route: Route) -> None:
+        answer = route.fetch()
+        route.fulfill(response=answer, json=answer.json() | ({"retry_after_s": 0.5} if full else {}))
+
+    page = open_page()
+    page.route("**/config.json", say_so)
+    page.get_by_role("link", name="Pebbles").click()
+    expect(page.locator(".stage-message")).to_contain_text("The server is full")
+    expect(page.locator(".stage")).to_have_attribute("data-phase", "full")
+    full = False
+    wait_for_frames(page)
+    expect(page.locator(".stage-message")).to_have_text("")
+    expect(page.locator(".stage")).to_have_attribute("data-transport", "webtransport-streams")
+
+
 def test_a_lost_server_is_announced_and_found_again(open_page: OpenPage, server: RenderServer) -> None:
     page = open_page(SCENE, expected_errors="ERR_")
     wait_for_frames(page)

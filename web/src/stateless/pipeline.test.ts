@@ -132,6 +132,27 @@ test.each([
   expect(subject.inFlight).toBe(expected);
 });
 
+test("a busy server is asked as often as it says", async () => {
+  const subject = pipeline();
+  for (let x = 0; x < 120; x++) {
+    for (const request of transport.requests) request.reply({ requestsPerS: 10 });
+    await frame(subject, view(x));
+  }
+  expect(transport.requests.length).toBeGreaterThan(15);
+  expect(transport.requests.length).toBeLessThan(24); // 120 animation frames of 16 ms
+});
+
+test("that the page asked too often is not said to the person, and it pauses", async () => {
+  const subject = pipeline();
+  subject.want(view(1), 0);
+  transport.requests[0]?.fail(problem("tigas:asked-too-often"));
+  for (let x = 2; x < 8; x++) await frame(subject, view(x));
+  expect(refusals).toEqual([]);
+  expect(transport.requests).toHaveLength(1);
+  for (let x = 8; x < 14; x++) await frame(subject, view(x));
+  expect(transport.requests.length).toBeGreaterThan(1);
+});
+
 test("what becomes of each request is told", async () => {
   const subject = pipeline();
   subject.want(view(0), 7);

@@ -6,6 +6,8 @@
  * reached the newest view simply waits in its slot and older ones are forgotten. Whatever fails is asked for again as long as
  * it is the newest: the last view is always rendered. A frame that is shown cancels all older requests.
  *
+ * A busy server says how often it may be asked, and that is kept to (request-pace.ts).
+ *
  * A request without a rung refines a view that rests (refinement.ts). It may be large, so it is cancelled as soon as another view
  * is wanted, it says nothing of how long frames take otherwise, and one that fails is not asked for again.
  */
@@ -15,6 +17,7 @@ import type { FrameHeader, RenderRequest } from "../wire/render";
 import type { Request } from "../wire/store";
 import type { DecodedImage } from "./decoder";
 import { InFlightLimit } from "./in-flight-limit";
+import { RequestPace } from "./request-pace";
 
 /** What to show: a request without its number. */
 export type ViewRequest = Omit<RenderRequest, "seq">;
@@ -83,6 +86,8 @@ type ReadyFrame = DecodedFrame & Pick<Entry, "request">;
 const RETRY_AFTER = 150;
 /** Problems of a single frame that came too late: they are counted and not shown. */
 const LATE = new Set(["tigas:superseded", "tigas:deadline-exceeded"]);
+/** Concerns the page, not the person: the next frame says how often to ask. */
+const TOO_OFTEN = "tigas:asked-too-often";
 
 export class FramePipeline {
   readonly #transport: FrameTransport;
@@ -91,6 +96,7 @@ export class FramePipeline {
   readonly #events: PipelineEvents;
   readonly #clock = new FrameClock();
   readonly #limit: InFlightLimit;
+  readonly #pace = new RequestPace();
   readonly #inFlight = new Map<number, Entry>();
   readonly #asides = new Set<AbortController>();
   #seq = 0;
@@ -124,20 +130,22 @@ export class FramePipeline {
       this.#cancel(({ request }) => request.asked === null, "another view is wanted");
     }
     const covered = Math.max(this.#shown.version, this.#ready?.version ?? 0, ...this.#versionsInFlight());
-    if (covered < this.#version && this.#room > 0 && now >= this.#retryAt) void this.#send(view, pose);
+    const may = now >= this.#retryAt && this.#pace.allows(now);
+    if (covered < this.#version && this.#room > 0 && may) void this.#send(view, pose);
   }
 
   /** Whether there is room that the view does not need now, for something beside it. */
   get spare(): boolean {
     // Of datagrams, whichever frame is complete first would push the older ones out.
     if (this.#transport.kind === "webtransport-datagrams" && this.#inFlight.size > 0) return false;
-    return this.#room > this.#asides.size;
+    return this.#room > this.#asides.size && this.#pace.allows(this.#now());
   }
 
   /** Ask for a picture beside the view: neither shows instead of the other. Rejects as transport and decoder do. */
   async aside(request: ViewRequest): Promise<AsidePicture> {
     const abort = new AbortController();
     this.#asides.add(abort);
+    this.#pace.sent(this.#now());
     try {
       const reply = await this.#transport.request({ ...request, seq: this.#seq++ }, abort.signal);
       return { ...reply, ...(await this.#decode(reply.image, abort.signal)) };
@@ -200,11 +208,13 @@ export class FramePipeline {
     this.#inFlight.set(seq, { version: this.#version, abort, request });
     const version = this.#version;
     this.#counts.sent++;
+    this.#pace.sent(request.at);
     this.#events.sent(request);
     try {
       const asked = { ...view, seq };
       const reply = await this.#transport.request(asked, abort.signal);
       if (!abort.signal.aborted) request.fate = "overtaken";
+      this.#pace.told(reply.header.requests_per_s ?? null);
       this.#events.replied(reply, view, pose);
       const decoded = await this.#decode(reply.image, abort.signal);
       if (request.asked !== null) this.#observe(reply, alone);
@@ -247,7 +257,7 @@ export class FramePipeline {
     if (error instanceof RequestProblem && LATE.has(error.problem.type)) return;
     if (error instanceof FrameDropped) return;
     this.#retryAt = this.#now() + RETRY_AFTER;
-    if (error instanceof RequestProblem) this.#events.refused(error);
+    if (error instanceof RequestProblem && error.problem.type !== TOO_OFTEN) this.#events.refused(error);
   }
 
   *#versionsInFlight(): Iterable<number> {

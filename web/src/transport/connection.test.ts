@@ -18,6 +18,11 @@ const config = (certificate: string): ServerConfig => ({
 
 let certificate: string;
 let reachable: boolean;
+/** What the server says of its being full, each time that it is asked; afterwards it has room. */
+let full: (number | null)[];
+let fallback: string | null;
+/** For how long it was waited, in milliseconds, but for checks. */
+let waits: number[];
 let transports: FakeTransport[];
 let states: ConnectionState[];
 let checks: (() => void)[];
@@ -40,24 +45,27 @@ function start(): Promise<void> {
       fetchConfig: async () => {
         await reply();
         if (!reachable) throw new Error("The server does not answer.");
-        return config(certificate);
+        return { ...config(certificate), retry_after_s: full.shift() ?? null };
       },
       connect: async () => {
         const transport = new FakeTransport(() => now);
         transports.push(transport);
-        return { transport, fallback: null };
+        return { transport, fallback };
       },
       onState: (state) => states.push(state),
       onSilence: (silent) => silence.push(silent),
       now: () => now,
       sleep: async (milliseconds, signal) => {
-        if (milliseconds < 100) return;
+        const checking = milliseconds === CHECK_EVERY || milliseconds === LOOK_EVERY;
+        if (!checking) waits.push(milliseconds);
+        if (milliseconds < 100 || full.length > 0) return;
         const { promise, resolve, reject } = deferred<void>();
         signal.addEventListener("abort", () => reject(signal.reason));
         (milliseconds === CHECK_EVERY ? checks : looks).push(() => resolve());
         await promise;
       },
       retry: { minTimeout: 1, maxTimeout: 2 },
+      random: () => 0.5,
     },
     stop.signal,
   );
@@ -66,6 +74,9 @@ function start(): Promise<void> {
 beforeEach(() => {
   certificate = "a";
   reachable = true;
+  full = [];
+  fallback = null;
+  waits = [];
   transports = [];
   states = [];
   checks = [];
@@ -102,6 +113,28 @@ test("a server that is not there is tried again until it is", async () => {
   await reached("lost", 3);
   reachable = true;
   await reached("connected");
+  stop.abort();
+  await running;
+});
+
+test("a full server is asked again when it says, a little later, until it has room", async () => {
+  full = [5, 3, null];
+  const running = start();
+  await reached("connected");
+  expect(states.map(({ status }) => status)).toEqual(["connecting", "full", "full", "connected"]);
+  expect(waits).toEqual([6250, 3750]);
+  expect(transports).toHaveLength(1);
+  stop.abort();
+  await running;
+});
+
+test("a server that has become full while it was connected to is full, and not without QUIC", async () => {
+  full = [null, 2, null];
+  fallback = "QUIC could not connect";
+  const running = start();
+  await reached("connected");
+  expect(states.map(({ status }) => status)).toEqual(["connecting", "full", "connected"]);
+  expect(transports.map(({ closed }) => closed)).toEqual([true, false]);
   stop.abort();
   await running;
 });

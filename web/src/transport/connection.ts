@@ -1,6 +1,7 @@
 /**
  * Keeps a transport to the server: connects, notices when the server is lost, and connects again until it is closed.
- * Each attempt reads the server's configuration anew: after a restart its certificate is another one.
+ * Each attempt reads the server's configuration anew: after a restart its certificate is another one, and only there a server
+ * can say that it is full, since browsers do not tell why a session failed.
  */
 import pRetry from "p-retry";
 import type { ServerConfig } from "../wire/render";
@@ -11,7 +12,9 @@ import { WatchedTransport } from "./watched";
 export type ConnectionState =
   | { readonly status: "connecting" }
   | ({ readonly status: "connected" } & Connected)
-  | { readonly status: "lost"; readonly reason: string };
+  | { readonly status: "lost"; readonly reason: string }
+  /** The server takes no new viewers; it is asked again by itself. */
+  | { readonly status: "full" };
 
 export interface ConnectionOptions {
   readonly fetchConfig: (signal: AbortSignal) => Promise<ServerConfig>;
@@ -24,7 +27,12 @@ export interface ConnectionOptions {
   readonly now: Clock;
   /** First and longest pause between attempts, in milliseconds. */
   readonly retry?: { readonly minTimeout: number; readonly maxTimeout: number };
+  /** From 0 to 1. */
+  readonly random?: () => number;
 }
+
+/** Those who wait for a full server come back at different times, up to this much later than they were told, as a share of it. */
+const JITTER = 0.5;
 
 /** How often an open connection is checked, in milliseconds: a server that died says nothing. */
 export const CHECK_EVERY = 3000;
@@ -33,25 +41,24 @@ export const LOOK_EVERY = 250;
 
 /** Runs until the signal aborts, and then closes the transport. */
 export async function maintainConnection(options: ConnectionOptions, signal: AbortSignal): Promise<void> {
-  const { fetchConfig, connect, onState, sleep, now, retry = { minTimeout: 300, maxTimeout: 2000 } } = options;
+  const { onState, sleep, now, retry = { minTimeout: 300, maxTimeout: 2000 }, random = Math.random } = options;
   onState({ status: "connecting" });
   while (!signal.aborted) {
     try {
-      const { config, connected } = await pRetry(
-        async () => {
-          const config = await fetchConfig(signal);
-          return { config, connected: await connect(config, signal) };
-        },
-        {
-          ...retry,
-          retries: Number.POSITIVE_INFINITY,
-          factor: 1.6,
-          randomize: true,
-          signal,
-          shouldRetry: () => !signal.aborted,
-          onFailedAttempt: () => onState({ status: "lost", reason: "The server does not answer." }),
-        },
-      );
+      const { config, connected } = await pRetry(() => attempt(options, signal), {
+        ...retry,
+        retries: Number.POSITIVE_INFINITY,
+        factor: 1.6,
+        randomize: true,
+        signal,
+        shouldRetry: () => !signal.aborted,
+        onFailedAttempt: () => onState({ status: "lost", reason: "The server does not answer." }),
+      });
+      if (connected === null) {
+        onState({ status: "full" });
+        await sleep(1000 * (config.retry_after_s ?? 0) * (1 + JITTER * random()), signal);
+        continue;
+      }
       const transport = new WatchedTransport(connected.transport, now);
       onState({ status: "connected", ...connected, transport });
       const reason = await lostReason(config, transport, options, signal);
@@ -62,6 +69,25 @@ export async function maintainConnection(options: ConnectionOptions, signal: Abo
       if (!signal.aborted) throw error;
     }
   }
+}
+
+/** The server's configuration and a transport; null while the server is full. */
+async function attempt(
+  { fetchConfig, connect }: ConnectionOptions,
+  signal: AbortSignal,
+): Promise<{ config: ServerConfig; connected: Connected | null }> {
+  const config = await fetchConfig(signal);
+  if (isFull(config)) return { config, connected: null };
+  const connected = await connect(config, signal);
+  if (connected.fallback === null) return { config, connected };
+  const later = await fetchConfig(signal); // it may have become full just now
+  if (!isFull(later)) return { config, connected };
+  connected.transport.close();
+  return { config: later, connected: null };
+}
+
+function isFull({ retry_after_s }: ServerConfig): boolean {
+  return typeof retry_after_s === "number";
 }
 
 /**

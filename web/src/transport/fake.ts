@@ -8,7 +8,7 @@ export interface FakeRequest {
   readonly signal: AbortSignal;
   readonly sentAt: number;
   /** Answers with a frame whose last byte comes now. */
-  reply(options?: { readonly timing?: ServerTiming; readonly bytes?: number }): void;
+  reply(options?: { readonly timing?: ServerTiming; readonly bytes?: number; readonly requestsPerS?: number }): void;
   fail(error: unknown): void;
 }
 
@@ -40,9 +40,16 @@ export class FakeTransport implements FrameTransport {
       signal,
       sentAt,
       fail: reject,
-      reply: ({ timing = { queue: 0, render: 0, encode: 0 }, bytes = 1000 } = {}) => {
+      reply: ({ timing = { queue: 0, render: 0, encode: 0 }, bytes = 1000, requestsPerS } = {}) => {
         const at = this.#now();
-        const header = { status: 200, seq: request.seq ?? 0, content_type: "image/jpeg", timing, ...extent(request) };
+        const header = {
+          status: 200,
+          seq: request.seq ?? 0,
+          content_type: "image/jpeg",
+          timing,
+          ...extent(request),
+          requests_per_s: requestsPerS ?? null,
+        };
         const arrival = { sentAt, firstByteAt: at, lastByteAt: at, bytes, sharedBytes: 0 };
         resolve({ header, image: new Blob(), arrival });
       },

@@ -34,6 +34,13 @@ test("a problem is a refusal, and the server is still there", async () => {
   expect(await Promise.race([subject.lost, Promise.resolve("there")])).toBe("there");
 });
 
+test("a full server takes this viewer no more: the connection has to be made anew", async () => {
+  const problem = { type: "tigas:full", title: "", status: 503, detail: "The server is full." };
+  const subject = answer(() => Response.json(problem, { status: 503 }));
+  await expect(subject.request(REQUEST, never)).rejects.toMatchObject({ problem });
+  expect(await subject.lost).toBe("The server is full.");
+});
+
 test("an error page of something in between becomes a sentence", async () => {
   const subject = answer(() => new Response("<h1>Bad gateway</h1>", { status: 502 }));
   await expect(subject.request(REQUEST, never)).rejects.toThrow("The server answered with status 502.");

@@ -35,7 +35,11 @@ export class FetchTransport implements FrameTransport {
         cache: "no-store",
         signal: either,
       });
-      if (!response.ok) throw new RequestProblem(await readProblem(response));
+      if (!response.ok) {
+        const problem = await readProblem(response);
+        if (problem.type === "tigas:full") this.#lose(problem.detail);
+        throw new RequestProblem(problem);
+      }
       const chunks = response.body === null ? [] : await readAll(response.body, reception, either);
       const header = frameHeader(response.status, response.headers);
       return { header, image: new Blob(chunks, { type: header.content_type }), arrival: reception.arrival };

@@ -17,6 +17,7 @@ test("reads what the server says about a frame", () => {
     margin_y: 54,
     profile: 2,
     timing: { queue: 0.25, render: 12.5, encode: 1.75 },
+    requests_per_s: null,
   });
 });
 

@@ -13,6 +13,7 @@ export function frameHeader(status: number, headers: Headers): FrameHeader {
     margin_y: frame.get("margin_y") ?? null,
     profile: frame.get("profile") ?? null,
     timing: serverTiming(headers.get("Server-Timing") ?? ""),
+    requests_per_s: frame.get("requests_per_s") ?? null,
   };
 }
 

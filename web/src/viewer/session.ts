@@ -34,6 +34,7 @@ export type Phase =
   | { readonly kind: "loading" }
   | { readonly kind: "playing" }
   | { readonly kind: "lost"; readonly message: string }
+  | { readonly kind: "full" }
   | { readonly kind: "failed"; readonly message: string };
 
 /** Where a visit is shown: both pictures are always there, and the mode says which are seen. */
@@ -301,6 +302,7 @@ export class ViewerSession {
     if (state.status === "lost") this.#loading = undefined; // started again, the server may have another ladder for it
     if (state.status === "connecting") this.phase.value = { kind: "connecting" };
     else if (state.status === "lost") this.phase.value = { kind: "lost", message: state.reason };
+    else if (state.status === "full") this.phase.value = { kind: "full" };
     else void this.#play(state, signal);
   }
 

@@ -16,6 +16,7 @@ export function StageMessage({ session }: { session: ViewerSession }) {
       {(kind === "connecting" || kind === "loading") && (
         <Waiting>{kind === "loading" ? "Loading the scene…" : "Connecting…"}</Waiting>
       )}
+      {kind === "full" && <Waiting>The server is full. The scene opens by itself as soon as there is room.</Waiting>}
       {kind === "lost" && <Lost>{message}</Lost>}
       {kind === "failed" && (
         <div class="floating message tall" data-tone="danger">
