@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from aioquic._buffer import Buffer
-from aioquic.quic.connection import END_STATES, QuicConnection, QuicNetworkPath
+from aioquic.quic.connection import END_STATES, QuicNetworkPath
 from aioquic.quic.packet import PACKET_FIXED_BIT, QuicFrameType, QuicPacketType
 from aioquic.quic.packet_builder import PACKET_NUMBER_SEND_SIZE, QuicDeliveryHandler, QuicPacketBuilder, QuicSentPacket
 from aioquic.quic.stream import QuicStream, QuicStreamSender
@@ -21,6 +21,7 @@ from aioquic.tls import Epoch
 from tigas_render.transport.gso import Datagram
 from tigas_render.transport.pacing import TickPacer
 from tigas_render.transport.protection import seal
+from tigas_render.transport.receiving import ReceivingQuicConnection
 from tigas_render.transport.recovery import BatchRecovery, StreamPacket
 
 SHORT_HEADER = 1 + PACKET_NUMBER_SEND_SIZE + 16
@@ -72,7 +73,7 @@ class Preamble:
         return self._buffer.data
 
 
-class BulkQuicConnection(QuicConnection):
+class BulkQuicConnection(ReceivingQuicConnection):
     """A connection that writes stream data in bulk, the oldest stream first, so that frames arrive one by one."""
 
     _loss: BatchRecovery

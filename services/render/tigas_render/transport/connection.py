@@ -70,7 +70,10 @@ class Connection:
         self._server = server
         self._loop = asyncio.get_running_loop()
         self._timer: asyncio.TimerHandle | None = None
-        self._timer_at: float | None = None
+        self._timer_at = 0.0
+        """When it rings: before `_due` where that was put off, since a timer costs more than a look at the clock."""
+        self._due: float | None = None
+        """When there is something to do."""
         self._transmit_handle: asyncio.Handle | None = None
         self._abandoned = False
         self._handshake_timer = self._loop.call_later(service.limits.handshake_timeout, self._handshake_late)
@@ -119,17 +122,23 @@ class Connection:
         if self.router is not None:
             self.router.writer.wake()
         deadlines = (self._quic.get_timer(), self.router.deadline if self.router is not None else None)
-        timer_at = min((at for at in deadlines if at is not None), default=None)
-        if timer_at != self._timer_at:
-            if self._timer is not None:
-                self._timer.cancel()
-            self._timer = None if timer_at is None else self._loop.call_at(timer_at, self._handle_timer)
-            self._timer_at = timer_at
+        self._due = min((at for at in deadlines if at is not None), default=None)
+        self._arm()
+
+    def _arm(self) -> None:
+        if self._due is None or (self._timer is not None and self._timer_at <= self._due):
+            return
+        if self._timer is not None:
+            self._timer.cancel()
+        self._timer_at = self._due
+        self._timer = self._loop.call_at(self._due, self._handle_timer)
 
     def _handle_timer(self) -> None:
-        assert self._timer_at is not None
         now = max(self._timer_at, _now())
-        self._timer = self._timer_at = None
+        self._timer = None
+        if self._due is None or self._due > now:
+            self._arm()
+            return
         try:
             self._quic.handle_timer(now=now)
             self._process_events(now)
