@@ -181,8 +181,9 @@ class BulkQuicConnection(ReceivingQuicConnection):
                 self._cut(stream, allowed - len(pieces), ahead if not pieces else b"", pieces, payloads)
         if pieces:
             self._pacer.update_after_sends(len(pieces))
-        if sending and window > len(pieces) == allowed and any(not stream.sender.buffer_is_empty for stream in sending):
-            self._pacing_at = self._pacer.next_send_time(now)
+        if sending and window > len(pieces) == allowed:
+            left = sum(stream.sender._buffer_stop - stream.sender.next_offset for stream in sending)
+            self._pacing_at = self._pacer.next_burst(now, -(-left // self._max_datagram_size)) if left else None
         if preamble is not None and not pieces:
             payloads.append(ahead)
         return self._seal_and_register(payloads, pieces, preamble, now) if payloads else []

@@ -14,10 +14,14 @@ TICK = 0.001
 MIN_BURST = 2
 MAX_IDLE_BURST = 16
 """Packets that may leave at once after a pause, whatever the rate."""
+WORTHWHILE = 10
+"""Packets that are worth waking up for (RFC 9002, 7.7: bursts up to the initial window),"""
+MAX_WAIT = 0.004
+"""but none waits for others longer than this, in seconds."""
 
 
 class TickPacer(QuicPacketPacer):
-    """Lets out what the rate allows for two ticks at once.
+    """Lets out what the rate allows for a moment at once.
 
     aioquic's own allows 16 packets and then asks to be woken for the next one: with timers of a millisecond that is a
     ceiling of about 180 Mbit/s, and it makes batches too small for segmentation offload.
@@ -37,6 +41,11 @@ class TickPacer(QuicPacketPacer):
         self.update_bucket(now=now)
         return min(most, max(0, math.ceil(self.bucket_time / self.packet_time)))
 
+    def next_burst(self, now: float, waiting: int) -> float:
+        """When to send on, if so many packets wait and `allowance` lets no more out: the last of them is not late."""
+        assert self.packet_time is not None
+        return now + max(TICK, min(min(waiting, WORTHWHILE) * self.packet_time, MAX_WAIT))
+
     def update_after_sends(self, count: int) -> None:
         """As `update_after_send` for so many packets that `allowance` let out."""
         if self.packet_time is not None:
@@ -47,5 +56,6 @@ class TickPacer(QuicPacketPacer):
         rate = GAIN * congestion_window / max(smoothed_rtt, K_MICRO_SECOND)
         self.packet_time = max(K_MICRO_SECOND, min(size / rate, K_SECOND))
         burst = max(MIN_BURST * size, min(congestion_window // 4, MAX_IDLE_BURST * size))
-        self.bucket_max = max(burst / rate, 2 * TICK)
+        worthwhile = min(WORTHWHILE * self.packet_time, MAX_WAIT) + TICK
+        self.bucket_max = max(burst / rate, worthwhile, 2 * TICK)
         self.bucket_time = min(self.bucket_time, self.bucket_max)
