@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import json
+import math
 import struct
 import time
 from typing import Any, Protocol
@@ -31,7 +32,7 @@ class Listener(Protocol):
         """Frames may be asked for."""
 
     def answered(self, stream_id: int, status: int, header: dict[str, Any], size: int, arrived: float) -> None:
-        """An answer is there, whole. header: the FrameHeader, or with POST none of it. size: bytes."""
+        """An answer is there, whole. header: the FrameHeader; with POST, only its rate. size: bytes."""
 
     def failed(self, stream_id: int) -> None:
         """The service has reset a stream."""
@@ -56,7 +57,7 @@ class Client:
         """What each request begins with."""
         self._is_open = self._is_over = False
         self._timer: asyncio.TimerHandle | None = None
-        self._timer_at: float | None = None
+        self._timer_at = math.inf
         authority = f"{server[0]}:{server[1]}".encode()
         self._fields = ((b":scheme", b"https"), (b":authority", authority), (b":path", b"/render"))
         self._loop.add_reader(self._socket.fileno(), self._readable)
@@ -105,23 +106,33 @@ class Client:
     def _transmit(self) -> None:
         if self._is_over:
             return
+        now = time.monotonic()
         try:
-            for data, _ in self._quic.datagrams_to_send(time.monotonic()):
+            if (acknowledgement := self._quic.acknowledgement(now)) is not None:
+                self._socket.send(acknowledgement)
+            for data, _ in self._quic.datagrams_to_send(now):
                 self._socket.send(data)
         except ConnectionError:
             self._lost(None)
             return
-        timer_at = self._quic.get_timer()
-        if timer_at != self._timer_at:
-            if self._timer is not None:
-                self._timer.cancel()
-            self._timer_at = timer_at
-            delay = None if timer_at is None else max(0.0, timer_at - time.monotonic())
-            self._timer = None if delay is None else self._loop.call_later(delay, self._timed_out)
+        self._set_timer(now)
+
+    def _set_timer(self, now: float) -> None:
+        due = self._quic.get_timer()
+        if due is None or due >= self._timer_at:  # an earlier one sees then that it is not due
+            return
+        if self._timer is not None:
+            self._timer.cancel()
+        self._timer_at = due
+        self._timer = self._loop.call_later(max(0.0, due - now), self._timed_out)
 
     def _timed_out(self) -> None:
+        self._timer, self._timer_at = None, math.inf
         now = time.monotonic()
-        self._timer = self._timer_at = None
+        due = self._quic.get_timer()
+        if due is None or due > now:
+            self._set_timer(now)
+            return
         self._quic.handle_timer(now)
         self._handle_events(now)
         self._transmit()
@@ -198,7 +209,10 @@ def _post_status(head: bytes) -> tuple[int, dict[str, Any]]:
         raise ValueError("an answer that does not begin with its fields")
     section = buffer.pull_bytes(buffer.pull_uint_var())
     _, fields = pylsqpack.Decoder(0, 0).feed_header(0, section)
-    return int(dict(fields)[b":status"]), {}
+    named = dict(fields)
+    about = dict(part.split(b"=") for part in named.get(b"tigas-frame", b"").split(b", ") if part)
+    rate = about.get(b"requests_per_s")
+    return int(named[b":status"]), {} if rate is None else {"requests_per_s": float(rate)}
 
 
 def _varint(value: int) -> bytes:

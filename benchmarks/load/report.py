@@ -63,7 +63,7 @@ def _lost(step: Step) -> str:
     if step.outside:
         told.append(f"{step.outside} viewers outside")
     if step.bottleneck:
-        told.append(f"NOT THE SERVICE: {step.bottleneck}")
+        told.append(f"beware: {step.bottleneck}")
     return ", ".join(told)
 
 
@@ -78,7 +78,8 @@ def verdict(capacity: Capacity) -> str:
     if capacity.viewers and capacity.found:
         return f"{capacity.viewers} viewers are the most with {limit}."
     if capacity.viewers:
-        return f"At least {capacity.viewers} viewers have {limit}: more were not tried, or only with viewers too slow."
+        why = "more were not tried, or the viewers' own processes were too slow for more"
+        return f"At least {capacity.viewers} viewers have {limit}: {why}."
     bound = next((step.bottleneck for step in capacity.steps if step.bottleneck), None)
     if bound:
         return f"Nothing is known of the service: {bound}. Give the viewers more processes or cores."

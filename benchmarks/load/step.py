@@ -1,4 +1,4 @@
-"""One step of a measurement: so many viewers, what they met, and whether it says anything of the service."""
+"""One step of a measurement: so many viewers, what they met, and whether their own processes kept up."""
 
 from __future__ import annotations
 
@@ -78,7 +78,7 @@ class Step:
 
     @property
     def bottleneck(self) -> str | None:
-        """Why it says nothing of the service: one sentence, if that is so."""
+        """Why somebody who waited long may have waited for the viewers' own processes; None if they kept up."""
         if self.generator.cpu > MOST_CPU:
             return f"a process of viewers computed {self.generator.cpu:.0%} of the time"
         if self.generator.lag_p95_ms > max(MOST_LAG_MS, MOST_LAG_SHARE * self.p95_ms):

@@ -18,6 +18,9 @@ COMES_AGAIN_S = 1.0
 SERVED = "served"
 FATES = {200: SERVED, 409: "superseded", 429: "refused", 503: "overloaded", 504: "late"}
 """By an answer's status; with any other, it has `failed`."""
+LATE = ("superseded", "late")
+AFTER_REFUSAL_S = 0.15
+"""A viewer who is refused for another reason asks for nothing for so long, as the page does."""
 GOLDEN = 0.618034
 """Multiples of it, modulo 1, are spread evenly, however many there are."""
 
@@ -30,7 +33,7 @@ class Due:
     fate: str
     """`served`; `overtaken` by a newer frame, so that the viewer cancelled it; `superseded`, `late`, `overloaded`,
     `refused` or `failed`, as the service says; `reset`, or `lost` with the connection; or not even asked for: too many
-    are `waiting`, the service `paced` the viewer, or it was `outside`, without a session.
+    are `waiting`, the viewer was `paced` by the service's rate or just refused, or it was `outside`, without a session.
     """
     took: float = math.nan
     """From sending the request to the last byte, if there was an answer."""
@@ -68,9 +71,9 @@ class Viewer:
         self._asked: dict[int, _Asked] = {}
         """By stream, the oldest first."""
         self._seq = 0
-        self._least_interval = 0.0
-        """That the service asks for."""
-        self._sent = -math.inf
+        self._spacing = 0.0
+        """Of requests, that the service asks for, in seconds."""
+        self._not_before = 0.0
         self._client: Client | None = None
         self._next: asyncio.TimerHandle | None = None
         self._again: asyncio.TimerHandle | None = None
@@ -112,13 +115,13 @@ class Viewer:
         self._frame += 1
         if not self.is_inside or self._client is None:
             self.ended.append(Due(due, "outside"))
-        elif now < self._sent + self._least_interval - self._interval / 2:
+        elif now < self._not_before:
             self.ended.append(Due(due, "paced"))
         elif len(self._asked) >= IN_FLIGHT:
             self.ended.append(Due(due, "waiting"))
         else:
             self._seq += 1
-            self._sent = now
+            self._not_before = max(self._not_before, now - self._interval) + self._spacing
             request = self._plan.request(self._route, self._frame, self._seq)
             stream_id = self._client.ask(request)
             if self.is_inside:  # sending has not failed
@@ -137,11 +140,13 @@ class Viewer:
             return
         now = time.monotonic()
         rate = header.get("requests_per_s")
-        self._least_interval = 1 / rate if rate else 0.0
-        lag = asked.sent - asked.due + now - arrived
-        self.ended.append(Due(asked.due, FATES.get(status, "failed"), now - asked.sent, now, size, lag))
-        if status == 200:
+        self._spacing = 1 / rate if rate else 0.0
+        fate = FATES.get(status, "failed")
+        self.ended.append(Due(asked.due, fate, now - asked.sent, now, size, asked.sent - asked.due + now - arrived))
+        if fate == SERVED:
             self._overtake(asked.seq)
+        elif fate not in LATE:
+            self._not_before = now + AFTER_REFUSAL_S
 
     def _overtake(self, seq: int) -> None:
         """Nobody wants the frames before the one that is there."""
@@ -162,7 +167,7 @@ class Viewer:
         self.is_inside = False
         self.ended += [Due(asked.due, "lost") for asked in self._asked.values()]
         self._asked.clear()
-        self._least_interval = 0.0
+        self._spacing = 0.0
         known = retry_after_s is not None and math.isfinite(retry_after_s)
         self._again = self._loop.call_later(retry_after_s if known and retry_after_s else COMES_AGAIN_S, self._connect)
 

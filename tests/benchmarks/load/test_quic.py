@@ -20,7 +20,7 @@ def deliver(parts: list[tuple[int, bytes]]) -> tuple[int, bytes | None]:
         event = answer.handle_frame(QuicStreamFrame(data=data, offset=start, fin=start + len(data) == len(BODY)))
         if event is not None:
             assert answer.is_finished
-            assert answer.size == len(BODY)
+            assert answer.highest_offset == len(BODY)
             return count, event.data
     return len(parts), None
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import random
 from collections import Counter
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
 
 import pytest
@@ -72,6 +72,24 @@ async def test_what_a_newer_frame_has_overtaken_is_cancelled() -> None:
         await source.until(lambda: source.cancelled == [3])
         await eventually(lambda: fates(viewer)["overtaken"])
     assert fates(viewer)["overtaken"] == 1
+
+
+async def test_a_viewer_keeps_to_the_rate_that_it_is_told() -> None:
+    source = FakeFrames()
+    async with viewing(source) as (viewer, _):
+        await eventually(lambda: fates(viewer)["served"])
+        viewer.answered = _told(viewer, 50)  # type: ignore[method-assign]
+        await eventually(lambda: fates(viewer)["served"] > 1)
+        viewer.ended.clear()
+        await eventually(lambda: len(viewer.ended) >= 40)
+    asked = fates(viewer).total() - fates(viewer)["paced"]
+    assert asked == pytest.approx(fates(viewer).total() * 50 / 200, rel=0.3)
+
+
+def _told(viewer: Viewer, rate: float) -> Callable[..., None]:
+    """Answers in which the service names a rate."""
+    answered = viewer.answered
+    return lambda stream_id, status, header, *rest: answered(stream_id, status, {"requests_per_s": rate}, *rest)
 
 
 @pytest.mark.parametrize(("error", "fate"), [(Superseded("new"), "superseded"), (Overloaded("full"), "overloaded")])
