@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 
 from tests.render.engine_bench import Bench, busy
+from tests.render.fakes import render_request
 from tigas_common.errors import (
     DeadlineExceeded,
     DeviceLost,
@@ -19,6 +20,7 @@ from tigas_common.errors import (
     UnknownScene,
 )
 from tigas_render import engine as engine_module
+from tigas_render.frame import Client, Frame
 
 pytestmark = pytest.mark.anyio
 
@@ -241,3 +243,57 @@ async def test_a_scene_is_let_go_when_its_frame_is_done(bench: Bench) -> None:
     async with asyncio.timeout(10):
         while last() is not None:  # noqa: ASYNC110 - nothing announces it
             await asyncio.sleep(0)
+
+
+async def test_a_scene_that_is_loaded_first_holds_up_no_other_request(bench: Bench) -> None:
+    bench.rasterizer.gate.set()
+    bench.scenes.loading = asyncio.get_running_loop().create_future()
+    waiting = [bench.submit(session) for session in "abc"]
+    await asyncio.sleep(0)
+    waiting[0].cancel()
+    bench.scenes.loading.set_result(None)
+    assert [(await task).body for task in waiting[1:]] == [b"320x180 jpeg 10"] * 2
+    with pytest.raises(asyncio.CancelledError):
+        await waiting[0]
+    assert bench.outcome("cancelled") == 1
+    assert bench.scenes.users == 0
+
+
+async def test_closing_answers_those_who_wait_for_a_scene() -> None:
+    bench = Bench()
+    bench.scenes.loading = asyncio.get_running_loop().create_future()
+    async with bench.engine:
+        waiting = bench.submit("a")
+        await asyncio.sleep(0)
+    with pytest.raises(Overloaded, match="stopping"):
+        await waiting
+
+
+async def test_the_answer_comes_once_never_at_once_and_not_after_a_withdrawal(bench: Bench) -> None:
+    client, answers = Client("somewhere", "a"), list[Frame | Exception]()
+    withdraw = bench.engine.request(client, render_request(scene="nowhere"), bench.now, answers.append)
+    assert answers == []
+    await asyncio.sleep(0)
+    assert [type(answer) for answer in answers] == [UnknownScene]
+    withdraw()
+    bench.engine.request(client, render_request(scene="nowhere"), bench.now, answers.append)()
+    await asyncio.sleep(0)
+    assert len(answers) == 1
+    assert bench.outcome("cancelled") == 1
+
+
+async def test_the_engine_tells_how_busy_it_is(bench: Bench) -> None:
+    bench.engine.state()
+    first = await busy(bench)
+    second = bench.submit("b")
+    await bench.waiting(1)
+    bench.now += 2
+    assert bench.engine.state() == (2.0, 1.0)
+    bench.rasterizer.gate.set()
+    await asyncio.gather(first, second)
+    async with asyncio.timeout(10):
+        while bench.engine._utilisation._idle_since is None:  # noqa: ASYNC110 - nothing announces it
+            await asyncio.sleep(0)
+    bench.engine.state()
+    bench.now += 2
+    assert bench.engine.state() == (0.0, 0.0)

@@ -38,6 +38,7 @@ from tigas_render.raster.base import Image, Rasterizer
 from tigas_render.raster.host_image import HostImage
 from tigas_render.raster.stamp import draw_stamp
 from tigas_render.schedule import FairSchedule
+from tigas_render.utilisation import Utilisation
 from tigas_render.work import LoadedScene, Rendered, SceneUse, Work
 
 logger = logging.getLogger(__name__)
@@ -96,6 +97,7 @@ class Engine(FrameSource):
         self._encoders = ThreadPoolExecutor(rasterizer.frames_in_flight - 1, "encode")
         self._rendered: EncodeQueue[Rendered] = EncodeQueue(rasterizer.frames_in_flight - 1)
         self._costs = FrameCosts()
+        self._utilisation = Utilisation(clock())
         self._admission = Admission(ladder, self._costs)
         self._loading: set[asyncio.Task[None]] = set()
         """Those that wait for a scene."""
@@ -142,6 +144,15 @@ class Engine(FrameSource):
         except TigasError as error:
             self._answers.put((work, error))
         return partial(self._withdraw, work)
+
+    def state(self) -> tuple[float, float]:
+        """How long the client has waited, in seconds, that has waited longest for its next frame to begin; and the
+        share of the time since the last call, 0 to 1, in which the rasteriser had something to do.
+        """
+        with self._changed:
+            now = self._clock()
+            oldest = min((work.arrived for work in self._schedule.newest()), default=now)
+            return max(0.0, now - oldest), self._utilisation.share(now)
 
     def lose_device(self, reason: DeviceLost) -> None:
         """Remember that the device failed for good: only a new process can use it."""
@@ -321,10 +332,13 @@ class Engine(FrameSource):
     def _next(self) -> Work | None:
         """Wait for work that can be rendered; None once the engine is closed."""
         with self._changed:
-            while (work := self._pop()) is None:
-                if self._closed:
-                    return None
-                self._changed.wait()
+            work = self._pop()
+            if work is None:
+                self._utilisation.rest(self._clock())
+                while work is None and not self._closed:
+                    self._changed.wait()
+                    work = self._pop()
+                self._utilisation.work(self._clock())
             return work
 
     def _pop(self, besides: Collection[str] = (), at_most: float = math.inf) -> Work | None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from typing import Generic, TypeVar
 
 from tigas_render.frame import Client
@@ -71,6 +71,10 @@ class FairSchedule(Generic[Work]):
     def waiting(self, address: str) -> int:
         """How much work of one address waits."""
         return sum(map(len, self._waiting.get(address, {}).values()))
+
+    def newest(self) -> Iterator[Work]:
+        """What each session that waits is to get next."""
+        return (waiting[-1][0] for sessions in self._waiting.values() for waiting in sessions.values())
 
     def others_wait(self, client: Client) -> bool:
         """Whether any work waits that is not this client's."""

@@ -1,0 +1,66 @@
+"""One end of a pipe on the event loop: messages out in batches, messages in one by one, and one sentence at its end."""
+
+from __future__ import annotations
+
+import asyncio
+from abc import ABC, abstractmethod
+from typing import Final, cast
+
+from tigas_render.pipe.framing import BadMessage, Splitter
+
+MOST_UNSENT: Final = 8 * 1024 * 1024
+"""Bytes that may wait for an end that does not read; then it is given up."""
+
+
+class Link(asyncio.Protocol, ABC):
+    """A subclass handles messages; `connection_lost` comes once, however the pipe ends."""
+
+    def __init__(self, most_bytes: int) -> None:
+        """most_bytes: in a message that is received."""
+        self._splitter = Splitter(most_bytes)
+        self._outgoing: list[bytes] = []
+        self._outgoing_bytes = 0
+        self._loop = asyncio.get_running_loop()
+        self._transport: asyncio.Transport | None = None
+        self.reason: str | None = None
+        """Why this end has closed the pipe, in a sentence."""
+
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        self._transport = cast(asyncio.Transport, transport)
+
+    @abstractmethod
+    def received(self, kind: int, content: bytes) -> None:
+        """A message. Raises BadMessage."""
+
+    def send(self, message: bytes) -> None:
+        """Send a message with all others of this turn of the event loop."""
+        if not self._outgoing:
+            self._loop.call_soon(self._flush)
+        self._outgoing.append(message)
+        self._outgoing_bytes += len(message)
+
+    @property
+    def unsent(self) -> int:
+        """Bytes that the other end has not taken yet."""
+        return self._outgoing_bytes + (0 if self._transport is None else self._transport.get_write_buffer_size())
+
+    def data_received(self, data: bytes) -> None:
+        try:
+            for kind, content in self._splitter.feed(data):
+                self.received(kind, content)
+        except BadMessage as error:
+            self.abort(str(error))
+
+    def abort(self, reason: str) -> None:
+        """End the pipe at once."""
+        self.reason = self.reason or reason
+        if self._transport is not None:
+            self._transport.abort()
+
+    def _flush(self) -> None:
+        messages, self._outgoing, self._outgoing_bytes = self._outgoing, [], 0
+        if self._transport is None or self._transport.is_closing():
+            return
+        self._transport.write(b"".join(messages))
+        if self.unsent > MOST_UNSENT:
+            self.abort("The other end does not read.")

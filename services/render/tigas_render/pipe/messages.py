@@ -1,0 +1,253 @@
+"""What edges and the engine say to each other, as structs: packed at one end, checked and unpacked at the other.
+
+Both ends are of one version, as one process starts them. Every `unpack_` raises BadMessage.
+"""
+
+from __future__ import annotations
+
+import math
+import struct
+from typing import Any, Final, NamedTuple, get_args
+
+from pydantic import ValidationError
+
+from tigas_common.errors import (
+    BrokenScene,
+    DeadlineExceeded,
+    DeviceLost,
+    InvalidRequest,
+    OutOfDeviceMemory,
+    Overloaded,
+    Superseded,
+    TigasError,
+    UnknownScene,
+    problem,
+)
+from tigas_common.wire.render import FrameFormat, RenderRequest, ServerTiming
+from tigas_render.frame import Client, Frame
+from tigas_render.pipe.framing import BadMessage, Kind, framed
+
+_FORMATS: Final[tuple[FrameFormat, ...]] = get_args(FrameFormat)
+_NUMBER_OF: Final = {format: number for number, format in enumerate(_FORMATS)}
+_NUMBER: Final = struct.Struct("<I")
+_OFFSET: Final = struct.Struct("<Q")
+_STATE: Final = struct.Struct("<dd")
+
+# -- a request ---------------------------------------------------------------------------------------------------------
+
+_REQUEST: Final = struct.Struct("<IId IHHhBB 7d 4d ddd I")
+"""id, session, arrived; seq, width, height, profile, format, flags; pose; fx, fy, cx, cy; display scale, overscan,
+deadline; stamp. The scene follows. A pose is position and quaternion, or azimuth, elevation, roll and translation."""
+_QUATERNION, _ROLL, _DEPTH, _DEADLINE, _STAMP = 1, 2, 4, 8, 16
+_NO_PROFILE: Final = -1
+
+
+class Asked(NamedTuple):
+    """A request as it comes out of the pipe."""
+
+    id: int
+    session: int
+    arrived: float
+    """On the monotonic clock, which all processes of a machine share."""
+    request: RenderRequest
+
+
+def pack_request(id: int, session: int, arrived: float, request: RenderRequest) -> bytes:
+    """A request under the edge's own number for it, of a session that it has introduced."""
+    r, flags = request, 0
+    if r.position is not None and r.quaternion is not None:
+        flags, pose = _QUATERNION, (*r.position, *r.quaternion)
+    else:
+        assert r.azimuth is not None
+        assert r.elevation is not None
+        assert r.translation is not None
+        pose = (r.azimuth, r.elevation, r.roll or 0.0, *r.translation, 0.0)
+    if r.roll is not None:
+        flags |= _ROLL
+    if r.depth:
+        flags |= _DEPTH
+    if r.deadline_ms is not None:
+        flags |= _DEADLINE
+    if r.stamp is not None:
+        flags |= _STAMP
+    content = _REQUEST.pack(
+        id, session, arrived,
+        r.seq, r.width, r.height, _NO_PROFILE if r.profile is None else r.profile, _NUMBER_OF[r.format], flags,
+        *pose, r.fx, r.fy, r.cx, r.cy, r.display_scale, r.overscan, r.deadline_ms or 0.0, r.stamp or 0,
+    )  # fmt: skip
+    return framed(Kind.REQUEST, content + r.scene.encode())
+
+
+def unpack_request(content: bytes) -> Asked:
+    """A request, as valid as if it had come from the client directly."""
+    (
+        id, session, arrived, seq, width, height, profile, format, flags, p0, p1, p2, p3, p4, p5, p6,
+        fx, fy, cx, cy, display_scale, overscan, deadline_ms, stamp,
+    ) = _unpacked(_REQUEST, content, at_least=True)  # fmt: skip
+    if format >= len(_FORMATS) or flags >> 5 or not math.isfinite(arrived):
+        raise BadMessage("A request has a format, flags or a time that do not exist.")
+    fields: dict[str, Any] = {
+        "scene": _text(content[_REQUEST.size :]), "seq": seq, "fx": fx, "fy": fy, "cx": cx, "cy": cy,
+        "width": width, "height": height, "profile": None if profile == _NO_PROFILE else profile,
+        "display_scale": display_scale, "overscan": overscan, "depth": bool(flags & _DEPTH),
+        "format": _FORMATS[format],
+    }  # fmt: skip
+    if flags & _QUATERNION:
+        fields["position"], fields["quaternion"] = (p0, p1, p2), (p3, p4, p5, p6)
+    else:
+        fields["azimuth"], fields["elevation"], fields["translation"] = p0, p1, (p3, p4, p5)
+    if flags & _ROLL:
+        fields["roll"] = p2
+    if flags & _DEADLINE:
+        fields["deadline_ms"] = deadline_ms
+    if flags & _STAMP:
+        fields["stamp"] = stamp
+    try:
+        return Asked(id, session, arrived, RenderRequest(**fields))
+    except ValidationError as error:
+        where = ".".join(map(str, error.errors(include_url=False, include_input=False)[0]["loc"])) or "its pose"
+        raise BadMessage(f"A request is not valid: {where}.") from None
+
+
+# -- an answer ---------------------------------------------------------------------------------------------------------
+
+_FRAME: Final = struct.Struct("<IQI IHHHHhB ddd")
+"""id, offset, length; seq, width, height, margins, profile, format; timing. The body follows if it is inline."""
+
+
+class Answered(NamedTuple):
+    """A frame as it comes out of the pipe; its body is where `offset` and `length` say, in the arena, or `inline`."""
+
+    id: int
+    offset: int
+    length: int
+    inline: bytes
+    fields: tuple[FrameFormat, int, int, int, int | None, ServerTiming, int, int]
+    """What a Frame is made of, after its body."""
+
+
+def pack_frame(id: int, frame: Frame, offset: int | None) -> bytes:
+    """A frame whose body lies at `offset` of the arena; with its body, if that is None."""
+    timing = frame.timing
+    content = _FRAME.pack(
+        id, offset or 0, len(frame.body), frame.seq, frame.width, frame.height, frame.margin_x, frame.margin_y,
+        _NO_PROFILE if frame.profile is None else frame.profile, _NUMBER_OF[frame.format],
+        timing.queue, timing.render, timing.encode,
+    )  # fmt: skip
+    if offset is None:
+        return framed(Kind.INLINE, b"".join((content, frame.body)))
+    return framed(Kind.FRAME, content)
+
+
+def unpack_frame(content: bytes, *, is_inline: bool) -> Answered:
+    """A frame."""
+    id, offset, length, seq, width, height, margin_x, margin_y, profile, format, queue, render, encode = _unpacked(
+        _FRAME, content, at_least=is_inline
+    )
+    inline = content[_FRAME.size :]
+    if format >= len(_FORMATS) or profile < _NO_PROFILE or (is_inline and (len(inline) != length or offset)):
+        raise BadMessage("A frame has a format, a profile or a length that cannot be.")
+    if not (math.isfinite(queue) and math.isfinite(render) and math.isfinite(encode)):
+        raise BadMessage("A frame's times are no numbers.")
+    timing = ServerTiming(queue=queue, render=render, encode=encode)
+    chosen = None if profile == _NO_PROFILE else profile
+    return Answered(
+        id, offset, length, inline, (_FORMATS[format], width, height, seq, chosen, timing, margin_x, margin_y)
+    )
+
+
+# -- an error ----------------------------------------------------------------------------------------------------------
+
+_FAILURE: Final = struct.Struct("<IdB")
+"""id, seconds after which to try again, or NaN, and the error's type. The sentence follows."""
+_ERRORS: Final[tuple[type[TigasError], ...]] = (
+    TigasError, InvalidRequest, UnknownScene, BrokenScene, Superseded, DeadlineExceeded, Overloaded, OutOfDeviceMemory,
+    DeviceLost,
+)  # fmt: skip
+"""Whatever the engine answers with, the least specific first."""
+
+
+def pack_failure(id: int, error: Exception) -> bytes:
+    """Why there is no frame; of an error that is not a client's business only that the server failed."""
+    kind = type(error) if type(error) in _ERRORS else TigasError
+    retry_after_s = getattr(error, "retry_after_s", None)
+    content = _FAILURE.pack(id, math.nan if retry_after_s is None else retry_after_s, _ERRORS.index(kind))
+    return framed(Kind.FAILURE, content + problem(error).detail.encode(errors="replace"))
+
+
+def unpack_failure(content: bytes) -> tuple[int, TigasError]:
+    """A request's number, and the error to raise."""
+    id, retry_after_s, number = _unpacked(_FAILURE, content, at_least=True)
+    if number >= len(_ERRORS):
+        raise BadMessage("An error has a type that does not exist.")
+    detail, kind = _text(content[_FAILURE.size :]), _ERRORS[number]
+    if issubclass(kind, Overloaded):
+        return id, kind(detail, None if math.isnan(retry_after_s) else retry_after_s)
+    return id, kind(detail)
+
+
+# -- the rest ----------------------------------------------------------------------------------------------------------
+
+
+def pack_hello(session: int, client: Client) -> bytes:
+    """Introduces a session: requests name it by its number."""
+    address = client.address.encode()
+    content = _NUMBER.pack(session) + bytes((len(address),)) + address + client.session.encode()
+    return framed(Kind.HELLO, content)
+
+
+def unpack_hello(content: bytes) -> tuple[int, Client]:
+    """A session's number, and who it is."""
+    end = _NUMBER.size + 1 + (content[_NUMBER.size] if len(content) > _NUMBER.size else 0)
+    if len(content) < end:
+        raise BadMessage("A session's introduction is too short.")
+    address, session = content[_NUMBER.size + 1 : end], content[end:]
+    return _NUMBER.unpack_from(content)[0], Client(_text(address), _text(session))
+
+
+def pack_number(kind: Kind, number: int) -> bytes:
+    """OPEN with the edge's number, BYE with a session's, WITHDRAW with a request's."""
+    return framed(kind, _NUMBER.pack(number))
+
+
+def unpack_number(content: bytes) -> int:
+    """What `pack_number` packed."""
+    (number,) = _unpacked(_NUMBER, content)
+    return int(number)
+
+
+def pack_offset(kind: Kind, offset: int) -> bytes:
+    """ARENA with its size, RELEASE with the offset of a frame in it."""
+    return framed(kind, _OFFSET.pack(offset))
+
+
+def unpack_offset(content: bytes) -> int:
+    """What `pack_offset` packed."""
+    (offset,) = _unpacked(_OFFSET, content)
+    return int(offset)
+
+
+def pack_state(queue_age_s: float, utilisation: float) -> bytes:
+    """How busy the engine is."""
+    return framed(Kind.STATE, _STATE.pack(queue_age_s, utilisation))
+
+
+def unpack_state(content: bytes) -> tuple[float, float]:
+    """The queue's age in seconds, and the utilisation, 0 to 1."""
+    age, utilisation = _unpacked(_STATE, content)
+    if not (0 <= age < math.inf and 0 <= utilisation <= 1):
+        raise BadMessage("The engine's state is out of range.")
+    return age, utilisation
+
+
+def _unpacked(layout: struct.Struct, content: bytes, *, at_least: bool = False) -> tuple[Any, ...]:
+    if len(content) < layout.size or (len(content) > layout.size and not at_least):
+        raise BadMessage(f"A message has {len(content)} bytes instead of {layout.size}.")
+    return layout.unpack_from(content)
+
+
+def _text(encoded: bytes) -> str:
+    try:
+        return encoded.decode()
+    except UnicodeDecodeError:
+        raise BadMessage("A text in a message is no UTF-8.") from None

@@ -1,0 +1,204 @@
+"""The engine's end of the pipes: edges' requests in, frames out through an arena for each edge."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import os
+import socket
+import time
+from collections.abc import AsyncIterator, Callable
+from contextlib import asynccontextmanager
+from functools import partial
+from pathlib import Path
+from typing import Final
+
+from tigas_common.errors import Overloaded, TigasError
+from tigas_render.frame import Client, Frame, FrameSource, Withdraw
+from tigas_render.pipe import messages
+from tigas_render.pipe.arena import Arena
+from tigas_render.pipe.framing import MOST_BYTES, BadMessage, Kind
+from tigas_render.pipe.link import Link
+
+logger = logging.getLogger(__name__)
+
+ARENA_BYTES: Final = 256 * 1024 * 1024
+"""Room for an edge's frames; memory is used only as far as it is needed at a time."""
+MOST_QUEUED: Final = 1024 * 1024
+"""Bytes that may wait in a socket before a frame that finds no room in the arena; then the frame is refused."""
+MOST_SESSIONS: Final = 65_536
+"""That an edge may have introduced at a time."""
+STATE_S: Final = 0.1
+"""How often edges hear how busy the engine is, in seconds."""
+
+State = Callable[[], tuple[float, float]]
+"""The age of the engine's queue, in seconds, and its utilisation, 0 to 1, since the last call."""
+Stats = Callable[[int, bytes], None]
+"""What an edge, by its number, tells of itself, as JSON."""
+
+
+@asynccontextmanager
+async def serve_edges(
+    path: Path, source: FrameSource, state: State, stats: Stats, *, arena_bytes: int = ARENA_BYTES
+) -> AsyncIterator[PipeServer]:
+    """Accept edges on a Unix socket for as long as the context lasts."""
+    with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as listener:
+        _bind(listener, path)
+        listener.setblocking(False)
+        server = PipeServer(source, stats, arena_bytes)
+        tasks = [asyncio.create_task(server.accept(listener)), asyncio.create_task(server.tell_state(state))]
+        try:
+            yield server
+        finally:
+            for task in tasks:
+                task.cancel()
+            await asyncio.gather(*tasks, return_exceptions=True)
+            server.close()
+
+
+def _bind(listener: socket.socket, path: Path) -> None:
+    path.unlink(missing_ok=True)  # of an engine that has crashed
+    listener.bind(os.fspath(path))
+    path.chmod(0o600)
+    listener.listen()
+
+
+class PipeServer:
+    """All edges that are connected."""
+
+    def __init__(self, source: FrameSource, stats: Stats, arena_bytes: int) -> None:
+        self.source = source
+        self.stats = stats
+        self.edges: set[EdgeLink] = set()
+        self._arena_bytes = arena_bytes
+        self._accepted = 0
+
+    async def accept(self, listener: socket.socket) -> None:
+        """Take edges that connect, for ever."""
+        loop = asyncio.get_running_loop()
+        while True:
+            sock, _ = await loop.sock_accept(listener)
+            self._accepted += 1
+            try:
+                arena = Arena(self._arena_bytes)
+                # into an empty buffer, so that it does not wait
+                socket.send_fds(sock, [messages.pack_offset(Kind.ARENA, arena.size)], [arena.fd])
+                await loop.connect_accepted_socket(partial(EdgeLink, self, arena, self._accepted), sock)
+            except OSError as error:
+                sock.close()
+                logger.warning("An edge was not connected: %s", error)
+
+    async def tell_state(self, state: State) -> None:
+        """Tell all edges how busy the engine is, ten times a second, for ever."""
+        processor, wall = time.thread_time(), time.monotonic()
+        while True:
+            await asyncio.sleep(STATE_S)
+            age, utilisation = state()
+            was_processor, was_wall = processor, wall
+            processor, wall = time.thread_time(), time.monotonic()
+            of_loop = (processor - was_processor) / (wall - was_wall)
+            message = messages.pack_state(max(0.0, age), min(1.0, max(0.0, utilisation, of_loop)))
+            for edge in self.edges:
+                edge.send(message)
+
+    def close(self) -> None:
+        """Disconnect all edges."""
+        for edge in list(self.edges):
+            edge.abort("The engine is stopping.")
+
+
+class EdgeLink(Link):
+    """One edge. Once it is gone, however that happened, nothing is rendered for it, and its arena is free."""
+
+    def __init__(self, server: PipeServer, arena: Arena, connection: int) -> None:
+        """connection: a number that no other connection has."""
+        super().__init__(MOST_BYTES)
+        self._server = server
+        self.arena = arena
+        self._connection = connection
+        self._edge: int | None = None
+        self._sessions: dict[int, Client] = {}
+        self.running: dict[int, Withdraw] = {}
+        """By the edge's number for the request."""
+        self._handlers: dict[int, Callable[[bytes], None]] = {
+            Kind.OPEN: self._open,
+            Kind.HELLO: self._hello,
+            Kind.BYE: self._bye,
+            Kind.REQUEST: self._request,
+            Kind.WITHDRAW: self._withdraw,
+            Kind.RELEASE: self._release,
+            Kind.STATS: self._stats,
+        }
+
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        super().connection_made(transport)
+        self._server.edges.add(self)
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        self._server.edges.discard(self)
+        if self.reason is not None:
+            logger.error("Edge %s was disconnected: %s", self._edge, self.reason)
+        running, self.running = self.running, {}
+        for withdraw in running.values():
+            withdraw()
+        self.arena.close()
+
+    def received(self, kind: int, content: bytes) -> None:
+        handler = self._handlers.get(kind)
+        if handler is None or (self._edge is None and kind != Kind.OPEN):
+            raise BadMessage(f"No message of kind {kind} is expected.")
+        handler(content)
+
+    def _open(self, content: bytes) -> None:
+        self._edge = messages.unpack_number(content)
+
+    def _hello(self, content: bytes) -> None:
+        number, client = messages.unpack_hello(content)
+        if number in self._sessions or len(self._sessions) >= MOST_SESSIONS:
+            raise BadMessage("A session was introduced twice, or there are too many.")
+        # the same name may come from another edge, or from this one before it was started again
+        self._sessions[number] = Client(client.address, f"{self._connection} {client.session}")
+
+    def _bye(self, content: bytes) -> None:
+        if self._sessions.pop(messages.unpack_number(content), None) is None:
+            raise BadMessage("A session ended that was not introduced.")
+
+    def _request(self, content: bytes) -> None:
+        asked = messages.unpack_request(content)
+        client = self._sessions.get(asked.session)
+        if client is None or asked.id in self.running:
+            raise BadMessage("A request has no session, or the number of one that runs.")
+        self.running[asked.id] = self._server.source.request(
+            client, asked.request, asked.arrived, partial(self._answered, asked.id)
+        )
+
+    def _withdraw(self, content: bytes) -> None:
+        withdraw = self.running.pop(messages.unpack_number(content), None)
+        if withdraw is not None:  # its answer may be on its way
+            withdraw()
+
+    def _release(self, content: bytes) -> None:
+        try:
+            self.arena.free(messages.unpack_offset(content))
+        except KeyError:
+            raise BadMessage("Room in the arena was given back that was not taken.") from None
+
+    def _stats(self, content: bytes) -> None:
+        assert self._edge is not None
+        self._server.stats(self._edge, content)
+
+    def _answered(self, id: int, answer: Frame | Exception) -> None:
+        del self.running[id]
+        if isinstance(answer, Frame):
+            self.send(self._packed(id, answer))
+            answer.release()
+            return
+        if not isinstance(answer, TigasError):
+            logger.error("A render request failed", exc_info=answer)
+        self.send(messages.pack_failure(id, answer))
+
+    def _packed(self, id: int, frame: Frame) -> bytes:
+        offset = self.arena.write(frame.body)
+        if offset is None and self.unsent > MOST_QUEUED:
+            return messages.pack_failure(id, Overloaded("There is no room for the frame; ask less often."))
+        return messages.pack_frame(id, frame, offset)

@@ -1,0 +1,272 @@
+"""An edge gets through the pipe what the engine would answer in its own process, and lives on when that is gone."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import random
+import socket
+from collections.abc import AsyncIterator
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+
+import pytest
+
+from tests.render.fakes import render_request
+from tests.render.pipe.pipe_bench import Edge, Engine, until
+from tests.render.transport.client import TIMING, FakeFrames
+from tigas_common.errors import (
+    BrokenScene,
+    DeadlineExceeded,
+    DeviceLost,
+    InvalidRequest,
+    OutOfDeviceMemory,
+    Overloaded,
+    Superseded,
+    TigasError,
+    UnknownScene,
+)
+from tigas_render.frame import Client, Frame
+from tigas_render.pipe import client as client_module
+from tigas_render.pipe import messages
+from tigas_render.pipe.arena import Arena
+from tigas_render.pipe.client import PipeClient
+from tigas_render.pipe.framing import Kind, framed
+from tigas_render.pipe.server import PipeServer
+
+pytestmark = pytest.mark.anyio
+
+VIEWER = Client("192.0.2.1", "viewer")
+REQUESTS = [
+    {},
+    {"seq": 2**32 - 1, "roll": -12.5, "profile": None, "format": "png", "scene": "größer/ohne Maß"},
+    {"overscan": 0.15, "depth": True, "deadline_ms": 0.5, "stamp": 2**24 - 1, "display_scale": 2.0, "profile": 255},
+    {"azimuth": None, "elevation": None, "translation": None, "position": (1e9, -1e-9, 0.1), "format": "yuv420p"}
+    | {"quaternion": (0.1, 0.2, 0.3, -0.4)},
+]
+
+
+@pytest.fixture
+def engine(tmp_path: Path) -> Engine:
+    return Engine(tmp_path / "pipe", FakeFrames())
+
+
+@pytest.fixture
+def frames(engine: Engine) -> FakeFrames:
+    assert isinstance(engine.source, FakeFrames)
+    return engine.source
+
+
+@pytest.fixture
+async def server(engine: Engine) -> AsyncIterator[PipeServer]:
+    async with engine.running() as server:
+        yield server
+
+
+@pytest.fixture
+async def edge(engine: Engine, server: PipeServer) -> AsyncIterator[PipeClient]:
+    async with Edge(engine.path).connected() as edge:
+        yield edge
+
+
+@pytest.mark.parametrize("changes", REQUESTS)
+async def test_a_request_and_its_frame_are_what_they_are_without_a_pipe(
+    edge: PipeClient, frames: FakeFrames, changes: dict[str, object]
+) -> None:
+    request = render_request(**changes)
+    frames.body = random.Random(1).randbytes(100_000)
+    through, direct = await edge.submit(VIEWER, request, 12.5), await frames.submit(VIEWER, request, 12.5)
+    assert frames.requests[0][1] == frames.requests[1][1]
+    assert frames.arrivals == [12.5, 12.5]
+    assert bytes(through.body) == direct.body
+    through.release()
+    assert replace(through, body=direct.body, on_release=None) == direct
+
+
+@pytest.mark.parametrize(
+    "kind",
+    [
+        *(InvalidRequest, UnknownScene, BrokenScene, Superseded, DeadlineExceeded, OutOfDeviceMemory, DeviceLost),
+        *(Overloaded, partial(Overloaded, retry_after_s=2.5)),
+    ],
+)
+async def test_an_error_is_what_it_is_without_a_pipe(
+    edge: PipeClient, frames: FakeFrames, kind: type[TigasError]
+) -> None:
+    frames.error = kind("A sentence.")
+    with pytest.raises(type(frames.error), match="A sentence") as caught:
+        await edge.submit(VIEWER, render_request(), 0.0)
+    assert vars(caught.value) == vars(frames.error)
+
+
+async def test_a_bug_in_the_engine_fails_one_request_and_tells_nothing(
+    edge: PipeClient, frames: FakeFrames, caplog: pytest.LogCaptureFixture
+) -> None:
+    frames.error = KeyError("secret")
+    with pytest.raises(TigasError, match="its log says why"):
+        await edge.submit(VIEWER, render_request(), 0.0)
+    assert "secret" in caplog.text
+    frames.error = None
+    assert (await edge.submit(VIEWER, render_request(seq=3), 0.0)).seq == 3
+
+
+async def test_a_withdrawn_request_is_withdrawn_in_the_engine(edge: PipeClient, frames: FakeFrames) -> None:
+    frames.held = True
+    task = asyncio.create_task(edge.submit(VIEWER, render_request(seq=5), 0.0))
+    await frames.until(lambda: frames.requests)
+    task.cancel()
+    await frames.until(lambda: frames.cancelled == [5])
+
+
+async def test_a_frame_that_was_on_its_way_when_it_was_withdrawn_leaves_no_trace(
+    edge: PipeClient, server: PipeServer, frames: FakeFrames
+) -> None:
+    frames.held = True
+    answers: list[object] = []
+    withdraw = edge.request(VIEWER, render_request(seq=5), 0.0, answers.append)
+    await frames.until(lambda: frames.requests)
+    assert edge._link is not None
+    assert edge._link._transport is not None
+    edge._link._transport.pause_reading()
+    frames.release(5)
+    (link,) = server.edges
+    await until(lambda: not link.running)
+    assert link.arena.used > 0
+    withdraw()
+    withdraw()
+    edge._link._transport.resume_reading()
+    await until(lambda: link.arena.used == 0)
+    assert answers == []
+
+
+async def test_a_thousand_requests_at_once_get_each_its_own_answer(
+    edge: PipeClient, server: PipeServer, frames: FakeFrames, caplog: pytest.LogCaptureFixture
+) -> None:
+    chance = random.Random(7)
+    frames.held = True
+    frames.body = bytes(300)
+    order = chance.sample(range(1000), 1000)
+    tasks = {
+        seq: asyncio.create_task(edge.submit(Client(f"192.0.2.{seq % 7}", f"{seq % 31}"), render_request(seq=seq), 0.0))
+        for seq in order
+    }
+    await frames.until(lambda: len(frames.requests) == 1000)
+    withdrawn = set(chance.sample(order, 300))
+    for seq in chance.sample(order, 1000):
+        if seq in withdrawn:
+            tasks[seq].cancel()
+        else:
+            frames.release(seq)
+    for seq in set(order) - withdrawn:
+        frame = await tasks[seq]
+        assert frame.seq == seq
+        frame.release()
+    await frames.until(lambda: set(frames.cancelled) == withdrawn)
+    (link,) = server.edges
+    await until(lambda: link.arena.used == 0 and not link.running)
+    assert len({client for client, _ in frames.requests}) == 217, "sessions stay apart"
+    assert caplog.records == []
+
+
+async def test_sessions_that_ask_no_more_are_forgotten_but_may_come_back(
+    edge: PipeClient, frames: FakeFrames, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(client_module, "KNOWN_SESSIONS", 2)
+    for session in "abcab":
+        (await edge.submit(Client("192.0.2.1", session), render_request(), 0.0)).release()
+    sessions = [client.session for client, _ in frames.requests]
+    assert sessions[:2] == sessions[3:]
+    assert len(set(sessions)) == 3
+
+
+async def test_sessions_of_two_edges_are_two_even_if_their_names_are_the_same(
+    engine: Engine, edge: PipeClient, frames: FakeFrames
+) -> None:
+    async with Edge(engine.path, 1).connected() as other:
+        for each in (edge, other):
+            (await each.submit(VIEWER, render_request(), 0.0)).release()
+    clients = [client for client, _ in frames.requests]
+    assert {client.address for client in clients} == {VIEWER.address}
+    assert len({client.session for client in clients}) == 2
+
+
+async def test_while_the_engine_is_gone_requests_are_refused_and_later_they_are_answered(
+    engine: Engine, frames: FakeFrames
+) -> None:
+    edge = Edge(engine.path)
+    frames.held = {1}
+    async with engine.running() as server, edge.connected() as client:
+        held = asyncio.create_task(client.submit(VIEWER, render_request(seq=1), 0.0))
+        await frames.until(lambda: frames.requests)
+        kept = await client.submit(VIEWER, render_request(seq=2), 0.0)
+        server.close()
+        with pytest.raises(Overloaded, match="starting again") as caught:
+            await held
+        assert caught.value.retry_after_s == 1
+        with pytest.raises(Overloaded):  # at once, whether or not the loss has been dealt with
+            await client.submit(VIEWER, render_request(), 0.0)
+        assert kept.body == b"frame", "what was received can still be read"
+        kept.release()
+        await client.connected()
+        assert (await client.submit(VIEWER, render_request(seq=3), 0.0)).body == b"frame"
+
+
+async def test_an_edge_may_start_before_the_engine(engine: Engine) -> None:
+    async with PipeClient(engine.path, 0, lambda *_: None) as client:
+        with pytest.raises(Overloaded):
+            await client.submit(VIEWER, render_request(), 0.0)
+        async with asyncio.timeout(20), engine.running():
+            await client.connected()
+            assert (await client.submit(VIEWER, render_request(), 0.0)).body == b"frame"
+
+
+async def test_edges_hear_how_busy_the_engine_is_and_tell_it_what_they_measure(
+    engine: Engine, server: PipeServer
+) -> None:
+    edge = Edge(engine.path, 3)
+    async with edge.connected() as client:
+        client.tell(b'{"viewers": 7}')
+        await until(lambda: edge.states and engine.stats)
+    age, utilisation = edge.states[0]
+    assert age == 0.25
+    assert 0.5 <= utilisation <= 1
+    assert engine.stats == [(3, b'{"viewers": 7}')]
+
+
+async def test_a_callback_that_fails_does_not_break_the_pipe(
+    edge: PipeClient, caplog: pytest.LogCaptureFixture
+) -> None:
+    def fail(answer: Frame | Exception) -> None:
+        raise RuntimeError("broken")
+
+    edge.request(VIEWER, render_request(), 0.0, fail)
+    (await edge.submit(VIEWER, render_request(), 0.0)).release()
+    assert "An answer was not delivered" in caplog.text
+
+
+@pytest.mark.parametrize(
+    ("hostile", "sentence"),
+    [
+        (framed(Kind.FRAME, b"short"), "5 bytes instead of"),
+        (messages.pack_frame(0, Frame(bytes(10), "jpeg", 1, 1, 0, None, TIMING), 60), "beyond the end"),
+        (framed(Kind.REQUEST, b""), "kind 4 is expected"),
+        (b"\xff\xff\xff\xff\x11", "4294967295 bytes is too long"),
+    ],
+)
+async def test_what_is_no_answer_ends_the_pipe_in_a_sentence(
+    tmp_path: Path, hostile: bytes, sentence: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    caplog.set_level(logging.WARNING)
+    path, arena = tmp_path / "pipe", Arena(64)
+    with socket.socket(socket.AF_UNIX) as listener:
+        listener.bind(str(path))
+        listener.listen()
+        async with PipeClient(path, 0, lambda *_: None) as client:
+            engine, _ = await asyncio.to_thread(listener.accept)
+            with engine:
+                socket.send_fds(engine, [messages.pack_offset(Kind.ARENA, 64)], [arena.fd])
+                await client.connected()
+                engine.sendall(hostile)
+                await until(lambda: sentence in caplog.text)
+    arena.close()

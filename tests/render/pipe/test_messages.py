@@ -1,0 +1,179 @@
+"""Every message comes out of the pipe as it went in, and no bytes do anything but become a message or a sentence."""
+
+from __future__ import annotations
+
+import contextlib
+import math
+import struct
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tests.render.fakes import render_request
+from tigas_common import errors
+from tigas_common.errors import Overloaded, TigasError
+from tigas_common.wire.model import MAX_SIDE
+from tigas_common.wire.render import RenderRequest, ServerTiming
+from tigas_render.frame import Client, Frame
+from tigas_render.pipe import messages
+from tigas_render.pipe.framing import PREFIX, BadMessage, Kind
+
+coordinates = st.floats(-1e9, 1e9)
+angles = st.floats(-1e6, 1e6)
+points = st.tuples(coordinates, coordinates, coordinates)
+quaternions = st.tuples(coordinates, coordinates, coordinates, coordinates).filter(any)
+formats = st.sampled_from(("jpeg", "png", "yuv420p"))
+euler = st.fixed_dictionaries(
+    {"azimuth": angles, "elevation": angles, "translation": points}, optional={"roll": st.none() | angles}
+)
+rotated = st.fixed_dictionaries({"position": points, "quaternion": quaternions})
+views = st.fixed_dictionaries(
+    {
+        "scene": st.text(st.characters(codec="utf-8"), max_size=256),
+        "seq": st.integers(0, 2**32 - 1),
+        "fx": st.floats(0, 1e6, exclude_min=True),
+        "fy": st.floats(0, 1e6, exclude_min=True),
+        "cx": angles,
+        "cy": angles,
+        "width": st.integers(1, 2048),
+        "height": st.integers(1, MAX_SIDE),
+        "profile": st.none() | st.integers(0, 255),
+        "display_scale": st.floats(1, 64),
+        "overscan": st.floats(0, 0.5),
+        "depth": st.booleans(),
+        "format": formats,
+        "deadline_ms": st.none() | st.floats(0, 60_000, exclude_min=True),
+        "stamp": st.none() | st.integers(0, 2**24 - 1),
+    }
+)
+numbers = st.integers(0, 2**32 - 1)
+UNPACK: list[Callable[[bytes], object]] = [
+    messages.unpack_request,
+    lambda content: messages.unpack_frame(content, is_inline=True),
+    lambda content: messages.unpack_frame(content, is_inline=False),
+    messages.unpack_failure,
+    messages.unpack_hello,
+    messages.unpack_number,
+    messages.unpack_offset,
+    messages.unpack_state,
+]
+
+
+def content(message: bytes, kind: Kind) -> bytes:
+    """What is in a message of this kind."""
+    assert PREFIX.unpack_from(message) == (len(message) - PREFIX.size, kind)
+    return message[PREFIX.size :]
+
+
+@given(numbers, numbers, st.floats(0, 1e9), views, euler | rotated)
+def test_a_request_comes_out_as_it_went_in(
+    id: int, session: int, arrived: float, view: dict[str, Any], pose: dict[str, Any]
+) -> None:
+    request = RenderRequest(**view, **pose)
+    packed = messages.pack_request(id, session, arrived, request)
+    assert messages.unpack_request(content(packed, Kind.REQUEST)) == (id, session, arrived, request)
+
+
+def test_every_field_of_a_request_has_its_place() -> None:
+    """A field that is added to RenderRequest has to be packed as well."""
+    pose = {"azimuth", "elevation", "roll", "translation", "position", "quaternion"}
+    lens = {"fx", "fy", "cx", "cy", "width", "height", "profile", "display_scale", "overscan"}
+    fields = {"scene", "seq", *pose, *lens, "depth", "format", "deadline_ms", "stamp"}
+    assert set(RenderRequest.model_fields) == fields
+
+
+@pytest.mark.parametrize("is_inline", [True, False])
+@given(
+    id=numbers,
+    body=st.binary(max_size=50),
+    seq=numbers,
+    profile=st.none() | st.integers(0, 255),
+    format=formats,
+    sides=st.tuples(*[st.integers(0, MAX_SIDE)] * 4),
+    times=st.tuples(*[st.floats(0, 1e6)] * 3),
+)
+def test_a_frame_comes_out_as_it_went_in(
+    is_inline: bool,
+    id: int,
+    body: bytes,
+    seq: int,
+    profile: int | None,
+    format: Any,
+    sides: tuple[int, int, int, int],
+    times: tuple[float, float, float],
+) -> None:
+    timing = ServerTiming(queue=times[0], render=times[1], encode=times[2])
+    frame = Frame(body, format, sides[0], sides[1], seq, profile, timing, sides[2], sides[3])
+    packed = messages.pack_frame(id, frame, None if is_inline else 4096)
+    found = messages.unpack_frame(content(packed, Kind.INLINE if is_inline else Kind.FRAME), is_inline=is_inline)
+    assert (found.id, found.offset, found.length) == (id, 0 if is_inline else 4096, len(body))
+    assert Frame(found.inline if is_inline else body, *found.fields) == frame
+
+
+@pytest.mark.parametrize(
+    "error",
+    [
+        *(
+            kind("A sentence – with a dash.")
+            for name, kind in vars(errors).items()
+            if isinstance(kind, type) and issubclass(kind, TigasError) and kind in messages._ERRORS
+        ),
+        Overloaded("Later.", 2.5),
+    ],
+    ids=lambda error: type(error).__name__,
+)
+def test_an_error_comes_out_as_it_went_in(error: TigasError) -> None:
+    id, found = messages.unpack_failure(content(messages.pack_failure(7, error), Kind.FAILURE))
+    assert (id, type(found), found.detail) == (7, type(error), error.detail)
+    assert getattr(found, "retry_after_s", None) == getattr(error, "retry_after_s", None)
+
+
+def test_nothing_of_an_error_in_the_engine_itself_is_told() -> None:
+    _, found = messages.unpack_failure(content(messages.pack_failure(7, KeyError("secret")), Kind.FAILURE))
+    assert (found.status, "secret" in found.detail) == (500, False)
+
+
+@given(numbers, st.text(st.characters(codec="utf-8"), max_size=60), st.text(st.characters(codec="utf-8"), max_size=60))
+def test_the_small_ones_come_out_as_they_went_in(number: int, address: str, session: str) -> None:
+    client = Client(address, session)
+    assert messages.unpack_hello(content(messages.pack_hello(number, client), Kind.HELLO)) == (number, client)
+    for kind in (Kind.OPEN, Kind.BYE, Kind.WITHDRAW):
+        assert messages.unpack_number(content(messages.pack_number(kind, number), kind)) == number
+    for kind in (Kind.ARENA, Kind.RELEASE):
+        assert messages.unpack_offset(content(messages.pack_offset(kind, 2**40), kind)) == 2**40
+    assert messages.unpack_state(content(messages.pack_state(0.5, 0.25), Kind.STATE)) == (0.5, 0.25)
+
+
+@pytest.mark.parametrize("unpack", UNPACK)
+@given(garbage=st.binary(max_size=200))
+def test_bytes_that_are_no_message_are_refused(unpack: Callable[[bytes], object], garbage: bytes) -> None:
+    with contextlib.suppress(BadMessage):
+        unpack(garbage)
+
+
+@given(st.integers(0, 400), st.integers(1, 255))
+def test_a_request_with_any_byte_changed_is_a_valid_one_or_refused(position: int, change: int) -> None:
+    packed = bytearray(
+        content(messages.pack_request(1, 2, 3.0, render_request(deadline_ms=50.0, stamp=7)), Kind.REQUEST)
+    )
+    packed[position % len(packed)] ^= change
+    with contextlib.suppress(BadMessage):
+        RenderRequest.model_validate_json(messages.unpack_request(bytes(packed)).request.model_dump_json())
+
+
+@pytest.mark.parametrize("cut", [0, 1, 50, -1])
+def test_cut_messages_are_refused(cut: int) -> None:
+    frame = Frame(b"body", "jpeg", 1, 1, 0, None, ServerTiming(queue=0, render=0, encode=0))
+    with pytest.raises(BadMessage):
+        messages.unpack_frame(content(messages.pack_frame(1, frame, 0), Kind.FRAME)[:cut], is_inline=False)
+    with pytest.raises(BadMessage):
+        messages.unpack_frame(content(messages.pack_frame(1, frame, None), Kind.INLINE)[:cut], is_inline=True)
+
+
+@pytest.mark.parametrize("state", [(-1.0, 0.5), (math.nan, 0.5), (0.0, 1.5), (0.0, math.nan), (math.inf, 0.0)])
+def test_a_state_that_cannot_be_is_refused(state: tuple[float, float]) -> None:
+    with pytest.raises(BadMessage):
+        messages.unpack_state(struct.pack("<dd", *state))
