@@ -22,6 +22,9 @@ export interface Draft {
   /** How movement is met, in every mode. */
   readonly reprojection: boolean;
   readonly prediction: PredictorName;
+  readonly overscan: number | "auto";
+  readonly depth: boolean;
+  readonly surround: boolean;
   readonly segments: string;
   readonly repeats: string;
   readonly duration: string;
@@ -116,6 +119,9 @@ export function parseDraft(
       upscale: draft.upscale,
       reprojection: draft.reprojection,
       prediction: draft.prediction,
+      overscan: draft.overscan,
+      depth: draft.depth,
+      surround: draft.surround,
       seed,
       shuffled: true,
     },

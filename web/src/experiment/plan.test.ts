@@ -30,6 +30,9 @@ const PLAN: ExperimentPlan = {
   upscale: "off",
   reprojection: false,
   prediction: "off",
+  overscan: "auto",
+  depth: true,
+  surround: true,
   seed: 1,
   shuffled: false,
   duration_s: 20,
@@ -76,6 +79,16 @@ test("models enhance what is stateless", () => {
     new Set(["stateless anime4k-restore-m bicubic", "dash-tuned off off"]),
   );
   expect(runs.map((run) => settingsFor(run).upscale)).toEqual(["bicubic", "bicubic", "bicubic", "off"]);
+});
+
+test("how movement is met is the plan's for every run; plans of before had the page's own overscan, depth and surround", () => {
+  const motion = { reprojection: true, prediction: "linear", overscan: 0.1, depth: false, surround: false } as const;
+  for (const run of runsOf({ ...PLAN, ...motion })) {
+    expect(run).toMatchObject(motion);
+    expect(settingsFor(run)).toMatchObject(motion);
+  }
+  const { overscan: _, depth: __, surround: ___, ...before } = PLAN;
+  expect(readPlan(before)).toMatchObject({ overscan: "auto", depth: true, surround: true });
 });
 
 const PARTS = [

@@ -101,6 +101,10 @@ const Plan = v.object({
   /** Whether the newest frame is turned to each animation frame's pose, and what predicts the poses that frames are asked for. */
   reprojection: v.optional(v.boolean(), false),
   prediction: v.optional(v.picklist(PREDICTOR_NAMES), OFF),
+  /** Of reprojection: how much more frames show at each side, and whether they come with a depth, and a surround beside them. */
+  overscan: v.optional(v.union([v.literal("auto"), v.pipe(v.number(), v.minValue(0), v.maxValue(0.5))]), "auto"),
+  depth: v.optional(v.boolean(), true),
+  surround: v.optional(v.boolean(), true),
   /** Of segments, the order of runs, and controllers' random numbers. */
   seed: v.optional(v.pipe(v.number(), v.integer(), v.minValue(0)), 1),
   /** Whether runs are made in random order. */
@@ -149,9 +153,9 @@ export function runsOf(plan: ExperimentPlan): PlannedRun[] {
     dash_representation: null,
     reprojection: plan.reprojection,
     prediction: plan.prediction,
-    overscan: "auto" as const,
-    depth: true,
-    surround: true,
+    overscan: plan.overscan,
+    depth: plan.depth,
+    surround: plan.surround,
   };
   const random = seeded(seed);
   const inOrder = <T>(values: readonly T[]) => (plan.shuffled ? shuffled(values, random) : values);

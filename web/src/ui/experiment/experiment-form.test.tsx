@@ -36,6 +36,9 @@ const DRAFT: Draft = {
   upscale: "off",
   reprojection: false,
   prediction: "off",
+  overscan: "auto",
+  depth: true,
+  surround: true,
   segments: "1",
   repeats: "2",
   duration: "20",
@@ -134,6 +137,30 @@ test("the frame rate can be chosen where DASH is measured", async () => {
   await start();
   await vi.waitFor(() => expect(onStart).toHaveBeenCalledOnce());
   expect(onStart.mock.calls[0]?.[0].plan.dash_frame_rate).toBe(60);
+});
+
+test("how movement is met can be chosen, and what needs reprojection waits for it", async () => {
+  addFile("walk.csv", WALK);
+  render(<Filled />);
+  const overscan = screen.getByRole<HTMLSelectElement>("combobox", { name: "Overscan" });
+  const [depth, surround] = ["Depth, stateless", "Surround, stateless"].map((name) =>
+    screen.getByRole<HTMLInputElement>("checkbox", { name }),
+  );
+  expect([overscan, depth, surround].map((field) => field?.disabled)).toEqual([true, true, true]);
+  await userEvent.click(screen.getByRole("checkbox", { name: "Reprojection" }));
+  await userEvent.selectOptions(screen.getByRole("combobox", { name: "Prediction" }), "Linear");
+  await userEvent.selectOptions(overscan, "15 %");
+  await userEvent.click(depth as HTMLElement);
+  await userEvent.selectOptions(screen.getByRole("combobox", { name: /Movement/ }), "walk.csv · 0:04");
+  await start();
+  await vi.waitFor(() => expect(onStart).toHaveBeenCalledOnce());
+  expect(onStart.mock.calls[0]?.[0].plan).toMatchObject({
+    reprojection: true,
+    prediction: "linear",
+    overscan: 0.15,
+    depth: false,
+    surround: true,
+  });
 });
 
 test("models can be chosen where the browser has WebGPU", async () => {

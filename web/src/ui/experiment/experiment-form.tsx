@@ -28,6 +28,7 @@ import { EXPERIMENTS } from "../../state/route";
 import type { ViewerSession } from "../../viewer/session";
 import { KIND_NAMES, ModelOptions } from "../enhancement-models";
 import { bitrate, clock } from "../format";
+import { OverscanOptions, overscanOf } from "../overscans";
 import { PredictionOptions } from "../predictions";
 import { Select, TextField } from "./experiment-fields";
 import { MovementChoice, useMovementOpening, useMovements } from "./experiment-movement";
@@ -228,6 +229,28 @@ function ConditionChoice({ draft, onChange }: PartProps) {
       >
         <PredictionOptions />
       </Select>
+      <Select
+        label="Overscan"
+        value={String(draft.overscan)}
+        disabled={!draft.reprojection}
+        onValue={(value) => onChange({ overscan: overscanOf(value) })}
+      >
+        <OverscanOptions chosen={draft.overscan} />
+      </Select>
+      <Check
+        checked={draft.depth}
+        disabled={!(draft.reprojection && stateless)}
+        onChange={() => onChange({ depth: !draft.depth })}
+      >
+        Depth, stateless
+      </Check>
+      <Check
+        checked={draft.surround}
+        disabled={!(draft.reprojection && stateless)}
+        onChange={() => onChange({ surround: !draft.surround })}
+      >
+        Surround, stateless
+      </Check>
       {KINDS.map((kind) => (
         <Select
           key={kind}

@@ -7,10 +7,9 @@ import { reprojectionNote } from "../../reproject/reprojector";
 import { changeSettings, settings } from "../../state/app";
 import type { ViewerSession } from "../../viewer/session";
 import { Icon } from "../icon";
+import { OverscanOptions, overscanOf } from "../overscans";
 import { PredictionOptions } from "../predictions";
 import { milliseconds } from "./hud";
-
-const OVERSCANS = [0, 0.05, 0.1, 0.15, 0.2, 0.25];
 
 export function ReprojectionPanel({ session }: { session: ViewerSession }) {
   const { reprojection, prediction, overscan, depth, surround, mode } = settings.value;
@@ -18,7 +17,6 @@ export function ReprojectionPanel({ session }: { session: ViewerSession }) {
   const status = side.status.value;
   const note = reprojectionNote(session.reprojector.status.value, session.videoReprojector.status.value);
   const { warpMs } = (mode === "dash" ? session.dash.value : session.stateless)?.stats.value ?? NO_DASH_STATS;
-  const shares = overscan === "auto" || OVERSCANS.includes(overscan) ? OVERSCANS : [...OVERSCANS, overscan];
   return (
     <>
       <label
@@ -56,14 +54,9 @@ export function ReprojectionPanel({ session }: { session: ViewerSession }) {
           title="How much more each frame shows beyond its edges, as a share of the picture"
           value={String(overscan)}
           disabled={!reprojection}
-          onValue={(value) => changeSettings({ overscan: value === "auto" ? "auto" : Number(value) })}
+          onValue={(value) => changeSettings({ overscan: overscanOf(value) })}
         >
-          <option value="auto">Automatic</option>
-          {shares.map((share) => (
-            <option key={share} value={String(share)}>
-              {Math.round(share * 1000) / 10} %
-            </option>
-          ))}
+          <OverscanOptions chosen={overscan} />
         </Choice>
         <Choice
           label="Prediction"
