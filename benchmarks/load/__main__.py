@@ -115,7 +115,7 @@ def run(arguments: argparse.Namespace) -> int:
                         one, capacity, arguments.first, arguments.most, arguments.steps, timing, told, wait
                     )
                 finally:
-                    lines, complete = [verdict(capacity)], capacity.found
+                    lines, complete = verdict(capacity), capacity.found
                     figures["capacity"] = {name: getattr(capacity, name) for name in ("viewers", "found", "limit_ms")}
                     draw(capacity, arguments.fps, title, arguments.out / "load.svg")
         finally:  # what was measured before somebody stopped it counts, too

@@ -14,6 +14,9 @@ from benchmarks.load.plan import ARRIVALS_PER_S, PATIENCE_S, Plan
 from tigas_common.processes import with_parent
 
 END_S = 5
+FULL_S = 7.0
+"""A service in which nobody has come in for so long is full: those whom it turned away have tried again."""
+ASK_EVERY_S = 0.25
 
 
 class Crowds:
@@ -44,17 +47,28 @@ class Crowds:
     def measure(self, viewers: int, warm_up_s: float, seconds: float, wait: Callable[[float], None]) -> Observed:
         """What so many viewers meet within `seconds`, once they are there and have looked around for `warm_up_s`.
 
-        `wait` waits until a time of the monotonic clock. Raises RuntimeError if a process has ended.
+        `wait` waits until a time of the monotonic clock: at first the begin, then the end of what is measured.
+        Raises RuntimeError if a process has ended.
         """
-        arrivals = max(0, viewers - self._viewers) / ARRIVALS_PER_S
-        self._viewers = viewers
-        begin = time.monotonic() + arrivals + warm_up_s
-        end = begin + seconds
         self._tell(f"viewers {viewers}")
+        self._arrive(viewers)
+        begin = time.monotonic() + warm_up_s
+        end = begin + seconds
         self._tell(f"measure {begin} {end}")
         wait(begin)
         wait(end + PATIENCE_S)
-        return Observed.together([self._answer(process) for process in self._processes])
+        return Observed.together([Observed.from_json(line) for line in self._answers()])
+
+    def _arrive(self, viewers: int) -> None:
+        """Wait until all have a session, or nobody has come in for so long that the service is taken to be full."""
+        inside, since = -1, time.monotonic() + max(0, viewers - self._viewers) / ARRIVALS_PER_S
+        self._viewers = viewers
+        while inside < viewers and time.monotonic() < since + FULL_S:
+            time.sleep(ASK_EVERY_S)
+            self._tell("inside")
+            now_inside = sum(map(int, self._answers()))
+            if now_inside > inside:
+                inside, since = now_inside, max(since, time.monotonic())
 
     def clear(self) -> None:
         """Let all viewers leave."""
@@ -70,12 +84,15 @@ class Crowds:
             except BrokenPipeError:
                 raise RuntimeError("A process of viewers has ended.") from None
 
-    @staticmethod
-    def _answer(process: subprocess.Popen[str]) -> Observed:
-        assert process.stdout is not None
-        if not (line := process.stdout.readline()):
+    def _answers(self) -> list[str]:
+        """The next line of every process."""
+        lines = []
+        for process in self._processes:
+            assert process.stdout is not None
+            lines.append(process.stdout.readline())
+        if not all(lines):
             raise RuntimeError("A process of viewers has ended.")
-        return Observed.from_json(line)
+        return lines
 
 
 def _end(process: subprocess.Popen[str]) -> None:

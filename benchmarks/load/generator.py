@@ -1,7 +1,7 @@
 """A process of viewers. The first line of its input is a Plan; then come commands, one a line.
 
-`viewers N` lets so many be there, of all processes together. `measure BEGIN END`, in seconds of the monotonic clock,
-answers with an Observed once that is over. It ends with its input.
+`viewers N` lets so many be there, of all processes together. `inside` answers how many have a session. `measure BEGIN
+END`, in seconds of the monotonic clock, answers with an Observed once that is over. It ends with its input.
 """
 
 from __future__ import annotations
@@ -46,6 +46,11 @@ class Crowd:
         self._viewers.append(viewer)
         viewer.come()
 
+    @property
+    def inside(self) -> int:
+        """How many have a session."""
+        return sum(viewer.is_inside for viewer in self._viewers)
+
     async def measure(self, begin: float, end: float) -> Observed:
         """What they meet in a time to come."""
         await asyncio.sleep(begin - time.monotonic())
@@ -54,7 +59,7 @@ class Crowd:
         cpu = -time.process_time()
         await asyncio.sleep(end - time.monotonic())
         cpu += time.process_time()
-        outside = sum(not viewer.is_inside for viewer in self._viewers)
+        outside = len(self._viewers) - self.inside
         await asyncio.sleep(PATIENCE_S)
         ended = [one for viewer in self._viewers for one in viewer.ended]
         waiting = [due for viewer in self._viewers for due in viewer.waiting()]
@@ -72,6 +77,8 @@ async def main(place: int, places: int) -> None:
         match command:
             case ["viewers", count]:
                 crowd.set(int(count))
+            case ["inside"]:
+                print(crowd.inside, flush=True)
             case ["measure", begin, end]:
                 print((await crowd.measure(float(begin), float(end))).to_json(), flush=True)
 

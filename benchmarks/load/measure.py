@@ -49,7 +49,7 @@ class Subject:
             cpu.append(self.server.cpu_s())
 
         observed = self.crowds.measure(viewers, timing.warm_up_s, timing.seconds, measured)
-        before, after = cpu[:2]
+        before, after = cpu
         spent = None if before is None or after is None else after - before
         return Step.of(viewers, timing.seconds, observed, spent)
 

@@ -9,6 +9,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+from rich.box import SIMPLE_HEAD
 from rich.table import Table
 
 from benchmarks.load.measure import Capacity, Comparison
@@ -34,7 +35,7 @@ def line(step: Step) -> str:
 
 def table(steps: Sequence[Step], title: str) -> Table:
     """A row for each step."""
-    shown = Table(title=title, title_justify="left")
+    shown = Table(title=title, title_justify="left", box=SIMPLE_HEAD)
     for column in COLUMNS:
         shown.add_column(column, justify="right")
     shown.add_column("not served")
@@ -72,8 +73,22 @@ def _interval(interval: Interval, digits: int) -> str:
     return "" if math.isnan(low) else f"[{low:,.{digits}f}, {high:,.{digits}f}]"
 
 
-def verdict(capacity: Capacity) -> str:
-    """What was found, in a sentence or two."""
+def verdict(capacity: Capacity) -> list[str]:
+    """What was found, a sentence each."""
+    peak = max((step.frames_per_s for step in (*capacity.steps, *capacity.beyond)), default=0.0)
+    return [_most(capacity), *(_beyond(step, capacity.viewers, peak) for step in capacity.beyond)]
+
+
+def _beyond(step: Step, viewers: int, peak: float) -> str:
+    inside, share = step.viewers - step.outside, 100 * step.frames_per_s / peak if peak else 0.0
+    return (
+        f"Offered {step.viewers / viewers:.2g} times as many, {step.viewers}: "
+        f"{inside} inside, p50 {step.p50_ms:.1f} ms, p95 {step.p95_ms:.1f} ms, "
+        f"{step.frames_per_s:,.0f} frames/s, {share:.0f} % of the most."
+    )
+
+
+def _most(capacity: Capacity) -> str:
     limit = f"p95 ≤ {capacity.limit_ms:g} ms and all served"
     if capacity.viewers and capacity.found:
         return f"{capacity.viewers} viewers are the most with {limit}."

@@ -44,19 +44,23 @@ def test_what_is_beyond_the_largest_number_is_measured_too() -> None:
     assert (capacity.viewers, capacity.found) == (40, True)
     assert tried[-3:] == [40, 60, 80]
     assert [step.p95_ms for step in capacity.beyond] == [20, 400, 400]
-    assert verdict(capacity) == "40 viewers are the most with p95 ≤ 100 ms and all served."
+    most, *beyond = verdict(capacity)
+    assert most == "40 viewers are the most with p95 ≤ 100 ms and all served."
+    assert beyond[2] == (
+        "Offered 2 times as many, 80: 80 inside, p50 10.0 ms, p95 400.0 ms, 30 frames/s, 100 % of the most."
+    )
 
 
 def test_no_number_is_told_that_the_viewers_could_not_try() -> None:
     capacity, _ = measured(Made(200, generator=40))
     assert (capacity.viewers, capacity.found) == (40, False)
-    assert verdict(capacity).startswith("At least 40 viewers")
+    assert verdict(capacity)[0].startswith("At least 40 viewers")
 
 
 def test_nothing_is_told_where_even_one_viewer_was_too_much_for_the_viewers() -> None:
     capacity, _ = measured(Made(200, generator=0))
     assert (capacity.viewers, capacity.found, capacity.beyond) == (0, False, [])
-    assert verdict(capacity).startswith("Nothing is known of the service: the viewers' processes were 50 ms late")
+    assert verdict(capacity)[0].startswith("Nothing is known of the service: the viewers' processes were 50 ms late")
 
 
 def test_a_search_that_is_cut_short_says_what_it_knows() -> None:
