@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import random
+from collections import deque
+from dataclasses import dataclass
+
 import pytest
 
 from tigas_render.transport.load import (
@@ -19,9 +23,11 @@ from tigas_render.transport.load import (
 class Loop:
     """An event loop that is as busy as it is told to be."""
 
-    def __init__(self) -> None:
+    def __init__(self, viewers: int = 10) -> None:
         self.now = self.cpu = 0.0
         self.load = Load(lambda: self.now, lambda: self.cpu)
+        for _ in range(viewers):
+            self.load.entered()
 
     def run(self, seconds: float, busy: float, ages: tuple[float, ...] = ()) -> None:
         """So many seconds, in each tick of which datagrams of these ages are handled."""
@@ -109,7 +115,7 @@ def test_a_slow_renderer_takes_no_more_clients_only_while_it_has_no_pause() -> N
 
 
 def test_a_rush_is_let_in_a_few_at_a_time_until_it_is_known_what_they_cost() -> None:
-    loop = Loop()
+    loop = Loop(viewers=0)
     came_in = 0
     while loop.load.full() is None:
         loop.load.entered()
@@ -120,7 +126,7 @@ def test_a_rush_is_let_in_a_few_at_a_time_until_it_is_known_what_they_cost() -> 
 
 
 def test_a_thousand_who_ask_for_nothing_come_in_within_seconds() -> None:
-    loop = Loop()
+    loop = Loop(viewers=0)
     came_in = 0
     while came_in < 1000:
         while came_in < 1000 and loop.load.full() is None:
@@ -155,6 +161,77 @@ def test_old_datagrams_are_dropped_and_sooner_where_a_queue_stands() -> None:
     assert loop.load.handled(0.9 * STANDING_AGE_S)
     assert not loop.load.handled(1.1 * STANDING_AGE_S)
     assert loop.load.state.stale == 2
+
+
+def test_a_few_are_always_taken_and_as_fast_as_they_like() -> None:
+    loop = Loop(viewers=2)
+    loop.run(10, busy=1.0, ages=LATE)
+    assert loop.load.full() is None
+    assert loop.load.requests_per_s is None
+    for _ in range(3):
+        loop.load.entered()
+    assert loop.load.full() is not None
+    assert loop.load.requests_per_s is not None
+
+
+@dataclass
+class Viewer:
+    """Asks 30 times a second, or as often as it is told; comes again a while after it was refused."""
+
+    next_at: float
+    is_in: bool = False
+
+
+def simulated(viewers: int, seconds: float = 40.0, then_s: float = 0.002) -> tuple[float, float]:
+    """Frames a second and the 95th percentile of latency in seconds, of a loop that serves requests in order.
+
+    Each takes 2 ms, and from a quarter of the time on `then_s`. The first half is not counted.
+    """
+    rng = random.Random(1)
+    now = cpu = 0.0
+    load = Load(lambda: now, lambda: cpu)
+    queue: deque[float] = deque()
+    everybody = [Viewer(rng.uniform(0, 1)) for _ in range(viewers)]
+    latencies, tick_at = [], TICK_S
+    while now < seconds:
+        for viewer in everybody:
+            while viewer.next_at <= now:
+                if not viewer.is_in and (retry_after := load.full()) is not None:
+                    viewer.next_at += retry_after * rng.uniform(1, 1.5)
+                    continue
+                if not viewer.is_in:
+                    viewer.is_in = True
+                    load.entered()
+                queue.append(viewer.next_at)
+                viewer.next_at += rng.uniform(0.5, 1.5) / min(30.0, load.requests_per_s or 30.0)
+        if queue:
+            arrived = queue.popleft()
+            cost_s = 0.002 if now < seconds / 4 else then_s
+            if load.handled(now - arrived):
+                now, cpu = now + cost_s, cpu + cost_s
+                if now > seconds / 2:
+                    latencies.append(now - arrived)
+        else:
+            now = min(tick_at, min(viewer.next_at for viewer in everybody))
+        if now >= tick_at:
+            load.tick()
+            tick_at = now + TICK_S
+    return len(latencies) / (seconds / 2), sorted(latencies)[int(0.95 * len(latencies))]
+
+
+def test_at_twice_what_it_can_serve_those_who_are_in_hardly_wait_and_nothing_is_lost() -> None:
+    peak = max(simulated(viewers)[0] for viewers in (12, 14, 16, 18))
+    assert peak > 400  # of 500
+    for viewers in (33, 50, 160):
+        frames_per_s, p95 = simulated(viewers)
+        assert frames_per_s > 0.9 * peak
+        assert p95 < 0.05
+
+
+def test_a_machine_that_gets_three_times_as_slow_slows_its_viewers_down() -> None:
+    frames_per_s, p95 = simulated(15, then_s=0.006)
+    assert frames_per_s > 100  # of 167
+    assert p95 < 0.1
 
 
 def test_it_says_how_old_things_got() -> None:

@@ -19,9 +19,9 @@ TICK_S = 0.1
 """How often the loop is measured, in seconds."""
 SMOOTHING_S, MOST_TICK_S = 1.0, 0.3
 """Time constant of the utilisation's average, and the most that one pause counts in it, in seconds."""
-FULL_AT, FREE_AT = 0.75, 0.6
+FULL_AT, FREE_AT = 0.85, 0.7
 """Utilisation from which on no new viewers are taken, and under which they are again."""
-HOT_AT = 0.9
+HOT_AT = 0.92
 """Utilisation above which those who are in are asked to ask less often."""
 LATE_S = 0.01
 """A datagram that is older when it is handled has waited, in seconds."""
@@ -29,12 +29,14 @@ ENOUGH = 3
 """Datagrams in a tick from which on they tell whether a queue stands."""
 TURN_LATE_S, ENGINE_FULL_AT = 0.06, 0.95
 """The engine is full if it has hardly a pause and a client's turn comes round more slowly than this, in seconds."""
+FEW = 4
+"""So many viewers are always taken, and told no rate: whatever keeps the machine busy then, it is not they."""
 LASTING, CALM = 5, 20
 """Ticks in a row after which too much to do is believed, and after which it is believed to be over."""
 SETTLED_S = 2.0
 """Seconds after which what a new viewer costs is part of what is measured."""
-EXPECTED_COST, EXPECTED_VIEWERS = 0.05, 4
-"""What a viewer is expected to add to the utilisation, until so many have shown otherwise."""
+EXPECTED_COST = 0.05
+"""What a viewer is expected to add to the utilisation, until a few have shown otherwise."""
 RETRY_S = 5.0
 """When those who are refused may try again, in seconds."""
 CUT, GROWTH = 0.8, 1.1
@@ -173,14 +175,14 @@ class Load:
 
     def full(self) -> float | None:
         """Seconds after which a new viewer may try again; None if it may come in."""
-        if self._full or self._expected() >= FULL_AT:
-            return RETRY_S
-        return None
+        if self._viewers < FEW:
+            return None
+        return RETRY_S if self._full or self._expected() >= FULL_AT else None
 
     @property
     def requests_per_s(self) -> float | None:
         """How often each viewer may ask now, if it must not ask as often as it likes."""
-        return self._rate
+        return self._rate if self._viewers > FEW else None
 
     @property
     def state(self) -> LoadState:
@@ -192,7 +194,7 @@ class Load:
             ages=dict(zip(("datagrams", "loop", "engine"), ages, strict=True)),
             viewers=self._viewers,
             full=self.full(),
-            requests_per_s=self._rate,
+            requests_per_s=self.requests_per_s,
             refused=self._refused,
             stale=self._stale,
         )
@@ -203,5 +205,5 @@ class Load:
         while self._entered and self._entered[0] < settled:
             self._entered.popleft()
         known = max(0, self._viewers - len(self._entered))
-        each = (self._utilisation + EXPECTED_VIEWERS * EXPECTED_COST) / (known + EXPECTED_VIEWERS)
+        each = (self._utilisation + FEW * EXPECTED_COST) / (known + FEW)
         return self._utilisation + each * len(self._entered)
