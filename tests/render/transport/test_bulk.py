@@ -57,8 +57,8 @@ def test_a_reset_stops_a_stream_and_no_other() -> None:
 
 def test_finished_streams_leave_nothing_behind() -> None:
     simulation = Simulation()
-    for _ in range(3):
-        answer_all(simulation, frames(100, 2000))
+    for _ in range(30):
+        answer_all(simulation, frames(10, 2000))
         simulation.run()
     simulation.open()  # one more round trip, so that the last acknowledgements are in
     simulation.run()

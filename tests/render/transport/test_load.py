@@ -120,7 +120,7 @@ def test_a_rush_is_let_in_a_few_at_a_time_until_it_is_known_what_they_cost() -> 
     while loop.load.full() is None:
         loop.load.entered()
         came_in += 1
-    assert 5 < came_in < 30
+    assert 10 < came_in < 40
     loop.run(SETTLED_S + TICK_S, busy=0.01 * came_in)
     assert loop.load.full() is None
 

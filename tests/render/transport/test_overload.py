@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import json
 import time
+from contextlib import AsyncExitStack
 
 import pytest
 from aioquic.quic.packet import QuicErrorCode
@@ -161,17 +162,19 @@ async def test_a_slow_reader_holds_nobody_else_up() -> None:
 
 async def test_idle_sessions_cost_nothing_and_keep_nobody_out() -> None:
     load = Load()
-    limits = Limits(sessions=100, sessions_per_address=1000)
-    async with served(limits, load=load) as server, connect(server.port) as idle:
+    limits = Limits(sessions=10, sessions_per_address=1000)
+    async with served(limits, load=load) as server, AsyncExitStack() as stack:
+        clients = [await stack.enter_async_context(connect(server.port)) for _ in range(10)]
         measuring = asyncio.create_task(load.keep())
-        opened = 0
-        while opened < 100:
-            session = await idle.connect_webtransport()
-            if idle.responses[session].status == 200:
-                opened += 1
-            else:
-                assert json.loads((await idle.response(session)).body)["status"] == 503
-                await asyncio.sleep(0.2)
+        for idle in clients:
+            opened = 0
+            while opened < 10:
+                session = await idle.connect_webtransport()
+                if idle.responses[session].status == 200:
+                    opened += 1
+                else:
+                    assert json.loads((await idle.response(session)).body)["status"] == 503
+                    await asyncio.sleep(0.2)
         await eventually(lambda: load.full() is None)
         async with connect(server.port, source="127.0.0.2") as other:
             header, _ = await other.frame(await other.connect_webtransport(), request_body())

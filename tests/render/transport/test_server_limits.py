@@ -25,6 +25,7 @@ from tigas_render.transport import server as server_module
 from tigas_render.transport.connection import Connection
 from tigas_render.transport.limits import Limits
 from tigas_render.transport.server import Http3Server
+from tigas_render.transport.stream_credit import LEAST
 
 pytestmark = pytest.mark.anyio
 
@@ -228,13 +229,13 @@ async def test_an_error_in_the_quic_stack_ends_one_connection_only(caplog: pytes
 async def test_streams_opened_and_never_finished_leave_room_for_others() -> None:
     source = FakeFrames()
     async with (
-        served(Limits(request_timeout=0.1), source) as server,
+        served(Limits(request_timeout=0.1, requests=8), source) as server,
         connect(server.port) as hoarder,
         connect(server.port) as good,
     ):
         session = await hoarder.connect_webtransport()
         its = await good.connect_webtransport()
-        streams = [hoarder.open_stream(session, b"{", end=False) for _ in range(120)]
+        streams = [hoarder.open_stream(session, b"{", end=False) for _ in range(LEAST - 1)]
         assert (await good.frame(its, request_body()))[0]["status"] == 200
         statuses = [split_frame(bytes((await hoarder.response(s)).body))[0]["status"] for s in streams]
         assert set(statuses) == {400, 503}
@@ -243,11 +244,11 @@ async def test_streams_opened_and_never_finished_leave_room_for_others() -> None
 
 async def test_requests_whose_headers_never_end_are_reset_and_leave_room_for_others() -> None:
     async with (
-        served(Limits(request_timeout=0.1)) as server,
+        served(Limits(request_timeout=0.1, requests=8)) as server,
         connect(server.port) as hoarder,
         connect(server.port) as good,
     ):
-        streams = [hoarder._quic.get_next_available_stream_id() + 4 * number for number in range(100)]
+        streams = [hoarder._quic.get_next_available_stream_id() + 4 * number for number in range(LEAST)]
         for stream in streams:
             hoarder._quic.send_stream_data(stream, b"\x01\x40\xff" + bytes(100))  # HEADERS of 255 bytes
         hoarder.transmit()
@@ -261,8 +262,8 @@ async def test_a_flood_of_requests_and_cancellations_leaves_nothing_behind() -> 
     source = FakeFrames(os.urandom(3000))
     async with served(source=source) as server, connect(server.port) as client:
         session = await client.connect_webtransport()
-        for _ in range(20):
-            streams = [client.open_stream(session, request_body()) for _ in range(50)]
+        for _ in range(80):
+            streams = [client.open_stream(session, request_body()) for _ in range(LEAST // 2)]
             for stream in streams[::2]:
                 client.stop(stream)
             for stream in streams:

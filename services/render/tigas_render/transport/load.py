@@ -35,7 +35,7 @@ LASTING, CALM = 5, 20
 """Ticks in a row after which too much to do is believed, and after which it is believed to be over."""
 SETTLED_S = 2.0
 """Seconds after which what a new viewer costs is part of what is measured."""
-EXPECTED_COST = 0.05
+EXPECTED_COST = 0.03
 """What a viewer is expected to add to the utilisation, until a few have shown otherwise."""
 RETRY_S = 5.0
 """When those who are refused may try again, in seconds."""

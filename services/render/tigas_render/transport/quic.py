@@ -18,6 +18,7 @@ from aioquic.quic.stream import QuicStream
 
 from tigas_render.transport.bulk import SHORT_HEADER, BulkQuicConnection
 from tigas_render.transport.cids import Edge
+from tigas_render.transport.stream_credit import StreamCredit
 
 DATAGRAM_HEADER = 1 + 2
 """Bytes of a DATAGRAM frame before its data: type and length."""
@@ -38,6 +39,7 @@ class ServerQuicConnection(BulkQuicConnection):
         self._finish_connection_ids()
         self.host_cid = self._local_initial_source_connection_id = self._host_cids[0].cid
         self._begun: set[int] = set()
+        self._local_max_streams_bidi = StreamCredit(self._local_max_streams_bidi, lambda: self._loss._rtt_smoothed)
 
     def _replenish_connection_ids(self) -> None:
         super()._replenish_connection_ids()

@@ -1,0 +1,46 @@
+"""How many streams a client may open: as many as a viewer needs to ask in every moment, and no hundred to keep us busy.
+
+A stream counts from its first packet until both sides have finished it and the client has acknowledged all of its
+answer; the news that another may be opened takes as long again to arrive, and waits, to be worth a frame, until half of
+the credit is used. That makes three round trips, and what the server and a delayed acknowledgement take.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+from aioquic.quic.connection import Limit
+
+RATE = 120.0
+"""Requests a second of a viewer with a fast display."""
+SERVICE_S = 0.1
+"""Until a request is answered, and the client acknowledges that, in seconds."""
+LEAST, MOST = 16, 128
+
+
+def stream_window(round_trip_s: float) -> int:
+    """Streams that a client may have open at a time."""
+    return max(LEAST, min(MOST, math.ceil(RATE * (3 * round_trip_s + SERVICE_S))))
+
+
+class StreamCredit(Limit):
+    """aioquic's limit, which grows by one with each stream that is finished, and with the round trip. It never shrinks
+    below what the client was told.
+    """
+
+    def __init__(self, limit: Limit, round_trip_s: Callable[[], float]) -> None:
+        """limit: aioquic's own, in whose place this is."""
+        self.frame_type, self.name = limit.frame_type, limit.name
+        self.used = self._finished = 0
+        self._round_trip_s = round_trip_s
+        self.sent = stream_window(0.0)
+
+    @property
+    def value(self) -> int:
+        """How many streams the client may have opened in all."""
+        return max(self.sent, self._finished + stream_window(self._round_trip_s()))
+
+    @value.setter
+    def value(self, value: int) -> None:
+        self._finished += value - self.value
