@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import logging
 import random
@@ -15,6 +16,9 @@ import pytest
 
 from tests.render.transport.client import CERTIFICATE, Client, FakeFrames, connect, request_body, split_frame
 from tigas_common.errors import UnknownScene
+from tigas_common.wire.render import RenderRequest
+from tigas_render.frame import Answered, Frame, Withdraw
+from tigas_render.frame import Client as FrameClient
 from tigas_render.transport.frames import render_session
 from tigas_render.transport.limits import Limits
 from tigas_render.transport.server import Http3Server
@@ -358,3 +362,56 @@ async def test_a_flood_of_datagrams_is_bounded() -> None:
         client._quic.send_stream_data(session, b"", end_stream=True)
         client.transmit()
         await source.until(lambda: len(source.cancelled) == 16)
+
+
+# -- memory that is lent -----------------------------------------------------------------------------------------------
+
+
+class LentFrames(FakeFrames):
+    """Frames in memory that is overwritten as soon as it is given back."""
+
+    def __init__(self, body: bytes) -> None:
+        super().__init__(body)
+        self.lent = 0
+
+    def request(self, client: FrameClient, request: RenderRequest, arrived: float, answered: Answered) -> Withdraw:
+        def lend(answer: Frame | Exception) -> None:
+            assert isinstance(answer, Frame)
+            memory = bytearray(answer.body)
+            self.lent += 1
+            answered(dataclasses.replace(answer, body=memoryview(memory), on_release=lambda: give_back(memory)))
+
+        def give_back(memory: bytearray) -> None:
+            memory[:] = bytes(len(memory))
+            self.lent -= 1
+
+        return super().request(client, request, arrived, lend)
+
+
+async def test_a_frame_is_given_back_at_once_and_arrives_whole() -> None:
+    source = LentFrames(random.Random(3).randbytes(1_500_000))  # more than a connection's answers may hold in QUIC
+    async with served(source) as (_, client, session):
+        stream = client.open_stream(session, request_body())
+        await client.until(lambda: client.responses[stream].body)
+        assert source.lent == 0
+        _, body = split_frame(bytes((await client.response(stream)).body))
+        client.send_datagram(session, request_body())
+        await client.until(lambda: client.datagrams)
+    assert body == source.body
+    assert source.lent == 0
+
+
+async def test_a_client_that_reads_no_frame_holds_none(monkeypatch: pytest.MonkeyPatch) -> None:
+    source = LentFrames(bytes(1_500_000))
+    async with (
+        served(source, Limits(stall_timeout=0.3)) as (server, client, session),
+        connect(server.port, max_stream_data=50_000) as deaf,
+    ):
+        monkeypatch.setattr(deaf._quic, "_write_stream_limits", lambda **_: None)
+        stream = deaf.open_stream(await deaf.connect_webtransport(), request_body())
+        await deaf.until(lambda: len(deaf.responses[stream].body) > 45_000)
+        assert source.lent == 0
+        _, body = await client.frame(session, request_body())
+        assert body == source.body, "others go on"
+        assert (await deaf.response(stream)).reset is not None
+        assert deaf.terminated is None

@@ -2,22 +2,22 @@
 
 from __future__ import annotations
 
-import asyncio
 import json
 import logging
 import math
 import struct
 import time
+from functools import partial
 
 from tigas_common.errors import Overloaded, TigasError, problem
-from tigas_common.parsing import MAX_BODY, parse
+from tigas_common.parsing import parse
 from tigas_common.wire.render import FrameHeader, RenderRequest
-from tigas_render.frame import Client, Frame, FrameSource
+from tigas_render.frame import Answered, Client, Frame, FrameSource, Withdraw
 from tigas_render.transport.datagrams import DatagramSender
 from tigas_render.transport.load import Load
 from tigas_render.transport.outlet import DatagramOutlet
 from tigas_render.transport.request_rate import RequestRate
-from tigas_render.transport.webtransport import SessionFactory, WebTransportStream
+from tigas_render.transport.webtransport import Answer, Parts, SessionFactory
 
 logger = logging.getLogger(__name__)
 
@@ -40,25 +40,36 @@ class RenderSession:
         self._rate = rate
         self._client = client
         self._sender = DatagramSender(datagrams)
-        self._tasks: set[asyncio.Task[None]] = set()
+        self._running: dict[int, Withdraw] = {}
+        """What withdraws requests that came by datagram, by their numbers."""
 
     def closed(self) -> None:
         """The session is over: what was asked for by datagram is no longer wanted."""
-        for task in self._tasks:
-            task.cancel()
+        for withdraw in self._running.values():
+            withdraw()
+        self._running.clear()
 
     # -- streams -----------------------------------------------------------------------------------------------------
 
-    async def stream(self, stream: WebTransportStream) -> None:
+    def check(self) -> None:
+        """Raises a TigasError if the client asks more often than it may."""
+        self._rate.check(self._client)
+
+    def request(self, body: bytes, arrived: float, answer: Answer) -> Withdraw:
         """Answer the request on a stream."""
-        body = b""
-        try:
-            self._rate.check(self._client)  # without a look at the request
-            body = await stream.read(MAX_BODY)
-            answer = _success(await self._frame(body, stream.arrived), self._rate.told)
-        except Exception as error:
-            answer = _failure(error, body, self._rate.told)
-        await stream.outlet.finish(answer)
+
+        def answered(result: Frame | Exception) -> None:
+            if isinstance(result, Frame):
+                answer((_header(result, self._rate.told), result.body))
+                result.release()
+            else:
+                answer(self.failure(result, body))
+
+        return self._ask(body, arrived, answered)
+
+    def failure(self, error: Exception, body: bytes) -> Parts:
+        """The answer to a request that failed; `body` is what came of it."""
+        return (_failure(error, body, self._rate.told),)
 
     # -- datagrams ---------------------------------------------------------------------------------------------------
 
@@ -67,45 +78,54 @@ class RenderSession:
         if not self._sender.can_send:
             return
         number = self._sender.next_request()
-        if len(self._tasks) >= MAX_DATAGRAM_REQUESTS:
+        if len(self._running) >= MAX_DATAGRAM_REQUESTS:
             error: TigasError = Overloaded(f"This session has {MAX_DATAGRAM_REQUESTS} requests running.")
         elif not self._rate.allows(self._client):
             error = self._rate.error
         else:
-            task = asyncio.create_task(self._answer_datagram(number, body, arrived))
-            self._tasks.add(task)
-            task.add_done_callback(self._tasks.discard)
+            self._running[number] = _nothing
+            withdraw = self._ask(body, arrived, partial(self._answered_datagram, number, body))
+            if number in self._running:
+                self._running[number] = withdraw
             return
         self._sender.send_problem(_seq(body), _failure(error, body, self._rate.told))
 
-    async def _answer_datagram(self, number: int, body: bytes, arrived: float) -> None:
-        try:
-            frame = await self._frame(body, arrived)
-        except Exception as error:
-            self._sender.send_problem(_seq(body), _failure(error, body, self._rate.told))
+    def _answered_datagram(self, number: int, body: bytes, result: Frame | Exception) -> None:
+        del self._running[number]
+        if isinstance(result, Frame):
+            self._sender.send_frame(number, result.seq, b"".join((_header(result, self._rate.told), result.body)))
+            result.release()
         else:
-            self._sender.send_frame(number, frame.seq, _success(frame, self._rate.told))
+            self._sender.send_problem(_seq(body), _failure(result, body, self._rate.told))
 
-    async def _frame(self, body: bytes, arrived: float) -> Frame:
-        return await self._source.submit(self._client, parse(RenderRequest, body), arrived)
+    def _ask(self, body: bytes, arrived: float, answered: Answered) -> Withdraw:
+        try:
+            return self._source.request(self._client, parse(RenderRequest, body), arrived, answered)
+        except Exception as error:
+            answered(error)
+            return _nothing
 
 
-def _success(frame: Frame, requests_per_s: float | None) -> bytes:
-    header = FrameHeader(
-        status=200,
-        seq=frame.seq,
-        content_type=frame.content_type,
-        width=frame.width,
-        height=frame.height,
-        margin_x=frame.margin_x or None,
-        margin_y=frame.margin_y or None,
-        profile=frame.profile,
-        timing=frame.timing,
-        requests_per_s=requests_per_s,
+def _nothing() -> None:
+    """Withdraws a request that was answered already."""
+
+
+def _header(frame: Frame, requests_per_s: float | None) -> bytes:
+    """What goes before a frame's body."""
+    return _encode(
+        FrameHeader(
+            status=200,
+            seq=frame.seq,
+            content_type=frame.content_type,
+            width=frame.width,
+            height=frame.height,
+            margin_x=frame.margin_x or None,
+            margin_y=frame.margin_y or None,
+            profile=frame.profile,
+            timing=frame.timing,
+            requests_per_s=requests_per_s,
+        )
     )
-    answer = _answer(header, frame.body)
-    frame.release()
-    return answer
 
 
 def _failure(error: Exception, body: bytes, requests_per_s: float | None) -> bytes:
@@ -118,12 +138,12 @@ def _failure(error: Exception, body: bytes, requests_per_s: float | None) -> byt
         content_type="application/problem+json",
         requests_per_s=requests_per_s,
     )
-    return _answer(header, about.model_dump_json().encode())
+    return _encode(header) + about.model_dump_json().encode()
 
 
-def _answer(header: FrameHeader, body: bytes | memoryview) -> bytes:
+def _encode(header: FrameHeader) -> bytes:
     text = header.model_dump_json().encode()
-    return b"".join((struct.pack("!I", len(text)), text, body))
+    return struct.pack("!I", len(text)) + text
 
 
 def _seq(body: bytes) -> int:

@@ -6,7 +6,8 @@ import asyncio
 import logging
 import math
 from collections import deque
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
+from functools import partial
 from http import HTTPStatus
 from urllib.parse import unquote_to_bytes
 
@@ -101,10 +102,15 @@ class HttpRequest:
         self._body.clear()
         self._news.set()
 
+    def start(self, ended: Callable[[], None]) -> None:
+        """Let the application answer in a task; `ended` is called when that is done."""
+        self.task = asyncio.create_task(self._run())
+        # A callback, because a task that is cancelled before it starts never enters its own `finally`.
+        self.task.add_done_callback(partial(_done, ended))
+
     # -- the application's side --------------------------------------------------------------------------------------
 
-    async def run(self) -> None:
-        """Let the application answer."""
+    async def _run(self) -> None:
         try:
             await self._app(self._scope, self.receive, self.send)
             failed = not self._complete and not self._disconnected
@@ -169,3 +175,9 @@ class HttpRequest:
             self.outlet.stop_reading(ErrorCode.H3_NO_ERROR)
             self._complete = True  # from now on `receive` tells of the disconnect
             self._news.set()
+
+
+def _done(ended: Callable[[], None], task: asyncio.Task[None]) -> None:
+    if not task.cancelled() and (error := task.exception()) is not None:
+        logger.error("A request's task failed", exc_info=error)
+    ended()

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import asyncio
 from collections import deque
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
+from functools import partial
 
 from aioquic.buffer import encode_uint_var
 from aioquic.h3.events import Headers
@@ -39,27 +40,24 @@ class Writer:
         self.h3 = h3
         self.limits = limits
         self.transmit_soon = transmit_soon
-        self.waiting: dict[int, asyncio.Future[None]] = {}
-        """Who waits for room, by stream."""
+        self.waiting: dict[int, Callable[[], None]] = {}
+        """What lets those go on who wait for room, by stream."""
         self.with_datagrams: list[DatagramOutlet] = []
         """Sessions with datagrams that wait."""
         self.closed = False
 
-    def has_room(self, stream_id: int) -> bool:
-        """Whether a stream may hand more data to QUIC."""
+    def room(self, stream_id: int) -> int:
+        """Bytes that a stream may hand to QUIC now: none, or at least a chunk."""
         network, total = self.quic.unsent_total()
-        return (
-            self.quic.unsent(stream_id) < self.limits.unsent
-            and network < self.limits.unsent
-            and total < self.limits.unread_answers
-        )
+        used = max(self.quic.unsent(stream_id), network)
+        room = min(self.limits.unsent - used, self.limits.unread_answers - total)
+        return max(room, CHUNK) if room > 0 else 0
 
     def wake(self) -> None:
         """Let those write on for whom there is room now, the oldest stream first."""
         for stream_id in sorted(self.waiting):
-            waiter = self.waiting[stream_id]
-            if not waiter.done() and (not self.quic.can_write(stream_id) or self.has_room(stream_id)):
-                waiter.set_result(None)
+            if not self.quic.can_write(stream_id) or self.room(stream_id):
+                self.waiting[stream_id]()
 
     def hand_over_datagrams(self) -> bool:
         """Give QUIC as many datagrams as it can send soon; whether any are left."""
@@ -69,9 +67,8 @@ class Writer:
     def close(self) -> None:
         """Wake everybody who waits, to be told that the connection is over."""
         self.closed = True
-        for waiter in self.waiting.values():
-            if not waiter.done():
-                waiter.set_result(None)
+        for go_on in list(self.waiting.values()):
+            go_on()
 
 
 class Outlet:
@@ -98,18 +95,19 @@ class Outlet:
 
         Raises StreamClosed if the client has cancelled, is gone, or has read nothing for too long.
         """
-        for start in range(0, len(data), CHUNK):
-            await self._room()
-            self._writer.h3.send_data(self.stream_id, data[start : start + CHUNK], end_stream=False)
+        start = 0
+        while start < len(data):
+            stop = start + await self._room()
+            self._writer.h3.send_data(self.stream_id, data[start:stop], end_stream=False)
             self._writer.transmit_soon()
+            start = stop
 
-    async def finish(self, data: bytes) -> None:
-        """Send bytes as they are and end the stream; waits, and raises, as `send_data` does."""
-        for start in range(0, len(data), CHUNK):
-            await self._room()
-            self._writer.quic.send_stream_data(self.stream_id, data[start : start + CHUNK])
-            self._writer.transmit_soon()
-        self.end()
+    def finish(self, parts: Sequence[bytes | memoryview], ended: Callable[[], None]) -> None:
+        """Send bytes as they are and end the stream; then `ended` is called, which it also is if that cannot be done.
+
+        Nobody needs to keep the parts: what the network or the client cannot take yet is copied.
+        """
+        Answer(self._writer, self, parts, ended).go_on()
 
     def end(self) -> None:
         """End the server's side."""
@@ -132,12 +130,13 @@ class Outlet:
             self._writer.transmit_soon()
         self._writer.h3.finished(self.stream_id)
 
-    async def _room(self) -> None:
+    async def _room(self) -> int:
         writer = self._writer
         while not writer.closed and self.is_open:
-            if writer.has_room(self.stream_id):
-                return
-            waiter = writer.waiting[self.stream_id] = asyncio.get_running_loop().create_future()
+            if room := writer.room(self.stream_id):
+                return room
+            waiter = asyncio.get_running_loop().create_future()
+            writer.waiting[self.stream_id] = partial(_resolve, waiter)
             try:
                 async with asyncio.timeout(self.limits.stall_timeout):
                     await waiter
@@ -146,6 +145,64 @@ class Outlet:
             finally:
                 del writer.waiting[self.stream_id]
         raise StreamClosed("the stream is closed")
+
+
+class Answer:
+    """All that is sent on a stream, on its way to QUIC."""
+
+    def __init__(
+        self,
+        writer: Writer,
+        outlet: Outlet,
+        parts: Sequence[bytes | memoryview],
+        ended: Callable[[], None],
+    ) -> None:
+        """ended: called when nothing more is done."""
+        self._writer = writer
+        self._outlet = outlet
+        self._parts = list(parts)
+        self._ended = ended
+        self._stalled: asyncio.TimerHandle | None = None
+
+    def go_on(self) -> None:
+        """Hand over what there is room for, and wait for more if that was not all."""
+        writer, stream_id = self._writer, self._outlet.stream_id
+        if self._stalled is not None:
+            self._stalled.cancel()
+            del writer.waiting[stream_id]
+        while self._parts and not writer.closed and self._outlet.is_open:
+            room = writer.room(stream_id)
+            if not room:
+                self._wait()
+                return
+            self._write(room)
+        if not self._parts and not writer.closed:
+            self._outlet.end()
+        self._ended()
+
+    def _write(self, room: int) -> None:
+        part = self._parts[0]
+        if len(part) <= room:
+            del self._parts[0]
+        else:
+            self._parts[0] = part[room:]
+        self._writer.quic.send_stream_data(self._outlet.stream_id, part[:room])  # type: ignore[arg-type]  # any buffer
+        self._writer.transmit_soon()
+
+    def _wait(self) -> None:
+        self._parts = [bytes(part) for part in self._parts]
+        self._writer.waiting[self._outlet.stream_id] = self.go_on
+        self._stalled = asyncio.get_running_loop().call_later(self._outlet.limits.stall_timeout, self._give_up)
+
+    def _give_up(self) -> None:
+        """The client reads nothing."""
+        del self._writer.waiting[self._outlet.stream_id]
+        self._ended()
+
+
+def _resolve(waiter: asyncio.Future[None]) -> None:
+    if not waiter.done():
+        waiter.set_result(None)
 
 
 class DatagramOutlet:

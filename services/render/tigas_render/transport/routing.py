@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import asyncio
-import logging
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Protocol
 
 from aioquic.buffer import encode_uint_var
@@ -33,8 +33,6 @@ from tigas_render.transport.unfinished import UnfinishedStreams
 from tigas_render.transport.usage import Usage
 from tigas_render.transport.webtransport import DRAFT_HEADER, SessionFactory, WebTransportSession, WebTransportStream
 
-logger = logging.getLogger(__name__)
-
 BUFFERED_STREAM_REJECTED = 0x3994BD84
 """WebTransport's error for a stream of a session that does not exist."""
 TOO_EARLY = "This request may not be sent before the connection is established; send it again."
@@ -44,19 +42,21 @@ class Stream(Protocol):
     """What is on a bidirectional stream that a client opened: an HTTP request, or one stream of a session."""
 
     outlet: Outlet
-    task: asyncio.Task[None] | None
-    """Runs `run`."""
     abort_code: int
-    """The error code for a stream whose task ends before the stream is finished."""
+    """The error code for a stream that is over before it is finished."""
+
+    @property
+    def task(self) -> asyncio.Task[None] | None:
+        """What answers, if that is a task."""
+
+    def start(self, ended: Callable[[], None]) -> None:
+        """Answer the client; `ended` is called once when there is nothing more to do. What is not finished is reset."""
 
     def data_received(self, data: bytes, ended: bool, arrived: float) -> None:
         """The next part of what the client sends; `ended` with the last."""
 
     def cancelled(self) -> None:
         """The client wants no answer any more, has reset its side, or is gone."""
-
-    async def run(self) -> None:
-        """Answer the client. What is not finished when it returns is reset."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,7 +75,7 @@ class Service:
 
 
 class Router:
-    """All that a client has open: a task for every request and every WebTransport stream."""
+    """All that a client has open: requests, sessions, and their streams."""
 
     def __init__(
         self,
@@ -317,20 +317,17 @@ class Router:
             if not outlet.is_open:  # answered already; the client has not stopped yet
                 return
             self._start(WebTransportStream(outlet, session, self._overload()))
-        self._streams[event.stream_id].data_received(event.data, event.stream_ended, arrived)
+        if (stream := self._streams.get(event.stream_id)) is not None:
+            stream.data_received(event.data, event.stream_ended, arrived)
 
-    # -- tasks -------------------------------------------------------------------------------------------------------
+    # -- streams -----------------------------------------------------------------------------------------------------
 
     def _start(self, stream: Stream) -> None:
         self._streams[stream.outlet.stream_id] = stream
         self._count()
-        stream.task = asyncio.create_task(stream.run())
-        # A callback, because a task that is cancelled before it starts never enters its own `finally`.
-        stream.task.add_done_callback(lambda task: self._ended(stream, task))
+        stream.start(partial(self._ended, stream))
 
-    def _ended(self, stream: Stream, task: asyncio.Task[None]) -> None:
-        if not task.cancelled() and (error := task.exception()) is not None:
-            logger.error("A stream's handler failed", exc_info=error)
+    def _ended(self, stream: Stream) -> None:
         del self._streams[stream.outlet.stream_id]
         self._count()
         stream.outlet.abort(stream.abort_code)

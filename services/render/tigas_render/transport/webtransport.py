@@ -3,33 +3,47 @@
 from __future__ import annotations
 
 import asyncio
-import contextlib
 import itertools
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Protocol
 
 from aioquic.h3.connection import ErrorCode
 
-from tigas_common.errors import BodyTooLarge, InvalidRequest, Overloaded
-from tigas_render.frame import Client
-from tigas_render.transport.outlet import DatagramOutlet, Outlet, StreamClosed
+from tigas_common.errors import BodyTooLarge, InvalidRequest, Overloaded, TigasError
+from tigas_common.parsing import MAX_BODY
+from tigas_render.frame import Client, Withdraw
+from tigas_render.transport.outlet import DatagramOutlet, Outlet
 
 DRAFT_HEADER = (b"sec-webtransport-http3-draft", b"draft02")
 """The draft that browsers speak and expect in the answer."""
 CANCELLED = 0x52E4A40FA8DB
 """WebTransport's application error 0 as an HTTP/3 error code."""
 
+Parts = Sequence[bytes | memoryview]
+"""Bytes, one part after the other."""
+Answer = Callable[[Parts], None]
+"""Sends bytes and ends the stream. The parts are not needed any more when it returns."""
+
 _numbers = itertools.count(1)
 
 
 class SessionHandler(Protocol):
-    """Answers one session's client."""
+    """Answers one session's client. None of this may wait."""
 
-    async def stream(self, stream: WebTransportStream) -> None:
-        """Answer a bidirectional stream. Each runs in a task, which is cancelled if the client cancels the stream."""
+    def check(self) -> None:
+        """Raises a TigasError if the client may not ask for anything now."""
+
+    def request(self, body: bytes, arrived: float, answer: Answer) -> Withdraw:
+        """Answer what came on a bidirectional stream, at a time of the monotonic clock.
+
+        `answer` is called once, unless the request is withdrawn before: with what this returns.
+        """
+
+    def failure(self, error: Exception, body: bytes) -> Parts:
+        """The answer to a request that cannot be answered otherwise; `body` is what came of it."""
 
     def datagram(self, data: bytes, arrived: float) -> None:
-        """Take a datagram that arrived at a time of the monotonic clock; must not wait."""
+        """Take a datagram that arrived at a time of the monotonic clock."""
 
     def closed(self) -> None:
         """The session is over, and its streams are cancelled."""
@@ -57,57 +71,72 @@ class WebTransportSession:
 
 
 class WebTransportStream:
-    """One bidirectional stream that the client opened."""
+    """One bidirectional stream that the client opened: a request, and its answer."""
 
     abort_code: int = CANCELLED
+    task = None
 
     def __init__(self, outlet: Outlet, session: WebTransportSession, overload: str | None = None) -> None:
         """overload: why the request is not taken, if it is not."""
         self.outlet = outlet
-        self.task: asyncio.Task[None] | None = None
         self.session = session
-        self.arrived = 0.0
-        """When the newest part of the request arrived, in seconds of the monotonic clock."""
         self._overload = overload
-        self._body = bytearray()
-        self._ended = False
-        self._news = asyncio.Event()
+        self._body = b""
+        self._is_read = False
+        self._withdraw: Withdraw | None = None
+        self._timeout: asyncio.TimerHandle | None = None
+        self._ended: Callable[[], None] | None = None
+        """None before it is started, and once it is over."""
+
+    def start(self, ended: Callable[[], None]) -> None:
+        """Take what comes from now on; `ended` is called when there is nothing more to do."""
+        self._ended = ended
+        try:
+            if self._overload is not None:
+                raise Overloaded(self._overload)
+            self.session.handler.check()  # without a look at the request
+        except TigasError as error:
+            self._fail(error)
 
     def data_received(self, data: bytes, ended: bool, arrived: float) -> None:
         """The next part of what the client sends; `ended` with the last."""
-        self._ended |= ended
-        self.arrived = arrived
+        if self._is_read:
+            return
         self._body += data
-        if len(self._body) > self.outlet.limits.unread:
-            self.outlet.abort(CANCELLED)
-            self.cancelled()
-        self._news.set()
+        if len(self._body) > MAX_BODY:
+            self._fail(BodyTooLarge(f"The body has more than {MAX_BODY} bytes."))
+        elif ended:
+            self._read()
+            withdraw = self.session.handler.request(self._body, arrived, self._answer)
+            if self._ended is not None:
+                self._withdraw = withdraw
+        elif self._timeout is None:
+            loop = asyncio.get_running_loop()
+            late = InvalidRequest("The request was not finished in time.")
+            self._timeout = loop.call_later(self.outlet.limits.request_timeout, self._fail, late)
 
     def cancelled(self) -> None:
         """The client wants no answer any more, or is gone."""
-        if self.task is not None:
-            self.task.cancel()
+        self._read()
+        if self._withdraw is not None:
+            self._withdraw()
+        self._end()
 
-    async def run(self) -> None:
-        """Let the session's handler answer."""
-        with contextlib.suppress(StreamClosed):
-            await self.session.handler.stream(self)
+    def _read(self) -> None:
+        """Nothing more is read."""
+        self._is_read = True
+        if self._timeout is not None:
+            self._timeout.cancel()
 
-    async def read(self, limit: int) -> bytes:
-        """All that the client sends, once it has ended its side.
+    def _fail(self, error: TigasError) -> None:
+        self._read()
+        self._answer(self.session.handler.failure(error, self._body))
 
-        Raises Overloaded if the client has too many requests running already, BodyTooLarge over `limit` bytes, and
-        InvalidRequest if it takes longer than the request timeout.
-        """
-        if self._overload is not None:
-            raise Overloaded(self._overload)
-        try:
-            async with asyncio.timeout(self.outlet.limits.request_timeout):
-                while not self._ended and len(self._body) <= limit:
-                    self._news.clear()
-                    await self._news.wait()
-        except TimeoutError:
-            raise InvalidRequest("The request was not finished in time.") from None
-        if len(self._body) > limit:
-            raise BodyTooLarge(f"The body has more than {limit} bytes.")
-        return bytes(self._body)
+    def _answer(self, parts: Parts) -> None:
+        self._withdraw = None
+        self.outlet.finish(parts, self._end)
+
+    def _end(self) -> None:
+        ended, self._ended = self._ended, None
+        if ended is not None:
+            ended()
