@@ -44,6 +44,7 @@ async def serve(settings: RenderSettings) -> None:
             raise StartError(error.detail) from None
         keeper = await stack.enter_async_context(CertificateKeeper.running(settings))
         keeper.on_renewal(service.show)
+        await stack.enter_async_context(service.measured())
         app = create_app(service)
         if settings.quic:
             with explained(settings.quic, "--quic"):

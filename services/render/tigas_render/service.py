@@ -15,6 +15,7 @@ from tigas_common.errors import BrokenScene, DeviceLost, Overloaded
 from tigas_common.hosts import is_loopback
 from tigas_common.origins import OriginPolicy
 from tigas_common.wire.render import RenderRequest, SceneInfo, ServerConfig, Training
+from tigas_render.edge_loads import EdgeLoads
 from tigas_render.engine import Engine
 from tigas_render.enhance.shelf import Shelf
 from tigas_render.enhance.trainer import Trainer
@@ -25,7 +26,7 @@ from tigas_render.raster.base import Rasterizer
 from tigas_render.scenes.registry import SceneRegistry
 from tigas_render.settings import RenderSettings
 from tigas_render.transport.http_viewers import HttpViewers
-from tigas_render.transport.load import Load
+from tigas_render.transport.load import TICK_S, Load
 from tigas_render.transport.request_rate import RequestRate
 
 logger = logging.getLogger(__name__)
@@ -65,7 +66,10 @@ class RenderService(FrameSource):
         self.certificate: Certificate | None = None
         """What QUIC shows, once it is served."""
         self.origins = OriginPolicy.of(settings.addresses, settings.allow_hosts, settings.allow_origins)
+        self.loads = EdgeLoads(time.monotonic)
+        self.metrics.registry.register(self.loads)
         self.loop_load = Load()
+        """Of this process, where it serves viewers itself."""
         self.rate = RequestRate(self.loop_load, settings.quic_limits.requests_per_s, time.monotonic)
         self.http_viewers = HttpViewers(self.loop_load, time.monotonic)
         self.quic_port: int | None = None
@@ -84,17 +88,32 @@ class RenderService(FrameSource):
         service = cls(settings, rasterizer)
         async with service.engine:
             await service.registry.scan()
-            background = [asyncio.create_task(service._keep_house()), asyncio.create_task(service.loop_load.keep())]
+            housekeeping = asyncio.create_task(service._keep_house())
             try:
                 yield service
             finally:
-                for task in background:
-                    task.cancel()
+                housekeeping.cancel()
                 await service.trainer.close()
 
     def show(self, certificate: Certificate) -> None:
         """Tell pages of this certificate from now on."""
         self.certificate = certificate
+
+    @asynccontextmanager
+    async def measured(self) -> AsyncIterator[None]:
+        """Measure the load of this process, which is the only edge, for as long as the context lasts."""
+        measuring = asyncio.create_task(self._measure())
+        try:
+            yield
+        finally:
+            measuring.cancel()
+
+    async def _measure(self) -> None:
+        while True:
+            await asyncio.sleep(TICK_S)
+            self.loop_load.engine(*self.engine.state())
+            self.loop_load.tick()
+            self.loads.heard(0, self.loop_load.state)
 
     def config(self, host: str) -> ServerConfig:
         """What a page that was opened under `host` needs to know."""
@@ -110,7 +129,7 @@ class RenderService(FrameSource):
             webtransport_url=f"https://{_bracketed(quic_host)}:{quic_port}/render" if quic_port else None,
             https_url=f"https://{_bracketed(host)}:{self.https_port}/" if self.https_port else None,
             services={name: _fitted(url, host) for name, url in self.settings.services.items()},
-            retry_after_s=self.loop_load.full(),
+            retry_after_s=self.loads.full(),
         )
 
     def _reaches_quic(self, host: str) -> bool:
