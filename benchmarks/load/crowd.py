@@ -6,7 +6,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from typing import Self
 
 from benchmarks.load.observed import Observed
@@ -97,7 +97,7 @@ class Crowds:
 
 def _end(process: subprocess.Popen[str]) -> None:
     process.terminate()
-    with process:
+    with suppress(BrokenPipeError), process:
         try:
             process.wait(END_S)
         except subprocess.TimeoutExpired:
