@@ -24,7 +24,7 @@ from tests.experiments.processes import finished, started, until
 from tests.experiments.stub import Stub, fails
 from tigas_common.wire.run import MODES
 from tigas_experiments.commands.compare import compare as command
-from tigas_experiments.records.folder import StoredRun, read_experiment
+from tigas_experiments.records.folder import RunRecord, StoredRun, read_experiment
 from tigas_experiments.records.samples import read_sample_file, sample_path
 
 SHORT = ("--scene", "pebbles", "--duration", "2", "--warm-up", "0.5", "--viewport", "320x180", "--profile", "3")
@@ -186,6 +186,7 @@ def test_what_cannot_be_had_is_said_before_anything_is_measured(
         (("--modes", "magic"), "modes.0: input should be"),
         (("--modes", "stateless,stateless"), "modes: 'stateless' is there twice"),
         (("--viewport", "big"), "is not WIDTHxHEIGHT"),
+        (("--ladder", "tall"), "ladder: input should be 'scene' or 'paper'"),
         (("--out", "."), ". already exists"),
     ],
 )
@@ -219,6 +220,15 @@ def test_it_is_an_experiment_with_a_page_of_its_own(stub: Stub, out: Path, monke
     again = tigas_compare("--out", str(out))
     assert (again.exit_code, len(stub.made)) == (1, 10)
     assert f"{out} already exists; choose another folder with --out." in again.output
+
+
+def test_the_ladder_and_how_movement_is_met_are_options(stub: Stub, out: Path) -> None:
+    options = ("--ladder", "paper", "--reprojection", "--prediction", "linear", "--modes", "stateless")
+    result = tigas_compare("--out", str(out), *options)
+    assert result.exit_code == 0, result.output
+    assert stub.ladder == "paper"
+    (run,) = (RunRecord.model_validate_json(path.read_text()) for path in out.glob("runs/*/run.json"))
+    assert run.configuration.motion == ("reprojection", "prediction-linear")
 
 
 def test_a_run_that_fails_costs_the_exit_status_and_no_other_run(stub: Stub, out: Path) -> None:

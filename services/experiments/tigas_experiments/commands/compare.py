@@ -12,7 +12,7 @@ import typer
 from tigas_common.cli import in_a_sentence
 from tigas_common.errors import StartError
 from tigas_common.terminal import make_console
-from tigas_common.wire.run import MODES
+from tigas_common.wire.run import MODES, OFF
 from tigas_experiments.commands.options import Scenes, Traces, Url, command_as_typed
 
 DEFAULT_NETWORK = "20mbit,20ms-rtt"
@@ -42,6 +42,15 @@ def compare(
             show_default=DEFAULT_PROFILE,
         ),
     ] = None,
+    ladder: Annotated[
+        str, typer.Option(metavar="scene|paper", help="What rungs count in: the scene's own ladder, or the paper's.")
+    ] = "scene",
+    reprojection: Annotated[
+        bool, typer.Option("--reprojection", help="Turn the newest frame to each animation frame's pose.")
+    ] = False,
+    prediction: Annotated[
+        str, typer.Option(help="What predicts the poses that frames are asked for, such as auto, or off.")
+    ] = OFF,
     dash_frame_rate: Annotated[
         int | None, typer.Option(help="DASH frames per second: 30 or 60.", show_default="the preset's")
     ] = None,
@@ -88,6 +97,9 @@ def compare(
                 "networks": network or [DEFAULT_NETWORK],
                 "modes": [mode.strip() for mode in modes.split(",")],
                 "controllers": profile or [DEFAULT_PROFILE],
+                "ladder": ladder,
+                "reprojection": reprojection,
+                "prediction": prediction,
                 "dash_frame_rate": dash_frame_rate,
                 "dash_representations": dash_representation or [ADAPTIVE],
                 "repeats": repeats,
