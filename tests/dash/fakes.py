@@ -10,9 +10,10 @@ from starlette.requests import Request
 from starlette.responses import JSONResponse, Response
 from starlette.routing import Route
 
+from tests.scenes import scene
 from tigas_common.errors import Overloaded, TigasError, UnknownScene
 from tigas_common.web import EXCEPTION_HANDLERS, json_response, read_message
-from tigas_common.wire.render import DEFAULT_LADDER, RenderRequest, Rung, SceneInfo, ServerConfig
+from tigas_common.wire.render import DEFAULT_LADDER, RenderRequest, Rung, ServerConfig
 
 
 class FakeRender:
@@ -49,22 +50,8 @@ class FakeRender:
         )
 
     async def _scenes(self, request: Request) -> Response:
-        scene = SceneInfo(
-            id="scene",
-            name="Scene",
-            state="loaded",
-            error=None,
-            gaussians=1,
-            sh_degree=0,
-            file_bytes=1,
-            memory_bytes=1,
-            preview="/scenes/scene/preview",
-            up=(0, -1, 0),
-            camera=None,
-            background=(0, 0, 0),
-            ladder=self.ladder,
-        )
-        return JSONResponse([scene.model_dump()])
+        known = scene().model_copy(update={"id": "scene", "ladder": self.ladder})
+        return JSONResponse([known.model_dump()])
 
     async def _render(self, request: Request) -> Response:
         wanted = await read_message(request, RenderRequest)

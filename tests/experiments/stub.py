@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from tests.experiments.made_up import MACHINE, SERVER
-from tests.experiments.movement.scenes import scene
+from tests.scenes import scene
 from tigas_common.wire.render import Rung
 from tigas_common.wire.run import Configuration
 from tigas_experiments.errors import RunFailed

@@ -10,7 +10,7 @@ import json
 from pathlib import Path
 from typing import Any
 
-from tests.experiments.movement.scenes import scene
+from tests.scenes import scene
 from tigas_common.wire.render import StartCamera
 from tigas_experiments.movement.placing import placed
 from tigas_experiments.movement.trace import MovementTrace

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from tests.experiments.movement.scenes import scene
+from tests.scenes import scene
 from tests.shared_data import shared_file
 from tigas_experiments.movement.errors import MovementError
 from tigas_experiments.movement.eyenavgs import (

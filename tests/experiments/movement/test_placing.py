@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from tests.experiments.movement.scenes import scene
+from tests.scenes import scene
 from tigas_common.pose import Pose
 from tigas_common.wire.render import SceneInfo, StartCamera
 from tigas_experiments.movement.placing import metre, placed

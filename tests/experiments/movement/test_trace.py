@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tests.experiments.movement.scenes import scene
+from tests.scenes import scene
 from tigas_experiments.movement.errors import MovementError
 from tigas_experiments.movement.placing import placed
 from tigas_experiments.movement.trace import MovementTrace

@@ -8,7 +8,7 @@ from __future__ import annotations
 import itertools
 import random
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +18,7 @@ from tigas_common.wire.run import Configuration, Mode, Network
 from tigas_experiments.quality.picture import CaptureQuality, Quality
 from tigas_experiments.records.folder import RunRecord, RunWriter
 from tigas_experiments.records.load import Load, LoadSample
+from tigas_experiments.report.verdicts import Claim
 
 STEP_MS = 20.0
 """Between inputs: 50 a second."""
@@ -166,6 +167,12 @@ def write_large(folder: Path, networks: Sequence[str], rtts: Sequence[float], re
             run = folder / "runs" / f"{number:03}_{place}_{rtt:g}_{name}_{repeat}"
             write_run(run, profile, network, rtt, seconds=seconds, repeat=repeat, **changed)
     return next(numbers) - 1
+
+
+def told(claims: Iterable[Claim], words: Mapping[str, str]) -> dict[str, Claim]:
+    """Claims by what tells them apart: for each name, the first whose text has these words."""
+    every = list(claims)
+    return {name: next(claim for claim in every if text in claim.text) for name, text in words.items()}
 
 
 if __name__ == "__main__":

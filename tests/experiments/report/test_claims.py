@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from tests.experiments.report.made_up_results import write_run
+from tests.experiments.report.made_up_results import told, write_run
 from tigas_experiments.report.blocks import LEAST_BLOCKS
 from tigas_experiments.report.claims import claims
 from tigas_experiments.report.groups import Groups
@@ -34,8 +34,7 @@ def said_of(folder: Path) -> dict[str, Claim]:
         "height": "greater height",
         "ssim": "better SSIM",
     }
-    every = claims(Groups.of(load(folder).runs))
-    return {name: next(claim for claim in every if text in claim.text) for name, text in words.items()}
+    return told(claims(Groups.of(load(folder).runs)), words)
 
 
 def test_without_runs_that_apply_there_is_no_verdict(tmp_path: Path) -> None:

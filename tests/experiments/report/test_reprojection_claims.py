@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from tests.experiments.report.made_up_results import write_run
+from tests.experiments.report.made_up_results import told, write_run
 from tigas_experiments.report.blocks import LEAST_BLOCKS
 from tigas_experiments.report.claims import claims
 from tigas_experiments.report.groups import Groups
@@ -34,7 +34,6 @@ def write_runs(folder: Path, **turned: Any) -> None:
 
 
 def said(folder: Path) -> dict[str, Claim]:
-    """By what tells them apart."""
     words = {
         "latency": "p95 of view latency",
         "far": "SSIM of what is seen at 300 ms is no worse",
@@ -44,8 +43,7 @@ def said(folder: Path) -> dict[str, Claim]:
         "cost": "main thread",
         "lpips": "LPIPS of what is seen at 300 ms",
     }
-    every = reprojection_claims(Groups.of(load(folder).runs))
-    return {name: next(claim for claim in every if text in claim.text) for name, text in words.items()}
+    return told(reprojection_claims(Groups.of(load(folder).runs)), words)
 
 
 def test_goals_that_are_met(tmp_path: Path) -> None:

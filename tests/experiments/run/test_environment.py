@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 
 from tests.experiments.made_up import MACHINE, SERVER, configuration
-from tests.experiments.movement.scenes import scene
+from tests.scenes import scene
 from tigas_common.errors import StartError
 from tigas_common.wire.render import LadderName, Rung
 from tigas_common.wire.run import Configuration, Network

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from tests.experiments.made_up import configuration
-from tests.experiments.movement.scenes import scene
+from tests.scenes import scene
 from tigas_common.errors import StartError
 from tigas_common.pose import Pose
 from tigas_common.wire.render import SceneInfo, StartCamera

@@ -13,7 +13,7 @@ from typing import Any
 import pytest
 
 from tests.experiments.made_up import MACHINE, SERVER, configuration, recording
-from tests.experiments.movement.scenes import scene
+from tests.scenes import scene
 from tigas_common.errors import StartError
 from tigas_common.wire.recording import Recording
 from tigas_common.wire.run import Network

@@ -14,7 +14,7 @@ import numpy as np
 from PIL import Image
 
 from tests.experiments.made_up import sampled, write_run
-from tests.experiments.movement.scenes import scene
+from tests.scenes import scene
 from tigas_common.wire.recording import Sample
 from tigas_experiments.records.folder import StoredRun
 from tigas_experiments.records.samples import JPEG, write_sample_file, write_samples

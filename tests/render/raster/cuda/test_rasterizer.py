@@ -110,14 +110,19 @@ def test_thousands_at_one_depth_in_one_tile_are_sorted_and_drawn(rasterizer: Cud
     assert (first == draw(rasterizer, gaussians, view)).all()
 
 
-def test_lists_that_outgrow_their_buffer_are_drawn_after_it_has_grown(
-    rasterizer: CudaRasterizer, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
+@pytest.fixture
+def small(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> CudaRasterizer:
+    """One whose buffer of lists is too short for what is drawn first."""
     from tigas_render.raster.cuda import workspace
     from tigas_render.raster.cuda.rasterizer import CudaRasterizer
 
     monkeypatch.setattr(workspace, "FIRST_CAPACITY", 2048)
-    small = CudaRasterizer(0, tmp_path)
+    return CudaRasterizer(0, tmp_path)
+
+
+def test_lists_that_outgrow_their_buffer_are_drawn_after_it_has_grown(
+    rasterizer: CudaRasterizer, small: CudaRasterizer
+) -> None:
     gaussians, view = cloud(20_000, 0, size=0.2), camera(320, 200)
     assert (draw(small, gaussians, view) == draw(rasterizer, gaussians, view)).all()
 
@@ -173,13 +178,8 @@ def test_depth_comes_with_an_image_that_is_drawn_again_in_another_format(rasteri
 
 
 def test_depth_is_whole_after_lists_have_outgrown_their_buffer(
-    rasterizer: CudaRasterizer, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+    rasterizer: CudaRasterizer, small: CudaRasterizer
 ) -> None:
-    from tigas_render.raster.cuda import workspace
-    from tigas_render.raster.cuda.rasterizer import CudaRasterizer
-
-    monkeypatch.setattr(workspace, "FIRST_CAPACITY", 2048)
-    small = CudaRasterizer(0, tmp_path)
     gaussians, view = cloud(20_000, 0, size=0.2), camera(320, 200)
     assert (depth_of(small, gaussians, view) == depth_of(rasterizer, gaussians, view)).all()
 

@@ -6,7 +6,7 @@ from tigas_common.wire.render import SceneInfo, StartCamera
 
 
 def scene(up: tuple[float, float, float] = (0.0, -1.0, 0.0), camera: StartCamera | None = None) -> SceneInfo:
-    """One with what a movement needs to know of it."""
+    """One that is loaded."""
     return SceneInfo(
         id="s",
         name="s",
