@@ -32,6 +32,7 @@ WEBGPU_ARGS = [
     "--use-angle=swiftshader",
 ]
 SMALL: ViewportSize = {"width": 160, "height": 90}
+LARGE: ViewportSize = {"width": 480, "height": 270}
 LOWEST_RUNG = {
     "controller": "fixed",
     "profile": 3,
@@ -123,13 +124,25 @@ def answer_with(page: Page, source: Image.Image) -> None:
     page.route("**/render", answer)
 
 
+def enhanced_page(
+    open_page: OpenPage, url: str, source: Image.Image, viewport: ViewportSize, **settings: object
+) -> Page:
+    """A viewer whose every frame is this picture, with an enhanced one on the screen."""
+    page = open_page(url="about:blank", viewport=viewport, **with_settings(url, **(LOWEST_RUNG | settings)))
+    page.add_init_script(SLOW_DISPLAY)
+    answer_with(page, source)
+    page.goto(url + SCENE)
+    wait_until_enhanced(page)
+    return page
+
+
 @pytest.mark.parametrize(
     ("name", "method"), [("bicubic", Image.Resampling.BICUBIC), ("lanczos", Image.Resampling.LANCZOS)]
 )
 @pytest.mark.parametrize(
     ("viewport", "box"),
     [
-        ({"width": 480, "height": 270}, (0, 0, 320, 180)),
+        (LARGE, (0, 0, 320, 180)),
         ({"width": 160, "height": 90}, (0, 0, 320, 180)),
         ({"width": 150, "height": 90}, (10, 0, 310, 180)),  # what is too wide is cut off on both sides
     ],
@@ -143,13 +156,7 @@ def test_baselines_are_pillow_s(
     box: tuple[float, float, float, float],
 ) -> None:
     source = pattern(320, 180)
-    chosen = with_settings(server.url, **LOWEST_RUNG, upscale=name)
-    page = open_page(url="about:blank", viewport=viewport, **chosen)
-    page.add_init_script(SLOW_DISPLAY)
-    answer_with(page, source)
-    page.goto(server.url + SCENE)
-    wait_for_frames(page)
-    wait_until_enhanced(page)
+    page = enhanced_page(open_page, server.url, source, viewport, upscale=name)
     expected = source.resize((viewport["width"], viewport["height"]), method, box=box)
     difference = np.abs(shown(page) - np.asarray(expected, dtype=np.int16))
     assert difference.max() <= 2, f"{(difference > 2).mean():.2%} of the values differ by up to {difference.max()}"
@@ -157,13 +164,7 @@ def test_baselines_are_pillow_s(
 
 def test_the_enhanced_picture_is_what_is_turned(open_page: OpenPage, server: RenderServer) -> None:
     source = pattern(320, 180)
-    chosen = with_settings(server.url, **(LOWEST_RUNG | {"reprojection": True}), upscale="bicubic")
-    page = open_page(url="about:blank", viewport={"width": 480, "height": 270}, **chosen)
-    page.add_init_script(SLOW_DISPLAY)
-    answer_with(page, source)
-    page.goto(server.url + SCENE)
-    wait_for_frames(page)
-    wait_until_enhanced(page)
+    page = enhanced_page(open_page, server.url, source, LARGE, upscale="bicubic", reprojection=True)
     page.locator("canvas.reprojected").wait_for()
     expected = np.asarray(source.resize((480, 270), Image.Resampling.BICUBIC), dtype=np.int16)
     assert np.abs(shown(page) - expected).max() <= 2
@@ -181,13 +182,7 @@ def test_a_scene_s_network_is_pytorch_s(open_page: OpenPage, tmp_path: Path) -> 
     digest = hashlib.sha256((tmp_path / SMALL_SCENE / "point_cloud.ply").read_bytes()).hexdigest()
     (tmp_path / SMALL_SCENE / "enhance.safetensors").write_bytes(weights_file(networks, scene_sha256=digest))
     with RenderServer("--scenes", str(tmp_path)) as server:
-        chosen = with_settings(server.url, **LOWEST_RUNG, upscale="scene")
-        page = open_page(url="about:blank", viewport={"width": 480, "height": 270}, **chosen)
-        page.add_init_script(SLOW_DISPLAY)
-        answer_with(page, source)
-        page.goto(server.url + SCENE)
-        wait_for_frames(page)
-        wait_until_enhanced(page)
+        page = enhanced_page(open_page, server.url, source, LARGE, upscale="scene")
         enlarged = shown(page)
         page.close()
     with torch.inference_mode():
@@ -368,7 +363,6 @@ def test_a_sample_has_the_picture_that_was_on_the_screen(open_page: OpenPage, se
 
 def test_the_url_chooses_models_and_says_which_there_are_not(open_page: OpenPage, server: RenderServer) -> None:
     page = open_page(f"{SCENE}?upscale=lanczos", viewport=SMALL, **with_settings(server.url, **LOWEST_RUNG))
-    wait_for_frames(page)
     wait_until_enhanced(page)
     assert json.loads(page.evaluate("() => localStorage['tigas.settings']"))["upscale"] == "lanczos"
     page.goto(server.url + SCENE + "?upscale=magic")
