@@ -9,6 +9,7 @@ import { COURTYARD, serverConfig } from "../state/fake-server";
 import { DEFAULT_SETTINGS } from "../state/settings";
 import { connect } from "../transport/connect";
 import { FakeTransport, settle } from "../transport/fake";
+import { RequestProblem } from "../transport/transport";
 import { ViewerSession } from "./session";
 
 vi.mock("../state/api");
@@ -89,15 +90,15 @@ async function visit(): Promise<void> {
   await settle();
 }
 
-/** Animation frames at 50 Hz; the server answers all requests. */
-async function drawn(frames: number): Promise<void> {
+/** Animation frames at 50 Hz; the server answers all requests when `answer` says so. */
+async function drawn(frames: number, { answer = true } = {}): Promise<void> {
   for (let i = 0; i < frames; i++) {
     now += 20;
     for (const [id, callback] of [...animationFrames]) {
       animationFrames.delete(id);
       callback();
     }
-    for (const { reply } of transports.at(-1)?.requests ?? []) reply();
+    if (answer) for (const { reply } of transports.at(-1)?.requests ?? []) reply();
     await settle();
   }
 }
@@ -167,6 +168,29 @@ test("profiles count in the scene's own ladder for as long as the visit lasts, a
   expect(ladder.value).toEqual(own);
   session.dispose();
   expect(ladder.value).toEqual(PAPER_LADDER);
+});
+
+test("a rung that is refused because the ladder has become shorter is asked for no longer", async () => {
+  changeSettings({ controller: "fixed", profile: 3 });
+  await visit();
+  await drawn(3);
+  const own = [{ name: "480×270 q50", width: 480, height: 270, quality: 50, expected_kb: 11, psnr_db: 33 }];
+  vi.mocked(loadScene).mockResolvedValue({ ...COURTYARD, ladder: own });
+  session.rig.drive((at) => ({ position: [at / 1000, 0, 0], quaternion: [0, 0, 0, 1] }));
+  const asked = transports[0]?.requests ?? [];
+  const before = asked.length;
+  const refusal = { type: "tigas:invalid-request", title: "", status: 400, detail: "The ladder has rungs 0 to 0." };
+  for (let i = 0; i < 20; i++) {
+    for (const { fail } of asked.slice(before).filter(({ request }) => request.profile === 3)) {
+      fail(new RequestProblem(refusal));
+    }
+    await drawn(1, { answer: false });
+  }
+  expect(loadScene).toHaveBeenCalledTimes(2);
+  expect(ladder.value).toEqual(own);
+  await drawn(3);
+  expect(asked.at(-1)?.request.profile).toBe(0);
+  expect(session.stateless.problem.value).toBeNull();
 });
 
 test("another transport is connected at once, and the former closed", async () => {

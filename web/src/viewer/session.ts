@@ -136,6 +136,7 @@ export class ViewerSession {
     this.#reproject(this.reprojector, "dash");
     this.#reproject(this.videoReprojector, "stateless");
     this.#connect();
+    this.#followLadder();
     this.#cleanups.push(
       keepStream(this.dash, this.scene, {
         video: stage.video,
@@ -263,6 +264,23 @@ export class ViewerSession {
       untracked(() => (value === null ? reprojector.off() : reprojector.on(value)));
     });
     this.#cleanups.push(stop);
+  }
+
+  /** What is refused may be a rung that is gone: the scene's ladder can be another than when it was entered. */
+  #followLadder(): void {
+    const refused = computed(() => this.stateless.problem.value !== null);
+    const visit = new AbortController();
+    const stop = effect(() => {
+      if (!refused.value || this.scene.peek() === null) return;
+      const reread = loadScene(this.#sceneId, visit.signal).then((scene) => {
+        if (!visit.signal.aborted) sceneLadder.value = scene.ladder ?? null;
+      });
+      reread.catch(() => undefined); // what was refused is said already
+    });
+    this.#cleanups.push(() => {
+      stop();
+      visit.abort();
+    });
   }
 
   /** Connects, and connects anew whenever another transport is chosen. */
