@@ -64,6 +64,11 @@ class Client:
         self._quic.connect(self._socket.server, time.monotonic())
         self._transmit()
 
+    @property
+    def dropped(self) -> int:
+        """Datagrams that came and were not read in time."""
+        return self._socket.dropped
+
     def ask(self, request: bytes) -> int:
         """Ask for a frame; the stream's id."""
         stream_id = self._quic.get_next_available_stream_id()

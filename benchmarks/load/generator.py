@@ -51,19 +51,23 @@ class Crowd:
         """How many have a session."""
         return sum(viewer.is_inside for viewer in self._viewers)
 
+    @property
+    def _dropped(self) -> int:
+        return sum(viewer.dropped for viewer in self._viewers)
+
     async def measure(self, begin: float, end: float) -> Observed:
         """What they meet in a time to come."""
         await asyncio.sleep(begin - time.monotonic())
         for viewer in self._viewers:
             viewer.ended.clear()
-        cpu = -time.process_time()
+        cpu, dropped = -time.process_time(), -self._dropped
         await asyncio.sleep(end - time.monotonic())
-        cpu += time.process_time()
+        cpu, dropped = cpu + time.process_time(), dropped + self._dropped
         outside = len(self._viewers) - self.inside
         await asyncio.sleep(PATIENCE_S)
         ended = [one for viewer in self._viewers for one in viewer.ended]
         waiting = [due for viewer in self._viewers for due in viewer.waiting()]
-        return Observed.of(ended, waiting, (begin, end), outside, cpu)
+        return Observed.of(ended, waiting, (begin, end), outside, cpu, dropped)
 
 
 async def main(place: int, places: int) -> None:

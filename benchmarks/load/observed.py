@@ -32,10 +32,18 @@ class Observed:
     """How late the viewers' process was itself with each frame that was served."""
     cpu: list[float]
     """Of each process: seconds that it computed."""
+    dropped: int
+    """Datagrams that came and were not read in time."""
 
     @classmethod
     def of(
-        cls, ended: Sequence[Due], waiting: Sequence[float], span: tuple[float, float], outside: int, cpu: float
+        cls,
+        ended: Sequence[Due],
+        waiting: Sequence[float],
+        span: tuple[float, float],
+        outside: int,
+        cpu: float,
+        dropped: int = 0,
     ) -> Self:
         """By one process. span: begin and end; as in `ended`, seconds of the monotonic clock."""
         begin, end = span
@@ -51,6 +59,7 @@ class Observed:
             outside,
             [_ms(one.lag) for one in served],
             [cpu],
+            max(0, dropped),
         )
 
     @classmethod
@@ -64,6 +73,7 @@ class Observed:
             sum(part.outside for part in parts),
             [lag for part in parts for lag in part.lags],
             [seconds for part in parts for seconds in part.cpu],
+            sum(part.dropped for part in parts),
         )
 
     def to_json(self) -> str:

@@ -22,6 +22,9 @@ MOST_CPU = 0.85
 """A process of viewers that computes for a larger share of the time is itself what everybody waits for."""
 MOST_LAG_MS, MOST_LAG_SHARE = 5.0, 0.1
 """So late the viewers' processes may be, as a 95th percentile: in milliseconds, or as a share of the frames' own."""
+MOST_DROPPED = 0.002
+DATAGRAM = 1400
+"""Bytes of an answer that a datagram holds, about."""
 
 Floats = NDArray[np.float64]
 Interval = tuple[float, float]
@@ -38,6 +41,8 @@ class Generator:
     """Processor time of all of them for a frame, in milliseconds."""
     lag_p95_ms: float
     """How late they were: in sending requests, and in reading what had come."""
+    dropped: float
+    """The share of datagrams that came and were not read in time, about."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,6 +88,8 @@ class Step:
             return f"a process of viewers computed {self.generator.cpu:.0%} of the time"
         if self.generator.lag_p95_ms > max(MOST_LAG_MS, MOST_LAG_SHARE * self.p95_ms):
             return f"the viewers' processes were {self.generator.lag_p95_ms:.0f} ms late themselves (p95)"
+        if self.generator.dropped > MOST_DROPPED:
+            return f"{self.generator.dropped:.1%} of what came was not read in time by the viewers' processes"
         return None
 
     @classmethod
@@ -111,6 +118,7 @@ class Step:
                 max(observed.cpu) / seconds,
                 1000 * sum(observed.cpu) / served if served else math.nan,
                 float(np.percentile(observed.lags, 95)) if served else 0.0,
+                observed.dropped / max(1, observed.dropped + observed.bytes // DATAGRAM),
             ),
             server_cores=None if server_cpu_s is None else server_cpu_s / seconds,
         )

@@ -12,8 +12,9 @@ from tigas_render.transport.arrival import STAMP_SPACE, arrival, ask_for_stamps,
 from tigas_render.transport.gso import Address
 
 SOL_UDP, UDP_GRO = 17, 104
-SIZE = struct.Struct("=i")
-SPACE = STAMP_SPACE + socket.CMSG_SPACE(SIZE.size)
+SO_RCVBUFFORCE, SO_RXQ_OVFL = 33, 40
+NUMBER = struct.Struct("=i")
+SPACE = STAMP_SPACE + 2 * socket.CMSG_SPACE(NUMBER.size)
 MAX_DATAGRAM = 65_535
 MAX_READS = 16
 """Batches that one viewer reads before others have their turn."""
@@ -30,12 +31,19 @@ class ViewerSocket:
         self.server: Address = address
         self._socket = socket.socket(family, socket.SOCK_DGRAM)
         self._empty_at = time.monotonic()
+        self.dropped = 0
+        """Datagrams that the kernel had no room for, because they were not read soon enough."""
         try:
             self._socket.setblocking(False)
             self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, BUFFER)
             ask_for_stamps(self._socket)
-            with contextlib.suppress(OSError):  # an old kernel
-                self._socket.setsockopt(SOL_UDP, UDP_GRO, 1)
+            for level, option, value in (
+                (socket.SOL_SOCKET, SO_RCVBUFFORCE, BUFFER),  # needs CAP_NET_ADMIN
+                (socket.SOL_SOCKET, SO_RXQ_OVFL, 1),
+                (SOL_UDP, UDP_GRO, 1),
+            ):
+                with contextlib.suppress(OSError):  # an old kernel
+                    self._socket.setsockopt(level, option, value)
             if source is not None:
                 self._socket.bind((source, 0))
             self._socket.connect(self.server)
@@ -59,7 +67,8 @@ class ViewerSocket:
                 self._empty_at = time.monotonic()
                 return
             arrived = arrival(stamp_ns(ancillary), time.time_ns(), time.monotonic(), self._empty_at)
-            size = _segment(ancillary) or len(data)
+            size = _number(ancillary, SOL_UDP, UDP_GRO) or len(data)
+            self.dropped = _number(ancillary, socket.SOL_SOCKET, SO_RXQ_OVFL) or self.dropped
             for start in range(0, len(data), size):
                 yield data[start : start + size], arrived
 
@@ -73,9 +82,9 @@ class ViewerSocket:
         self._socket.close()
 
 
-def _segment(ancillary: list[tuple[int, int, bytes]]) -> int:
-    """Of what sizes a batch is made, but for its last part; 0 if it is no batch."""
-    for level, kind, data in ancillary:
-        if (level, kind) == (SOL_UDP, UDP_GRO):
-            return int(SIZE.unpack_from(data)[0])
+def _number(ancillary: list[tuple[int, int, bytes]], level: int, kind: int) -> int:
+    """What a control message says, such as of what sizes a batch is made; 0 without one."""
+    for its_level, its_kind, data in ancillary:
+        if (its_level, its_kind) == (level, kind):
+            return int(NUMBER.unpack_from(data)[0])
     return 0

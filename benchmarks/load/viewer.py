@@ -96,6 +96,11 @@ class Viewer:
         self.is_inside = False
         self._asked.clear()
 
+    @property
+    def dropped(self) -> int:
+        """Datagrams that came over this connection and were not read in time."""
+        return 0 if self._client is None else self._client.dropped
+
     def waiting(self) -> list[float]:
         """When the frames were due that are asked for and have not ended."""
         return [asked.due for asked in self._asked.values()]

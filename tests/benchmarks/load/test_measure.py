@@ -11,7 +11,9 @@ from benchmarks.load.measure import Capacity, Subject, Timing, compare, measure_
 from benchmarks.load.report import comparison_lines, verdict
 from benchmarks.load.step import Generator, Step
 
-GOOD = Step(1, 0, 300, {"served": 300}, 10, (9, 11), 20, (19, 21), 30, (29, 31), 5.5, 23, Generator(0.1, 0.5, 1), 1.0)
+GOOD = Step(
+    1, 0, 300, {"served": 300}, 10, (9, 11), 20, (19, 21), 30, (29, 31), 5.5, 23, Generator(0.1, 0.5, 1, 0), 1.0
+)
 TIMING = Timing(5, 1)
 
 
@@ -28,7 +30,9 @@ class Made:
     def step(self, viewers: int, timing: Timing, wait: object) -> Step:
         late = 0.0 if viewers <= self.generator else 50.0
         slow = viewers > min(self.capacity, self.generator)
-        return replace(GOOD, viewers=viewers, p95_ms=400 if slow else self.p95_ms, generator=Generator(0.1, 0.5, late))
+        return replace(
+            GOOD, viewers=viewers, p95_ms=400 if slow else self.p95_ms, generator=Generator(0.1, 0.5, late, 0)
+        )
 
 
 def measured(made: Made, steps: int = 14) -> tuple[Capacity, list[int]]:
