@@ -98,6 +98,14 @@ def test_datagrams_that_all_come_late_say_that_it_is_full_whatever_the_processor
     assert loop.load.full() is not None
 
 
+def test_a_loop_that_is_late_most_of_the_time_is_full() -> None:
+    loop = Loop()
+    for _ in range(20):
+        loop.run(0.2, busy=0.2, ages=LATE)
+        loop.run(0.1, busy=0.2, ages=QUICK)
+    assert loop.load.full() is not None
+
+
 def test_a_burst_that_is_worked_off_says_nothing() -> None:
     loop = Loop()
     loop.run(5, busy=0.2, ages=(0.1, 0.08, 0.04, 0.02, 0.002))

@@ -32,7 +32,7 @@ TURN_LATE_S, ENGINE_FULL_AT = 0.06, 0.95
 FEW = 4
 """So many viewers are always taken, and told no rate: whatever keeps the machine busy then, it is not they."""
 LASTING, CALM = 5, 20
-"""Ticks in a row after which too much to do is believed, and after which it is believed to be over."""
+"""So many more bad ticks than good ones, and too much to do is believed; so many calm ones in a row, and it is over."""
 SETTLED_S = 2.0
 """Seconds after which what a new viewer costs is part of what is measured."""
 EXPECTED_COST = 0.03
@@ -90,9 +90,9 @@ class Load:
         self._ages: deque[tuple[float, float, float]] = deque(maxlen=WINDOW_TICKS)
         """Of each tick the largest age of a datagram, the loop's own lateness, and the engine's queue."""
         self._stands = self._presses = self._calms = 0
-        """For how many ticks in a row a queue stands, there is too much to do, and there is room."""
+        """How many more ticks lately had a queue that stands, or too much to do; and how many in a row were calm."""
         self._heats = self._cools = 0
-        """For how many ticks the rate is to fall, or to rise."""
+        """How many more ticks lately called for a lower rate, and how many in a row for a higher one."""
         self._full = False
         self._rate: float | None = None
         self._entered: deque[float] = deque()
@@ -146,13 +146,13 @@ class Load:
         self._ages.append((self._largest, max(0.0, elapsed - TICK_S), self._engine_age))
         self._ticked_at, self._cpu = now, cpu
         self._handled, self._least, self._largest = 0, math.inf, 0.0
-        self._stands = self._stands + 1 if stands else 0
+        self._stands = _more(self._stands, stands)
         self._judge(stands)
         self._adapt(stands)
 
     def _judge(self, stands: bool) -> None:
         engine_full = self._engine_utilisation > ENGINE_FULL_AT and self._engine_age > TURN_LATE_S
-        self._presses = self._presses + 1 if stands or engine_full or self._utilisation >= FULL_AT else 0
+        self._presses = _more(self._presses, stands or engine_full or self._utilisation >= FULL_AT)
         self._calms = self._calms + 1 if not (stands or engine_full) and self._utilisation < FREE_AT else 0
         if self._presses >= LASTING:
             self._full = True
@@ -162,7 +162,7 @@ class Load:
     def _adapt(self, stands: bool) -> None:
         """Let the rate fall at once and rise slowly, as congestion control does."""
         hot = stands or self._utilisation > HOT_AT
-        self._heats = self._heats + 1 if hot else 0
+        self._heats = _more(self._heats, hot)
         self._cools = self._cools + 1 if not hot and self._utilisation < FULL_AT else 0
         if self._heats >= LASTING:
             self._heats = 0
@@ -207,3 +207,8 @@ class Load:
         known = max(0, self._viewers - len(self._entered))
         each = (self._utilisation + FEW * EXPECTED_COST) / (known + FEW)
         return self._utilisation + each * len(self._entered)
+
+
+def _more(count: int, bad: bool) -> int:
+    """How many more bad ticks than good ones there were, forgetting what is long past."""
+    return min(count + 1, 2 * LASTING) if bad else max(0, count - 1)
