@@ -1,9 +1,9 @@
 """How busy an event loop is, and what follows: whether new viewers are taken, how often each may ask, what is too old.
 
-Two things say that there is too much to do. The share of time that the loop's thread computes is known early, but says
-little where other threads hold the interpreter or the processor. The age of datagrams when they are handled tells that,
-too, but every pause makes some old: so what counts is the *least* age within an interval, as in CoDel (RFC 8289, 3): a
-queue that stands and not a burst. Either must last; one pause, however long, refuses nobody.
+Two things say that there is too much to do. The share of time for which the loop's thread computes, or waits for a
+processor, is known early, but says little where other threads hold the interpreter. The age of datagrams when they are
+handled tells that, too, but every pause makes some old: only a queue that stands is too much, where most datagrams are
+late for long. Either must last; one pause, however long, refuses nobody.
 """
 
 from __future__ import annotations
@@ -14,6 +14,8 @@ import time
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
+
+from tigas_render.transport.busy_clock import busy_time
 
 TICK_S = 0.1
 """How often the loop is measured, in seconds."""
@@ -56,7 +58,7 @@ class LoadState:
     """What a process says of itself, once a second or so."""
 
     utilisation: float
-    """Of the event loop's thread, 0 to 1."""
+    """Of the event loop's thread, 0 to 1: the share of time in which it computes, or waits for a processor."""
     engine_utilisation: float
     """Of the renderer, 0 to 1."""
     ages: dict[str, float]
@@ -76,17 +78,18 @@ class Load:
     """One event loop's. Everything but the constructor is called on it; `keep` has to run."""
 
     def __init__(
-        self, clock: Callable[[], float] = time.monotonic, cpu_clock: Callable[[], float] = time.thread_time
+        self, clock: Callable[[], float] = time.monotonic, busy_clock: Callable[[], float] = busy_time
     ) -> None:
-        """clock, cpu_clock: seconds, and seconds that the loop's thread has computed."""
+        """clock, busy_clock: seconds, and seconds for which the loop's thread has been at work."""
         self._clock = clock
-        self._cpu_clock = cpu_clock
-        self._ticked_at, self._cpu = clock(), cpu_clock()
+        self._busy_clock = busy_clock
+        self._ticked_at, self._busy = clock(), busy_clock()
         self._utilisation = 0.0
         self._engine_age = self._engine_utilisation = 0.0
-        self._handled = 0
-        """Datagrams of this tick, and the least and the largest age of them."""
-        self._least, self._largest = math.inf, 0.0
+        self._handled = self._late = 0
+        """Datagrams of this tick, and how many of them were late."""
+        self._oldest = 0.0
+        """The largest age of them."""
         self._ages: deque[tuple[float, float, float]] = deque(maxlen=WINDOW_TICKS)
         """Of each tick the largest age of a datagram, the loop's own lateness, and the engine's queue."""
         self._stands = self._presses = self._calms = 0
@@ -111,8 +114,8 @@ class Load:
     def handled(self, age: float) -> bool:
         """A datagram's turn has come, so many seconds after it arrived; whether it is still to be looked at."""
         self._handled += 1
-        self._least = min(self._least, age)
-        self._largest = max(self._largest, age)
+        self._late += age > LATE_S
+        self._oldest = max(self._oldest, age)
         if age <= (STANDING_AGE_S if self._stands >= LASTING else MAX_AGE_S):
             return True
         self._stale += 1
@@ -137,15 +140,15 @@ class Load:
 
     def tick(self) -> None:
         """Measure; to be called every TICK_S."""
-        now, cpu = self._clock(), self._cpu_clock()
+        now, busy = self._clock(), self._busy_clock()
         elapsed = max(1e-6, now - self._ticked_at)
-        share = min(1.0, (cpu - self._cpu) / elapsed)
+        share = min(1.0, (busy - self._busy) / elapsed)
         counts = min(elapsed, MOST_TICK_S)
         self._utilisation += (1 - math.exp(-counts / SMOOTHING_S)) * (share - self._utilisation)
-        stands = self._handled >= ENOUGH and self._least > LATE_S
-        self._ages.append((self._largest, max(0.0, elapsed - TICK_S), self._engine_age))
-        self._ticked_at, self._cpu = now, cpu
-        self._handled, self._least, self._largest = 0, math.inf, 0.0
+        stands = self._handled >= ENOUGH and 2 * self._late > self._handled
+        self._ages.append((self._oldest, max(0.0, elapsed - TICK_S), self._engine_age))
+        self._ticked_at, self._busy = now, busy
+        self._handled, self._late, self._oldest = 0, 0, 0.0
         self._stands = _more(self._stands, stands)
         self._judge(stands)
         self._adapt(stands)
