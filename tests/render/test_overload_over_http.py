@@ -1,0 +1,64 @@
+"""What viewers without a session hear of a server that has too much to do."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import AsyncIterator
+from dataclasses import replace
+from pathlib import Path
+
+import httpx
+import pytest
+
+from tests.render.fakes import FakeRasterizer, render_request
+from tigas_render.app import create_app
+from tigas_render.service import RenderService
+from tigas_render.settings import RenderSettings
+from tigas_render.transport.limits import Limits
+
+pytestmark = pytest.mark.anyio
+
+NOWHERE = render_request(scene="nowhere").model_dump(mode="json", exclude_none=True)
+"""Answered 404 to those whose requests are looked at."""
+
+
+@pytest.fixture
+async def service(tmp_path: Path) -> AsyncIterator[RenderService]:
+    settings = RenderSettings(cache=tmp_path, quic_limits=Limits(requests_per_s=20))
+    async with RenderService.open(settings, FakeRasterizer()) as service:
+        yield service
+
+
+def viewer(service: RenderService, address: str) -> httpx.AsyncClient:
+    transport = httpx.ASGITransport(create_app(service), client=(address, 1234))
+    return httpx.AsyncClient(transport=transport, base_url="http://localhost:8080")
+
+
+async def test_a_new_viewer_of_a_full_server_is_told_when_to_come_back(
+    service: RenderService, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    async with viewer(service, "192.0.2.1") as known, viewer(service, "192.0.2.2") as new:
+        assert (await known.post("/render", json=NOWHERE)).status_code == 404
+        monkeypatch.setattr(service.loop_load, "full", lambda: 4.2)
+        refused = await new.post("/render", json=NOWHERE)
+        assert (refused.status_code, refused.headers["retry-after"]) == (503, "5")
+        assert refused.json()["type"] == "tigas:full"
+        assert (await known.post("/render", json=NOWHERE)).status_code == 404
+        assert (await new.get("/scenes")).status_code == 200
+
+
+async def test_the_configuration_says_that_the_server_is_full(service: RenderService) -> None:
+    async with viewer(service, "192.0.2.1") as client:
+        async with service.measured(), asyncio.timeout(20):
+            while not service.loads.states:  # noqa: ASYNC110 - it has no event to wait for
+                await asyncio.sleep(0.02)
+        assert (await client.get("/config.json")).json()["retry_after_s"] is None
+        service.loads.heard(0, replace(service.loop_load.state, full=5.0))
+        assert (await client.get("/config.json")).json()["retry_after_s"] == 5.0
+        assert 'tigas_full{edge="0"} 1.0' in (await client.get("/metrics")).text
+
+
+async def test_who_asks_too_often_is_told_so(service: RenderService) -> None:
+    async with viewer(service, "192.0.2.1") as eager:
+        statuses = [(await eager.post("/render", json=NOWHERE)).status_code for _ in range(40)]
+        assert set(statuses) == {404, 429}
