@@ -103,6 +103,7 @@ def test_a_lost_graphics_processor_leaves_the_stream_as_it_comes(open_page: Open
     lost.evaluate("one => one.loseContext()")
     page.evaluate("tigas.settings({ hud: true })")
     expect(page.get_by_text("The graphics processor was lost")).to_be_visible()
+    assert "graphics processor was lost" in page.evaluate("tigas.state().problem"), "a run would not fail"
     page.evaluate("tigas.settings({ hud: false })")  # it lies over the picture
     expect(canvas).to_have_count(0)
     page.wait_for_function("() => tigas.state().ready")
