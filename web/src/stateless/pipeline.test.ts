@@ -2,6 +2,7 @@ import { beforeEach, describe, expect, test } from "vitest";
 import { FakeTransport, settle } from "../transport/fake";
 import { FrameDropped, RequestProblem } from "../transport/transport";
 import type { DecodedImage } from "./decoder";
+import { view } from "./fake-view";
 import { FramePipeline, type SentRequest, type ViewRequest } from "./pipeline";
 
 let now: number;
@@ -31,22 +32,6 @@ function pipeline(decode?: () => Promise<DecodedImage>): FramePipeline {
     },
     transmission: () => 0,
   });
-}
-
-function view(x: number, profile = 0): ViewRequest {
-  const pose = { position: [x, 0, 0], quaternion: [0, 0, 0, 1] } as const;
-  return {
-    scene: "s",
-    position: [...pose.position],
-    quaternion: [...pose.quaternion],
-    fx: 1,
-    fy: 1,
-    cx: 1,
-    cy: 1,
-    width: 2,
-    height: 2,
-    profile,
-  };
 }
 
 const problem = (type: string) => new RequestProblem({ type, title: "", status: 400, detail: `because of ${type}` });
@@ -256,70 +241,6 @@ describe("failures", () => {
     expect(subject.counts.dropped).toBe(1);
     expect(subject.settled).toBe(false);
   });
-});
-
-/** Walks for some seconds against a server with this round trip and service time (ms); returns frames shown a second. */
-async function walk(roundTrip: number, service: number): Promise<{ rate: number; inFlight: number }> {
-  const subject = pipeline();
-  let shown = 0;
-  let free = 0;
-  let measured = 0;
-  let most = 0;
-  const waiting = new Set<number>();
-  const due: { at: number; reply: () => void }[] = [];
-  const until = 12_000;
-  let handled = 0;
-  for (now = 0; now < until; now += 1) {
-    if (now % 16 === 0) {
-      subject.want(view(now), 0);
-      const taken = subject.take();
-      if (taken && now > 6000) shown++;
-      if (now > 6000) most = Math.max(most, subject.inFlight);
-    }
-    while (handled < transport.requests.length) waiting.add(handled++);
-    if (now >= free) {
-      // newest first, as the engine does it; a request reaches the server after half of the round trip
-      const here = [...waiting].filter((i) => {
-        const request = transport.requests[i];
-        return request && !request.signal.aborted && request.sentAt + roundTrip / 2 <= now;
-      });
-      const next = here.at(-1);
-      const request = next === undefined ? undefined : transport.requests[next];
-      if (next !== undefined && request) {
-        waiting.delete(next);
-        free = now + service;
-        const queue = now - request.sentAt - roundTrip / 2;
-        const timing = { queue, render: service, encode: 0 };
-        due.push({ at: free + roundTrip / 2, reply: () => request.reply({ timing }) });
-      }
-    }
-    for (const entry of due.splice(0)) {
-      if (entry.at <= now) entry.reply();
-      else due.push(entry);
-    }
-    await settle();
-    measured = now - 6000;
-  }
-  return { rate: (shown * 1000) / measured, inFlight: most };
-}
-
-describe("the frame rate does not fall with the round trip", () => {
-  test.each([
-    [2, 20],
-    [100, 20],
-    [300, 20],
-    [2, 60],
-    [300, 60],
-  ])(
-    "round trip %i ms, service %i ms",
-    async (roundTrip, service) => {
-      const { rate, inFlight } = await walk(roundTrip, service);
-      // The server could answer 1000 / service a second; one animation frame may be lost to its beat.
-      expect(rate).toBeGreaterThan(0.85 * Math.min(1000 / 16, 1000 / (service + 8)));
-      expect(inFlight).toBeLessThanOrEqual(Math.ceil((roundTrip + service) / 16) + 2);
-    },
-    30_000,
-  );
 });
 
 describe("a refinement, which is a request without a rung", () => {
