@@ -45,22 +45,19 @@ demo: .venv/.ready $(STATIC)
 		exec $(VENV)/tigas demo -- $(if $(SCENES),--scenes $(SCENES)) $(ARGS); \
 	fi
 
-# They measure time, or have a browser or network namespaces to themselves.
-ONE_BY_ONE := tests/dash tests/experiments/commands tests/experiments/run tests/shaper tests/testbed tests/web
-# Of these, what measures no time. Browser tests cannot share a process with the tests before them.
-TWO_AT_ONCE := $(addprefix tests/web/test_,samples.py samples_page.py scene_network.py dashboard.py devices.py movement.py \
-	movement_files.py ladder.py) tests/web/warp $(addprefix tests/experiments/commands/test_,materialise.py quality.py)
+# Browser tests that measure time: one by one. A browser test cannot share a process with the tests before it.
+ONE_BY_ONE := $(addprefix tests/web/test_,adaptation.py dash_reprojection.py modes.py motion_to_photon.py refinement.py reprojection.py viewer.py)
 
 test: .venv/.ready $(STATIC)
 	@command -v chromium >/dev/null || { echo "The browser tests need Chromium: sudo apt-get install chromium"; exit 1; }
 	@echo "== web client: unit tests"
 	@cd web && npm test --silent
 	@echo "== Python tests, on two cores"
-	@$(VENV)/python -m pytest -n 2 --dist loadfile $(ONE_BY_ONE:%=--ignore=%)
-	@echo "== Browser tests that measure no time, on two cores"
-	@$(VENV)/python -m pytest -n 2 --dist loadfile $(TWO_AT_ONCE)
-	@echo "== Tests that measure time, or need a browser or a network: one by one"
-	@$(VENV)/python -m pytest $(ONE_BY_ONE) $(TWO_AT_ONCE:%=--ignore=%)
+	@$(VENV)/python -m pytest -n 2 --dist loadfile --ignore=tests/web
+	@echo "== Browser tests, on two cores"
+	@$(VENV)/python -m pytest -n 2 --dist loadfile tests/web $(ONE_BY_ONE:%=--ignore=%)
+	@echo "== Browser tests that measure time, one by one"
+	@$(VENV)/python -m pytest $(ONE_BY_ONE)
 
 test-compose: .venv/.ready
 	@$(VENV)/python -m pytest tests/compose -m compose -s
