@@ -106,6 +106,8 @@ class Client:
                 self._handle_events(arrived)
         except ConnectionError:
             self._lost(None)
+        if self._quic.is_over:
+            self._lost(None)
         self._transmit()
 
     def _transmit(self) -> None:

@@ -95,6 +95,12 @@ class ViewerConnection(QuicConnection):
     def __init__(self) -> None:
         super().__init__(configuration=configuration())
         self._unacknowledged = 0
+        self._was_reset = False
+
+    @property
+    def is_over(self) -> bool:
+        """Whether the server has closed it, or knows nothing of it any more (RFC 9000, 10.3)."""
+        return self._was_reset or self._state in END_STATES
 
     def ask(self, stream_id: int, request: bytes) -> None:
         """Open a stream with a request that is whole; its answer comes as one event."""
@@ -118,12 +124,13 @@ class ViewerConnection(QuicConnection):
         assert crypto.aead is not None
         try:
             header, number = crypto.hp.remove(data, 1 + len(self._host_cids[0].cid))
-            if (header[0] & 4) >> 2 != crypto.key_phase:
+            if (header[0] & 4) >> 2 != crypto.key_phase and not self._is_reset(data):
                 super().receive_datagram(data, addr, now)
                 return
             number = decode_packet_number(number, 8 * ((header[0] & 3) + 1), space.expected_packet_number)
             plain = crypto.aead.decrypt(data[len(header) :], header, number)
         except CryptoError:
+            self._was_reset |= self._is_reset(data)
             return
         if number in space.received_packets:
             return
@@ -141,6 +148,9 @@ class ViewerConnection(QuicConnection):
                 space.ack_at = now
             elif space.ack_at is None:
                 space.ack_at = now + self._ack_delay
+
+    def _is_reset(self, data: bytes) -> bool:
+        return data[-16:] == self._peer_cid.stateless_reset_token
 
     def _take_answer(self, plain: bytes) -> bool:
         """Take a packet that is all one answer's; False if it is another."""

@@ -119,3 +119,16 @@ async def test_whoever_is_thrown_out_comes_again() -> None:
         await eventually(lambda: not viewer.is_inside)
         viewer.ended.clear()
         await eventually(lambda: fates(viewer)["outside"] and fates(viewer)["served"])
+
+
+async def test_a_viewer_learns_that_the_service_knows_nothing_of_it_any_more() -> None:
+    source = FakeFrames()
+    async with viewing(source) as (viewer, server):
+        await eventually(lambda: fates(viewer)["served"])
+        for connection in list(server._connections):
+            connection.abandon()
+            server.terminated(connection)
+        await eventually(lambda: not viewer.is_inside)
+        assert fates(viewer)["lost"]
+        viewer.ended.clear()
+        await eventually(lambda: fates(viewer)["served"])
