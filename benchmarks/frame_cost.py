@@ -71,8 +71,10 @@ async def run_ours(certificate: Certificate, size: int) -> None:
     app = create_app(SimpleNamespace(origins=OriginPolicy(), submit=source.submit))  # type: ignore[arg-type]
     sessions = {"/render": render_session(source)}
     async with Http3Server(app, host="127.0.0.1", certificate=certificate, webtransport=sessions) as server:
+        memory = asyncio.create_task(give_back_regularly())  # as the service does
+        await asyncio.sleep(0)
         print(server.port, flush=True)
-        await give_back_regularly()
+        await memory
 
 
 async def run_stock(certificate: Certificate, size: int) -> None:

@@ -6,8 +6,12 @@ Together with `quic` and `bulk` this is the one place that reaches into aioquic'
 
 from __future__ import annotations
 
+from contextlib import suppress
+
+from aioquic._buffer import Buffer, BufferReadError
 from aioquic.h3.connection import ErrorCode, FrameType, H3Connection, H3Stream, ProtocolError, Setting
-from aioquic.h3.events import Headers
+from aioquic.h3.events import H3Event, Headers, WebTransportStreamDataReceived
+from aioquic.quic.events import QuicEvent, StreamDataReceived
 
 MAX_FIELD_SECTION = 8 * 1024
 """Bytes of a request's fields, names and values, and 32 for each (RFC 9114, 4.2.2); browsers send about 1,500."""
@@ -15,6 +19,10 @@ FRAME_LIMITS = {int(FrameType.HEADERS): MAX_FIELD_SECTION, int(FrameType.SETTING
 """Bytes of the frames that are kept until they are complete; all others are passed on or skipped as they arrive."""
 MAX_ENCODER_TABLE = 4096
 """Bytes of the fields that we remember in order to send them in short, whatever the client has room for."""
+
+
+WEBTRANSPORT_STREAM = b"\x40\x41"
+"""What a WebTransport session's bidirectional stream begins with; the session's id follows."""
 
 
 class ExcessiveLoad(ProtocolError):
@@ -54,6 +62,23 @@ class ServerH3Connection(H3Connection):
         if sum(len(name) + len(value) + 32 for name, value in headers) > MAX_FIELD_SECTION:
             raise ExcessiveLoad(f"A header section has more than {MAX_FIELD_SECTION} bytes")
         return headers
+
+    def handle_event(self, event: QuicEvent) -> list[H3Event]:
+        """As aioquic's; a WebTransport stream that comes whole, as requests do, leaves nothing to remember."""
+        if (
+            isinstance(event, StreamDataReceived)
+            and event.end_stream
+            and event.data[:2] == WEBTRANSPORT_STREAM
+            and event.stream_id % 4 == 0
+            and event.stream_id not in self._stream
+            and not self._is_done
+        ):
+            with suppress(BufferReadError):
+                buffer = Buffer(data=event.data[2:10])
+                session_id = buffer.pull_uint_var()
+                data = event.data[2 + buffer.tell() :]
+                return [WebTransportStreamDataReceived(data, event.stream_id, True, session_id)]
+        return super().handle_event(event)
 
     def finished(self, stream_id: int) -> None:
         """Forget a stream that was ended below HTTP/3, as WebTransport's are; aioquic would keep its state."""

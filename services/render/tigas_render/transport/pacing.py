@@ -12,12 +12,10 @@ GAIN = 1.25
 TICK = 0.001
 """Seconds; the resolution of timers in uvloop and epoll, and the worth of one burst in Linux' TCP."""
 MIN_BURST = 2
-MAX_IDLE_BURST = 16
-"""Packets that may leave at once after a pause, whatever the rate."""
-WORTHWHILE = 10
-"""Packets that are worth waking up for (RFC 9002, 7.7: bursts up to the initial window),"""
+MAX_BURST = 16
+"""Packets that may leave at once after a pause, whatever the rate, and that are worth waking up for."""
 MAX_WAIT = 0.004
-"""but none waits for others longer than this, in seconds."""
+"""The longest that a packet waits for others to leave with, in seconds."""
 
 
 class TickPacer(QuicPacketPacer):
@@ -44,7 +42,7 @@ class TickPacer(QuicPacketPacer):
     def next_burst(self, now: float, waiting: int) -> float:
         """When to send on, if so many packets wait and `allowance` lets no more out: the last of them is not late."""
         assert self.packet_time is not None
-        return now + max(TICK, min(min(waiting, WORTHWHILE) * self.packet_time, MAX_WAIT))
+        return now + max(TICK, min(min(waiting, MAX_BURST) * self.packet_time, MAX_WAIT))
 
     def update_after_sends(self, count: int) -> None:
         """As `update_after_send` for so many packets that `allowance` let out."""
@@ -55,7 +53,7 @@ class TickPacer(QuicPacketPacer):
         size = self._max_datagram_size
         rate = GAIN * congestion_window / max(smoothed_rtt, K_MICRO_SECOND)
         self.packet_time = max(K_MICRO_SECOND, min(size / rate, K_SECOND))
-        burst = max(MIN_BURST * size, min(congestion_window // 4, MAX_IDLE_BURST * size))
-        worthwhile = min(WORTHWHILE * self.packet_time, MAX_WAIT) + TICK
+        burst = max(MIN_BURST * size, min(congestion_window // 4, MAX_BURST * size))
+        worthwhile = min(MAX_BURST * self.packet_time, MAX_WAIT) + TICK
         self.bucket_max = max(burst / rate, worthwhile, 2 * TICK)
         self.bucket_time = min(self.bucket_time, self.bucket_max)
