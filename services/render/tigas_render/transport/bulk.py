@@ -195,7 +195,7 @@ class BulkQuicConnection(ReceivingQuicConnection):
             data.used * 2 > data.value
             or data.value != data.sent
             or any(
-                limit.value != limit.sent and limit.sent - limit.used < limit.value - limit.sent
+                (more := limit.value - limit.sent) and limit.sent - limit.used < more
                 for limit in (self._local_max_streams_bidi, self._local_max_streams_uni)
             )
         )
