@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import threading
-from collections import Counter
 from typing import Generic, TypeVar
 
 Item = TypeVar("Item")
@@ -16,7 +15,7 @@ class EncodeQueue(Generic[Item]):
         self._most = max(1, encoders - 1)
         """Encoders that one address may have at work."""
         self._waiting: list[tuple[str, Item]] = []
-        self._at_work: Counter[str] = Counter()
+        self._at_work: dict[str, int] = {}
         self._changed = threading.Condition()
         self._closed = False
 
@@ -24,27 +23,29 @@ class EncodeQueue(Generic[Item]):
         """Add an address's image."""
         with self._changed:
             self._waiting.append((address, item))
-            self._changed.notify_all()
+            self._changed.notify()
 
     def take(self) -> tuple[str, Item] | None:
         """Wait for an image that may be encoded now; `done` must follow. None once the queue is closed and empty."""
         with self._changed:
             while True:
                 for position, (address, _) in enumerate(self._waiting):
-                    if self._at_work[address] < self._most:
-                        self._at_work[address] += 1
+                    at_work = self._at_work.get(address, 0)
+                    if at_work < self._most:
+                        self._at_work[address] = at_work + 1
                         return self._waiting.pop(position)
                 if self._closed and not self._waiting:
                     return None
                 self._changed.wait()
 
     def done(self, address: str) -> None:
-        """An image of this address is encoded."""
+        """An image of this address is encoded. Whoever says so takes the next: nobody is woken for it."""
         with self._changed:
             self._at_work[address] -= 1
             if not self._at_work[address]:
                 del self._at_work[address]
-            self._changed.notify_all()
+            if self._closed:
+                self._changed.notify_all()
 
     def close(self) -> None:
         """Nothing more is added."""

@@ -319,7 +319,8 @@ class Engine(FrameSource):
             self._held[work.client.address] -= 1
             if not self._held[work.client.address]:
                 del self._held[work.client.address]
-            self._changed.notify()
+            if self._schedule:
+                self._changed.notify()
         self._images.release()
 
     def _failed(self, doing: str, work: Work, error: Exception) -> None:

@@ -37,6 +37,8 @@ class Turns:
 
     def choose(self, costs: Mapping[str, float]) -> str:
         """Who of those who wait is next, by what each one's turn would cost; of equals, who came first."""
+        if len(costs) == 1:
+            return next(iter(costs))
         return min(costs, key=lambda name: self._starts[name] + costs[name])
 
     def begin(self, name: str, seconds: float) -> None:
