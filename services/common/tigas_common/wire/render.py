@@ -96,10 +96,11 @@ class RenderRequest(WireModel):
 
     @model_validator(mode="after")
     def _check(self) -> Self:
+        # without loops, as thousands a second are checked
         euler = (self.azimuth, self.elevation, self.translation)
         quaternion = (self.position, self.quaternion)
-        uses_euler = any(value is not None for value in (*euler, self.roll))
-        if uses_euler == any(value is not None for value in quaternion):
+        uses_euler = euler != (None, None, None) or self.roll is not None
+        if uses_euler == (quaternion != (None, None)):
             raise ValueError("give either azimuth, elevation and translation, or position and quaternion")
         if None in (euler if uses_euler else quaternion):
             raise ValueError(
