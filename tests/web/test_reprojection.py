@@ -53,9 +53,14 @@ def slow(open_page: OpenPage, server: RenderServer) -> Callable[..., Page]:
 LATE = f"""
 (() => {{
   const ask = window.fetch;
+  window.sides = 0;
   window.fetch = async (...asked) => {{
+    const frame = String(asked[0]).endsWith("render");
+    while (frame && window.outage) await new Promise((on) => setTimeout(on, 50));
     const answer = await ask(...asked);
-    if (String(asked[0]).endsWith("render")) await new Promise((on) => setTimeout(on, {DELAY_MS}));
+    if (frame) await new Promise((on) => setTimeout(on, {DELAY_MS}));
+    const {{ width, height }} = frame ? JSON.parse(asked[1].body) : {{}};
+    if (frame && width === height) window.sides++;
     return answer;
   }};
 }})();
@@ -125,6 +130,21 @@ def test_what_is_seen_is_the_view_of_that_moment(slow: Callable[..., Page]) -> N
         middle = (slice(height // 4, -height // 4), slice(width // 4, -width // 4), slice(3))
         errors.append(float(np.abs(seen - truth)[middle].mean()))
     assert errors[0] < 0.6 * errors[1], errors
+
+
+def test_in_an_outage_a_turn_shows_the_surround(slow: Callable[..., Page]) -> None:
+    truth = view_at(slow(reprojection=False), 80)
+    page = slow(overscan=0)
+    page.wait_for_function("() => window.sides === 6")
+    shown = turned_in_an_outage(page)
+    assert (shown[..., 3] == 255).all()
+    error = np.abs(shown - enlarged(truth, shown))[..., :3].mean()
+    assert error < 0.5 * np.abs(truth - truth.mean(axis=(0, 1)))[..., :3].mean()
+
+
+def test_without_a_surround_an_outage_leaves_a_turn_without_a_picture(slow: Callable[..., Page]) -> None:
+    shown = turned_in_an_outage(slow(overscan=0, surround=False))
+    assert (shown[..., 3] == 0).mean() > 0.7
 
 
 def test_at_rest_the_picture_is_the_frame_itself(slow: Callable[..., Page]) -> None:
@@ -216,6 +236,13 @@ def test_the_panel_and_the_hud_tell_of_it(open_page: OpenPage, server: RenderSer
     page.get_by_label("Turn frames to the view").uncheck()
     expect(page.locator("canvas.reprojected")).to_have_count(0)
     expect(page.get_by_label("Overscan")).to_be_disabled()
+
+
+def turned_in_an_outage(page: Page) -> NDArray[np.int16]:
+    """What is seen 80° to the right once nothing comes any more; slowly, or a busy machine would make a cut of it."""
+    page.evaluate("() => (window.outage = true)")
+    run = play(page, (0, 0), (3 * TURN_MS, 80), (4 * TURN_MS, 80), capture_every_ms=TURN_MS / 4)
+    return capture(page, len(run["captures"]) - 1)
 
 
 def frames_pass(page: Page, count: int) -> None:

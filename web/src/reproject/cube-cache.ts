@@ -14,7 +14,7 @@ import type { View } from "./view";
 /** Pixels of a side. */
 const SIZE = 512;
 /** Of the scene's distance: at this one, what the camera passes sideways is a quarter of its distance (14°) out of place. */
-const FAR = 0.25;
+export const FAR = 0.25;
 
 export class CubeCache {
   readonly #gl: WebGL2RenderingContext;

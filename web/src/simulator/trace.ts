@@ -47,6 +47,16 @@ export function parseTrace(text: string): NetworkTrace {
   return { steps, duration: end };
 }
 
+/** The same trace from a time on, and round and round from there. */
+export function from({ steps, duration }: NetworkTrace, begin: number): NetworkTrace {
+  const before = steps.findLast(({ t_ms }) => t_ms <= begin) ?? (steps[0] as Step);
+  const later = steps.filter(({ t_ms }) => t_ms > begin).map((step) => ({ ...step, t_ms: step.t_ms - begin }));
+  const earlier = steps
+    .filter(({ t_ms }) => t_ms < begin)
+    .map((step) => ({ ...step, t_ms: step.t_ms - begin + duration }));
+  return { steps: [{ ...before, t_ms: 0 }, ...later, ...earlier], duration };
+}
+
 /** The state at a time, for times that never go back. */
 export class TracePlayer {
   readonly #trace: NetworkTrace;

@@ -57,22 +57,22 @@ test("asks for every side once, first where the camera looks, last behind it", (
   const sides = all([0, 0, 0], 80);
   expect(sides.toSorted()).toEqual([...SIDES]);
   expect([sides[0], sides.at(-1)]).toEqual([RIGHT, LEFT]);
-  expect(next({}, [0.9, 0, 0])).toBeNull();
+  expect(next({}, [1.9, 0, 0])).toBeNull();
 });
 
-test("asks again from where the camera has gone, once that is a tenth of the scene's distance away", () => {
+test("asks again from where the camera has gone, once that is a fifth of the scene's distance away", () => {
   all();
-  const again = next({}, [1.1, 0, 0]);
-  expect(again).toMatchObject({ side: AHEAD, view: { position: [1.1, 0, 0] } });
+  const again = next({}, [2.1, 0, 0]);
+  expect(again).toMatchObject({ side: AHEAD, view: { position: [2.1, 0, 0] } });
 });
 
 test("of two sides to the left and the right, the one that was never seen goes first, then the one from farther away", () => {
   for (const side of SIDES) there.set(side, sideView(side, [0, 0, 0], UP));
   there.delete(LEFT);
-  there.set(RIGHT, sideView(RIGHT, [0, 0, -2], UP));
+  there.set(RIGHT, sideView(RIGHT, [0, 0, -4], UP));
   expect(next()?.side).toBe(LEFT);
   surround = new Surround(10, UP);
-  there.set(LEFT, sideView(LEFT, [0, 0, -1.5], UP));
+  there.set(LEFT, sideView(LEFT, [0, 0, -3], UP));
   expect(next()?.side).toBe(RIGHT);
 });
 
@@ -115,7 +115,14 @@ test("sides are as good as the link sends in a moment, and never large", () => {
     surround = new Surround(10, UP);
     return next({ throughput })?.profile;
   };
-  expect([null, 0.1e6, 1e6, 5e6, 100e6].map(profile)).toEqual([3, 3, 3, 2, 2]);
+  expect([null, 0.2e6, 1e6, 5e6, 100e6].map(profile)).toEqual([3, 3, 3, 2, 2]);
+});
+
+test("a side that would keep a slow link from the view waits until that rests", () => {
+  // The smallest has 2 kB: 80 ms at 0.2 Mbit/s, 20 ms at 0.8 Mbit/s.
+  expect(next({ throughput: 0.2e6, idle: false })).toBeNull();
+  expect(next({ throughput: 0.03e6, idle: true })).toBeNull();
+  expect(next({ throughput: 0.8e6, idle: false })).not.toBeNull();
 });
 
 test("without a ladder nothing is asked for", () => {

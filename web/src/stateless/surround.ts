@@ -10,11 +10,14 @@ import type { ScenePose } from "../view/camera";
 import { rotate, subtract, type Vector3 } from "../view/vector";
 import type { Rung } from "../wire/render";
 
-/** The share of the link's time, or of the server's, that it may take: while a view is under way, and while none is. */
-const BUSY = 0.05;
-const IDLE = 0.3;
-/** A side is taken anew from such a share of the scene's distance on: by then its edges are 6° out of place. */
-const REFRESH = 0.1;
+/**
+ * What it may take while a view is under way, and while none is: a share of the link's time and of the server's, and of the link no
+ * longer at a time, in milliseconds. On a link for which its smallest picture is too much, it waits until the view rests.
+ */
+const BUSY = { share: 0.05, longest: 35 };
+const IDLE = { share: 0.3, longest: 500 };
+/** A side is taken anew once the camera is such a share of the scene's distance away. */
+const REFRESH = 0.2;
 /** Such a side is as urgent as one that is not there. */
 const NEVER_SEEN = 4;
 /** A side so far from where the camera looks, in degrees, is half as urgent as the one ahead. */
@@ -67,12 +70,15 @@ export class Surround {
   /** The side to ask for now, if any; then none is until `came` or `failed` is called. */
   next(surroundings: Surroundings): WantedSide | null {
     const { now, pose, idle, throughput, ladder } = surroundings;
-    if (this.#pending || ladder.length === 0 || now < this.#askedAt + this.#took / (idle ? IDLE : BUSY)) return null;
+    const { share, longest } = idle ? IDLE : BUSY;
+    if (this.#pending || now < this.#askedAt + this.#took / share) return null;
+    const profile = rungFor(ladder, throughput ?? SLOW_LINK, longest);
+    if (profile === null) return null;
     const side = this.#mostNeeded(surroundings);
     if (side === undefined) return null;
     this.#pending = true;
     this.#askedAt = now;
-    return { side, view: sideView(side, pose.position, this.#up), profile: rungFor(ladder, throughput ?? SLOW_LINK) };
+    return { side, view: sideView(side, pose.position, this.#up), profile };
   }
 
   /** What was asked for came, in so many bytes, and took the server so many milliseconds. */
@@ -84,7 +90,7 @@ export class Surround {
   /** It will not come. */
   failed(): void {
     this.#pending = false;
-    this.#took = RETRY_AFTER * IDLE;
+    this.#took = RETRY_AFTER * IDLE.share;
   }
 
   #mostNeeded({ pose, there }: Surroundings): number | undefined {
@@ -101,12 +107,13 @@ export class Surround {
   }
 }
 
-/** Small and quick on this link, or else the last one. */
-function rungFor(ladder: readonly Rung[], throughput: number): number {
-  const fits = ({ width, height, expected_kb }: Rung) =>
-    width * height <= PIXELS && (expected_kb * 8e6) / throughput <= MOMENT;
-  const rung = ladder.findIndex(fits);
-  return rung < 0 ? ladder.length - 1 : rung;
+/** The best one that is small and quick on this link, or else the last one; null if that takes too long, in milliseconds. */
+function rungFor(ladder: readonly Rung[], throughput: number, longest: number): number | null {
+  const takes = ({ expected_kb }: Rung) => (expected_kb * 8e6) / throughput;
+  const best = ladder.findIndex((rung) => rung.width * rung.height <= PIXELS && takes(rung) <= MOMENT);
+  const last = ladder.at(-1);
+  if (best >= 0) return best;
+  return last && takes(last) <= longest ? ladder.length - 1 : null;
 }
 
 /** Of two directions of length 1, in degrees. */

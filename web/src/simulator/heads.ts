@@ -1,0 +1,192 @@
+/**
+ * A viewer whose head was recorded, with reprojection and prediction, over a simulated link and server: how much of the picture
+ * nobody ever rendered. The page's own pipeline, foresight, overscan and surround; no picture is drawn.
+ */
+import type { ControllerFactory } from "../abr/controller";
+import { seeded } from "../abr/random";
+import { ThroughputEstimator } from "../abr/throughput";
+import { widened } from "../dash/wider";
+import { poseAt, type TimedPose } from "../movement/playback";
+import { Foresight } from "../predict/foresight";
+import { AutoOverscan } from "../reproject/overscan";
+import type { View } from "../reproject/view";
+import type { DecodedImage } from "../stateless/decoder";
+import { type DecodedFrame, FramePipeline } from "../stateless/pipeline";
+import { SurroundFeed } from "../stateless/surround-feed";
+import { viewDistance } from "../view/camera";
+import { NO_INPUT } from "../view/motion";
+import { Rig } from "../view/rig";
+import type { Rung, SceneInfo } from "../wire/render";
+import type { Endpoints } from "./endpoints";
+import { EventLoop } from "./events";
+import { Seen } from "./seen";
+import type { NetworkTrace } from "./trace";
+import { SimulatedTransport } from "./transport";
+
+export interface HeadOptions {
+  readonly controller: ControllerFactory;
+  readonly trace: NetworkTrace;
+  readonly ladder: readonly Rung[];
+  /** Milliseconds, there and back. */
+  readonly roundTrip: number;
+  readonly endpoints: Endpoints;
+  /** In metres, from the start camera; times in milliseconds, from where it is played. */
+  readonly points: readonly TimedPose[];
+  /** How long the viewer stands at the first pose, and then moves, in milliseconds. */
+  readonly warmUp: number;
+  readonly duration: number;
+  readonly surround: boolean;
+  readonly seed: number;
+}
+
+/** Of the time in which the viewer moves. */
+export interface Visit {
+  /** Shares of the picture, means over time: what the newest frame does not show, and what of that nobody ever rendered. */
+  readonly uncovered: number;
+  readonly never: number;
+  /** The same where the content is younger than `FRESH`; NaN if it never is. */
+  readonly neverFresh: number;
+  /** Milliseconds: of the content, and from a frame's request to its last byte; means. */
+  readonly contentAge: number;
+  readonly response: number;
+  readonly framesPerSecond: number;
+  /** Mean rung of the frames that came, 0 the best. */
+  readonly rung: number;
+  /** Megabits a second, in all and of the surround. */
+  readonly bandwidth: number;
+  readonly aside: number;
+}
+
+export const FRESH = 500;
+/** What is looked at is 4 m away, as a movement in metres has it. */
+const SCENE = { id: "simulated", up: [0, -1, 0], camera: { position: [0, 0, -4], look_at: [0, 0, 0] } } as SceneInfo;
+const VIEWPORT = { width: 1280, height: 720 };
+/** Milliseconds between two looks at what is seen. */
+const LOOK_EVERY = 50;
+
+export async function visit(options: HeadOptions): Promise<Visit> {
+  const { ladder, endpoints, points, warmUp, duration, seed } = options;
+  const events = new EventLoop();
+  const { now } = events;
+  const transport = new SimulatedTransport(events, { ...options, random: seeded(seed + 1) });
+  const controller = options.controller({ ladder, random: seeded(seed) });
+  const throughput = new ThroughputEstimator();
+  const rig = new Rig({ sampleInput: () => NO_INPUT, turnSpeed: () => 60 });
+  rig.resize(VIEWPORT.width, VIEWPORT.height);
+  rig.enter(SCENE);
+  rig.drive((at) => poseAt(points, at - warmUp));
+  const distance = viewDistance(SCENE);
+  const [foresight, overscan, seen] = [
+    new Foresight(rig, () => "auto"),
+    new AutoOverscan(distance),
+    new Seen(distance),
+  ];
+  const sides = new Map<number, View>();
+  const counts = { looks: 0, uncovered: 0, never: 0, fresh: 0, neverFresh: 0, age: 0, frames: 0 };
+  const replies = { count: 0, response: 0, rung: 0, bytes: 0, aside: 0 };
+  const moving = () => now() >= warmUp;
+  let shown: { readonly frame: DecodedFrame; readonly asked: View; readonly at: number } | undefined;
+  let presenting: typeof shown;
+  const feed = new SurroundFeed({
+    reprojector: {
+      working: true,
+      get content() {
+        return shown && ({} as never);
+      },
+      surround: sides,
+      takeSide: (_, side, view) => sides.set(side, view),
+    },
+    rig,
+    surround: () => options.surround,
+    ladder: () => ladder,
+    onReceived: (bytes) => {
+      if (moving()) replies.aside += bytes;
+    },
+  });
+  const decode = (image: Blob): Promise<DecodedImage> =>
+    new Promise((resolve) =>
+      events.at(now() + endpoints.decode(transport.rungOf(image)), () => {
+        events.settle();
+        resolve({ bitmap: BITMAP, depth: null });
+      }),
+    );
+  const pipeline: FramePipeline = new FramePipeline(transport, decode, now, {
+    sent: () => undefined,
+    replied: ({ header, arrival }) => {
+      throughput.observe(arrival);
+      const profile = header.profile ?? null;
+      if (moving()) {
+        replies.count++;
+        replies.response += arrival.lastByteAt - arrival.sentAt;
+        replies.rung += profile ?? 0;
+        replies.bytes += arrival.bytes;
+      }
+      controller.observe({
+        profile,
+        arrival,
+        server: header.timing ?? null,
+        throughput: throughput.bitsPerSecond,
+        inFlight: pipeline.inFlight - 1,
+        turning: rig.turning,
+        way: "predicted",
+        at: now(),
+      });
+    },
+    refused: () => undefined,
+    unrefined: () => undefined,
+    transmission: (bytes) => (throughput.bitsPerSecond === null ? 0 : (bytes * 8000) / throughput.bitsPerSecond),
+  });
+  const lens = { ...rig.intrinsics.value, ...VIEWPORT };
+  let lookedAt = warmUp;
+  const tick = () => {
+    events.at(endpoints.nextAnimationFrame(now()), tick);
+    events.settle();
+    const at = now();
+    if (presenting) foresight.shown(presenting.frame.askedAt, at);
+    presenting = undefined;
+    rig.sample(at);
+    const { position, quaternion } = foresight.pose(at);
+    const share = overscan.at(at);
+    const view = { scene: SCENE.id, position, quaternion, ...lens, profile: controller.decide(at) };
+    pipeline.want({ ...view, ...(share > 0 && { overscan: share }) }, rig.pose.seq);
+    feed.tick(pipeline, view, throughput.bitsPerSecond, at);
+    const frame = pipeline.take();
+    if (frame) {
+      const { asked } = frame;
+      const inner = { ...asked, position: asked.position ?? [0, 0, 0], quaternion: asked.quaternion ?? [0, 0, 0, 1] };
+      shown = presenting = { frame, asked: inner, at };
+      seen.take(widened(inner, asked.overscan ?? 0));
+      if (moving()) counts.frames++;
+    }
+    const onScreen = { ...foresight.onScreen(at), ...lens };
+    if (shown) overscan.observe(shown.asked, onScreen, at);
+    if (at < lookedAt + LOOK_EVERY) return;
+    lookedAt += LOOK_EVERY;
+    const { uncovered, never } = seen.missing(onScreen, sides.values());
+    const age = shown ? at - shown.frame.askedAt : at;
+    counts.looks++;
+    counts.uncovered += uncovered;
+    counts.never += never;
+    counts.age += age;
+    if (age >= FRESH) return;
+    counts.fresh++;
+    counts.neverFresh += never;
+  };
+  events.at(0, tick);
+  await events.run(warmUp + duration);
+  pipeline.dispose();
+  const megabits = (bytes: number) => (bytes * 8) / 1000 / duration;
+  return {
+    uncovered: counts.uncovered / counts.looks,
+    never: counts.never / counts.looks,
+    neverFresh: counts.neverFresh / counts.fresh,
+    contentAge: counts.age / counts.looks,
+    response: replies.response / replies.count,
+    framesPerSecond: (counts.frames * 1000) / duration,
+    rung: replies.rung / replies.count,
+    bandwidth: megabits(replies.bytes + replies.aside),
+    aside: megabits(replies.aside),
+  };
+}
+
+const BITMAP = { close: () => undefined } as ImageBitmap;
