@@ -74,7 +74,13 @@ class Address:
 
 def say_if_open(addresses: Iterable[Address]) -> None:
     """Print one line if others than this machine reach a service that listens here."""
-    if ISOLATED in os.environ:
-        return
-    if opened := [str(address) for address in addresses if not address.is_loopback]:
-        print(f"Open to the network on {' and '.join(opened)}: whoever reaches this machine can use this service.")
+    if warning := warning_if_open(addresses):
+        print(warning)
+
+
+def warning_if_open(addresses: Iterable[Address]) -> str | None:
+    """The line, if there is one to print."""
+    opened = [str(address) for address in addresses if not address.is_loopback]
+    if not opened or ISOLATED in os.environ:
+        return None
+    return f"Open to the network on {' and '.join(opened)}: whoever reaches this machine can use this service."

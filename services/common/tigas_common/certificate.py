@@ -73,6 +73,21 @@ class Certificate:
         return self.x509.public_bytes(serialization.Encoding.PEM)
 
     @property
+    def with_key(self) -> bytes:
+        """Private key and certificate in PEM, as `with_its_key` reads them."""
+        key = self.private_key.private_bytes(
+            serialization.Encoding.PEM, serialization.PrivateFormat.PKCS8, serialization.NoEncryption()
+        )
+        return key + self.pem
+
+    @classmethod
+    def with_its_key(cls, pem: bytes) -> Certificate:
+        """The certificate that another process made."""
+        key = serialization.load_pem_private_key(pem, None)
+        assert isinstance(key, ec.EllipticCurvePrivateKey)
+        return cls(x509.load_pem_x509_certificate(pem), key)
+
+    @property
     def sha256(self) -> str:
         """Base64 of the SHA-256 of the DER, as `/config.json` gives it to the page."""
         return base64.b64encode(self.x509.fingerprint(hashes.SHA256())).decode()
@@ -92,12 +107,9 @@ class Certificate:
         Python's ssl reads keys from files only, so they are written to a directory that nobody else may read and
         that is gone when this returns.
         """
-        key = self.private_key.private_bytes(
-            serialization.Encoding.PEM, serialization.PrivateFormat.PKCS8, serialization.NoEncryption()
-        )
         with tempfile.TemporaryDirectory(prefix="tigas-") as directory:  # made with mode 0700
             path = Path(directory) / "certificate.pem"
-            path.write_bytes(key + self.pem)
+            path.write_bytes(self.with_key)
             context.load_cert_chain(path)
 
 

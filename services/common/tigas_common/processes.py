@@ -110,7 +110,7 @@ class _Running:
             self._ended(status, now)
 
     def _ended(self, status: int, now: float) -> None:
-        name, how = self._service.name, _how(status)
+        name, how = self._service.name, how_it_ended(status)
         if status > 0 and now < self._first_start + START_S:
             raise StartError(f"The {name} did not start ({how}), so the others end, too.")
         delay = self._back_off.ended(now)
@@ -123,5 +123,5 @@ class _Running:
         self._due = now + delay
 
 
-def _how(status: int) -> str:
+def how_it_ended(status: int) -> str:
     return f"exit status {status}" if status >= 0 else f"signal {signal.Signals(-status).name}"

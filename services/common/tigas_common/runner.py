@@ -9,6 +9,7 @@ import socket
 import ssl
 from collections.abc import AsyncIterator, Iterator
 from contextlib import asynccontextmanager, contextmanager, suppress
+from pathlib import Path
 from typing import Any
 
 import uvicorn
@@ -20,6 +21,9 @@ from tigas_common.http_server import LimitedServer
 from tigas_common.memory import give_back_regularly
 from tigas_common.parsing import MAX_BODY
 from tigas_common.stopping import told_when_stopping
+
+UNIX_IDLE_S = 60
+"""How long a connection over a Unix socket may be idle: longer than our own processes keep one for another request."""
 
 
 @asynccontextmanager
@@ -55,13 +59,55 @@ async def serve_listener(
         ws="websockets-sansio" if websockets else "none",
         ws_max_size=MAX_BODY,
     )
-    server = LimitedServer(config, limits, tls)
-    running = asyncio.create_task(server.serve([listener]))
+    async with _running(LimitedServer(config, limits, tls), [listener]):
+        yield listener.getsockname()[1]
+
+
+@asynccontextmanager
+async def serve_unix(app: Any, path: Path) -> AsyncIterator[None]:
+    """Serve an ASGI application on a Unix socket, for our own processes: they say whose request it is in
+    `X-Forwarded-For`, and are trusted with it.
+    """
+    config = uvicorn.Config(
+        told_when_stopping(app),
+        uds=str(path),
+        lifespan="off",
+        log_level="critical",
+        access_log=False,
+        server_header=False,
+        forwarded_allow_ips="*",
+        timeout_keep_alive=UNIX_IDLE_S,
+        timeout_graceful_shutdown=1,
+        ws="none",
+    )
+    async with _running(_UnixServer(config), None):
+        yield
+
+
+class _UnixServer(uvicorn.Server):
+    """Leaves signals to whoever runs it, and says when it has started."""
+
+    def __init__(self, config: uvicorn.Config) -> None:
+        super().__init__(config)
+        self.started_event = asyncio.Event()
+
+    @contextmanager
+    def capture_signals(self) -> Iterator[None]:
+        yield
+
+    async def startup(self, sockets: list[socket.socket] | None = None) -> None:
+        await super().startup(sockets)
+        self.started_event.set()
+
+
+@asynccontextmanager
+async def _running(server: LimitedServer | _UnixServer, sockets: list[socket.socket] | None) -> AsyncIterator[None]:
+    running = asyncio.create_task(server.serve(sockets))
     await asyncio.wait([running, asyncio.create_task(server.started_event.wait())], return_when=asyncio.FIRST_COMPLETED)
     if running.done():
         running.result()
     try:
-        yield listener.getsockname()[1]
+        yield
     finally:
         server.should_exit = True
         with suppress(asyncio.CancelledError):

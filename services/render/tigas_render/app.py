@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import hashlib
-import time
-from collections.abc import Coroutine
 from pathlib import Path
 from urllib.parse import urlsplit
 
@@ -19,23 +17,20 @@ from starlette.types import ASGIApp, Scope
 
 from tigas_common.errors import problem
 from tigas_common.origins import OriginCheck
-from tigas_common.peers import ARRIVED, client_network
-from tigas_common.web import EXCEPTION_HANDLERS, NO_STORE, healthy, json_response, problem_response, read_message
-from tigas_common.wire.render import RenderRequest, ServerConfig
-from tigas_render.frame import Client, Frame
+from tigas_common.web import EXCEPTION_HANDLERS, healthy, json_response, problem_response
+from tigas_common.wire.render import ServerConfig
+from tigas_render.frame_route import FRAMES, HttpFrames
 from tigas_render.service import RenderService
 
 STATIC = Path(__file__).parent / "static"
 """Where the web client's build lies."""
-CLIENT_GONE = 499
-"""Nobody reads this status: the client left before its answer."""
 
 
 def create_app(service: RenderService) -> ASGIApp:
     """The application over a running service, which is its caller's to open and close."""
     app = Starlette(
         routes=[
-            Route("/render", render, methods=["POST"]),
+            FRAMES,
             Route("/scenes", scenes),
             Route("/scenes/{id}", scene),
             Route("/scenes/{id}/load", load, methods=["POST"]),
@@ -53,36 +48,11 @@ def create_app(service: RenderService) -> ASGIApp:
         exception_handlers=EXCEPTION_HANDLERS,
     )
     app.state.service = service
+    app.state.frames = HttpFrames(service, service.http_viewers, service.rate)
     if STATIC.is_dir():
         # Not a mount: that would match before a wrong method of the routes above is noticed.
         app.router.default = _Client(directory=STATIC, html=True)
     return OriginCheck(app, service.origins)
-
-
-async def render(request: Request) -> Response:
-    """One frame."""
-    began = time.monotonic()
-    service, client = _service(request), _client(request)
-    service.http_viewers.check(client.address)
-    service.rate.check(client)
-    render_request = await read_message(request, RenderRequest)
-    arrived = getattr(request.state, ARRIVED, began)
-    answer = service.submit(client, render_request, arrived)
-    frame = await _unless_disconnected(request, answer)
-    if frame is None:
-        return Response(status_code=CLIENT_GONE)
-    timing, body = frame.timing, bytes(frame.body)
-    frame.release()
-    return Response(
-        body,
-        media_type=frame.content_type,
-        headers={
-            "Server-Timing": f"queue;dur={timing.queue}, render;dur={timing.render}, encode;dur={timing.encode}",
-            "Tigas-Frame": _about(frame, service.rate.told),
-            **NO_STORE,
-            "Timing-Allow-Origin": "*",
-        },
-    )
 
 
 async def scenes(request: Request) -> Response:
@@ -202,20 +172,6 @@ def _page_policy(config: ServerConfig) -> str:
     )
 
 
-def _about(frame: Frame, requests_per_s: float | None) -> str:
-    """The frame's `Tigas-Frame`: what applies to it."""
-    numbers = {
-        "seq": frame.seq,
-        "width": frame.width,
-        "height": frame.height,
-        "margin_x": frame.margin_x or None,
-        "margin_y": frame.margin_y or None,
-        "profile": frame.profile,
-        "requests_per_s": requests_per_s,
-    }
-    return ", ".join(f"{name}={number}" for name, number in numbers.items() if number is not None)
-
-
 def _config(request: Request) -> ServerConfig:
     return _service(request).config(request.url.hostname or "localhost")
 
@@ -223,25 +179,3 @@ def _config(request: Request) -> ServerConfig:
 def _service(request: Request) -> RenderService:
     service: RenderService = request.app.state.service
     return service
-
-
-def _client(request: Request) -> Client:
-    peer = request.client
-    return Client(client_network(peer.host), f"{peer.host}:{peer.port}") if peer else Client("unknown", "unknown")
-
-
-async def _unless_disconnected(request: Request, answer: Coroutine[None, None, Frame]) -> Frame | None:
-    """The frame, or None if the client left: then the engine is told to drop it."""
-    work = asyncio.create_task(answer)
-    gone = asyncio.create_task(_disconnected(request))
-    try:
-        await asyncio.wait((work, gone), return_when=asyncio.FIRST_COMPLETED)
-        return work.result() if work.done() else None
-    finally:
-        work.cancel()
-        gone.cancel()
-
-
-async def _disconnected(request: Request) -> None:
-    while (await request.receive())["type"] != "http.disconnect":
-        pass

@@ -6,10 +6,11 @@ import asyncio
 import os
 import ssl
 import sys
-from contextlib import AsyncExitStack
+from collections.abc import AsyncIterator, Callable, Coroutine
+from contextlib import AsyncExitStack, asynccontextmanager
 from pathlib import Path
 
-from tigas_common.address import Address, say_if_open
+from tigas_common.address import Address, warning_if_open
 from tigas_common.errors import StartError, TigasError
 from tigas_common.memory import keep_together
 from tigas_common.runner import explained, serve_http, until_stopped
@@ -29,19 +30,12 @@ SWITCH_S = 0.0005
 
 
 async def serve(settings: RenderSettings) -> None:
-    """Run the render service until SIGINT or SIGTERM. Raises StartError, also once the device is lost."""
-    keep_together()
-    _check_directory(settings.scenes)
-    try:
-        rasterizer = create_rasterizer(settings.device, settings.cache)
-    except ValueError as error:
-        raise StartError(str(error)) from None
-    print("Preparing the rasteriser (the first start on a machine compiles it, about half a minute) …", flush=True)
+    """Run the render service in this process until SIGINT or SIGTERM.
+
+    Raises StartError, also once the device is lost.
+    """
     async with AsyncExitStack() as stack:
-        try:
-            service = await stack.enter_async_context(RenderService.open(settings, rasterizer))
-        except TigasError as error:  # a GPU that is full, or lost
-            raise StartError(error.detail) from None
+        service = await stack.enter_async_context(opened(settings, say))
         keeper = await stack.enter_async_context(CertificateKeeper.running(settings))
         keeper.on_renewal(service.show)
         await stack.enter_async_context(service.measured())
@@ -73,15 +67,37 @@ async def serve(settings: RenderSettings) -> None:
                 )
         with explained(settings.http, "--http"):
             port = await stack.enter_async_context(serve_http(app, settings.http, settings.http_limits))
+        say("\n".join(announcement(service, port)))
+        await until_stopped_or_lost(until_stopped(), service.engine)
+
+
+def say(line: str) -> None:
+    """Tell the user something."""
+    print(line, flush=True)
+
+
+@asynccontextmanager
+async def opened(settings: RenderSettings, say: Callable[[str], None]) -> AsyncIterator[RenderService]:
+    """The service without anything that serves it, and the process fit for it. Raises StartError."""
+    keep_together()
+    _check_directory(settings.scenes)
+    try:
+        rasterizer = create_rasterizer(settings.device, settings.cache)
+    except ValueError as error:
+        raise StartError(str(error)) from None
+    say("Preparing the rasteriser (the first start on a machine compiles it, about half a minute) …")
+    async with AsyncExitStack() as stack:
+        try:
+            service = await stack.enter_async_context(RenderService.open(settings, rasterizer))
+        except TigasError as error:  # a GPU that is full, or lost
+            raise StartError(error.detail) from None
         sys.setswitchinterval(SWITCH_S)
-        service.url = f"http://{Address(settings.http.host, port).reachable_host}:{port}"
-        _announce(service, Address(settings.http.host, port))
-        await _until_stopped(service.engine)
+        yield service
 
 
-async def _until_stopped(engine: Engine) -> None:
-    """Wait for SIGINT or SIGTERM. Raises StartError if the device is lost first: only a new process can use it."""
-    stopped = asyncio.create_task(until_stopped())
+async def until_stopped_or_lost(stop: Coroutine[None, None, None], engine: Engine) -> None:
+    """Wait for `stop`. Raises StartError if the device is lost first: only a new process can use it."""
+    stopped = asyncio.create_task(stop)
     try:
         await asyncio.wait((stopped, engine.device_lost), return_when=asyncio.FIRST_COMPLETED)
     finally:
@@ -99,19 +115,27 @@ def _check_directory(scenes: Path | None) -> None:
         raise StartError(f"The models directory {scenes} cannot be read; check its permissions.")
 
 
-def _announce(service: RenderService, http: Address) -> None:
+def announcement(service: RenderService, http_port: int) -> list[str]:
+    """What the user is told once the service is served; from now on it knows its own URL, too."""
+    http = Address(service.settings.http.host, http_port)
+    service.url = f"http://{http.reachable_host}:{http.port}"
+    lines = []
     scenes = service.registry.infos()
     for scene in scenes:
         if scene.state == "broken":
-            print(printable(f"  {scene.id} is left out: {scene.error}"))
+            lines.append(printable(f"  {scene.id} is left out: {scene.error}"))
     usable = sum(scene.state != "broken" for scene in scenes)
-    print(f"{usable} {'scene' if usable == 1 else 'scenes'} ready on {service.device}.")
+    lines.append(f"{usable} {'scene' if usable == 1 else 'scenes'} ready on {service.device}.")
     if service.settings.scenes is not None and len(scenes) == 1:
         folder = service.settings.scenes
-        print(f"{folder} has no scenes yet: put each model in a folder of its own, such as {folder}/garden/garden.ply.")
+        lines.append(
+            f"{folder} has no scenes yet: put each model in a folder of its own, such as {folder}/garden/garden.ply."
+        )
     if not STATIC.is_dir():
-        print("Only the API is available, because the page is not built: run `npm ci && npm run build` in web/.")
+        lines.append("Only the API is available, because the page is not built: run `npm ci && npm run build` in web/.")
     if service.https_port:
-        print(f"Other devices on the network: https://<this machine's address>:{service.https_port}/")
-    say_if_open(service.settings.addresses)
-    print(f"Open http://{http.reachable_host}:{http.port}/", flush=True)
+        lines.append(f"Other devices on the network: https://<this machine's address>:{service.https_port}/")
+    if warning := warning_if_open(service.settings.addresses):
+        lines.append(warning)
+    lines.append(f"Open {service.url}/")
+    return lines

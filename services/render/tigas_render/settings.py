@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
-from pydantic import Discriminator, Field, Tag
-from pydantic_settings import SettingsConfigDict
+from pydantic import BeforeValidator, Discriminator, Field, Tag
+from pydantic_settings import NoDecode, SettingsConfigDict
 
 from tigas_common.address import Address
 from tigas_common.settings import Listen, ListenOrOff, ServiceSettings
@@ -21,6 +22,20 @@ Ladder = Annotated[
     | Annotated[tuple[Rung, ...], Field(min_length=1, max_length=MAX_RUNGS), Tag("rungs")],
     Discriminator(lambda given: "name" if isinstance(given, str) else "rungs"),
 ]
+
+
+MAX_EDGES = 64
+
+
+def _edges(value: Any) -> Any:
+    if value in ("auto", None):
+        return None
+    if re.fullmatch("[0-9]{1,3}", str(value)) and 1 <= int(value) <= MAX_EDGES:
+        return int(value)
+    raise ValueError(f"{str(value)[:100]!r} is neither auto nor a number from 1 to {MAX_EDGES}")
+
+
+Edges = Annotated[int | None, NoDecode, BeforeValidator(_edges)]
 
 
 class RenderSettings(ServiceSettings):
@@ -41,6 +56,8 @@ class RenderSettings(ServiceSettings):
         default_factory=lambda given: Address("::" if given["lan"] else "localhost", WEBTRANSPORT.number)
     )
     """Address of HTTP/3 and WebTransport; `localhost` is 127.0.0.1 and ::1; `off` disables both."""
+    edges: Edges = None
+    """How many processes speak with clients, beside one that renders; 1: one does all; None: what suits the machine."""
     device: str = Field(default="auto", pattern=r"^(auto|cpu|cuda(:[0-9]{1,3})?|instant(:[0-9]{1,7})?)$")
     """The device to render on: `cpu`, `cuda`, `cuda:N` for one of several GPUs, or `auto` for the fastest. `instant`
     and `instant:BYTES` render nothing: frames are made up, to measure everything else."""

@@ -1,0 +1,107 @@
+"""`POST /render`: the one part of the HTTP interface that needs nothing but a source of frames."""
+
+from __future__ import annotations
+
+import asyncio
+import time
+from collections.abc import Coroutine
+from dataclasses import dataclass
+
+from starlette.applications import Starlette
+from starlette.requests import Request
+from starlette.responses import Response
+from starlette.routing import Route
+
+from tigas_common.peers import ARRIVED, client_network
+from tigas_common.web import EXCEPTION_HANDLERS, NO_STORE, read_message
+from tigas_common.wire.render import RenderRequest
+from tigas_render.frame import Client, Frame, FrameSource
+from tigas_render.transport.http_viewers import HttpViewers
+from tigas_render.transport.request_rate import RequestRate
+
+PATH = "/render"
+CLIENT_GONE = 499
+"""Nobody reads this status: the client left before its answer."""
+
+
+@dataclass(frozen=True, slots=True)
+class HttpFrames:
+    """Where frames come from, and who may ask for them, and how often."""
+
+    source: FrameSource
+    viewers: HttpViewers
+    rate: RequestRate
+
+
+def frames_app(frames: HttpFrames) -> Starlette:
+    """An application that has nothing else."""
+    app = Starlette(routes=[FRAMES], exception_handlers=EXCEPTION_HANDLERS)
+    app.state.frames = frames
+    return app
+
+
+async def render(request: Request) -> Response:
+    """One frame."""
+    began = time.monotonic()
+    frames: HttpFrames = request.app.state.frames
+    client = _client(request)
+    frames.viewers.check(client.address)
+    frames.rate.check(client)
+    render_request = await read_message(request, RenderRequest)
+    arrived = getattr(request.state, ARRIVED, began)
+    answer = frames.source.submit(client, render_request, arrived)
+    frame = await _unless_disconnected(request, answer)
+    if frame is None:
+        return Response(status_code=CLIENT_GONE)
+    timing, body = frame.timing, bytes(frame.body)
+    frame.release()
+    return Response(
+        body,
+        media_type=frame.content_type,
+        headers={
+            "Server-Timing": f"queue;dur={timing.queue}, render;dur={timing.render}, encode;dur={timing.encode}",
+            "Tigas-Frame": _about(frame, frames.rate.told),
+            **NO_STORE,
+            "Timing-Allow-Origin": "*",
+        },
+    )
+
+
+def _about(frame: Frame, requests_per_s: float | None) -> str:
+    """The frame's `Tigas-Frame`: what applies to it."""
+    numbers = {
+        "seq": frame.seq,
+        "width": frame.width,
+        "height": frame.height,
+        "margin_x": frame.margin_x or None,
+        "margin_y": frame.margin_y or None,
+        "profile": frame.profile,
+        "requests_per_s": requests_per_s,
+    }
+    return ", ".join(f"{name}={number}" for name, number in numbers.items() if number is not None)
+
+
+def _client(request: Request) -> Client:
+    peer = request.client
+    return Client(client_network(peer.host), f"{peer.host}:{peer.port}") if peer else Client("unknown", "unknown")
+
+
+async def _unless_disconnected(request: Request, answer: Coroutine[None, None, Frame]) -> Frame | None:
+    """The frame, or None if the client left: then the engine is told to drop it."""
+    work = asyncio.create_task(answer)
+    gone = asyncio.create_task(_disconnected(request))
+    try:
+        await asyncio.wait((work, gone), return_when=asyncio.FIRST_COMPLETED)
+        return work.result() if work.done() else None
+    finally:
+        work.cancel()
+        gone.cancel()
+
+
+async def _disconnected(request: Request) -> None:
+    while (await request.receive())["type"] != "http.disconnect":
+        pass
+
+
+FRAMES = Route(PATH, render, methods=["POST"])
+"""For an application whose `state.frames` is of HttpFrames."""
