@@ -48,6 +48,14 @@ def render(
     device: Annotated[
         str | None, typer.Option(metavar="auto|cpu|cuda[:N]", help="Rasterise on this device.", show_default="auto")
     ] = None,
+    edges: Annotated[
+        str | None,
+        typer.Option(
+            metavar="auto|N",
+            help="Processes that speak with viewers, beside one that renders; 1: a single process does both.",
+            show_default="auto",
+        ),
+    ] = None,
     ladder: Annotated[
         str | None,
         typer.Option(
@@ -83,9 +91,16 @@ def render(
     logging.getLogger("quic").setLevel(logging.WARNING)  # aioquic tells the story of every connection
     with in_a_sentence(StartError):
         check_aioquic()
-        from tigas_render.main import serve
+        from tigas_render.fleet.count import edges_for
 
-        uvloop.run(serve(settings))
+        if (number := edges_for(settings)) == 1:
+            from tigas_render.main import serve
+
+            uvloop.run(serve(settings))
+        else:
+            from tigas_render.fleet.supervisor import supervise
+
+            uvloop.run(supervise(settings, number))
 
 
 @scene.command("info")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import OrderedDict
+from collections.abc import Iterator
 
 from aioquic.tls import SessionTicket
 
@@ -18,6 +19,9 @@ class TicketStore:
 
     def __len__(self) -> int:
         return len(self._tickets)
+
+    def __iter__(self) -> Iterator[SessionTicket]:
+        return iter(self._tickets.values())
 
     def add(self, ticket: SessionTicket) -> None:
         """Keep a ticket that was issued; the oldest makes room."""

@@ -1,0 +1,34 @@
+"""How many edges there are to be."""
+
+from __future__ import annotations
+
+import os
+import sys
+from pathlib import Path
+
+from tigas_common.errors import StartError
+from tigas_render.settings import RenderSettings
+
+MIN_CORES = 8
+"""With fewer, or without a GPU, a single process does all: edges would take from the renderer what they win."""
+MAX_AUTO = 8
+GPUS = (Path("/dev/nvidia0"), Path("/dev/dxg"))
+"""What there is where an NVIDIA driver finds a GPU: on Linux, and in Windows' Linux. Asking CUDA would take seconds."""
+
+
+def edges_for(settings: RenderSettings) -> int:
+    """The setting, or what suits this machine. Raises StartError where there cannot be several."""
+    if settings.edges is not None:
+        if settings.edges > 1 and sys.platform != "linux":
+            raise StartError("Several edges need Linux; start the service with --edges 1.")
+        return settings.edges
+    return suitable(len(os.sched_getaffinity(0)) if sys.platform == "linux" else 1, _has_gpu(settings.device))
+
+
+def suitable(cores: int, gpu: bool) -> int:
+    """About half of the cores, since the renderer and the kernel need some as well."""
+    return min(cores // 2, MAX_AUTO) if gpu and cores >= MIN_CORES else 1
+
+
+def _has_gpu(device: str) -> bool:
+    return device != "cpu" and (device != "auto" or any(path.exists() for path in GPUS))

@@ -1,0 +1,131 @@
+"""An edge's process: it speaks with clients, and has from the engine whatever it answers."""
+
+from __future__ import annotations
+
+import asyncio
+import itertools
+import socket
+import ssl
+import time
+from collections.abc import AsyncIterator
+from contextlib import AsyncExitStack
+
+from pydantic import TypeAdapter
+from starlette.types import ASGIApp, Receive, Scope, Send
+
+from tigas_common.certificate import Certificate
+from tigas_common.memory import keep_together
+from tigas_common.origins import OriginCheck, OriginPolicy
+from tigas_common.runner import serve_listener
+from tigas_render.fleet.control import Channel, EdgeStart, Message, NewCertificate, Ready, TicketIssued, TicketTaken
+from tigas_render.fleet.places import frames_socket, http_socket
+from tigas_render.fleet.process import run, until_told
+from tigas_render.fleet.proxy import EngineProxy
+from tigas_render.fleet.tickets import SharedTickets
+from tigas_render.frame_route import PATH, HttpFrames, frames_app
+from tigas_render.pipe.client import PipeClient
+from tigas_render.transport.cids import Edge
+from tigas_render.transport.frames import render_session
+from tigas_render.transport.http_viewers import HttpViewers
+from tigas_render.transport.load import TICK_S, Load, LoadState
+from tigas_render.transport.relay import Relay
+from tigas_render.transport.request_rate import RequestRate
+from tigas_render.transport.server import Http3Server
+from tigas_render.transport.share import Share
+
+TELL_TICKS = 10
+"""How often the engine hears of this edge's load: a second."""
+_STATE = TypeAdapter(LoadState)
+
+
+async def edge(channel: Channel, news: AsyncIterator[Message]) -> None:
+    """Serve clients until told to stop."""
+    keep_together()
+    start = await anext(news)
+    assert isinstance(start, EdgeStart)
+    settings = start.settings
+    limits = settings.quic_limits.of_each(start.edges)
+    http_limits = settings.http_limits.of_each(start.edges)
+    origins = OriginPolicy.of(settings.addresses, settings.allow_hosts, settings.allow_origins)
+    tickets = SharedTickets(channel.send)
+    certificate = Certificate.with_its_key(start.certificate.pem)
+    load = Load()
+    rate = RequestRate(load, limits.requests_per_s, time.monotonic)
+    server: Http3Server | None = None
+    tls: ssl.SSLContext | None = None
+
+    def heard(message: Message) -> None:
+        match message:
+            case NewCertificate():
+                renewed = Certificate.with_its_key(message.pem)
+                if server is not None:
+                    server.replace_certificate(renewed)
+                if tls is not None:
+                    renewed.load_into(tls)
+            case TicketIssued() | TicketTaken():
+                tickets.heard(message)
+            case _:
+                raise AssertionError(f"An edge does not hear {message.kind}.")
+
+    async with AsyncExitStack() as stack:
+        frames = await stack.enter_async_context(PipeClient(frames_socket(start.directory), start.number, load.engine))
+        stack.callback(asyncio.create_task(_measure(load, frames)).cancel)
+        proxy = EngineProxy(http_socket(start.directory), origins)
+        stack.push_async_callback(proxy.close)
+        posted = OriginCheck(frames_app(HttpFrames(frames, HttpViewers(load, time.monotonic), rate)), origins)
+        app = _by_path(posted, proxy)
+        if start.quic:
+            server = Http3Server(
+                app,
+                certificate=certificate,
+                webtransport={PATH: render_session(frames, rate)},
+                congestion_control=settings.congestion_control,
+                limits=limits,
+                reset_key=start.reset_key,
+                origins=origins,
+                share=_share(start, tickets),
+                load=load,
+            )
+            await stack.enter_async_context(server)
+        if start.https is not None:
+            tls = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
+            certificate.load_into(tls)
+            await stack.enter_async_context(serve_listener(app, _inherited(start.https), http_limits, tls))
+        await stack.enter_async_context(serve_listener(app, _inherited(start.http), http_limits))
+        channel.send(Ready())
+        await until_told(news, heard)
+
+
+async def _measure(load: Load, engine: PipeClient) -> None:
+    """Measure how busy this process is, and let the engine know, which shows it."""
+    for tick in itertools.count():
+        await asyncio.sleep(TICK_S)
+        load.tick()
+        if tick % TELL_TICKS == 0:
+            engine.tell(_STATE.dump_json(load.state))
+
+
+def _by_path(frames: ASGIApp, rest: ASGIApp) -> ASGIApp:
+    """Frames are this process's own business; everything else is the engine's."""
+
+    async def app(scope: Scope, receive: Receive, send: Send) -> None:
+        await (frames if scope["path"] == PATH else rest)(scope, receive, send)
+
+    return app
+
+
+def _share(start: EdgeStart, tickets: SharedTickets) -> Share:
+    of = Edge(start.number, start.edges)
+    sockets = tuple(map(_inherited, start.quic))
+    relay = None
+    if start.relay is not None:
+        relay = Relay(of, _inherited(start.relay), [_inherited(fd) for fd in start.relays])
+    return Share(of, sockets, start.retry_key, tickets, relay)
+
+
+def _inherited(fd: int) -> socket.socket:
+    return socket.socket(fileno=fd)
+
+
+if __name__ == "__main__":
+    run(edge)

@@ -1,0 +1,56 @@
+"""What every child of the supervisor does: begin as it is told, listen, end in time, and say why it could not go on."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import socket
+import sys
+from collections.abc import AsyncIterator, Awaitable, Callable
+
+import uvloop
+
+from tigas_common.cli import log_to_stdout
+from tigas_common.errors import StartError
+from tigas_common.runner import until_stopped
+from tigas_render.fleet.control import Channel, Failed, Message
+
+Program = Callable[[Channel, AsyncIterator[Message]], Awaitable[None]]
+"""Gets the channel, and what the supervisor says on it, the start first."""
+
+
+def run(program: Program) -> None:
+    """Run a child's program to its end; the supervisor hears why, if it is a StartError."""
+    log_to_stdout()
+    logging.getLogger("quic").setLevel(logging.WARNING)  # aioquic tells the story of every connection
+    sys.exit(uvloop.run(_run(program)))
+
+
+async def _run(program: Program) -> int:
+    channel = await Channel.over(socket.socket(fileno=int(sys.argv[1])))
+    try:
+        await program(channel, aiter(channel))
+    except StartError as error:
+        channel.send(Failed(detail=str(error)))
+        return 1
+    else:
+        return 0
+    finally:
+        await channel.close()
+
+
+async def until_told(news: AsyncIterator[Message], heard: Callable[[Message], None]) -> None:
+    """Listen to the supervisor until it says to stop, or is gone."""
+
+    async def listen() -> None:
+        async for message in news:
+            heard(message)
+
+    listening, stopped = asyncio.create_task(listen()), asyncio.create_task(until_stopped())
+    try:
+        await asyncio.wait((listening, stopped), return_when=asyncio.FIRST_COMPLETED)
+        if listening.done():
+            listening.result()
+    finally:
+        listening.cancel()
+        stopped.cancel()

@@ -1,0 +1,164 @@
+"""The process that the user starts: it has the public sockets and the secrets, and keeps engine and edges running."""
+
+from __future__ import annotations
+
+import asyncio
+import os
+import tempfile
+import time
+from collections.abc import Sequence
+from pathlib import Path
+
+from tigas_common.certificate import Certificate
+from tigas_common.memory import keep_together
+from tigas_common.runner import until_stopped
+from tigas_render.cache import kept_key
+from tigas_render.certificates import CertificateKeeper
+from tigas_render.fleet.child import Child
+from tigas_render.fleet.control import (
+    EdgeStart,
+    EngineStart,
+    Message,
+    NewCertificate,
+    Ready,
+    Said,
+    TicketIssued,
+    TicketTaken,
+)
+from tigas_render.fleet.sockets import PublicSockets
+from tigas_render.settings import RenderSettings
+from tigas_render.transport.retry import KEY_LENGTH
+from tigas_render.transport.tickets import TicketStore
+
+EDGES_STOP_S = 1.2
+"""For the edges to answer what is running, in seconds; the engine answers meanwhile."""
+STOP_S = 1.7
+"""For all, with the engine."""
+
+
+async def supervise(settings: RenderSettings, edges: int) -> None:
+    """Run the render service as several processes until SIGINT or SIGTERM. Raises StartError."""
+    keep_together()
+    with (
+        PublicSockets.bound(settings, edges) as sockets,
+        tempfile.TemporaryDirectory(
+            prefix="tigas-render-", ignore_cleanup_errors=True
+        ) as directory,  # made with mode 0700
+    ):
+        async with CertificateKeeper.running(settings) as keeper:
+            await Supervisor(settings, edges, sockets, Path(directory), keeper).run()
+
+
+class Supervisor:
+    """Engine and edges, for as long as `run` lasts."""
+
+    def __init__(
+        self, settings: RenderSettings, edges: int, sockets: PublicSockets, directory: Path, keeper: CertificateKeeper
+    ) -> None:
+        """directory: where the engine's own sockets are, for nobody else."""
+        self._settings = settings
+        self._sockets = sockets
+        self._directory = directory
+        self._reset_key = kept_key(settings.cache / "stateless-reset.key")
+        self._retry_key = os.urandom(KEY_LENGTH)
+        self._tickets = TicketStore()
+        self._announcement: tuple[str, ...] = ()
+        """What the engine says of itself, to be printed once all serve."""
+        self._engine = Child("engine", "tigas_render.fleet.engine", (), self._begin_engine, self._heard)
+        self._edges = [self._edge(number, edges) for number in range(edges)]
+        self._show(keeper.certificate)
+        keeper.on_renewal(self._show)
+
+    async def run(self) -> None:
+        """Keep all running until SIGINT or SIGTERM. Raises StartError."""
+        children = (self._engine, *self._edges)
+        stopped = asyncio.create_task(until_stopped())
+        ready = asyncio.create_task(self._announce())
+        kept = [asyncio.create_task(child.keep()) for child in children]
+        try:
+            await asyncio.wait((stopped, *kept), return_when=asyncio.FIRST_COMPLETED)
+        finally:
+            stopped.cancel()
+            ready.cancel()
+            await self._end()
+        for task in kept:
+            task.result()
+
+    async def _end(self) -> None:
+        """Edges first, so that what is running is still answered."""
+        began = time.monotonic()
+        await asyncio.gather(*(edge.end(EDGES_STOP_S) for edge in self._edges))
+        await self._engine.end(began + STOP_S - time.monotonic())
+
+    async def _announce(self) -> None:
+        for child in (self._engine, *self._edges):
+            await child.ready.wait()
+        print("\n".join(self._announcement), flush=True)
+
+    # -- what children are told --------------------------------------------------------------------------------------
+
+    def _show(self, certificate: Certificate) -> None:
+        """Edges first: nobody hears of a certificate that is not shown yet."""
+        self._certificate = NewCertificate(pem=certificate.with_key)
+        for child in (*self._edges, self._engine):
+            child.tell(self._certificate)
+
+    def _begin_engine(self) -> Sequence[Message]:
+        sockets = self._sockets
+        start = EngineStart(
+            settings=self._settings,
+            directory=self._directory,
+            http_port=sockets.http_port,
+            https_port=sockets.https_port,
+            quic_port=sockets.quic_port,
+            certificate=self._certificate,
+        )
+        return (start,)
+
+    def _edge(self, number: int, edges: int) -> Child:
+        public = self._sockets
+        quic = public.quic[number] if public.quic else ()
+        inbox = [public.relays[number][0]] if public.relays else []
+        outboxes = [outbox for _, outbox in public.relays]
+        tcp = [public.http] if public.https is None else [public.http, public.https]
+
+        def begin() -> Sequence[Message]:
+            start = EdgeStart(
+                settings=self._settings,
+                directory=self._directory,
+                number=number,
+                edges=edges,
+                http=public.http.fileno(),
+                https=None if public.https is None else public.https.fileno(),
+                quic=tuple(sock.fileno() for sock in quic),
+                relay=inbox[0].fileno() if inbox else None,
+                relays=tuple(sock.fileno() for sock in outboxes),
+                certificate=self._certificate,
+                reset_key=self._reset_key,
+                retry_key=self._retry_key,
+            )
+            return (start, *(TicketIssued(ticket=ticket) for ticket in self._tickets))
+
+        inherited = (*tcp, *quic, *inbox, *outboxes)
+        return Child(f"edge {number}", "tigas_render.fleet.edge", inherited, begin, self._heard)
+
+    # -- what children say -------------------------------------------------------------------------------------------
+
+    def _heard(self, child: Child, message: Message) -> None:
+        match message:
+            case TicketIssued():
+                self._tickets.add(message.ticket)
+            case TicketTaken():
+                self._tickets.take(message.label)
+            case Ready():
+                self._announcement = message.lines or self._announcement
+                return
+            case Said():
+                if not self._engine.ready.is_set():  # one that is started again has nothing new to say
+                    print(message.line, flush=True)
+                return
+            case _:
+                raise AssertionError(f"A child does not say {message.kind}.")
+        for edge in self._edges:
+            if edge is not child:
+                edge.tell(message)

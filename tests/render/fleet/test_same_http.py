@@ -1,0 +1,81 @@
+"""What an edge answers is what a single process answers."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+
+import httpx
+import pytest
+
+from tests.render.fleet.fleet import ASK, Fleet, serving
+
+EVIL = {"Origin": "https://evil.example"}
+REQUESTS: list[tuple[str, str, dict[str, str], bytes]] = [
+    ("GET", "/scenes", {}, b""),
+    ("GET", "/scenes?scan=1", {}, b""),
+    ("POST", "/scenes/courtyard/load", {}, b""),
+    ("GET", "/scenes/courtyard", {}, b""),
+    ("GET", "/scenes/courtyard/preview", {}, b""),
+    ("GET", "/scenes/nowhere", {}, b""),
+    ("GET", "/scenes/a%2Fb%20%25?x=%20", {}, b""),
+    ("GET", "/config.json", {}, b""),
+    ("GET", "/config.json", {"Host": "evil.example"}, b""),
+    ("GET", "/config.json", EVIL, b""),
+    ("GET", "/healthz", {}, b""),
+    ("GET", "/", {}, b""),
+    ("GET", "/nothing/here", {}, b""),
+    ("GET", "/nothing/../healthz", {}, b""),
+    ("HEAD", "/scenes", {}, b""),
+    ("DELETE", "/scenes", {}, b""),
+    ("GET", "/render", {}, b""),
+    ("POST", "/render", {}, ASK),
+    ("POST", "/render", {}, b"{}"),
+    ("POST", "/render", {}, b"x" * 20_000),
+    ("POST", "/render", EVIL, ASK),
+    ("POST", "/render", {"Host": "evil.example"}, ASK),
+    ("OPTIONS", "/render", {"Origin": "http://localhost:1", "Access-Control-Request-Method": "POST"}, b""),
+    ("OPTIONS", "/scenes", {"Origin": "http://localhost:1", "Access-Control-Request-Method": "GET"}, b""),
+    ("GET", "/enhance/general.safetensors", {}, b""),
+    ("GET", "/scenes/courtyard/enhance", {}, b""),
+    ("POST", "/scenes/courtyard/unload", {"X-Forwarded-For": "192.0.2.1"}, b""),
+]
+
+
+@pytest.fixture(scope="module")
+def both() -> Iterator[tuple[Fleet, Fleet]]:
+    """A single process and a fleet."""
+    with serving(edges=1) as single, serving(edges=2) as fleet:
+        yield single, fleet
+
+
+@pytest.mark.parametrize(("method", "path", "headers", "body"), REQUESTS)
+def test_answers_are_the_same(
+    both: tuple[Fleet, Fleet], method: str, path: str, headers: dict[str, str], body: bytes
+) -> None:
+    def answer(fleet: Fleet) -> tuple[int, list[tuple[str, object]], str]:
+        with httpx.Client(headers=headers, timeout=60) as client:
+            response = client.request(method, fleet.url + path, content=body or None)
+        varying = {"date", "server-timing"}
+        kept = sorted(each for each in response.headers.multi_items() if each[0] not in varying)
+        plain: list[tuple[str, object]] = [
+            (name, sorted(value.split(", ")) if name == "allow" else _plain(value)) for name, value in kept
+        ]
+        return response.status_code, plain, _plain(response.text)
+
+    single, fleet = both
+    assert answer(fleet) == answer(single)
+
+
+def test_metrics_come_from_the_engine_and_tell_of_every_edge(both: tuple[Fleet, Fleet]) -> None:
+    _, fleet = both
+    httpx.post(f"{fleet.url}/render", content=ASK)
+    text = httpx.get(f"{fleet.url}/metrics").text
+    assert re.search(r'tigas_requests_total\{outcome="frame"\} [1-9]', text)
+    assert all(f'tigas_viewers{{edge="{number}"}}' in text for number in range(2))
+
+
+def _plain(text: str) -> str:
+    """Without ports, hashes and ages, which differ between any two services."""
+    text = re.sub(r"(localhost|127\.0\.0\.1):[0-9]+", r"\1:PORT", text)
+    return re.sub(r'("certificate_sha256":|"idle_s":)[^,}]*', r"\1X", text)

@@ -1,0 +1,89 @@
+"""A service of several processes ends at once, and leaves nothing."""
+
+from __future__ import annotations
+
+import asyncio
+import signal
+import socket
+import sys
+import time
+
+import httpx
+import psutil
+import pytest
+
+from tests.render.fleet.fleet import TIGAS, Viewer, leftovers, serving
+from tests.render.test_cli import tigas
+from tests.render.transport.serving import eventually
+
+STARTS = 20
+
+
+@pytest.mark.anyio
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
+async def test_all_ends_within_two_seconds_while_it_is_viewed(number: signal.Signals) -> None:
+    before = leftovers()
+    with serving(edges=2) as fleet:
+        viewer = Viewer(fleet)
+        watching = asyncio.create_task(viewer.watch())
+        await eventually(lambda: viewer.shown)
+        children = fleet.children()
+        assert len(children) == 3
+        stopping = time.monotonic()
+        fleet.process.send_signal(number)
+        assert await asyncio.to_thread(fleet.process.wait, 10) == 0
+        assert time.monotonic() - stopping < 2
+        watching.cancel()
+        assert not [child for child in children if child.is_running()]
+    assert leftovers() <= before
+
+
+def test_children_end_whose_supervisor_is_killed() -> None:
+    with serving(edges=2) as fleet:
+        children = fleet.children()
+        fleet.process.kill()
+        _, alive = psutil.wait_procs(children, timeout=20)
+        assert not alive
+
+
+def test_twenty_starts_and_stops_leave_nothing() -> None:
+    before = leftovers()
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        address = f"127.0.0.1:{free.getsockname()[1]}"
+    for start in range(STARTS):
+        if start % 10 == 0:
+            with serving("--http", address, edges=2) as fleet:
+                assert httpx.get(f"{fleet.url}/healthz").status_code == 200
+        else:
+            command = (*TIGAS, "render", "--edges=2", "--device=instant", f"--http={address}", "--quic=off")
+            service = psutil.Popen(command)
+            while len(service.children()) < 3:
+                assert service.is_running()
+                time.sleep(0.01)
+            service.terminate()
+            assert service.wait(10) == 0
+    assert leftovers() <= before
+
+
+@pytest.mark.parametrize("flag", ["--http", "--https", "--quic"])
+def test_a_port_that_is_taken_is_named(flag: str) -> None:
+    kind = socket.SOCK_DGRAM if flag == "--quic" else socket.SOCK_STREAM
+    with socket.socket(socket.AF_INET, kind) as taken:
+        taken.bind(("127.0.0.1", 0))
+        if kind == socket.SOCK_STREAM:
+            taken.listen()
+        address = f"127.0.0.1:{taken.getsockname()[1]}"
+        free = {"--http": "127.0.0.1:0", "--quic": "127.0.0.1:0"} | {flag: address}
+        result = tigas("render", "--edges", "2", *(part for pair in free.items() for part in pair))
+    assert result.returncode == 1
+    assert f"Cannot listen on {address} (Address already in use); choose another with {flag}." in result.stderr
+
+
+def test_an_engine_that_cannot_start_says_why_once() -> None:
+    result = tigas("render", "--edges", "2", "--http", "127.0.0.1:0", "--quic", "off", "--scenes", "/nowhere/at/all")
+    assert result.returncode == 1
+    assert result.stderr.splitlines() == [
+        "The models directory /nowhere/at/all does not exist; create it, or choose another with --scenes."
+    ]
+    assert sys.executable not in result.stdout
