@@ -238,6 +238,18 @@ def test_at_twice_what_it_can_serve_those_who_are_in_hardly_wait_and_nothing_is_
         assert p95 < 0.05
 
 
+def test_nobody_new_is_taken_while_those_who_are_in_are_slowed_down() -> None:
+    loop = Loop()
+    loop.run(10, busy=1.0, ages=LATE)
+    loop.run(5, busy=0.3, ages=QUICK)  # since they ask so rarely
+    rate = loop.load.requests_per_s
+    assert rate is not None
+    assert rate < 30
+    assert loop.load.full() is not None
+    loop.run(15, busy=0.3, ages=QUICK)
+    assert loop.load.full() is None
+
+
 def test_a_machine_that_gets_three_times_as_slow_slows_its_viewers_down() -> None:
     frames_per_s, p95 = simulated(15, then_s=0.006)
     assert frames_per_s > 100  # of 167

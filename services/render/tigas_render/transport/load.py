@@ -45,6 +45,8 @@ CUT, GROWTH = 0.8, 1.1
 """By what the rate that is allowed to each viewer falls and rises, every LASTING ticks."""
 FIRST_RATE, LEAST_RATE, MOST_RATE = 60.0, 5.0, 120.0
 """Requests a second: the allowed rate before the first cut, the least, and the one above which there is none."""
+PROMISED_RATE = 30.0
+"""Nobody new is taken while those who are in may not ask so many times a second."""
 MAX_AGE_S, STANDING_AGE_S = 1.0, 0.1
 """Older datagrams are dropped, in seconds: after a pause, and while a queue stands. QUIC sees loss."""
 WINDOW_TICKS = 10
@@ -156,7 +158,9 @@ class Load:
     def _judge(self, stands: bool) -> None:
         engine_full = self._engine_utilisation > ENGINE_FULL_AT and self._engine_age > TURN_LATE_S
         self._presses = _more(self._presses, stands or engine_full or self._utilisation >= FULL_AT)
-        self._calms = self._calms + 1 if not (stands or engine_full) and self._utilisation < FREE_AT else 0
+        slowed = self._rate is not None and self._rate < PROMISED_RATE
+        calm = not (stands or engine_full or slowed) and self._utilisation < FREE_AT
+        self._calms = self._calms + 1 if calm else 0
         if self._presses >= LASTING:
             self._full = True
         elif self._calms >= CALM:
