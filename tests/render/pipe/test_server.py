@@ -17,8 +17,9 @@ from tests.render.engine_bench import Bench, busy
 from tests.render.fakes import render_request
 from tests.render.pipe.pipe_bench import Edge, Engine, until
 from tests.render.transport.client import FakeFrames
+from tigas_common.errors import Overloaded
 from tigas_render.frame import Client
-from tigas_render.pipe import messages, server
+from tigas_render.pipe import link, messages, server
 from tigas_render.pipe.framing import PREFIX, Kind, framed
 
 pytestmark = pytest.mark.anyio
@@ -32,6 +33,7 @@ CRASHING = """
 import asyncio, sys
 from pathlib import Path
 from tests.render.fakes import render_request
+from tigas_common.errors import Overloaded
 from tigas_render.frame import Client
 from tigas_render.pipe.client import PipeClient
 
@@ -55,15 +57,15 @@ async def test_an_edge_that_is_killed_frees_its_arena_and_its_work(tmp_path: Pat
         crashing = await asyncio.create_subprocess_exec(sys.executable, "-c", CRASHING, str(engine.path))
         try:
             await frames.until(lambda: len(frames.requests) == 2)
-            (link,) = (each for each in serving.edges if each.running)
-            assert link.arena.used > 0
+            (crashed,) = (each for each in serving.edges if each.running)
+            assert crashed.arena.used > 0
         finally:
             crashing.send_signal(signal.SIGKILL)
             await crashing.wait()
         await frames.until(lambda: frames.cancelled == [2])
         assert len(serving.edges) == 1
         with pytest.raises(ValueError, match="closed"):
-            link.arena.write(b"frame")
+            crashed.arena.write(b"frame")
         assert (await other.submit(VIEWER, render_request(), 0.0)).body == b"frame"
 
 
@@ -85,7 +87,7 @@ async def test_withdrawing_through_the_pipe_takes_work_out_of_the_schedule(tmp_p
 async def test_a_full_arena_sends_frames_through_the_socket_until_that_is_full_too(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(server, "MOST_QUEUED", 100_000)
+    monkeypatch.setattr(server, "MOST_QUEUED", 400_000)
     frames = FakeFrames(random.Random(3).randbytes(300_000))
     engine = Engine(tmp_path / "pipe", frames, arena_bytes=300_032)
     async with engine.running(), Edge(engine.path).connected() as edge:
@@ -156,8 +158,11 @@ async def test_what_is_no_request_ends_that_pipe_in_a_sentence(
         assert (await other.submit(VIEWER, render_request(), 0.0)).body == b"frame"
 
 
-async def test_an_edge_that_never_reads_is_given_up(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
-    frames = FakeFrames(bytes(9_000_000))
+async def test_an_edge_that_never_reads_is_given_up(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(link, "MOST_UNSENT", 100_000)
+    frames = FakeFrames(bytes(3_000_000))
     engine = Engine(tmp_path / "pipe", frames)
     async with engine.running() as serving:
         with socket.socket(socket.AF_UNIX) as deaf:
@@ -165,6 +170,16 @@ async def test_an_edge_that_never_reads_is_given_up(tmp_path: Path, caplog: pyte
             deaf.sendall(OPEN + HELLO + REQUEST)
             await frames.until(lambda: frames.requests)
             await until(lambda: "does not read" in caplog.text and not serving.edges)
+
+
+async def test_a_frame_too_large_for_arena_and_socket_is_refused_and_the_pipe_lives(tmp_path: Path) -> None:
+    frames = FakeFrames(bytes(server.MOST_QUEUED + 1))
+    engine = Engine(tmp_path / "pipe", frames)
+    async with engine.running(), Edge(engine.path).connected() as edge:
+        with pytest.raises(Overloaded, match="no room"):
+            await edge.submit(VIEWER, render_request(), 0.0)
+        frames.body = b"frame"
+        assert (await edge.submit(VIEWER, render_request(), 0.0)).body == b"frame"
 
 
 async def test_twenty_edges_come_and_go_and_nothing_stays(tmp_path: Path) -> None:

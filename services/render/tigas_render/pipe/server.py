@@ -24,8 +24,8 @@ logger = logging.getLogger(__name__)
 
 ARENA_BYTES: Final = 256 * 1024 * 1024
 """Room for an edge's frames; memory is used only as far as it is needed at a time."""
-MOST_QUEUED: Final = 1024 * 1024
-"""Bytes that may wait in a socket before a frame that finds no room in the arena; then the frame is refused."""
+MOST_QUEUED: Final = 4 * 1024 * 1024
+"""Bytes that may wait in a socket with a frame that finds no room in the arena; beyond, the frame is refused."""
 MOST_SESSIONS: Final = 65_536
 """That an edge may have introduced at a time."""
 STATE_S: Final = 0.1
@@ -199,6 +199,6 @@ class EdgeLink(Link):
 
     def _packed(self, id: int, frame: Frame) -> bytes:
         offset = self.arena.write(frame.body)
-        if offset is None and self.unsent > MOST_QUEUED:
+        if offset is None and self.unsent + len(frame.body) > MOST_QUEUED:
             return messages.pack_failure(id, Overloaded("There is no room for the frame; ask less often."))
         return messages.pack_frame(id, frame, offset)
