@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import pytest
 
 from tigas_render.transport.load import (
+    FEW,
     FREE_AT,
     FULL_AT,
     LEAST_RATE,
@@ -178,7 +179,7 @@ def test_a_few_are_always_taken_and_as_fast_as_they_like() -> None:
     loop.run(10, busy=1.0, ages=LATE)
     assert loop.load.full() is None
     assert loop.load.requests_per_s is None
-    for _ in range(3):
+    for _ in range(FEW - 1):
         loop.load.entered()
     assert loop.load.full() is not None
     assert loop.load.requests_per_s is not None

@@ -31,7 +31,7 @@ ENOUGH = 3
 """Datagrams in a tick from which on they tell whether a queue stands."""
 TURN_LATE_S, ENGINE_FULL_AT = 0.06, 0.95
 """The engine is full if it has hardly a pause and a client's turn comes round more slowly than this, in seconds."""
-FEW = 4
+FEW = 8
 """So many viewers are always taken, and told no rate: whatever keeps the machine busy then, it is not they."""
 LASTING, CALM = 5, 20
 """So many more bad ticks than good ones, and too much to do is believed; so many calm ones in a row, and it is over."""
@@ -212,7 +212,8 @@ class Load:
         while self._entered and self._entered[0] < settled:
             self._entered.popleft()
         known = max(0, self._viewers - len(self._entered))
-        each = (self._utilisation + FEW * EXPECTED_COST) / (known + FEW)
+        of_known = self._utilisation if known else 0.0  # else it is their coming in that keeps the loop busy
+        each = (of_known + FEW * EXPECTED_COST) / (known + FEW)
         return self._utilisation + each * len(self._entered)
 
 
