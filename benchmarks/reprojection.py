@@ -25,7 +25,7 @@ import csv
 import dataclasses
 import math
 import zlib
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Annotated
 
@@ -95,10 +95,10 @@ class Walk:
         """Where the viewer is."""
         return _pose(*(each[0] for each in self.moved.poses_at([at_ms])))
 
-    def moments(self, count: int) -> Floats:
+    def moments(self, count: int, longest: float = HORIZONS_MS[-1]) -> Floats:
         """One at random in each of equal parts, from when the longest horizon is past."""
         rng = np.random.default_rng(zlib.crc32(self.name.encode()))
-        edges = np.linspace(HORIZONS_MS[-1], self.moved.duration_ms, count + 1)
+        edges = np.linspace(longest, self.moved.duration_ms, count + 1)
         found: Floats = np.round(rng.uniform(edges[:-1], edges[1:]))
         return found
 
@@ -116,13 +116,15 @@ class Bench:
         self._depth = DepthScene(self._rasterizer, gaussians)
         self._lens, self._wide = lens, with_margins(lens, overscan)
 
-    def samples(self, walk: Walk, at: float, predicted: Predicted) -> Iterator[Sample]:
+    def samples(
+        self, walk: Walk, at: float, predicted: Predicted, horizons: Sequence[int] = HORIZONS_MS
+    ) -> Iterator[Sample]:
         """One moment, at all horizons, in all ways."""
         pose = walk.pose(at)
         truth = self._rendered(pose, self._lens)
         if not self._in_sight(truth):
             return
-        for horizon in HORIZONS_MS:
+        for horizon in horizons:
             frame, depth = self._frame(walk.pose(at - horizon))
             inverse, sent = packed(depth)
             ways: dict[str, tuple[Picture, float]] = {
@@ -227,7 +229,7 @@ def main(
 ) -> None:
     """Print a table for each scene, one for all, and the fit."""
     width, height = map(int, size.split("x"))
-    poses = _predicted(predicted) if predicted else {}
+    poses = read_predicted(predicted) if predicted else {}
     samples: list[Sample] = []
     for name, gaussians, view in chosen(scene, cameras):
         bench = Bench(name, gaussians, view, overscan, centred_lens(width, height))
@@ -236,7 +238,7 @@ def main(
             for at in walk.moments(moments):
                 samples += bench.depths(walk, at) if depths else bench.samples(walk, at, poses)
     if out is not None:
-        _write(samples, out)
+        write_samples(samples, out)
     ways = (
         [AS_SENT, NOT_PACKED, *(kind.name for kind in PAINTED)]
         if depths
@@ -297,7 +299,8 @@ def _mean(samples: list[Sample], field: str) -> float:
     return float(np.mean([getattr(one, field) for one in samples])) if samples else math.nan
 
 
-def _predicted(path: Path) -> Predicted:
+def read_predicted(path: Path) -> Predicted:
+    """What `npm run predict-report -- --write` foretold."""
     with path.open(newline="") as file:
         return {
             (row["movement"], round(float(row["t_ms"])), round(float(row["horizon_ms"]))): (
@@ -308,7 +311,8 @@ def _predicted(path: Path) -> Predicted:
         }
 
 
-def _write(samples: list[Sample], path: Path) -> None:
+def write_samples(samples: list[Sample], path: Path) -> None:
+    """As CSV."""
     with path.open("w", newline="") as file:
         writer = csv.DictWriter(file, [field.name for field in dataclasses.fields(Sample)])
         writer.writeheader()

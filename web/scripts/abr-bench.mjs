@@ -5,13 +5,15 @@ import { parseArgs } from "node:util";
 import { load } from "./page-module.mjs";
 
 const USAGE = `npm run abr-bench -- [options] TRACE.csv...
-  --controller NAME   as abr-sim has them, and first-budget; may be repeated [all, first-budget and all fixed rungs]
+  --controller NAME   as abr-sim has them, first-budget, and hindsight, which is each segment's best fixed rung by the PSNR of
+                      what is seen; may be repeated [all of these, and all fixed rungs]
   --of NAME           the one that is compared with each other one [budget]
   --segments N        how many different parts of the traces, taken from all in turn by chance [48]
   --seconds N         how long each is [30]
   --rtt MS            round trip in place of the traces' own delay; may be repeated [20, 50, 100]
   --jitter MS         each way, beside the round trip [0]
   --render MS, --render-best MS, --scale X, --batch MS   as abr-sim has them
+  --movement FILE     a movement whose turns the camera makes, a part for each segment; may be repeated [made-up turns]
   --ladder FILE       a scene's ladder.json (docs/ladder.md) [the paper's]
   --way WAY           how the page shows a frame that is older than the view: stale, rotation, depth, or predicted,
                       which is with depth, too [predicted]
@@ -19,18 +21,22 @@ const USAGE = `npm run abr-bench -- [options] TRACE.csv...
   --json FILE         all runs' figures
 `;
 
+const HINDSIGHT = "hindsight";
+
 const figuresWithin = (limit) => [
   [`poses ≤ ${limit} ms, %`, (f) => 100 * f.inTime, 1],
   ["photon mean, ms", (f) => f.photonMean, 1],
   ["photon p95, ms", (f) => f.photonP95, 0],
   ["view, dB", (f) => f.viewPsnr, 2],
   ["view MSE", (f) => f.viewError, 0],
+  ["SSIM", (f) => f.viewSsim, 4],
   ["content age, ms", (f) => f.contentAge, 0],
   ["mean rung", (f) => f.rungOverTime, 2],
   ["halvings", (f) => f.halvings, 2],
   ["frames/s", (f) => f.framesPerSecond, 1],
   ["switches/min", (f) => f.switches, 1],
   ["Mbit/s", (f) => f.bandwidth, 1],
+  ...[500, 1000, 2000, 5000].map((ms) => [`lines at ${ms / 1000} s`, (f) => f[`linesAt${ms}`], 0]),
 ];
 
 async function main() {
@@ -47,6 +53,7 @@ async function main() {
       "render-best": { type: "string" },
       scale: { type: "string" },
       batch: { type: "string" },
+      movement: { type: "string", multiple: true, default: [] },
       ladder: { type: "string" },
       way: { type: "string", default: "predicted" },
       seed: { type: "string", default: "1" },
@@ -67,6 +74,8 @@ async function main() {
     { seeded },
     { INTERACTIVE },
     { WAYS },
+    { Head },
+    { readMovement },
   ] = await Promise.all(
     [
       "simulator/simulate",
@@ -79,7 +88,9 @@ async function main() {
       "abr/registry",
       "abr/random",
       "experiment/figures",
-      "abr/view-error",
+      "abr/controller",
+      "simulator/head",
+      "movement/movement",
     ].map(load),
   );
   const columns = figuresWithin(INTERACTIVE);
@@ -96,28 +107,42 @@ async function main() {
       ["batch", values.batch],
     ].flatMap(([name, value]) => (value === undefined ? [] : [[name, Number(value)]])),
   );
-  const names = values.controller ?? [...CONTROLLER_NAMES, "first-budget", ...ladder.map((_, rung) => `fixed:${rung}`)];
+  const fixed = ladder.map((_, rung) => `fixed:${rung}`);
+  const names = values.controller ?? [...CONTROLLER_NAMES, "first-budget", ...fixed, HINDSIGHT];
+  if (names.includes(HINDSIGHT)) names.push(...fixed.filter((name) => !names.includes(name)));
+  const movements = values.movement.map((path) => readMovement(readFileSync(path, "utf8"), basename(path)));
   const traces = positionals.map((path) => ({
     name: basename(path, ".csv"),
     trace: parseTrace(readFileSync(path, "utf8")),
   }));
   const blocks = segments(traces, Number(values.segments), duration, seeded(seed));
   const runs = [];
-  for (const [block, { name, start, trace }] of blocks.entries()) {
+  for (const [block, { name, start, trace: part }] of blocks.entries()) {
+    const movement = movements[block % movements.length];
+    const from = seeded(seed + block)() * Math.max(0, (movement?.duration ?? 0) - duration);
+    const head = movement && new Head(movement.points, from);
     for (const roundTrip of values.rtt.map(Number)) {
-      for (const controller of names) {
+      const trace = { ...part, steps: part.steps.map((step) => ({ ...step, delay_ms: roundTrip / 2, jitter_ms })) };
+      for (const controller of names.filter((other) => other !== HINDSIGHT)) {
         const figures = await simulate({
           controller: controllerFactory(controller),
-          trace: { ...trace, steps: trace.steps.map((step) => ({ ...step, delay_ms: roundTrip / 2, jitter_ms })) },
+          trace,
           ladder,
           duration,
           roundTrip: null,
           endpoints: new PaperEndpoints(ladder, seed + block, options),
           way: values.way,
+          ...(head && { head }),
           seed: seed + block,
         });
         runs.push({ block, trace: name, start, roundTrip, controller, figures });
       }
+      if (!names.includes(HINDSIGHT)) continue;
+      const rungs = runs.filter(
+        (run) => run.block === block && run.roundTrip === roundTrip && fixed.includes(run.controller),
+      );
+      const best = rungs.reduce((a, b) => (b.figures.viewPsnr > a.figures.viewPsnr ? b : a));
+      runs.push({ ...best, controller: HINDSIGHT });
     }
   }
   const different = new Set(blocks.map(({ name }) => name)).size;

@@ -6,9 +6,9 @@ import { parseArgs } from "node:util";
 import { runnerImport } from "vite";
 
 const USAGE = `npm run abr-sim -- [options] TRACE.csv...
-  --controller NAME   latency, latency-transfer, budget, view, lol+, l2a, fixed:RUNG, latency@MS and latency-transfer@MS
+  --controller NAME   latency, latency-transfer, budget, lol+, l2a, fixed:RUNG, latency@MS and latency-transfer@MS
                       (another target), or a file of your own whose default export makes a controller; may be
-                      repeated [all of the first six]
+                      repeated [all of the first five]
   --rtt MS            round trip in place of the traces' own delay; may be repeated
   --seconds N         how long each visit lasts [each trace once]
   --render MS         the server's time for a frame [11, the paper's RTX 2060 Super]
@@ -39,7 +39,7 @@ async function main() {
       controller: {
         type: "string",
         multiple: true,
-        default: ["latency", "latency-transfer", "budget", "view", "lol+", "l2a"],
+        default: ["latency", "latency-transfer", "budget", "lol+", "l2a"],
       },
       rtt: { type: "string", multiple: true },
       seconds: { type: "string" },
@@ -78,7 +78,7 @@ async function main() {
       "simulator/endpoints",
       "simulator/measured",
       "experiment/figures",
-      "abr/view-error",
+      "abr/controller",
     ].map((name) => load(source(name))),
   );
   const seed = number("--seed", values.seed);

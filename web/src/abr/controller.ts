@@ -1,7 +1,10 @@
 /** Chooses the profile of each frame. Pure: time comes in with what is observed, chance with the context. */
 import type { Arrival } from "../transport/transport";
 import type { Rung, ServerTiming } from "../wire/render";
-import type { Way } from "./view-error";
+
+/** How the page shows a frame that is older than the view: as it came, turned, turned and moved by its depth, or that of a predicted pose. */
+export const WAYS = ["stale", "rotation", "depth", "predicted"] as const;
+export type Way = (typeof WAYS)[number];
 
 /** What became of one frame. */
 export interface Observation {

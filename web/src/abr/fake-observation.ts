@@ -1,6 +1,5 @@
 /** Observations for tests: a frame of so many bytes, on a link and a server as told. */
-import type { Observation } from "./controller";
-import type { Way } from "./view-error";
+import type { Observation, Way } from "./controller";
 
 export interface ObservationOptions {
   readonly profile?: number;

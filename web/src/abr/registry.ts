@@ -9,7 +9,6 @@ import type { ControllerFactory } from "./controller";
 import { L2aController } from "./l2a";
 import { LatencyController, perRequest, perTransfer } from "./latency";
 import { LolpController } from "./lolp";
-import { ViewController } from "./view";
 
 interface Entry {
   /** As a person reads it. */
@@ -24,7 +23,6 @@ export const CONTROLLERS = {
     create: (context) => new LatencyController(context, perTransfer()),
   },
   budget: { title: "Budget", create: (context) => new BudgetController(context) },
-  view: { title: "View", create: (context) => new ViewController(context) },
   "lol+": { title: "LoL+", create: (context) => new LolpController(context) },
   l2a: { title: "L2A", create: (context) => new L2aController(context) },
 } as const satisfies Record<string, Entry>;

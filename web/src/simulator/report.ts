@@ -19,6 +19,7 @@ const COLUMNS: readonly (readonly [string, (figures: Figures) => string])[] = [
   ["p95, ms", ({ photonP95 }) => photonP95.toFixed(0)],
   ["view, dB", ({ viewPsnr }) => viewPsnr.toFixed(2)],
   ["view MSE", ({ viewError }) => viewError.toFixed(0)],
+  ["SSIM", ({ viewSsim }) => viewSsim.toFixed(4)],
   ["content age, ms", ({ contentAge }) => contentAge.toFixed(0)],
   ["mean rung", ({ rungOverTime }) => rungOverTime.toFixed(2)],
   ["switches/min", ({ switches }) => switches.toFixed(1)],

@@ -3,16 +3,17 @@
  * simulated link, server and clock. Everything follows from the options; the same options give the same figures.
  */
 
-import { type ControllerFactory, responseTime } from "../abr/controller";
+import { type ControllerFactory, responseTime, type Way } from "../abr/controller";
 import { seeded } from "../abr/random";
 import { ThroughputEstimator } from "../abr/throughput";
-import { ageError, rungError, type Way } from "../abr/view-error";
 import type { DecodedImage } from "../stateless/decoder";
 import { FramePipeline } from "../stateless/pipeline";
 import { Meter } from "../view/meter";
 import type { Rung } from "../wire/render";
 import type { Endpoints } from "./endpoints";
 import { EventLoop } from "./events";
+import type { Head } from "./head";
+import { type Seen, seenLate, seenOfRung, together } from "./seen-error";
 import { type Figures, Tally } from "./tally";
 import type { NetworkTrace } from "./trace";
 import { SimulatedTransport } from "./transport";
@@ -29,11 +30,13 @@ export interface SimulationOptions {
   readonly endpoints: Endpoints;
   /** How the page shows a frame that is older than the view; `predicted` if not said. */
   readonly way?: Way;
+  /** Whose head turns the camera; the endpoints' if not said. */
+  readonly head?: Head;
   readonly seed: number;
 }
 
 export async function simulate(options: SimulationOptions): Promise<Figures> {
-  const { ladder, duration, endpoints, way = "predicted", seed } = options;
+  const { ladder, duration, endpoints, way = "predicted", head, seed } = options;
   const events = new EventLoop();
   const { now } = events;
   const random = seeded(seed);
@@ -41,7 +44,7 @@ export async function simulate(options: SimulationOptions): Promise<Figures> {
   const controller = options.controller({ ladder, random });
   const throughput = new ThroughputEstimator();
   const tally = new Tally(ladder);
-  const rungErrors = ladder.map(rungError);
+  const pictures = ladder.map(seenOfRung);
   const meter = new Meter("stateless", (frame) => tally.presented(frame));
   const decode = (image: Blob): Promise<DecodedImage> =>
     new Promise((resolve) =>
@@ -76,7 +79,7 @@ export async function simulate(options: SimulationOptions): Promise<Figures> {
   let pose = 0;
   /** Of each pose: when it was, and how far the camera had turned by then, in degrees. */
   const poses = [ORIGIN];
-  let onScreen: { readonly pose: number; readonly error: number } | undefined;
+  let onScreen: { readonly pose: number; readonly picture: Seen } | undefined;
   let presenting: ReturnType<FramePipeline["take"]>;
   const tick = () => {
     events.at(endpoints.nextAnimationFrame(now()), tick);
@@ -85,16 +88,18 @@ export async function simulate(options: SimulationOptions): Promise<Figures> {
       const { header, pose: shown } = presenting;
       const { profile, width, height } = header;
       meter.presented({ at: now(), pose: shown, rung: profile ?? null, width: width ?? 0, height: height ?? 0 });
-      onScreen = { pose: shown, error: rungErrors[profile ?? 0] ?? 0 };
+      const picture = pictures[profile ?? 0];
+      if (picture) onScreen = { pose: shown, picture };
     }
-    turning = endpoints.turning(now());
+    turning = head?.speed(now()) ?? endpoints.turning(now());
     const before = poses[pose] ?? ORIGIN;
     const view = { at: now(), turned: before.turned + (turning * (now() - before.at)) / 1000 };
     pose++;
     poses.push(view);
     const rendered = onScreen && poses[onScreen.pose];
     if (onScreen && rendered) {
-      tally.seen(onScreen.error + ageError(way, view.turned - rendered.turned), view.at - rendered.at);
+      const turned = head?.turned(rendered.at, view.at) ?? view.turned - rendered.turned;
+      tally.seen(together(onScreen.picture, seenLate(way, turned)), view.at - rendered.at);
     }
     meter.moved(pose, now());
     pipeline.want({ ...VIEW, azimuth: pose, profile: controller.decide(now()) }, pose);

@@ -1,9 +1,9 @@
 /** Sums a simulated visit up. */
-import { decibels } from "../abr/view-error";
 import { INTERACTIVE } from "../experiment/figures";
 import type { PresentedFrame } from "../view/presented";
 import type { Stalls } from "../view/stalls";
 import type { Rung } from "../wire/render";
+import { decibels, type Seen } from "./seen-error";
 
 export interface Figures {
   /** Share of poses whose motion-to-photon latency was at most `INTERACTIVE`: every pose counts, whether it was asked for or not. */
@@ -20,11 +20,17 @@ export interface Figures {
   readonly photonMean: number;
   /** From a frame's own pose to the screen, mean in milliseconds: what its request and answer took, and the page. */
   readonly age: number;
-  /** What is seen against what should be seen, by `abr/view-error.ts`: mean squared error, and mean PSNR, over all animation frames. */
+  /** What is seen against what should be seen (seen-error.ts), over all animation frames: means of squared error, PSNR and SSIM. */
   readonly viewError: number;
   readonly viewPsnr: number;
+  readonly viewSsim: number;
   /** How old the pixels are that are seen, mean over all animation frames, in milliseconds. */
   readonly contentAge: number;
+  /** Lines of the picture that is on the screen half a second, one, two and five seconds after the start; 0: none yet. */
+  readonly linesAt500: number;
+  readonly linesAt1000: number;
+  readonly linesAt2000: number;
+  readonly linesAt5000: number;
   /** Mean rung of the frames shown, 0 the best. */
   readonly rung: number;
   /** Mean rung, each frame counted for as long as it was on the screen. */
@@ -56,6 +62,9 @@ export class Tally {
   #views = 0;
   #errors = 0;
   #decibels = 0;
+  #similarity = 0;
+  /** When the picture changed its size, and to how many lines. */
+  readonly #lines: { readonly at: number; readonly lines: number }[] = [];
   #contentAges = 0;
 
   readonly #ladder: readonly Rung[];
@@ -72,6 +81,7 @@ export class Tally {
   presented(frame: PresentedFrame): void {
     const rung = frame.rung ?? 0;
     const last = this.#last;
+    if (this.#lines.at(-1)?.lines !== frame.height) this.#lines.push({ at: frame.at, lines: frame.height });
     if (last === undefined) {
       this.#firstAt = frame.at;
     } else {
@@ -87,11 +97,16 @@ export class Tally {
   }
 
   /** In an animation frame: how far it is from what should be seen, and how old. */
-  seen(error: number, age: number): void {
+  seen({ mse, ssim }: Seen, age: number): void {
     this.#views++;
-    this.#errors += error;
-    this.#decibels += decibels(error);
+    this.#errors += mse;
+    this.#decibels += decibels(mse);
+    this.#similarity += ssim;
     this.#contentAges += age;
+  }
+
+  #linesAt(time: number): number {
+    return this.#lines.findLast(({ at }) => at <= time)?.lines ?? 0;
   }
 
   #below(rung: number): number {
@@ -116,6 +131,11 @@ export class Tally {
       age: this.#ages / Math.max(1, this.#shown),
       viewError: this.#errors / Math.max(1, this.#views),
       viewPsnr: this.#decibels / Math.max(1, this.#views),
+      viewSsim: this.#similarity / Math.max(1, this.#views),
+      linesAt500: this.#linesAt(500),
+      linesAt1000: this.#linesAt(1000),
+      linesAt2000: this.#linesAt(2000),
+      linesAt5000: this.#linesAt(5000),
       contentAge: this.#contentAges / Math.max(1, this.#views),
       rung: this.#rungs / Math.max(1, this.#shown),
       rungOverTime: this.#weighted / visible,

@@ -38,7 +38,7 @@ const Settings = v.object({
     tuned(30),
   ),
   /** What chooses the ladder's rung; "fixed": the person does. */
-  controller: v.fallback(v.picklist(["fixed", ...CONTROLLER_NAMES]), "view"),
+  controller: v.fallback(v.picklist(["fixed", ...CONTROLLER_NAMES]), "budget"),
   /** The rung that a person chose. */
   profile: v.fallback(v.pipe(v.number(), v.integer(), v.minValue(0), v.maxValue(255)), 0),
   /** When the camera stands still, ask for the view once more at the best rung. */

@@ -1,8 +1,7 @@
 /** The stateless mode: wants the view of the rig's pose, one request per pose, and shows what has come. */
 
 import { signal } from "@preact/signals";
-import type { Controller, Observation } from "../abr/controller";
-import type { Way } from "../abr/view-error";
+import type { Controller, Observation, Way } from "../abr/controller";
 import type { Display, Enhanced } from "../enhance/display";
 import { Foresight } from "../predict/foresight";
 import type { PredictorName } from "../predict/registry";

@@ -16,7 +16,6 @@ CONTROLLER_TITLES = {
     "latency": "Latency",
     "latency-transfer": "Latency (transfer)",
     "budget": "Budget",
-    "view": "View",
     "lol+": "LoL+",
     "l2a": "L2A",
 }
@@ -42,7 +41,6 @@ KNOWN_LOOKS = {
     "latency": Look("#cc79a7", "-", "s"),
     "latency-transfer": Look("#cc79a7", "--", "D"),
     "budget": Look("#0072b2", "-", "o"),
-    "view": Look("#0072b2", "--", "p"),
     "lol+": Look("#e69f00", "-", "^"),
     "l2a": Look("#56b4e9", "-", "v"),
     "dash-typical": Look("#d55e00", "--", "X"),
