@@ -88,6 +88,7 @@ bench: .venv/.ready $(STATIC)
 	@$(VENV)/python -m benchmarks.raster
 	@$(VENV)/python -m benchmarks.footprint
 	@$(VENV)/python -m benchmarks.transport
+	@$(VENV)/python -m benchmarks.quic_cost
 	@$(VENV)/python -m benchmarks.memory
 	@$(VENV)/python -m benchmarks.dash
 	@$(VENV)/python -m benchmarks.sampling

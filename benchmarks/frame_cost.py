@@ -14,6 +14,7 @@ import argparse
 import asyncio
 import contextlib
 import json
+import math
 import random
 import statistics
 import struct
@@ -43,6 +44,9 @@ from tigas_common.wire.render import FrameHeader, RenderRequest, ServerTiming
 from tigas_render.app import create_app
 from tigas_render.frame import Answered, Client, Frame, FrameSource, Withdraw
 from tigas_render.transport.frames import render_session
+from tigas_render.transport.http_viewers import HttpViewers
+from tigas_render.transport.load import Load
+from tigas_render.transport.request_rate import RequestRate
 from tigas_render.transport.server import Http3Server
 
 VIEWERS = 4
@@ -68,7 +72,10 @@ class Memory(FrameSource):
 
 async def run_ours(certificate: Certificate, size: int) -> None:
     source = Memory(size)
-    app = create_app(SimpleNamespace(origins=OriginPolicy(), submit=source.submit))  # type: ignore[arg-type]
+    rate = RequestRate(Load(), math.inf, time.monotonic)
+    viewers = HttpViewers(Load(), time.monotonic)
+    service = SimpleNamespace(origins=OriginPolicy(), http_viewers=viewers, rate=rate, submit=source.submit)
+    app = create_app(service)  # type: ignore[arg-type]
     sessions = {"/render": render_session(source)}
     async with Http3Server(app, host="127.0.0.1", certificate=certificate, webtransport=sessions) as server:
         memory = asyncio.create_task(give_back_regularly())  # as the service does
@@ -159,13 +166,19 @@ class Viewer(HttpClient):
     """One connection."""
 
     async def post(self) -> None:
-        """A frame by POST."""
+        """A frame by POST. Raises RuntimeError for any other answer."""
         stream_id = self.quic.get_next_available_stream_id()
         answer = self._ask(stream_id)
         self.h3.send_headers(stream_id, pseudo("POST", "/render"))
         self.h3.send_data(stream_id, REQUEST, end_stream=True)
         self.transmit()
-        await answer
+        if not (await answer).startswith(b"200"):
+            raise RuntimeError("A request was refused.")
+
+    async def view(self, session: int) -> None:
+        """A frame over WebTransport. Raises RuntimeError for any other answer."""
+        if await self.frame(session, REQUEST) != 200:
+            raise RuntimeError("A request was refused.")
 
 
 Ask = Callable[[], Coroutine[None, None, object]]
@@ -176,7 +189,7 @@ async def asking(viewer: Viewer, over: str) -> Ask:
     if over == "post":
         return viewer.post
     session = await viewer.session()
-    return lambda: viewer.frame(session, REQUEST)
+    return lambda: viewer.view(session)
 
 
 @contextlib.asynccontextmanager
