@@ -9,8 +9,10 @@ import pytest
 
 from tests.render.transport.client import CERTIFICATE, FakeFrames, connect, request_body
 from tests.render.transport.serving import eventually, hello
+from tigas_render.fleet.steering import steer
 from tigas_render.transport.cids import Edge
 from tigas_render.transport.frames import render_session
+from tigas_render.transport.limits import Limits
 from tigas_render.transport.relay import Relay
 from tigas_render.transport.server import Http3Server
 from tigas_render.transport.share import Share
@@ -66,3 +68,27 @@ async def test_connections_of_two_edges_live_although_the_kernel_steers_nothing(
         assert sum(server.connections for server in servers) == 12
     for _, outbox in pairs:
         outbox.close()
+
+
+async def test_a_retry_token_is_good_at_the_edge_that_its_client_comes_to() -> None:
+    [first] = bind_all("127.0.0.1", 0)
+    sockets = (first, bind_another(first))
+    assert steer(first, 2)
+    key, strict = bytes(range(16)), Limits(unvalidated=0)  # so that every client has to prove its address
+    async with AsyncExitStack() as stack:
+        servers = [
+            await stack.enter_async_context(
+                Http3Server(hello, certificate=CERTIFICATE, limits=strict, share=Share(Edge(n, 2), (sockets[n],), key))
+            )
+            for n in range(2)
+        ]
+        moved = 0
+        for _ in range(10):
+            client = await stack.enter_async_context(connect(servers[0].port))
+            assert client._quic._retry_count == 1
+            moved += (
+                client._quic.original_destination_connection_id[0] % 2
+                != client._quic._retry_source_connection_id[0] % 2  # type: ignore[index]
+            )
+            assert (await client.fetch("GET", "/")).status == 200
+        assert moved > 0
