@@ -40,7 +40,7 @@ class Fleet:
 
     def child(self, name: str) -> psutil.Process:
         """A child by its name, such as `edge 1`."""
-        [found] = [each for each in psutil.Process(self.process.pid).children() if each.cmdline()[-1:] == [name]]
+        [found] = [each for each in psutil.Process(self.process.pid).children() if each.name() == name]
         return found
 
     def children(self) -> list[psutil.Process]:
@@ -49,6 +49,14 @@ class Fleet:
     def owner(self, client: Client) -> int:
         """The number of the edge that has a client's connection."""
         return client._quic._peer_cid.cid[0] % self.edges
+
+    async def spare(self) -> int:
+        """The edge that waits for a place, once there is one that has nothing left to load."""
+        async with asyncio.timeout(30):
+            while True:
+                with contextlib.suppress(ValueError, psutil.Error):
+                    return self.child("spare edge").pid
+                await asyncio.sleep(0.02)
 
     async def started_again(self, name: str, than: int) -> None:
         """Wait until a child has another process than it had."""

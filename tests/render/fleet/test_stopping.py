@@ -28,7 +28,7 @@ async def test_all_ends_within_two_seconds_while_it_is_viewed(number: signal.Sig
         watching = asyncio.create_task(viewer.watch())
         await eventually(lambda: viewer.shown)
         children = fleet.children()
-        assert len(children) == 3
+        assert len(children) >= 3
         stopping = time.monotonic()
         fleet.process.send_signal(number)
         assert await asyncio.to_thread(fleet.process.wait, 10) == 0

@@ -228,7 +228,7 @@ async def connect(
     )
     loop = asyncio.get_running_loop()
     quic = QuicConnection(configuration=config, session_ticket_handler=on_ticket)
-    transport, client = await loop.create_datagram_endpoint(
+    _, client = await loop.create_datagram_endpoint(
         lambda: Client(quic), family=socket.AF_INET6 if ":" in host else socket.AF_INET, local_addr=(source or host, 0)
     )
     try:
@@ -240,7 +240,8 @@ async def connect(
         client.close()
         if client._timer is not None:
             client._timer.cancel()
-        transport.close()
+        assert client._transport is not None
+        client._transport.close()  # which may be another than at first
 
 
 def request_body(**changes: Any) -> bytes:

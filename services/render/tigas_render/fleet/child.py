@@ -4,16 +4,15 @@ from __future__ import annotations
 
 import asyncio
 import signal
-import socket
 import sys
 import time
-from asyncio.subprocess import DEVNULL, Process
-from collections.abc import Callable, Sequence
+from collections.abc import Awaitable, Callable, Sequence
 from contextlib import suppress
 
 from tigas_common.errors import StartError
 from tigas_common.processes import BackOff, how_it_ended
-from tigas_render.fleet.control import Channel, Failed, Message, Ready
+from tigas_render.fleet.control import Failed, Loaded, Message, Ready
+from tigas_render.fleet.launched import Launched
 
 
 class Child:
@@ -22,31 +21,28 @@ class Child:
     def __init__(
         self,
         name: str,
-        module: str,
-        inherited: Sequence[socket.socket],
+        launch: Callable[[], Awaitable[Launched]],
         begin: Callable[[], Sequence[Message]],
         heard: Callable[[Child, Message], None],
     ) -> None:
-        """name: as it is called in a sentence; module: its program; begin: what it is told when it starts, a `Start`
-        first; heard: what becomes of what it says.
+        """name: as it is called in a sentence; launch: gives a new process; begin: what it is told when it starts, a
+        `Start` first; heard: what becomes of what it says.
         """
         self.name = name
         self.ready = asyncio.Event()
         """Whether it has ever served."""
-        self._module = module
-        self._inherited = [sock.fileno() for sock in inherited]
+        self._launch = launch
         self._begin = begin
         self._heard = heard
-        self._process: Process | None = None
-        self._channel: Channel | None = None
+        self._launched: Launched | None = None
         self._failure: str | None = None
         self._stopping = asyncio.Event()
         self._ended = asyncio.Event()
 
     def tell(self, message: Message) -> None:
         """Say something to it; while it does not run, what it has to know then is in its beginning."""
-        if self._channel is not None:
-            self._channel.send(message)
+        if self._launched is not None:
+            self._launched.channel.send(message)
 
     async def keep(self) -> None:
         """Run it until `end`. Raises StartError if it does not start, or ends too often."""
@@ -87,36 +83,29 @@ class Child:
         await self._ended.wait()
 
     def _signal(self, number: signal.Signals) -> None:
-        if self._process is not None:
-            with suppress(ProcessLookupError):
-                self._process.send_signal(number)
+        if self._launched is not None:
+            self._launched.signal(number)
 
     async def _run(self) -> int:
         """Run one process to its end; its exit status."""
-        ours, theirs = socket.socketpair()
-        with theirs:
-            self._process = await asyncio.create_subprocess_exec(
-                *(sys.executable, "-P", "-m", self._module, str(theirs.fileno()), self.name),
-                stdin=DEVNULL,
-                pass_fds=(theirs.fileno(), *self._inherited),
-                start_new_session=True,  # Ctrl+C is for the supervisor alone, which asks them to end in turn
-            )
+        launched = self._launched = await self._launch()
         if self._stopping.is_set():
             self._signal(signal.SIGTERM)
         self._failure = None
-        self._channel = await Channel.over(ours)
         try:
             for message in self._begin():
-                self._channel.send(message)
-            async for message in self._channel:
+                launched.channel.send(message)
+            async for message in launched.channel:
                 match message:
+                    case Loaded():
+                        continue
                     case Failed():
                         self._failure = message.detail
                         continue
                     case Ready():
                         self.ready.set()
                 self._heard(self, message)
-            return await self._process.wait()
+            return await launched.process.wait()
         finally:
-            channel, self._channel = self._channel, None
-            await channel.close()
+            self._launched = None
+            await launched.channel.close()

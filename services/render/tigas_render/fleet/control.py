@@ -39,6 +39,8 @@ class EngineStart(_Message):
     """What the engine needs to begin."""
 
     kind: Literal["engine"] = "engine"
+    name: str
+    """As it is called in a sentence."""
     settings: RenderSettings
     directory: Path
     """Where its sockets are to be."""
@@ -52,6 +54,8 @@ class EdgeStart(_Message):
     """What an edge needs to begin. Sockets are file descriptors that it inherits."""
 
     kind: Literal["edge"] = "edge"
+    name: str
+    """As it is called in a sentence."""
     settings: RenderSettings
     directory: Path
     """Where the engine's sockets are."""
@@ -64,6 +68,8 @@ class EdgeStart(_Message):
     """What others pass on to this edge, if the kernel steers nothing."""
     relays: tuple[int, ...]
     """What leads to each edge."""
+    others: tuple[int, ...]
+    """What is other edges' alone."""
     certificate: NewCertificate
     reset_key: bytes
     retry_key: bytes
@@ -81,6 +87,12 @@ class TicketTaken(_Message):
 
     kind: Literal["taken"] = "taken"
     label: bytes
+
+
+class Loaded(_Message):
+    """The child can begin at once, when it is told to."""
+
+    kind: Literal["loaded"] = "loaded"
 
 
 class Said(_Message):
@@ -106,7 +118,7 @@ class Failed(_Message):
 
 
 Start = EngineStart | EdgeStart
-Message = Start | NewCertificate | TicketIssued | TicketTaken | Said | Ready | Failed
+Message = Start | NewCertificate | TicketIssued | TicketTaken | Loaded | Said | Ready | Failed
 _MESSAGE: TypeAdapter[Message] = TypeAdapter(Annotated[Message, Field(discriminator="kind")])
 
 

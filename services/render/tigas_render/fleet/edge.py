@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import itertools
+import os
 import socket
 import ssl
 import time
@@ -17,7 +18,16 @@ from tigas_common.certificate import Certificate
 from tigas_common.memory import keep_together
 from tigas_common.origins import OriginCheck, OriginPolicy
 from tigas_common.runner import serve_listener
-from tigas_render.fleet.control import Channel, EdgeStart, Message, NewCertificate, Ready, TicketIssued, TicketTaken
+from tigas_render.fleet.control import (
+    Channel,
+    EdgeStart,
+    Message,
+    NewCertificate,
+    Ready,
+    Start,
+    TicketIssued,
+    TicketTaken,
+)
 from tigas_render.fleet.places import frames_socket, http_socket
 from tigas_render.fleet.process import run, until_told
 from tigas_render.fleet.proxy import EngineProxy
@@ -38,11 +48,12 @@ TELL_TICKS = 10
 _STATE = TypeAdapter(LoadState)
 
 
-async def edge(channel: Channel, news: AsyncIterator[Message]) -> None:
+async def edge(channel: Channel, start: Start, news: AsyncIterator[Message]) -> None:
     """Serve clients until told to stop."""
     keep_together()
-    start = await anext(news)
     assert isinstance(start, EdgeStart)
+    for fd in start.others:
+        os.close(fd)
     settings = start.settings
     limits = settings.quic_limits.of_each(start.edges)
     http_limits = settings.http_limits.of_each(start.edges)

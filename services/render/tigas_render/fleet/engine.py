@@ -8,16 +8,15 @@ from contextlib import AsyncExitStack
 from tigas_common.certificate import Certificate
 from tigas_common.runner import serve_unix
 from tigas_render.app import create_app
-from tigas_render.fleet.control import Channel, EngineStart, Message, NewCertificate, Ready, Said
+from tigas_render.fleet.control import Channel, EngineStart, Message, NewCertificate, Ready, Said, Start
 from tigas_render.fleet.places import frames_socket, http_socket
 from tigas_render.fleet.process import run, until_told
 from tigas_render.main import announcement, opened, until_stopped_or_lost
 from tigas_render.pipe.server import serve_edges
 
 
-async def engine(channel: Channel, news: AsyncIterator[Message]) -> None:
+async def engine(channel: Channel, start: Start, news: AsyncIterator[Message]) -> None:
     """Render until told to stop. Raises StartError, also once the device is lost."""
-    start = await anext(news)
     assert isinstance(start, EngineStart)
     async with AsyncExitStack() as stack:
         service = await stack.enter_async_context(opened(start.settings, lambda line: channel.send(Said(line=line))))

@@ -7,16 +7,22 @@ import logging
 import socket
 import sys
 from collections.abc import AsyncIterator, Awaitable, Callable
+from pathlib import Path
 
 import uvloop
 
 from tigas_common.cli import log_to_stdout
 from tigas_common.errors import StartError
 from tigas_common.runner import until_stopped
-from tigas_render.fleet.control import Channel, Failed, Message
+from tigas_render.fleet.control import Channel, EdgeStart, EngineStart, Failed, Loaded, Message, Start
 
-Program = Callable[[Channel, AsyncIterator[Message]], Awaitable[None]]
-"""Gets the channel, and what the supervisor says on it, the start first."""
+Program = Callable[[Channel, Start, AsyncIterator[Message]], Awaitable[None]]
+"""Gets the channel, how to begin, and what the supervisor says after that."""
+
+
+def call_it(name: str) -> None:
+    """Let ps, top and the like show this process by a name of at most 15 bytes."""
+    Path("/proc/self/comm").write_text(name)
 
 
 def run(program: Program) -> None:
@@ -28,8 +34,13 @@ def run(program: Program) -> None:
 
 async def _run(program: Program) -> int:
     channel = await Channel.over(socket.socket(fileno=int(sys.argv[1])))
+    channel.send(Loaded())
     try:
-        await program(channel, aiter(channel))
+        news = aiter(channel)
+        match await anext(news, None):
+            case EngineStart() | EdgeStart() as start:
+                call_it(start.name)
+                await program(channel, start, news)
     except StartError as error:
         channel.send(Failed(detail=str(error)))
         return 1

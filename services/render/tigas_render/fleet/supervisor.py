@@ -25,7 +25,9 @@ from tigas_render.fleet.control import (
     TicketIssued,
     TicketTaken,
 )
+from tigas_render.fleet.launched import Launched
 from tigas_render.fleet.sockets import PublicSockets
+from tigas_render.fleet.spare import Spare
 from tigas_render.settings import RenderSettings
 from tigas_render.transport.retry import KEY_LENGTH
 from tigas_render.transport.tickets import TicketStore
@@ -64,7 +66,8 @@ class Supervisor:
         self._tickets = TicketStore()
         self._announcement: tuple[str, ...] = ()
         """What the engine says of itself, to be printed once all serve."""
-        self._engine = Child("engine", "tigas_render.fleet.engine", (), self._begin_engine, self._heard)
+        self._engine = Child("engine", self._launch_engine, self._begin_engine, self._heard)
+        self._spare = Spare(sockets.fds())
         self._edges = [self._edge(number, edges) for number in range(edges)]
         self._show(keeper.certificate)
         keeper.on_renewal(self._show)
@@ -80,6 +83,7 @@ class Supervisor:
         finally:
             stopped.cancel()
             ready.cancel()
+            await asyncio.gather(ready, return_exceptions=True)
             await self._end()
         for task in kept:
             task.result()
@@ -87,13 +91,16 @@ class Supervisor:
     async def _end(self) -> None:
         """Edges first, so that what is running is still answered."""
         began = time.monotonic()
+        await self._spare.end()
         await asyncio.gather(*(edge.end(EDGES_STOP_S) for edge in self._edges))
         await self._engine.end(began + STOP_S - time.monotonic())
 
     async def _announce(self) -> None:
+        """Tell the user once all serve; what starts after that need not hurry."""
         for child in (self._engine, *self._edges):
             await child.ready.wait()
         print("\n".join(self._announcement), flush=True)
+        await self._spare.keep()
 
     # -- what children are told --------------------------------------------------------------------------------------
 
@@ -106,6 +113,7 @@ class Supervisor:
     def _begin_engine(self) -> Sequence[Message]:
         sockets = self._sockets
         start = EngineStart(
+            name=self._engine.name,
             settings=self._settings,
             directory=self._directory,
             http_port=sockets.http_port,
@@ -115,32 +123,33 @@ class Supervisor:
         )
         return (start,)
 
+    async def _launch_engine(self) -> Launched:
+        return await Launched.start("tigas_render.fleet.engine", ())
+
     def _edge(self, number: int, edges: int) -> Child:
+        name = f"edge {number}"
         public = self._sockets
-        quic = public.quic[number] if public.quic else ()
-        inbox = [public.relays[number][0]] if public.relays else []
-        outboxes = [outbox for _, outbox in public.relays]
-        tcp = [public.http] if public.https is None else [public.http, public.https]
 
         def begin() -> Sequence[Message]:
             start = EdgeStart(
+                name=name,
                 settings=self._settings,
                 directory=self._directory,
                 number=number,
                 edges=edges,
                 http=public.http.fileno(),
                 https=None if public.https is None else public.https.fileno(),
-                quic=tuple(sock.fileno() for sock in quic),
-                relay=inbox[0].fileno() if inbox else None,
-                relays=tuple(sock.fileno() for sock in outboxes),
+                quic=tuple(sock.fileno() for sock in public.quic[number]) if public.quic else (),
+                relay=public.relays[number][0].fileno() if public.relays else None,
+                relays=tuple(outbox.fileno() for _, outbox in public.relays),
+                others=public.fds_of_others(number),
                 certificate=self._certificate,
                 reset_key=self._reset_key,
                 retry_key=self._retry_key,
             )
             return (start, *(TicketIssued(ticket=ticket) for ticket in self._tickets))
 
-        inherited = (*tcp, *quic, *inbox, *outboxes)
-        return Child(f"edge {number}", "tigas_render.fleet.edge", inherited, begin, self._heard)
+        return Child(name, self._spare.take, begin, self._heard)
 
     # -- what children say -------------------------------------------------------------------------------------------
 
