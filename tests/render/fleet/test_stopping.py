@@ -39,11 +39,13 @@ async def test_all_ends_within_two_seconds_while_it_is_viewed(number: signal.Sig
 
 
 def test_children_end_whose_supervisor_is_killed() -> None:
+    before = leftovers()
     with serving(edges=2) as fleet:
         children = fleet.children()
         fleet.process.kill()
         _, alive = psutil.wait_procs(children, timeout=20)
         assert not alive
+    assert leftovers() <= before
 
 
 @pytest.mark.timeout(300)

@@ -148,6 +148,11 @@ class Channel:
         except ConnectionError:
             pass
 
+    @property
+    def is_over(self) -> bool:
+        """Whether the other side is gone."""
+        return self._reader.at_eof()
+
     async def close(self) -> None:
         """Close this end; what was said before still reaches the other."""
         self._writer.close()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import logging
+import shutil
 import socket
 import sys
 from collections.abc import AsyncIterator, Awaitable, Callable
@@ -40,7 +41,11 @@ async def _run(program: Program) -> int:
         match await anext(news, None):
             case EngineStart() | EdgeStart() as start:
                 call_it(start.name)
-                await program(channel, start, news)
+                try:
+                    await program(channel, start, news)
+                finally:
+                    if channel.is_over:  # the supervisor was killed, so that it removes nothing itself
+                        shutil.rmtree(start.directory, ignore_errors=True)
     except StartError as error:
         channel.send(Failed(detail=str(error)))
         return 1
