@@ -2,6 +2,7 @@
 import { readFileSync, writeFileSync } from "node:fs";
 import { basename } from "node:path";
 import { parseArgs } from "node:util";
+import { number } from "./arguments.mjs";
 import { load } from "./page-module.mjs";
 
 const USAGE = `npm run abr-bench -- [options] TRACE.csv...
@@ -96,16 +97,18 @@ async function main() {
   const columns = figuresWithin(INTERACTIVE);
   const ladder = values.ladder === undefined ? PAPER_LADDER : JSON.parse(readFileSync(values.ladder, "utf8")).rungs;
   if (!WAYS.includes(values.way)) throw new Error(`--way is one of ${WAYS.join(", ")}, not "${values.way}".`);
-  const seed = Number(values.seed);
-  const jitter_ms = Number(values.jitter);
-  const duration = Number(values.seconds) * 1000;
+  const seed = number("--seed", values.seed);
+  const jitter_ms = number("--jitter", values.jitter);
+  const duration = number("--seconds", values.seconds) * 1000;
   const options = Object.fromEntries(
     [
-      ["render", values.render],
-      ["renderBest", values["render-best"]],
-      ["scale", values.scale],
-      ["batch", values.batch],
-    ].flatMap(([name, value]) => (value === undefined ? [] : [[name, Number(value)]])),
+      ["render", "render"],
+      ["renderBest", "render-best"],
+      ["scale", "scale"],
+      ["batch", "batch"],
+    ].flatMap(([name, option]) =>
+      values[option] === undefined ? [] : [[name, number(`--${option}`, values[option])]],
+    ),
   );
   const fixed = ladder.map((_, rung) => `fixed:${rung}`);
   const names = values.controller ?? [...CONTROLLER_NAMES, "first-budget", ...fixed, HINDSIGHT];
@@ -115,13 +118,13 @@ async function main() {
     name: basename(path, ".csv"),
     trace: parseTrace(readFileSync(path, "utf8")),
   }));
-  const blocks = segments(traces, Number(values.segments), duration, seeded(seed));
+  const blocks = segments(traces, number("--segments", values.segments), duration, seeded(seed));
   const runs = [];
   for (const [block, { name, start, trace: part }] of blocks.entries()) {
     const movement = movements[block % movements.length];
     const from = seeded(seed + block)() * Math.max(0, (movement?.duration ?? 0) - duration);
     const head = movement && new Head(movement.points, from);
-    for (const roundTrip of values.rtt.map(Number)) {
+    for (const roundTrip of values.rtt.map((text) => number("--rtt", text))) {
       const trace = { ...part, steps: part.steps.map((step) => ({ ...step, delay_ms: roundTrip / 2, jitter_ms })) };
       for (const controller of names.filter((other) => other !== HINDSIGHT)) {
         const figures = await simulate({
@@ -147,7 +150,7 @@ async function main() {
   }
   const different = new Set(blocks.map(({ name }) => name)).size;
   process.stdout.write(`${blocks.length} segments of ${values.seconds} s from ${different} traces\n`);
-  for (const roundTrip of values.rtt.map(Number)) {
+  for (const roundTrip of values.rtt.map((text) => number("--rtt", text))) {
     const of = (controller) =>
       runs.filter((run) => run.roundTrip === roundTrip && run.controller === controller).map(({ figures }) => figures);
     process.stdout.write(`\n| RTT ${roundTrip} ms | ${columns.map(([title]) => title).join(" | ")} |\n`);

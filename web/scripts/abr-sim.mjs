@@ -4,6 +4,7 @@ import { basename, resolve } from "node:path";
 import { fileURLToPath } from "node:url";
 import { parseArgs } from "node:util";
 import { runnerImport } from "vite";
+import { number } from "./arguments.mjs";
 
 const USAGE = `npm run abr-sim -- [options] TRACE.csv...
   --controller NAME   latency, latency-transfer, budget, lol+, l2a, fixed:RUNG, latency@MS and latency-transfer@MS
@@ -162,12 +163,6 @@ async function plot(runs, interactive) {
     resolve: { scale: { y: "independent" } },
   };
   return await new View(parse(compile(specification).spec), { renderer: "none" }).toSVG();
-}
-
-function number(option, text) {
-  const value = Number(text);
-  if (!Number.isFinite(value) || value < 0) throw new Error(`${option} needs a number, not "${text}".`);
-  return value;
 }
 
 try {

@@ -2,6 +2,7 @@
 import { readFileSync, writeFileSync } from "node:fs";
 import { basename } from "node:path";
 import { parseArgs } from "node:util";
+import { number } from "./arguments.mjs";
 import { load } from "./page-module.mjs";
 
 const USAGE = `npm run heads-sim -- [options] --network TRACE.csv... MOVEMENT.csv...
@@ -68,7 +69,7 @@ async function main() {
     number("--visits", values.visits),
   ];
   const rows = [];
-  for (const head of positionals) {
+  for (const [person, head] of positionals.entries()) {
     const { points } = movements.readMovement(readFileSync(head, "utf8"), basename(head));
     const spare = Math.max(0, (points.at(-1)?.t_ms ?? 0) - duration);
     for (const network of values.network) {
@@ -83,7 +84,7 @@ async function main() {
           points: points.map((point) => ({ ...point, t_ms: point.t_ms - begin })),
           warmUp: WARM_UP,
           duration,
-          seed: seed + 10 * part,
+          seed: seed + 1000 * person + 10 * part, // or else all would meet the same frame sizes
         };
         for (const surround of [false, true]) {
           const scale = number("--scale", values.scale);
@@ -129,12 +130,6 @@ function mean(rows) {
 
 function percent(share) {
   return `${(100 * share).toFixed(2)} %`;
-}
-
-function number(option, text) {
-  const value = Number(text);
-  if (!Number.isFinite(value) || value < 0) throw new Error(`${option} needs a number, not "${text}".`);
-  return value;
 }
 
 try {

@@ -2,6 +2,7 @@
 import { readFileSync } from "node:fs";
 import { basename } from "node:path";
 import { parseArgs } from "node:util";
+import { number } from "./arguments.mjs";
 import { load } from "./page-module.mjs";
 
 const USAGE = `npm run overscan-report -- [options] MOVEMENT.csv...
@@ -50,12 +51,6 @@ async function main() {
 
 function percent(share) {
   return `${(100 * share).toFixed(1)} %`;
-}
-
-function number(option, text) {
-  const value = Number(text);
-  if (!(value >= 0)) throw new Error(`${option} needs a number of at least 0, not “${text}”.`);
-  return value;
 }
 
 try {

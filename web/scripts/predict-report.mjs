@@ -2,6 +2,7 @@
 import { readFileSync, writeFileSync } from "node:fs";
 import { basename } from "node:path";
 import { parseArgs } from "node:util";
+import { positive } from "./arguments.mjs";
 import { load } from "./page-module.mjs";
 
 const USAGE = `npm run predict-report -- [options] MOVEMENT.csv...
@@ -75,12 +76,6 @@ async function main() {
   );
   const header = "movement,predictor,t_ms,horizon_ms,x,y,z,qx,qy,qz,qw";
   writeFileSync(values.write, `${[header, ...lines].join("\n")}\n`);
-}
-
-function positive(option, text) {
-  const value = Number(text);
-  if (!(value > 0) || !Number.isFinite(value)) throw new Error(`${option} needs a number above 0, not “${text}”.`);
-  return value;
 }
 
 try {
