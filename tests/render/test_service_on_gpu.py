@@ -85,14 +85,16 @@ async def frame(client: httpx.AsyncClient, scene: str, **changes: Any) -> httpx.
 
 
 async def test_every_format_shows_the_same_view_and_can_be_stamped(client: httpx.AsyncClient) -> None:
-    png = np.asarray(Image.open(io.BytesIO((await frame(client, "courtyard", format="png")).content)).convert("RGB"))
-    jpeg = Image.open(io.BytesIO((await frame(client, "courtyard", profile=None)).content)).convert("RGB")
+    async def body(**changes: Any) -> bytes:
+        return (await frame(client, "courtyard", profile=None, **changes)).content
+
+    png = np.asarray(Image.open(io.BytesIO(await body(format="png"))).convert("RGB"))
+    jpeg = Image.open(io.BytesIO(await body())).convert("RGB")
     assert psnr(np.asarray(jpeg), png) > 25
-    raw = await frame(client, "courtyard", format="yuv420p")
-    assert len(raw.content) == png.shape[0] * png.shape[1] * 3 // 2
+    assert len(await body(format="yuv420p")) == png.shape[0] * png.shape[1] * 3 // 2
     for format in ("png", "jpeg"):
-        stamped = await frame(client, "courtyard", format=format, stamp=0xC0FFEE)
-        assert read_stamp(np.asarray(Image.open(io.BytesIO(stamped.content)).convert("RGB"))) == 0xC0FFEE
+        stamped = await body(format=format, stamp=0xC0FFEE)
+        assert read_stamp(np.asarray(Image.open(io.BytesIO(stamped)).convert("RGB"))) == 0xC0FFEE
 
 
 async def test_a_full_gpu_gives_up_what_nobody_uses_then_refuses_then_recovers(
