@@ -15,6 +15,8 @@ const MOST_SIZES = 12;
 
 export class Chain {
   readonly label: string;
+  /** Of the models that change frames of each rung; empty where none does. */
+  readonly labels: readonly string[];
   /** Of the models, or `off`. */
   readonly names: Readonly<Record<Kind, string>>;
   /** Of the last step, which brings the picture to the displayed size. */
@@ -23,13 +25,16 @@ export class Chain {
   readonly #inputs = new Map<string, GPUTexture>();
   readonly #models: readonly { readonly label: string; readonly loaded: Loaded }[];
 
-  private constructor(device: GPUDevice, models: readonly Enhancer[], loaded: readonly Loaded[]) {
-    this.label = models.map(({ label }) => label).join(" + ");
+  private constructor(device: GPUDevice, models: readonly Enhancer[], loaded: readonly Loaded[], { ladder }: Place) {
+    this.label = joined(models);
     this.#device = device;
     const nameOf = (kind: Kind) => models.find((model) => model.kind === kind)?.name ?? OFF;
     this.names = { restore: nameOf("restore"), upscale: nameOf("upscale") };
     this.filter = models.findLast(({ filter }) => filter !== undefined)?.filter ?? "bicubic";
     this.#models = loaded.map((one, index) => ({ label: models[index]?.label ?? "", loaded: one }));
+    this.labels = ladder.map((_, rung) =>
+      joined(this.#models.filter(({ loaded: { serves } }) => serves?.(rung) ?? true)),
+    );
   }
 
   /** Rejects with an EnhancementError, or with the reason of `signal`; then nothing remains of what was loaded. */
@@ -40,7 +45,7 @@ export class Chain {
     if (failed || signal.aborted) for (const one of loaded) one.dispose();
     signal.throwIfAborted();
     if (failed) throw failed.reason;
-    return new Chain(device, models, loaded);
+    return new Chain(device, models, loaded, place);
   }
 
   /** The texture that decoded pictures of a size come in. */
@@ -106,6 +111,10 @@ async function fetchWeights(url: string, signal: AbortSignal): Promise<ArrayBuff
     throw new EnhancementError("its weights did not come.");
   }
   throw new EnhancementError(`its weights did not come: ${(await readProblem(response)).detail}`);
+}
+
+function joined(models: readonly { readonly label: string }[]): string {
+  return models.map(({ label }) => label).join(" + ");
 }
 
 function sentence(error: unknown): string {

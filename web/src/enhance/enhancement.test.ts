@@ -46,8 +46,15 @@ test("models are loaded together, and enhance when all are ready", async () => {
   expect(subject.active).toBeNull();
   loading.resolve(null);
   await settle();
-  expect(status()).toEqual({ kind: "on", label: "A + B" });
+  expect(status()).toEqual({ kind: "on", labels: PLACE.ladder.map(() => "A + B") });
   expect(subject.active?.chain.names).toEqual({ restore: "a", upscale: "b" });
+});
+
+test("of each rung it tells the models that change its frames", async () => {
+  const low = fakeModel("low", { load: () => Promise.resolve({ ...NO_WORK, serves: (rung: number) => rung > 0 }) });
+  await chosen(fakeModel("a", { kind: "restore" }), low);
+  const [, ...others] = PLACE.ladder;
+  expect(status()).toEqual({ kind: "on", labels: ["A", ...others.map(() => "A + LOW")] });
 });
 
 test("another model takes over when it is ready, on the same device, and the former goes on until then", async () => {
@@ -164,7 +171,7 @@ test("an error of the device's own gives the models up, and those of a former de
   expect(status()).toEqual({ kind: "failed", message: "A failed: Out of memory." });
   await chosen(fakeModel("b"));
   devices[0]?.complain("Late.");
-  expect(status()).toEqual({ kind: "on", label: "B" });
+  expect(status()).toEqual({ kind: "on", labels: PLACE.ladder.map(() => "B") });
 });
 
 test("what is left while the device is opened stays off", async () => {

@@ -12,7 +12,7 @@ import { type Picture, Renderer } from "./renderer";
 export type EnhancementStatus =
   | { readonly kind: "off" }
   | { readonly kind: "starting"; readonly message: string | null }
-  | { readonly kind: "on"; readonly label: string }
+  | { readonly kind: "on"; readonly labels: Chain["labels"] }
   /** Off by itself, until something is chosen again. */
   | { readonly kind: "failed"; readonly message: string };
 
@@ -117,7 +117,7 @@ export class Enhancement {
       }
       const before = this.#active;
       this.#active = { renderer, chain };
-      this.#status.value = { kind: "on", label: chain.label };
+      this.#status.value = { kind: "on", labels: chain.labels };
       this.onChange();
       before?.chain.dispose();
     } catch (error) {

@@ -45,6 +45,8 @@ export interface Loaded {
    * rung: the size does not tell it, since a rung's frames have the shape of the viewport.
    */
   run(encoder: GPUCommandEncoder, input: GPUTexture, rung: number | null): GPUTexture;
+  /** Whether it changes frames of a rung; those of all if left out. */
+  readonly serves?: (rung: number) => boolean;
   /** Destroys its textures and buffers; nothing is called afterwards. */
   dispose(): void;
 }

@@ -29,6 +29,7 @@ async function load(device: GPUDevice, weights: ArrayBuffer | null, ladder: read
   const byRung = chosen.map((network) => (network === undefined ? undefined : compiled[used.indexOf(network)]));
   return {
     run: (encoder, input, rung) => (rung === null ? undefined : byRung[rung])?.run(encoder, input) ?? input,
+    serves: (rung) => byRung[rung] !== undefined,
     dispose: () => {
       for (const each of compiled) each.dispose();
     },

@@ -54,6 +54,16 @@ test("where frames cannot be turned, a word says why", () => {
   expect(stat(show(), "reprojection-note")).toContain("was lost");
 });
 
+test.each([
+  [1, "Scene-tuned network"],
+  [0, "nothing at this size"],
+  [null, "nothing at this size"],
+])("what enhances frames of rung %s is said of each", (profile, said) => {
+  session.enhancement.status.value = { kind: "on", labels: ["", "Scene-tuned network"] };
+  const frame = { bytes: 52_000, width: 960, height: 540, profile };
+  expect(stat(show({ frame }), "enhancement")).toBe(said);
+});
+
 test("shows every figure with its unit", () => {
   const hud = show();
   const shown = [...hud.querySelectorAll("[data-stat]")].map((one) => [one.getAttribute("data-stat"), one.textContent]);

@@ -109,15 +109,17 @@ export function enhancementNote(status: EnhancementStatus): string | null {
   return status.kind === "starting" ? status.message : null;
 }
 
-export function EnhancementRow({ status, time }: { status: EnhancementStatus; time: number | null }) {
+/** What enhances the newest frame: not every model has something for each rung, and refinements are shown as they came. */
+export function EnhancementRow({ status, stats }: { status: EnhancementStatus; stats: Stats }) {
   if (status.kind !== "on") return null;
+  const rung = stats.frame?.profile;
   return (
     <>
       <Row name="enhancement" label="Enhanced by">
-        {status.label}
+        {(rung != null && status.labels[rung]) || "nothing at this size"}
       </Row>
       <Row name="enhancement-time" label="Enhancement">
-        {withUnit(time)}
+        {withUnit(stats.enhanceMs)}
       </Row>
     </>
   );
@@ -153,7 +155,7 @@ function Details({ stats, enhancement }: { stats: Stats; enhancement: Enhancemen
       <Row name="profile" label="Profile">
         {rung?.name ?? (frame ? "Refined" : NONE)}
       </Row>
-      <EnhancementRow status={enhancement} time={stats.enhanceMs} />
+      <EnhancementRow status={enhancement} stats={stats} />
       <ReprojectionRow stats={stats} />
       <Row name="requests" label="In flight">
         {stats.inFlight}

@@ -29,7 +29,7 @@ export function SideFigures({ session, mode }: { session: ViewerSession; mode: M
               </>
             }
           >
-            <EnhancementRow status={session.enhancement.status.value} time={session.stateless.stats.value.enhanceMs} />
+            <EnhancementRow status={session.enhancement.status.value} stats={session.stateless.stats.value} />
             <ReprojectionRow stats={session.stateless.stats.value} />
           </SideHud>
         </div>
