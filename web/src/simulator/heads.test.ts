@@ -67,7 +67,7 @@ test("in an outage a turn shows what nobody rendered, unless there is a surround
   expect((await visitOf(trace, true, { warmUp: 2000 })).never).toBeLessThan(0.002);
 });
 
-// The rungs are those of another visit: any small delay leads Budget to others from then on, to better ones as often as to worse.
+// The rungs are those of another visit: any small delay leads Budget to others from then on, to better or to worse ones by chance.
 test.each([1000, 4000, 20_000])(
   "at Budget's rungs the view's frames come as soon and as often at %i kbit/s",
   async (kbps) => {
