@@ -9,7 +9,7 @@ from tigas_render.settings import RenderSettings
 
 @pytest.mark.parametrize(
     ("cores", "gpu", "edges"),
-    [(2, True, 1), (7, True, 1), (8, True, 4), (16, True, 8), (128, True, 8), (16, False, 1)],
+    [(2, True, 1), (7, True, 1), (8, True, 2), (16, True, 4), (128, True, 8), (16, False, 1)],
 )
 def test_several_edges_are_for_machines_with_a_gpu_and_cores_to_spare(cores: int, gpu: bool, edges: int) -> None:
     assert suitable(cores, gpu) == edges

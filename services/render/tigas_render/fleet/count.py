@@ -26,8 +26,8 @@ def edges_for(settings: RenderSettings) -> int:
 
 
 def suitable(cores: int, gpu: bool) -> int:
-    """About half of the cores, since the renderer and the kernel need some as well."""
-    return min(cores // 2, MAX_AUTO) if gpu and cores >= MIN_CORES else 1
+    """A quarter of the cores: more of them take time from the renderer, whose threads are the limit (docs/load.md)."""
+    return min(cores // 4, MAX_AUTO) if gpu and cores >= MIN_CORES else 1
 
 
 def _has_gpu(device: str) -> bool:
