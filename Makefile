@@ -45,17 +45,19 @@ demo: .venv/.ready $(STATIC)
 		exec $(VENV)/tigas demo -- $(if $(SCENES),--scenes $(SCENES)) $(ARGS); \
 	fi
 
-# Browser tests that measure time: one by one. A browser test cannot share a process with the tests before it.
-ONE_BY_ONE := $(addprefix tests/web/test_,adaptation.py dash_reprojection.py modes.py motion_to_photon.py refinement.py reprojection.py viewer.py)
+# Browser tests that measure time: one by one. Those in tests/web cannot share a process with the tests before them.
+TIMED_PAGES := $(addprefix tests/web/test_,adaptation.py connection.py dash_reprojection.py modes.py motion_to_photon.py refinement.py \
+	reprojection.py samples.py viewer.py)
+ONE_BY_ONE := tests/experiments/run/test_bridge.py $(TIMED_PAGES)
 
 test: .venv/.ready $(STATIC)
 	@command -v chromium >/dev/null || { echo "The browser tests need Chromium: sudo apt-get install chromium"; exit 1; }
 	@echo "== web client: unit tests"
 	@cd web && npm test --silent
 	@echo "== Python tests, on two cores"
-	@$(VENV)/python -m pytest -n 2 --dist loadfile --ignore=tests/web
+	@$(VENV)/python -m pytest -n 2 --dist loadfile --ignore=tests/web --ignore=tests/experiments/run/test_bridge.py
 	@echo "== Browser tests, on two cores"
-	@$(VENV)/python -m pytest -n 2 --dist loadfile tests/web $(ONE_BY_ONE:%=--ignore=%)
+	@$(VENV)/python -m pytest -n 2 --dist loadfile tests/web $(TIMED_PAGES:%=--ignore=%)
 	@echo "== Browser tests that measure time, one by one"
 	@$(VENV)/python -m pytest $(ONE_BY_ONE)
 

@@ -97,6 +97,7 @@ def test_a_full_server_is_said_to_be_full_and_the_visit_begins_by_itself(open_pa
     wait_for_frames(page)
     expect(page.locator(".stage-message")).to_have_text("")
     expect(page.locator(".stage")).to_have_attribute("data-transport", "webtransport-streams")
+    page.unroute_all(behavior="ignoreErrors")  # what is asked for while the page closes is nobody's any more
 
 
 def test_a_lost_server_is_announced_and_found_again(open_page: OpenPage, server: RenderServer) -> None:
