@@ -95,10 +95,10 @@ bench: .venv/.ready $(STATIC)
 	@$(VENV)/python -m benchmarks.dash
 	@$(VENV)/python -m benchmarks.sampling
 
-bench-bench-load: .venv/.ready
+bench-load: .venv/.ready
 	@$(VENV)/python -m benchmarks.load $(ARGS)
 
-gpu: .venv/.gpu
+bench-gpu: .venv/.gpu
 	@$(VENV)/python -m benchmarks.gpu $(ARGS)
 
 bench-hostile: .venv/.ready
