@@ -1,0 +1,149 @@
+"""Tests of which places serve a scene."""
+
+from __future__ import annotations
+
+import pytest
+
+from tigas_common import placement
+from tigas_common.placement import NARROW_S, WIDEN_S, Place, Placement, ranked
+
+NAMES = ("a", "b", "c", "d")
+SCENES = [f"scene {number}" for number in range(400)]
+
+
+class Clock:
+    """Stands still until it is moved."""
+
+    def __init__(self) -> None:
+        self.now = 1000.0
+
+    def __call__(self) -> float:
+        return self.now
+
+
+def up(*pressed: str, names: tuple[str, ...] = NAMES) -> list[Place]:
+    return [Place(name, name in pressed) for name in names]
+
+
+def asked(placed: Placement, clock: Clock, seconds: float, places: list[Place], scene: str = "garden") -> list[str]:
+    """What a scene that is asked for ten times a second has after so long."""
+    for _ in range(round(10 * seconds)):
+        placed.places(scene, places)
+        clock.now += 0.1
+    return placed.places(scene, places)
+
+
+def test_nothing_is_placed_where_nothing_is_up() -> None:
+    assert Placement(Clock()).places("garden", []) == []
+
+
+def test_all_who_decide_agree() -> None:
+    one, other = Placement(Clock()), Placement(Clock())
+    for scene in SCENES:
+        assert one.places(scene, up()) == other.places(scene, up()[::-1])
+
+
+def test_the_order_is_the_same_in_every_version() -> None:
+    assert ranked("garden", NAMES) == ranked("garden", NAMES[::-1]) == ("a", "c", "d", "b")
+
+
+def test_places_get_about_as_many_scenes_each() -> None:
+    placed = Placement(Clock())
+    shares = [sum(placed.places(scene, up()) == [name] for scene in SCENES) for name in NAMES]
+    assert sum(shares) == len(SCENES)
+    assert min(shares) > len(SCENES) / len(NAMES) / 2
+
+
+def test_a_place_that_goes_moves_only_its_own_scenes() -> None:
+    placed = Placement(Clock())
+    for scene in SCENES:
+        before = placed.places(scene, up())
+        after = placed.places(scene, up(names=("a", "b", "d")))
+        assert after == before or before == ["c"]
+
+
+def test_a_scene_whose_place_is_pressed_long_enough_gets_another() -> None:
+    clock = Clock()
+    placed = Placement(clock)
+    first, second, third, _ = ranked("garden", NAMES)
+    assert asked(placed, clock, WIDEN_S - 0.2, up(first)) == [first]
+    assert asked(placed, clock, 0.3, up(first)) == [first, second]
+    assert asked(placed, clock, 10, up(first)) == [first, second], "the second has room"
+    assert asked(placed, clock, WIDEN_S + 0.1, up(first, second)) == [first, second, third]
+
+
+def test_other_scenes_stay_where_they_are() -> None:
+    clock = Clock()
+    placed = Placement(clock)
+    first = ranked("garden", NAMES)[0]
+    elsewhere = next(scene for scene in SCENES if ranked(scene, NAMES)[0] != first)
+    asked(placed, clock, 5, up(first))
+    assert placed.places(elsewhere, up(first)) == [ranked(elsewhere, NAMES)[0]]
+
+
+def test_a_moment_of_pressure_widens_nothing() -> None:
+    clock = Clock()
+    placed = Placement(clock)
+    first = ranked("garden", NAMES)[0]
+    for _ in range(20):
+        asked(placed, clock, WIDEN_S / 2, up(first))
+        assert asked(placed, clock, 0.1, up()) == [first]
+
+
+def test_pressure_before_a_pause_does_not_count() -> None:
+    clock = Clock()
+    placed = Placement(clock)
+    first = ranked("garden", NAMES)[0]
+    placed.places("garden", up(first))
+    clock.now += 3600
+    assert placed.places("garden", up(first)) == [first]
+
+
+def test_a_scene_never_has_more_places_than_there_are() -> None:
+    clock = Clock()
+    placed = Placement(clock)
+    assert len(asked(placed, clock, 20, up(*NAMES))) == len(NAMES)
+    assert asked(placed, clock, 20, up("a", names=("a",))) == ["a"]
+
+
+def test_a_scene_is_narrow_again_after_a_calm_while() -> None:
+    clock = Clock()
+    placed = Placement(clock)
+    first, second, *_ = ranked("garden", NAMES)
+    asked(placed, clock, WIDEN_S + 0.2, up(first))
+    assert asked(placed, clock, NARROW_S - 1, up()) == [first, second]
+    assert asked(placed, clock, 2, up()) == [first]
+
+
+def test_a_scene_that_nobody_asked_for_is_narrow_again() -> None:
+    clock = Clock()
+    placed = Placement(clock)
+    first = ranked("garden", NAMES)[0]
+    asked(placed, clock, WIDEN_S + 0.2, up(first))
+    clock.now += NARROW_S + 1
+    assert placed.places("garden", up()) == [first]
+
+
+def test_a_scene_that_needs_two_places_does_not_lose_one_again_and_again() -> None:
+    clock = Clock()
+    placed = Placement(clock)
+    first = ranked("garden", NAMES)[0]
+    narrowed = 0
+    before = [first]
+    for _ in range(3600 * 2):  # an hour in which one place does not suffice, but two are at ease
+        now = placed.places("garden", up(first) if before == [first] else up())
+        narrowed += len(now) < len(before)
+        before = now
+        clock.now += 0.5
+    assert 0 < narrowed < 15, "with the same patience each time it would be about 115"
+
+
+def test_scenes_that_nobody_has_do_not_fill_the_memory(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(placement, "MOST_SCENES", 10)
+    clock = Clock()
+    placed = Placement(clock)
+    for scene in SCENES:
+        placed.places(scene, up(*NAMES))
+    first = ranked("garden", NAMES)[0]
+    assert len(asked(placed, clock, WIDEN_S + 0.2, up(first))) == 2, "a scene that is asked for is remembered"
+    assert len(placed._widths) <= 10
