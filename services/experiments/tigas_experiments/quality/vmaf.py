@@ -6,7 +6,6 @@ VMAF looks at neighbouring frames too (how much the ground truth moves), so pict
 from __future__ import annotations
 
 import json
-import os
 import subprocess
 from collections.abc import Iterable
 from contextlib import suppress
@@ -19,6 +18,7 @@ from av.video.stream import VideoStream
 
 from tigas_common.errors import StartError
 from tigas_common.parsing import legible
+from tigas_common.processors import usable_processors
 from tigas_experiments.quality.picture import Picture
 
 FRAMES_PER_S = 30
@@ -65,7 +65,7 @@ def vmaf_and_vif(frames: Iterable[tuple[int, Picture, Picture]]) -> dict[int, tu
                 truths.add(truth)
         if not numbers:
             return {}
-        graph = f"[0:v]{TO_LUMA}[d];[1:v]{TO_LUMA}[t];[d][t]{LIBVMAF}:n_threads={os.cpu_count()}"
+        graph = f"[0:v]{TO_LUMA}[d];[1:v]{TO_LUMA}[t];[d][t]{LIBVMAF}:n_threads={usable_processors()}"
         asked = ("-i", DISTORTED, "-i", TRUTH, "-lavfi", graph, "-f", "null", "-")
         ended = subprocess.run(
             [program, "-hide_banner", "-nostdin", "-loglevel", "error", *asked],

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import os
 import sys
 from pathlib import Path
 
 from tigas_common.errors import StartError
+from tigas_common.processors import usable_processors
 from tigas_render.settings import RenderSettings
 
 MIN_CORES = 8
@@ -22,7 +22,7 @@ def edges_for(settings: RenderSettings) -> int:
         if settings.edges > 1 and sys.platform != "linux":
             raise StartError("Several edges need Linux; start the service with --edges 1.")
         return settings.edges
-    return suitable(len(os.sched_getaffinity(0)) if sys.platform == "linux" else 1, _has_gpu(settings.device))
+    return suitable(usable_processors() if sys.platform == "linux" else 1, _has_gpu(settings.device))
 
 
 def suitable(cores: int, gpu: bool) -> int:

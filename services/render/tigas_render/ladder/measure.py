@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import io
 import math
-import os
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -20,6 +19,7 @@ from PIL import Image
 
 from tigas_common.errors import StartError
 from tigas_common.pose import Pose
+from tigas_common.processors import usable_processors
 from tigas_common.standpoints import PER_MOVEMENT, Place, along, intrinsics
 from tigas_render.encode.jpeg import encode_jpeg
 from tigas_render.raster.base import Camera, PreparedScene, Rasterizer
@@ -88,7 +88,7 @@ def measure(
     totals = np.zeros((len(settings), 2))
     sizes = sorted({setting[:2] for setting in settings}, reverse=True)
     number = 0
-    with ThreadPoolExecutor(os.cpu_count()) as pool:
+    with ThreadPoolExecutor(usable_processors()) as pool:
         for pose in islice(poses, views * TRIES):
             truth = _rendered(rasterizer, scene, Camera(pose, intrinsics(*DISPLAY), background))
             if not _shows_something(truth, background):
