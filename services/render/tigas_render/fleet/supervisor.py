@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import os
-import tempfile
 import time
 from collections.abc import Sequence
 from pathlib import Path
@@ -25,6 +24,7 @@ from tigas_render.fleet.control import (
     TicketIssued,
     TicketTaken,
 )
+from tigas_render.fleet.directory import private_directory
 from tigas_render.fleet.launched import Launched
 from tigas_render.fleet.sockets import PublicSockets
 from tigas_render.fleet.spare import Spare
@@ -41,14 +41,9 @@ STOP_S = 1.7
 async def supervise(settings: RenderSettings, edges: int) -> None:
     """Run the render service as several processes until SIGINT or SIGTERM. Raises StartError."""
     keep_together()
-    with (
-        PublicSockets.bound(settings, edges) as sockets,
-        tempfile.TemporaryDirectory(
-            prefix="tigas-render-", ignore_cleanup_errors=True
-        ) as directory,  # made with mode 0700
-    ):
+    with PublicSockets.bound(settings, edges) as sockets, private_directory() as directory:
         async with CertificateKeeper.running(settings) as keeper:
-            await Supervisor(settings, edges, sockets, Path(directory), keeper).run()
+            await Supervisor(settings, edges, sockets, directory, keeper).run()
 
 
 class Supervisor:
