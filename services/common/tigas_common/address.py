@@ -36,7 +36,7 @@ class Address:
         return cls(host, int(port))
 
     def __str__(self) -> str:
-        return f"[{self.host}]:{self.port}" if ":" in self.host else f"{self.host}:{self.port}"
+        return f"{bracketed(self.host)}:{self.port}"
 
     @property
     def is_loopback(self) -> bool:
@@ -48,7 +48,7 @@ class Address:
         """A host name under which this machine reaches itself, for URLs shown to people."""
         if self.is_loopback or self.host in ("0.0.0.0", "::"):
             return "localhost"
-        return f"[{self.host}]" if ":" in self.host else self.host
+        return bracketed(self.host)
 
     def listen(self, unread_s: float) -> socket.socket:
         """A TCP socket that listens here.
@@ -84,3 +84,8 @@ def warning_if_open(addresses: Iterable[Address]) -> str | None:
     if not opened or ISOLATED in os.environ:
         return None
     return f"Open to the network on {' and '.join(opened)}: whoever reaches this machine can use this service."
+
+
+def bracketed(host: str) -> str:
+    """A host as it is written in a URL."""
+    return f"[{host}]" if ":" in host else host

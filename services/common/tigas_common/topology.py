@@ -6,7 +6,7 @@ import json
 from dataclasses import dataclass
 from typing import Literal
 
-from tigas_common.address import Address
+from tigas_common.address import Address, bracketed
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,3 +50,8 @@ def page_services(*, shaped: bool) -> str:
     """The render service's setting `services` in JSON: the others on the page's own host, the shaper if `shaped`."""
     services = {"dash": DASH, **({"shaper": SHAPER} if shaped else {}), "store": STORE}
     return json.dumps({name: f":{port.number}" for name, port in services.items()})
+
+
+def fitted(url: str, host: str) -> str:
+    """A service's URL, as a page is told it that was opened under `host`; `:PORT` alone is a port of that host."""
+    return f"http://{bracketed(host)}{url}" if url.startswith(":") else url

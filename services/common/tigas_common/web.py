@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import logging
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 from pydantic import BaseModel
@@ -84,6 +84,16 @@ async def healthz(request: Request) -> Response:
 def healthy() -> Response:
     """What a health check hears if all is well."""
     return JSONResponse({"status": "ok"}, headers=NO_STORE)
+
+
+def page_policy(sources: Iterable[str]) -> str:
+    """What the page may do (its Content-Security-Policy): only what is its own, and to speak with `sources`."""
+    hosts = sorted(sources)
+    sockets = [host.replace("http", "ws", 1) for host in hosts]
+    return (
+        "default-src 'self'; img-src 'self' blob: data:; media-src 'self' blob:; object-src 'none'; base-uri 'none'; "
+        f"form-action 'none'; connect-src 'self' {' '.join((*hosts, *sockets))}; frame-src 'self' {' '.join(hosts)}"
+    )
 
 
 async def on_error(request: Request, error: Exception) -> Response:

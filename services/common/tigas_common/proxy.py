@@ -1,0 +1,58 @@
+"""Hands HTTP requests on to another server of ours, and its answers back as they come."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+
+import httpx
+from starlette.types import Scope, Send
+
+Headers = list[tuple[bytes, bytes]]
+
+HOP_BY_HOP = frozenset(
+    (b"connection", b"expect", b"keep-alive", b"proxy-connection", b"te", b"transfer-encoding", b"upgrade")
+)
+OWN_WORDS = frozenset((b"content-length", b"forwarded", b"x-forwarded-for", b"x-forwarded-proto"))
+"""Fields of a request that are written anew: whose request it is, is not for the client to say."""
+TIMEOUTS_S = {"connect": 1.0, "write": 10.0, "pool": 5.0, "read": None}
+"""A large scene takes minutes to load before the answer begins."""
+
+
+async def ask(
+    transport: httpx.AsyncBaseTransport, url: str, scope: Scope, body: bytes, left_out: Collection[bytes] = ()
+) -> httpx.Response:
+    """The answer to a client's request of the server at `url`, its base. Who asked, the server is told.
+
+    left_out: fields that it does not get, in small letters. Whoever gets the answer closes it.
+    Raises httpx.TransportError if there is none.
+    """
+    headers = [each for each in scope["headers"] if each[0] not in HOP_BY_HOP | OWN_WORDS and each[0] not in left_out]
+    headers.append((b"x-forwarded-proto", scope["scheme"].encode()))
+    if scope["client"]:
+        headers.append((b"x-forwarded-for", scope["client"][0].encode()))
+    query = scope["query_string"]
+    request = httpx.Request(
+        scope["method"],
+        url,
+        headers=headers,
+        content=body or None,
+        extensions={"target": scope["raw_path"] + (b"?" + query if query else b""), "timeout": TIMEOUTS_S},
+    )
+    return await transport.handle_async_request(request)
+
+
+def headers_of(answer: httpx.Response) -> Headers:
+    """An answer's headers, as they are handed back: names are in small letters."""
+    headers = [(name.lower(), value) for name, value in answer.headers.raw]
+    return [each for each in headers if each[0] not in HOP_BY_HOP and each[0] != b"date"]
+
+
+async def hand_back(answer: httpx.Response, headers: Headers, send: Send) -> None:
+    """Send an answer, with these headers, as it comes."""
+    try:
+        await send({"type": "http.response.start", "status": answer.status_code, "headers": headers})
+        async for part in answer.aiter_raw():
+            await send({"type": "http.response.body", "body": part, "more_body": True})
+        await send({"type": "http.response.body", "body": b""})
+    finally:
+        await answer.aclose()
