@@ -11,6 +11,8 @@ import httpx
 import pytest
 
 from tests.render.fakes import FakeRasterizer, render_request
+from tigas_common.parsing import parse
+from tigas_common.wire.cluster import HostLoad
 from tigas_render.app import create_app
 from tigas_render.service import RenderService
 from tigas_render.settings import RenderSettings
@@ -56,6 +58,19 @@ async def test_the_configuration_says_that_the_server_is_full(service: RenderSer
         service.loads.heard(0, replace(service.loop_load.state, full=5.0))
         assert (await client.get("/config.json")).json()["retry_after_s"] == 5.0
         assert 'tigas_full{edge="0"} 1.0' in (await client.get("/metrics")).text
+
+
+async def test_whoever_decides_where_viewers_go_hears_how_busy_the_host_is(service: RenderService) -> None:
+    async with viewer(service, "192.0.2.1") as director:
+        idle = parse(HostLoad, (await director.get("/api/load")).content)
+        assert (idle.viewers, idle.utilisation, idle.queue_age_s, idle.config.retry_after_s) == (0, 0, 0, None)
+        assert idle.config.model_dump(mode="json") == (await director.get("/config.json")).json()
+        ages = {"datagrams": 0.001, "loop": 0.002, "engine": 0.3}
+        one = replace(service.loop_load.state, viewers=3, utilisation=0.5, engine_utilisation=0.7, ages=ages)
+        service.loads.heard(0, one)
+        service.loads.heard(1, replace(one, viewers=4, utilisation=1.0, ages={}, full=5.0))
+        busy = parse(HostLoad, (await director.get("/api/load")).content)
+        assert (busy.viewers, busy.utilisation, busy.queue_age_s, busy.config.retry_after_s) == (7, 0.75, 0.3, 5.0)
 
 
 async def test_who_asks_too_often_is_told_so(service: RenderService) -> None:

@@ -159,7 +159,10 @@ class OriginCheck:
 def _readable(app: ASGIApp, origin: str) -> ASGIApp:
     """The application for an allowed page of another origin: to most services the page is one, by its port."""
     methods = ["GET", "POST", "PUT", "DELETE"]
-    return CORSMiddleware(app, allow_origins=[origin], allow_methods=methods, allow_headers=["*"])
+    exposed = ["Server-Timing", "Tigas-Frame"]  # of frames that a page of the cluster's asks a host for
+    return CORSMiddleware(
+        app, allow_origins=[origin], allow_methods=methods, allow_headers=["*"], expose_headers=exposed
+    )
 
 
 def _is_page_of(origin: str, host: str) -> bool:

@@ -17,7 +17,7 @@ from starlette.types import ASGIApp, Scope
 
 from tigas_common.errors import problem
 from tigas_common.origins import OriginCheck
-from tigas_common.web import EXCEPTION_HANDLERS, healthy, json_response, problem_response
+from tigas_common.web import EXCEPTION_HANDLERS, healthy, json_response, page_policy, problem_response
 from tigas_common.wire.render import ServerConfig
 from tigas_render.frame_route import FRAMES, HttpFrames
 from tigas_render.service import RenderService
@@ -42,6 +42,7 @@ def create_app(service: RenderService) -> ASGIApp:
             Route("/scenes/{id}/enhance.safetensors", weights),
             Route("/enhance/general.safetensors", general_weights),
             Route("/config.json", config),
+            Route("/api/load", own_load),
             Route("/healthz", healthz),
             Route("/metrics", metrics),
         ],
@@ -125,6 +126,11 @@ async def config(request: Request) -> Response:
     return json_response(_config(request))
 
 
+async def own_load(request: Request) -> Response:
+    """How busy the service is, for whoever decides where viewers go."""
+    return json_response(_service(request).host_load(request.url.hostname or "localhost"))
+
+
 async def healthz(request: Request) -> Response:
     """Whether the service can render; after its device was lost it answers until it has stopped."""
     lost = _service(request).engine.device_lost
@@ -164,12 +170,7 @@ def _page_policy(config: ServerConfig) -> str:
     urls = [urlsplit(url) for url in (*config.services.values(), config.webtransport_url) if url]
     # There is no way to write an IPv6 address.
     sources = (f"{url.scheme}:" if "[" in url.netloc else f"{url.scheme}://{url.hostname}:*" for url in urls)
-    hosts = sorted(set(sources))
-    sockets = [host.replace("http", "ws", 1) for host in hosts]
-    return (
-        "default-src 'self'; img-src 'self' blob: data:; media-src 'self' blob:; object-src 'none'; base-uri 'none'; "
-        f"form-action 'none'; connect-src 'self' {' '.join((*hosts, *sockets))}; frame-src 'self' {' '.join(hosts)}"
-    )
+    return page_policy(set(sources))
 
 
 def _config(request: Request) -> ServerConfig:

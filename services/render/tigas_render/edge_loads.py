@@ -41,6 +41,23 @@ class EdgeLoads(Collector):
         waits = [state.full for state in states if state.full is not None]
         return max(waits) if waits and 2 * len(waits) >= len(states) else None
 
+    @property
+    def viewers(self) -> int:
+        """Of all edges."""
+        return sum(state.viewers for state in self.states.values())
+
+    @property
+    def utilisation(self) -> float:
+        """Of the edges, taken together, or of the renderer, whichever is busier, 0 to 1."""
+        states = self.states.values()
+        shares = ([state.utilisation for state in states], [state.engine_utilisation for state in states])
+        return min(1.0, max(sum(each) / max(1, len(each)) for each in shares))
+
+    @property
+    def queue_age_s(self) -> float:
+        """The longest that anything waited anywhere in the last second."""
+        return max((age for state in self.states.values() for age in state.ages.values()), default=0.0)
+
     def collect(self) -> Iterator[Metric]:
         """For Prometheus."""
         ages = GaugeMetricFamily(

@@ -9,11 +9,14 @@ from collections.abc import AsyncIterator, Iterator
 from contextlib import asynccontextmanager, contextmanager
 from importlib.metadata import version
 
+from tigas_common.address import bracketed
 from tigas_common.certificate import Certificate
 from tigas_common.commit import this_commit
 from tigas_common.errors import BrokenScene, DeviceLost, Overloaded
 from tigas_common.hosts import is_loopback
 from tigas_common.origins import OriginPolicy
+from tigas_common.topology import fitted
+from tigas_common.wire.cluster import HostLoad
 from tigas_common.wire.render import RenderRequest, SceneInfo, ServerConfig, Training
 from tigas_render.edge_loads import EdgeLoads
 from tigas_render.engine import Engine
@@ -126,10 +129,20 @@ class RenderService(FrameSource):
             device=self._hardware,
             ladder=self.settings.default_ladder,
             certificate_sha256=self.certificate.sha256 if quic_port and self.certificate else None,
-            webtransport_url=f"https://{_bracketed(quic_host)}:{quic_port}/render" if quic_port else None,
-            https_url=f"https://{_bracketed(host)}:{self.https_port}/" if self.https_port else None,
-            services={name: _fitted(url, host) for name, url in self.settings.services.items()},
+            webtransport_url=f"https://{bracketed(quic_host)}:{quic_port}/render" if quic_port else None,
+            https_url=f"https://{bracketed(host)}:{self.https_port}/" if self.https_port else None,
+            services={name: fitted(url, host) for name, url in self.settings.services.items()},
             retry_after_s=self.loads.full(),
+        )
+
+    def host_load(self, host: str) -> HostLoad:
+        """How busy this host is, for whoever knows it as `host` and decides where viewers go."""
+        return HostLoad(
+            config=self.config(host),
+            viewers=self.loads.viewers,
+            utilisation=self.loads.utilisation,
+            queue_age_s=self.loads.queue_age_s,
+            scenes=tuple(scene.id for scene in self.registry.infos() if scene.state == "loaded"),
         )
 
     def _reaches_quic(self, host: str) -> bool:
@@ -206,12 +219,3 @@ class RenderService(FrameSource):
                 self.registry.evict_idle(time.monotonic())
             except Exception:  # it is tried again the next time
                 logger.exception("Housekeeping failed")
-
-
-def _fitted(url: str, host: str) -> str:
-    """A service's URL; `:PORT` alone is a port of the host that the page was opened under."""
-    return f"http://{_bracketed(host)}{url}" if url.startswith(":") else url
-
-
-def _bracketed(host: str) -> str:
-    return f"[{host}]" if ":" in host else host

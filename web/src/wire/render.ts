@@ -138,6 +138,8 @@ export interface ServerConfig {
     [k: string]: string;
   };
   retry_after_s?: number | null;
+  host?: string | null;
+  render_url?: string | null;
 }
 /**
  * How far the training of a scene's networks is.

@@ -257,3 +257,7 @@ class ServerConfig(WireModel):
     """Other services by name, such as `dash`, with their base URLs."""
     retry_after_s: float | None = None
     """The server is full: after so many seconds a new viewer may try again. Null if it takes new viewers."""
+    host: str | None = None
+    """In a cluster, the name of the host that serves the scene which was asked about; null: there is only this one."""
+    render_url: str | None = None
+    """Base URL for `POST /render`; null: the page's own origin."""
