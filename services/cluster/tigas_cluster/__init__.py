@@ -1,0 +1,1 @@
+"""Several render hosts that appear as one: who serves whom."""

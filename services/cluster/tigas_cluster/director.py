@@ -1,0 +1,143 @@
+"""The director's HTTP interface: it tells each viewer which host serves its scene. Frames do not pass through it."""
+
+from __future__ import annotations
+
+from collections.abc import AsyncIterator, Callable, Mapping
+from contextlib import asynccontextmanager
+
+from prometheus_client import CONTENT_TYPE_LATEST, generate_latest
+from starlette.applications import Starlette
+from starlette.requests import Request
+from starlette.responses import RedirectResponse, Response
+from starlette.routing import Route
+from starlette.types import ASGIApp
+
+from tigas_cluster.choice import Choice
+from tigas_cluster.fleet import Fleet, HostState
+from tigas_cluster.host_proxy import AWAY, RETRY_S, HostProxy
+from tigas_cluster.metrics import DirectorMetrics
+from tigas_common.address import bracketed
+from tigas_common.errors import InvalidRequest, Overloaded
+from tigas_common.origins import OriginCheck, OriginPolicy
+from tigas_common.topology import fitted
+from tigas_common.web import EXCEPTION_HANDLERS, healthy, json_response, read_message
+from tigas_common.wire.render import RenderRequest, ServerConfig
+
+MAX_NAME = 256
+"""The longest name of a scene or a host that is asked about."""
+
+
+@asynccontextmanager
+async def create_director(
+    fleet: Fleet,
+    *,
+    origins: OriginPolicy,
+    clock: Callable[[], float],
+    services: Mapping[str, str] | None = None,
+    https_port: int | None = None,
+) -> AsyncIterator[ASGIApp]:
+    """The application over a fleet, which is its caller's to open and close.
+
+    clock: in seconds. services: base URLs for the page, by name; a bare `:PORT` means the page's own host.
+    https_port: where the director is served over HTTPS as well.
+    """
+    director = Director(fleet, clock, services or {}, https_port)
+    app = Starlette(
+        routes=[
+            Route("/config.json", config),
+            Route("/render", render, methods=["POST"]),
+            Route("/healthz", healthz),
+            Route("/metrics", metrics),
+        ],
+        exception_handlers=EXCEPTION_HANDLERS,
+    )
+    app.state.director = director
+    app.router.default = HostProxy(fleet)
+    try:
+        yield OriginCheck(app, origins)
+    finally:
+        await app.router.default.close()
+
+
+class Director:
+    """What the routes share."""
+
+    def __init__(
+        self, fleet: Fleet, clock: Callable[[], float], services: Mapping[str, str], https_port: int | None
+    ) -> None:
+        self.fleet = fleet
+        self.choice = Choice(clock)
+        self.metrics = DirectorMetrics(fleet)
+        self.services = services
+        self.https_port = https_port
+
+    async def place(
+        self, scene: str, *, at: str | None = None, silent: str | None = None, lost: str | None = None
+    ) -> HostState:
+        """Where a viewer of this scene belongs: that of which it says one of these, unless it has to leave.
+
+        at: the host that serves it. silent: the same, but it hears nothing of it. lost: it could not get in there.
+        Raises Overloaded if no host is up.
+        """
+        if doubted := silent or lost:
+            await self.fleet.suspect(doubted)
+        hosts = self.fleet.hosts()
+        if silent is not None and any(host.name == silent and host.full is None for host in hosts):
+            at = silent
+        chosen = self.choice.host(scene, hosts, at=at, avoid=doubted)
+        if chosen is None:
+            raise Overloaded(AWAY, RETRY_S)
+        left = at or doubted
+        if chosen.name != left:
+            self.metrics.placements.labels(chosen.name).inc()
+            if left:
+                self.metrics.redirects.labels("lost" if lost else "silent" if silent else "moved").inc()
+        return chosen
+
+    def config(self, host: HostState, page_host: str) -> ServerConfig:
+        """What a page that was opened under `page_host` needs to know to go to this host."""
+        https_url = f"https://{bracketed(page_host)}:{self.https_port}/" if self.https_port else None
+        services = {name: fitted(url, page_host) for name, url in self.services.items()}
+        changes = {"host": host.name, "render_url": host.render_url, "https_url": https_url, "services": services}
+        return host.load.config.model_copy(update=changes)
+
+
+async def config(request: Request) -> Response:
+    """What the page needs to know: `?scene=` which it shows, and of its host's name either `&at=`, while all is well,
+    `&silent=`, if it hears nothing of it, or `&lost=`, if it could not get in there.
+    """
+    director = _director(request)
+    scene = _named(request, "scene") or ""
+    host = await director.place(scene, **{why: _named(request, why) for why in ("at", "silent", "lost")})
+    return json_response(director.config(host, request.url.hostname or "localhost"))
+
+
+async def render(request: Request) -> Response:
+    """A frame is elsewhere: of programs that know of nothing but this address."""
+    asked = await read_message(request, RenderRequest)
+    host = await _director(request).place(asked.scene)
+    return RedirectResponse(f"{host.render_url}/render", 307)
+
+
+async def healthz(request: Request) -> Response:
+    """Whether there is a host."""
+    if not _director(request).fleet.hosts():
+        raise Overloaded(AWAY, RETRY_S)
+    return healthy()
+
+
+async def metrics(request: Request) -> Response:
+    """Prometheus' text format."""
+    return Response(generate_latest(_director(request).metrics.registry), media_type=CONTENT_TYPE_LATEST)
+
+
+def _named(request: Request, parameter: str) -> str | None:
+    name = request.query_params.get(parameter)
+    if name and len(name) > MAX_NAME:
+        raise InvalidRequest(f"{parameter}: no name has more than {MAX_NAME} characters.")
+    return name or None
+
+
+def _director(request: Request) -> Director:
+    director: Director = request.app.state.director
+    return director

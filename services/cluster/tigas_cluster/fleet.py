@@ -1,0 +1,90 @@
+"""Which hosts there are, and how each is: all that the director knows of what stands behind it."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from tigas_common.wire.cluster import HostLoad
+
+PRESSED_UTILISATION, PRESSED_AGE_S = 0.8, 0.06
+"""A host that is busier than this, or in which something waits for longer (in seconds), has no room to speak of."""
+
+
+@dataclass(frozen=True, slots=True)
+class HostAddress:
+    """Where a host is."""
+
+    name: str
+    """As pages show it; unlike any other's."""
+    api_url: str
+    """Its API over plain HTTP for the director, such as `http://10.0.0.5:8080`."""
+    public_host: str | None = None
+    """The name or address under which pages reach it, if that is not the one in `api_url`; its ports are the same."""
+    draining: bool = False
+    """It is to end: it gets no new viewers, and those that it has go elsewhere."""
+
+
+@dataclass(frozen=True, slots=True)
+class HostState:
+    """What is known of a host that is up."""
+
+    address: HostAddress
+    load: HostLoad
+    """What it said last."""
+    render_url: str
+    """Base URL for a page's `POST /render`."""
+
+    @property
+    def name(self) -> str:
+        return self.address.name
+
+    @property
+    def api_url(self) -> str:
+        return self.address.api_url
+
+    @property
+    def draining(self) -> bool:
+        return self.address.draining
+
+    @property
+    def webtransport_url(self) -> str | None:
+        """Where a page opens its session."""
+        return self.load.config.webtransport_url
+
+    @property
+    def certificate_sha256(self) -> str | None:
+        """What the page is to trust there."""
+        return self.load.config.certificate_sha256
+
+    @property
+    def viewers(self) -> int:
+        return self.load.viewers
+
+    @property
+    def full(self) -> float | None:
+        """Seconds after which a new viewer may try again; None if it may come in."""
+        return self.load.config.retry_after_s
+
+    @property
+    def queue_age_s(self) -> float:
+        return self.load.queue_age_s
+
+    @property
+    def pressed(self) -> bool:
+        """Whether its scenes could do with another host."""
+        busy = self.load.utilisation > PRESSED_UTILISATION or self.queue_age_s > PRESSED_AGE_S
+        return busy or self.full is not None
+
+
+class Fleet(ABC):
+    """Hosts that come and go: this machine alone, those of a list, or a Ray cluster's."""
+
+    @abstractmethod
+    def hosts(self) -> Sequence[HostState]:
+        """Those that are up, as they were heard of last."""
+
+    @abstractmethod
+    async def suspect(self, name: str) -> None:
+        """A viewer hears nothing of this host: look at once. `hosts` knows the outcome when this returns."""

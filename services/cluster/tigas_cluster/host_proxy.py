@@ -1,0 +1,76 @@
+"""Hands on to a host what is no frame: the page, scenes, previews, networks."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Sequence
+
+import httpx
+from starlette.datastructures import Headers
+from starlette.requests import Request
+from starlette.types import Receive, Scope, Send
+
+from tigas_cluster.fleet import Fleet, HostState
+from tigas_common.errors import Overloaded
+from tigas_common.parsing import MAX_BODY
+from tigas_common.placement import ranked
+from tigas_common.proxy import ask, hand_back, headers_of
+from tigas_common.web import page_policy, read_body
+
+MAX_CONNECTIONS = 128
+"""To all hosts together."""
+LOOK_S = 0.25
+"""How often it is looked whether the host is still there that has not answered yet, in seconds."""
+AWAY = "No host of the cluster is up; try again in a few seconds."
+RETRY_S = 2.0
+FROM_THE_PAGE = frozenset((b"host", b"origin", b"sec-fetch-site", b"sec-fetch-mode", b"sec-fetch-dest"))
+"""Fields that tell where a request comes from: the director has looked at them, and the host knows other names."""
+PAGES_HOSTS = ("http:", "https:")
+"""Hosts come and go while a page is open, so it may speak with any."""
+
+
+class HostProxy:
+    """An ASGI application, as which each host's appears, whose answer is the same on all."""
+
+    def __init__(self, fleet: Fleet, transport: httpx.AsyncBaseTransport | None = None) -> None:
+        """transport: another than HTTP, for tests."""
+        self._fleet = fleet
+        self._transport = transport or httpx.AsyncHTTPTransport(limits=httpx.Limits(max_connections=MAX_CONNECTIONS))
+
+    async def close(self) -> None:
+        """Close the connections."""
+        await self._transport.aclose()
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Raises Overloaded if no host answers."""
+        body = await read_body(Request(scope, receive), MAX_BODY)
+        for host in self._in_order(scope["path"]):
+            answer = await self._answer(host, scope, body)
+            if answer is not None:
+                headers = [each for each in headers_of(answer) if each[0] != b"content-security-policy"]
+                if Headers(raw=headers).get("content-type", "").startswith("text/html"):
+                    headers.append((b"content-security-policy", page_policy(PAGES_HOSTS).encode()))
+                return await hand_back(answer, headers, send)
+        raise Overloaded(AWAY, RETRY_S)
+
+    def _in_order(self, path: str) -> Sequence[HostState]:
+        """The hosts to ask, the one first that most likely has the scene which the path names."""
+        hosts = {host.name: host for host in self._fleet.hosts()}
+        parts = path.split("/")
+        scene = parts[2] if len(parts) > 2 and parts[1] == "scenes" else ""
+        order = [hosts[name] for name in ranked(scene, tuple(hosts))]
+        return sorted(order, key=lambda host: host.draining)
+
+    async def _answer(self, host: HostState, scope: Scope, body: bytes) -> httpx.Response | None:
+        """None if the host is gone before it answers."""
+        asking = asyncio.create_task(ask(self._transport, host.api_url, scope, body, FROM_THE_PAGE))
+        try:
+            while not asking.done():
+                await asyncio.wait([asking], timeout=LOOK_S)
+                if not asking.done() and all(each.name != host.name for each in self._fleet.hosts()):
+                    return None
+            return asking.result()
+        except httpx.TransportError:
+            return None
+        finally:
+            asking.cancel()

@@ -1,0 +1,148 @@
+"""A fleet of hosts whose addresses are known: each is asked how it is, several times a second."""
+
+from __future__ import annotations
+
+import asyncio
+import math
+from collections.abc import Callable, Iterable, Sequence
+from typing import Self
+from urllib.parse import urlsplit
+
+import httpx
+
+from tigas_cluster.fleet import Fleet, HostAddress, HostState
+from tigas_common.address import bracketed
+from tigas_common.errors import TigasError
+from tigas_common.parsing import parse
+from tigas_common.wire.cluster import HostLoad
+
+POLL_S = 0.25
+"""How often each host is asked, in seconds."""
+GONE_S = 1.0
+"""A host that has not answered for so long is gone until it does, in seconds."""
+SUSPECT_S = 0.3
+"""How long a host that a viewer hears nothing of has to answer, in seconds."""
+MAX_LOAD = 1_000_000
+"""The longest answer that is read, in bytes: it names scenes."""
+
+
+class PolledFleet(Fleet):
+    """An async context manager that asks for as long as it lasts. Which hosts there are may be changed any time."""
+
+    def __init__(
+        self,
+        addresses: Iterable[HostAddress],
+        clock: Callable[[], float],
+        transport: httpx.AsyncBaseTransport | None = None,
+    ) -> None:
+        """clock: in seconds; transport: another than HTTP, for tests."""
+        self._clock = clock
+        self._client = httpx.AsyncClient(
+            transport=transport or httpx.AsyncHTTPTransport(limits=httpx.Limits(max_connections=None)), timeout=GONE_S
+        )
+        self._polled: dict[str, _Polled] = {}
+        self._running = False
+        self.follow(addresses)
+
+    async def __aenter__(self) -> Self:
+        """Knows, once it is entered, how those hosts are that answer at once."""
+        self._running = True
+        await asyncio.gather(*(polled.ask(GONE_S) for polled in self._polled.values()))
+        for polled in self._polled.values():
+            polled.start()
+        return self
+
+    async def __aexit__(self, *_: object) -> None:
+        self._running = False
+        for polled in self._polled.values():
+            polled.stop()
+        await self._client.aclose()
+
+    def follow(self, addresses: Iterable[HostAddress]) -> None:
+        """These are the hosts from now on. Of those that were followed before, what is known stays known."""
+        wanted = {address.name: address for address in addresses}
+        for name in self._polled.keys() - {each.name for each in wanted.values()}:
+            self._polled.pop(name).stop()
+        for name, address in wanted.items():
+            known = self._polled.get(name)
+            if known is not None and known.address.api_url == address.api_url:
+                known.address = address
+                continue
+            if known is not None:
+                known.stop()
+            self._polled[name] = made = _Polled(address, self._client, self._clock)
+            if self._running:
+                made.start()
+
+    def hosts(self) -> Sequence[HostState]:
+        since = self._clock() - GONE_S
+        return [polled.state for polled in self._polled.values() if polled.state and polled.answered_at >= since]
+
+    async def suspect(self, name: str) -> None:
+        if (polled := self._polled.get(name)) is not None:
+            await polled.check()
+
+
+class _Polled:
+    """One host."""
+
+    def __init__(self, address: HostAddress, client: httpx.AsyncClient, clock: Callable[[], float]) -> None:
+        self.address = address
+        self.answered_at = -math.inf
+        self._load: HostLoad | None = None
+        self._client = client
+        self._clock = clock
+        self._polling: asyncio.Task[None] | None = None
+        self._checking: asyncio.Task[None] | None = None
+
+    @property
+    def state(self) -> HostState | None:
+        """None until it has answered."""
+        if self._load is None:
+            return None
+        url = urlsplit(self.address.api_url)
+        port = f":{url.port}" if url.port else ""
+        return HostState(self.address, self._load, f"http://{bracketed(self._public_host)}{port}")
+
+    def start(self) -> None:
+        self._polling = asyncio.create_task(self._poll())
+
+    def stop(self) -> None:
+        for task in (self._polling, self._checking):
+            if task is not None:
+                task.cancel()
+
+    async def check(self) -> None:
+        """Ask at once, whoever else asks for it meanwhile; a host that does not answer is gone."""
+        if self._checking is None or self._checking.done():
+            self._checking = asyncio.create_task(self._check())
+        await asyncio.wait([self._checking])
+
+    async def _check(self) -> None:
+        if not await self.ask(SUSPECT_S):
+            self.answered_at = -math.inf
+
+    async def _poll(self) -> None:
+        while True:
+            await self.ask(GONE_S)
+            await asyncio.sleep(POLL_S)
+
+    async def ask(self, limit_s: float) -> bool:
+        """Whether it has said within so many seconds how it is."""
+        url = urlsplit(self.address.api_url)
+        host = bracketed(self._public_host) + (f":{url.port}" if url.port else "")
+        began = self._clock()
+        try:
+            async with asyncio.timeout(limit_s):
+                answer = await self._client.get(f"{self.address.api_url}/api/load", headers={"Host": host})
+            if answer.status_code != 200:
+                return False
+            self._load = parse(HostLoad, answer.content, MAX_LOAD)
+        except (TimeoutError, httpx.HTTPError, TigasError):
+            return False
+        self.answered_at = began
+        return True
+
+    @property
+    def _public_host(self) -> str:
+        return self.address.public_host or urlsplit(self.address.api_url).hostname or "localhost"
