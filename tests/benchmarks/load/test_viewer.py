@@ -125,10 +125,13 @@ async def test_a_viewer_learns_that_the_service_knows_nothing_of_it_any_more() -
     source = FakeFrames()
     async with viewing(source) as (viewer, server):
         await eventually(lambda: fates(viewer)["served"])
+        source.held = True
+        await eventually(viewer.waiting)
         for connection in list(server._connections):
             connection.abandon()
             server.terminated(connection)
         await eventually(lambda: not viewer.is_inside)
         assert fates(viewer)["lost"]
+        source.held = False
         viewer.ended.clear()
         await eventually(lambda: fates(viewer)["served"])
