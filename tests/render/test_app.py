@@ -303,7 +303,14 @@ async def test_metrics_count_frames_and_failures(client: httpx.AsyncClient) -> N
 
 
 async def test_many_viewers_at_once_all_get_their_frames(client: httpx.AsyncClient) -> None:
-    responses = await asyncio.gather(*(client.post("/render", json=frame(seq=seq)) for seq in range(4)))
+    app = client._transport.app  # type: ignore[attr-defined]
+
+    async def post(seq: int) -> httpx.Response:
+        transport = httpx.ASGITransport(app, client=("127.0.0.1", 1000 + seq))
+        async with httpx.AsyncClient(transport=transport, base_url=client.base_url) as viewer:
+            return await viewer.post("/render", json=frame(seq=seq))
+
+    responses = await asyncio.gather(*map(post, range(4)))
     assert sorted(response.headers["tigas-frame"].split(",")[0] for response in responses) == [
         f"seq={seq}" for seq in range(4)
     ]

@@ -37,10 +37,56 @@ async def test_a_client_that_floods_does_not_hold_up_another(bench: Bench) -> No
     bench.rasterizer.gate.set()
     results = await asyncio.gather(first, patient, *flood, return_exceptions=True)
     superseded = [result for result in results if isinstance(result, Superseded)]
-    assert len(superseded) == 50 - engine_module.QUEUE_DEPTH
-    assert order[:2] == [49, 99]
-    assert order[2:] == [48, 47, 46]
-    assert bench.outcome("superseded") == len(superseded)
+    assert order == [49, 99]
+    assert bench.outcome("superseded") == len(superseded) == 49
+
+
+@pytest.mark.parametrize(
+    ("changes", "is_of_use"),
+    [
+        ({}, False),
+        ({"azimuth": 90.0, "profile": 2, "overscan": 0.15, "depth": True, "deadline_ms": 500.0}, False),
+        ({"width": 180, "cx": 90.0}, True),
+        ({"profile": None}, True),
+        ({"format": "png"}, True),
+        ({"seq": 3}, True),
+    ],
+    ids=["the same view", "turned, at another rung", "around", "refined", "another format", "newer"],
+)
+async def test_an_older_view_is_dropped_once_a_newer_one_begins(
+    bench: Bench, changes: dict[str, Any], is_of_use: bool
+) -> None:
+    first = await busy(bench)
+    older = bench.submit("a", **{"seq": 1} | changes)
+    await bench.waiting(1)
+    newer = bench.submit("a", seq=2)
+    await bench.waiting(2)
+    bench.rasterizer.gate.set()
+    assert (await newer).seq == 2
+    if is_of_use:
+        assert (await older).body
+    else:
+        with pytest.raises(Superseded, match="newer view"):
+            await older
+    await first
+    assert len(bench.rasterizer.cameras) == 2 + is_of_use
+    assert bench.scenes.users == 0
+
+
+async def test_nothing_is_dropped_for_a_view_that_is_refused_or_of_another_session(bench: Bench) -> None:
+    first = await busy(bench)
+    older, others, unnumbered = (
+        bench.submit("a", seq=1), [bench.submit("b", seq=seq) for seq in (1, 0)], bench.submit("b", seq=0)
+    )  # fmt: skip
+    await bench.waiting(4)
+    late = bench.submit("a", seq=2, deadline_ms=50)
+    await bench.waiting(5)
+    bench.now += 1
+    bench.rasterizer.gate.set()
+    with pytest.raises(DeadlineExceeded):
+        await late
+    for task in (first, older, *others, unnumbered):
+        assert (await task).body
 
 
 async def test_a_withdrawn_request_is_not_rendered(bench: Bench) -> None:

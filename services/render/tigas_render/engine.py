@@ -358,6 +358,8 @@ class Engine(FrameSource):
                 self._answers.put((work, error))
                 continue
             self._schedule.begin(work.client, work.expected)
+            for older in self._schedule.remove_if(work.client, work.overtakes):
+                self._answers.put((older, Superseded("A newer view of this client is rendered instead.")))
             self._held[work.client.address] += 1
             return work
         return None

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from typing import Generic, TypeVar
 
 from tigas_render.frame import Client
@@ -136,6 +136,15 @@ class FairSchedule(Generic[Work]):
                 self._take(client, position)
                 return True
         return False
+
+    def remove_if(self, client: Client, is_unwanted: Callable[[Work], bool]) -> list[Work]:
+        """Take out, and return, whatever of a client's work is of no use any more."""
+        unwanted = [
+            work for work, _ in self._waiting.get(client.address, {}).get(client.session, ()) if is_unwanted(work)
+        ]
+        for work in unwanted:
+            self.remove(client, work)
+        return unwanted
 
     def _take(self, client: Client, position: int) -> Work:
         sessions = self._waiting[client.address]

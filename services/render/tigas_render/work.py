@@ -70,6 +70,14 @@ class Work:
         """Whether nobody wants the frame any more."""
         return self.answered is None
 
+    def overtakes(self, other: Work) -> bool:
+        """Whether nobody wants the other frame, of the same session, once this one has begun.
+
+        Both show the same view, the other from an earlier moment: it has a smaller number, and is of the same kind.
+        Frames that somebody wants beside the view differ in their kind, or have no numbers.
+        """
+        return other.request.seq < self.request.seq and _kind(other.request) == _kind(self.request)
+
     def check_deadline(self, ready_at: float) -> None:
         """Raises DeadlineExceeded if the frame is of no use then."""
         deadline_ms = self.request.deadline_ms
@@ -85,3 +93,9 @@ class Rendered:
     image: Image
     rendering: float
     """Seconds that it took, without what interrupted it."""
+
+
+def _kind(request: RenderRequest) -> tuple[object, ...]:
+    """The scene and lens, and whether it is at a rung: whoever looks ahead or around does so through other lenses."""
+    lens = (request.width, request.height, request.fx, request.fy, request.cx, request.cy)
+    return request.scene, request.format, request.profile is None, lens
