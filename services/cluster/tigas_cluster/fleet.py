@@ -5,7 +5,9 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
+from urllib.parse import urlsplit
 
+from tigas_common.address import bracketed
 from tigas_common.wire.cluster import HostLoad
 
 PRESSED_UTILISATION, PRESSED_AGE_S = 0.8, 0.06
@@ -25,6 +27,13 @@ class HostAddress:
     draining: bool = False
     """It is to end: it gets no new viewers, and those that it has go elsewhere."""
 
+    @property
+    def public(self) -> str:
+        """HOST:PORT of its API, as pages write it."""
+        url = urlsplit(self.api_url)
+        host = bracketed(self.public_host or url.hostname or "localhost")
+        return f"{host}:{url.port}" if url.port else host
+
 
 @dataclass(frozen=True, slots=True)
 class HostState:
@@ -33,8 +42,6 @@ class HostState:
     address: HostAddress
     load: HostLoad
     """What it said last."""
-    render_url: str
-    """Base URL for a page's `POST /render`."""
 
     @property
     def name(self) -> str:
@@ -57,6 +64,11 @@ class HostState:
     def certificate_sha256(self) -> str | None:
         """What the page is to trust there."""
         return self.load.config.certificate_sha256
+
+    @property
+    def render_url(self) -> str:
+        """Base URL for a page's `POST /render`."""
+        return f"http://{self.address.public}"
 
     @property
     def viewers(self) -> int:

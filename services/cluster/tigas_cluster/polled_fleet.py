@@ -6,12 +6,10 @@ import asyncio
 import math
 from collections.abc import Callable, Iterable, Sequence
 from typing import Self
-from urllib.parse import urlsplit
 
 import httpx
 
 from tigas_cluster.fleet import Fleet, HostAddress, HostState
-from tigas_common.address import bracketed
 from tigas_common.errors import TigasError
 from tigas_common.parsing import parse
 from tigas_common.wire.cluster import HostLoad
@@ -20,6 +18,8 @@ POLL_S = 0.25
 """How often each host is asked, in seconds."""
 GONE_S = 1.0
 """A host that has not answered for so long is gone until it does, in seconds."""
+ANSWER_S = GONE_S - POLL_S
+"""How long it has to answer, in seconds."""
 SUSPECT_S = 0.3
 """How long a host that a viewer hears nothing of has to answer, in seconds."""
 MAX_LOAD = 1_000_000
@@ -38,7 +38,7 @@ class PolledFleet(Fleet):
         """clock: in seconds; transport: another than HTTP, for tests."""
         self._clock = clock
         self._client = httpx.AsyncClient(
-            transport=transport or httpx.AsyncHTTPTransport(limits=httpx.Limits(max_connections=None)), timeout=GONE_S
+            transport=transport or httpx.AsyncHTTPTransport(limits=httpx.Limits(max_connections=None))
         )
         self._polled: dict[str, _Polled] = {}
         self._running = False
@@ -47,7 +47,7 @@ class PolledFleet(Fleet):
     async def __aenter__(self) -> Self:
         """Knows, once it is entered, how those hosts are that answer at once."""
         self._running = True
-        await asyncio.gather(*(polled.ask(GONE_S) for polled in self._polled.values()))
+        await asyncio.gather(*(polled.ask() for polled in self._polled.values()))
         for polled in self._polled.values():
             polled.start()
         return self
@@ -75,8 +75,7 @@ class PolledFleet(Fleet):
                 made.start()
 
     def hosts(self) -> Sequence[HostState]:
-        since = self._clock() - GONE_S
-        return [polled.state for polled in self._polled.values() if polled.state and polled.answered_at >= since]
+        return [state for polled in self._polled.values() if (state := polled.state) is not None]
 
     async def suspect(self, name: str) -> None:
         if (polled := self._polled.get(name)) is not None:
@@ -88,61 +87,59 @@ class _Polled:
 
     def __init__(self, address: HostAddress, client: httpx.AsyncClient, clock: Callable[[], float]) -> None:
         self.address = address
-        self.answered_at = -math.inf
-        self._load: HostLoad | None = None
         self._client = client
         self._clock = clock
+        self._load: HostLoad | None = None
+        self._answered_at = -math.inf
+        self._failing = False
+        """The last that it was asked, it did not answer. A pause of this process alone makes no host seem gone."""
         self._polling: asyncio.Task[None] | None = None
         self._checking: asyncio.Task[None] | None = None
 
     @property
     def state(self) -> HostState | None:
-        """None until it has answered."""
-        if self._load is None:
+        """None if it is gone, or has never been there."""
+        if self._load is None or (self._failing and self._clock() - self._answered_at >= GONE_S):
             return None
-        url = urlsplit(self.address.api_url)
-        port = f":{url.port}" if url.port else ""
-        return HostState(self.address, self._load, f"http://{bracketed(self._public_host)}{port}")
+        return HostState(self.address, self._load)
 
     def start(self) -> None:
+        """Ask again and again."""
         self._polling = asyncio.create_task(self._poll())
 
     def stop(self) -> None:
+        """Ask no more."""
         for task in (self._polling, self._checking):
             if task is not None:
                 task.cancel()
 
     async def check(self) -> None:
-        """Ask at once, whoever else asks for it meanwhile; a host that does not answer is gone."""
+        """Ask at once, together with whoever wants that now; a host that does not answer is gone."""
         if self._checking is None or self._checking.done():
             self._checking = asyncio.create_task(self._check())
         await asyncio.wait([self._checking])
 
-    async def _check(self) -> None:
-        if not await self.ask(SUSPECT_S):
-            self.answered_at = -math.inf
-
-    async def _poll(self) -> None:
-        while True:
-            await self.ask(GONE_S)
-            await asyncio.sleep(POLL_S)
-
-    async def ask(self, limit_s: float) -> bool:
-        """Whether it has said within so many seconds how it is."""
-        url = urlsplit(self.address.api_url)
-        host = bracketed(self._public_host) + (f":{url.port}" if url.port else "")
+    async def ask(self, limit_s: float = ANSWER_S) -> bool:
+        """Whether it says within so many seconds how it is."""
         began = self._clock()
         try:
             async with asyncio.timeout(limit_s):
-                answer = await self._client.get(f"{self.address.api_url}/api/load", headers={"Host": host})
-            if answer.status_code != 200:
-                return False
+                answer = await self._client.get(
+                    f"{self.address.api_url}/api/load", headers={"Host": self.address.public}
+                )
+            answer.raise_for_status()
             self._load = parse(HostLoad, answer.content, MAX_LOAD)
         except (TimeoutError, httpx.HTTPError, TigasError):
+            self._failing = True
             return False
-        self.answered_at = began
+        self._answered_at, self._failing = began, False
         return True
 
-    @property
-    def _public_host(self) -> str:
-        return self.address.public_host or urlsplit(self.address.api_url).hostname or "localhost"
+    async def _check(self) -> None:
+        if not await self.ask(SUSPECT_S):
+            self._answered_at = -math.inf
+
+    async def _poll(self) -> None:
+        while True:
+            await self.ask()
+            await asyncio.sleep(POLL_S)
