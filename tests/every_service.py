@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import AsyncIterator, Callable
 from contextlib import AbstractAsyncContextManager, asynccontextmanager
 from pathlib import Path
 
 import httpx
+from starlette.applications import Starlette
 from starlette.types import ASGIApp
 
+from tests.cluster.hosts import FakeFleet, load
 from tests.experiments.made_up import MACHINE
 from tests.experiments.store.conftest import NOBODY, in_a_thread
 from tests.render.fakes import FakeRasterizer
 from tests.shaper.fakes import FakeGateway, FakeLink, FakeTime
+from tigas_cluster.director import create_director
+from tigas_cluster.fleet import HostAddress, HostState
 from tigas_common.origins import OriginPolicy
 from tigas_common.topology import PAGE_ORIGINS
 from tigas_common.wire.shaper import LinkSetting
@@ -77,4 +82,13 @@ async def store(folder: Path) -> AsyncIterator[ASGIApp]:
         yield store_app(made, OriginPolicy())
 
 
-SERVICES: dict[str, Service] = {"render": render, "dash": dash, "shaper": shaper, "store": store}
+@asynccontextmanager
+async def director(folder: Path) -> AsyncIterator[ASGIApp]:
+    """Before a host that has nothing."""
+    fleet = FakeFleet(HostState(HostAddress("nobody", "http://127.0.0.1:9"), load()))
+    nothing = httpx.ASGITransport(Starlette())
+    async with create_director(fleet, origins=OriginPolicy(), clock=time.monotonic, transport=nothing) as app:
+        yield app
+
+
+SERVICES: dict[str, Service] = {"render": render, "dash": dash, "shaper": shaper, "store": store, "director": director}

@@ -27,7 +27,13 @@ PAGE = "http://localhost:8080"
 LONG_S = 600
 
 
-TAKES_A_BODY = {"render": "/render", "dash": "/sessions", "shaper": "/start", "store": "/experiments"}
+TAKES_A_BODY = {
+    "render": "/render",
+    "dash": "/sessions",
+    "shaper": "/start",
+    "store": "/experiments",
+    "director": "/render",
+}
 Serve = Callable[..., AbstractAsyncContextManager[int]]
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import time
 from collections.abc import AsyncIterator, Callable, Iterator
 from contextlib import asynccontextmanager
 from pathlib import Path
@@ -15,6 +16,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from starlette.types import ASGIApp
 
+from tests.cluster.hosts import FakeFleet, load
 from tests.dash.fakes import FakeRender
 from tests.experiments.made_up import MACHINE
 from tests.experiments.store.conftest import NOBODY, in_a_thread
@@ -29,6 +31,8 @@ from tests.fuzz.wire_examples import EXAMPLES
 from tests.render.fakes import FakeRasterizer
 from tests.render.scenes import plys
 from tests.shaper.fakes import FakeGateway, FakeLink, FakeTime, trace
+from tigas_cluster.director import create_director
+from tigas_cluster.fleet import HostAddress, HostState
 from tigas_common.origins import OriginPolicy
 from tigas_common.wire.dash import SessionRequest
 from tigas_common.wire.render import RenderRequest
@@ -125,6 +129,35 @@ def test_any_target_of_the_render_service_is_answered(
     render: Ask, method: str, path: str, fields: list[tuple[bytes, bytes]]
 ) -> None:
     assert_answered(render(method, path, headers=fields))
+
+
+# -- the director ------------------------------------------------------------------------------------------------------
+
+
+@asynccontextmanager
+async def directing(directory: Path) -> AsyncIterator[ASGIApp]:
+    async with rendering(directory) as render:
+        hosts = httpx.ASGITransport(render)
+        fleet = FakeFleet(HostState(HostAddress("here", "http://127.0.0.1:8080"), load()))
+        async with create_director(fleet, origins=OriginPolicy(), clock=time.monotonic, transport=hosts) as app:
+            yield app
+
+
+@pytest.fixture(scope="module")
+def director(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Ask]:
+    yield from asking(directing(tmp_path_factory.mktemp("director")))
+
+
+@effort(100)
+@given(
+    st.sampled_from(METHODS),
+    paths(["/", "/render", "/scenes", "/scenes/scene/{}", "/config.json?scene={}&{}={}", "/metrics", "/{}"]),
+    headers(HOST[1]),
+)
+def test_any_target_of_the_director_is_answered(
+    director: Ask, method: str, path: str, fields: list[tuple[bytes, bytes]]
+) -> None:
+    assert_answered(director(method, path, headers=fields))
 
 
 # -- dash --------------------------------------------------------------------------------------------------------------

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import AsyncIterator, Callable, Mapping
 from contextlib import asynccontextmanager
 
+import httpx
 from prometheus_client import CONTENT_TYPE_LATEST, generate_latest
 from starlette.applications import Starlette
 from starlette.requests import Request
@@ -35,11 +36,12 @@ async def create_director(
     clock: Callable[[], float],
     services: Mapping[str, str] | None = None,
     https_port: int | None = None,
+    transport: httpx.AsyncBaseTransport | None = None,
 ) -> AsyncIterator[ASGIApp]:
     """The application over a fleet, which is its caller's to open and close.
 
     clock: in seconds. services: base URLs for the page, by name; a bare `:PORT` means the page's own host.
-    https_port: where the director is served over HTTPS as well.
+    https_port: where the director is served over HTTPS as well. transport: another way to hosts than HTTP, for tests.
     """
     director = Director(fleet, clock, services or {}, https_port)
     app = Starlette(
@@ -52,11 +54,11 @@ async def create_director(
         exception_handlers=EXCEPTION_HANDLERS,
     )
     app.state.director = director
-    app.router.default = HostProxy(fleet)
+    app.router.default = proxy = HostProxy(fleet, transport)
     try:
         yield OriginCheck(app, origins)
     finally:
-        await app.router.default.close()
+        await proxy.close()
 
 
 class Director:

@@ -1,0 +1,51 @@
+"""Hosts that are made up."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from tigas_cluster.fleet import Fleet, HostAddress, HostState
+from tigas_common.wire.cluster import HostLoad
+from tigas_common.wire.render import DEFAULT_LADDER, ServerConfig
+
+
+def load(
+    viewers: int = 0, *, full: float | None = None, queue_age_s: float = 0.0, scenes: tuple[str, ...] = ()
+) -> HostLoad:
+    """What a host says of itself."""
+    config = ServerConfig(
+        version="1",
+        ladder=DEFAULT_LADDER,
+        certificate_sha256="AQID",
+        webtransport_url="https://192.0.2.1:4433/render",
+        https_url="https://192.0.2.1:8443/",
+        services={"dash": "http://192.0.2.1:8081"},
+        retry_after_s=full,
+    )
+    return HostLoad(config=config, viewers=viewers, utilisation=0.1, queue_age_s=queue_age_s, scenes=scenes)
+
+
+def host(
+    name: str, viewers: int = 0, *, full: float | None = None, queue_age_s: float = 0.0, draining: bool = False
+) -> HostState:
+    """A host at http://NAME.test:8080."""
+    address = HostAddress(name, f"http://{name}.test:8080", draining=draining)
+    return HostState(address, load(viewers, full=full, queue_age_s=queue_age_s))
+
+
+class FakeFleet(Fleet):
+    """As the test says."""
+
+    def __init__(self, *states: HostState) -> None:
+        self.states: list[HostState] = list(states)
+        self.dead: set[str] = set()
+        """Of these it is only noticed when they are suspected."""
+        self.suspected: list[str] = []
+
+    def hosts(self) -> Sequence[HostState]:
+        return list(self.states)
+
+    async def suspect(self, name: str) -> None:
+        self.suspected.append(name)
+        if name in self.dead:
+            self.states = [state for state in self.states if state.name != name]

@@ -1,0 +1,137 @@
+"""What the director answers, over hosts that are made up."""
+
+from __future__ import annotations
+
+from collections.abc import AsyncIterator
+from dataclasses import replace
+
+import httpx
+import pytest
+
+from tests.cluster.hosts import FakeFleet, host
+from tests.render.fakes import render_request
+from tigas_cluster.director import create_director
+from tigas_common.origins import OriginPolicy
+from tigas_common.placement import ranked
+
+pytestmark = pytest.mark.anyio
+
+FIRST, SECOND = ranked("garden", ("a", "b"))
+
+
+@pytest.fixture
+def fleet() -> FakeFleet:
+    return FakeFleet(host("a"), host("b"))
+
+
+@pytest.fixture
+async def client(fleet: FakeFleet) -> AsyncIterator[httpx.AsyncClient]:
+    services = {"dash": ":8081", "store": "http://store.test:8091"}
+    async with (
+        create_director(fleet, origins=OriginPolicy(), clock=lambda: 0.0, services=services, https_port=8443) as app,
+        httpx.AsyncClient(transport=httpx.ASGITransport(app), base_url="http://localhost:8080") as client,
+    ):
+        yield client
+
+
+async def served_by(client: httpx.AsyncClient, **viewer: str) -> str:
+    answer = await client.get("/config.json", params={"scene": "garden", **viewer})
+    assert answer.status_code == 200, answer.text
+    return str(answer.json()["host"])
+
+
+async def test_a_page_hears_where_its_scene_is(client: httpx.AsyncClient) -> None:
+    config = (await client.get("/config.json?scene=garden")).json()
+    assert config["host"] == FIRST
+    assert config["render_url"] == f"http://{FIRST}.test:8080"
+    assert (config["webtransport_url"], config["certificate_sha256"]) == ("https://192.0.2.1:4433/render", "AQID")
+    assert config["retry_after_s"] is None
+
+
+async def test_what_is_the_directors_own_is_at_its_own_address(client: httpx.AsyncClient) -> None:
+    config = (await client.get("/config.json")).json()
+    assert config["https_url"] == "https://localhost:8443/"
+    assert config["services"] == {"dash": "http://localhost:8081", "store": "http://store.test:8091"}
+
+
+async def test_a_viewer_stays_where_it_is_while_that_is_well(client: httpx.AsyncClient, fleet: FakeFleet) -> None:
+    assert await served_by(client, at=SECOND) == SECOND
+    assert fleet.suspected == []
+    fleet.states = [replace(state, address=replace(state.address, draining=True)) for state in fleet.states[:1]] + [
+        fleet.states[1]
+    ]
+    assert await served_by(client, at="a") == "b"
+
+
+async def test_a_viewer_that_hears_nothing_stays_with_a_host_that_answers(
+    client: httpx.AsyncClient, fleet: FakeFleet
+) -> None:
+    assert await served_by(client, silent=SECOND) == SECOND
+    assert fleet.suspected == [SECOND]
+    fleet.dead = {SECOND}
+    assert await served_by(client, silent=SECOND) == FIRST
+
+
+async def test_a_viewer_that_hears_nothing_of_a_full_host_is_sent_to_one_with_room(
+    client: httpx.AsyncClient, fleet: FakeFleet
+) -> None:
+    fleet.states = [host(FIRST, full=5.0), host(SECOND)]
+    assert await served_by(client, silent=FIRST) == SECOND
+    assert await served_by(client, at=FIRST) == FIRST
+
+
+async def test_a_viewer_that_could_not_get_in_is_sent_elsewhere(client: httpx.AsyncClient, fleet: FakeFleet) -> None:
+    assert await served_by(client, lost=FIRST) == SECOND
+    assert fleet.suspected == [FIRST]
+    fleet.states = [host(FIRST)]
+    assert await served_by(client, lost=FIRST) == FIRST, "there is no other"
+
+
+async def test_a_full_cluster_says_when_to_come_back(client: httpx.AsyncClient, fleet: FakeFleet) -> None:
+    fleet.states = [host("a", full=7.0), host("b", full=3.0)]
+    assert (await client.get("/config.json?scene=garden")).json()["retry_after_s"] == 3.0
+
+
+async def test_without_a_host_all_is_refused_for_now(client: httpx.AsyncClient, fleet: FakeFleet) -> None:
+    assert (await client.get("/healthz")).status_code == 200
+    fleet.states = []
+    for path in ("/config.json?scene=garden", "/healthz", "/scenes", "/"):
+        answer = await client.get(path)
+        assert (answer.status_code, answer.headers["retry-after"]) == (503, "2"), path
+        assert answer.json()["type"] == "tigas:overloaded"
+
+
+async def test_frames_are_asked_for_at_the_host(client: httpx.AsyncClient) -> None:
+    body = render_request(scene="garden").model_dump(mode="json", exclude_none=True)
+    answer = await client.post("/render", json=body)
+    assert (answer.status_code, answer.headers["location"]) == (307, f"http://{FIRST}.test:8080/render")
+    assert (await client.post("/render", json={})).status_code == 400
+
+
+async def test_names_of_any_length_and_other_hosts_names_are_refused(client: httpx.AsyncClient) -> None:
+    assert (await client.get("/config.json", params={"scene": "x" * 257})).status_code == 400
+    assert (await client.get("/config.json", params={"lost": "x" * 257})).status_code == 400
+    assert (await client.get("/config.json", headers={"Host": "evil.example"})).status_code == 421
+    assert (await client.get("/config.json", headers={"Origin": "https://evil.example"})).status_code == 403
+
+
+async def test_metrics_tell_of_hosts_and_of_where_viewers_were_sent(
+    client: httpx.AsyncClient, fleet: FakeFleet
+) -> None:
+    fleet.states = [host("a", viewers=3, queue_age_s=0.02), host("b", full=5.0)]
+    await served_by(client)
+    await served_by(client, at="a")
+    await served_by(client, lost="b")
+    await served_by(client, silent="b")
+    text = (await client.get("/metrics")).text
+    for line in (
+        "tigas_hosts 2.0",
+        'tigas_viewers{host="a"} 3.0',
+        'tigas_full{host="a"} 0.0',
+        'tigas_full{host="b"} 1.0',
+        'tigas_queue_age_seconds{host="a"} 0.02',
+        'tigas_placements_total{host="a"} 3.0',
+        'tigas_redirects_total{why="lost"} 1.0',
+        'tigas_redirects_total{why="silent"} 1.0',
+    ):
+        assert line in text

@@ -1,0 +1,123 @@
+"""What is known of hosts that are asked all the time."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import AsyncIterator, Callable
+
+import httpx
+import pytest
+
+from tests.cluster.hosts import load
+from tigas_cluster import polled_fleet
+from tigas_cluster.fleet import HostAddress
+from tigas_cluster.polled_fleet import PolledFleet
+
+pytestmark = pytest.mark.anyio
+
+A, B = HostAddress("a", "http://a.test:8080"), HostAddress("b", "http://b.test:8080", public_host="b.example")
+
+
+class Hosts(httpx.AsyncBaseTransport):
+    """Answer at once, unless they are silent, or refuse."""
+
+    def __init__(self) -> None:
+        self.viewers = 0
+        self.silent: set[str] = set()
+        self.refusing: set[str] = set()
+        self.asked: list[httpx.Request] = []
+
+    async def handle_async_request(self, request: httpx.Request) -> httpx.Response:
+        self.asked.append(request)
+        name = request.url.host.partition(".")[0]
+        if name in self.silent:
+            await asyncio.Event().wait()
+        if name in self.refusing:
+            raise httpx.ConnectError("refused")
+        return httpx.Response(200, content=load(self.viewers).model_dump_json())
+
+
+@pytest.fixture(autouse=True)
+def hurry(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The same in a tenth of the time, so that nobody waits."""
+    for name in ("POLL_S", "GONE_S", "ANSWER_S"):
+        monkeypatch.setattr(polled_fleet, name, getattr(polled_fleet, name) / 10)
+
+
+@pytest.fixture
+def hosts() -> Hosts:
+    return Hosts()
+
+
+@pytest.fixture
+async def fleet(hosts: Hosts) -> AsyncIterator[PolledFleet]:
+    async with PolledFleet([A, B], asyncio.get_running_loop().time, hosts) as fleet:
+        yield fleet
+
+
+async def until(condition: Callable[[], bool]) -> None:
+    async with asyncio.timeout(20):
+        while not condition():  # noqa: ASYNC110 - hosts are asked, and say nothing by themselves
+            await asyncio.sleep(0.005)
+
+
+def names(fleet: PolledFleet) -> list[str]:
+    return [host.name for host in fleet.hosts()]
+
+
+async def test_knows_from_the_start_how_hosts_are_and_hears_what_changes(fleet: PolledFleet, hosts: Hosts) -> None:
+    assert names(fleet) == ["a", "b"]
+    hosts.viewers = 7
+    await until(lambda: {host.viewers for host in fleet.hosts()} == {7})
+
+
+async def test_a_host_is_asked_under_the_name_that_pages_use(fleet: PolledFleet, hosts: Hosts) -> None:
+    assert {request.headers["host"] for request in hosts.asked} == {"a.test:8080", "b.example:8080"}
+    assert {str(request.url) for request in hosts.asked} == {f"{each.api_url}/api/load" for each in (A, B)}
+    assert [host.render_url for host in fleet.hosts()] == ["http://a.test:8080", "http://b.example:8080"]
+
+
+async def test_a_silent_host_is_gone_until_it_answers(fleet: PolledFleet, hosts: Hosts) -> None:
+    hosts.silent = {"a"}
+    assert names(fleet) == ["a", "b"]
+    await until(lambda: names(fleet) == ["b"])
+    hosts.silent = set()
+    await until(lambda: names(fleet) == ["a", "b"])
+
+
+@pytest.mark.parametrize("how", ["silent", "refusing"])
+async def test_a_suspected_host_that_does_not_answer_is_gone_at_once(
+    fleet: PolledFleet, hosts: Hosts, monkeypatch: pytest.MonkeyPatch, how: str
+) -> None:
+    monkeypatch.setattr(polled_fleet, "GONE_S", 60.0)
+    setattr(hosts, how, {"a"})
+    await asyncio.gather(*(fleet.suspect("a") for _ in range(5)))
+    assert names(fleet) == ["b"]
+
+
+async def test_those_who_suspect_a_host_together_ask_it_once(fleet: PolledFleet, hosts: Hosts) -> None:
+    hosts.asked.clear()
+    await asyncio.gather(*(fleet.suspect("a") for _ in range(50)), fleet.suspect("nobody"))
+    assert len([request for request in hosts.asked if request.url.host == "a.test"]) <= 2, "one is the usual poll"
+    assert names(fleet) == ["a", "b"]
+
+
+async def test_one_answer_that_fails_makes_no_host_gone(fleet: PolledFleet, hosts: Hosts) -> None:
+    hosts.refusing = {"a"}
+    await until(lambda: sum(request.url.host == "a.test" for request in hosts.asked) >= 2)
+    hosts.refusing = set()
+    assert names(fleet) == ["a", "b"]
+
+
+async def test_hosts_come_and_go_and_what_is_known_of_the_others_stays(fleet: PolledFleet) -> None:
+    fleet.follow([HostAddress("b", B.api_url, draining=True), HostAddress("c", "http://c.test:8080")])
+    assert [(host.name, host.draining) for host in fleet.hosts()] == [("b", True)]
+    await until(lambda: names(fleet) == ["b", "c"])
+
+
+async def test_a_host_that_says_nonsense_is_none(hosts: Hosts) -> None:
+    async def nonsense(request: httpx.Request) -> httpx.Response:
+        return httpx.Response(200, content=b'{"viewers": "many"}')
+
+    async with PolledFleet([A], asyncio.get_running_loop().time, httpx.MockTransport(nonsense)) as fleet:
+        assert fleet.hosts() == []
