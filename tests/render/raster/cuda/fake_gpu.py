@@ -10,17 +10,17 @@ import contextlib
 import ctypes
 import sys
 import weakref
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator
 from types import ModuleType, SimpleNamespace
 from typing import Any
 from unittest.mock import patch
 
 import torch
 
+from tigas_render.raster.cuda import calls  # noqa: F401 - with Numba, before modules are replaced
 from tigas_render.raster.cuda.parameters import LAYOUT
 
-USERS = tuple(f"tigas_render.raster.cuda.{name}" for name in ("nvjpeg", "rasterizer", "workspace"))
+USERS = tuple(f"tigas_render.raster.cuda.{name}" for name in ("driver", "nvjpeg", "rasterizer", "workspace"))
 """Our modules that import what is replaced."""
 STATUS = 20
 """Where in a frame's parameters the address is at which it leaves the entries that its lists needed."""
@@ -46,7 +46,8 @@ class FakeGpu:
         self.encoders = 0
         """How many JPEG encoders there are: one for each workspace."""
         self.launch_result = "CUDA_SUCCESS"
-        self.sync_error: Exception | None = None
+        self.sync_result = "CUDA_SUCCESS"
+        self.copy_error: Exception | None = None
         self.jpeg_status = 0
         self.lost = False
         """Whether every call fails."""
@@ -75,10 +76,34 @@ class FakeGpu:
 
     # -- work --------------------------------------------------------------------------------------------------------
 
-    def launch_first_kernel(self, *arguments: Any) -> tuple[SimpleNamespace]:
+    def launch_first_kernel(self, *arguments: int) -> int:
         """cuLaunchKernel: the first argument of the kernel is the frame's parameters."""
         self._parameters = ctypes.c_void_p.from_address(arguments[9]).value or 0
-        return (CURESULTS[self.launch_result],)
+        return CURESULTS.index(self.launch_result)
+
+    def launch_graph(self, *_: int) -> int:
+        """cuGraphLaunch."""
+        self.draw()
+        return 0
+
+    def wait(self, *_: int) -> int:
+        """cuStreamSynchronize."""
+        return CURESULTS.index("CUDA_ERROR_ILLEGAL_ADDRESS" if self.lost else self.sync_result)
+
+    def encode(self, *_: int) -> int:
+        """nvjpegEncodeYUV."""
+        return self.jpeg_status
+
+    def retrieve(self, *arguments: int) -> int:
+        """nvjpegEncodeRetrieveBitstream."""
+        ctypes.c_size_t.from_address(arguments[3]).value = 10
+        return 0
+
+    def copying(self, stream: object) -> contextlib.AbstractContextManager[None]:
+        """What is copied goes through this stream."""
+        if self.copy_error is not None:
+            raise self.copy_error
+        return contextlib.nullcontext()
 
     def draw(self) -> None:
         """The kernels of a frame after the first."""
@@ -91,35 +116,42 @@ class FakeGpu:
         if self.lost:
             raise RuntimeError("CUDA error: an illegal memory access was encountered\nMore follows.")
 
-    def sync(self) -> None:
-        """Wait for a stream."""
-        self.synchronize()
-        if self.sync_error is not None:
-            raise self.sync_error
 
-
-CURESULTS = {name: SimpleNamespace(name=name) for name in ("CUDA_SUCCESS", "CUDA_ERROR_OUT_OF_MEMORY")}
+CURESULTS = ["CUDA_SUCCESS", "CUDA_ERROR_OUT_OF_MEMORY", "CUDA_ERROR_ILLEGAL_ADDRESS"]
 _zeros = torch.zeros
 
 
-@dataclass
-class _NvJpeg:
-    """nvJPEG's library: every function gives a status."""
+FUNCTION = ctypes.CFUNCTYPE(ctypes.c_int, *[ctypes.c_int64] * 11)
+"""What is called through its address."""
 
-    gpu: FakeGpu
+
+class _Library:
+    """Of ctypes: every function gives a status."""
+
+    def __init__(self, gpu: FakeGpu) -> None:
+        self._gpu = gpu
+        self._prepared: dict[str, Callable[..., int]] = {
+            "cuLaunchKernel": gpu.launch_first_kernel,
+            "cuGraphLaunch": gpu.launch_graph,
+            "cuStreamSynchronize": gpu.wait,
+            "nvjpegEncodeYUV": gpu.encode,
+            "nvjpegEncodeRetrieveBitstream": gpu.retrieve,
+        }
 
     def __getattr__(self, name: str) -> Any:
         def function(*arguments: Any) -> int:
             if name == "nvjpegEncoderStateCreate":
-                self.gpu.encoders += 1
+                self._gpu.encoders += 1
             elif name == "nvjpegEncodeGetBufferSize":
                 arguments[-1]._obj.value = 1000
-            elif name == "nvjpegEncodeRetrieveBitstream":
-                arguments[3]._obj.value = 10
-            return self.gpu.jpeg_status if name == "nvjpegEncodeYUV" else 0
+            return 0
 
-        setattr(self, name, function)
-        return function
+        found: Any = function
+        if name in self._prepared:
+            found = FUNCTION(self._prepared[name])
+            found.__name__ = name
+        setattr(self, name, found)
+        return found
 
 
 def _packages(gpu: FakeGpu) -> dict[str, ModuleType]:
@@ -135,15 +167,10 @@ def _packages(gpu: FakeGpu) -> dict[str, ModuleType]:
     )
     builder = SimpleNamespace(
         begin_building=lambda mode: None,
-        end_building=lambda: SimpleNamespace(complete=lambda: SimpleNamespace(launch=lambda stream: gpu.draw())),
+        end_building=lambda: SimpleNamespace(complete=lambda: SimpleNamespace(handle=1)),
     )
-    stream = SimpleNamespace(handle=1, sync=gpu.sync, create_graph_builder=lambda: builder)
-    driver = SimpleNamespace(
-        CUfunction=int,
-        CUstream=int,
-        CUresult=SimpleNamespace(**CURESULTS),
-        cuLaunchKernel=gpu.launch_first_kernel,
-    )
+    stream = SimpleNamespace(handle=1, create_graph_builder=lambda: builder)
+    driver = SimpleNamespace(CUresult=lambda status: SimpleNamespace(name=CURESULTS[status]))
     return {
         "cuda": package("cuda"),
         "cuda.bindings": package("cuda.bindings", driver=driver),
@@ -181,8 +208,7 @@ def fake_gpu() -> Iterator[FakeGpu]:
     def zeros(*size: int, pin_memory: bool = False, **options: Any) -> Any:
         return _zeros(*size, **options)
 
-    def cdll(path: str) -> _NvJpeg:
-        return _NvJpeg(gpu)
+    library = _Library(gpu)
 
     with (
         patch.dict(sys.modules, _packages(gpu)),
@@ -194,10 +220,10 @@ def fake_gpu() -> Iterator[FakeGpu]:
             empty_cache=gpu.empty_cache,
             get_device_capability=lambda device: (9, 0),
             set_device=lambda device: None,
-            stream=lambda stream: contextlib.nullcontext(),
+            stream=gpu.copying,
             synchronize=lambda device: gpu.synchronize(),
         ),
-        patch.object(ctypes, "CDLL", cdll),
+        patch.object(ctypes, "CDLL", lambda path: library),
     ):
         for name in USERS:
             sys.modules.pop(name, None)

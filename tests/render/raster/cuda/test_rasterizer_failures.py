@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import pytest
 import torch
 
-from tests.render.raster.cuda.fake_gpu import CUDAError, FakeGpu, fake_gpu
+from tests.render.raster.cuda.fake_gpu import FakeGpu, fake_gpu
 from tests.render.raster.views import camera, cloud
 from tigas_common.errors import DeviceLost, OutOfDeviceMemory
 from tigas_common.wire.render import FrameFormat
@@ -122,36 +122,41 @@ def test_once_memory_was_short_the_driver_finds_what_pytorch_kept(gpu: FakeGpu, 
     assert gpu.cached == 0
 
 
-FAILURES: dict[str, tuple[dict[str, Any], type[Exception]]] = {
-    "the driver has no memory": ({"launch_result": "CUDA_ERROR_OUT_OF_MEMORY"}, OutOfDeviceMemory),
+FAILURES: dict[str, tuple[dict[str, Any], FrameFormat, type[Exception]]] = {
+    "the driver has no memory": ({"launch_result": "CUDA_ERROR_OUT_OF_MEMORY"}, "jpeg", OutOfDeviceMemory),
+    "the driver finds that out late": ({"sync_result": "CUDA_ERROR_OUT_OF_MEMORY"}, "jpeg", OutOfDeviceMemory),
     "the runtime has none": (
-        {"sync_error": RuntimeError("CUDA error: out of memory\nCompile with TORCH_USE_CUDA_DSA")},
+        {"copy_error": RuntimeError("CUDA error: out of memory\nCompile with TORCH_USE_CUDA_DSA")},
+        "png",
         OutOfDeviceMemory,
     ),
-    "cuda.core has none": ({"sync_error": CUDAError("CUDA_ERROR_OUT_OF_MEMORY: it failed")}, OutOfDeviceMemory),
-    "nvJPEG has none": ({"jpeg_status": 5}, OutOfDeviceMemory),
-    "nvJPEG fails": ({"jpeg_status": 2}, RuntimeError),
+    "nvJPEG has none": ({"jpeg_status": 5}, "jpeg", OutOfDeviceMemory),
+    "nvJPEG fails": ({"jpeg_status": 2}, "jpeg", RuntimeError),
 }
 
 
-@pytest.mark.parametrize(("failure", "expected"), FAILURES.values(), ids=FAILURES.keys())
+@pytest.mark.parametrize(("failure", "format", "expected"), FAILURES.values(), ids=FAILURES.keys())
 def test_one_failure_costs_one_request(
-    gpu: FakeGpu, rasterizer: CudaRasterizer, failure: dict[str, Any], expected: type[Exception]
+    gpu: FakeGpu,
+    rasterizer: CudaRasterizer,
+    failure: dict[str, Any],
+    format: FrameFormat,
+    expected: type[Exception],
 ) -> None:
-    frame(rasterizer, format="jpeg")
+    frame(rasterizer, format=format)
     with pytest.MonkeyPatch.context() as patched:
         for name, value in failure.items():
             patched.setattr(gpu, name, value)
         with pytest.raises(expected) as raised:
-            frame(rasterizer, format="jpeg")
+            frame(rasterizer, format=format)
     assert type(raised.value) is not DeviceLost
-    assert frame(rasterizer, format="jpeg")
+    assert frame(rasterizer, format=format)
     assert gpu.encoders == 1, "its workspace is used again"
 
 
 @pytest.mark.parametrize(
     ("jpeg_status", "reason"),
-    [(0, "CUDA error: an illegal memory access was encountered"), (2, "nvjpegEncodeYUV failed with status 2")],
+    [(0, "cuStreamSynchronize failed: CUDA_ERROR_ILLEGAL_ADDRESS"), (2, "nvjpegEncodeYUV failed with status 2")],
 )
 def test_a_failure_after_which_nothing_works_is_a_lost_gpu(
     gpu: FakeGpu, rasterizer: CudaRasterizer, jpeg_status: int, reason: str

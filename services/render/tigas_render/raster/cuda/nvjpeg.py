@@ -7,9 +7,11 @@ of 1280 × 720, 0.05 ms less than through torchvision or nvImageCodec (docs/gpu.
 from __future__ import annotations
 
 import ctypes
-from ctypes import POINTER, byref, c_int, c_size_t, c_void_p
+from ctypes import POINTER, addressof, byref, c_int, c_size_t, c_void_p
 
 from cuda.pathfinder import load_nvidia_dynamic_lib
+
+from tigas_render.raster.cuda.calls import Call, CallError, Calls
 
 CSS_420 = 2
 """nvjpegChromaSubsampling_t: one chroma sample for four pixels."""
@@ -19,12 +21,8 @@ ALLOCATOR_FAILURE = 5
 """nvjpegStatus_t: no memory."""
 
 
-class NvJpegError(RuntimeError):
+class NvJpegError(CallError):
     """A call failed, with nvjpegStatus_t."""
-
-    def __init__(self, function: str, status: int) -> None:
-        super().__init__(f"{function} failed with status {status}")
-        self.status = status
 
 
 class _Planes(ctypes.Structure):
@@ -65,20 +63,33 @@ class NvJpeg:
         if status:
             raise NvJpegError(name, status)
 
+    def prepared(self, name: str, *arguments: int) -> Call:
+        """A call for later."""
+        return Call(getattr(self._library, name), arguments, NvJpegError)
+
 
 class JpegEncoder:
     """Encodes one picture at a time on one stream."""
 
-    def __init__(self, library: NvJpeg, stream: int) -> None:
+    def __init__(self, library: NvJpeg, stream: int, synchronize: Call) -> None:
+        """synchronize: waits for the stream."""
         self._library = library
         self._stream = c_void_p(stream)
         self._state, self._params = c_void_p(), c_void_p()
         self._planes = _Planes()
         self._quality = 0
+        self._length = c_size_t()
         library.call("nvjpegEncoderStateCreate", library.handle, byref(self._state), self._stream)
         library.call("nvjpegEncoderParamsCreate", library.handle, byref(self._params), self._stream)
         library.call("nvjpegEncoderParamsSetSamplingFactors", self._params, CSS_420, self._stream)
         library.call("nvjpegEncoderParamsSetOptimizedHuffman", self._params, 0, self._stream)
+        handle, state, params = (pointer.value or 0 for pointer in (library.handle, self._state, self._params))
+        planes, length = addressof(self._planes), addressof(self._length)
+        self._calls = Calls(
+            library.prepared("nvjpegEncodeYUV", handle, state, params, planes, CSS_420, 0, 0, stream),
+            library.prepared("nvjpegEncodeRetrieveBitstream", handle, state, 0, length, stream),
+            synchronize,
+        )
 
     def close(self) -> None:
         """Give the library's memory back."""
@@ -91,29 +102,20 @@ class JpegEncoder:
         self._library.call("nvjpegEncodeGetBufferSize", self._library.handle, self._params, width, height, byref(size))
         return size.value
 
-    def encode(self, planes: int, width: int, height: int, quality: int) -> None:
-        """Queue the encoding of planes in device memory: Y [H, W], Cb and Cr [⌈H/2⌉, ⌈W/2⌉], one after the other."""
-        library = self._library
+    def encode(self, planes: int, width: int, height: int, quality: int, into: int, room: int) -> int:
+        """Encode planes in device memory into `room` bytes of pinned memory, and give the JPEG's length.
+
+        Planes: Y [H, W], Cb and Cr [⌈H/2⌉, ⌈W/2⌉], one after the other. Waits until the bytes are there.
+        """
         if quality != self._quality:
-            library.call("nvjpegEncoderParamsSetQuality", self._params, quality, self._stream)
+            self._library.call("nvjpegEncoderParamsSetQuality", self._params, quality, self._stream)
             self._quality = quality
         columns, rows = (width + 1) // 2, (height + 1) // 2
         chroma = planes + width * height
         self._planes.channel[:3] = [planes, chroma, chroma + columns * rows]
         self._planes.pitch[:3] = [width, columns, columns]
-        library.call(
-            "nvjpegEncodeYUV", library.handle, self._state, self._params, byref(self._planes), CSS_420,
-            width, height, self._stream,
-        )  # fmt: skip
-
-    def retrieve(self, into: int, room: int) -> int:
-        """Queue the copy of the encoded picture to `room` bytes of pinned memory, and give its length.
-
-        Waits until the picture is encoded; the bytes are there once the stream has been synchronised.
-        """
-        length = c_size_t(room)
-        self._library.call(
-            "nvjpegEncodeRetrieveBitstream", self._library.handle, self._state, c_void_p(into), byref(length),
-            self._stream,
-        )  # fmt: skip
-        return length.value
+        self._length.value = room
+        self._calls.replace(0, 5, width, height)
+        self._calls.replace(1, 2, into)
+        self._calls.make()
+        return self._length.value

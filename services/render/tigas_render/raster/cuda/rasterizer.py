@@ -21,7 +21,7 @@ from tigas_render.encode.png import encode_png
 from tigas_render.gaussians import Gaussians
 from tigas_render.raster.base import Camera, Image, Pause, PreparedScene, Rasterizer, one_gaussian
 from tigas_render.raster.cuda.compiler import load_kernels
-from tigas_render.raster.cuda.nvjpeg import ALLOCATOR_FAILURE, NvJpeg
+from tigas_render.raster.cuda.nvjpeg import ALLOCATOR_FAILURE, NvJpeg, NvJpegError
 from tigas_render.raster.cuda.scene import CudaScene, pack
 from tigas_render.raster.cuda.workspace import Workspace, make_stages
 
@@ -44,6 +44,7 @@ class CudaRasterizer(Rasterizer):
         self._device = torch.device(self.device)
         self._free: list[Workspace] = []
         self._lock = threading.Lock()
+        self._threads = threading.local()
         self._full = False
         try:
             self._open(index, cache)
@@ -120,8 +121,11 @@ class CudaRasterizer(Rasterizer):
         workspace.close()
 
     def _make_current(self) -> None:
-        torch.cuda.set_device(self._device)
-        Device(self._device.index).set_current()
+        """Once in each thread."""
+        if not hasattr(self._threads, "is_current"):
+            torch.cuda.set_device(self._device)
+            Device(self._device.index).set_current()
+            self._threads.is_current = True
 
     @contextmanager
     def _explained(self) -> Iterator[None]:
@@ -161,7 +165,9 @@ class CudaRasterizer(Rasterizer):
 
 def _is_out_of_memory(error: Exception) -> bool:
     """PyTorch, the driver, the runtime (for pinned memory) and nvJPEG each say it in their own way."""
-    if isinstance(error, torch.cuda.OutOfMemoryError) or getattr(error, "status", 0) == ALLOCATOR_FAILURE:
+    if isinstance(error, torch.cuda.OutOfMemoryError) or (
+        isinstance(error, NvJpegError) and error.status == ALLOCATOR_FAILURE
+    ):
         return True
     return "out of memory" in str(error).lower().replace("_", " ")
 
@@ -212,8 +218,8 @@ class CudaImage(Image):
                 if again:
                     workspace.start(self._scene, self._camera, format, depth=self._with_depth)
                     self._format, self._finished = format, False
-                length = self._queue(workspace, format, quality)
-                again = not workspace.finish()
+                length = self._fetch(workspace, format, quality)
+                again = not workspace.fitted()
                 if not again:
                     break
             self._finished = True
@@ -235,12 +241,12 @@ class CudaImage(Image):
         try:
             if not self._finished:
                 with self._rasterizer._explained():
-                    workspace.stream.sync()
+                    workspace.wait()
         finally:
             self._rasterizer.give_back(workspace)
 
-    def _queue(self, workspace: Workspace, format: FrameFormat, quality: int) -> int:
-        """Queue encoding and copy; bytes of the result."""
+    def _fetch(self, workspace: Workspace, format: FrameFormat, quality: int) -> int:
+        """Bring the encoded image to the host; its bytes."""
         match format:
             case "jpeg":
                 return workspace.encode_jpeg(self.width, self.height, quality)

@@ -8,12 +8,13 @@ from dataclasses import dataclass
 
 import numpy as np
 import torch
-from cuda.bindings import driver
 from cuda.core import Device, Kernel, LaunchConfig, Stream, launch
 from cuda.core.graph import Graph
 
 from tigas_common.wire.render import FrameFormat
 from tigas_render.raster.base import Camera, Depth
+from tigas_render.raster.cuda.calls import Call, Calls
+from tigas_render.raster.cuda.driver import driver_call
 from tigas_render.raster.cuda.layout import TileLayout, tile_layout
 from tigas_render.raster.cuda.nvjpeg import JpegEncoder, NvJpeg
 from tigas_render.raster.cuda.parameters import LAYOUT, PixelFormat, write_frame
@@ -22,6 +23,9 @@ from tigas_render.raster.depth import coarse, inverse_depth
 
 FIRST_CAPACITY = 1 << 21
 """Entries of all tiles' lists together that a workspace begins with; it grows when a frame needs more."""
+
+MOST_PLANS = 64
+"""Sizes of pictures of which a workspace keeps what it has planned."""
 
 # As in frame.cuh.
 DEPTH_BINS = 8192
@@ -40,6 +44,17 @@ class Stage:
     config: LaunchConfig
 
 
+@dataclass(frozen=True, slots=True)
+class Plan:
+    """What is the same for all frames of a size."""
+
+    layout: TileLayout
+    addresses: tuple[int, ...]
+    """As `write_frame` takes them."""
+    capacity: int
+    """Entries that the lists have room for."""
+
+
 class Workspace:
     """One frame at a time goes through it. Nothing is allocated for a frame that fits the buffers of the last."""
 
@@ -49,12 +64,16 @@ class Workspace:
         self._stages = stages
         self.torch_stream = torch.cuda.Stream(device)  # type: ignore[no-untyped-call]
         self.stream: Stream = Stream.from_handle(self.torch_stream.cuda_stream)
+        wait = driver_call("cuStreamSynchronize", int(self.stream.handle))
+        self._wait = Calls(wait)
         self._parameters = ctypes.create_string_buffer(LAYOUT.size)
         self._status = torch.zeros(2, dtype=torch.int32, pin_memory=True)
         self._needed, self._needed_for_depth = (
             ctypes.c_uint32.from_address(self._status.data_ptr() + offset) for offset in (0, 4)
         )
         self._buffers: dict[str, torch.Tensor] = {}
+        self._plans: dict[tuple[int, int, int, PixelFormat], Plan] = {}
+        """Of frames that the buffers have room for, by width, height, Gaussians and format."""
         self._output = torch.empty(0, dtype=torch.uint8)
         self._depth_output = torch.empty(0, dtype=torch.uint8)
         self._depth_shape: tuple[int, int, int] | None = None
@@ -62,8 +81,18 @@ class Workspace:
         self._allocate("frame", LAYOUT.size)
         self._allocate("progress", PROGRESS_BYTES).zero_()
         torch.cuda.current_stream(device).synchronize()
+        self._frame = ctypes.c_void_p(self._buffers["frame"].data_ptr())
+        self._arguments = (ctypes.c_void_p * 2)(ctypes.addressof(self._parameters), ctypes.addressof(self._frame))
+        """Of the first kernel: the parameters, and where it is to store them."""
         self._graphs = {side: self._capture(of_side) for side, of_side in stages.items()}
-        self._encoder = JpegEncoder(library, self.torch_stream.cuda_stream)  # last: it has to be closed
+        self._launches = {
+            side: Calls(
+                self._first_launch(of_side[0]),
+                driver_call("cuGraphLaunch", int(self._graphs[side].handle), int(self.stream.handle)),
+            )
+            for side, of_side in stages.items()
+        }
+        self._encoder = JpegEncoder(library, self.torch_stream.cuda_stream, wait)  # last: it has to be closed
 
     @property
     def entries(self) -> int:
@@ -89,22 +118,32 @@ class Workspace:
             self._depth_output[:length].copy_(self._buffers["depth"][:length], non_blocking=True)
 
     def _launch(self, scene: CudaScene, camera: Camera, format: PixelFormat) -> None:
-        side = self.prepare(scene, camera, format).side
-        self.begin(self._stages[side][0])
-        self._graphs[side].launch(self.stream)
+        self._launches[self.prepare(scene, camera, format).side].make()
 
     def prepare(self, scene: CudaScene, camera: Camera, format: PixelFormat) -> TileLayout:
         """Make room for a frame and write its parameters, but launch nothing."""
         k = camera.intrinsics
-        layout = tile_layout(k.width, k.height, scene.padded)
+        key = k.width, k.height, scene.padded, format
+        plan = self._plans.get(key)
+        if plan is None:
+            plan = self._plan(*key)  # first, since it may enlarge buffers, and then no other plan is left
+            if len(self._plans) >= MOST_PLANS:
+                self._plans.clear()
+            self._plans[key] = plan
+        write_frame(self._parameters, scene, camera, plan.layout, format, plan.addresses, plan.capacity)
+        return plan.layout
+
+    def _plan(self, width: int, height: int, padded: int, format: PixelFormat) -> Plan:
+        """Make room for frames of a size."""
+        layout = tile_layout(width, height, padded)
         capacity = self._allocate("entries", 8 * FIRST_CAPACITY).nbytes // 8
         lists = 4 * layout.tiles * layout.slices
         sizes = (
-            ("splats", 32 * scene.padded),
-            ("depths", 4 * scene.padded),
-            ("boxes", 8 * scene.padded),
-            ("chosen", 4 * (scene.padded // CHUNK)),
-            ("large", 4 * scene.padded),
+            ("splats", 32 * padded),
+            ("depths", 4 * padded),
+            ("boxes", 8 * padded),
+            ("chosen", 4 * (padded // CHUNK)),
+            ("large", 4 * padded),
             ("slice_of", DEPTH_BINS),
             ("counts", lists),
             ("starts", lists),
@@ -115,42 +154,45 @@ class Workspace:
             ("finished", 4 * layout.tiles),
             ("lights", 4 * layout.tiles * MAX_SEGMENTS),
             ("partials", capacity // ENTRIES_PER_PARTIAL * layout.side**2 * 16),
-            ("depth", 8 * k.width * k.height)
+            ("depth", 8 * width * height)
             if format == "depth"
-            else ("pixels", 3 * k.width * k.height + 4 * max(k.width, k.height)),  # planes of odd sizes take a bit more
+            else ("pixels", 3 * width * height + 4 * max(width, height)),  # planes of odd sizes take a bit more
         )
         addresses = tuple(self._allocate(name, size).data_ptr() for name, size in sizes)
         status = ctypes.addressof(self._needed_for_depth if format == "depth" else self._needed)
         others = (status, self._buffers["progress"].data_ptr())
-        write_frame(self._parameters, scene, camera, layout, format, addresses + others, capacity)
-        return layout
+        return Plan(layout, addresses + others, capacity)
 
     def encode_jpeg(self, width: int, height: int, quality: int) -> int:
-        """Queue the encoding of a frame that was started as `jpeg`; waits for its length. The JPEG's bytes."""
-        self._encoder.encode(self._buffers["pixels"].data_ptr(), width, height, quality)
+        """Encode a frame that was started as `jpeg`, and wait for it. The JPEG's bytes."""
         output = self._host_output(self._encoder.bound(width, height))
-        return self._encoder.retrieve(output.data_ptr(), output.nbytes)
+        pixels = self._buffers["pixels"].data_ptr()
+        return self._encoder.encode(pixels, width, height, quality, output.data_ptr(), output.nbytes)
 
     def copy_pixels(self, length: int) -> None:
-        """Queue the copy of the first bytes of the pixels to the host."""
+        """Copy the first bytes of the pixels to the host, and wait for them."""
         output = self._host_output(length)
         with torch.cuda.stream(self.torch_stream):
             output[:length].copy_(self._buffers["pixels"][:length], non_blocking=True)
+        self.wait()
+
+    def wait(self) -> None:
+        """Wait for everything queued."""
+        self._wait.make()
 
     def output(self, length: int) -> bytes:
-        """The first bytes that a queued copy brought to the host, once `finish` has waited for it."""
+        """The first bytes that were brought to the host."""
         return ctypes.string_at(self._output.data_ptr(), length)
 
     def depth(self) -> Depth | None:
-        """The depth of the frame, once `finish` has waited for it; None if it was started without."""
+        """The depth of the frame, once it was waited for; None if it was started without."""
         if self._depth_shape is None:
             return None
         means = ctypes.string_at(self._depth_output.data_ptr(), 4 * math.prod(self._depth_shape))
         return inverse_depth(np.frombuffer(means, np.float32).reshape(self._depth_shape))
 
-    def finish(self) -> bool:
-        """Wait for everything queued. False if the lists overflowed: they have been enlarged, start the frame again."""
-        self.stream.sync()
+    def fitted(self) -> bool:
+        """Whether the lists of the frame that was waited for found room. If not, they have: start the frame again."""
         needed = max(self._needed.value, self._needed_for_depth.value)
         if 8 * needed <= self._buffers["entries"].nbytes:
             return True
@@ -159,31 +201,26 @@ class Workspace:
 
     def shrink(self) -> None:
         """Give back what grew with scenes and pictures; the next frame allocates what it needs."""
-        self.stream.sync()
+        self.wait()
+        self._plans.clear()
         self._buffers = {name: self._buffers[name] for name in ("frame", "progress")}
 
     def close(self) -> None:
         """Give the encoder's memory back; the buffers go with the object."""
-        self.stream.sync()
+        self.wait()
         self._encoder.close()
 
     def launch_stage(self, stage: Stage) -> None:
         """Launch one kernel by itself; benchmarks time them so."""
         if stage.name == "begin":
-            self.begin(stage)
+            Calls(self._first_launch(stage)).make()
         else:
             launch(self.stream, stage.config, stage.kernel, self._buffers["frame"].data_ptr())
 
-    def begin(self, stage: Stage) -> None:
-        """Launch the first kernel, which brings the parameters along."""
-        frame = ctypes.c_void_p(self._buffers["frame"].data_ptr())
-        arguments = (ctypes.c_void_p * 2)(ctypes.addressof(self._parameters), ctypes.addressof(frame))
-        (error,) = driver.cuLaunchKernel(
-            driver.CUfunction(int(stage.kernel.handle)), *stage.config.grid, *stage.config.block, 0,
-            driver.CUstream(int(self.stream.handle)), ctypes.addressof(arguments), 0,
-        )  # fmt: skip
-        if error != driver.CUresult.CUDA_SUCCESS:
-            raise RuntimeError(f"the first kernel was not launched: {error.name}")
+    def _first_launch(self, stage: Stage) -> Call:
+        """Of the first kernel, which brings the parameters along."""
+        kernel, stream, arguments = int(stage.kernel.handle), int(self.stream.handle), ctypes.addressof(self._arguments)
+        return driver_call("cuLaunchKernel", kernel, *stage.config.grid, *stage.config.block, 0, stream, arguments, 0)
 
     def _capture(self, stages: tuple[Stage, ...]) -> Graph:
         """All kernels but the first as one graph: what differs between frames is in the parameters that they read."""
@@ -199,7 +236,8 @@ class Workspace:
         if buffer is None or buffer.nbytes < size:
             # Growing waits for the stream: what still runs may use the old buffer. It goes before the new one comes,
             # and if there is no memory for that, none is left.
-            self.stream.sync()
+            self.wait()
+            self._plans.clear()
             self._buffers[name] = torch.empty(0, dtype=torch.uint8, device=self._device)
             del buffer
             buffer = torch.empty(size, dtype=torch.uint8, device=self._device)

@@ -1,0 +1,84 @@
+"""C functions that are called one after the other without the interpreter's lock.
+
+A thread that calls into C gives the lock away, and has to get it back after every single call. Where the event loop
+computes, that took 0.3 ms a call and most of a frame's time (docs/gpu.md).
+"""
+
+# mypy: disable-error-code="no-untyped-call, call-arg, var-annotated"
+from __future__ import annotations
+
+import ctypes
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from llvmlite import ir
+from numba import njit, types
+from numba.extending import intrinsic
+
+MOST_ARGUMENTS = 11
+
+
+class CallError(RuntimeError):
+    """A C function's status was not 0."""
+
+    def __init__(self, function: str, status: int) -> None:
+        super().__init__(f"{function} failed with status {status}")
+        self.status = status
+
+
+@dataclass(frozen=True, slots=True)
+class Call:
+    """A function whose arguments are integers and pointers, at most MOST_ARGUMENTS, and whose result is an `int`."""
+
+    function: Any
+    """Of ctypes."""
+    arguments: tuple[int, ...]
+    error: type[CallError] = CallError
+    """What is raised if it fails."""
+
+
+class Calls:
+    """Calls that are prepared once, so that making them costs one entry into C."""
+
+    def __init__(self, *calls: Call) -> None:
+        self._calls = calls  # keeps the functions
+        self._table = np.zeros((len(calls), 1 + MOST_ARGUMENTS), np.int64)
+        for row, call in zip(self._table, calls, strict=True):
+            address = ctypes.cast(call.function, ctypes.c_void_p).value
+            row[: 1 + len(call.arguments)] = [address or 0, *call.arguments]
+
+    def replace(self, call: int, argument: int, *values: int) -> None:
+        """Give a call other arguments, from one of them on. Both count from 0."""
+        self._table[call, 1 + argument : 1 + argument + len(values)] = values
+
+    def make(self) -> None:
+        """Make the calls. The first that fails is the last; raises its error."""
+        failed, status = _make(self._table)
+        if status:
+            call = self._calls[failed]
+            raise call.error(call.function.__name__, status)
+
+
+@intrinsic
+def _call(typing: Any, address: Any, arguments: Any) -> Any:
+    """Calls a C function. On x86-64 and ARM64 each integer takes 64 bits, of which the function looks at its own."""
+
+    def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+        function, packed = values
+        integer = ir.IntType(64)
+        prototype = ir.FunctionType(ir.IntType(32), [integer] * MOST_ARGUMENTS)
+        unpacked = [builder.extract_value(packed, place) for place in range(MOST_ARGUMENTS)]
+        return builder.call(builder.inttoptr(function, prototype.as_pointer()), unpacked)
+
+    return types.int32(types.int64, types.UniTuple(types.int64, MOST_ARGUMENTS)), generate
+
+
+@njit("UniTuple(int64, 2)(int64[:, ::1])", nogil=True, cache=True)
+def _make(calls: Any) -> Any:
+    for index in range(len(calls)):
+        a = calls[index]
+        status = _call(a[0], (a[1], a[2], a[3], a[4], a[5], a[6], a[7], a[8], a[9], a[10], a[11]))
+        if status != 0:
+            return index, status
+    return -1, 0

@@ -1,0 +1,69 @@
+"""C functions called in order, without the interpreter's lock."""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import threading
+from typing import Any, cast
+
+import pytest
+
+from tigas_render.raster.cuda.calls import MOST_ARGUMENTS, Call, CallError, Calls
+
+FUNCTION = ctypes.CFUNCTYPE(ctypes.c_int, *[ctypes.c_int64] * MOST_ARGUMENTS)
+
+
+class Recorder:
+    """A C function that remembers how it was called."""
+
+    def __init__(self, name: str, status: int = 0) -> None:
+        self.seen: list[tuple[int, ...]] = []
+        self.status = status
+        self.function = cast(Any, FUNCTION(self._called))
+        self.function.__name__ = name
+
+    def _called(self, *arguments: int) -> int:
+        self.seen.append(arguments)
+        return self.status
+
+
+def test_all_arguments_arrive_in_order() -> None:
+    recorder = Recorder("record")
+    numbers = tuple(range(1 << 40, (1 << 40) + MOST_ARGUMENTS))
+    Calls(Call(recorder.function, numbers)).make()
+    assert recorder.seen == [numbers]
+
+
+def test_replaced_arguments_are_the_next_call_s() -> None:
+    recorder = Recorder("record")
+    calls = Calls(Call(recorder.function, (1, 2, 3, 4)))
+    calls.replace(0, 1, 20, 30)
+    calls.make()
+    assert recorder.seen[0][:4] == (1, 20, 30, 4)
+
+
+def test_the_first_failure_is_told_and_ends_it() -> None:
+    class Refused(CallError):
+        pass
+
+    good, bad, never = Recorder("good"), Recorder("bad", 7), Recorder("never")
+    with pytest.raises(Refused, match=r"^bad failed with status 7$") as raised:
+        Calls(Call(good.function, ()), Call(bad.function, (), Refused), Call(never.function, ())).make()
+    assert raised.value.status == 7
+    assert len(good.seen) == 1
+    assert not never.seen
+
+
+def test_other_threads_go_on_meanwhile() -> None:
+    reader, writer = os.pipe()
+    room = ctypes.create_string_buffer(1)
+    read = Call(ctypes.CDLL(None).read, (reader, ctypes.addressof(room), 1))  # waits until something was written
+    other = threading.Timer(0.05, os.write, (writer, b"!"))
+    other.start()
+    with pytest.raises(CallError, match="status 1"):  # one byte
+        Calls(read).make()
+    other.join()
+    assert room.raw == b"!"
+    os.close(reader)
+    os.close(writer)
