@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import signal
 import sys
@@ -55,6 +56,16 @@ async def test_work_that_takes_more_than_it_may_is_refused_and_the_next_goes_on(
     with pytest.raises(TooCostly, match="more than 64 MB of memory or 1 s to check"):
         await offload_to_process(costly, limit=Limit(memory=64_000_000, cpu_s=1))
     assert len(await offload_to_process(bytearray, 200_000_000)) == 200_000_000
+
+
+async def test_memory_that_runs_out_in_the_parser_ends_the_work(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Pydantic's is written in Rust, which may wait for itself for ever when it has no memory to trace where it was."""
+    monkeypatch.setenv("RUST_BACKTRACE", "1")
+    limit = Limit(memory=20_000_000, cpu_s=10)
+    assert await offload_to_process(os.getenv, "RUST_BACKTRACE", limit=limit) == "0"
+    body = json.dumps({f"{number:x}": {} for number in range(100_000)}).encode()
+    with pytest.raises(TooCostly):
+        await offload_to_process(parse, ExperimentRequest, body, len(body), limit=limit)
 
 
 async def test_a_limit_ends_with_its_work() -> None:

@@ -140,7 +140,7 @@ BOMBS = {
     "recording.inputs": repeated("{}"),
     "recording.frames": repeated(json.dumps(frame(0, 1).model_dump() | {"latencies": ["x"] * 100})),
     "recording.traffic": f"[{named('0')}]",
-    "recording": named("{}"),
+    "recording": named("{}", 600_000),  # of a megabyte's names, pydantic's account takes all the memory that there is
     "surprise": named(repeated("0", 10)),
     "configuration": repeated("0"),
     "configuration.network": "[" * 500_000 + "]" * 500_000,

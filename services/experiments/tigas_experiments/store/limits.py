@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 import time
 from collections.abc import Iterator
@@ -28,6 +29,8 @@ def limited(limit: Limit) -> Iterator[None]:
         return
     import resource
 
+    # Rust code would print where it was when memory ran out, which takes memory, and then waits for itself for ever.
+    os.environ["RUST_BACKTRACE"] = "0"
     # What is written to, rather than all addresses: libraries reserve gigabytes of these for their threads.
     kinds = {
         resource.RLIMIT_DATA: _data_bytes() + limit.memory,

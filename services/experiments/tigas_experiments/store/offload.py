@@ -51,5 +51,9 @@ def _within(limit: Limit, function: Callable[[*Ts], T], *arguments: *Ts) -> T:
     try:
         with limited(limit):
             return function(*arguments)
+    except (Exception, KeyboardInterrupt, SystemExit):
+        raise
+    except BaseException:  # a panic in Rust code, which takes it for granted that small things can be allocated
+        raise MemoryError from None
     finally:
         give_back()
