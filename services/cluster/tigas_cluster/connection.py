@@ -1,0 +1,60 @@
+"""This process' connection to a Ray cluster: the one that RAY_ADDRESS names, or one of our own on this machine.
+
+Nothing here imports ray before its environment is set.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from tigas_cluster.own_ray import OwnRay
+from tigas_common.errors import StartError
+
+ADDRESS = "RAY_ADDRESS"
+NAMESPACE = "tigas"
+"""Of our actors, among those of others."""
+
+
+def check_ray() -> None:
+    """Raises StartError where Ray is not installed."""
+    if importlib.util.find_spec("ray") is None:
+        raise StartError("A cluster needs Ray, which is not installed: pip install 'tigas[cluster]'")
+
+
+def named_cluster() -> str | None:
+    """The address of the cluster that this process is to join, if it is told of one. Raises StartError."""
+    address = os.environ.get(ADDRESS)
+    if address and address.startswith("ray://"):
+        raise StartError(
+            f"{ADDRESS} must be HOST:PORT of the head, such as 10.0.0.1:6379, on a machine of the cluster; "
+            f"{address} is for Ray's clients."
+        )
+    return address or None
+
+
+@contextmanager
+def connected(own: OwnRay | None, address: str) -> Iterator[None]:
+    """Be a driver of this cluster for as long as the context lasts; own: if it is that one. Raises StartError."""
+    os.environ["RAY_USAGE_STATS_ENABLED"] = "0"
+    if own is not None:
+        os.environ.update(own.environment)
+    import ray
+
+    try:
+        ray.init(
+            address=address,
+            namespace=NAMESPACE,
+            log_to_driver=False,
+            configure_logging=False,
+            include_dashboard=False,
+        )
+    except (ConnectionError, RuntimeError, TimeoutError, ValueError) as error:
+        reason = " ".join(str(error).split())
+        raise StartError(f"The Ray cluster at {address} cannot be joined: {reason}") from None
+    try:
+        yield
+    finally:
+        ray.shutdown()

@@ -1,0 +1,142 @@
+"""One host of the cluster: a `tigas render` on this machine, a child of this process, kept running and listened to."""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Iterator, Sequence
+from importlib.metadata import version
+from typing import IO, TypedDict
+
+from tigas_common.address import Address
+from tigas_common.errors import StartError
+from tigas_common.hosts import is_address, is_loopback
+from tigas_common.processes import Service, keep_running, tigas, with_parent
+
+RETRY_S = 60.0
+"""One that cannot be kept running is tried again after so long: what its machine lacks may come back."""
+OPEN = re.compile(r"Open http://[^/]+:([0-9]+)/")
+"""The last line of what `tigas render` says once it serves."""
+
+
+class Facts(TypedDict):
+    """What a host says of itself to the rest of the cluster, in words that every version understands."""
+
+    version: str
+    """Of TIGAS."""
+    address: str
+    """Of its machine, within the cluster."""
+    viewer_address: str
+    """The name or address under which viewers reach it."""
+    since: float
+    """When it was started, in seconds since 1970."""
+    url: str | None
+    """Its API over HTTP, within the cluster; None while it does not serve."""
+    said: list[str]
+    """What `tigas render` said when it began to serve."""
+    failure: str | None
+    """Why it does not serve, if its last start failed."""
+
+
+class Host:
+    """Runs `tigas render` until `stop`."""
+
+    VIEWER_ADDRESS = "TIGAS_CLUSTER_VIEWER_ADDRESS"
+    """The environment variable of a machine that viewers reach under another name or address than the cluster does."""
+
+    def __init__(self, address: str, http_port: int, quic_port: int, options: Sequence[str]) -> None:
+        """address: of this machine, within the cluster; ports: 0 for any free one; options: more, of `tigas render`."""
+        self._address = address
+        self._viewer_address = os.environ.get(self.VIEWER_ADDRESS) or address
+        everywhere = address if is_loopback(address) else "::" if ":" in address else "0.0.0.0"
+        http, quic = Address(everywhere, http_port), Address(everywhere, quic_port)
+        named = () if is_address(self._viewer_address) else ("--allow-host", self._viewer_address)
+        self._command = with_parent(tigas("render", "--http", str(http), "--quic", str(quic), *named, *options))
+        self._since = time.time()
+        self._render = _Render()
+        self._failure: str | None = None
+        self._stop = threading.Event()
+        # The service ends when the thread that started it does, so that none is left if this process is killed.
+        self._keeping = threading.Thread(target=self._keep, name="keep the render service", daemon=True)
+        self._keeping.start()
+
+    @property
+    def facts(self) -> Facts:
+        """What others need to know now."""
+        render = self._render
+        return Facts(
+            version=version("tigas"),
+            address=self._address,
+            viewer_address=self._viewer_address,
+            since=self._since,
+            url=None if render.port is None else f"http://{Address(self._address, render.port)}",
+            said=list(render.said),
+            failure=self._failure if render.port is None else None,
+        )
+
+    def stop(self) -> None:
+        """End it, and wait until it has ended."""
+        self._stop.set()
+        self._keeping.join()
+
+    def _keep(self) -> None:
+        while not self._stop.is_set():
+            try:
+                keep_running((Service("render service", self._start),), self._stop)
+            except StartError as error:
+                self._failure = self._render.last_error or str(error)
+                self._stop.wait(RETRY_S)
+
+    def _start(self) -> subprocess.Popen[bytes]:
+        process = subprocess.Popen(
+            self._command,
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            start_new_session=True,
+            env={name: value for name, value in os.environ.items() if name != "OMP_NUM_THREADS"},  # Ray sets it to 1
+        )
+        self._render = _Render()
+        self._render.listen(process)
+        return process
+
+
+class _Render:
+    """What one start of the service says."""
+
+    def __init__(self) -> None:
+        self.port: int | None = None
+        """Of its API, while it serves."""
+        self.said: list[str] = []
+        """Until it began to serve."""
+        self.last_error = ""
+
+    def listen(self, process: subprocess.Popen[bytes]) -> None:
+        """Hear all of it, on threads of its own."""
+        for listener, output in ((self._hear, process.stdout), (self._hear_error, process.stderr)):
+            threading.Thread(target=listener, args=(output,), daemon=True).start()
+
+    def _hear(self, output: IO[bytes]) -> None:
+        for line in _lines(output, sys.stdout):
+            if opened := OPEN.match(line):
+                self.port = int(opened[1])
+            elif self.port is None:
+                self.said.append(line)
+        self.port = None
+
+    def _hear_error(self, output: IO[bytes]) -> None:
+        for line in _lines(output, sys.stderr):
+            self.last_error = line or self.last_error
+
+
+def _lines(output: IO[bytes], log: IO[str]) -> Iterator[str]:
+    """Its lines as they come, which are also written to the log."""
+    with output:
+        for line in output:
+            text = line.decode(errors="replace").rstrip("\n")
+            print(text, file=log, flush=True)
+            yield text

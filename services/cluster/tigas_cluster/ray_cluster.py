@@ -1,0 +1,109 @@
+"""What is asked of Ray: which machines there are, and that detached actors are hosts on them."""
+
+from __future__ import annotations
+
+import contextlib
+import re
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from typing import Any
+
+import ray
+import ray.exceptions
+import ray.util
+from ray.autoscaler.sdk import request_resources
+from ray.util.scheduling_strategies import NodeAffinitySchedulingStrategy
+
+from tigas_cluster.connection import NAMESPACE
+from tigas_cluster.host import Facts
+from tigas_cluster.host_actor import HostActor
+from tigas_cluster.ray_fleet import Cluster, Node
+from tigas_common.errors import StartError
+
+GPU = "GPU"
+ACTOR = re.compile(r"(?P<host>host-[0-9]+) (?P<node>[0-9a-f]+)")
+"""An actor's name says where it is, so that whoever finds it need not ask."""
+ANSWER_S = 2.0
+"""For an actor to answer, in seconds."""
+START_S = 30.0
+"""For an actor's process to start, in seconds."""
+STOP_S = 3.5
+"""For hosts to end, in seconds."""
+
+
+class RayCluster(Cluster):
+    """The cluster that this process is connected to."""
+
+    def __init__(self, resource: str, *arguments: Any) -> None:
+        """resource: what a machine has that may be a host; each host takes all of it. arguments: of `HostActor`."""
+        self._resource = resource
+        self._arguments = arguments
+
+    def nodes(self) -> Sequence[Node]:
+        """The machines that are up."""
+        alive = ((each, each["Resources"]) for each in ray.nodes() if each["Alive"])
+        nodes = (
+            Node(each["NodeID"], each["NodeManagerAddress"], has.get(self._resource, 0), has.get(GPU, 0))
+            for each, has in alive
+        )
+        return sorted(nodes, key=lambda node: node.id)
+
+    def hosts(self) -> Mapping[str, str]:
+        """Every host by name, with the id of its machine, whether it serves or not."""
+        found = map(ACTOR.fullmatch, ray.util.list_named_actors())
+        return {each["host"]: each["node"] for each in found if each}
+
+    def start(self, name: str, node: Node) -> None:
+        """Make a machine a host. It stays one if this process ends, and Ray starts its process again if that dies.
+
+        Raises StartError if its process does not start there.
+        """
+        own = {} if self._resource == GPU else {self._resource: node.amount}
+        try:
+            actor = (
+                ray.remote(HostActor)
+                .options(
+                    name=f"{name} {node.id}",
+                    namespace=NAMESPACE,
+                    lifetime="detached",
+                    num_cpus=0,
+                    num_gpus=node.gpus,
+                    resources=own,
+                    max_restarts=-1,
+                    scheduling_strategy=NodeAffinitySchedulingStrategy(node.id, soft=False),
+                )
+                .remote(*self._arguments)
+            )
+            ray.get(actor.facts.remote(), timeout=START_S)
+        except (ray.exceptions.RayError, ValueError) as error:  # ValueError: somebody else uses the name
+            reason = str(getattr(error, "cause", None) or error).strip().splitlines()[-1]
+            raise StartError(f"No host could be started on {node.address}: {reason}") from None
+
+    def facts(self, hosts: Mapping[str, str]) -> Mapping[str, Facts]:
+        """What these say of themselves; those that say nothing are left out."""
+        asked = {}
+        for name, actor in self._actors(hosts.items()):
+            asked[actor.facts.remote()] = name
+        answered, _ = ray.wait(list(asked), num_returns=len(asked), timeout=ANSWER_S) if asked else ([], [])
+        facts: dict[str, Facts] = {}
+        for answer in answered:
+            with contextlib.suppress(ray.exceptions.RayError):
+                facts[asked[answer]] = ray.get(answer)
+        return facts
+
+    def stop(self, hosts: Mapping[str, str]) -> None:
+        """End these hosts."""
+        actors = [actor for _, actor in self._actors(hosts.items())]
+        if actors:
+            ray.wait([actor.stop.remote() for actor in actors], num_returns=len(actors), timeout=STOP_S)
+        for actor in actors:
+            ray.kill(actor)
+
+    def ask_for(self, number: int) -> None:
+        """Let Ray's autoscaler, if there is one, see to it that so many nodes can be hosts."""
+        amount = max((node.amount for node in self.nodes()), default=0) or 1
+        request_resources(bundles=[{self._resource: amount}] * number)
+
+    def _actors(self, hosts: Iterable[tuple[str, str]]) -> Iterator[tuple[str, Any]]:
+        for name, node in hosts:
+            with contextlib.suppress(ValueError):  # it has ended meanwhile
+                yield name, ray.get_actor(f"{name} {node}", namespace=NAMESPACE)

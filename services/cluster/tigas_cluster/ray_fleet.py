@@ -1,0 +1,235 @@
+"""The hosts of a Ray cluster: as many as are wanted, on the machines that may be hosts. Ray starts and supervises them;
+how they are, they are asked over HTTP like any other fleet's.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import itertools
+import logging
+import math
+from collections.abc import Callable, Coroutine, Mapping, Sequence
+from dataclasses import dataclass
+from importlib.metadata import version
+from typing import Any, Protocol, Self
+
+from tigas_cluster.fleet import Fleet, HostAddress, HostState
+from tigas_cluster.host import Facts
+from tigas_cluster.polled_fleet import PolledFleet
+from tigas_cluster.scaling import Scaler
+from tigas_common.errors import StartError
+
+LOOK_S = 0.5
+"""How often Ray is asked which hosts and machines there are, in seconds."""
+PATIENCE_S = 60.0
+"""A host that does not answer for so long is replaced, if there is a machine for another, in seconds."""
+AGAIN_S = 10.0
+"""A machine that was to become a host is tried again after so long, in seconds."""
+VERSION = version("tigas")
+
+logger = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True, slots=True)
+class Node:
+    """A machine of the cluster."""
+
+    id: str
+    address: str
+    amount: float
+    """How much it has of what makes it a host; 0: it is none."""
+    gpus: float
+
+
+class Cluster(Protocol):
+    """What is asked of Ray. Every call blocks."""
+
+    def nodes(self) -> Sequence[Node]:
+        """The machines that are up."""
+
+    def hosts(self) -> Mapping[str, str]:
+        """Every host by name, with the id of its machine, whether it serves or not."""
+
+    def facts(self, hosts: Mapping[str, str]) -> Mapping[str, Facts]:
+        """What these say of themselves; those that say nothing are left out."""
+
+    def start(self, name: str, node: Node) -> None:
+        """Make a machine a host. Raises StartError."""
+
+    def stop(self, hosts: Mapping[str, str]) -> None:
+        """End these hosts."""
+
+    def ask_for(self, number: int) -> None:
+        """Have so many machines that may be hosts, if somebody brings machines."""
+
+
+class RayFleet(Fleet):
+    """An async context manager that looks after the hosts for as long as it lasts; they outlive it."""
+
+    def __init__(
+        self, cluster: Cluster, scaler: Scaler, clock: Callable[[], float], say: Callable[[str], None]
+    ) -> None:
+        """clock: in seconds; say: tells whoever started the cluster something."""
+        self._cluster = cluster
+        self._scaler = scaler
+        self._clock = clock
+        self._say = say
+        self._polled = PolledFleet((), clock)
+        self._facts: dict[str, Facts] = {}
+        self._draining: frozenset[str] = frozenset()
+        self._up: frozenset[str] = frozenset()
+        """The hosts that answered when it was looked last."""
+        self._silent_since: dict[str, float] = {}
+        """When the others were first seen so."""
+        self._failures: dict[str, str] = {}
+        """Why hosts do not serve, and machines are none, as it was said."""
+        self._beginning: dict[str, str] = {}
+        """Hosts that are being started, with the ids of their machines."""
+        self._ending: set[str] = set()
+        self._tried: dict[str, float] = {}
+        """When each machine was last to become a host."""
+        self._asked_for = 0
+        self._tasks: set[asyncio.Task[None]] = set()
+        self.began: asyncio.Future[None] = asyncio.get_running_loop().create_future()
+        """Done once a host serves; has a StartError if none can."""
+
+    async def __aenter__(self) -> Self:
+        await self._polled.__aenter__()
+        self._do(self._keep_looking())
+        return self
+
+    async def __aexit__(self, *_: object) -> None:
+        self._stop_looking()
+        await self._polled.__aexit__()
+
+    def hosts(self) -> Sequence[HostState]:
+        return self._polled.hosts()
+
+    async def suspect(self, name: str) -> None:
+        await self._polled.suspect(name)
+
+    async def end(self) -> None:
+        """End all hosts."""
+        self._stop_looking()
+        await asyncio.to_thread(lambda: self._cluster.stop({**self._beginning, **self._cluster.hosts()}))
+        await asyncio.to_thread(self._cluster.ask_for, 0)
+
+    # -- looking -----------------------------------------------------------------------------------------------------
+
+    async def _keep_looking(self) -> None:
+        while True:
+            try:
+                await self._look()
+            except Exception:  # Ray's calls fail in many ways while a machine goes; the next one may not
+                logger.exception("Ray could not be asked")
+            await asyncio.sleep(LOOK_S)
+
+    async def _look(self) -> None:
+        """See how all is, and do what follows."""
+        nodes, found = await asyncio.to_thread(lambda: (self._cluster.nodes(), self._cluster.hosts()))
+        hosts = {**self._beginning, **found}
+        alive = {node.id for node in nodes}
+        present = {name: node for name, node in hosts.items() if node in alive}
+        facts = await asyncio.to_thread(self._cluster.facts, present)
+        self._facts = {name: each for name, each in {**self._facts, **facts}.items() if name in present}
+        self._follow()
+        self._tell()
+        serving = self._note_silence(present)
+        plan = self._scaler.plan(self.hosts(), len(serving - self._up))
+        if plan.draining != self._draining:
+            self._draining = plan.draining
+            self._follow()
+        for name in (hosts.keys() - present.keys() | plan.ending) - self._ending:
+            self._do(self._end(name, hosts[name]))
+        free = [node for node in nodes if node.amount and node.id not in hosts.values()]
+        self._start(plan.wanted - len(serving - self._draining), free, hosts)
+        if (machines := plan.wanted + len(self._draining)) != self._asked_for:
+            await asyncio.to_thread(self._cluster.ask_for, machines)
+            self._asked_for = machines
+        if not self.began.done():
+            self._judge_beginning(present)
+
+    def _follow(self) -> None:
+        """Ask those hosts how they are that have said where they are."""
+        self._polled.follow(
+            HostAddress(name, facts["url"], facts["viewer_address"], name in self._draining)
+            for name, facts in self._facts.items()
+            if facts["url"] is not None and facts["version"] == VERSION
+        )
+
+    def _tell(self) -> None:
+        """Say what has changed."""
+        up = frozenset(host.name for host in self.hosts())
+        for name in sorted(up - self._up):
+            self._say("\n".join(f"{name}: {line}" for line in self._facts[name]["said"]) or f"{name} serves again.")
+        for name in sorted(self._up - up):
+            self._say(f"{name} does not answer.")
+        self._up = up
+        for name, facts in self._facts.items():
+            self._fails(name, _failure(facts))
+
+    def _fails(self, name: str, why: str | None) -> None:
+        """Say why a host does not serve, once."""
+        if why is None:
+            self._failures.pop(name, None)
+        elif self._failures.get(name) != why:
+            self._failures[name] = why
+            self._say(f"{name}: {why}")
+
+    def _note_silence(self, present: Mapping[str, str]) -> frozenset[str]:
+        """The hosts that serve, or may be expected to soon."""
+        now = self._clock()
+        silent = present.keys() - self._up
+        self._silent_since = {name: self._silent_since.get(name, now) for name in silent}
+        given_up = {name for name, since in self._silent_since.items() if now >= since + PATIENCE_S}
+        return frozenset(present.keys() - given_up - self._ending)
+
+    def _judge_beginning(self, present: Mapping[str, str]) -> None:
+        if self._up:
+            self.began.set_result(None)
+        elif self._failures and not self._beginning and present.keys() <= self._failures.keys():
+            self.began.set_exception(StartError(next(iter(self._failures.values()))))
+
+    # -- changing ----------------------------------------------------------------------------------------------------
+
+    def _start(self, number: int, free: Sequence[Node], hosts: Mapping[str, str]) -> None:
+        """Make so many more machines hosts, as far as there are any."""
+        now = self._clock()
+        names = (name for each in itertools.count(1) if (name := f"host-{each}") not in hosts)
+        ready = (node for node in free if now >= self._tried.get(node.id, -math.inf) + AGAIN_S)
+        for node in itertools.islice(ready, max(0, number)):
+            self._tried[node.id] = now
+            self._do(self._begin(next(names), node))
+
+    async def _begin(self, name: str, node: Node) -> None:
+        self._beginning[name] = node.id
+        try:
+            await asyncio.to_thread(self._cluster.start, name, node)
+        except StartError as error:
+            self._fails(name, str(error))
+        else:
+            self._fails(name, None)
+        finally:
+            del self._beginning[name]
+
+    async def _end(self, name: str, node: str) -> None:
+        self._ending.add(name)
+        try:
+            await asyncio.to_thread(self._cluster.stop, {name: node})
+            self._say(f"{name} has ended.")
+        finally:
+            self._ending.remove(name)
+
+    def _do(self, what: Coroutine[Any, Any, None]) -> None:
+        self._tasks.add(task := asyncio.create_task(what))
+        task.add_done_callback(self._tasks.discard)
+
+    def _stop_looking(self) -> None:
+        for task in self._tasks:
+            task.cancel()
+
+
+def _failure(facts: Facts) -> str | None:
+    if facts["version"] != VERSION:
+        return f"It has TIGAS {facts['version']}, and this is {VERSION}: install the same on every machine."
+    return facts["failure"]

@@ -1,0 +1,140 @@
+"""How many hosts there are to be, and which of them are to end. Pure: no clock of its own, no I/O.
+
+Up at once: while more than half of the hosts are pressed, or when those who are in are more than the hosts are known
+to hold. Down slowly: after a calm while the host with the fewest viewers drains, and ends once they have left.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+from tigas_cluster.fleet import HostState
+
+LASTING_S = 2.0
+"""So long most hosts must be pressed before there is one more: a pause of a host calls for none."""
+FILL, ROOMY = 0.85, 0.6
+"""There is one more where hosts would hold more than this share of what they can, and one fewer where those that are
+left would hold less than this."""
+SETTLED_S = 5.0
+"""Viewers who were sent to a host before it began to drain have arrived after so long."""
+
+
+@dataclass(frozen=True, slots=True)
+class HostRange:
+    """How many hosts there may be."""
+
+    lowest: int
+    highest: int
+
+    @classmethod
+    def parse(cls, text: str) -> HostRange:
+        """Read `N` or `MIN..MAX`. Raises ValueError with one sentence."""
+        found = re.fullmatch(r"([0-9]{1,4})(?:\.\.([0-9]{1,4}))?", text)
+        lowest, highest = (int(found[1]), int(found[2] or found[1])) if found else (0, 0)
+        if not 1 <= lowest <= highest:
+            raise ValueError(f"{text[:100]!r} is neither a number of hosts nor MIN..MAX, such as 2 or 1..8")
+        return cls(lowest, highest)
+
+    def clamp(self, number: int) -> int:
+        """The nearest number that is allowed."""
+        return min(max(number, self.lowest), self.highest)
+
+
+@dataclass(frozen=True, slots=True)
+class Plan:
+    """What is to be done."""
+
+    wanted: int
+    """So many hosts are to take viewers."""
+    draining: frozenset[str]
+    """These take no new viewers."""
+    ending: frozenset[str]
+    """Of those, these have none left, or have had their time: they end now."""
+
+
+class Scaler:
+    """Remembers how many hosts are wanted, what one holds, and which ones drain."""
+
+    def __init__(self, allowed: HostRange, calm_s: float, grace_s: float, clock: Callable[[], float]) -> None:
+        """calm_s: how long fewer hosts must have been enough before one drains; grace_s: how long its viewers may
+        stay; clock: seconds.
+        """
+        self._allowed = allowed
+        self._calm_s = calm_s
+        self._grace_s = grace_s
+        self._clock = clock
+        self._wanted = allowed.lowest
+        self._draining: dict[str, float] = {}
+        """When each began to."""
+        self._held = 0
+        """The most viewers that one host has had without being full."""
+        self._full_at: int | None = None
+        """How many viewers a host had when it said that it was full."""
+        self._pressed_since: float | None = None
+        self._calm_since: float | None = None
+
+    def plan(self, hosts: Sequence[HostState], starting: int = 0) -> Plan:
+        """What follows from what hosts say of themselves; `starting` more have yet to say something."""
+        now = self._clock()
+        names = {host.name for host in hosts}
+        self._draining = {name: since for name, since in self._draining.items() if name in names}
+        serving = [host for host in hosts if host.name not in self._draining]
+        self._learn(serving)
+        self._grow(hosts, serving, starting, now)
+        self._shrink(hosts, serving, now)
+        self._fit(serving, starting, now)
+        ending = (host.name for host in hosts if host.name in self._draining and self._is_over(host, now))
+        return Plan(self._wanted, frozenset(self._draining), frozenset(ending))
+
+    def _learn(self, serving: Sequence[HostState]) -> None:
+        """What one host holds."""
+        self._held = max((self._held, *(host.viewers for host in serving if host.full is None)))
+        fullest = [host.viewers for host in serving if host.full is not None and host.viewers > 0]
+        if fullest:
+            self._full_at = min(fullest)
+        elif self._full_at is not None:
+            self._full_at = max((self._full_at, *(host.viewers for host in serving)))
+
+    def _grow(self, hosts: Sequence[HostState], serving: Sequence[HostState], starting: int, now: float) -> None:
+        have, pressed = len(serving) + starting, sum(host.pressed for host in serving)
+        if 2 * pressed <= have:
+            self._pressed_since = None
+        elif self._pressed_since is None:
+            self._pressed_since = now
+        needed = have
+        if self._pressed_since is not None and now >= self._pressed_since + LASTING_S:
+            needed = have + math.ceil(pressed / 2)
+        if self._full_at is not None:
+            needed = max(needed, math.ceil(_viewers(hosts) / (FILL * self._full_at)))
+        self._wanted = self._allowed.clamp(max(self._wanted, needed))
+
+    def _shrink(self, hosts: Sequence[HostState], serving: Sequence[HostState], now: float) -> None:
+        holds = self._held if self._full_at is None else self._full_at
+        enough = _viewers(hosts) <= ROOMY * holds * (self._wanted - 1) and not any(host.pressed for host in serving)
+        if not enough or self._wanted == self._allowed.lowest:
+            self._calm_since = None
+        elif self._calm_since is None:
+            self._calm_since = now
+        elif now >= self._calm_since + self._calm_s:
+            self._wanted -= 1
+            self._calm_since = now
+
+    def _fit(self, serving: Sequence[HostState], starting: int, now: float) -> None:
+        """Let hosts drain, those with the fewest viewers first, or come back, those that began last first."""
+        excess = len(serving) - self._wanted
+        for host in sorted(serving, key=lambda host: (host.viewers, host.name))[: max(0, excess)]:
+            self._draining[host.name] = now
+        missing = self._wanted - len(serving) - starting
+        for name in sorted(self._draining, key=self._draining.__getitem__, reverse=True)[: max(0, missing)]:
+            del self._draining[name]
+
+    def _is_over(self, host: HostState, now: float) -> bool:
+        drained_s = now - self._draining[host.name]
+        return drained_s >= self._grace_s or (host.viewers == 0 and drained_s >= SETTLED_S)
+
+
+def _viewers(hosts: Sequence[HostState]) -> int:
+    return sum(host.viewers for host in hosts)

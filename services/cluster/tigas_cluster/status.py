@@ -1,0 +1,122 @@
+"""How the hosts of a cluster are, for `tigas cluster status`."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from datetime import UTC, datetime
+from typing import TYPE_CHECKING
+
+import httpx
+from pydantic import BaseModel
+
+from tigas_cluster.connection import connected, named_cluster
+from tigas_cluster.host import Facts
+from tigas_cluster.own_ray import OwnRay
+from tigas_common.errors import StartError, TigasError
+from tigas_common.parsing import parse
+from tigas_common.wire.cluster import HostLoad
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+ANSWER_S = 2.0
+MAX_LOAD = 1_000_000
+"""The longest answer that is read, in bytes."""
+
+
+class HostStatus(BaseModel):
+    """One host. What is None is not known, since it does not serve."""
+
+    host: str
+    address: str | None
+    """Of its machine."""
+    since: datetime | None
+    failure: str | None
+    """Why it does not serve, if it has said so."""
+    device: str | None = None
+    viewers: int | None = None
+    utilisation: float | None = None
+    """Of what is busiest, 0 to 1."""
+    queue_age_s: float | None = None
+    full: bool | None = None
+    """Whether new viewers are refused."""
+    scenes: tuple[str, ...] | None = None
+    """Those that are loaded."""
+
+
+def status() -> Sequence[HostStatus]:
+    """Of every host. Raises StartError."""
+    address = named_cluster()
+    own = None
+    if address is None:
+        own = OwnRay()
+        address = own.running()
+        if address is None:
+            raise StartError(
+                "No cluster runs on this machine: `tigas cluster up` starts one; RAY_ADDRESS names another."
+            )
+    with connected(own, address):
+        from tigas_cluster.ray_cluster import RayCluster
+
+        cluster = RayCluster("")
+        hosts = cluster.hosts()
+        facts = cluster.facts(hosts)
+    with ThreadPoolExecutor(max_workers=16) as pool:
+        names = sorted(hosts, key=lambda name: int(name.rpartition("-")[2]))
+        return list(pool.map(lambda name: _status(name, facts.get(name)), names))
+
+
+def table(hosts: Sequence[HostStatus]) -> Table:
+    """The same for people."""
+    from rich.table import Table
+
+    made = Table("host", "address", "device", "viewers", "busy", "queue, ms", "scenes", "since", box=None)
+    for each in hosts:
+        since = each.since.astimezone().strftime("%Y-%m-%d %H:%M") if each.since else ""
+        if each.viewers is None or each.utilisation is None or each.queue_age_s is None:
+            made.add_row(each.host, each.address, each.failure or "does not serve", "", "", "", "", since)
+            continue
+        made.add_row(
+            each.host,
+            each.address,
+            each.device,
+            f"{each.viewers} (full)" if each.full else str(each.viewers),
+            f"{each.utilisation:.0%}",
+            f"{1000 * each.queue_age_s:.0f}",
+            ", ".join(each.scenes or ()),
+            since,
+        )
+    return made
+
+
+def _status(name: str, facts: Facts | None) -> HostStatus:
+    if facts is None:
+        return HostStatus(host=name, address=None, since=None, failure=None)
+    known = HostStatus(
+        host=name,
+        address=facts["address"],
+        since=datetime.fromtimestamp(facts["since"], UTC),
+        failure=facts["failure"],
+    )
+    load = _load(facts["url"]) if facts["url"] else None
+    if load is None:
+        return known
+    return known.model_copy(
+        update={
+            "device": load.config.device,
+            "viewers": load.viewers,
+            "utilisation": load.utilisation,
+            "queue_age_s": load.queue_age_s,
+            "full": load.config.retry_after_s is not None,
+            "scenes": load.scenes,
+        }
+    )
+
+
+def _load(url: str) -> HostLoad | None:
+    try:
+        answer = httpx.get(f"{url}/api/load", timeout=ANSWER_S, trust_env=False)
+        return parse(HostLoad, answer.content, MAX_LOAD) if answer.status_code == 200 else None
+    except (httpx.HTTPError, TigasError):
+        return None

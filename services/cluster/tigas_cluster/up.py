@@ -1,0 +1,115 @@
+"""`tigas cluster up`: joins or starts Ray, looks after the hosts, and serves the director until it is told to stop."""
+
+from __future__ import annotations
+
+import asyncio
+import signal
+import socket
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from typing import TYPE_CHECKING
+
+from tigas_cluster.connection import connected, named_cluster
+from tigas_cluster.director import create_director
+from tigas_cluster.own_ray import RESOURCE, OwnRay
+from tigas_cluster.ray_fleet import RayFleet
+from tigas_cluster.scaling import Scaler
+from tigas_cluster.settings import ClusterSettings
+from tigas_common.address import Address, bracketed, say_if_open
+from tigas_common.origins import OriginPolicy
+from tigas_common.runner import explained, serve_listener, until_stopped
+from tigas_common.terminal import printable
+
+if TYPE_CHECKING:
+    from tigas_cluster.ray_cluster import RayCluster
+
+GPU = "GPU"
+LOOPBACK = "127.0.0.1"
+
+
+def up(settings: ClusterSettings, render_options: Sequence[str]) -> None:
+    """Run the cluster until SIGINT or SIGTERM. Raises StartError."""
+    address = named_cluster()
+    with explained(settings.http, "--http"):
+        listener = settings.http.listen(settings.http_limits.unread_s)
+    with listener, _terminated_as_interrupted():
+        if address is not None:
+            resource = settings.resource or GPU
+            _run(settings, render_options, listener, None, address, resource, None)
+            return
+        own = OwnRay()
+        try:
+            print("Starting Ray on this machine …", flush=True)
+            hosts_address = LOOPBACK if settings.http.is_loopback else None
+            _run(settings, render_options, listener, own, own.start(), RESOURCE, hosts_address)
+        finally:
+            own.stop()
+
+
+def _run(
+    settings: ClusterSettings,
+    render_options: Sequence[str],
+    listener: socket.socket,
+    own: OwnRay | None,
+    ray_address: str,
+    resource: str,
+    hosts_address: str | None,
+) -> None:
+    """Until told to stop. hosts_address: where hosts listen; None: where their machines are."""
+    with connected(own, ray_address):
+        import ray.util
+
+        from tigas_cluster.ray_cluster import RayCluster
+
+        names = (ray.util.get_node_ip_address(), *settings.allow_hosts)
+        pages = (*settings.allow_origins, *_pages(settings, listener.getsockname()[1], names))
+        scenes = ("--scenes", str(settings.scenes.absolute())) if settings.scenes else ()
+        options = [*scenes, *(f"--allow-origin={page}" for page in pages), *render_options]
+        ports = (settings.host_http_port, settings.host_quic_port)
+        asyncio.run(_serve(settings, RayCluster(resource, hosts_address, *ports, options), listener))
+
+
+async def _serve(settings: ClusterSettings, cluster: RayCluster, listener: socket.socket) -> None:
+    stopped = asyncio.create_task(until_stopped())
+    scaler = Scaler(settings.hosts, 60 * settings.calm_minutes, 60 * settings.grace_minutes, time.monotonic)
+    origins = OriginPolicy.of([settings.http], settings.allow_hosts, settings.allow_origins)
+    async with RayFleet(cluster, scaler, time.monotonic, _say) as fleet:
+        try:
+            async with (
+                create_director(fleet, origins=origins, clock=time.monotonic, services=settings.services) as app,
+                serve_listener(app, listener, settings.http_limits) as port,
+            ):
+                await asyncio.wait((stopped, fleet.began), return_when=asyncio.FIRST_COMPLETED)
+                if fleet.began.done():
+                    fleet.began.result()
+                    say_if_open([settings.http])
+                    _say(f"Open http://{Address(settings.http.reachable_host, port)}/")
+                await stopped
+        finally:
+            stopped.cancel()
+            await fleet.end()
+
+
+def _say(text: str) -> None:
+    print(printable(text, lines=True), flush=True)
+
+
+def _pages(settings: ClusterSettings, port: int, names: Sequence[str]) -> Iterator[str]:
+    """The page's origins, which differ from those of the hosts that it asks for frames."""
+    at_port = "" if port == 80 else f":{port}"
+    own = () if settings.http.is_loopback else (settings.http.reachable_host, socket.gethostname(), *names)
+    for name in dict.fromkeys(("localhost", LOOPBACK, *own)):
+        yield f"http://{bracketed(name)}{at_port}"
+    for name in settings.allow_hosts:  # what is in front of the director may speak TLS
+        yield f"https://{name}"
+
+
+@contextmanager
+def _terminated_as_interrupted() -> Iterator[None]:
+    """Let SIGTERM be as Ctrl+C is, until an event loop takes both, so that nothing is left behind."""
+    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
