@@ -67,14 +67,19 @@ class RayFleet(Fleet):
     """An async context manager that looks after the hosts for as long as it lasts; they outlive it."""
 
     def __init__(
-        self, cluster: Cluster, scaler: Scaler, clock: Callable[[], float], say: Callable[[str], None]
+        self,
+        cluster: Cluster,
+        scaler: Scaler,
+        polled: PolledFleet,
+        clock: Callable[[], float],
+        say: Callable[[str], None],
     ) -> None:
-        """clock: in seconds; say: tells whoever started the cluster something."""
+        """polled: asks the hosts that there are; clock: in seconds; say: tells whoever runs the cluster something."""
         self._cluster = cluster
         self._scaler = scaler
         self._clock = clock
         self._say = say
-        self._polled = PolledFleet((), clock)
+        self._polled = polled
         self._facts: dict[str, Facts] = {}
         self._draining: frozenset[str] = frozenset()
         self._up: frozenset[str] = frozenset()

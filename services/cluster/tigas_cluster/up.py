@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 from tigas_cluster.connection import connected, named_cluster
 from tigas_cluster.director import create_director
 from tigas_cluster.own_ray import RESOURCE, OwnRay
+from tigas_cluster.polled_fleet import PolledFleet
 from tigas_cluster.ray_fleet import RayFleet
 from tigas_cluster.scaling import Scaler
 from tigas_cluster.settings import ClusterSettings
@@ -74,7 +75,7 @@ async def _serve(settings: ClusterSettings, cluster: RayCluster, listener: socke
     stopped = asyncio.create_task(until_stopped())
     scaler = Scaler(settings.hosts, 60 * settings.calm_minutes, 60 * settings.grace_minutes, time.monotonic)
     origins = OriginPolicy.of([settings.http], settings.allow_hosts, settings.allow_origins)
-    async with RayFleet(cluster, scaler, time.monotonic, _say) as fleet:
+    async with RayFleet(cluster, scaler, PolledFleet((), time.monotonic), time.monotonic, _say) as fleet:
         try:
             async with (
                 create_director(fleet, origins=origins, clock=time.monotonic, services=settings.services) as app,
