@@ -7,13 +7,14 @@ from collections.abc import Iterator
 import pytest
 from pydantic import BaseModel, TypeAdapter, ValidationError
 
+from tigas_cluster.settings import ClusterSettings
 from tigas_common.settings import ServiceSettings
 from tigas_dash.settings import DashSettings
 from tigas_experiments.store.settings import StoreSettings
 from tigas_render.settings import RenderSettings
 from tigas_shaper.settings import ShaperSettings
 
-SERVICES = (RenderSettings, DashSettings, ShaperSettings, StoreSettings)
+SERVICES = (ClusterSettings, RenderSettings, DashSettings, ShaperSettings, StoreSettings)
 
 
 def numbers(model: type[BaseModel]) -> Iterator[tuple[type[BaseModel], str]]:
