@@ -41,7 +41,7 @@ class Bench:
     async def waiting(self, count: int) -> None:
         """Wait until so many requests wait."""
         async with asyncio.timeout(10):
-            while len(self.engine._schedule) != count:  # noqa: ASYNC110 - nothing announces it
+            while len(self.engine._queue) != count:  # noqa: ASYNC110 - nothing announces it
                 await asyncio.sleep(0)
 
     def outcome(self, name: str) -> float:

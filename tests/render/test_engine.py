@@ -19,7 +19,7 @@ from tigas_common.errors import (
     Superseded,
     UnknownScene,
 )
-from tigas_render import engine as engine_module
+from tigas_render import work_queue
 from tigas_render.frame import Client, Frame
 
 pytestmark = pytest.mark.anyio
@@ -28,9 +28,9 @@ pytestmark = pytest.mark.anyio
 async def test_a_client_that_floods_does_not_hold_up_another(bench: Bench) -> None:
     first = await busy(bench)
     flood = [bench.submit("flooder", seq=seq) for seq in range(50)]
-    await bench.waiting(engine_module.QUEUE_DEPTH)
+    await bench.waiting(work_queue.QUEUE_DEPTH)
     patient = bench.submit("patient", seq=99)
-    await bench.waiting(engine_module.QUEUE_DEPTH + 1)
+    await bench.waiting(work_queue.QUEUE_DEPTH + 1)
     order: list[int] = []
     for task in (*flood, patient):
         task.add_done_callback(lambda t: None if t.exception() else order.append(t.result().seq))
@@ -175,7 +175,7 @@ async def test_an_image_that_nobody_wants_is_not_encoded_but_paid_for(bench: Ben
         while not (bench.rasterizer.images and bench.rasterizer.images[0].closed):  # noqa: ASYNC110 - as above
             await asyncio.sleep(0)
     assert bench.rasterizer.images[0].encoded == 0
-    assert bench.engine._schedule._addresses._starts["somewhere"] == pytest.approx(1.0)
+    assert bench.engine._queue._schedule._addresses._starts["somewhere"] == pytest.approx(1.0)
 
 
 async def test_a_request_that_cannot_be_ready_in_time_is_shed_but_not_for_ever(bench: Bench) -> None:
@@ -228,7 +228,7 @@ async def test_wrong_scene_and_rung_are_refused_before_anything_is_queued(bench:
 
 
 async def test_too_many_waiting_requests_are_refused(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(engine_module, "MAX_WAITING", 3)
+    monkeypatch.setattr(work_queue, "MAX_WAITING", 3)
     first = await busy(bench)
     tasks = [bench.submit(f"client {number}") for number in range(3)]
     await bench.waiting(3)
@@ -338,7 +338,7 @@ async def test_the_engine_tells_how_busy_it_is(bench: Bench) -> None:
     bench.rasterizer.gate.set()
     await asyncio.gather(first, second)
     async with asyncio.timeout(10):
-        while bench.engine._utilisation._idle_since is None:  # noqa: ASYNC110 - nothing announces it
+        while bench.engine._queue._utilisation._idle_since is None:  # noqa: ASYNC110 - nothing announces it
             await asyncio.sleep(0)
     bench.engine.state()
     bench.now += 2

@@ -162,9 +162,9 @@ def test_clients_that_have_gone_are_forgotten() -> None:
 
 def test_equals_are_served_in_the_order_in_which_they_came() -> None:
     turns = Turns()
-    for name in "xyz":
-        turns.join(name, "xyz")
-    assert turns.choose({"y": 1.0, "z": 1.0, "x": 1.0}) == "y"
+    for name in "yzx":
+        turns.join(name, 1.0)
+    assert turns.next() == "y"
 
 
 def test_some_addresses_and_costly_work_can_be_passed_over() -> None:
@@ -175,3 +175,18 @@ def test_some_addresses_and_costly_work_can_be_passed_over() -> None:
     assert schedule.pop(at_most=0.5) == "c1"
     assert schedule.pop({"a"}) == "b1"
     assert drain(schedule) == ["a1"]
+
+
+def test_what_a_client_has_no_use_for_is_taken_out() -> None:
+    schedule = waiting("a1", "b1", "a2", "a3")
+    assert sorted(schedule.remove_if(A, lambda work: work != "a2")) == ["a1", "a3"]
+    assert schedule.remove_if(C, lambda work: True) == []
+    assert sorted(drain(schedule)) == ["a2", "b1"]
+
+
+def test_among_an_addresss_sessions_the_next_ones_cost_counts() -> None:
+    """Its large frame's turn would end late, so it waits; but its other session's small one does not."""
+    schedule = waiting("b1")
+    schedule.push(A, "large", 9.0)
+    schedule.push(Client("a", "other"), "small", 0.5)
+    assert [schedule.pop() for _ in range(3)] == ["small", "b1", "large"]

@@ -27,12 +27,12 @@ class Client:
     """A name that no other session of the address has."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class Frame:
     """The answer to one RenderRequest."""
 
     body: bytes | memoryview
-    """Once it was copied to where it goes, `release` must be called, if it is a memoryview."""
+    """To be read while there is the frame, and until `release` if it is a memoryview."""
     format: FrameFormat
     width: int
     """Pixels."""
@@ -49,9 +49,12 @@ class Frame:
     """Takes back the memory that the body lies in."""
 
     def release(self) -> None:
-        """Give back what holds the body, which must not be read any more; to be called once."""
-        if self.on_release is not None:
-            self.on_release()
+        """Give back what holds the body, which must not be read any more. A frame that is dropped does so, too."""
+        on_release, self.on_release = self.on_release, None
+        if on_release is not None:
+            on_release()
+
+    __del__ = release
 
     @property
     def content_type(self) -> str:

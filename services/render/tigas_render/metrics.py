@@ -2,36 +2,75 @@
 
 from __future__ import annotations
 
-from prometheus_client import CollectorRegistry, Counter, Histogram
+from bisect import bisect_left
+from collections.abc import Iterator
+from itertools import accumulate
+
+from prometheus_client import CollectorRegistry
+from prometheus_client.core import CounterMetricFamily, HistogramMetricFamily
+from prometheus_client.metrics_core import Metric
+from prometheus_client.registry import Collector
 
 from tigas_render.frame import Frame
 
 BUCKETS = (0.001, 0.002, 0.005, 0.01, 0.02, 0.033, 0.05, 0.1, 0.2, 0.5, 1, 2, 5)
+BOUNDS = [*map(str, map(float, BUCKETS)), "+Inf"]
 
 
-class EngineMetrics:
-    """The engine's counters and histograms, in a registry of their own."""
+class Times:
+    """How often something took how long."""
+
+    def __init__(self) -> None:
+        self.sum = 0.0
+        self._counts = [0] * len(BOUNDS)
+
+    def add(self, seconds: float) -> None:
+        """It took so long once."""
+        self._counts[bisect_left(BUCKETS, seconds)] += 1
+        self.sum += seconds
+
+    @property
+    def buckets(self) -> list[tuple[str, float]]:
+        """Upper bounds, and how many were at most so long."""
+        return list(zip(BOUNDS, accumulate(self._counts), strict=True))
+
+
+class EngineMetrics(Collector):
+    """The engine's counters and histograms, in a registry of their own.
+
+    Thousands of frames are counted for each time that anybody looks, on one thread: prometheus_client's own counters,
+    which have locks, would be a twentieth of what the engine's process does.
+    """
 
     def __init__(self) -> None:
         self.registry = CollectorRegistry()
-        self._requests = Counter(
-            "tigas_requests", "Render requests by how they ended", ["outcome"], registry=self.registry
-        )
-        self._bytes = Counter("tigas_frame_bytes", "Bytes of all frames", registry=self.registry)
-        self._seconds = Histogram(
-            "tigas_frame_seconds", "Time of a frame by stage", ["stage"], registry=self.registry, buckets=BUCKETS
-        )
-        # Looked up once: at thousands of frames a second that would be half of what the event loop does.
-        self._frames = self._requests.labels("frame")
-        self._stages = [(stage, self._seconds.labels(stage)) for stage in ("queue", "render", "encode")]
+        self._requests = {"frame": 0}
+        """By outcome."""
+        self._bytes = 0
+        self._queue, self._render, self._encode = Times(), Times(), Times()
+        self.registry.register(self)
 
     def count(self, outcome: str) -> None:
         """One request that ended without a frame, by the error's type or `cancelled`."""
-        self._requests.labels(outcome).inc()
+        self._requests[outcome] = self._requests.get(outcome, 0) + 1
 
     def frame(self, frame: Frame) -> None:
         """One frame that was answered."""
-        self._frames.inc()
-        self._bytes.inc(len(frame.body))
-        for stage, seconds in self._stages:
-            seconds.observe(getattr(frame.timing, stage) / 1000)
+        self._requests["frame"] += 1
+        self._bytes += len(frame.body)
+        timing = frame.timing
+        self._queue.add(timing.queue / 1000)
+        self._render.add(timing.render / 1000)
+        self._encode.add(timing.encode / 1000)
+
+    def collect(self) -> Iterator[Metric]:
+        """All of them, as they are now."""
+        requests = CounterMetricFamily("tigas_requests", "Render requests by how they ended", labels=["outcome"])
+        for outcome, number in list(self._requests.items()):
+            requests.add_metric([outcome], number)
+        seconds = HistogramMetricFamily("tigas_frame_seconds", "Time of a frame by stage", labels=["stage"])
+        for stage, times in (("queue", self._queue), ("render", self._render), ("encode", self._encode)):
+            seconds.add_metric([stage], times.buckets, times.sum)
+        yield requests
+        yield CounterMetricFamily("tigas_frame_bytes", "Bytes of all frames", self._bytes)
+        yield seconds

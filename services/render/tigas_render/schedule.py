@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections import defaultdict
+from collections.abc import Callable, Collection, Iterator
 from typing import Generic, TypeVar
 
 from tigas_render.frame import Client
@@ -23,23 +24,42 @@ class Turns:
         self._now = 0.0
         self._starts: dict[str, float] = {}
         """When everybody's next turn starts; the turns of those who are left out start now."""
+        self._costs: dict[str, float] = {}
+        """Of the next turns of those who wait."""
+        self._ends: dict[str, float] = {}
+        """When these end; kept, as the choice is made for every frame, among hundreds once there is too much to do."""
 
-    def join(self, name: str, waiting: Collection[str]) -> list[str]:
-        """Somebody is among those who wait from now on.
+    def join(self, name: str, cost: float) -> list[str]:
+        """Somebody is among those who wait from now on, for a turn of so many seconds.
 
         Returns whom this forgets: all others who neither wait nor have used more than those who do.
         """
-        past = [other for other, start in self._starts.items() if start <= self._now and other not in waiting]
+        self._costs[name] = cost
+        past = [other for other, start in self._starts.items() if start <= self._now and other not in self._costs]
         for other in past:
             del self._starts[other]
         self._starts[name] = max(self._starts.get(name, self._now), self._now)
+        self.wait_for(name, cost)
         return past
 
-    def choose(self, costs: Mapping[str, float]) -> str:
-        """Who of those who wait is next, by what each one's turn would cost; of equals, who came first."""
-        if len(costs) == 1:
-            return next(iter(costs))
-        return min(costs, key=lambda name: self._starts[name] + costs[name])
+    def wait_for(self, name: str, cost: float) -> None:
+        """The next turn of somebody who waits will take so many seconds."""
+        self._costs[name] = cost
+        self._ends[name] = self._starts[name] + cost
+
+    def leave(self, name: str) -> None:
+        """Somebody does not wait any more."""
+        del self._costs[name], self._ends[name]
+
+    def next(self, besides: Collection[str] = (), at_most: float = math.inf) -> str | None:
+        """Who of those who wait is next; of equals, who came first.
+
+        Nobody of `besides`, nor whose turn costs more than `at_most` seconds; None if that is all.
+        """
+        among: Collection[str] = self._ends
+        if besides or at_most < math.inf:
+            among = [name for name, cost in self._costs.items() if cost <= at_most and name not in besides]
+        return min(among, key=self._ends.__getitem__, default=None)
 
     def begin(self, name: str, seconds: float) -> None:
         """Somebody takes a turn that is expected to take so long."""
@@ -48,7 +68,9 @@ class Turns:
 
     def settle(self, name: str, seconds: float) -> None:
         """Somebody has used so much more than was expected; less, if it is negative."""
-        self._starts[name] = self._starts.get(name, self._now) + seconds
+        self._starts[name] = start = self._starts.get(name, self._now) + seconds
+        if name in self._costs:
+            self._ends[name] = start + self._costs[name]
 
 
 class FairSchedule(Generic[Work]):
@@ -63,7 +85,7 @@ class FairSchedule(Generic[Work]):
         self._waiting: dict[str, dict[str, list[tuple[Work, float]]]] = {}
         """Work and its cost by address and session, oldest first."""
         self._addresses = Turns()
-        self._sessions: dict[str, Turns] = {}
+        self._sessions: defaultdict[str, Turns] = defaultdict(Turns)
         """By address."""
         self._length = 0
 
@@ -85,73 +107,79 @@ class FairSchedule(Generic[Work]):
 
     def push(self, client: Client, work: Work, cost: float) -> Work | None:
         """Add a client's newest work, which is expected to take `cost` seconds; returns what it pushed out, if any."""
-        if client.address not in self._waiting:
-            self._waiting[client.address] = {}
-            for forgotten in self._addresses.join(client.address, self._waiting):
+        address, session = client.address, client.session
+        if address not in self._waiting:
+            self._waiting[address] = {}
+            for forgotten in self._addresses.join(address, cost):
                 self._sessions.pop(forgotten, None)
-        sessions = self._waiting[client.address]
-        if client.session not in sessions:
-            sessions[client.session] = []
-            self._sessions.setdefault(client.address, Turns()).join(client.session, sessions)
-        waiting = sessions[client.session]
+        sessions, turns = self._waiting[address], self._sessions[address]
+        if session in sessions:
+            turns.wait_for(session, cost)
+        else:
+            sessions[session] = []
+            turns.join(session, cost)
+        waiting = sessions[session]
         waiting.append((work, cost))
-        if len(waiting) > self._depth:
-            return waiting.pop(0)[0]
         self._length += 1
-        return None
+        self._choose(address)
+        return self._take(client, 0) if len(waiting) > self._depth else None
 
     def pop(self, besides: Collection[str] = (), at_most: float = math.inf) -> Work | None:
         """Take the newest work of the client whose turn it is; the client has its turn once the work begins.
 
-        Nothing of the addresses `besides`, and nothing that costs more than `at_most` seconds; None if that is all.
+        Nothing of the addresses `besides`, and nothing of those whose next work costs more than `at_most` seconds; None
+        if that is all.
         """
-        chosen, costs = {}, {}
-        for address, sessions in self._waiting.items():
-            if address in besides:
-                continue
-            newest = {session: waiting[-1][1] for session, waiting in sessions.items() if waiting[-1][1] <= at_most}
-            if newest:
-                chosen[address] = self._sessions[address].choose(newest)
-                costs[address] = newest[chosen[address]]
-        if not costs:
+        address = self._addresses.next(besides, at_most)
+        if address is None:
             return None
-        address = self._addresses.choose(costs)
-        return self._take(Client(address, chosen[address]), -1)
+        session = self._sessions[address].next()
+        assert session is not None
+        return self._take(Client(address, session), -1)
 
     def begin(self, client: Client, cost: float) -> None:
         """A client's work begins, and is expected to take so many seconds."""
         self._addresses.begin(client.address, cost)
-        self._sessions.setdefault(client.address, Turns()).begin(client.session, cost)
+        self._sessions[client.address].begin(client.session, cost)
+        self._choose(client.address)
 
     def settle(self, client: Client, seconds: float) -> None:
         """A client's work took so much longer than expected; less, if it is negative."""
         self._addresses.settle(client.address, seconds)
-        self._sessions.setdefault(client.address, Turns()).settle(client.session, seconds)
+        self._sessions[client.address].settle(client.session, seconds)
+        self._choose(client.address)
 
     def remove(self, client: Client, work: Work) -> bool:
         """Withdraw work that no longer matters; False if it does not wait any more."""
-        waiting = self._waiting.get(client.address, {}).get(client.session, [])
-        for position, (other, _) in enumerate(waiting):
-            if other is work:
-                self._take(client, position)
-                return True
-        return False
+        return bool(self.remove_if(client, lambda other: other is work))
 
     def remove_if(self, client: Client, is_unwanted: Callable[[Work], bool]) -> list[Work]:
         """Take out, and return, whatever of a client's work is of no use any more."""
-        unwanted = [
-            work for work, _ in self._waiting.get(client.address, {}).get(client.session, ()) if is_unwanted(work)
-        ]
-        for work in unwanted:
-            self.remove(client, work)
-        return unwanted
+        waiting = self._waiting.get(client.address, {}).get(client.session, [])
+        positions = [position for position, (work, _) in enumerate(waiting) if is_unwanted(work)]
+        return [self._take(client, position) for position in reversed(positions)]
 
     def _take(self, client: Client, position: int) -> Work:
-        sessions = self._waiting[client.address]
-        work, _ = sessions[client.session].pop(position)
+        address, session = client.address, client.session
+        sessions = self._waiting[address]
+        waiting = sessions[session]
+        work, _ = waiting.pop(position)
         self._length -= 1
-        if not sessions[client.session]:
-            del sessions[client.session]
-        if not sessions:
-            del self._waiting[client.address]
+        if waiting:
+            self._sessions[address].wait_for(session, waiting[-1][1])
+        else:
+            del sessions[session]
+            self._sessions[address].leave(session)
+        if sessions:
+            self._choose(address)
+        else:
+            del self._waiting[address]
+            self._addresses.leave(address)
         return work
+
+    def _choose(self, address: str) -> None:
+        """Whichever session of an address is next, the address's next turn costs as much as its work."""
+        if address in self._waiting:
+            session = self._sessions[address].next()
+            assert session is not None
+            self._addresses.wait_for(address, self._waiting[address][session][-1][1])

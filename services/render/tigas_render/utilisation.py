@@ -15,7 +15,8 @@ class Utilisation:
 
     def rest(self, now: float) -> None:
         """There is nothing to do."""
-        self._idle_since = now
+        if self._idle_since is None:
+            self._idle_since = now
 
     def work(self, now: float) -> None:
         """There is something to do."""

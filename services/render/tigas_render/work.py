@@ -10,7 +10,7 @@ from tigas_common.errors import DeadlineExceeded
 from tigas_common.wire.render import RenderRequest, Rung
 from tigas_render.frame import Answered, Client
 from tigas_render.frame_size import FrameSize
-from tigas_render.raster.base import Image, PreparedScene
+from tigas_render.raster.base import PreparedScene
 
 
 class LoadedScene(Protocol):
@@ -83,16 +83,6 @@ class Work:
         deadline_ms = self.request.deadline_ms
         if deadline_ms is not None and ready_at > self.arrived + deadline_ms / 1000:
             raise DeadlineExceeded(f"The frame could not be ready within {deadline_ms:g} ms.")
-
-
-@dataclass(slots=True, eq=False)
-class Rendered:
-    """Its image, which waits to be encoded, or is."""
-
-    work: Work
-    image: Image
-    rendering: float
-    """Seconds that it took, without what interrupted it."""
 
 
 def _kind(request: RenderRequest) -> tuple[object, ...]:

@@ -155,13 +155,14 @@ def test_bytes_that_are_no_message_are_refused(unpack: Callable[[bytes], object]
 
 
 @given(st.integers(0, 400), st.integers(1, 255))
-def test_a_request_with_any_byte_changed_is_a_valid_one_or_refused(position: int, change: int) -> None:
+def test_a_request_with_any_byte_changed_is_a_request_or_refused(position: int, change: int) -> None:
     packed = bytearray(
         content(messages.pack_request(1, 2, 3.0, render_request(deadline_ms=50.0, stamp=7)), Kind.REQUEST)
     )
     packed[position % len(packed)] ^= change
     with contextlib.suppress(BadMessage):
-        RenderRequest.model_validate_json(messages.unpack_request(bytes(packed)).request.model_dump_json())
+        asked = messages.unpack_request(bytes(packed))
+        assert asked.request.model_dump().keys() == RenderRequest.model_fields.keys()
 
 
 @pytest.mark.parametrize("cut", [0, 1, 50, -1])

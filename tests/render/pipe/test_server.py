@@ -77,7 +77,7 @@ async def test_withdrawing_through_the_pipe_takes_work_out_of_the_schedule(tmp_p
         withdrawn = asyncio.create_task(edge.submit(VIEWER, render_request(), bench.now))
         await bench.waiting(1)
         withdrawn.cancel()
-        await until(lambda: len(bench.engine._schedule) == 0)
+        await until(lambda: len(bench.engine._queue) == 0)
         bench.rasterizer.gate.set()
         await rendered
     assert len(bench.rasterizer.cameras) == 1

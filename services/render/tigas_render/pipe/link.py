@@ -33,7 +33,9 @@ class Link(asyncio.Protocol, ABC):
         """A message. Raises BadMessage."""
 
     def send(self, message: bytes) -> None:
-        """Send a message with all others of this turn of the event loop."""
+        """Send a message with all others of this turn of the event loop; nothing once the pipe is closed."""
+        if self._transport is not None and self._transport.is_closing():
+            return
         if not self._outgoing:
             self._loop.call_soon(self._flush)
         self._outgoing.append(message)

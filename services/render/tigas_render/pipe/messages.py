@@ -9,8 +9,6 @@ import math
 import struct
 from typing import Any, Final, NamedTuple, get_args
 
-from pydantic import ValidationError
-
 from tigas_common.errors import (
     BrokenScene,
     DeadlineExceeded,
@@ -79,34 +77,25 @@ def pack_request(id: int, session: int, arrived: float, request: RenderRequest) 
 
 
 def unpack_request(content: bytes) -> Asked:
-    """A request, as valid as if it had come from the client directly."""
+    """A request. Its values are taken as they are: the edge has checked what the client sent."""
     (
         id, session, arrived, seq, width, height, profile, format, flags, p0, p1, p2, p3, p4, p5, p6,
         fx, fy, cx, cy, display_scale, overscan, deadline_ms, stamp,
     ) = _unpacked(_REQUEST, content, at_least=True)  # fmt: skip
     if format >= len(_FORMATS) or flags >> 5 or not math.isfinite(arrived):
         raise BadMessage("A request has a format, flags or a time that do not exist.")
-    fields: dict[str, Any] = {
-        "scene": _text(content[_REQUEST.size :]), "seq": seq, "fx": fx, "fy": fy, "cx": cx, "cy": cy,
-        "width": width, "height": height, "profile": None if profile == _NO_PROFILE else profile,
-        "display_scale": display_scale, "overscan": overscan, "depth": bool(flags & _DEPTH),
-        "format": _FORMATS[format],
-    }  # fmt: skip
-    if flags & _QUATERNION:
-        fields["position"], fields["quaternion"] = (p0, p1, p2), (p3, p4, p5, p6)
-    else:
-        fields["azimuth"], fields["elevation"], fields["translation"] = p0, p1, (p3, p4, p5)
-    if flags & _ROLL:
-        fields["roll"] = p2
-    if flags & _DEADLINE:
-        fields["deadline_ms"] = deadline_ms
-    if flags & _STAMP:
-        fields["stamp"] = stamp
-    try:
-        return Asked(id, session, arrived, RenderRequest(**fields))
-    except ValidationError as error:
-        where = ".".join(map(str, error.errors(include_url=False, include_input=False)[0]["loc"])) or "its pose"
-        raise BadMessage(f"A request is not valid: {where}.") from None
+    is_rotated = flags & _QUATERNION
+    request = RenderRequest.trusted({
+        "scene": _text(content[_REQUEST.size :]), "seq": seq,
+        "azimuth": None if is_rotated else p0, "elevation": None if is_rotated else p1,
+        "roll": p2 if flags & _ROLL else None, "translation": None if is_rotated else (p3, p4, p5),
+        "position": (p0, p1, p2) if is_rotated else None, "quaternion": (p3, p4, p5, p6) if is_rotated else None,
+        "fx": fx, "fy": fy, "cx": cx, "cy": cy, "width": width, "height": height,
+        "profile": None if profile == _NO_PROFILE else profile, "display_scale": display_scale, "overscan": overscan,
+        "depth": flags & _DEPTH != 0, "format": _FORMATS[format],
+        "deadline_ms": deadline_ms if flags & _DEADLINE else None, "stamp": stamp if flags & _STAMP else None,
+    })  # fmt: skip
+    return Asked(id, session, arrived, request)
 
 
 # -- an answer ---------------------------------------------------------------------------------------------------------
@@ -149,7 +138,7 @@ def unpack_frame(content: bytes, *, is_inline: bool) -> Answered:
         raise BadMessage("A frame has a format, a profile or a length that cannot be.")
     if not (math.isfinite(queue) and math.isfinite(render) and math.isfinite(encode)):
         raise BadMessage("A frame's times are no numbers.")
-    timing = ServerTiming(queue=queue, render=render, encode=encode)
+    timing = ServerTiming.trusted({"queue": queue, "render": render, "encode": encode})
     chosen = None if profile == _NO_PROFILE else profile
     return Answered(
         id, offset, length, inline, (_FORMATS[format], width, height, seq, chosen, timing, margin_x, margin_y)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Container
+from collections.abc import Collection
 from typing import NamedTuple
 
 from tigas_common.peers import client_network
@@ -41,20 +41,20 @@ class Inbox:
         network = client_network(str(datagram.address[0]))
         if network not in self._waiting:
             self._waiting[network] = deque()
-            self._turns.join(network, self._waiting)
+            self._turns.join(network, EXPECTED_S)
         if len(self._waiting[network]) < MAX_WAITING:
             self._waiting[network].append(datagram)
 
-    def take(self, besides: Container[str] = ()) -> tuple[str, Received] | None:
+    def take(self, besides: Collection[str] = ()) -> tuple[str, Received] | None:
         """Whose turn it is but for those `besides`, and the oldest datagram from there; None if nothing waits."""
-        costs = {network: EXPECTED_S for network in self._waiting if network not in besides}
-        if not costs:
+        network = self._turns.next(besides)
+        if network is None:
             return None
-        network = self._turns.choose(costs)
         self._turns.begin(network, EXPECTED_S)
         datagram = self._waiting[network].popleft()
         if not self._waiting[network]:
             del self._waiting[network]
+            self._turns.leave(network)
         return network, datagram
 
     def settle(self, network: str, seconds: float) -> None:

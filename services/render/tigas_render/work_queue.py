@@ -1,0 +1,186 @@
+"""What waits to be rendered: takes work in, says what is next, and answers what will never be. Safe on any thread."""
+
+from __future__ import annotations
+
+import math
+import threading
+from collections import Counter
+from collections.abc import Callable, Collection
+
+from tigas_common.errors import DeadlineExceeded, Overloaded, Superseded, TigasError
+from tigas_common.wire.render import Rung
+from tigas_render.admission import Admission
+from tigas_render.costs import FrameCosts
+from tigas_render.schedule import FairSchedule
+from tigas_render.utilisation import Utilisation
+from tigas_render.work import Work
+
+QUEUE_DEPTH = 4
+"""Requests of one session that may wait: enough to cover a burst, too few to build up delay."""
+MAX_WAITING = 512
+"""Requests of all clients together that may wait."""
+MIN_COST_S = 0.0001
+"""What a turn is charged at least, in seconds: so that those take turns whose frames' cost is not known yet."""
+INTERRUPTED_FOR = 4
+"""A frame is interrupted for one of another address that is expected to cost so many times less."""
+
+STOPPING = "The server is stopping."
+
+
+class WorkQueue:
+    """Between the event loop, which adds and removes work, and the threads that make frames of it."""
+
+    def __init__(
+        self,
+        frames_in_flight: int,
+        ladder: tuple[Rung, ...],
+        clock: Callable[[], float],
+        refuse: Callable[[Work, TigasError], None],
+        waiting_per_address: int = MAX_WAITING,
+    ) -> None:
+        """refuse: hears of work that is not rendered, on whichever thread finds out."""
+        self._clock = clock
+        self._refuse = refuse
+        self._waiting_per_address = waiting_per_address
+        self._most_at_work = max(2, frames_in_flight - 1)
+        """Frames of one address: a large picture takes a tenth of a second to encode."""
+        self._schedule: FairSchedule[Work] = FairSchedule(QUEUE_DEPTH)
+        self._costs = FrameCosts()
+        self._admission = Admission(ladder, self._costs)
+        self._utilisation = Utilisation(clock())
+        self._at_work: Counter[str] = Counter()
+        """Frames that have begun and are not done, by address."""
+        self._all_at_work: set[str] = set()
+        """Addresses that have as many as they may."""
+        self._changed = threading.Condition()
+        self._is_rendering = False
+        self._closed = False
+
+    def __len__(self) -> int:
+        return len(self._schedule)
+
+    def push(self, work: Work) -> None:
+        """Add work. Raises Overloaded."""
+        client, request = work.client, work.request
+        with self._changed:
+            if self._closed or len(self._schedule) >= MAX_WAITING:
+                raise Overloaded(STOPPING if self._closed else "Too many requests wait; ask less often.")
+            if self._schedule.waiting(client.address) >= self._waiting_per_address:
+                raise Overloaded("Too many requests from this address wait; ask less often.")
+            now = self._clock()
+            self._utilisation.work(now)
+            self._admission.heard_of(client, now)
+            work.expected = max(MIN_COST_S, self._costs.at_least(request.scene, request.format, work.size.pixels))
+            pushed_out = self._schedule.push(client, work, work.expected)
+            if not self._is_rendering:
+                self._changed.notify()
+        if pushed_out is not None:
+            self._refuse(pushed_out, Superseded("Newer requests of this client took this one's place."))
+
+    def remove(self, work: Work) -> None:
+        """Take out work that nobody wants any more, if it waits."""
+        with self._changed:
+            self._schedule.remove(work.client, work)
+
+    def next(self) -> Work | None:
+        """Wait for the turn to render and for work that can begin, and begin it: `rendered` and `done` must follow.
+
+        None once the queue is closed.
+        """
+        with self._changed:
+            while not self._closed:
+                if not self._is_rendering:
+                    work = self._pop()
+                    if work is not None:
+                        self._is_rendering = True
+                        self._utilisation.work(self._clock())
+                        return work
+                    self._utilisation.rest(self._clock())
+                self._changed.wait()
+            return None
+
+    def rendered(self) -> None:
+        """The turn to render is somebody else's, if there is anything to render."""
+        with self._changed:
+            self._is_rendering = False
+            if self._schedule:
+                self._changed.notify()
+            else:
+                self._utilisation.rest(self._clock())
+
+    def next_ahead_of(self, work: Work) -> Work | None:
+        """As `next`, but without waiting, and only what is worth interrupting some work for."""
+        with self._changed:
+            return self._pop({work.client.address}, work.expected / INTERRUPTED_FOR)
+
+    def done(self, work: Work, seconds: float | None = None, *, is_whole: bool = False) -> None:
+        """Work is over that was begun, and has cost so many seconds; None: as many as were expected.
+
+        is_whole: a frame came of it, so that this is what others like it will cost. Whoever says so is going to ask for
+        the next: nobody is woken for it.
+        """
+        address, request = work.client.address, work.request
+        with self._changed:
+            self._at_work[address] -= 1
+            if not self._at_work[address]:
+                del self._at_work[address]
+            self._all_at_work.discard(address)
+            if seconds is not None:
+                self._schedule.settle(work.client, max(seconds, MIN_COST_S) - work.expected)
+                if is_whole:
+                    self._costs.measured(request.scene, request.format, work.size.pixels, seconds)
+
+    def state(self) -> tuple[float, float]:
+        """How long the client has waited, in seconds, that has waited longest for its next frame to begin; and the
+        share of the time since the last call, 0 to 1, in which there was something to render.
+        """
+        with self._changed:
+            now = self._clock()
+            oldest = min((work.arrived for work in self._schedule.newest()), default=now)
+            return max(0.0, now - oldest), self._utilisation.share(now)
+
+    def close(self) -> None:
+        """Refuse all that waits, and whatever comes."""
+        with self._changed:
+            self._closed = True
+            while (work := self._schedule.pop()) is not None:
+                self._refuse(work, Overloaded(STOPPING))
+            self._changed.notify_all()
+
+    def _pop(self, besides: Collection[str] = (), at_most: float = math.inf) -> Work | None:
+        """The next work that can begin now, at its client's charge; None if there is none.
+
+        Not of the addresses `besides`, nor of one that has as many frames at work as it may, and at most so costly.
+        """
+        left_out = self._all_at_work.union(besides) if besides else self._all_at_work
+        while (work := self._schedule.pop(left_out, at_most)) is not None:
+            if work.is_over:
+                continue
+            try:
+                self._check(work)
+            except (DeadlineExceeded, Overloaded) as error:
+                self._refuse(work, error)
+                continue
+            self._begin(work)
+            return work
+        return None
+
+    def _begin(self, work: Work) -> None:
+        client = work.client
+        self._schedule.begin(client, work.expected)
+        self._at_work[client.address] += 1
+        if self._at_work[client.address] >= self._most_at_work:
+            self._all_at_work.add(client.address)
+        for older in self._schedule.remove_if(client, work.overtakes):
+            self._refuse(older, Superseded("A newer view of this client is rendered instead."))
+
+    def _check(self, work: Work) -> None:
+        """Raises DeadlineExceeded and Overloaded if a frame is not to be rendered now."""
+        request, now = work.request, self._clock()
+        try:
+            work.check_deadline(now + self._costs.at_least(request.scene, request.format, work.size.pixels))
+        except DeadlineExceeded:
+            self._costs.doubt(request.scene, request.format)
+            raise
+        self._admission.check(work.client, request, work.size, now, others_wait=self._schedule.others_wait(work.client))
+        self._admission.heard_of(work.client, now)
