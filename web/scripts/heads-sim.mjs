@@ -10,14 +10,15 @@ const USAGE = `npm run heads-sim -- [options] --network TRACE.csv... MOVEMENT.cs
   --controller NAME   as abr-sim takes it [budget]
   --ladder FILE       a scene's ladder.json (docs/ladder.md) [the paper's]
   --rtt MS            [100]
-  --seconds N         of each visit, after two at rest [8]
+  --seconds N         of each visit, after a rest [8]
+  --rest N            seconds before the viewer moves [2]
   --visits N          of each movement over each network, at parts of both that are spread evenly [3]
   --scale X           frames are so many times as large as the ladder says: margins are more pixels [1.3]
   --seed N            [1]
+  --held              each network from its beginning, held at its first state until the viewer moves, as in experiments
   --each              a row for each network
   --json FILE         every visit
 `;
-const WARM_UP = 2000;
 
 const COLUMNS = [
   ["never rendered", ({ never }) => percent(never)],
@@ -40,9 +41,11 @@ async function main() {
       ladder: { type: "string" },
       rtt: { type: "string", default: "100" },
       seconds: { type: "string", default: "8" },
+      rest: { type: "string", default: "2" },
       visits: { type: "string", default: "3" },
       scale: { type: "string", default: "1.3" },
       seed: { type: "string", default: "1" },
+      held: { type: "boolean", default: false },
       each: { type: "boolean", default: false },
       json: { type: "string" },
       help: { type: "boolean", default: false },
@@ -63,9 +66,10 @@ async function main() {
   );
   const ladder =
     values.ladder === undefined ? paper.PAPER_LADDER : JSON.parse(readFileSync(values.ladder, "utf8")).rungs;
-  const [seed, duration, visits] = [
+  const [seed, duration, warmUp, visits] = [
     number("--seed", values.seed),
     number("--seconds", values.seconds) * 1000,
+    number("--rest", values.rest) * 1000,
     number("--visits", values.visits),
   ];
   const rows = [];
@@ -78,11 +82,13 @@ async function main() {
         const begin = (spare * (part + 0.5)) / visits;
         const options = {
           controller: controllers.controllerFactory(values.controller),
-          trace: traces.from(trace, (trace.duration * (part + 0.5)) / visits),
+          trace: values.held
+            ? traces.held(trace, warmUp)
+            : traces.from(trace, (trace.duration * (part + 0.5)) / visits),
           ladder,
           roundTrip: number("--rtt", values.rtt),
           points: points.map((point) => ({ ...point, t_ms: point.t_ms - begin })),
-          warmUp: WARM_UP,
+          warmUp,
           duration,
           seed: seed + 1000 * person + 10 * part, // or else all would meet the same frame sizes
         };

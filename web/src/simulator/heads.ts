@@ -74,7 +74,7 @@ export async function visit(options: HeadOptions): Promise<Visit> {
   const rig = new Rig({ sampleInput: () => NO_INPUT, turnSpeed: () => 60 });
   rig.resize(VIEWPORT.width, VIEWPORT.height);
   rig.enter(SCENE);
-  rig.drive((at) => poseAt(points, at - warmUp));
+  rig.drive((at) => poseAt(points, Math.max(0, at - warmUp)));
   const distance = viewDistance(SCENE);
   const [foresight, overscan, seen] = [
     new Foresight(rig, () => "auto"),

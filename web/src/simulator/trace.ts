@@ -57,6 +57,12 @@ export function from({ steps, duration }: NetworkTrace, begin: number): NetworkT
   return { steps: [{ ...before, t_ms: 0 }, ...later, ...earlier], duration };
 }
 
+/** The same trace, held at its first state for so many milliseconds before it plays. */
+export function held({ steps, duration }: NetworkTrace, before: number): NetworkTrace {
+  const [first, ...rest] = steps.map((step) => ({ ...step, t_ms: step.t_ms + before }));
+  return { steps: [{ ...(first as Step), t_ms: 0 }, ...rest], duration: duration + before };
+}
+
 /** The state at a time, for times that never go back. */
 export class TracePlayer {
   readonly #trace: NetworkTrace;
