@@ -78,6 +78,16 @@ test("a slower one gets less", () => {
   expect(turn(10, 200, 100)).toBeLessThan(0.6 * before);
 });
 
+test("at rest it is 0 in whatever direction the camera looks", () => {
+  turn(40, 2000, 100);
+  const old = looking(azimuth - 4);
+  // In such an orientation, rounding keeps the turn from it to itself above zero.
+  const quaternion = [-0.04679130049878238, 0.07294714730508184, 0.03249318085445294, 0.9957075278894113] as const;
+  const view = { ...looking(azimuth), quaternion };
+  for (const until = now + 300; now < until; now += FRAME) subject.observe(old, view, now);
+  expect(subject.at(now)).toBe(0);
+});
+
 test("however fast it turns, there is a limit", () => {
   expect(turn(300, 2000, 150)).toBe(MAX_OVERSCAN);
 });

@@ -23,6 +23,8 @@ const FASTEST = 2;
 const LEAST_SPEED = 10;
 /** Weight of the newest speed in the average. */
 const ALPHA = 0.4;
+/** Two equal orientations are up to so many degrees apart when they are compared. */
+const ROUNDING = 1e-6;
 /** A camera that has not moved for so many milliseconds rests; a longer pause between samples is no movement, either. */
 const REST = 200;
 /** A view that turns further from one sample to the next is a cut, in degrees. */
@@ -59,7 +61,7 @@ export class AutoOverscan {
     if (elapsed > REST || moved > CUT) return;
     const needed = neededMargin(frame, view, this.#distance);
     this.#speed += ALPHA * ((moved * 1000) / elapsed - this.#speed);
-    if (moved > 0) this.#movedAt = now;
+    if (moved > ROUNDING) this.#movedAt = now;
     if (now - this.#movedAt <= REST) this.#remember({ needed, speed: this.#speed, elapsed });
   }
 
