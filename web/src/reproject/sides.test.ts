@@ -28,6 +28,11 @@ test("four sides are level with the scene's floor", () => {
   expect(upwards).toEqual([0, 0, 0, 0, 1, -1]);
 });
 
+test("no two sides are seen through the same lens, so that the server drops neither of two that are under way", () => {
+  const lenses = SIDES.map((side) => sideView(side, [0, 0, 0], UP)).map(({ width, fx }) => `${width} ${fx}`);
+  expect(new Set(lenses).size).toBe(SIDES.length);
+});
+
 /** A rotation that looks along a direction of length 1. */
 function towards([x, y, z]: Vector3): [number, number, number, number] {
   const length = Math.hypot(y, x, 1 + z) || 1;

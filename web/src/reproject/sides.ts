@@ -15,12 +15,17 @@ const DIRECTIONS = [
 export const SIDES: readonly number[] = [...DIRECTIONS.keys()];
 /** Half of the field of view in degrees: more than 45, so that no gaps open between sides that were taken from different places. */
 const HALF = 49;
+/**
+ * In pixels, of the first; each has one more than the one before, so that no two are asked for through the same lens: the server
+ * drops a view once a newer one through the same lens is being rendered (docs/protocol.md).
+ */
 const SIZE = 256;
-const FOCAL = SIZE / 2 / Math.tan((HALF * Math.PI) / 180);
 
 /** A side as a view to ask for; `up`: of the scene. */
 export function sideView(side: number, position: Vector3, up: Vector3): View {
   const [azimuth, elevation] = DIRECTIONS[side] ?? DIRECTIONS[0];
   const quaternion = multiply(levelFor(up), orientation(azimuth, elevation));
-  return { position, quaternion, fx: FOCAL, fy: FOCAL, cx: SIZE / 2, cy: SIZE / 2, width: SIZE, height: SIZE };
+  const size = SIZE + side;
+  const focal = size / 2 / Math.tan((HALF * Math.PI) / 180);
+  return { position, quaternion, fx: focal, fy: focal, cx: size / 2, cy: size / 2, width: size, height: size };
 }

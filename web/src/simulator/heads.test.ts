@@ -67,6 +67,11 @@ test("in an outage a turn shows what nobody rendered, unless there is a surround
   expect((await visitOf(trace, true, { warmUp: 2000 })).never).toBeLessThan(0.002);
 });
 
+test("on a link that takes a second for a picture, who stood still for a moment sees no dark in the outage that follows", async () => {
+  const { never } = await visitOf("t_ms,down_kbps\n0,100\n3000,0\n8000,100\n9000,", true, { warmUp: 3000 });
+  expect(never).toBeLessThan(0.002);
+});
+
 // The rungs are those of another visit: any small delay leads Budget to others from then on, to better or to worse ones by chance.
 test.each([1000, 4000, 20_000])(
   "at Budget's rungs the view's frames come as soon and as often at %i kbit/s",

@@ -12,6 +12,7 @@ import { AutoOverscan } from "../reproject/overscan";
 import type { View } from "../reproject/view";
 import type { DecodedImage } from "../stateless/decoder";
 import { type DecodedFrame, FramePipeline } from "../stateless/pipeline";
+import { Rest } from "../stateless/rest";
 import { SurroundFeed } from "../stateless/surround-feed";
 import { viewDistance } from "../view/camera";
 import { NO_INPUT } from "../view/motion";
@@ -81,6 +82,7 @@ export async function visit(options: HeadOptions): Promise<Visit> {
     new AutoOverscan(distance),
     new Seen(distance),
   ];
+  const rest = new Rest();
   const sides = new Map<number, View>();
   const counts = { looks: 0, uncovered: 0, never: 0, fresh: 0, neverFresh: 0, age: 0, frames: 0 };
   const replies = { count: 0, response: 0, rung: 0, bytes: 0, aside: 0 };
@@ -148,7 +150,7 @@ export async function visit(options: HeadOptions): Promise<Visit> {
     const { position, quaternion } = foresight.pose(at);
     const share = overscan.at(at);
     const view = { scene: SCENE.id, position, quaternion, ...lens, profile: controller.decide(at) };
-    pipeline.want({ ...view, ...(share > 0 && { overscan: share }) }, rig.pose.seq);
+    pipeline.want(rest.view({ ...view, ...(share > 0 && { overscan: share }) }, controller), rig.pose.seq);
     feed.tick(pipeline, view, throughput.bitsPerSecond, at);
     const frame = pipeline.take();
     if (frame) {

@@ -15,6 +15,7 @@ import type { Rung, SceneInfo } from "../wire/render";
 import type { Decoder } from "./decoder";
 import { type DecodedFrame, FramePipeline, type SentRequest } from "./pipeline";
 import { type PosedRequest, Refinement } from "./refinement";
+import { Rest } from "./rest";
 import { NO_STATS, type Stats, StatsRecorder } from "./stats";
 import { SurroundFeed } from "./surround-feed";
 import { type Pictured, pictured, Turning } from "./turning";
@@ -87,6 +88,7 @@ export class StatelessPlayer {
   #pipeline: FramePipeline | undefined;
   #connected: Connected | undefined;
   #refinement = new Refinement();
+  readonly #rest = new Rest<PosedRequest>();
   #publishedAt = 0;
 
   constructor(options: StatelessPlayerOptions) {
@@ -216,10 +218,11 @@ export class StatelessPlayer {
       ...this.#turning.request(scene, now),
       ...(stamp && { stamp: rig.pose.seq % 2 ** 24 }),
     };
-    if (!refine()) return view;
-    const settled = this.#pipeline?.settled === true;
+    const rested = this.#rest.view(view, controller());
+    if (!refine()) return rested;
     const throughput = this.#recorder.throughput.bitsPerSecond;
-    return this.#refinement.next(view, { now, settled, throughput, pixelRatio: pixelRatio() }) ?? view;
+    const settled = this.#pipeline?.settled === true && !this.#surround.hurries(throughput);
+    return this.#refinement.next(view, { now, settled, throughput, pixelRatio: pixelRatio() }) ?? rested;
   }
 
   /** How a frame that is older than the view is shown. */

@@ -26,6 +26,17 @@ test("small pictures of all directions come once the first view is on the screen
   expect(new Set(bench.transport.requests.map(({ request }) => request.seq)).size).toBe(7);
 });
 
+test("a view that rests gets sharper once all directions have come, and if they do not come", async () => {
+  bench.refine = true;
+  bench.profile = 3;
+  bench.reprojector.on(8);
+  await bench.frames(120);
+  const order = bench.transport.requests.map(({ request: { width, height, profile } }) =>
+    width === height ? "side" : profile === undefined ? "sharper" : "view",
+  );
+  expect(order.slice(0, 8)).toEqual(["view", ...Array(6).fill("side"), "sharper"]);
+});
+
 test.each(["off", "without reprojection"])("asks for nothing besides: %s", async (how) => {
   if (how === "off") {
     bench.surround = false;

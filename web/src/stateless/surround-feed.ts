@@ -42,6 +42,13 @@ export class SurroundFeed {
     if (wanted) void this.#ask(pipeline, scene.id, wanted, throughput);
   }
 
+  /** Whether sides that were never seen come now, so that a view that rests gets no sharper before; `throughput`: in bits per second. */
+  hurries(throughput: number | null): boolean {
+    const { reprojector, rig, surround, ladder } = this.#options;
+    if (!reprojector.working || !surround() || rig.scene === undefined || rig.scene !== this.#scene) return false;
+    return this.#surround.hurries({ there: reprojector.surround, throughput, ladder: ladder() });
+  }
+
   /** Another connection: what was asked for will not come. */
   reset(): void {
     this.#scene = undefined;
@@ -55,12 +62,12 @@ export class SurroundFeed {
       const asked: ViewRequest = { scene, position: [...position], quaternion: [...quaternion], ...lens, profile };
       const { header, arrival, bitmap } = await pipeline.aside(asked);
       const { render, encode } = header.timing ?? { render: 0, encode: 0 };
-      surround.came(arrival.bytes, render + encode, throughput);
+      surround.came(side, arrival.bytes, render + encode, throughput);
       this.#options.onReceived(arrival.bytes);
       this.#options.reprojector.takeSide(bitmap, side, view, seq);
       bitmap.close();
     } catch {
-      surround.failed(); // a picture that is not the view's: nobody needs to hear of it
+      surround.failed(side); // a picture that is not the view's: nobody needs to hear of it
     }
   }
 }

@@ -48,7 +48,7 @@ function all(at: Vector3 = [0, 0, 0], azimuth = 0): number[] {
     if (wanted === null) continue;
     there.set(wanted.side, wanted.view);
     sides.push(wanted.side);
-    surround.came(2000, 5, 4e6);
+    surround.came(wanted.side, 2000, 5, 4e6);
   }
   return sides;
 }
@@ -76,12 +76,48 @@ test("of two sides to the left and the right, the one that was never seen goes f
   expect(next()?.side).toBe(RIGHT);
 });
 
-test("one side is under way at a time", () => {
-  expect(next()).not.toBeNull();
+/** Every side is there, but from so far away that it is wanted anew. */
+function allFromAfar(): void {
+  for (const side of SIDES) there.set(side, sideView(side, [0, 0, -4], UP));
+}
+
+test.each([
+  { when: "a view is under way", idle: false, known: false },
+  { when: "all of them were seen before", idle: true, known: true },
+])("one side is under way at a time while $when", ({ idle, known }) => {
+  if (known) allFromAfar();
+  const first = next({ idle });
+  expect(first).not.toBeNull();
   now += 60_000;
-  expect(next()).toBeNull();
-  surround.came(2000, 5, 4e6);
-  expect(next()).not.toBeNull();
+  expect(next({ idle })).toBeNull();
+  surround.came(first?.side ?? 0, 2000, 5, 4e6);
+  expect(next({ idle })).not.toBeNull();
+});
+
+test("where the view rests, sides that were never seen come two at a time and without a pause, and the view gets no sharper before", () => {
+  const hurries = () => surround.hurries({ there, throughput: 0.1e6, ladder: LADDER });
+  const slow = { throughput: 0.1e6 };
+  let underWay = [next(slow), next(slow)];
+  expect(next(slow)).toBeNull();
+  for (let came = 0; came < SIDES.length; came++) {
+    expect(hurries()).toBe(true);
+    const [oldest, ...others] = underWay;
+    if (!oldest) throw new Error("no side is under way");
+    surround.came(oldest.side, 2000, 5, 0.1e6);
+    there.set(oldest.side, oldest.view);
+    underWay = [...others, next(slow)];
+  }
+  expect(new Set(there.keys())).toEqual(new Set(SIDES));
+  expect([underWay, hurries()]).toEqual([[null, null], false]);
+});
+
+test.each([
+  { why: "the link is too slow for any", throughput: 0.03e6, fails: false },
+  { why: "the last one failed", throughput: 4e6, fails: true },
+])("the view gets sharper without waiting for sides where $why", ({ throughput, fails }) => {
+  const wanted = next({ throughput });
+  if (fails) surround.failed(wanted?.side ?? 0);
+  expect(surround.hurries({ there, throughput, ladder: LADDER })).toBe(false);
 });
 
 test.each([
@@ -92,9 +128,10 @@ test.each([
   { throughput: 4e6, server: 30, idle: true, pause: 100 },
 ])("link and server keep nearly all of their time for the view: $throughput bit/s, $server ms, idle: $idle", (one) => {
   const { throughput, server, idle, pause } = one;
-  next();
+  allFromAfar();
+  const first = next();
   now += 10;
-  surround.came(2000, server, throughput);
+  surround.came(first?.side ?? 0, 2000, server, throughput);
   now = pause - 1;
   expect(next({ idle })).toBeNull();
   now = pause + 1;
@@ -103,7 +140,7 @@ test.each([
 
 test("a side that fails is asked for again, but not at once", () => {
   const failed = next();
-  surround.failed();
+  surround.failed(failed?.side ?? 0);
   now += 400;
   expect(next()).toBeNull();
   now += 200;

@@ -16,6 +16,8 @@ import type { Rung } from "../wire/render";
  */
 const BUSY = { share: 0.05, longest: 35 };
 const IDLE = { share: 0.3, longest: 500 };
+/** So many that were never seen are asked for at once while no view is under way, and without a pause: nothing else is as urgent. */
+const TOGETHER = 2;
 /** A side is taken anew once the camera is such a share of the scene's distance away. */
 const REFRESH = 0.2;
 /** Such a side is as urgent as one that is not there. */
@@ -56,7 +58,9 @@ export interface Surroundings {
 export class Surround {
   readonly #distance: number;
   readonly #up: Vector3;
-  #pending = false;
+  readonly #pending = new Set<number>();
+  /** The last one did not come. */
+  #failed = false;
   /** When the last one was asked for, and how long it kept the link or the server. */
   #askedAt = Number.NEGATIVE_INFINITY;
   #took = 0;
@@ -67,34 +71,45 @@ export class Surround {
     this.#up = up;
   }
 
-  /** The side to ask for now, if any; then none is until `came` or `failed` is called. */
+  /** The side to ask for now, if any; then `came` or `failed` is called for it. */
   next(surroundings: Surroundings): WantedSide | null {
-    const { now, pose, idle, throughput, ladder } = surroundings;
+    const { now, pose, there, idle, throughput, ladder } = surroundings;
     const { share, longest } = idle ? IDLE : BUSY;
-    if (this.#pending || now < this.#askedAt + this.#took / share) return null;
+    const hurry = idle && !this.#failed && SIDES.some((side) => !there.has(side) && !this.#pending.has(side));
+    const paused = this.#pending.size > 0 || now < this.#askedAt + this.#took / share;
+    if (hurry ? this.#pending.size >= TOGETHER : paused) return null;
     const profile = rungFor(ladder, throughput ?? SLOW_LINK, longest);
     if (profile === null) return null;
     const side = this.#mostNeeded(surroundings);
     if (side === undefined) return null;
-    this.#pending = true;
+    this.#pending.add(side);
     this.#askedAt = now;
     return { side, view: sideView(side, pose.position, this.#up), profile };
   }
 
-  /** What was asked for came, in so many bytes, and took the server so many milliseconds. */
-  came(bytes: number, server: number, throughput: number | null): void {
-    this.#pending = false;
+  /** Whether sides that were never seen come now, so that a view that rests gets no sharper before. */
+  hurries({ there, throughput, ladder }: Pick<Surroundings, "there" | "throughput" | "ladder">): boolean {
+    const affordable = rungFor(ladder, throughput ?? SLOW_LINK, IDLE.longest) !== null;
+    return affordable && !this.#failed && SIDES.some((side) => !there.has(side));
+  }
+
+  /** A side came, in so many bytes, and took the server so many milliseconds. */
+  came(side: number, bytes: number, server: number, throughput: number | null): void {
+    this.#pending.delete(side);
+    this.#failed = false;
     this.#took = Math.max(server, (bytes * 8000) / (throughput ?? SLOW_LINK));
   }
 
   /** It will not come. */
-  failed(): void {
-    this.#pending = false;
+  failed(side: number): void {
+    this.#pending.delete(side);
+    this.#failed = true;
     this.#took = RETRY_AFTER * IDLE.share;
   }
 
   #mostNeeded({ pose, there }: Surroundings): number | undefined {
     const urgencies = SIDES.map((side) => {
+      if (this.#pending.has(side)) return 0;
       const known = there.get(side);
       const moved = known && Math.hypot(...subtract(pose.position, known.position)) / this.#distance / REFRESH;
       if (moved !== undefined && moved < 1) return 0;

@@ -1,0 +1,42 @@
+import { expect, test } from "vitest";
+import type { ViewRequest } from "./pipeline";
+import { Rest } from "./rest";
+
+const VIEW: ViewRequest = {
+  scene: "here",
+  fx: 500,
+  fy: 500,
+  cx: 320,
+  cy: 180,
+  width: 640,
+  height: 360,
+  profile: 3,
+  overscan: 0.1,
+};
+const [CONTROLLER, ANOTHER] = [{}, {}];
+
+/** What is asked for after a view that was asked for. */
+function then(changes: Partial<ViewRequest>, chooser: unknown = CONTROLLER): ViewRequest {
+  const rest = new Rest();
+  rest.view(VIEW, CONTROLLER);
+  return rest.view({ ...VIEW, ...changes }, chooser);
+}
+
+test.each([{ profile: 5 }, { overscan: 0.05 }, { profile: 4, overscan: 0 }])(
+  "who stands still is not sent less of the same view: %o",
+  (changes) => expect(then(changes)).toBe(VIEW),
+);
+
+test.each([
+  { profile: 2 },
+  { overscan: 0.2 },
+  { profile: 2, overscan: 0 },
+  { azimuth: 1, profile: 5 },
+  { depth: true },
+])("who stands still is sent more of it, and who moves another view: %o", (changes) =>
+  expect(then(changes)).toEqual({ ...VIEW, ...changes }),
+);
+
+test("a worse rung that a person has chosen is shown at once", () => {
+  expect(then({ profile: 5 }, ANOTHER).profile).toBe(5);
+});
