@@ -24,6 +24,8 @@ GATEWAY = (GATEWAY_ADDRESS, WEBTRANSPORT.number)
 """Where a client's datagrams go; the gateway leads them to the same port of the service."""
 LAYER_2 = 42
 """Bytes that Ethernet, IP and UDP add to a datagram."""
+ATTEMPTS, QUIET_WAIT_S = 4, 10
+"""Of a measurement on a busy machine, and how long it waits for a quiet one."""
 
 
 @contextmanager
@@ -89,7 +91,7 @@ def echo_server(lab: Lab) -> Iterator[None]:
 
 @contextmanager
 def flood(lab: Lab, peer: tuple[str, int], sender: socket.socket, rate_kbps: float, size: int) -> Iterator[None]:
-    """Sends datagrams of `size` bytes at a retried_on_a_busy_machine rate (as tc counts it) until the context ends."""
+    """Sends datagrams of `size` bytes at a steady rate (as tc counts it) until the context ends."""
     packet = bytes(size)
     per_second = rate_kbps * 125 / (size + LAYER_2)
 
@@ -141,21 +143,22 @@ class Receiver:
 
 
 def retried_on_a_busy_machine(test: Callable[..., None]) -> Callable[..., None]:
-    """Gives a measurement three attempts: on a busy machine one can be wrong, but a wrong link is wrong every time.
+    """Gives a measurement four attempts: on a busy machine one can be wrong, but a wrong link is wrong every time.
 
-    A failure says what else kept the processors busy.
+    All but the first wait a while for the machine to be quiet. A failure says what else kept the processors busy.
     """
 
     @functools.wraps(test)
     def attempts(*arguments: object, **named: object) -> None:
-        for attempt in range(3):
-            _wait_for_quiet()
+        for again in range(ATTEMPTS):
+            if again:
+                _wait_for_quiet()
             before = _Load()
             try:
                 return test(*arguments, **named)
             except AssertionError as error:
-                if attempt == 2:
-                    error.add_note(f"Three attempts failed. During the last one {before.since()}")
+                if again == ATTEMPTS - 1:
+                    error.add_note(f"{ATTEMPTS} attempts failed. During the last one {before.since()}")
                     raise
         return None
 
@@ -163,7 +166,7 @@ def retried_on_a_busy_machine(test: Callable[..., None]) -> Callable[..., None]:
 
 
 def _wait_for_quiet() -> None:
-    end = time.monotonic() + 10
+    end = time.monotonic() + QUIET_WAIT_S
     while time.monotonic() < end and psutil.cpu_times_percent(0.25).idle < 50:
         pass
 
