@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import json
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -11,7 +12,7 @@ from playwright.async_api import Error, TimeoutError
 
 from tigas_experiments.errors import RunFailed
 from tigas_experiments.run import browser
-from tigas_experiments.run.browser import Viewer, responds
+from tigas_experiments.run.browser import Viewer, graphics_arguments, responds
 
 
 class StrangePage:
@@ -96,3 +97,27 @@ def test_a_browser_that_does_not_respond_is_told_from_one_that_does(
     monkeypatch.setattr(browser, "CLOSE_S", 0.05)
     assert found(None)
     assert not found(answer)
+
+
+HARDWARE = {"--use-angle=vulkan", "--enable-features=Vulkan", "--ignore-gpu-blocklist"}
+SOFTWARE = {"--enable-features=Vulkan", "--use-vulkan=swiftshader", "--use-angle=swiftshader"}
+WEBGPU = {"--enable-unsafe-webgpu"}
+
+
+@pytest.mark.parametrize(
+    ("devices", "webgpu", "arguments"),
+    [
+        (["nvidia0"], False, HARDWARE),
+        (["dri/renderD128", "dri/card0"], True, HARDWARE | WEBGPU),
+        (["dri/card0"], True, SOFTWARE | WEBGPU),
+        (["nvidiactl"], False, set()),
+    ],
+)
+def test_the_browser_draws_with_the_graphics_processor_where_there_is_one(
+    tmp_path: Path, devices: list[str], webgpu: bool, arguments: set[str]
+) -> None:
+    for name in devices:
+        device = tmp_path / name
+        device.parent.mkdir(exist_ok=True)
+        device.touch()
+    assert set(graphics_arguments(webgpu=webgpu, devices=tmp_path)) == arguments

@@ -38,11 +38,14 @@ ARGUMENTS = (
     "--disable-background-timer-throttling",
     "--disable-backgrounding-occluded-windows",
 )
-WEBGPU_ARGUMENTS = ("--enable-unsafe-webgpu", "--enable-features=Vulkan")
+HARDWARE_ARGUMENTS = ("--use-angle=vulkan", "--enable-features=Vulkan", "--ignore-gpu-blocklist")
+"""Without them headless Chromium draws WebGL on the processor, or loses it, whatever graphics processor there is."""
+WEBGPU_ARGUMENT = "--enable-unsafe-webgpu"
 """Headless Chromium has WebGPU only if it is told to."""
-SOFTWARE_ARGUMENTS = ("--use-vulkan=swiftshader", "--use-angle=swiftshader")
+SOFTWARE_WEBGPU_ARGUMENTS = ("--enable-features=Vulkan", "--use-vulkan=swiftshader", "--use-angle=swiftshader")
 """Where there is no graphics processor: correct, and slow."""
-GRAPHICS_DEVICES = ("/dev/dri", "/dev/nvidia0")
+GRAPHICS_DEVICES = ("nvidia0", "dri/renderD*")
+"""In /dev; a screen alone (`dri/card0`) draws nothing."""
 READY_MS = 60_000
 """How long the viewer may take from being opened to its first frame."""
 ANSWER_S = 60
@@ -60,10 +63,13 @@ def find_chromium() -> str:
 
 @asynccontextmanager
 async def chromium(*, webgpu: bool = False) -> AsyncIterator[Browser]:
-    """A headless browser for as long as the context lasts, with WebGPU for pages that need it. Raises StartError."""
+    """A headless browser for as long as the context lasts, with WebGPU for pages that need it. Raises StartError.
+
+    It draws with the graphics processor, if there is one, and its driver has Vulkan.
+    """
     path = find_chromium()
     # As root it has no sandbox to go into.
-    arguments = [*ARGUMENTS, *(["--no-sandbox"] if os.geteuid() == 0 else []), *(_webgpu() if webgpu else ())]
+    arguments = [*ARGUMENTS, *(["--no-sandbox"] if os.geteuid() == 0 else []), *graphics_arguments(webgpu=webgpu)]
     async with async_playwright() as playwright:
         try:
             browser = await playwright.chromium.launch(
@@ -77,9 +83,12 @@ async def chromium(*, webgpu: bool = False) -> AsyncIterator[Browser]:
             await _closed(browser)
 
 
-def _webgpu() -> tuple[str, ...]:
-    hardware = any(Path(device).exists() for device in GRAPHICS_DEVICES)
-    return WEBGPU_ARGUMENTS if hardware else WEBGPU_ARGUMENTS + SOFTWARE_ARGUMENTS
+def graphics_arguments(*, webgpu: bool, devices: Path = Path("/dev")) -> tuple[str, ...]:
+    """What Chromium has to be told about this machine's graphics; `devices`: where the kernel lists them."""
+    hardware = any(True for pattern in GRAPHICS_DEVICES for _ in devices.glob(pattern))
+    if hardware:
+        return (*HARDWARE_ARGUMENTS, WEBGPU_ARGUMENT) if webgpu else HARDWARE_ARGUMENTS
+    return (WEBGPU_ARGUMENT, *SOFTWARE_WEBGPU_ARGUMENTS) if webgpu else ()
 
 
 async def responds(browser: Browser) -> bool:
