@@ -1,5 +1,6 @@
-# The images of the services, one target each. compose.yaml builds them and says which of pyproject's extras (EXTRA) an
-# image needs; with compose.gpu.yaml the render service's is for NVIDIA GPUs: wheels only, no CUDA toolkit, no compiler.
+# The images of the services, one target each. compose.yaml builds them and says which of pyproject's extras (EXTRA; more
+# than one with commas) an image needs; with compose.gpu.yaml the render service's is for NVIDIA GPUs: wheels only, no CUDA
+# toolkit, no compiler.
 ARG PYTHON_IMAGE=python:3.11-slim-bookworm
 ARG NODE_IMAGE=node:20-slim
 
@@ -30,11 +31,11 @@ ARG TORCH_INDEX=https://download.pytorch.org/whl/cpu
 RUN --mount=type=secret,id=ca,target=/run/ca.crt --mount=type=cache,target=/root/.cache/pip \
     --mount=type=bind,from=wheels,target=/wheels \
     if [ -s /run/ca.crt ]; then export PIP_CERT=/run/ca.crt; fi; \
-    case ${EXTRA:?which extra of pyproject.toml? compose.yaml says it} in render|gpu) \
+    case ${EXTRA:?which extra of pyproject.toml? compose.yaml says it} in render*|gpu*) \
         if ls /wheels/torch-*.whl >/dev/null 2>&1; then index="--find-links /wheels"; else index="--index-url ${TORCH_INDEX}"; fi; \
         /opt/tigas/bin/pip install -q -c constraints.txt ${index} --no-deps torch || exit 1;; \
     esac; \
-    /opt/tigas/bin/pip install -q --require-hashes -r locks/${EXTRA}.txt && \
+    for extra in $(echo ${EXTRA} | tr , ' '); do /opt/tigas/bin/pip install -q --require-hashes -r locks/${extra}.txt || exit 1; done; \
     /opt/tigas/bin/pip install -q -c constraints.txt --no-build-isolation ".[${EXTRA}]"
 COPY services services
 RUN --mount=type=secret,id=ca,target=/run/ca.crt --mount=type=cache,target=/root/.cache/pip \
@@ -67,6 +68,14 @@ USER tigas
 WORKDIR /cache
 EXPOSE 8080 8443 4433/udp
 ENTRYPOINT ["tigas", "render"]
+
+# A machine of a cluster, its head (tigas-head) or a host (ray start): compose.cluster.yaml and deploy/kuberay.yaml run it.
+FROM render AS cluster
+COPY --chmod=755 deploy/head.sh /usr/local/bin/tigas-head
+# Ray sends nobody statistics, and keeps little of its logs: they are in memory.
+ENV TIGAS_RENDER_HTTPS=off \
+    RAY_USAGE_STATS_ENABLED=0 RAY_ROTATION_MAX_BYTES=4000000 RAY_ROTATION_BACKUP_COUNT=1
+ENTRYPOINT []
 
 # The DASH packager.
 FROM service AS dash-packager

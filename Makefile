@@ -73,8 +73,8 @@ lint: .venv/.ready web/node_modules/.ready
 	@$(VENV)/ruff check . && $(VENV)/ruff format --check . && $(VENV)/mypy
 	@echo "== web client: biome, tsc, generated types"
 	@cd web && npm run --silent check && npm run --silent wire -- --check
-	@echo "== compose.yaml"
-	@if docker compose version >/dev/null 2>&1; then docker compose config -q; else echo "not checked: Docker or its Compose plugin is missing"; fi
+	@echo "== compose.yaml, compose.cluster.yaml"
+	@if docker compose version >/dev/null 2>&1; then docker compose config -q && docker compose -f compose.cluster.yaml config -q; else echo "not checked: Docker or its Compose plugin is missing"; fi
 
 format: .venv/.ready web/node_modules/.ready
 	@$(VENV)/ruff check --fix . ; $(VENV)/ruff format .

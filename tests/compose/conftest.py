@@ -15,9 +15,8 @@ from tests.web.conftest import CHROMIUM_ARGS, DESKTOP, PATIENCE
 from tests.web.scenes import write_scenes
 
 
-@pytest.fixture(scope="session")
-def running(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Stack]:
-    """The stack with a small scene, built and healthy; removed at the end, whatever happens."""
+def models_of_tests(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A models directory with a small scene; a failed test if there is no Docker."""
     if (
         shutil.which("docker") is None
         or subprocess.run(("docker", "compose", "version"), capture_output=True).returncode
@@ -26,7 +25,22 @@ def running(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Stack]:
     models = tmp_path_factory.mktemp("models")
     models.chmod(0o755)  # the container's user is another one
     write_scenes(models)
-    stack = Stack(models)
+    return models
+
+
+# For a module each: they publish the same ports.
+@pytest.fixture(scope="module")
+def running(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Stack]:
+    """The stack with a small scene, built and healthy; removed at the end, whatever happens."""
+    stack = Stack(models_of_tests(tmp_path_factory))
+    with stack.running():
+        yield stack
+
+
+@pytest.fixture(scope="module")
+def cluster(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Stack]:
+    """The cluster, whose frames are made up."""
+    stack = Stack(models_of_tests(tmp_path_factory), file="compose.cluster.yaml", TIGAS_DEVICE="instant:5000")
     with stack.running():
         yield stack
 
@@ -40,7 +54,7 @@ def stack(running: Stack) -> Stack:
 
 
 @pytest.fixture
-def page(stack: Stack) -> Iterator[Page]:
+def page() -> Iterator[Page]:
     """An empty page."""
     chromium: str | Path | None = shutil.which("chromium")
     if chromium is None:

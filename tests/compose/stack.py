@@ -17,20 +17,23 @@ from tigas_common.topology import PAGE, PAGE_ORIGINS, SHAPER, STORE, Port
 from tigas_common.wire.render import RenderRequest
 
 ROOT = Path(__file__).parents[2]
-PROJECT = "tigas-test"
 SERVICES = ("render", "dash-packager", "store", "shaper")
+MACHINES = ("head", "host-1", "host-2")
 Service = Literal["render", "dash-packager", "store", "shaper"]
+Machine = Literal["head", "host-1", "host-2"]
 
 
 class Stack:
     """Containers that run. Published ports are reached at localhost, as a user's are."""
 
-    def __init__(self, models: Path) -> None:
-        self._environment = {**os.environ, "TIGAS_MODELS": str(models)}
+    def __init__(self, models: Path, *, file: str = "compose.yaml", **environment: str) -> None:
+        """models: the scenes; file: of Compose; environment: its variables."""
+        self._options = ("--file", file, "--project-name", f"{file.removesuffix('.yaml').replace('.', '-')}-test")
+        self._environment = {**os.environ, "TIGAS_MODELS": str(models), **environment}
 
     def compose(self, *arguments: str) -> str:
         """Run `docker compose`; its output. An AssertionError with what it said if it fails."""
-        argv = ("docker", "compose", "--progress", "quiet", "--project-name", PROJECT, *arguments)
+        argv = ("docker", "compose", "--progress", "quiet", *self._options, *arguments)
         done = subprocess.run(argv, cwd=ROOT, env=self._environment, capture_output=True, text=True)
         assert done.returncode == 0, f"{' '.join(argv)}: {done.stderr}"
         return done.stdout
@@ -56,16 +59,16 @@ class Stack:
         """Remove containers, networks, volumes and this project's names of the images."""
         self.compose("down", "--volumes", "--remove-orphans", "--rmi", "local", "--timeout", "3")
 
-    def container(self, service: Service) -> str:
+    def container(self, service: Service | Machine) -> str:
         """The id of a service's container."""
         return self.compose("ps", "--all", "--quiet", service).strip()
 
-    def inspect(self, service: Service) -> dict[str, Any]:
+    def inspect(self, service: Service | Machine) -> dict[str, Any]:
         """What Docker knows of a container."""
         found: list[dict[str, Any]] = json.loads(docker("inspect", self.container(service)))
         return found[0]
 
-    def inside(self, service: Service, script: str) -> str:
+    def inside(self, service: Service | Machine, script: str) -> str:
         """Run a shell script in a container; its output, errors among it."""
         return self.compose("exec", "-T", service, "sh", "-c", f"{script} 2>&1 || true")
 

@@ -1,4 +1,4 @@
-"""What compose.yaml lets a container take and do. Needs no containers."""
+"""What compose.yaml and compose.cluster.yaml let a container take and do. Needs no containers."""
 
 from __future__ import annotations
 
@@ -25,11 +25,13 @@ def services(text: str) -> dict[str, Any]:
 
 
 SERVICES = services(TEXT)
+CLUSTER_TEXT = (ROOT / "compose.cluster.yaml").read_text()
+MACHINES = services(CLUSTER_TEXT)
 
 
 def gigabytes(service: str) -> float:
     """A container's memory, in 10⁹ bytes: Docker's g is a binary one."""
-    number, _unit = re.fullmatch(r"(\d+)(g)", SERVICES[service]["mem_limit"]).groups()  # type: ignore[union-attr]
+    number, _unit = re.fullmatch(r"(\d+)(g)", (SERVICES | MACHINES)[service]["mem_limit"]).groups()  # type: ignore[union-attr]
     return int(number) * 2**30 / 1e9
 
 
@@ -47,6 +49,27 @@ def test_every_container_is_limited_and_has_no_rights_to_spare(service: str) -> 
     assert "privileged" not in told
 
 
+@pytest.mark.parametrize("machine", MACHINES)
+def test_every_machine_of_a_cluster_is_limited_and_reached_from_here_alone(machine: str) -> None:
+    told = MACHINES[machine]
+    assert 1 <= gigabytes(machine) <= 16
+    assert 128 <= told["pids_limit"] <= 4096
+    assert told["read_only"] is True
+    assert told["cap_drop"] == ["ALL"]
+    assert "cap_add" not in told
+    assert "no-new-privileges:true" in told["security_opt"]
+    assert "privileged" not in told
+    assert all(re.match(r"127\.0\.0\.\d+:(8080:8080|4433:4433/udp)$", port) for port in told["ports"])
+
+
+def test_ray_s_network_has_no_way_out() -> None:
+    networks = yaml.safe_load(CLUSTER_TEXT)["networks"]
+    assert networks["cluster"]["internal"] is True
+    for told in MACHINES.values():
+        address = told["networks"]["cluster"]["ipv4_address"]
+        assert address in f"{told['command']} {told['environment']}", "Ray listens on another network"
+
+
 def test_a_container_has_room_for_what_its_service_may_take() -> None:
     scenes = float(SERVICES["render"]["environment"]["TIGAS_RENDER_MEMORY_GB"])
     assert scenes == RenderSettings.model_fields["memory_gb"].default
@@ -57,8 +80,9 @@ def test_a_container_has_room_for_what_its_service_may_take() -> None:
 
 
 def test_every_setting_of_a_limit_is_documented_with_its_default() -> None:
-    found = [pair for pair in DEFAULT.findall(TEXT) if pair[0].endswith(("_MEMORY", "_CPUS", "_PIDS", "_MEMORY_GB"))]
-    assert len(found) == 13
+    both = set(DEFAULT.findall(TEXT + CLUSTER_TEXT))
+    found = [pair for pair in both if pair[0].endswith(("_MEMORY", "_CPUS", "_PIDS", "_MEMORY_GB"))]
+    assert len(found) == 16
     rows = [line for line in DOCS.splitlines() if line.startswith("|")]
     for name, default in found:
         assert any(name in row and default in row.replace(" GiB", "g") for row in rows), name

@@ -1,0 +1,19 @@
+#!/bin/bash
+# The head of a cluster: Ray's head node, whose start command the arguments are, and `tigas cluster up`, which is started
+# again if it ends: hosts and viewers go on meanwhile. Ends with Ray, or when told to.
+end() {
+    kill $(jobs -p) 2>/dev/null
+    wait
+    exit "$1"
+}
+trap 'end 0' TERM INT
+"$@" & ray=$!
+until ray health-check >/dev/null 2>&1; do
+    kill -0 $ray 2>/dev/null || end 1
+    sleep 1
+done
+while kill -0 $ray 2>/dev/null; do
+    tigas cluster up & wait -n $! $ray
+    sleep 1
+done
+end 1
