@@ -18,9 +18,9 @@ from tigas_common.wire.render import RenderRequest
 
 ROOT = Path(__file__).parents[2]
 SERVICES = ("render", "dash-packager", "store", "shaper")
-MACHINES = ("head", "host-1", "host-2")
 Service = Literal["render", "dash-packager", "store", "shaper"]
 Machine = Literal["head", "host-1", "host-2"]
+MACHINES: tuple[Machine, ...] = ("head", "host-1", "host-2")
 
 
 class Stack:
