@@ -145,6 +145,21 @@ async def test_a_frame_that_was_ready_too_late_is_not_sent(bench: Bench) -> None
     assert bench.outcome("deadline-exceeded") == 1
 
 
+async def test_an_image_that_is_late_already_is_not_encoded(bench: Bench) -> None:
+    first = await busy(bench)
+    bench.rasterizer.gate.set()
+    await first
+    bench.rasterizer.gate.clear()
+    late = bench.submit("a", deadline_ms=100)
+    await bench.rendering()
+    bench.now += 0.2
+    bench.rasterizer.gate.set()
+    with pytest.raises(DeadlineExceeded):
+        await late
+    image = bench.rasterizer.images[1]
+    assert (image.encoded, image.closed) == (0, True)
+
+
 async def test_a_huge_frame_is_refused_while_another_client_wants_frames(bench: Bench) -> None:
     huge: dict[str, Any] = {"width": 4096, "height": 4096, "profile": None}
     alone = bench.submit("hostile", **huge)

@@ -270,3 +270,18 @@ async def test_what_is_no_answer_ends_the_pipe_in_a_sentence(
                 engine.sendall(hostile)
                 await until(lambda: sentence in caplog.text)
     arena.close()
+
+
+async def test_whoever_drops_a_frame_without_a_word_takes_no_room_for_ever(engine: Engine, frames: FakeFrames) -> None:
+    async with engine.running() as serving, Edge(engine.path).connected() as edge:
+        kept, dropped = [await edge.submit(VIEWER, render_request(), 0.0) for _ in range(2)]
+        (link,) = serving.edges
+        both = link.arena.used
+        del dropped
+        edge.request(VIEWER, render_request(), 0.0, lambda answer: None)
+        await until(lambda: len(frames.requests) == 3 and link.arena.used == both / 2)
+        assert kept.body == b"frame"
+        kept.release()
+        kept.release()
+        await until(lambda: link.arena.used == 0)
+        assert (await edge.submit(VIEWER, render_request(), 0.0)).body == b"frame"
