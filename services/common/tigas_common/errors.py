@@ -82,6 +82,10 @@ class Overloaded(TigasError):
         """When to try again, in seconds, if that can be told."""
 
 
+class NoRoom(Overloaded):
+    """Scenes that are in use leave no room for another on the device."""
+
+
 class ServerFull(Overloaded):
     """The server keeps what it has promised to those who are in, and takes nobody else for now."""
 

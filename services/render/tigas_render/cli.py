@@ -46,13 +46,19 @@ def render(
         ),
     ] = None,
     device: Annotated[
-        str | None, typer.Option(metavar="auto|cpu|cuda[:N]", help="Rasterise on this device.", show_default="auto")
+        str | None,
+        typer.Option(
+            metavar="auto|cpu|cuda[:N],…",
+            help="Rasterise on this device, or on several; cuda: on all GPUs.",
+            show_default="auto",
+        ),
     ] = None,
     edges: Annotated[
         str | None,
         typer.Option(
             metavar="auto|N",
-            help="Processes that speak with viewers, beside one that renders; 1: a single process does both.",
+            help="Processes that speak with viewers, beside one a device that renders; 1: a single process does both, "
+            "if there is one device.",
             show_default="auto",
         ),
     ] = None,
@@ -66,7 +72,7 @@ def render(
         str | None, typer.Option(metavar="reno|cubic", help="QUIC's congestion control.", show_default="reno")
     ] = None,
     memory_gb: Annotated[
-        float | None, typer.Option(help="Memory limit for loaded scenes, in GB.", show_default="8")
+        float | None, typer.Option(help="Memory limit for loaded scenes on each device, in GB.", show_default="8")
     ] = None,
     idle_minutes: Annotated[
         float | None, typer.Option(help="Unload scenes that were unused for this long.", show_default="15")
@@ -92,15 +98,17 @@ def render(
     with in_a_sentence(StartError):
         check_aioquic()
         from tigas_render.fleet.count import edges_for
+        from tigas_render.fleet.devices import devices_for
 
-        if (number := edges_for(settings)) == 1:
+        devices, number = devices_for(settings), edges_for(settings)
+        if number == len(devices) == 1:
             from tigas_render.main import serve
 
             uvloop.run(serve(settings))
         else:
             from tigas_render.fleet.supervisor import supervise
 
-            uvloop.run(supervise(settings, number))
+            uvloop.run(supervise(settings, devices, number))
 
 
 @scene.command("info")

@@ -6,7 +6,7 @@ import asyncio
 import os
 import ssl
 import sys
-from collections.abc import AsyncIterator, Callable, Coroutine
+from collections.abc import AsyncIterator, Callable, Coroutine, Sequence
 from contextlib import AsyncExitStack, asynccontextmanager
 from pathlib import Path
 
@@ -67,7 +67,7 @@ async def serve(settings: RenderSettings) -> None:
                 )
         with explained(settings.http, "--http"):
             port = await stack.enter_async_context(serve_http(app, settings.http, settings.http_limits))
-        say("\n".join(announcement(service, port)))
+        say("\n".join(announcement(service, port, (service.device,))))
         await until_stopped_or_lost(until_stopped(), service.engine)
 
 
@@ -115,8 +115,11 @@ def _check_directory(scenes: Path | None) -> None:
         raise StartError(f"The models directory {scenes} cannot be read; check its permissions.")
 
 
-def announcement(service: RenderService, http_port: int) -> list[str]:
-    """What the user is told once the service is served; from now on it knows its own URL, too."""
+def announcement(service: RenderService, http_port: int, devices: Sequence[str]) -> list[str]:
+    """What the user is told once the service is served; from now on it knows its own URL, too.
+
+    devices: all that render.
+    """
     http = Address(service.settings.http.host, http_port)
     service.url = f"http://{http.reachable_host}:{http.port}"
     lines = []
@@ -125,7 +128,7 @@ def announcement(service: RenderService, http_port: int) -> list[str]:
         if scene.state == "broken":
             lines.append(printable(f"  {scene.id} is left out: {scene.error}"))
     usable = sum(scene.state != "broken" for scene in scenes)
-    lines.append(f"{usable} {'scene' if usable == 1 else 'scenes'} ready on {service.device}.")
+    lines.append(f"{usable} {'scene' if usable == 1 else 'scenes'} ready on {', '.join(devices)}.")
     if service.settings.scenes is not None and len(scenes) == 1:
         folder = service.settings.scenes
         lines.append(

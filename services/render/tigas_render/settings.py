@@ -35,6 +35,7 @@ def _edges(value: Any) -> Any:
     raise ValueError(f"{str(value)[:100]!r} is neither auto nor a number from 1 to {MAX_EDGES}")
 
 
+_DEVICE = "(cpu|cuda:[0-9]{1,3}|instant(:[0-9]{1,7}(:[1-9][0-9]{0,4})?)?)"
 Edges = Annotated[int | None, NoDecode, BeforeValidator(_edges)]
 
 
@@ -58,9 +59,10 @@ class RenderSettings(ServiceSettings):
     """Address of HTTP/3 and WebTransport; `localhost` is 127.0.0.1 and ::1; `off` disables both."""
     edges: Edges = None
     """How many processes speak with clients, beside one that renders; 1: one does all; None: what suits the machine."""
-    device: str = Field(default="auto", pattern=r"^(auto|cpu|cuda(:[0-9]{1,3})?|instant(:[0-9]{1,7})?)$")
-    """The device to render on: `cpu`, `cuda`, `cuda:N` for one of several GPUs, or `auto` for the fastest. `instant`
-    and `instant:BYTES` render nothing: frames are made up, to measure everything else."""
+    device: str = Field(default="auto", pattern=rf"^(auto|cuda|{_DEVICE}(,{_DEVICE})*)$")
+    """The devices to render on: `cpu`, `cuda` for all GPUs, `cuda:N` for one of them, several of these with commas
+    between them, or `auto` for the fastest there are. `instant`, `instant:BYTES` and `instant:BYTES:FRAMES_PER_S`
+    render nothing: frames are made up, to measure everything else."""
     congestion_control: Literal["reno", "cubic"] = "reno"
     """QUIC's congestion control."""
     quic_limits: Limits = Limits()
@@ -68,7 +70,7 @@ class RenderSettings(ServiceSettings):
     waiting_per_address: int = Field(default=128, ge=1)
     """Requests of one address that may wait for the renderer; further ones are refused."""
     memory_gb: float = Field(default=8.0, gt=0, le=100_000)
-    """Memory limit for loaded scenes, in gigabytes (10⁹ bytes)."""
+    """Memory limit for loaded scenes on each device, in gigabytes (10⁹ bytes)."""
     idle_minutes: float = Field(default=15.0, gt=0, le=525_600)
     """Scenes unused for this many minutes are unloaded."""
     ladder: Ladder = "scene"

@@ -14,7 +14,7 @@ import time
 from collections.abc import AsyncIterator, Awaitable, Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 from urllib.parse import urlsplit
 
 import httpx
@@ -37,6 +37,8 @@ class Fleet:
     port: int
     """Of QUIC."""
     edges: int
+    errors: IO[str]
+    """What it says on its standard error."""
 
     def child(self, name: str) -> psutil.Process:
         """A child by its name, such as `edge 1`."""
@@ -91,7 +93,7 @@ def serving(
             url = opened[1]
             port = urlsplit(httpx.get(f"{url}/config.json").json()["webtransport_url"]).port
             assert port is not None
-            yield Fleet(process, url, port, edges)
+            yield Fleet(process, url, port, edges, errors)
         finally:
             if process.poll() is None:
                 process.send_signal(signal.SIGTERM)
@@ -123,6 +125,7 @@ class Viewer:
     """Asks for frames all the time, and comes back when its connection has ended, as the page does."""
 
     fleet: Fleet
+    ask: bytes = ASK
     owner: int = -1
     connections: int = 0
     since: float = 0.0
@@ -143,7 +146,7 @@ class Viewer:
         self.owner = self.fleet.owner(client)
         self.connections, self.since = self.connections + 1, time.monotonic()
         while client.terminated is None:
-            answer = client.responses[client.open_stream(session, ASK)]
+            answer = client.responses[client.open_stream(session, self.ask)]
             await client.until(lambda answer=answer: answer.done or client.terminated)  # type: ignore[misc]
             if b'"status":200' in bytes(answer.body[:200]):
                 self.shown.append(time.monotonic())

@@ -21,6 +21,7 @@ from tigas_common.errors import (
     DeadlineExceeded,
     DeviceLost,
     InvalidRequest,
+    NoRoom,
     OutOfDeviceMemory,
     Overloaded,
     Superseded,
@@ -88,7 +89,7 @@ async def test_a_request_and_its_frame_are_what_they_are_without_a_pipe(
     "kind",
     [
         *(InvalidRequest, UnknownScene, BrokenScene, Superseded, DeadlineExceeded, OutOfDeviceMemory, DeviceLost),
-        *(Overloaded, partial(Overloaded, retry_after_s=2.5)),
+        *(Overloaded, NoRoom, partial(Overloaded, retry_after_s=2.5)),
     ],
 )
 async def test_an_error_is_what_it_is_without_a_pipe(

@@ -36,12 +36,16 @@ class NewCertificate(_Message):
 
 
 class EngineStart(_Message):
-    """What the engine needs to begin."""
+    """What an engine needs to begin."""
 
     kind: Literal["engine"] = "engine"
     name: str
     """As it is called in a sentence."""
     settings: RenderSettings
+    """With its own device alone."""
+    number: int
+    devices: tuple[str, ...]
+    """All engines', by number."""
     directory: Path
     """Where its sockets are to be."""
     http_port: int
@@ -57,8 +61,10 @@ class EdgeStart(_Message):
     name: str
     """As it is called in a sentence."""
     settings: RenderSettings
+    devices: tuple[str, ...]
+    """What engines render on, by their numbers, each with a name of its own."""
     directory: Path
-    """Where the engine's sockets are."""
+    """Where the engines' sockets are."""
     number: int
     edges: int
     http: int

@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 import sys
-from pathlib import Path
 
 from tigas_common.errors import StartError
 from tigas_common.processors import usable_processors
+from tigas_render.fleet.devices import has_gpu
 from tigas_render.settings import RenderSettings
 
 MIN_CORES = 8
 """With fewer, or without a GPU, a single process does all: edges would take from the renderer what they win."""
 MAX_AUTO = 8
-GPUS = (Path("/dev/nvidia0"), Path("/dev/dxg"))
-"""What there is where an NVIDIA driver finds a GPU: on Linux, and in Windows' Linux. Asking CUDA would take seconds."""
 
 
 def edges_for(settings: RenderSettings) -> int:
@@ -31,4 +29,4 @@ def suitable(cores: int, gpu: bool) -> int:
 
 
 def _has_gpu(device: str) -> bool:
-    return device != "cpu" and (device != "auto" or any(path.exists() for path in GPUS))
+    return device != "cpu" and (device != "auto" or has_gpu())

@@ -1,4 +1,4 @@
-"""An edge's process: it speaks with clients, and has from the engine whatever it answers."""
+"""An edge's process: it speaks with clients, and has from the engines whatever it answers."""
 
 from __future__ import annotations
 
@@ -32,8 +32,10 @@ from tigas_render.fleet.places import frames_socket, http_socket
 from tigas_render.fleet.process import run, until_told
 from tigas_render.fleet.proxy import EngineProxy
 from tigas_render.fleet.tickets import SharedTickets
+from tigas_render.fleet.united import United
 from tigas_render.frame_route import PATH, HttpFrames, frames_app
 from tigas_render.pipe.client import PipeClient
+from tigas_render.pipe.engines import Engines
 from tigas_render.transport.cids import Edge
 from tigas_render.transport.frames import render_session
 from tigas_render.transport.http_viewers import HttpViewers
@@ -44,7 +46,7 @@ from tigas_render.transport.server import Http3Server
 from tigas_render.transport.share import Share
 
 TELL_TICKS = 10
-"""How often the engine hears of this edge's load: a second."""
+"""How often engines hear of this edge's load: a second."""
 _STATE = TypeAdapter(LoadState)
 
 
@@ -79,12 +81,17 @@ async def edge(channel: Channel, start: Start, news: AsyncIterator[Message]) -> 
                 raise AssertionError(f"An edge does not hear {message.kind}.")
 
     async with AsyncExitStack() as stack:
-        frames = await stack.enter_async_context(PipeClient(frames_socket(start.directory), start.number, load.engine))
+        frames = _frames(start, load)
+        await stack.enter_async_context(frames)
         stack.callback(asyncio.create_task(_measure(load, frames)).cancel)
-        proxy = EngineProxy(http_socket(start.directory), origins)
-        stack.push_async_callback(proxy.close)
+        proxies = [EngineProxy(http_socket(start.directory, number), origins) for number in range(len(start.devices))]
+        for proxy in proxies:
+            stack.push_async_callback(proxy.close)
         posted = OriginCheck(frames_app(HttpFrames(frames, HttpViewers(load, time.monotonic), rate)), origins)
-        app = _by_path(posted, proxy)
+        rest: ASGIApp = proxies[0]
+        if isinstance(frames, Engines):
+            rest = United(frames, dict(zip(start.devices, proxies, strict=True)), origins)
+        app = _by_path(posted, rest)
         if start.quic:
             server = Http3Server(
                 app,
@@ -107,13 +114,20 @@ async def edge(channel: Channel, start: Start, news: AsyncIterator[Message]) -> 
         await until_told(news, heard)
 
 
-async def _measure(load: Load, engine: PipeClient) -> None:
-    """Measure how busy this process is, and let the engine know, which shows it."""
+def _frames(start: EdgeStart, load: Load) -> PipeClient | Engines:
+    if len(start.devices) == 1:
+        return PipeClient(frames_socket(start.directory, 0), start.number, load.engine)
+    sockets = {device: frames_socket(start.directory, number) for number, device in enumerate(start.devices)}
+    return Engines(sockets, start.number, load.engine, time.monotonic)
+
+
+async def _measure(load: Load, engines: PipeClient | Engines) -> None:
+    """Measure how busy this process is, and let the engines know, which show it."""
     for tick in itertools.count():
         await asyncio.sleep(TICK_S)
         load.tick()
         if tick % TELL_TICKS == 0:
-            engine.tell(_STATE.dump_json(load.state))
+            engines.tell(_STATE.dump_json(load.state))
 
 
 def _by_path(frames: ASGIApp, rest: ASGIApp) -> ASGIApp:

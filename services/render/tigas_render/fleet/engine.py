@@ -1,4 +1,4 @@
-"""The engine's process: scenes, renderer and HTTP interface, on Unix sockets that only edges reach."""
+"""An engine's process: scenes, renderer and HTTP interface, on Unix sockets that only edges reach."""
 
 from __future__ import annotations
 
@@ -27,11 +27,14 @@ async def engine(channel: Channel, start: Start, news: AsyncIterator[Message]) -
             service.show(Certificate.with_its_key(message.pem))
 
         heard(start.certificate)
-        await stack.enter_async_context(serve_unix(create_app(service), http_socket(start.directory)))
+        await stack.enter_async_context(serve_unix(create_app(service), http_socket(start.directory, start.number)))
         await stack.enter_async_context(
-            serve_edges(frames_socket(start.directory), service, service.engine.state, service.loads.heard_json)
+            serve_edges(
+                frames_socket(start.directory, start.number), service, service.engine.state, service.loads.heard_json
+            )
         )
-        channel.send(Ready(lines=tuple(announcement(service, start.http_port))))
+        devices = start.devices if len(start.devices) > 1 else (service.device,)
+        channel.send(Ready(lines=tuple(announcement(service, start.http_port, devices))))
         await until_stopped_or_lost(until_told(news, heard), service.engine)
 
 

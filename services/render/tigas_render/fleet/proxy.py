@@ -1,4 +1,4 @@
-"""Hands HTTP requests on to the engine's application over a Unix socket, and its answers back as they come."""
+"""Hands HTTP requests on to an engine's application over a Unix socket, and its answers back as they come."""
 
 from __future__ import annotations
 
@@ -35,15 +35,21 @@ class EngineProxy:
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         try:
-            answer = await self._ask(scope, await read_body(Request(scope, receive), MAX_BODY))
+            answer = await self.ask(scope, await read_body(Request(scope, receive), MAX_BODY))
         except TigasError as error:
-            refusal = await on_error(Request(scope), error)
-            await OriginCheck(refusal, self._origins)(scope, receive, send)
+            await refuse(error, self._origins, scope, receive, send)
         else:
             await hand_back(answer, headers_of(answer), send)
 
-    async def _ask(self, scope: Scope, body: bytes) -> httpx.Response:
+    async def ask(self, scope: Scope, body: bytes) -> httpx.Response:
+        """The engine's answer, which whoever gets it closes. Raises Overloaded while the engine is gone."""
         try:
             return await ask(self._transport, "http://engine/", scope, body)
         except httpx.TransportError as error:
             raise Overloaded(AWAY, RETRY_S) from error
+
+
+async def refuse(error: TigasError, origins: OriginPolicy, scope: Scope, receive: Receive, send: Send) -> None:
+    """Answer with an error of our own, as far as the page that asked may read it."""
+    refusal = await on_error(Request(scope), error)
+    await OriginCheck(refusal, origins)(scope, receive, send)

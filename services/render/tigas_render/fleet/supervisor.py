@@ -1,4 +1,4 @@
-"""The process that the user starts: it has the public sockets and the secrets, and keeps engine and edges running."""
+"""The process that the user starts: it has the public sockets and the secrets, and keeps engines and edges running."""
 
 from __future__ import annotations
 
@@ -24,6 +24,7 @@ from tigas_render.fleet.control import (
     TicketIssued,
     TicketTaken,
 )
+from tigas_render.fleet.devices import names
 from tigas_render.fleet.directory import private_directory
 from tigas_render.fleet.launched import Launched
 from tigas_render.fleet.sockets import PublicSockets
@@ -33,35 +34,50 @@ from tigas_render.transport.retry import KEY_LENGTH
 from tigas_render.transport.tickets import TicketStore
 
 EDGES_STOP_S = 1.2
-"""For the edges to answer what is running, in seconds; the engine answers meanwhile."""
+"""For the edges to answer what is running, in seconds; the engines answer meanwhile."""
 STOP_S = 1.7
-"""For all, with the engine."""
+"""For all, with the engines."""
 
 
-async def supervise(settings: RenderSettings, edges: int) -> None:
-    """Run the render service as several processes until SIGINT or SIGTERM. Raises StartError."""
+async def supervise(settings: RenderSettings, devices: tuple[str, ...], edges: int) -> None:
+    """Run the render service as so many edges, and an engine for each device, until SIGINT or SIGTERM.
+
+    Raises StartError.
+    """
     keep_together()
     with PublicSockets.bound(settings, edges) as sockets, private_directory() as directory:
         async with CertificateKeeper.running(settings) as keeper:
-            await Supervisor(settings, edges, sockets, directory, keeper).run()
+            await Supervisor(settings, devices, edges, sockets, directory, keeper).run()
 
 
 class Supervisor:
-    """Engine and edges, for as long as `run` lasts."""
+    """Engines and edges, for as long as `run` lasts."""
 
     def __init__(
-        self, settings: RenderSettings, edges: int, sockets: PublicSockets, directory: Path, keeper: CertificateKeeper
+        self,
+        settings: RenderSettings,
+        devices: tuple[str, ...],
+        edges: int,
+        sockets: PublicSockets,
+        directory: Path,
+        keeper: CertificateKeeper,
     ) -> None:
-        """directory: where the engine's own sockets are, for nobody else."""
+        """directory: where the engines' own sockets are, for nobody else."""
         self._settings = settings
+        self._devices = devices
+        self._names = names(devices)
         self._sockets = sockets
         self._directory = directory
         self._reset_key = kept_key(settings.cache / "stateless-reset.key")
         self._retry_key = os.urandom(KEY_LENGTH)
         self._tickets = TicketStore()
         self._announcement: tuple[str, ...] = ()
-        """What the engine says of itself, to be printed once all serve."""
-        self._engine = Child("engine", self._launch_engine, self._begin_engine, self._heard)
+        """What an engine says, to be printed once all serve."""
+        self._said: set[str] = set()
+        """Lines that were printed: no engine says again what another has said, or itself before it was restarted."""
+        self._engines = [self._engine(number) for number in range(len(devices))]
+        for engine in self._engines:
+            engine.others = [other for other in self._engines if other is not engine]
         self._spare = Spare(sockets.fds())
         self._edges = [self._edge(number, edges) for number in range(edges)]
         self._show(keeper.certificate)
@@ -69,7 +85,7 @@ class Supervisor:
 
     async def run(self) -> None:
         """Keep all running until SIGINT or SIGTERM. Raises StartError."""
-        children = (self._engine, *self._edges)
+        children = (*self._engines, *self._edges)
         stopped = asyncio.create_task(until_stopped())
         ready = asyncio.create_task(self._announce())
         kept = [asyncio.create_task(child.keep()) for child in children]
@@ -88,12 +104,17 @@ class Supervisor:
         began = time.monotonic()
         await self._spare.end()
         await asyncio.gather(*(edge.end(EDGES_STOP_S) for edge in self._edges))
-        await self._engine.end(began + STOP_S - time.monotonic())
+        patience_s = began + STOP_S - time.monotonic()
+        await asyncio.gather(*(engine.end(patience_s) for engine in self._engines))
 
     async def _announce(self) -> None:
-        """Tell the user once all serve; what starts after that need not hurry."""
-        for child in (self._engine, *self._edges):
-            await child.ready.wait()
+        """Tell the user once all serve, or all but engines that cannot; what starts after that need not hurry."""
+        for edge in self._edges:
+            await edge.ready.wait()
+        for engine in self._engines:
+            await engine.settled.wait()
+        if not self._announcement:  # there is nothing to serve with
+            return
         print("\n".join(self._announcement), flush=True)
         await self._spare.keep()
 
@@ -102,24 +123,31 @@ class Supervisor:
     def _show(self, certificate: Certificate) -> None:
         """Edges first: nobody hears of a certificate that is not shown yet."""
         self._certificate = NewCertificate(pem=certificate.with_key)
-        for child in (*self._edges, self._engine):
+        for child in (*self._edges, *self._engines):
             child.tell(self._certificate)
 
-    def _begin_engine(self) -> Sequence[Message]:
+    def _engine(self, number: int) -> Child:
+        is_alone = len(self._devices) == 1
         sockets = self._sockets
-        start = EngineStart(
-            name=self._engine.name,
-            settings=self._settings,
-            directory=self._directory,
-            http_port=sockets.http_port,
-            https_port=sockets.https_port,
-            quic_port=sockets.quic_port,
-            certificate=self._certificate,
-        )
-        return (start,)
 
-    async def _launch_engine(self) -> Launched:
-        return await Launched.start("tigas_render.fleet.engine", ())
+        def begin() -> Sequence[Message]:
+            start = EngineStart(
+                name="engine" if is_alone else f"engine {number}",
+                settings=self._settings.model_copy(update={"device": self._devices[number]}),
+                number=number,
+                devices=self._names,
+                directory=self._directory,
+                http_port=sockets.http_port,
+                https_port=sockets.https_port,
+                quic_port=sockets.quic_port,
+                certificate=self._certificate,
+            )
+            return (start,)
+
+        async def launch() -> Launched:
+            return await Launched.start("tigas_render.fleet.engine", ())
+
+        return Child("engine" if is_alone else f"engine on {self._names[number]}", launch, begin, self._heard)
 
     def _edge(self, number: int, edges: int) -> Child:
         name = f"edge {number}"
@@ -129,6 +157,7 @@ class Supervisor:
             start = EdgeStart(
                 name=name,
                 settings=self._settings,
+                devices=self._names,
                 directory=self._directory,
                 number=number,
                 edges=edges,
@@ -158,7 +187,8 @@ class Supervisor:
                 self._announcement = message.lines or self._announcement
                 return
             case Said():
-                if not self._engine.ready.is_set():  # one that is started again has nothing new to say
+                if message.line not in self._said:
+                    self._said.add(message.line)
                     print(message.line, flush=True)
                 return
             case _:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import logging
 import socket
+import time
 from collections import OrderedDict
 from collections.abc import Callable
 from functools import partial
@@ -32,6 +33,13 @@ OnState = Callable[[float, float], None]
 """Hears the age of the engine's queue, in seconds, and its utilisation, 0 to 1."""
 
 
+class EngineGone(Overloaded):
+    """There is no engine, or no more."""
+
+    def __init__(self) -> None:
+        super().__init__("The renderer is starting again; try again soon.", RETRY_AFTER_S)
+
+
 class PipeClient(FrameSource):
     """The frames of the engine behind a Unix socket; an async context manager that keeps the pipe open.
 
@@ -45,6 +53,10 @@ class PipeClient(FrameSource):
         self._on_state = on_state
         self._link: EngineLink | None = None
         self._connected = asyncio.Event()
+        self.connections = 0
+        """How often it was connected: what an engine has loaded is gone with it."""
+        self.connected_at = 0.0
+        """When it was the last time, on the monotonic clock."""
 
     async def __aenter__(self) -> Self:
         self._keeping = asyncio.create_task(self._keep())
@@ -58,9 +70,25 @@ class PipeClient(FrameSource):
         """Wait until there is an engine."""
         await self._connected.wait()
 
+    @property
+    def is_connected(self) -> bool:
+        """Whether there is an engine now."""
+        return self._link is not None and not self._link.lost.done()
+
+    @property
+    def lost(self) -> asyncio.Future[None]:
+        """Done once the engine that is connected now is gone; to be asked for only while there is one."""
+        assert self._link is not None
+        return self._link.lost
+
+    def give_up(self, reason: str) -> None:
+        """Have done with the engine that is connected now: what waits is answered, and another connection made."""
+        if self._link is not None:
+            self._link.abort(reason)
+
     def request(self, client: Client, request: RenderRequest, arrived: float, answered: Answered) -> Withdraw:
         if self._link is None or self._link.lost.done():
-            return asyncio.get_running_loop().call_soon(answered, _gone()).cancel
+            return no_engine(answered)
         return self._link.request(client, request, arrived, answered)
 
     def tell(self, stats: bytes) -> None:
@@ -77,6 +105,7 @@ class PipeClient(FrameSource):
                 logger.debug("The engine cannot be reached: %s", error)
             else:
                 self._link = link
+                self.connections, self.connected_at = self.connections + 1, time.monotonic()
                 self._connected.set()
                 try:
                     await link.lost
@@ -130,7 +159,7 @@ class EngineLink(Link):
         self._arena = memoryview(b"")  # the memory goes with the last frame that lies in it
         waiting, self._waiting = self._waiting, {}
         for answered in waiting.values():
-            _call(answered, _gone())
+            _call(answered, EngineGone())
 
     def request(self, client: Client, request: RenderRequest, arrived: float, answered: Answered) -> Withdraw:
         """As `FrameSource.request`."""
@@ -197,8 +226,9 @@ def _call(answered: Answered, answer: Frame | Exception) -> None:
         logger.exception("An answer was not delivered")
 
 
-def _gone() -> Overloaded:
-    return Overloaded("The renderer is starting again; try again soon.", RETRY_AFTER_S)
+def no_engine(answered: Answered) -> Withdraw:
+    """Answer a request that no engine hears."""
+    return asyncio.get_running_loop().call_soon(answered, EngineGone()).cancel
 
 
 async def _receive_arena(sock: socket.socket) -> memoryview:

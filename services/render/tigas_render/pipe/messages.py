@@ -14,6 +14,7 @@ from tigas_common.errors import (
     DeadlineExceeded,
     DeviceLost,
     InvalidRequest,
+    NoRoom,
     OutOfDeviceMemory,
     Overloaded,
     Superseded,
@@ -151,7 +152,7 @@ _FAILURE: Final = struct.Struct("<IdB")
 """id, seconds after which to try again, or NaN, and the error's type. The sentence follows."""
 _ERRORS: Final[tuple[type[TigasError], ...]] = (
     TigasError, InvalidRequest, UnknownScene, BrokenScene, Superseded, DeadlineExceeded, Overloaded, OutOfDeviceMemory,
-    DeviceLost,
+    DeviceLost, NoRoom,
 )  # fmt: skip
 """Whatever the engine answers with, the least specific first."""
 

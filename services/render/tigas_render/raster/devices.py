@@ -20,14 +20,13 @@ GPU_PACKAGES = ("cuda.core", "cuda.pathfinder")
 def create_rasterizer(device: str, cache: Path | None = None) -> Rasterizer:
     """The rasteriser for `cpu`, `cuda`, `cuda:N` or `auto`, which takes a GPU if there is one that can be used.
 
-    `instant` and `instant:BYTES` render nothing and answer with made-up frames of that size, so that everything else
-    can be measured. On a machine with NVIDIA's driver `auto` logs why it takes the CPU.
+    `instant`, `instant:BYTES` and `instant:BYTES:FRAMES_PER_S` render nothing and answer with made-up frames of that
+    size, so that everything else can be measured. On a machine with NVIDIA's driver `auto` logs why it takes the CPU.
     cache: a directory for compiled kernels; the user's own by default.
     Raises ValueError, with one sentence, if the machine has no such device.
     """
     if device.startswith(NAME):
-        size = device.partition(":")[2]
-        return InstantRasterizer(int(size)) if size else InstantRasterizer()
+        return InstantRasterizer(*map(int, device.split(":")[1:]))
     if device != "cpu":
         missing = why_no_cuda()
         if missing is None:

@@ -1,8 +1,12 @@
-"""Renders nothing: grey frames of a given size in bytes, at once. Everything but rendering can be measured with it."""
+"""Renders nothing: grey frames of a given size in bytes, at once, or as many a second as a real device would make.
+
+Everything but rendering can be measured with it.
+"""
 
 from __future__ import annotations
 
 import functools
+import time
 
 import numpy as np
 from numpy.typing import NDArray
@@ -49,15 +53,16 @@ class InstantImage(Image):
 
 
 class InstantRasterizer(Rasterizer):
-    """Takes no time."""
+    """Takes no time, or as much as it is told to."""
 
     device = NAME
     frames_in_flight = 6  # as CUDA's
     hardware = "nothing: frames are made up"
 
-    def __init__(self, size: int = DEFAULT_BYTES) -> None:
-        """size: bytes of every JPEG."""
+    def __init__(self, size: int = DEFAULT_BYTES, frames_per_s: int | None = None) -> None:
+        """size: bytes of every JPEG; frames_per_s: at most; None: as many as are asked for."""
         self._size = size
+        self._seconds = 1 / frames_per_s if frames_per_s else 0.0
 
     def prepare(self, gaussians: Gaussians) -> PreparedScene:
         """Nothing has to be packed."""
@@ -73,6 +78,8 @@ class InstantRasterizer(Rasterizer):
         depth: bool = False,
     ) -> Image:
         """A grey image; it never has a depth."""
+        if self._seconds:
+            time.sleep(self._seconds)
         return InstantImage(camera.intrinsics.width, camera.intrinsics.height, self._size)
 
 

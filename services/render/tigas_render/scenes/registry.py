@@ -14,7 +14,7 @@ from pathlib import Path
 from types import TracebackType
 from urllib.parse import quote
 
-from tigas_common.errors import BrokenScene, Overloaded, SceneInUse, TigasError, UnknownScene
+from tigas_common.errors import BrokenScene, NoRoom, SceneInUse, TigasError, UnknownScene
 from tigas_common.wire.render import Rung, SceneInfo, StartCamera
 from tigas_render.device_memory import with_room
 from tigas_render.gaussians import Gaussians
@@ -148,7 +148,7 @@ class SceneRegistry:
         """A context manager that holds the scene in memory: `async with registry.use(id) as loaded`.
 
         Entering loads the scene if need be, and costs next to nothing if it is loaded. It raises UnknownScene,
-        BrokenScene, and Overloaded if scenes in use leave no room for it.
+        BrokenScene, and NoRoom if scenes in use leave no room for it.
         """
         return SceneUse(self, scene_id)
 
@@ -269,7 +269,7 @@ class SceneRegistry:
         excess = sum(other.reserved for other in others) + needed - self._budget
         victims = sorted((o for o in others if o.loaded and not o.users), key=lambda other: other.last_used)
         if sum(other.reserved for other in victims) < excess:
-            raise Overloaded(
+            raise NoRoom(
                 f"There is no room for {entry.source.name} ({needed / 1e6:.1f} MB) beside the scenes that are in use;"
                 " try again later."
             )
