@@ -49,6 +49,7 @@ def main() -> int:
     viewers = parser.add_argument_group("the viewers")
     viewers.add_argument("--scene", help="id of the scene; the first, if left out")
     viewers.add_argument("--profile", type=int, default=2, help="the rung that they ask for (default: 2)")
+    viewers.add_argument("--depth", action="store_true", help="ask for depth, too, as the page does by default")
     viewers.add_argument("--fps", type=float, default=30, help="frames/s of each (default: 30)")
     viewers.add_argument("--transport", choices=["webtransport", "post", "mixed"], default="webtransport")
     viewers.add_argument("--movement", type=Path, nargs="+", default=MOVEMENTS, help="instead of the repository's own")
@@ -141,7 +142,8 @@ def subjects(arguments: argparse.Namespace, stack: ExitStack) -> tuple[Subject, 
     def subject(server: Server) -> Subject:
         plan = make_plan(
             server.address(), server.scene(arguments.scene), arguments.movement, transport=arguments.transport,
-            frames_per_s=arguments.fps, profile=arguments.profile, deadline_ms=arguments.deadline_ms,
+            frames_per_s=arguments.fps, profile=arguments.profile, depth=arguments.depth,
+            deadline_ms=arguments.deadline_ms,
         )  # fmt: skip
         device = server.config().device or "unknown"
         return Subject(server, device, stack.enter_context(Crowds(plan, arguments.processes)))

@@ -28,10 +28,13 @@ def make_plan(
     transport: Transport,
     frames_per_s: float,
     profile: int,
+    depth: bool = False,
     deadline_ms: float | None = None,
 ) -> Plan:
     """What viewers of a scene ask a service at an address for. Raises MovementError."""
     view: dict[str, Any] = {"scene": scene.id, **asdict(intrinsics(WIDTH, HEIGHT)), "profile": profile}
+    if depth:
+        view["depth"] = True
     if deadline_ms is not None:
         view["deadline_ms"] = deadline_ms
     routes = tuple(_route(MovementTrace.read(path), scene, frames_per_s) for path in movements)

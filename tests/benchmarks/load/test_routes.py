@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -18,7 +19,7 @@ SCENE = SceneInfo(
 )  # fmt: skip
 
 
-def plan(movement: Path = STROLL, frames_per_s: float = 30, **more: float) -> Plan:
+def plan(movement: Path = STROLL, frames_per_s: float = 30, **more: Any) -> Plan:
     address = ("127.0.0.1", 4433)
     return make_plan(address, SCENE, [movement], transport="webtransport", frames_per_s=frames_per_s, profile=2, **more)
 
@@ -30,6 +31,11 @@ def test_a_view_for_every_frame_of_a_minute() -> None:
     assert (first.scene, first.seq, first.profile, first.width, first.height) == ("garden", 7, 2, 1280, 720)
     assert first.position == pytest.approx((1, 2, 3), abs=0.1)  # where the start camera stands
     assert first.deadline_ms is None
+    assert not first.depth
+
+
+def test_depth_is_asked_for_if_wanted() -> None:
+    assert RenderRequest.model_validate_json(plan(depth=True).request(0, 0, 1)).depth
 
 
 def test_a_faster_viewer_sees_the_same_in_smaller_steps() -> None:

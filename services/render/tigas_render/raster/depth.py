@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
+from numba import vectorize
 from numpy.typing import NDArray
 
 from tigas_render.raster.base import Camera, Depth
@@ -48,5 +49,10 @@ def inverse_depth(means: NDArray[np.float32]) -> Depth:
     Expected, as the median is no better: views of the courtyard that were warped by 5 and 20 cm had 37.2 and 26.2 dB
     with the one, 35.9 and 25.3 dB with the other.
     """
-    inverse, opacity = means[..., 0], means[..., 1]
-    return np.where(opacity >= OPACITY_MIN, inverse / np.maximum(opacity, OPACITY_MIN), np.float32(0))
+    expected: Depth = _expected(means[..., 0], means[..., 1])
+    return expected
+
+
+@vectorize(["float32(float32, float32)"], cache=True)  # type: ignore[untyped-decorator, no-untyped-call]  # as NumPy's own, without the GIL
+def _expected(inverse: Any, opacity: Any) -> Any:
+    return inverse / opacity if opacity >= np.float32(OPACITY_MIN) else np.float32(0)

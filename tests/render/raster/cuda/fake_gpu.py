@@ -134,6 +134,7 @@ class _Library:
             "cuLaunchKernel": gpu.launch_first_kernel,
             "cuGraphLaunch": gpu.launch_graph,
             "cuStreamSynchronize": gpu.wait,
+            "nvjpegEncoderParamsSetQuality": lambda *_: 0,
             "nvjpegEncodeYUV": gpu.encode,
             "nvjpegEncodeRetrieveBitstream": gpu.retrieve,
         }

@@ -77,8 +77,8 @@ class JpegEncoder:
         self._stream = c_void_p(stream)
         self._state, self._params = c_void_p(), c_void_p()
         self._planes = _Planes()
-        self._quality = 0
         self._length = c_size_t()
+        self._bound, self._bound_of = c_size_t(), (0, 0)
         library.call("nvjpegEncoderStateCreate", library.handle, byref(self._state), self._stream)
         library.call("nvjpegEncoderParamsCreate", library.handle, byref(self._params), self._stream)
         library.call("nvjpegEncoderParamsSetSamplingFactors", self._params, CSS_420, self._stream)
@@ -86,6 +86,7 @@ class JpegEncoder:
         handle, state, params = (pointer.value or 0 for pointer in (library.handle, self._state, self._params))
         planes, length = addressof(self._planes), addressof(self._length)
         self._calls = Calls(
+            library.prepared("nvjpegEncoderParamsSetQuality", params, 0, stream),
             library.prepared("nvjpegEncodeYUV", handle, state, params, planes, CSS_420, 0, 0, stream),
             library.prepared("nvjpegEncodeRetrieveBitstream", handle, state, 0, length, stream),
             synchronize,
@@ -98,24 +99,24 @@ class JpegEncoder:
 
     def bound(self, width: int, height: int) -> int:
         """Bytes that the JPEG of a picture of this size cannot exceed."""
-        size = c_size_t()
-        self._library.call("nvjpegEncodeGetBufferSize", self._library.handle, self._params, width, height, byref(size))
-        return size.value
+        if (width, height) != self._bound_of:
+            library, size = self._library, self._bound
+            library.call("nvjpegEncodeGetBufferSize", library.handle, self._params, width, height, byref(size))
+            self._bound_of = width, height
+        return self._bound.value
 
     def encode(self, planes: int, width: int, height: int, quality: int, into: int, room: int) -> int:
         """Encode planes in device memory into `room` bytes of pinned memory, and give the JPEG's length.
 
         Planes: Y [H, W], Cb and Cr [⌈H/2⌉, ⌈W/2⌉], one after the other. Waits until the bytes are there.
         """
-        if quality != self._quality:
-            self._library.call("nvjpegEncoderParamsSetQuality", self._params, quality, self._stream)
-            self._quality = quality
         columns, rows = (width + 1) // 2, (height + 1) // 2
         chroma = planes + width * height
         self._planes.channel[:3] = [planes, chroma, chroma + columns * rows]
         self._planes.pitch[:3] = [width, columns, columns]
         self._length.value = room
-        self._calls.replace(0, 5, width, height)
-        self._calls.replace(1, 2, into)
+        self._calls.replace(0, 1, quality)
+        self._calls.replace(1, 5, width, height)
+        self._calls.replace(2, 2, into)
         self._calls.make()
         return self._length.value
