@@ -26,7 +26,7 @@ def test_falls_back_to_fetch_where_quic_does_not_get_through(open_page: OpenPage
             config["webtransport_url"] = f"https://127.0.0.1:{silent.getsockname()[1]}/render"
         route.fulfill(body=json.dumps(config), content_type="application/json")
 
-    page.route("**/config.json", without_quic)
+    page.route("**/config.json?*", without_quic)
     page.get_by_role("link", name="Pebbles").click()
     expect(page.locator("[data-stat=transport]")).to_have_text("HTTP fetch")
     expect(page.locator("[data-stat=fallback]")).to_contain_text("QUIC")
@@ -40,7 +40,7 @@ def test_a_page_over_plain_http_works_and_names_the_secure_one(open_page: OpenPa
         path = route.request.url.removeprefix("http://tigas.example/")
         headers = {name: value for name, value in route.request.headers.items() if name != "origin"}
         answer = route.fetch(url=server.url + path, headers=headers)  # as from the server's own page
-        if path == "config.json":
+        if path.startswith("config.json"):
             route.fulfill(json=answer.json() | {"https_url": "https://tigas.example:8443/"})
         else:
             route.fulfill(response=answer)
@@ -89,7 +89,7 @@ def test_a_full_server_is_said_to_be_full_and_the_visit_begins_by_itself(open_pa
         route.fulfill(response=answer, json=answer.json() | ({"retry_after_s": 0.5} if full else {}))
 
     page = open_page()
-    page.route("**/config.json", say_so)
+    page.route("**/config.json?*", say_so)
     page.get_by_role("link", name="Pebbles").click()
     expect(page.locator(".stage-message")).to_contain_text("The server is full")
     expect(page.locator(".stage")).to_have_attribute("data-phase", "full")

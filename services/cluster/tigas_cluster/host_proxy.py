@@ -30,7 +30,7 @@ PAGES_HOSTS = ("http:", "https:")
 
 
 class HostProxy:
-    """An ASGI application, as which each host's appears, whose answer is the same on all."""
+    """An ASGI application, as which any host's appears; `?host=NAME` asks for one of them."""
 
     def __init__(self, fleet: Fleet, transport: httpx.AsyncBaseTransport | None = None) -> None:
         """transport: another than HTTP, for tests."""
@@ -44,7 +44,7 @@ class HostProxy:
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Raises Overloaded if no host answers."""
         body = await read_body(Request(scope, receive), MAX_BODY)
-        for host in self._in_order(scope["path"]):
+        for host in self._in_order(scope["path"], Request(scope).query_params.get("host")):
             answer = await self._answer(host, scope, body)
             if answer is not None:
                 headers = [each for each in headers_of(answer) if each[0] != b"content-security-policy"]
@@ -53,13 +53,13 @@ class HostProxy:
                 return await hand_back(answer, headers, send)
         raise Overloaded(AWAY, RETRY_S)
 
-    def _in_order(self, path: str) -> Sequence[HostState]:
-        """The hosts to ask, the one first that most likely has the scene which the path names."""
+    def _in_order(self, path: str, wanted: str | None) -> Sequence[HostState]:
+        """The hosts to ask: the wanted one first, then the one that most likely has the scene which the path names."""
         hosts = {host.name: host for host in self._fleet.hosts()}
         parts = path.split("/")
         scene = parts[2] if len(parts) > 2 and parts[1] == "scenes" else ""
         order = [hosts[name] for name in ranked(scene, tuple(hosts))]
-        return sorted(order, key=lambda host: host.draining)
+        return sorted(order, key=lambda host: (host.name != wanted, host.draining))
 
     async def _answer(self, host: HostState, scope: Scope, body: bytes) -> httpx.Response | None:
         """None if the host is gone before it answers."""

@@ -17,18 +17,22 @@ function answer(make: (path: string, init: RequestInit) => Response | Promise<Re
 test("asks where the protocol says, whatever a scene's name", async () => {
   const asked = answer(() => Response.json([]));
   await fetchConfig();
+  await fetchConfig(undefined, { scene: "a/b c", silent: "x&y" });
   await fetchScenes();
   await fetchScenes({ scan: true });
   await loadScene("a/b c");
+  await loadScene("a", undefined, "x&y");
   await unloadScene("../x");
   await fetchScene("a b");
   await training("a b");
   await training("a b", "DELETE");
   expect(asked).toEqual([
     "GET config.json",
+    "GET config.json?scene=a%2Fb+c&silent=x%26y",
     "GET scenes",
     "GET scenes?scan=1",
     "POST scenes/a%2Fb%20c/load",
+    "POST scenes/a/load?host=x%26y",
     "POST scenes/..%2Fx/unload",
     "GET scenes/a%20b",
     "GET scenes/a%20b/enhance",

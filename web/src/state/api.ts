@@ -4,8 +4,13 @@ import type { SceneInfo, ServerConfig, Training } from "../wire/render";
 
 const TIMEOUT = 5000;
 
-export function fetchConfig(signal?: AbortSignal): Promise<ServerConfig> {
-  return call<ServerConfig>("config.json", {}, withTimeout(signal));
+/** `viewer`: which scene is viewed, and how its host does, for the director of a cluster. */
+export function fetchConfig(
+  signal?: AbortSignal,
+  viewer: Readonly<Record<string, string>> = {},
+): Promise<ServerConfig> {
+  const query = new URLSearchParams(viewer).toString();
+  return call<ServerConfig>(query === "" ? "config.json" : `config.json?${query}`, {}, withTimeout(signal));
 }
 
 /** All scenes; `scan` has the server look at its directory again first. */
@@ -13,9 +18,10 @@ export function fetchScenes({ scan = false } = {}): Promise<SceneInfo[]> {
   return call<SceneInfo[]>(scan ? "scenes?scan=1" : "scenes", {}, withTimeout());
 }
 
-/** Loads a scene, however long it takes. */
-export function loadScene(id: string, signal?: AbortSignal): Promise<SceneInfo> {
-  return call<SceneInfo>(`scenes/${encodeURIComponent(id)}/load`, { method: "POST" }, signal);
+/** Loads a scene, however long it takes; `host`: where, in a cluster. */
+export function loadScene(id: string, signal?: AbortSignal, host: string | null = null): Promise<SceneInfo> {
+  const at = host === null ? "" : `?${new URLSearchParams({ host })}`;
+  return call<SceneInfo>(`scenes/${encodeURIComponent(id)}/load${at}`, { method: "POST" }, signal);
 }
 
 export function unloadScene(id: string): Promise<SceneInfo> {

@@ -91,7 +91,7 @@ export class PlayerBench {
   /** To a server of which nothing is known. */
   connect(): void {
     this.transport = new FakeTransport(() => this.now);
-    this.player.attach({ transport: this.transport, fallback: null });
+    this.player.attach({ transport: this.transport, fallback: null, host: null });
   }
 
   /** Animation frames; the server answers whatever was asked when `answer` says so. */

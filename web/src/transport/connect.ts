@@ -14,19 +14,26 @@ export interface Connected {
   readonly transport: FrameTransport;
   /** Why it is not the transport that was wanted, or null. */
   readonly fallback: string | null;
+  /** The host's name, in a cluster. */
+  readonly host: string | null;
 }
 
 const SESSION_TIMEOUT = 3000;
 
 /** Rejects only if aborted: fetch needs no connecting. */
 export async function connect(
-  config: Pick<ServerConfig, "webtransport_url" | "certificate_sha256">,
+  config: Pick<ServerConfig, "webtransport_url" | "certificate_sha256" | "host" | "render_url">,
   choice: TransportChoice,
   signal: AbortSignal,
   now: Clock,
   open: typeof openSession = openSession,
 ): Promise<Connected> {
-  const byFetch = (fallback: string | null): Connected => ({ transport: new FetchTransport(now), fallback });
+  const host = config.host ?? null;
+  const byFetch = (fallback: string | null): Connected => ({
+    transport: new FetchTransport(now, config.render_url ?? null),
+    fallback,
+    host,
+  });
   if (choice === "fetch") return byFetch(null);
   if (!globalThis.isSecureContext) return byFetch("this page is not a secure context");
   if (typeof globalThis.WebTransport !== "function") return byFetch("this browser has no WebTransport");
@@ -37,7 +44,7 @@ export async function connect(
       signal,
     );
     const Transport = choice === "webtransport-datagrams" ? DatagramTransport : StreamTransport;
-    return { transport: new Transport(session, now), fallback: null };
+    return { transport: new Transport(session, now), fallback: null, host };
   } catch (error) {
     signal.throwIfAborted();
     return byFetch(error instanceof Error ? error.message : String(error));

@@ -1,8 +1,10 @@
 import { beforeEach, describe, expect, test, vi } from "vitest";
 import { deferred } from "../async/deferred";
 import type { ServerConfig } from "../wire/render";
-import { CHECK_EVERY, type ConnectionState, LOOK_EVERY, maintainConnection } from "./connection";
+import { type ConnectionState, maintainConnection } from "./connection";
+import { CHECK_EVERY, LOOK_EVERY } from "./ending";
 import { FakeTransport, turn } from "./fake";
+import type { HostReport } from "./host-report";
 import { RequestProblem } from "./transport";
 
 const UNKNOWN_SCENE = { type: "tigas:unknown-scene", title: "", status: 404, detail: "" };
@@ -21,6 +23,11 @@ let reachable: boolean;
 /** What the server says of its being full, each time that it is asked; afterwards it has room. */
 let full: (number | null)[];
 let fallback: string | null;
+/** The host that the director names, if there is one, and what it hears of hosts. */
+let named: string | null;
+let reports: (HostReport | undefined)[];
+/** By host: those that QUIC does not reach, and what the director names once it hears that they are lost. */
+let instead: Map<string, string>;
 /** For how long it was waited, in milliseconds, but for checks. */
 let waits: number[];
 let transports: FakeTransport[];
@@ -42,15 +49,17 @@ const reached = (status: ConnectionState["status"], times = 1) =>
 function start(): Promise<void> {
   return maintainConnection(
     {
-      fetchConfig: async () => {
+      fetchConfig: async (_, report) => {
+        reports.push(report);
         await reply();
         if (!reachable) throw new Error("The server does not answer.");
-        return { ...config(certificate), retry_after_s: full.shift() ?? null };
+        if (report && "lost" in report) named = instead.get(report.lost) ?? named;
+        return { ...config(certificate), retry_after_s: full.shift() ?? null, host: named };
       },
-      connect: async () => {
+      connect: async ({ host = null }) => {
         const transport = new FakeTransport(() => now);
         transports.push(transport);
-        return { transport, fallback };
+        return { transport, fallback: instead.has(host ?? "") ? "QUIC could not connect" : fallback, host };
       },
       onState: (state) => states.push(state),
       onSilence: (silent) => silence.push(silent),
@@ -76,6 +85,9 @@ beforeEach(() => {
   reachable = true;
   full = [];
   fallback = null;
+  named = null;
+  reports = [];
+  instead = new Map();
   waits = [];
   transports = [];
   states = [];
@@ -166,28 +178,28 @@ test("a server that was started again is noticed by its certificate", async () =
   await running;
 });
 
-describe("a server that has fallen silent", () => {
-  const request = { scene: "s", seq: 0, fx: 1, fy: 1, cx: 1, cy: 1, width: 2, height: 2 };
-  const never = new AbortController().signal;
-  let running: Promise<void>;
+const request = { scene: "s", seq: 0, fx: 1, fy: 1, cx: 1, cy: 1, width: 2, height: 2 };
+const never = new AbortController().signal;
+let running: Promise<void>;
 
-  /** Lets so much time pass, and everything happen that comes of it. */
-  async function pass(milliseconds: number): Promise<void> {
-    for (const end = now + milliseconds; now < end; now += LOOK_EVERY) {
-      for (const look of looks.splice(0)) look();
-      await turn();
-    }
-  }
-
-  /** Connects, asks for a view, and hears nothing for long enough. */
-  async function fallSilent(): Promise<void> {
-    running = start();
-    await reached("connected");
-    const connected = states.find((state) => state.status === "connected");
-    connected?.transport.request(request, never).catch(() => undefined);
+/** Lets so much time pass, and everything happen that comes of it. */
+async function pass(milliseconds: number): Promise<void> {
+  for (const end = now + milliseconds; now < end; now += LOOK_EVERY) {
+    for (const look of looks.splice(0)) look();
     await turn();
   }
+}
 
+/** Connects, asks for a view, and hears nothing for long enough. */
+async function fallSilent(): Promise<void> {
+  running = start();
+  await reached("connected");
+  const connected = states.find((state) => state.status === "connected");
+  connected?.transport.request(request, never).catch(() => undefined);
+  await turn();
+}
+
+describe("a server that has fallen silent", () => {
   const probes = () => (transports[0]?.requests.length ?? 0) - 1;
 
   test("is asked again, over the connection and beside it, and a restart is noticed at once", async () => {
@@ -243,6 +255,121 @@ describe("a server that has fallen silent", () => {
     expect(silence.at(-1)).toBe(false);
     stop.abort();
     await running;
+  });
+});
+
+describe("in a cluster", () => {
+  /** The hosts that were connected to, in this order; nothing else may have been told. */
+  const hosts = () =>
+    states.slice(1).map((state) => (state.status === "connected" ? state.host : `${state.status} instead`));
+
+  async function end(): Promise<void> {
+    stop.abort();
+    await running;
+    expect(transports.every(({ closed }) => closed)).toBe(true);
+  }
+
+  beforeEach(() => {
+    named = "a";
+  });
+
+  test("a viewer goes where it is sent, and what it sees stays open until it is there", async () => {
+    running = start();
+    await reached("connected");
+    await vi.waitFor(() => expect(checks).toHaveLength(1));
+    checks[0]?.(); // it may stay
+    await vi.waitFor(() => expect(checks).toHaveLength(2));
+    expect(hosts()).toEqual(["a"]);
+    named = "b";
+    checks[1]?.();
+    await reached("connected", 2);
+    expect(hosts()).toEqual(["a", "b"]);
+    expect(reports).toEqual([undefined, { at: "a" }, { at: "a" }]);
+    expect(transports.map(({ closed }) => closed)).toEqual([true, false]);
+    await end();
+  });
+
+  test("a host that has been silent for a moment is left for another", async () => {
+    await fallSilent();
+    named = "b";
+    await pass(500);
+    expect(reports).toHaveLength(1);
+    await pass(500);
+    await reached("connected", 2);
+    expect(hosts()).toEqual(["a", "b"]);
+    expect(reports[1]).toEqual({ silent: "a" });
+    await end();
+  });
+
+  test("a silent host that its director still hears keeps its viewer, and is asked about again", async () => {
+    await fallSilent();
+    await pass(2000);
+    expect(hosts()).toEqual(["a"]);
+    named = "b";
+    await pass(1250);
+    expect(hosts()).toEqual(["a", "b"]);
+    await end();
+  });
+
+  test("a session that has ended is replaced at once, wherever its viewer is sent", async () => {
+    running = start();
+    await reached("connected");
+    now += 5000;
+    named = "b";
+    transports[0]?.lose("The connection to the server broke.");
+    await reached("connected", 2);
+    expect(hosts()).toEqual(["a", "b"]);
+    expect(reports[1]).toEqual({ silent: "a" });
+    expect(waits).toEqual([]);
+    await end();
+  });
+
+  test("a session that ends as soon as it has begun is not opened again at once", async () => {
+    running = start();
+    await reached("connected");
+    transports[0]?.lose("The connection to the server broke.");
+    await reached("connected", 2);
+    expect(hosts()).toEqual(["a", "lost instead", "a"]);
+    expect(waits).toEqual([1]);
+    await end();
+  });
+
+  test("a host that cannot be got into is told of, and another one entered", async () => {
+    instead = new Map([["a", "b"]]);
+    running = start();
+    await reached("connected");
+    expect(hosts()).toEqual(["b"]);
+    expect(reports).toEqual([undefined, { lost: "a" }]);
+    expect(transports.map(({ closed }) => closed)).toEqual([true, false]);
+    await end();
+  });
+
+  test("where QUIC reaches no host, each is tried once", async () => {
+    instead = new Map([
+      ["a", "b"],
+      ["b", "a"],
+    ]);
+    running = start();
+    await reached("connected");
+    expect(hosts()).toEqual(["b"]);
+    expect(transports).toHaveLength(2);
+    await end();
+  });
+
+  test("nobody leaves for a host that is full, or because the director is away", async () => {
+    running = start();
+    await reached("connected");
+    await vi.waitFor(() => expect(checks).toHaveLength(1));
+    [named, full] = ["b", [5]];
+    checks[0]?.();
+    await vi.waitFor(() => expect(reports).toHaveLength(2));
+    await turn();
+    [named, reachable] = ["a", false];
+    for (const check of checks.splice(0)) check();
+    await vi.waitFor(() => expect(reports).toHaveLength(3));
+    await turn();
+    expect(hosts()).toEqual(["a"]);
+    await end();
   });
 });
 

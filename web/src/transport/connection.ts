@@ -1,29 +1,28 @@
 /**
  * Keeps a transport to the server: connects, notices when the server is lost, and connects again until it is closed.
  * Each attempt reads the server's configuration anew: after a restart its certificate is another one, and only there a server
- * can say that it is full, since browsers do not tell why a session failed.
+ * can say that it is full, since browsers do not tell why a session failed. In a cluster it names the host that is to serve us,
+ * and says at once if that is another one.
  */
 import pRetry from "p-retry";
 import type { ServerConfig } from "../wire/render";
 import type { Connected } from "./connect";
+import { ending, type WatchOptions } from "./ending";
+import { type HostReport, hostReport, isFull, sentElsewhere } from "./host-report";
 import type { Clock } from "./reception";
 import { WatchedTransport } from "./watched";
 
 export type ConnectionState =
   | { readonly status: "connecting" }
+  /** Also of a transport that replaces one: the other is closed when this has been told. */
   | ({ readonly status: "connected" } & Connected)
   | { readonly status: "lost"; readonly reason: string }
   /** The server takes no new viewers; it is asked again by itself. */
   | { readonly status: "full" };
 
-export interface ConnectionOptions {
-  readonly fetchConfig: (signal: AbortSignal) => Promise<ServerConfig>;
+export interface ConnectionOptions extends WatchOptions {
   readonly connect: (config: ServerConfig, signal: AbortSignal) => Promise<Connected>;
   readonly onState: (state: ConnectionState) => void;
-  /** While connected: the server fell silent, or answers again. */
-  readonly onSilence: (silent: boolean) => void;
-  /** Settles after so many milliseconds; rejects if aborted. */
-  readonly sleep: (milliseconds: number, signal: AbortSignal) => Promise<void>;
   readonly now: Clock;
   /** First and longest pause between attempts, in milliseconds. */
   readonly retry?: { readonly minTimeout: number; readonly maxTimeout: number };
@@ -33,115 +32,81 @@ export interface ConnectionOptions {
 
 /** Those who wait for a full server come back at different times, up to this much later than they were told, as a share of it. */
 const JITTER = 0.5;
+/** A connection that lasted for less, in milliseconds, is not replaced at once: something is wrong there. */
+const LASTING = 1000;
 
-/** How often an open connection is checked, in milliseconds: a server that died says nothing. */
-export const CHECK_EVERY = 3000;
-/** How often it is asked whether the server has fallen silent, in milliseconds. */
-export const LOOK_EVERY = 250;
+interface Attempt {
+  readonly config: ServerConfig;
+  /** Null while the server is full. */
+  readonly connected: Connected | null;
+}
 
 /** Runs until the signal aborts, and then closes the transport. */
 export async function maintainConnection(options: ConnectionOptions, signal: AbortSignal): Promise<void> {
   const { onState, sleep, now, retry = { minTimeout: 300, maxTimeout: 2000 }, random = Math.random } = options;
+  /** What is known when another attempt begins: the host that failed, or the configuration that names another. */
+  let report: HostReport | undefined;
+  let next: ServerConfig | undefined;
+  /** The transport that is shown until another takes its place. */
+  let previous: WatchedTransport | undefined;
   onState({ status: "connecting" });
   while (!signal.aborted) {
     try {
-      const { config, connected } = await pRetry(() => attempt(options, signal), {
+      const { config, connected } = await pRetry(() => attempt(options, { report, next }, signal), {
         ...retry,
         retries: Number.POSITIVE_INFINITY,
         factor: 1.6,
         randomize: true,
         signal,
         shouldRetry: () => !signal.aborted,
-        onFailedAttempt: () => onState({ status: "lost", reason: "The server does not answer." }),
+        onFailedAttempt: () => {
+          next = undefined;
+          onState({ status: "lost", reason: "The server does not answer." });
+        },
       });
+      report = next = undefined;
       if (connected === null) {
         onState({ status: "full" });
+        previous?.close();
         await sleep(1000 * (config.retry_after_s ?? 0) * (1 + JITTER * random()), signal);
         continue;
       }
       const transport = new WatchedTransport(connected.transport, now);
+      const since = now();
       onState({ status: "connected", ...connected, transport });
-      const reason = await lostReason(config, transport, options, signal);
+      previous?.close();
+      previous = transport;
+      const end = await ending(config, transport, options, signal);
+      next = end.next;
+      report = hostReport("silent", config);
+      if (signal.aborted || next !== undefined) continue;
+      if (report !== undefined && now() - since >= LASTING) continue;
       transport.close();
-      if (!signal.aborted) onState({ status: "lost", reason });
+      onState({ status: "lost", reason: end.reason });
       await sleep(retry.minTimeout, signal);
     } catch (error) {
       if (!signal.aborted) throw error;
     }
   }
+  previous?.close();
 }
 
-/** The server's configuration and a transport; null while the server is full. */
+/** The server's configuration and a transport, in a cluster to the first host that can be reached. */
 async function attempt(
   { fetchConfig, connect }: ConnectionOptions,
+  { report, next }: { readonly report?: HostReport | undefined; readonly next?: ServerConfig | undefined },
   signal: AbortSignal,
-): Promise<{ config: ServerConfig; connected: Connected | null }> {
-  const config = await fetchConfig(signal);
-  if (isFull(config)) return { config, connected: null };
-  const connected = await connect(config, signal);
-  if (connected.fallback === null) return { config, connected };
-  const later = await fetchConfig(signal); // it may have become full just now
-  if (!isFull(later)) return { config, connected };
-  connected.transport.close();
-  return { config: later, connected: null };
-}
-
-function isFull({ retry_after_s }: ServerConfig): boolean {
-  return typeof retry_after_s === "number";
-}
-
-/**
- * Waits until the transport is lost, the server is another one now, or it can be reached and says nothing over the transport.
- * A short outage of the network is none of these: a connection that outlives it is worth more than a new one.
- */
-async function lostReason(
-  config: ServerConfig,
-  transport: WatchedTransport,
-  { fetchConfig, sleep, onSilence }: ConnectionOptions,
-  signal: AbortSignal,
-): Promise<string> {
-  const done = new AbortController();
-  const until = AbortSignal.any([signal, done.signal]);
-  const examine = async (): Promise<string | null> => {
-    try {
-      const now = await fetchConfig(until);
-      return now.certificate_sha256 === config.certificate_sha256 ? null : "The server was started again.";
-    } catch {
-      until.throwIfAborted();
-      return "The server does not answer.";
-    }
-  };
-  const check = async (): Promise<string> => {
-    for (;;) {
-      await sleep(CHECK_EVERY, until);
-      const reason = await examine();
-      if (reason !== null) return reason;
-    }
-  };
-  const watch = async (): Promise<string> => {
-    for (;;) {
-      await sleep(LOOK_EVERY, until);
-      if (!transport.silent) continue;
-      onSilence(true);
-      const probed = transport.probe(sleep, until);
-      probed.catch(() => undefined); // aborted; whoever awaits it hears of that
-      const reason = await examine();
-      if (reason !== null) return reason;
-      // It can be reached, maybe only since now.
-      if (!(await probed) && !(await transport.probe(sleep, until))) return "The connection fell silent.";
-      onSilence(false);
-    }
-  };
-  const watching = [check(), watch()];
-  for (const one of watching) one.catch(() => undefined); // aborted once the transport itself was lost
-  const aborted = new Promise<string>((resolve) => {
-    if (signal.aborted) resolve("");
-    signal.addEventListener("abort", () => resolve(""), { once: true });
-  });
-  try {
-    return await Promise.race([transport.lost, ...watching, aborted]);
-  } finally {
-    done.abort();
-    onSilence(false);
+): Promise<Attempt> {
+  const tried = new Set<string | null | undefined>();
+  let config = next ?? (await fetchConfig(signal, report));
+  for (;;) {
+    if (isFull(config)) return { config, connected: null };
+    tried.add(config.host);
+    const connected = await connect(config, signal);
+    if (connected.fallback === null) return { config, connected };
+    const later = await fetchConfig(signal, hostReport("lost", config)); // it may have become full just now
+    if (!isFull(later) && (tried.has(later.host) || !sentElsewhere(config, later))) return { config, connected };
+    connected.transport.close();
+    config = later;
   }
 }

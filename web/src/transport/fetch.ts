@@ -17,18 +17,22 @@ export class FetchTransport implements FrameTransport {
   readonly #closed = new AbortController();
   readonly #receiver: Receiver;
 
-  constructor(now: Clock) {
+  readonly #url: string;
+
+  /** `base`: where the server is, if it is not where the page is from. */
+  constructor(now: Clock, base: string | null = null) {
     const { promise, resolve } = deferred<string>();
     this.lost = promise;
     this.#lose = resolve;
     this.#receiver = new Receiver(now);
+    this.#url = base === null ? "render" : `${base}/render`;
   }
 
   async request(request: RenderRequest, signal: AbortSignal): Promise<FrameReply> {
     const either = AbortSignal.any([signal, this.#closed.signal]);
     const reception = this.#receiver.begin();
     try {
-      const response = await fetch("render", {
+      const response = await fetch(this.#url, {
         method: "POST",
         headers: { "Content-Type": "application/json" },
         body: JSON.stringify(request),

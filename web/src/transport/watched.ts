@@ -51,9 +51,14 @@ export class WatchedTransport implements FrameTransport {
     }
   }
 
+  /** For how long nothing has been answered that was asked for, in milliseconds. */
+  get quietFor(): number {
+    return this.#unansweredSince === undefined ? 0 : this.#now() - this.#unansweredSince;
+  }
+
   /** Whether nothing has been answered for longer than is usual. */
   get silent(): boolean {
-    return this.#unansweredSince !== undefined && this.#now() - this.#unansweredSince > this.#patience;
+    return this.quietFor > this.#patience;
   }
 
   /** Asks the server for a sign of life; whether it gave one in time, to whatever it was asked. */

@@ -70,7 +70,7 @@ beforeEach(() => {
   vi.mocked(connect).mockImplementation(async () => {
     const transport = new FakeTransport(() => now);
     transports.push(transport);
-    return { transport, fallback: null };
+    return { transport, fallback: null, host: null };
   });
 });
 

@@ -79,6 +79,8 @@ export class ViewerSession {
   readonly #sentListeners = new Set<(request: SentRequest) => void>();
   readonly #replyListeners = new Set<(reply: Reply) => void>();
   #loading: Promise<SceneInfo> | undefined;
+  /** Where it is loaded, in a cluster. */
+  #host: string | null = null;
   #animation = 0;
   #received = 0;
   /** Counts connections that a person asked for. */
@@ -272,7 +274,7 @@ export class ViewerSession {
     const visit = new AbortController();
     const stop = effect(() => {
       if (!refused.value || this.scene.peek() === null) return;
-      const reread = loadScene(this.#sceneId, visit.signal).then((scene) => {
+      const reread = loadScene(this.#sceneId, visit.signal, this.#host).then((scene) => {
         if (!visit.signal.aborted) sceneLadder.value = scene.ladder ?? null;
       });
       reread.catch(() => undefined); // what was refused is said already
@@ -292,12 +294,15 @@ export class ViewerSession {
       const connection = new AbortController();
       void maintainConnection(
         {
-          fetchConfig: async (signal) => {
-            config.value = await fetchConfig(signal);
+          fetchConfig: async (signal, report) => {
+            config.value = await fetchConfig(signal, { scene: this.#sceneId, ...report });
             return config.value;
           },
-          connect: (server, signal) => {
-            void this.#load(connection.signal).catch(() => undefined); // side by side; #play hears of a failure
+          connect: async (server, signal) => {
+            const loading = this.#loadAt(server.host ?? null, connection.signal);
+            loading.catch(() => undefined); // #play hears of a failure
+            // What is shown goes on until another host is ready; else both happen side by side.
+            if (this.connected.peek() !== null) await loading.catch(() => undefined);
             return connect(server, chosen, signal, now);
           },
           onState: (state) => untracked(() => this.#heard(state, connection.signal)),
@@ -324,9 +329,16 @@ export class ViewerSession {
     else void this.#play(state, signal);
   }
 
+  /** Asks for the scene at another host than before, or as `#load`. */
+  #loadAt(host: string | null, signal: AbortSignal): Promise<SceneInfo> {
+    if (host !== this.#host) this.#loading = undefined;
+    this.#host = host;
+    return this.#load(signal);
+  }
+
   /** Asks for the scene once at a time; after a failure it may be asked for again. */
   #load(signal: AbortSignal): Promise<SceneInfo> {
-    this.#loading ??= loadScene(this.#sceneId, signal).catch((error: unknown) => {
+    this.#loading ??= loadScene(this.#sceneId, signal, this.#host).catch((error: unknown) => {
       this.#loading = undefined;
       throw error;
     });

@@ -109,7 +109,11 @@ test("figures follow the session", async () => {
 });
 
 test("a fallback says why it is one", () => {
-  session.connected.value = { transport: new FakeTransport(() => 0), fallback: "QUIC did not answer in time" };
+  session.connected.value = {
+    transport: new FakeTransport(() => 0),
+    fallback: "QUIC did not answer in time",
+    host: null,
+  };
   expect(stat(show({ transport: "fetch" }), "fallback")).toBe(" – QUIC did not answer in time");
 });
 

@@ -18,7 +18,7 @@ export function Hud({ session, wide }: { session: ViewerSession; wide: boolean }
   const stats = session.stateless.stats.value;
   const details = settings.value.hudDetails ?? wide;
   const enhancement = session.enhancement.status.value;
-  const fallback = session.connected.value?.fallback;
+  const { fallback, host } = session.connected.value ?? {};
   return (
     <section class="floating hud" aria-label="Measurements">
       <div class="hud-main">
@@ -58,6 +58,12 @@ export function Hud({ session, wide }: { session: ViewerSession; wide: boolean }
           <span class="muted" data-stat="fallback">
             {" "}
             – {fallback}
+          </span>
+        )}
+        {host && (
+          <span class="muted">
+            {" "}
+            from <span data-stat="host">{host}</span>
           </span>
         )}
         {session.silent.value && <span data-stat="silence"> – no answer, asking again…</span>}
