@@ -46,7 +46,7 @@ demo: .venv/.ready $(STATIC)
 	fi
 
 # Browser tests that measure time: one by one. Those in tests/web cannot share a process with the tests before them.
-TIMED_PAGES := $(addprefix tests/web/test_,adaptation.py connection.py dash_reprojection.py modes.py motion_to_photon.py refinement.py \
+TIMED_PAGES := $(addprefix tests/web/test_,adaptation.py cluster.py connection.py dash_reprojection.py modes.py motion_to_photon.py refinement.py \
 	reprojection.py samples.py viewer.py)
 ONE_BY_ONE := tests/experiments/run/test_bridge.py $(TIMED_PAGES)
 

@@ -7,6 +7,8 @@ import type { WatchedTransport } from "./watched";
 export const CHECK_EVERY = 3000;
 /** How often it is asked whether the server has fallen silent, in milliseconds. */
 export const LOOK_EVERY = 250;
+/** In a cluster this is asked more often: nobody waits for a host that is gone. */
+export const LOOK_ELSEWHERE_EVERY = 100;
 /** So long after the last answer, in milliseconds, the director of a cluster is asked whether the host is still there. */
 export const HOST_PATIENCE = 700;
 
@@ -75,7 +77,7 @@ export async function ending(
   // Long before it is known whether the host or the network is to blame, another host can have the scene.
   const lookElsewhere = async (): Promise<Ending> => {
     for (;;) {
-      await sleep(LOOK_EVERY, until);
+      await sleep(LOOK_ELSEWHERE_EVERY, until);
       if (transport.quietFor <= HOST_PATIENCE) continue;
       const end = await examine("silent");
       if (end !== null) return end;

@@ -2,12 +2,14 @@
 import { signal } from "@preact/signals";
 import { afterEach, beforeEach, expect, test, vi } from "vitest";
 import { PAPER_LADDER } from "../abr/ladder";
+import { deferred } from "../async/deferred";
 import { ApiError } from "../http/problem";
 import { fetchConfig, loadScene } from "../state/api";
 import { changeSettings, config, ladder, settings } from "../state/app";
 import { COURTYARD, serverConfig } from "../state/fake-server";
 import { DEFAULT_SETTINGS } from "../state/settings";
 import { connect } from "../transport/connect";
+import { CHECK_EVERY } from "../transport/ending";
 import { FakeTransport, settle } from "../transport/fake";
 import { RequestProblem } from "../transport/transport";
 import { ViewerSession } from "./session";
@@ -89,6 +91,9 @@ async function visit(): Promise<void> {
   session.rig.resize(1280, 720);
   await settle();
 }
+
+/** Of a cluster, at a host. */
+const atHost = (host: string) => ({ ...serverConfig(SERVICES), host });
 
 /** Animation frames at 50 Hz; the server answers all requests when `answer` says so. */
 async function drawn(frames: number, { answer = true } = {}): Promise<void> {
@@ -262,4 +267,33 @@ test("a visit that ends leaves nothing running", async () => {
   expect(animationFrames.size).toBe(0);
   expect(transports.map(({ closed }) => closed)).toEqual([true]);
   expect(streams.map(({ disposed }) => disposed)).toEqual([true]);
+});
+
+test("another host of a cluster takes over once it has the scene, and what is shown goes on until then", async () => {
+  vi.mocked(connect).mockImplementation(async ({ host = null }) => {
+    const transport = new FakeTransport(() => now);
+    transports.push(transport);
+    return { transport, fallback: null, host };
+  });
+  vi.mocked(fetchConfig).mockImplementation(async () => atHost("east"));
+  await visit();
+  await drawn(5);
+  expect(vi.mocked(fetchConfig).mock.lastCall?.[1]).toEqual({ scene: "courtyard" });
+  expect(vi.mocked(loadScene).mock.lastCall).toEqual(["courtyard", expect.anything(), "east"]);
+
+  const { promise: loaded, resolve } = deferred<typeof COURTYARD>();
+  vi.mocked(loadScene).mockReturnValue(loaded);
+  vi.mocked(fetchConfig).mockImplementation(async () => atHost("west"));
+  await vi.advanceTimersByTimeAsync(CHECK_EVERY);
+  expect(vi.mocked(fetchConfig).mock.lastCall?.[1]).toEqual({ scene: "courtyard", at: "east" });
+  expect(vi.mocked(loadScene).mock.lastCall).toEqual(["courtyard", expect.anything(), "west"]);
+  expect(transports.map(({ closed }) => closed)).toEqual([false]);
+  expect([phase(), session.connected.value?.host]).toEqual([{ kind: "playing" }, "east"]);
+
+  resolve(COURTYARD);
+  await vi.advanceTimersByTimeAsync(0);
+  expect(transports.map(({ closed }) => closed)).toEqual([true, false]);
+  expect([phase(), session.connected.value?.host]).toEqual([{ kind: "playing" }, "west"]);
+  await drawn(3);
+  expect(transports[1]?.requests.length).toBeGreaterThan(0);
 });

@@ -108,6 +108,12 @@ test("figures follow the session", async () => {
   expect(stat(hud, "fps")).toBe("12");
 });
 
+test("in a cluster it is said which host the frames are from", () => {
+  expect(stat(show(), "host")).toBeUndefined();
+  session.connected.value = { transport: new FakeTransport(() => 0), fallback: null, host: "east" };
+  expect(stat(show(), "host")).toBe("east");
+});
+
 test("a fallback says why it is one", () => {
   session.connected.value = {
     transport: new FakeTransport(() => 0),
