@@ -95,6 +95,20 @@ async def test_a_suspected_host_that_does_not_answer_is_gone_at_once(
     assert names(fleet) == ["b"]
 
 
+async def test_a_host_that_has_kept_its_director_waiting_already_is_gone_without_another_question(
+    fleet: PolledFleet, hosts: Hosts, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(polled_fleet, "ANSWER_S", 60.0)
+    monkeypatch.setattr(polled_fleet, "GONE_S", 60.0)
+    hosts.silent = {"a"}
+    hosts.asked.clear()
+    await until(lambda: any(request.url.host == "a.test" for request in hosts.asked))
+    await asyncio.sleep(polled_fleet.SUSPECT_S)
+    await fleet.suspect("a")
+    assert names(fleet) == ["b"]
+    assert sum(request.url.host == "a.test" for request in hosts.asked) == 1
+
+
 async def test_those_who_suspect_a_host_together_ask_it_once(fleet: PolledFleet, hosts: Hosts) -> None:
     hosts.asked.clear()
     await asyncio.gather(*(fleet.suspect("a") for _ in range(50)), fleet.suspect("nobody"))

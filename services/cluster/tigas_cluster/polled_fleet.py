@@ -93,6 +93,8 @@ class _Polled:
         self._answered_at = -math.inf
         self._failing = False
         """The last that it was asked, it did not answer. A pause of this process alone makes no host seem gone."""
+        self._asked_at: float | None = None
+        """Since when an answer is waited for that it is asked for all the time."""
         self._polling: asyncio.Task[None] | None = None
         self._checking: asyncio.Task[None] | None = None
 
@@ -136,10 +138,13 @@ class _Polled:
         return True
 
     async def _check(self) -> None:
-        if not await self.ask(SUSPECT_S):
-            self._answered_at = -math.inf
+        waits = self._asked_at is not None and self._clock() - self._asked_at >= SUSPECT_S  # for its answer already
+        if waits or not await self.ask(SUSPECT_S):
+            self._answered_at, self._failing = -math.inf, True
 
     async def _poll(self) -> None:
         while True:
+            self._asked_at = self._clock()
             await self.ask()
+            self._asked_at = None
             await asyncio.sleep(POLL_S)
