@@ -7,13 +7,19 @@ from __future__ import annotations
 
 import importlib.util
 import os
+import socket
 from collections.abc import Iterator
 from contextlib import contextmanager
 
 from tigas_cluster.own_ray import OwnRay
+from tigas_common.address import Address
 from tigas_common.errors import StartError
 
 ADDRESS = "RAY_ADDRESS"
+AUTO = "auto"
+"""Its value for the cluster that runs on this machine."""
+REACH_S = 5.0
+"""For the head to be reached, in seconds."""
 NAMESPACE = "tigas"
 """Of our actors, among those of others."""
 
@@ -27,12 +33,19 @@ def check_ray() -> None:
 def named_cluster() -> str | None:
     """The address of the cluster that this process is to join, if it is told of one. Raises StartError."""
     address = os.environ.get(ADDRESS)
-    if address and address.startswith("ray://"):
+    if not address or address == AUTO:
+        return address or None
+    try:
+        head = Address.parse(address)
+    except ValueError:
         raise StartError(
-            f"{ADDRESS} must be HOST:PORT of the head, such as 10.0.0.1:6379, on a machine of the cluster; "
-            f"{address} is for Ray's clients."
-        )
-    return address or None
+            f"{ADDRESS} must be the head's HOST:PORT, such as 10.0.0.1:6379, not {address[:100]}."
+        ) from None
+    try:
+        socket.create_connection((head.host, head.port), REACH_S).close()  # Ray would try for minutes
+    except OSError as error:
+        raise StartError(f"The Ray cluster at {head} cannot be reached ({error.strerror or error}).") from None
+    return address
 
 
 @contextmanager
@@ -54,6 +67,7 @@ def connected(own: OwnRay | None, address: str) -> Iterator[None]:
     except (ConnectionError, RuntimeError, TimeoutError, ValueError) as error:
         reason = " ".join(str(error).split())
         raise StartError(f"The Ray cluster at {address} cannot be joined: {reason}") from None
+    ray._private.worker._worker_logs_enabled = False  # what becomes of hosts, we say in fewer words
     try:
         yield
     finally:

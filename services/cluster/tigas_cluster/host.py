@@ -21,6 +21,8 @@ RETRY_S = 60.0
 """One that cannot be kept running is tried again after so long: what its machine lacks may come back."""
 OPEN = re.compile(r"Open http://[^/]+:([0-9]+)/")
 """The last line of what `tigas render` says once it serves."""
+FOR_THE_MACHINE = ("Preparing ", "Open to the network ")
+"""What it says that is of no use to somebody who looks after many."""
 
 
 class Facts(TypedDict):
@@ -124,7 +126,7 @@ class _Render:
         for line in _lines(output, sys.stdout):
             if opened := OPEN.match(line):
                 self.port = int(opened[1])
-            elif self.port is None:
+            elif self.port is None and not line.startswith(FOR_THE_MACHINE):
                 self.said.append(line)
         self.port = None
 

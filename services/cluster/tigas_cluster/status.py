@@ -31,6 +31,8 @@ class HostStatus(BaseModel):
     host: str
     address: str | None
     """Of its machine."""
+    url: str | None
+    """Of its API, within the cluster."""
     since: datetime | None
     failure: str | None
     """Why it does not serve, if it has said so."""
@@ -92,10 +94,11 @@ def table(hosts: Sequence[HostStatus]) -> Table:
 
 def _status(name: str, facts: Facts | None) -> HostStatus:
     if facts is None:
-        return HostStatus(host=name, address=None, since=None, failure=None)
+        return HostStatus(host=name, address=None, url=None, since=None, failure=None)
     known = HostStatus(
         host=name,
         address=facts["address"],
+        url=facts["url"],
         since=datetime.fromtimestamp(facts["since"], UTC),
         failure=facts["failure"],
     )

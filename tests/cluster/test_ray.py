@@ -1,0 +1,242 @@
+"""`tigas cluster` over a real Ray: two machines, which are two of its nodes on this one, or a Ray of its own."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import re
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+from urllib.parse import urlsplit
+
+import httpx
+import psutil
+import pytest
+
+from tigas_common.processes import tigas
+
+START_RAY = (sys.executable, "-m", "ray.scripts.scripts", "start", "--block")
+NODE = ("--num-cpus=1", "--object-store-memory=80000000", '--resources={"a_host": 1}')
+QUIET = {
+    "RAY_USAGE_STATS_ENABLED": "0",
+    "RAY_GRACEFUL_SHUTDOWN_DRAIN_TIMEOUT_S": "0",
+    "RAY_memory_monitor_refresh_ms": "0",
+}
+STOP_S, GONE_S = 5.0, 2.0
+"""What is promised: within which all ends, and a host whose process is killed."""
+MARGIN_S = 1.5
+"""Two cores run two machines here."""
+
+
+@pytest.fixture
+def folder() -> Iterator[Path]:
+    with short_folder() as folder:
+        yield folder
+
+
+@contextlib.contextmanager
+def short_folder() -> Iterator[Path]:
+    """With a short name, since Unix sockets below it have long ones."""
+    with tempfile.TemporaryDirectory(prefix="t", ignore_cleanup_errors=True) as folder:
+        yield Path(folder)
+
+
+@dataclass
+class Machines:
+    """A Ray cluster of two."""
+
+    address: str
+    head: subprocess.Popen[bytes]
+    other: subprocess.Popen[bytes]
+
+    @property
+    def environment(self) -> dict[str, str]:
+        return {"RAY_ADDRESS": self.address}
+
+
+@pytest.fixture(scope="module")
+def machines() -> Iterator[Machines]:
+    with contextlib.ExitStack() as stack:
+        ray = stack.enter_context(short_folder())
+        address = ray / "ray_current_cluster"
+        head = ("--head", "--port=0", f"--temp-dir={ray}", "--include-dashboard=false", "--no-monitor")
+        first = stack.enter_context(running([*START_RAY, *NODE, *head]))
+        until(address.exists)
+        second = stack.enter_context(running([*START_RAY, *NODE, f"--address={address.read_text()}"]))
+        yield Machines(address.read_text(), first, second)
+
+
+@contextlib.contextmanager
+def running(command: list[str]) -> Iterator[subprocess.Popen[bytes]]:
+    """A part of Ray, which has ended with all that it started when the context ends."""
+    environment = os.environ | QUIET
+    with subprocess.Popen(command, env=environment, stdout=subprocess.DEVNULL, start_new_session=True) as process:
+        started = psutil.Process(process.pid)
+        try:
+            yield process
+        finally:
+            left = descendants(started)
+            process.terminate()
+            process.wait(20)
+            until(lambda: not any(map(is_alive, left)))
+
+
+@dataclass
+class Up:
+    """`tigas cluster up`."""
+
+    process: subprocess.Popen[str]
+    url: str
+    environment: dict[str, str]
+
+    def status(self) -> list[dict[str, Any]]:
+        command = tigas("cluster", "status", "--json")
+        found: list[dict[str, Any]] = json.loads(subprocess.check_output(command, env=self.environment))
+        return found
+
+    def hosts(self) -> set[str]:
+        """Those that the director knows to be up."""
+        metrics = httpx.get(f"{self.url}/metrics").text
+        return set(re.findall(r'^tigas_viewers\{host="([^"]+)"\}', metrics, flags=re.MULTILINE))
+
+    def place(self, **about: str) -> dict[str, Any]:
+        """What the page is told."""
+        answer = httpx.get(f"{self.url}/config.json", params={"scene": "courtyard", **about})
+        found: dict[str, Any] = answer.raise_for_status().json()
+        return found
+
+    def interrupt(self) -> float:
+        """Press Ctrl+C; how long it takes to end, in seconds."""
+        began = time.monotonic()
+        self.process.send_signal(signal.SIGINT)
+        assert self.process.wait(30) == 0
+        return time.monotonic() - began
+
+
+@contextlib.contextmanager
+def up(environment: dict[str, str], *options: str) -> Iterator[Up]:
+    """A running one, until the context ends."""
+    environment = {**{name: value for name, value in os.environ.items() if name != "RAY_ADDRESS"}, **environment}
+    command = tigas("cluster", "up", "--http", "127.0.0.1:0", *options, "--", "--device", "instant")
+    with subprocess.Popen(command, env=environment, stdout=subprocess.PIPE, text=True) as process:
+        try:
+            assert process.stdout is not None
+            lines = []
+            for line in process.stdout:
+                lines.append(line)
+                if opened := re.match(r"Open (http://\S+)/", line):
+                    break
+            assert opened, lines
+            yield Up(process, opened[1], environment)
+        finally:
+            process.kill()
+
+
+def until(condition: Callable[[], object], limit_s: float = 30.0) -> None:
+    deadline = time.monotonic() + limit_s
+    while not condition():
+        assert time.monotonic() < deadline
+        time.sleep(0.05)
+
+
+def descendants(process: psutil.Process) -> list[psutil.Process]:
+    with contextlib.suppress(psutil.NoSuchProcess):
+        return process.children(recursive=True)
+    return []
+
+
+def named(process: subprocess.Popen[bytes], words: str) -> psutil.Process | None:
+    """The descendant whose command line has these words."""
+    for each in descendants(psutil.Process(process.pid)):
+        with contextlib.suppress(psutil.NoSuchProcess):
+            if words in " ".join(each.cmdline()):
+                return each
+    return None
+
+
+def service(machine: subprocess.Popen[bytes]) -> psutil.Process:
+    """The render service on a machine."""
+    found = named(machine, "tigas_common render")
+    assert found
+    return found
+
+
+def host_on(machine: subprocess.Popen[bytes], cluster: Up) -> str:
+    """The name of the host that a machine is."""
+    ports = {each.laddr.port for each in service(machine).net_connections("tcp") if each.status == psutil.CONN_LISTEN}
+    [name] = [each["host"] for each in cluster.status() if urlsplit(each["url"]).port in ports]
+    return str(name)
+
+
+@pytest.mark.timeout(300)
+def test_hosts_outlive_a_killed_up_and_the_next_one_finds_them_and_ends_all(folder: Path) -> None:
+    environment = {"TMPDIR": str(folder)}
+    with up(environment) as cluster:
+        [host] = cluster.status()
+        assert (host["host"], host["viewers"], host["failure"]) == ("host-1", 0, None)
+        cluster.process.kill()
+        cluster.process.wait()
+    assert httpx.get(f"{host['url']}/healthz").status_code == 200
+    with up(environment) as cluster:
+        assert cluster.place()["render_url"] == host["url"]
+        assert cluster.status()[0]["since"] == host["since"]
+        of_ray = [each for each in psutil.process_iter() if is_about(each, folder)]
+        assert len(of_ray) > 2
+        assert cluster.interrupt() < STOP_S
+    assert [each for each in of_ray if is_alive(each)] == []
+    with pytest.raises(httpx.ConnectError):
+        httpx.get(f"{host['url']}/healthz")
+    assert list(folder.iterdir()) == []
+
+
+@pytest.mark.timeout(300)
+def test_wrong_options_end_it_with_the_hosts_own_sentence(machines: Machines) -> None:
+    command = tigas("cluster", "up", "--http=127.0.0.1:0", "--resource=a_host", "--scenes=/nowhere")
+    run = subprocess.run(command, env=os.environ | machines.environment, capture_output=True, text=True)
+    assert run.returncode == 1
+    assert run.stderr.splitlines()[-1].startswith("The models directory /nowhere does not exist")
+
+
+@pytest.mark.timeout(300)
+def test_a_host_or_a_machine_is_killed_and_the_others_serve(machines: Machines) -> None:
+    with up(machines.environment, "--hosts=2", "--resource=a_host") as cluster:
+        until(lambda: cluster.hosts() == {"host-1", "host-2"})
+        name, render = host_on(machines.other, cluster), service(machines.other)
+        actor = named(machines.other, "ray::HostActor")
+        assert actor
+        actor.kill()
+        began = time.monotonic()
+        assert cluster.place(silent=name)["host"] != name
+        render.wait(10)
+        assert time.monotonic() - began < GONE_S + MARGIN_S
+        until(lambda: cluster.hosts() == {"host-1", "host-2"}, 60)
+
+        render, left = service(machines.other), service(machines.head)
+        os.killpg(machines.other.pid, signal.SIGKILL)
+        until(lambda: cluster.hosts() == {host_on(machines.head, cluster)})
+        render.wait(10)
+        assert cluster.interrupt() < STOP_S
+        assert not is_alive(left)
+        assert machines.head.poll() is None
+
+
+def is_alive(process: psutil.Process) -> bool:
+    """Whether it has not ended; one whose parent has, may be left for nobody to hear of its end."""
+    with contextlib.suppress(psutil.NoSuchProcess):
+        return process.status() != psutil.STATUS_ZOMBIE
+    return False
+
+
+def is_about(process: psutil.Process, folder: Path) -> bool:
+    """Whether a process was told of this folder."""
+    with contextlib.suppress(psutil.Error):
+        return str(folder) in " ".join(process.cmdline())
+    return False
