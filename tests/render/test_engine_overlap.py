@@ -73,6 +73,17 @@ async def test_one_address_does_not_take_every_encoder(monkeypatch: pytest.Monke
         await asyncio.gather(*pictures)
 
 
+async def test_bursts_are_all_served_whichever_threads_are_at_rest() -> None:
+    rasterizer = FakeRasterizer(frames_in_flight=4)
+    rasterizer.gate.set()
+    bench = Bench(rasterizer)
+    async with bench.engine, asyncio.timeout(20):
+        for burst in range(150):
+            size = 1 + burst % 7
+            await asyncio.gather(*(bench.submit(f"{number}", address=f"{number % 3}") for number in range(size)))
+    assert bench.outcome("frame") == len(rasterizer.cameras) == sum(1 + burst % 7 for burst in range(150))
+
+
 @dataclass
 class PausingRasterizer(FakeRasterizer):
     """Takes a microsecond a pixel of the test's clock, and pauses once the gate lets it."""

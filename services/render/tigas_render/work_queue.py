@@ -54,6 +54,8 @@ class WorkQueue:
         """Addresses that have as many as they may."""
         self._changed = threading.Condition()
         self._is_rendering = False
+        self._is_called = False
+        """Whether a thread is on its way to `next`, or all are at work and will come."""
         self._closed = False
 
     def __len__(self) -> int:
@@ -73,7 +75,7 @@ class WorkQueue:
             work.expected = max(MIN_COST_S, self._costs.at_least(request.scene, request.format, work.size.pixels))
             pushed_out = self._schedule.push(client, work, work.expected)
             if not self._is_rendering:
-                self._changed.notify()
+                self._call()
         if pushed_out is not None:
             self._refuse(pushed_out, Superseded("Newer requests of this client took this one's place."))
 
@@ -89,6 +91,7 @@ class WorkQueue:
         """
         with self._changed:
             while not self._closed:
+                self._is_called = False
                 if not self._is_rendering:
                     work = self._pop()
                     if work is not None:
@@ -104,7 +107,7 @@ class WorkQueue:
         with self._changed:
             self._is_rendering = False
             if self._schedule:
-                self._changed.notify()
+                self._call()
             else:
                 self._utilisation.rest(self._clock())
 
@@ -146,6 +149,12 @@ class WorkQueue:
             while (work := self._schedule.pop()) is not None:
                 self._refuse(work, Overloaded(STOPPING))
             self._changed.notify_all()
+
+    def _call(self) -> None:
+        """Have a thread look for work; once for a burst of requests, as waking one costs more than adding work."""
+        if not self._is_called:
+            self._is_called = True
+            self._changed.notify()
 
     def _pop(self, besides: Collection[str] = (), at_most: float = math.inf) -> Work | None:
         """The next work that can begin now, at its client's charge; None if there is none.
