@@ -14,6 +14,7 @@ from contextlib import contextmanager
 from tigas_cluster.own_ray import OwnRay
 from tigas_common.address import Address
 from tigas_common.errors import StartError
+from tigas_common.hosts import host_of
 
 ADDRESS = "RAY_ADDRESS"
 AUTO = "auto"
@@ -35,12 +36,9 @@ def named_cluster() -> str | None:
     address = os.environ.get(ADDRESS)
     if not address or address == AUTO:
         return address or None
-    try:
-        head = Address.parse(address)
-    except ValueError:
-        raise StartError(
-            f"{ADDRESS} must be the head's HOST:PORT, such as 10.0.0.1:6379, not {address[:100]}."
-        ) from None
+    if host_of(address) is None or ":" not in address:
+        raise StartError(f"{ADDRESS} must be the head's HOST:PORT, such as 10.0.0.1:6379, not {address[:100]!r}.")
+    head = Address.parse(address)
     try:
         socket.create_connection((head.host, head.port), REACH_S).close()  # Ray would try for minutes
     except OSError as error:
