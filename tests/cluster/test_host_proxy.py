@@ -9,6 +9,7 @@ import httpx
 import pytest
 
 from tests.cluster.hosts import FakeFleet, host
+from tests.render.fakes import render_request
 from tigas_cluster import host_proxy
 from tigas_cluster.director import create_director
 from tigas_common.origins import OriginPolicy
@@ -69,6 +70,13 @@ async def test_a_scene_is_asked_for_where_its_viewers_are_sent(client: httpx.Asy
     assert (await client.get("/scenes/garden/preview")).text == FIRST
     assert (await client.post(f"/scenes/garden/load?host={SECOND}")).text == SECOND
     assert (await client.post("/scenes/garden/load?host=gone")).text == FIRST
+
+
+async def test_frames_are_handed_on_only_for_those_who_ask_for_it(client: httpx.AsyncClient) -> None:
+    body = render_request(scene="garden").model_dump(mode="json", exclude_none=True)
+    assert (await client.post(f"/render?host={SECOND}", json=body)).text == SECOND
+    assert (await client.post("/render", json=body)).status_code == 307
+    assert (await client.get("/render?host=a")).status_code == 405
 
 
 async def test_answers_are_the_hosts_own(client: httpx.AsyncClient) -> None:

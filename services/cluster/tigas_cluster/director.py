@@ -11,7 +11,7 @@ from starlette.applications import Starlette
 from starlette.requests import Request
 from starlette.responses import RedirectResponse, Response
 from starlette.routing import Route
-from starlette.types import ASGIApp
+from starlette.types import ASGIApp, Receive, Scope, Send
 
 from tigas_cluster.choice import Choice
 from tigas_cluster.fleet import Fleet, HostState
@@ -43,18 +43,18 @@ async def create_director(
     clock: in seconds. services: base URLs for the page, by name; a bare `:PORT` means the page's own host.
     https_port: where the director is served over HTTPS as well. transport: another way to hosts than HTTP, for tests.
     """
-    director = Director(fleet, clock, services or {}, https_port)
+    proxy = HostProxy(fleet, transport)
     app = Starlette(
         routes=[
             Route("/config.json", config),
-            Route("/render", render, methods=["POST"]),
+            Route("/render", _Render(proxy), methods=["POST"]),
             Route("/healthz", healthz),
             Route("/metrics", metrics),
         ],
         exception_handlers=EXCEPTION_HANDLERS,
     )
-    app.state.director = director
-    app.router.default = proxy = HostProxy(fleet, transport)
+    app.state.director = Director(fleet, clock, services or {}, https_port)
+    app.router.default = proxy
     try:
         yield OriginCheck(app, origins)
     finally:
@@ -114,11 +114,22 @@ async def config(request: Request) -> Response:
     return json_response(director.config(host, request.url.hostname or "localhost"))
 
 
-async def render(request: Request) -> Response:
-    """A frame is elsewhere: of programs that know of nothing but this address."""
-    asked = await read_message(request, RenderRequest)
-    host = await _director(request).place(asked.scene)
-    return RedirectResponse(f"{host.render_url}/render", 307)
+class _Render:
+    """A frame is at the scene's host, where programs are sent that know of nothing but this address.
+
+    With `?host=` it is handed on, for pages over HTTPS without WebTransport: browsers keep them from hosts over HTTP.
+    """
+
+    def __init__(self, proxy: HostProxy) -> None:
+        self._proxy = proxy
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        request = Request(scope, receive)
+        if request.query_params.get("host"):
+            return await self._proxy(scope, receive, send)
+        asked = await read_message(request, RenderRequest)
+        host = await _director(request).place(asked.scene)
+        return await RedirectResponse(f"{host.render_url}/render", 307)(scope, receive, send)
 
 
 async def healthz(request: Request) -> Response:

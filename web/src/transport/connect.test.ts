@@ -3,6 +3,7 @@ import { connect, type TransportChoice } from "./connect";
 import { FakeSession } from "./fake-session";
 
 const CONFIG = { webtransport_url: "https://localhost:4433/render", certificate_sha256: "AQID" };
+const VIEW = { scene: "s", fx: 1, fy: 1, cx: 1, cy: 1, width: 2, height: 2 };
 const never = new AbortController().signal;
 const opens = async () => new FakeSession().session;
 const fails = () => Promise.reject(new Error("QUIC did not answer in time"));
@@ -43,6 +44,35 @@ test.each([
   expect(transport.kind).toBe("fetch");
   expect(fallback).toContain(reason);
   expect(open).not.toHaveBeenCalled();
+});
+
+test.each([
+  ["its own address without a cluster", "http://lab.test:8080/", {}, "render"],
+  [
+    "the host",
+    "http://lab.test:8080/",
+    { host: "east", render_url: "http://10.0.0.2:8080" },
+    "http://10.0.0.2:8080/render",
+  ],
+  [
+    "the host on this machine",
+    "https://lab.test/",
+    { host: "a", render_url: "http://[::1]:8080" },
+    "http://[::1]:8080/render",
+  ],
+  [
+    "the director, if the page is secure",
+    "https://lab.test/",
+    { host: "a&b", render_url: "http://10.0.0.2:8080" },
+    "render?host=a%26b",
+  ],
+])("without QUIC frames are asked for at %s", async (_, page, cluster, url) => {
+  const fetched = vi.fn(() => Promise.reject(new Error("not now")));
+  vi.stubGlobal("fetch", fetched);
+  vi.stubGlobal("location", new URL(page));
+  const { transport } = await connect({ ...CONFIG, ...cluster }, "fetch", never, () => 0);
+  await expect(transport.request({ ...VIEW, seq: 0 }, never)).rejects.toThrow("not now");
+  expect(fetched).toHaveBeenCalledWith(url, expect.anything());
 });
 
 test("aborting is no reason to fall back", async () => {

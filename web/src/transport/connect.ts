@@ -1,4 +1,5 @@
 /** Picks the transport: WebTransport if it can be had, fetch otherwise, and the reason if that is not what was asked for. */
+import { mixedContent } from "../http/reach";
 import type { ServerConfig } from "../wire/render";
 import { DatagramTransport } from "./datagrams";
 import { FetchTransport } from "./fetch";
@@ -30,7 +31,7 @@ export async function connect(
 ): Promise<Connected> {
   const host = config.host ?? null;
   const byFetch = (fallback: string | null): Connected => ({
-    transport: new FetchTransport(now, config.render_url ?? null),
+    transport: new FetchTransport(now, renderUrl(config)),
     fallback,
     host,
   });
@@ -49,4 +50,10 @@ export async function connect(
     signal.throwIfAborted();
     return byFetch(error instanceof Error ? error.message : String(error));
   }
+}
+
+/** At the host itself, unless browsers keep a secure page from it: then the director hands frames on. */
+function renderUrl({ host, render_url: base }: Pick<ServerConfig, "host" | "render_url">): string {
+  if (typeof base !== "string") return "render";
+  return mixedContent(base, location.href) ? `render?${new URLSearchParams({ host: host ?? "" })}` : `${base}/render`;
 }

@@ -19,13 +19,13 @@ export class FetchTransport implements FrameTransport {
 
   readonly #url: string;
 
-  /** `base`: where the server is, if it is not where the page is from. */
-  constructor(now: Clock, base: string | null = null) {
+  /** `url`: where frames are asked for, from the page's own address. */
+  constructor(now: Clock, url = "render") {
     const { promise, resolve } = deferred<string>();
     this.lost = promise;
     this.#lose = resolve;
     this.#receiver = new Receiver(now);
-    this.#url = base === null ? "render" : `${base}/render`;
+    this.#url = url;
   }
 
   async request(request: RenderRequest, signal: AbortSignal): Promise<FrameReply> {
