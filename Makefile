@@ -49,13 +49,17 @@ demo: .venv/.ready $(STATIC)
 TIMED_PAGES := $(addprefix tests/web/test_,adaptation.py cluster.py connection.py dash_reprojection.py modes.py motion_to_photon.py refinement.py \
 	reprojection.py samples.py viewer.py)
 ONE_BY_ONE := tests/experiments/run/test_bridge.py $(TIMED_PAGES)
+# Tests in network namespaces: one by one, since some use the same lab, and beside others, since they wait most of the time.
+IN_LABS := tests/testbed tests/experiments/commands/test_compare_testbed.py
 
 test: .venv/.ready $(STATIC)
 	@command -v chromium >/dev/null || { echo "The browser tests need Chromium: sudo apt-get install chromium"; exit 1; }
 	@echo "== web client: unit tests"
 	@cd web && npm test --silent
-	@echo "== Python tests, on two cores"
-	@$(VENV)/python -m pytest -n 2 --dist loadfile --ignore=tests/web --ignore=tests/experiments/run/test_bridge.py
+	@echo "== Python tests, on two cores; beside them those in network namespaces, whose results follow"
+	@log=$$(mktemp); $(VENV)/python -m pytest $(IN_LABS) >$$log 2>&1 & in_labs=$$!; \
+	$(VENV)/python -m pytest -n 2 --dist loadfile $(patsubst %,--ignore=%,tests/web tests/experiments/run/test_bridge.py $(IN_LABS)); others=$$?; \
+	wait $$in_labs; in_labs=$$?; cat $$log; rm $$log; exit $$((others || in_labs))
 	@echo "== Browser tests, on two cores"
 	@$(VENV)/python -m pytest -n 2 --dist loadfile tests/web $(TIMED_PAGES:%=--ignore=%)
 	@echo "== Browser tests that measure time, one by one"
