@@ -31,6 +31,11 @@ import { FrameSizes } from "./sizes";
 
 /** Milliseconds that a picture of twice the bytes is worth: more where the page hides how late it is (docs/abr.md). */
 const PRICE: Readonly<Record<Way, number>> = { stale: 10, rotation: 20, depth: 20, predicted: 40 };
+/**
+ * Where pictures are shown as they came and each takes the server longer than this, in milliseconds, even at the last rung, they are old
+ * anyway: their error grows with the square root of their age (docs/reprojection.md), so that another millisecond matters less.
+ */
+const SLOW_SERVER = 12;
 /** Another rung must cost so much less, as a share of the price. */
 const BETTER = 0.3;
 /** Frames that wait for more than so many animation frames have a queue before them. */
@@ -96,7 +101,14 @@ export class BudgetController implements Controller {
       const network = responseTime(observation) - serverTime(observation);
       this.#delay.observe(Math.max(0, network - (arrival.bytes * 8000) / throughput), at);
     }
-    this.#choose(this.#costs(throughput, PRICE[way]), BETTER * PRICE[way], at);
+    const price = this.#price(way);
+    this.#choose(this.#costs(throughput, price), BETTER * price, at);
+  }
+
+  /** Milliseconds that a picture of twice the bytes is worth. */
+  #price(way: Way): number {
+    const { stage } = this.#server.expected(this.#rungs.length - 1);
+    return PRICE[way] * (way === "stale" ? Math.sqrt(Math.max(1, stage / SLOW_SERVER)) : 1);
   }
 
   #costs(throughput: number, price: number): Cost {

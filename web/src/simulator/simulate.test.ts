@@ -158,6 +158,13 @@ describe("the demo scene's ladder", () => {
     },
   );
 
+  test("a processor that takes long for any frame is asked for large ones, even where they are shown as they come", async () => {
+    const options = { ladder: LADDER, roundTrip: 1, paper: { render: 60, renderBest: 160 }, way: "stale" } as const;
+    const [kept, smallest] = [await visit("budget", 1000, options), await visit("fixed:8", 1000, options)];
+    expect(kept.viewSsim).toBeGreaterThan(smallest.viewSsim + 0.02);
+    expect(kept.viewPsnr).toBeGreaterThan(smallest.viewPsnr);
+  });
+
   test("where late frames are turned, pictures that take longer are seen better", async () => {
     const rate = "t_ms,down_kbps\n0,24000\n7000,8000\n13000,40000\n";
     const turned = await visit("budget", rate, { ladder: LADDER, way: "predicted" });
