@@ -198,7 +198,7 @@ class EngineLink(Link):
         _call(answered, Frame(body, *found.fields, partial(self._release, found.offset)))
 
     def _release(self, offset: int) -> None:
-        self.send(messages.pack_offset(Kind.RELEASE, offset))
+        self.send_with_next(messages.pack_offset(Kind.RELEASE, offset))
 
     def _withdraw(self, id: int) -> None:
         if self._waiting.pop(id, None) is not None:

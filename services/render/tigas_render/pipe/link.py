@@ -11,6 +11,9 @@ from tigas_render.pipe.framing import BadMessage, Splitter
 MOST_UNSENT: Final = 8 * 1024 * 1024
 """Bytes that may wait for an end that does not read; then it is given up."""
 
+DELAY_S: Final = 0.01
+"""How long a message that is not urgent waits at most for one that is."""
+
 
 class Link(asyncio.Protocol, ABC):
     """A subclass handles messages; `connection_lost` comes once, however the pipe ends."""
@@ -20,6 +23,8 @@ class Link(asyncio.Protocol, ABC):
         self._splitter = Splitter(most_bytes)
         self._outgoing: list[bytes] = []
         self._outgoing_bytes = 0
+        self._is_leaving = self._is_delayed = False
+        """Whether what is outgoing is about to be written, or will be after a while."""
         self._loop = asyncio.get_running_loop()
         self._transport: asyncio.Transport | None = None
         self.reason: str | None = None
@@ -34,12 +39,22 @@ class Link(asyncio.Protocol, ABC):
 
     def send(self, message: bytes) -> None:
         """Send a message with all others of this turn of the event loop; nothing once the pipe is closed."""
-        if self._transport is not None and self._transport.is_closing():
-            return
-        if not self._outgoing:
+        if self._add(message) and not self._is_leaving:
+            self._is_leaving = True
             self._loop.call_soon(self._flush)
+
+    def send_with_next(self, message: bytes) -> None:
+        """Send a message with the next that is more urgent, or after a while: each write wakes the other end."""
+        if self._add(message) and not (self._is_leaving or self._is_delayed):
+            self._is_delayed = True
+            self._loop.call_later(DELAY_S, self._flush_delayed)
+
+    def _add(self, message: bytes) -> bool:
+        if self._transport is not None and self._transport.is_closing():
+            return False
         self._outgoing.append(message)
         self._outgoing_bytes += len(message)
+        return True
 
     @property
     def unsent(self) -> int:
@@ -59,9 +74,15 @@ class Link(asyncio.Protocol, ABC):
         if self._transport is not None:
             self._transport.abort()
 
+    def _flush_delayed(self) -> None:
+        self._is_delayed = False
+        if not self._is_leaving:
+            self._flush()
+
     def _flush(self) -> None:
+        self._is_leaving = False
         messages, self._outgoing, self._outgoing_bytes = self._outgoing, [], 0
-        if self._transport is None or self._transport.is_closing():
+        if not messages or self._transport is None or self._transport.is_closing():
             return
         self._transport.write(b"".join(messages))
         if self.unsent > MOST_UNSENT:
