@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import asyncio
+import os
 import signal
 import socket
+import sys
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NoReturn
 
 from tigas_cluster.connection import connected, named_cluster
 from tigas_cluster.director import create_director
@@ -25,8 +27,9 @@ from tigas_common.terminal import printable
 if TYPE_CHECKING:
     from tigas_cluster.ray_cluster import RayCluster
 
-GPU = "GPU"
 LOOPBACK = "127.0.0.1"
+END_S = 4.0
+"""For all hosts to end, in seconds."""
 
 
 def up(settings: ClusterSettings, render_options: Sequence[str]) -> None:
@@ -36,46 +39,46 @@ def up(settings: ClusterSettings, render_options: Sequence[str]) -> None:
         listener = settings.http.listen(settings.http_limits.unread_s)
     with listener, _terminated_as_interrupted():
         if address is not None:
-            resource = settings.resource or GPU
-            _run(settings, render_options, listener, None, address, resource, None)
+            _run(settings, render_options, listener, address, None)
             return
         own = OwnRay()
         try:
             print("Starting Ray on this machine …", flush=True)
-            hosts_address = LOOPBACK if settings.http.is_loopback else None
-            _run(settings, render_options, listener, own, own.start(), RESOURCE, hosts_address)
+            _run(settings, render_options, listener, own.start(), own)
         finally:
             own.stop()
 
 
 def _run(
-    settings: ClusterSettings,
-    render_options: Sequence[str],
-    listener: socket.socket,
-    own: OwnRay | None,
-    ray_address: str,
-    resource: str,
-    hosts_address: str | None,
+    settings: ClusterSettings, render_options: Sequence[str], listener: socket.socket, address: str, own: OwnRay | None
 ) -> None:
-    """Until told to stop. hosts_address: where hosts listen; None: where their machines are."""
-    with connected(own, ray_address):
+    """Serve until told to stop, over the Ray at this address, which may be our own."""
+    with connected(own, address):
         import ray.util
 
-        from tigas_cluster.ray_cluster import RayCluster
+        from tigas_cluster.ray_cluster import GPU, RayCluster
 
         names = (ray.util.get_node_ip_address(), *settings.allow_hosts)
         pages = (*settings.allow_origins, *_pages(settings, listener.getsockname()[1], names))
         scenes = ("--scenes", str(settings.scenes.absolute())) if settings.scenes else ()
         options = [*scenes, *(f"--allow-origin={page}" for page in pages), *render_options]
-        ports = (settings.host_http_port, settings.host_quic_port)
-        asyncio.run(_serve(settings, RayCluster(resource, hosts_address, *ports, options), listener))
+        hosts_address = LOOPBACK if own and settings.http.is_loopback else None
+        cluster = RayCluster(
+            RESOURCE if own else settings.resource or GPU,
+            hosts_address,
+            settings.host_http_port,
+            settings.host_quic_port,
+            options,
+        )
+        asyncio.run(_serve(settings, cluster, listener, own))
 
 
-async def _serve(settings: ClusterSettings, cluster: RayCluster, listener: socket.socket) -> None:
+async def _serve(settings: ClusterSettings, cluster: RayCluster, listener: socket.socket, own: OwnRay | None) -> None:
     stopped = asyncio.create_task(until_stopped())
     scaler = Scaler(settings.hosts, 60 * settings.calm_minutes, 60 * settings.grace_minutes, time.monotonic)
     origins = OriginPolicy.of([settings.http], settings.allow_hosts, settings.allow_origins)
-    async with RayFleet(cluster, scaler, PolledFleet((), time.monotonic), time.monotonic, _say) as fleet:
+    polled = PolledFleet((), time.monotonic)
+    async with RayFleet(cluster, scaler, polled, time.monotonic, _say) as fleet:
         try:
             async with (
                 create_director(fleet, origins=origins, clock=time.monotonic, services=settings.services) as app,
@@ -89,7 +92,18 @@ async def _serve(settings: ClusterSettings, cluster: RayCluster, listener: socke
                 await stopped
         finally:
             stopped.cancel()
-            await fleet.end()
+            try:
+                await asyncio.wait_for(fleet.end(), END_S)
+            except TimeoutError:
+                _abandon(own)
+
+
+def _abandon(own: OwnRay | None) -> NoReturn:
+    """End without Ray, whose calls wait for a minute once its head is gone, and cannot be interrupted."""
+    print("Ray does not answer; hosts that are left end when it does on their machines.", file=sys.stderr, flush=True)
+    if own is not None:
+        own.stop()
+    os._exit(1)
 
 
 def _say(text: str) -> None:
