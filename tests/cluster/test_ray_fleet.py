@@ -166,6 +166,7 @@ async def test_machines_are_asked_for_that_are_not_there(cluster: FakeCluster, c
     async with looked_after(cluster, clock, said, "3") as fleet:
         await until(lambda: names(fleet) == ["host-1"])
         assert cluster.asked_for == [3]
+        await until(lambda: said == ["There is no machine for 2 more hosts yet.", "host-1: 1 scene ready on instant."])
         cluster.up += ["green", "blue"]
         await until(lambda: names(fleet) == ["host-1", "host-2", "host-3"])
 

@@ -17,6 +17,8 @@ from tigas_common.errors import StartError
 from tigas_common.hosts import is_address, is_loopback
 from tigas_common.processes import Service, keep_running, tigas, with_parent
 
+VIEWER_ADDRESS = "TIGAS_CLUSTER_VIEWER_ADDRESS"
+"""The environment variable of a machine that viewers reach under another name or address than the cluster does."""
 RETRY_S = 60.0
 """One that cannot be kept running is tried again after so long: what its machine lacks may come back."""
 OPEN = re.compile(r"Open http://[^/]+:([0-9]+)/")
@@ -47,13 +49,10 @@ class Facts(TypedDict):
 class Host:
     """Runs `tigas render` until `stop`."""
 
-    VIEWER_ADDRESS = "TIGAS_CLUSTER_VIEWER_ADDRESS"
-    """The environment variable of a machine that viewers reach under another name or address than the cluster does."""
-
     def __init__(self, address: str, http_port: int, quic_port: int, options: Sequence[str]) -> None:
         """address: of this machine, within the cluster; ports: 0 for any free one; options: more, of `tigas render`."""
         self._address = address
-        self._viewer_address = os.environ.get(self.VIEWER_ADDRESS) or address
+        self._viewer_address = os.environ.get(VIEWER_ADDRESS) or address
         everywhere = address if is_loopback(address) else "::" if ":" in address else "0.0.0.0"
         http, quic = Address(everywhere, http_port), Address(everywhere, quic_port)
         named = () if is_address(self._viewer_address) else ("--allow-host", self._viewer_address)

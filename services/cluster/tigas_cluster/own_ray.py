@@ -27,7 +27,7 @@ STOP_S = 2.0
 
 
 class OwnRay:
-    """At most one for each user. It listens on loopback and lets in who knows its token, which only the user reads."""
+    """At most one for each user. It lets in who knows its token, which only the user can read."""
 
     def __init__(self, folder: Path | None = None) -> None:
         """folder: its files; short, since the paths of Unix sockets below it are."""
@@ -47,8 +47,28 @@ class OwnRay:
 
     def start(self) -> str:
         """Start it unless it runs, and give its address. Raises StartError."""
-        if (address := self.running()) is not None:
-            return address
+        if self._pid() is None:
+            self._launch()
+        deadline = time.monotonic() + START_S
+        while (address := self.running()) is None:
+            if self._pid() is None or time.monotonic() > deadline:
+                raise StartError(f"Ray did not start; {self._folder / 'log'} says why.")
+            time.sleep(0.05)
+        return address
+
+    def stop(self) -> None:
+        """End it and remove its files."""
+        if (pid := self._pid()) is not None:
+            with contextlib.suppress(ProcessLookupError):
+                os.kill(pid, signal.SIGTERM)
+            deadline = time.monotonic() + STOP_S
+            while self._pid() is not None and time.monotonic() < deadline:
+                time.sleep(0.05)
+            if self._pid() is not None:
+                os.killpg(pid, signal.SIGKILL)
+        shutil.rmtree(self._folder, ignore_errors=True)
+
+    def _launch(self) -> None:
         self._make_folder()
         with self._process.open("w") as process:
             try:
@@ -66,24 +86,6 @@ class OwnRay:
                     env=os.environ | self.environment | _SETTINGS,
                 )
             process.write(str(started.pid))
-        deadline = time.monotonic() + START_S
-        while not self._address.exists():
-            if started.poll() is not None or time.monotonic() > deadline:
-                raise StartError(f"Ray did not start; {self._folder / 'log'} says why.")
-            time.sleep(0.05)
-        return self._address.read_text().strip()
-
-    def stop(self) -> None:
-        """End it and remove its files."""
-        if (pid := self._pid()) is not None:
-            with contextlib.suppress(ProcessLookupError):
-                os.kill(pid, signal.SIGTERM)
-            deadline = time.monotonic() + STOP_S
-            while self._pid() is not None and time.monotonic() < deadline:
-                time.sleep(0.05)
-            if self._pid() is not None:
-                os.killpg(pid, signal.SIGKILL)
-        shutil.rmtree(self._folder, ignore_errors=True)
 
     def _make_folder(self) -> None:
         try:

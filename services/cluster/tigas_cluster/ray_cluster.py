@@ -24,7 +24,7 @@ ACTOR = re.compile(r"(?P<host>host-[0-9]+) (?P<node>[0-9a-f]+)")
 """An actor's name says where it is, so that whoever finds it need not ask."""
 ANSWER_S = 2.0
 """For an actor to answer, in seconds."""
-START_S = 30.0
+START_S = 60.0
 """For an actor's process to start, in seconds."""
 STOP_S = 3.5
 """For hosts to end, in seconds."""
@@ -74,6 +74,10 @@ class RayCluster(Cluster):
                 .remote(*self._arguments)
             )
             ray.get(actor.facts.remote(), timeout=START_S)
+        except ray.exceptions.GetTimeoutError:
+            raise StartError(
+                f"{node.address} is no host {START_S:g} s after it was to be one; others may use what it has."
+            ) from None
         except (ray.exceptions.RayError, ValueError) as error:  # ValueError: somebody else uses the name
             reason = str(getattr(error, "cause", None) or error).strip().splitlines()[-1]
             raise StartError(f"No host could be started on {node.address}: {reason}") from None

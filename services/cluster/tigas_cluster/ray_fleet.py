@@ -19,8 +19,8 @@ from tigas_cluster.polled_fleet import PolledFleet
 from tigas_cluster.scaling import Scaler
 from tigas_common.errors import StartError
 
-LOOK_S = 0.5
-"""How often Ray is asked which hosts and machines there are, in seconds."""
+LOOK_S, PAUSE_S = 0.5, 5.0
+"""How often Ray is asked which hosts and machines there are, in seconds, and when after it could not be asked."""
 PATIENCE_S = 60.0
 """A host that does not answer for so long is replaced, if there is a machine for another, in seconds."""
 AGAIN_S = 10.0
@@ -94,6 +94,8 @@ class RayFleet(Fleet):
         self._tried: dict[str, float] = {}
         """When each machine was last to become a host."""
         self._asked_for = 0
+        self._missing = 0
+        """How many more hosts there would be if there were machines for them."""
         self._tasks: set[asyncio.Task[None]] = set()
         self.began: asyncio.Future[None] = asyncio.get_running_loop().create_future()
         """Done once a host serves; has a StartError if none can."""
@@ -125,9 +127,10 @@ class RayFleet(Fleet):
         while True:
             try:
                 await self._look()
+                await asyncio.sleep(LOOK_S)
             except Exception:  # Ray's calls fail in many ways while a machine goes; the next one may not
                 logger.exception("Ray could not be asked")
-            await asyncio.sleep(LOOK_S)
+                await asyncio.sleep(PAUSE_S)
 
     async def _look(self) -> None:
         """See how all is, and do what follows."""
@@ -173,6 +176,12 @@ class RayFleet(Fleet):
         for name, facts in self._facts.items():
             self._fails(name, _failure(facts))
 
+    def _tell_missing(self, number: int) -> None:
+        """Say that there are too few machines, once."""
+        if number > max(0, self._missing):
+            self._say(f"There is no machine for {number} more {'host' if number == 1 else 'hosts'} yet.")
+        self._missing = number
+
     def _fails(self, name: str, why: str | None) -> None:
         """Say why a host does not serve, once."""
         if why is None:
@@ -199,6 +208,7 @@ class RayFleet(Fleet):
 
     def _start(self, number: int, free: Sequence[Node], hosts: Mapping[str, str]) -> None:
         """Make so many more machines hosts, as far as there are any."""
+        self._tell_missing(number - len(free))
         now = self._clock()
         names = (name for each in itertools.count(1) if (name := f"host-{each}") not in hosts)
         ready = (node for node in free if now >= self._tried.get(node.id, -math.inf) + AGAIN_S)
