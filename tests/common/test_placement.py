@@ -138,6 +138,16 @@ def test_a_scene_that_needs_two_places_does_not_lose_one_again_and_again() -> No
     assert 0 < narrowed < 15, "with the same patience each time it would be about 115"
 
 
+def test_a_scene_keeps_its_places_while_fewer_could_not_do_as_much() -> None:
+    clock = Clock()
+    placed = Placement(clock)
+    first, second, *_ = ranked("garden", NAMES)
+    asked(placed, clock, WIDEN_S + 0.2, up(first))
+    half_busy = [Place(name, at_ease=False) for name in NAMES]
+    assert asked(placed, clock, 10 * NARROW_S, half_busy) == [first, second]
+    assert asked(placed, clock, NARROW_S + 1, up()) == [first]
+
+
 def test_scenes_that_nobody_has_do_not_fill_the_memory(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(placement, "MOST_SCENES", 10)
     clock = Clock()

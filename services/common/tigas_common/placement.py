@@ -11,7 +11,7 @@ from hashlib import blake2b
 WIDEN_S = 1.0
 """A scene whose places have all been pressed for so long gets one more, in seconds."""
 NARROW_S = 30.0
-"""A scene none of whose places has been pressed for so long has one fewer, in seconds."""
+"""A scene whose places have all been at ease for so long has one fewer, in seconds."""
 MOST_NARROW_S = 480.0
 """The same where that was too early before: it doubles each time."""
 MOST_SCENES = 1024
@@ -25,6 +25,8 @@ class Place:
     name: str
     pressed: bool = False
     """It says of itself that it has as much to do as it can."""
+    at_ease: bool = True
+    """It says that it could do at least as much again."""
 
 
 @lru_cache(maxsize=8192)
@@ -69,6 +71,7 @@ class Placement:
         if not up:
             return []
         pressed = {place.name for place in up if place.pressed}
+        at_ease = {place.name for place in up if place.at_ease and not place.pressed}
         order = ranked(scene, tuple(place.name for place in up))
         if scene not in self._widths and order[0] not in pressed:
             return [order[0]]
@@ -83,7 +86,7 @@ class Placement:
                 _widen(width, count, now)
         else:
             width.pressed_since = None
-            if not pressed.isdisjoint(chosen):
+            if not at_ease.issuperset(chosen):
                 width.calm_since = None
             elif width.places == 1:
                 self._forget(scene, width, now)

@@ -20,10 +20,10 @@ STARTS = 20
 
 
 @pytest.mark.anyio
-@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
-async def test_all_ends_within_two_seconds_while_it_is_viewed(number: signal.Signals) -> None:
+@pytest.mark.parametrize(("number", "device"), [(signal.SIGTERM, "instant"), (signal.SIGINT, "instant,instant")])
+async def test_all_ends_within_two_seconds_while_it_is_viewed(number: signal.Signals, device: str) -> None:
     before = leftovers()
-    with serving(edges=2) as fleet:
+    with serving(edges=2, device=device) as fleet:
         viewer = Viewer(fleet)
         watching = asyncio.create_task(viewer.watch())
         await eventually(lambda: viewer.shown)
@@ -59,9 +59,11 @@ def test_twenty_starts_and_stops_leave_nothing() -> None:
             with serving("--http", address, edges=2) as fleet:
                 assert httpx.get(f"{fleet.url}/healthz").status_code == 200
         else:
-            command = (*TIGAS, "render", "--edges=2", "--device=instant", f"--http={address}", "--quic=off")
+            devices = 1 + start % 2
+            device = ",".join(["instant"] * devices)
+            command = (*TIGAS, "render", "--edges=2", f"--device={device}", f"--http={address}", "--quic=off")
             service = psutil.Popen(command)
-            while len(service.children()) < 3:
+            while len(service.children()) < 2 + devices:
                 assert service.is_running()
                 time.sleep(0.01)
             service.terminate()

@@ -146,6 +146,19 @@ async def test_viewers_stay_where_the_scene_is_until_the_other_device_has_it(
             await is_warming()
 
 
+async def test_a_scene_that_may_soon_need_another_device_is_loaded_there_before(
+    devices: list[Device], engines: Engines
+) -> None:
+    await ask(engines)
+    busy, other = first(devices)
+    busy.state = (0.0, 0.75)
+    async with asyncio.timeout(20):
+        while not other.frames.requests:
+            await ask(engines)
+            await asyncio.sleep(0.02)
+    assert not other.asked()
+
+
 @pytest.mark.parametrize("kind", [BrokenScene, NoRoom, OutOfDeviceMemory, UnknownScene, DeviceLost])
 async def test_what_one_device_cannot_do_another_is_asked_for(
     devices: list[Device], engines: Engines, kind: type[TigasError]

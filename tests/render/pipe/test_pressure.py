@@ -25,6 +25,13 @@ def test_an_engine_whose_clients_wait_is_pressed_whatever_else_it_says() -> None
     assert not heard(pressure, 20, 0.0, 0.3)
 
 
+def test_an_engine_says_when_it_may_soon_be_pressed_and_when_it_could_do_as_much_again() -> None:
+    pressure = Pressure()
+    for utilisation, is_near, at_ease in ((0.3, False, True), (0.5, False, False), (0.7, True, False)):
+        heard(pressure, 50, 0.0, utilisation)
+        assert (pressure.is_near, pressure.at_ease) == (is_near, at_ease)
+
+
 def test_a_moment_is_no_pressure() -> None:
     pressure = Pressure()
     assert not heard(pressure, 2, 0.1, 1.0)

@@ -115,6 +115,9 @@ class Supervisor:
             await engine.settled.wait()
         if not self._announcement:  # there is nothing to serve with
             return
+        missing = [engine.name for engine in self._engines if not engine.ready.is_set()]
+        if missing:
+            print(f"Started without the {', the '.join(missing)}.", flush=True)
         print("\n".join(self._announcement), flush=True)
         await self._spare.keep()
 

@@ -1,7 +1,8 @@
 """The frames of several engines as those of one: a scene's from few, a session's from one, if need be from another.
 
 Which engines a scene has follows from `Placement`. One that has yet to load the scene is asked for a frame that nobody
-waits for, and gets viewers once that is there, as long as another engine can answer meanwhile.
+waits for, and gets viewers once that is there, as long as another engine can answer meanwhile. So is the next one for a
+scene that may soon need it.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ from tigas_common.wire.render import RenderRequest
 from tigas_render.frame import Answered, Client, Frame, FrameSource, Withdraw
 from tigas_render.pipe.client import EngineGone, OnState, PipeClient, no_engine
 from tigas_render.pipe.pressure import Pressure
+from tigas_render.pipe.sharing import Sharing
 
 logger = logging.getLogger(__name__)
 
@@ -42,6 +44,7 @@ class Engine:
     def __init__(self, name: str, pipe: PipeClient) -> None:
         self.name = name
         self.pipe = pipe
+        self.place = Place(name)
         self.pressure = Pressure()
         self.age_s = self.utilisation = 0.0
         self.heard_at = 0.0
@@ -52,10 +55,6 @@ class Engine:
         """Until when it is not asked for a scene again."""
         self.link = 0
         """The number of the connection for which all this is true."""
-
-    @property
-    def place(self) -> Place:
-        return Place(self.name, self.pressure.pressed)
 
 
 class Engines(FrameSource):
@@ -68,6 +67,8 @@ class Engines(FrameSource):
         self._on_state = on_state
         self._clock = clock
         self._placement = Placement(clock)
+        self._sharings: dict[str, Sharing] = {}
+        """By scene, where anybody asks for it."""
         self._engines: dict[str, Engine] = {}
         for name, path in sockets.items():
             self._engines[name] = Engine(name, PipeClient(path, edge, self._hears(name)))
@@ -121,15 +122,24 @@ class Engines(FrameSource):
         names = self._places(scene, willing)
         if not names:
             return None
-        session = f"{client.address} {client.session}"
-        own = self._engines[ranked(session, tuple(names))[0]]
+        own = self._engines[self._share(scene).choose(client, names, self._clock())]
         if self._is_warm(own, scene):
+            if own.pressure.is_near and len(names) < len(willing):
+                self._warm_up(self._engines[self._order(scene, willing)[len(names)]], request)
             return own
-        warm = tuple(engine.name for engine in willing if self._is_warm(engine, scene))
+        warm = [name for name in self._order(scene, willing) if self._is_warm(self._engines[name], scene)]
         if not warm:
             return own
         self._warm_up(own, request)
-        return self._engines[ranked(session, tuple(name for name in names if name in warm) or warm)[0]]
+        return self._engines[warm[0]]
+
+    def _share(self, scene: str) -> Sharing:
+        if (sharing := self._sharings.get(scene)) is None:
+            sharing = self._sharings[scene] = Sharing()
+        return sharing
+
+    def _order(self, scene: str, engines: Sequence[Engine]) -> Sequence[str]:
+        return ranked(scene, tuple(engine.name for engine in engines))
 
     def _places(self, scene: str, engines: Sequence[Engine]) -> list[str]:
         return self._placement.places(scene, [engine.place for engine in engines])
@@ -145,7 +155,7 @@ class Engines(FrameSource):
 
     def _warm_up(self, engine: Engine, request: RenderRequest) -> None:
         scene = request.scene
-        if scene in engine.warming:
+        if scene in engine.warming or self._is_warm(engine, scene):
             return
         engine.warming.add(scene)
 
@@ -187,13 +197,14 @@ class Engines(FrameSource):
             engine.heard_at = self._clock()
             engine.age_s, engine.utilisation = age_s, utilisation
             engine.pressure.heard(age_s, utilisation)
+            engine.place = Place(name, engine.pressure.pressed, engine.pressure.at_ease)
             freest = min(self.up() or (engine,), key=lambda each: (each.utilisation, each.age_s))
             self._on_state(freest.age_s, freest.utilisation)
 
         return heard
 
     async def _watch(self) -> None:
-        """Give up engines that say nothing, for ever."""
+        """Give up engines that say nothing, and forget sessions that are gone, for ever."""
         looked = self._clock()
         while True:
             await asyncio.sleep(LOOK_S)
@@ -203,6 +214,7 @@ class Engines(FrameSource):
                     if now - max(engine.heard_at, engine.pipe.connected_at) > SILENT_S:
                         engine.pipe.give_up(f"The engine on {engine.name} says nothing.")
             looked = now
+            self._sharings = {scene: each for scene, each in self._sharings.items() if each.forget(now)}
 
 
 class _Asked:
