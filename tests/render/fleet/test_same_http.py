@@ -42,10 +42,10 @@ REQUESTS: list[tuple[str, str, dict[str, str], bytes]] = [
 ]
 
 
-@pytest.fixture(scope="module")
-def both() -> Iterator[tuple[Fleet, Fleet]]:
-    """A single process and a fleet."""
-    with serving(edges=1) as single, serving(edges=2) as fleet:
+@pytest.fixture(scope="module", params=["instant:5000", "instant:5000,instant:5000"])
+def both(request: pytest.FixtureRequest) -> Iterator[tuple[Fleet, Fleet]]:
+    """A single process and a fleet, with one device or with two."""
+    with serving(edges=1) as single, serving(edges=2, device=request.param) as fleet:
         yield single, fleet
 
 
@@ -71,7 +71,7 @@ def test_metrics_come_from_the_engine_and_tell_of_every_edge(both: tuple[Fleet, 
     _, fleet = both
     httpx.post(f"{fleet.url}/render", content=ASK)
     text = httpx.get(f"{fleet.url}/metrics").text
-    assert re.search(r'tigas_requests_total\{outcome="frame"\} [1-9]', text)
+    assert re.search(r'tigas_requests_total\{(device="[^"]*",)?outcome="frame"\} [1-9]', text)
     assert all(f'tigas_viewers{{edge="{number}"}}' in text for number in range(2))
 
 
