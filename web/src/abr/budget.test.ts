@@ -53,6 +53,16 @@ test.each([0, 45, 300])("a round trip of %i ms makes no difference: it is the sa
   expect(hear(3000, { throughput: 27e6, trip })).toBe(1);
 });
 
+test.each([
+  { throughput: 100e3, frames: 1 }, // 20 kB take 1.6 s
+  { throughput: 1e6, frames: 4 }, // 160 ms
+])("it does not wait for five frames that take long: $throughput bit/s, $frames frames", ({ throughput, frames }) => {
+  const ladder = PAPER_LADDER.map((rung, i) => ({ ...rung, expected_kb: [240, 55, 11, 7][i] ?? 0 })); // begins with rung 2
+  subject = new BudgetController({ ladder });
+  const rungs = Array.from({ length: frames }, () => hear(AT_60_HZ, { throughput, bytes: 20_000 }));
+  expect(rungs).toEqual([...Array(frames - 1).fill(2), 3]);
+});
+
 test("when the link collapses it goes down at once, as far as needed", () => {
   hear(3000, { throughput: 200e6 });
   expect(hear(20, { throughput: 5e6 })).toBe(3);

@@ -42,8 +42,9 @@ const BETTER = 0.3;
 const QUEUE = 2;
 /** Jitter makes up at most this much of what frames seem to take on the link. */
 const MOST_JITTER = 0.75;
-/** A rung is judged by its own frames: it is not left before so many have come, but upwards in the beginning. */
+/** A rung is judged by its own frames: it is not left before so many have come, or have kept the link so many milliseconds, but upwards in the beginning. */
 const JUDGED = 5;
+const LONG = 500;
 /** What QUIC sends before the first acknowledgement (RFC 9002, section 7.2), less a fifth for margins, depth and headers. In kB. */
 const FIRST_WINDOW = 0.8 * 14.72;
 /** An upgrade multiplies bytes by at most so much, unless it is to the neighbour. */
@@ -102,7 +103,8 @@ export class BudgetController implements Controller {
       this.#delay.observe(Math.max(0, network - (arrival.bytes * 8000) / throughput), at);
     }
     const price = this.#price(way);
-    this.#choose(this.#costs(throughput, price), BETTER * price, at);
+    const long = (arrival.bytes * 8000 * this.#delay.frames) / throughput > LONG;
+    this.#choose(this.#costs(throughput, price), BETTER * price, long, at);
   }
 
   /** Milliseconds that a picture of twice the bytes is worth. */
@@ -123,12 +125,12 @@ export class BudgetController implements Controller {
     };
   }
 
-  #choose(cost: Cost, margin: number, now: number): void {
+  #choose(cost: Cost, margin: number, long: boolean, now: number): void {
     const reachable = this.#rungs.slice(this.#reach());
     const best = reachable.reduce((least, rung) => (cost(rung) < cost(least) ? rung : least), this.#rung);
     const better = cost(best) < cost(this.#rung) - margin;
     const { frames, queue } = this.#delay;
-    const judged = frames >= JUDGED;
+    const judged = frames >= JUDGED || long;
     const queued = judged && queue > QUEUE * this.#clock.interval;
     if (queued && this.#rung === this.#rungs.length - 1) {
       this.#delay.forget(); // no rung of ours makes it: the way has become longer
