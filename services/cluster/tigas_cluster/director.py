@@ -9,7 +9,7 @@ import httpx
 from prometheus_client import CONTENT_TYPE_LATEST, generate_latest
 from starlette.applications import Starlette
 from starlette.requests import Request
-from starlette.responses import RedirectResponse, Response
+from starlette.responses import JSONResponse, RedirectResponse, Response
 from starlette.routing import Route
 from starlette.types import ASGIApp, Receive, Scope, Send
 
@@ -17,11 +17,13 @@ from tigas_cluster.choice import Choice
 from tigas_cluster.fleet import Fleet, HostState
 from tigas_cluster.host_proxy import AWAY, RETRY_S, HostProxy
 from tigas_cluster.metrics import DirectorMetrics
+from tigas_cluster.scenes import list_scenes
+from tigas_cluster.scenes import unload as unload_everywhere
 from tigas_common.address import bracketed
 from tigas_common.errors import InvalidRequest, Overloaded
 from tigas_common.origins import OriginCheck, OriginPolicy
 from tigas_common.topology import fitted
-from tigas_common.web import EXCEPTION_HANDLERS, healthy, json_response, read_message
+from tigas_common.web import EXCEPTION_HANDLERS, NO_STORE, healthy, json_response, read_message
 from tigas_common.wire.render import RenderRequest, ServerConfig
 
 MAX_NAME = 256
@@ -48,12 +50,15 @@ async def create_director(
         routes=[
             Route("/config.json", config),
             Route("/render", _Render(proxy), methods=["POST"]),
+            Route("/scenes", scenes),
+            Route("/scenes/{id}/unload", unload, methods=["POST"]),
             Route("/healthz", healthz),
             Route("/metrics", metrics),
         ],
         exception_handlers=EXCEPTION_HANDLERS,
     )
     app.state.director = Director(fleet, clock, services or {}, https_port)
+    app.state.client = proxy.client
     app.router.default = proxy
     try:
         yield OriginCheck(app, origins)
@@ -130,6 +135,20 @@ class _Render:
         asked = await read_message(request, RenderRequest)
         host = await _director(request).place(asked.scene)
         return await RedirectResponse(f"{host.render_url}/render", 307)(scope, receive, send)
+
+
+async def scenes(request: Request) -> Response:
+    """The scenes of all hosts; `?scan=1` has each look at its models directory again first."""
+    hosts = _director(request).fleet.hosts()
+    found = await list_scenes(request.app.state.client, hosts, scan=bool(request.query_params.get("scan")))
+    return JSONResponse([info.model_dump() for info in found], headers=NO_STORE)
+
+
+async def unload(request: Request) -> Response:
+    """Unload a scene that nobody views, on every host."""
+    hosts = _director(request).fleet.hosts()
+    answer = await unload_everywhere(request.app.state.client, hosts, request.path_params["id"])
+    return Response(answer.content, answer.status_code, NO_STORE, answer.headers.get("content-type"))
 
 
 async def healthz(request: Request) -> Response:

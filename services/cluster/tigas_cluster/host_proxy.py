@@ -36,10 +36,12 @@ class HostProxy:
         """transport: another than HTTP, for tests."""
         self._fleet = fleet
         self._transport = transport or httpx.AsyncHTTPTransport(limits=httpx.Limits(max_connections=MAX_CONNECTIONS))
+        self.client = httpx.AsyncClient(transport=self._transport)
+        """Over the same connections, for questions of the director's own."""
 
     async def close(self) -> None:
         """Close the connections."""
-        await self._transport.aclose()
+        await self.client.aclose()
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Raises Overloaded if no host answers."""
