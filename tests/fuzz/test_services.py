@@ -151,7 +151,18 @@ def director(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Ask]:
 @effort(100)
 @given(
     st.sampled_from(METHODS),
-    paths(["/", "/render", "/scenes", "/scenes/scene/{}", "/config.json?scene={}&{}={}", "/metrics", "/{}"]),
+    paths(
+        [
+            "/",
+            "/render",
+            "/scenes",
+            "/scenes/scene/{}",
+            "/scenes/{}/unload",
+            "/config.json?scene={}&{}={}",
+            "/metrics",
+            "/{}",
+        ]
+    ),
     headers(HOST[1]),
 )
 def test_any_target_of_the_director_is_answered(

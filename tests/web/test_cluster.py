@@ -86,7 +86,7 @@ def killed(host: RenderServer) -> Iterator[None]:
 def test_a_viewer_of_a_host_that_is_gone_goes_on_elsewhere_within_two_seconds(
     cluster: Cluster, page: Page, let_down: Callable[[RenderServer], AbstractContextManager[None]]
 ) -> None:
-    took = []
+    took: list[float] = []
     while not took or (min(took) > WITHIN_S and len(took) < TRIES):
         cluster.director.wait_for(cluster.hosts)
         name = stat(page, "host")
