@@ -166,7 +166,9 @@ async def test_machines_are_asked_for_that_are_not_there(cluster: FakeCluster, c
     async with looked_after(cluster, clock, said, "3") as fleet:
         await until(lambda: names(fleet) == ["host-1"])
         assert cluster.asked_for == [3]
-        await until(lambda: said == ["There is no machine for 2 more hosts yet.", "host-1: 1 scene ready on instant."])
+        await until(lambda: len(said) == 3)
+        assert said[:2] == ["There is no machine for 2 more hosts yet.", "host-1 starts on red.test."]
+        assert said[2] == "host-1: 1 scene ready on instant."
         cluster.up += ["green", "blue"]
         await until(lambda: names(fleet) == ["host-1", "host-2", "host-3"])
 
@@ -197,6 +199,7 @@ async def test_a_host_that_nobody_needs_drains_and_then_ends(
     clock.ahead += 10
     await until(lambda: len(names(fleet)) == 2)
     assert "green" not in cluster.running.values()
+    assert [line.partition(" ")[2] for line in said[-2:]] == ["drains: it gets no new viewers.", "has ended."]
 
 
 async def test_a_host_with_another_version_is_named_and_not_used(

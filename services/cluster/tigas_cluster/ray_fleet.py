@@ -145,6 +145,8 @@ class RayFleet(Fleet):
         serving = self._note_silence(present)
         plan = self._scaler.plan(self.hosts(), len(serving - self._up))
         if plan.draining != self._draining:
+            for name in sorted(plan.draining - self._draining):
+                self._say(f"{name} drains: it gets no new viewers.")
             self._draining = plan.draining
             self._follow()
         for name in (hosts.keys() - present.keys() | plan.ending) - self._ending:
@@ -218,6 +220,7 @@ class RayFleet(Fleet):
 
     async def _begin(self, name: str, node: Node) -> None:
         self._beginning[name] = node.id
+        self._say(f"{name} starts on {node.address}.")
         try:
             await asyncio.to_thread(self._cluster.start, name, node)
         except StartError as error:
@@ -231,6 +234,9 @@ class RayFleet(Fleet):
         self._ending.add(name)
         try:
             await asyncio.to_thread(self._cluster.stop, {name: node})
+            self._facts.pop(name, None)
+            self._up -= {name}
+            self._follow()
             self._say(f"{name} has ended.")
         finally:
             self._ending.remove(name)

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from tigas_cluster.ray_cluster import RayCluster
 
 LOOPBACK = "127.0.0.1"
-END_S = 4.0
+END_S = 4.5
 """For all hosts to end, in seconds."""
 
 
