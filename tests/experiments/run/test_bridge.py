@@ -66,7 +66,9 @@ def test_pictures_show_the_poses_that_they_are_said_to_show(services: Services, 
     assert len(said) == 20, "one for each tick of the clock"
     following = {a.pose: b.pose for a, b in pairwise(recording.frames)}
     for pose, number in zip(said, numbers, strict=True):
-        assert number in (pose, following.get(pose)), "a picture is of its frame, or of the one after it"
+        assert number is not None
+        # A busy browser shows frames of a video without telling of each.
+        assert pose <= number <= following.get(pose, pose), "a picture is of its frame, or of one before the next"
     if settings["mode"] == "stateless":
         assert numbers == said
         check_replies(recording)
