@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-import os
 import re
 import signal
 import subprocess
@@ -19,6 +18,7 @@ from urllib.parse import urlsplit
 
 import httpx
 import psutil
+import pytest
 from aioquic.quic.events import ConnectionTerminated
 
 from tests.render.transport.client import Client, connect, request_body
@@ -170,15 +170,19 @@ def _heed_resets(client: Client) -> None:
     client.datagram_received = datagram_received  # type: ignore[method-assign]
 
 
-def leftovers() -> set[str]:
-    """What a service could have left on this machine."""
-    temporary = Path(tempfile.gettempdir())
-    found = {str(path) for folder in (temporary, Path("/dev/shm")) for path in folder.glob("tigas-render-*")}
-    running = {f"process {each.pid}" for each in psutil.process_iter() if _is_of_fleet(each)}
-    return found | running
+@contextlib.contextmanager
+def nothing_left() -> Iterator[None]:
+    """Services that start meanwhile must leave no process, and no temporary file, when the context ends."""
+    with tempfile.TemporaryDirectory(prefix="t-") as temporary, pytest.MonkeyPatch.context() as patch:
+        patch.setenv("TMPDIR", temporary)
+        yield
+        files = [path.name for path in Path(temporary).iterdir()]
+        processes = [each.cmdline() for each in psutil.process_iter() if _began_with(each, temporary)]
+        assert (files, processes) == ([], [])
 
 
-def _is_of_fleet(process: psutil.Process) -> bool:
+def _began_with(process: psutil.Process, temporary: str) -> bool:
+    """Whether it was started with this directory for its temporary files, and has not ended."""
     with contextlib.suppress(psutil.Error):
-        return any("tigas_render.fleet" in word for word in process.cmdline()) and process.uids().real == os.getuid()
+        return process.environ().get("TMPDIR") == temporary and process.status() != psutil.STATUS_ZOMBIE
     return False

@@ -14,7 +14,7 @@ from pathlib import Path
 import httpx
 import pytest
 
-from tests.render.fleet.fleet import ASK, Fleet, Viewer, asking_until, leftovers, serving
+from tests.render.fleet.fleet import ASK, Fleet, Viewer, asking_until, nothing_left, serving
 from tests.render.transport.client import request_body
 from tests.render.transport.serving import eventually
 from tigas_common.placement import ranked
@@ -170,8 +170,7 @@ async def test_an_engine_that_stops_costs_its_viewers_two_seconds_and_others_not
 
 
 def test_a_device_that_cannot_be_used_is_named_and_the_others_serve() -> None:
-    before = leftovers()
-    with serving(edges=1, device="instant,cuda:99") as fleet:
+    with nothing_left(), serving(edges=1, device="instant,cuda:99") as fleet:
         assert httpx.get(f"{fleet.url}/healthz").status_code == 200
         assert httpx.post(f"{fleet.url}/render", content=ASK, timeout=60).status_code == 200
         assert 'tigas_device_up{device="cuda:99"} 0.0' in httpx.get(f"{fleet.url}/metrics").text
@@ -180,4 +179,3 @@ def test_a_device_that_cannot_be_used_is_named_and_the_others_serve() -> None:
     assert re.fullmatch(
         r"The engine on cuda:99 did not start: .*\. It is tried again in 15 s; others do its work meanwhile\.", line
     )
-    assert leftovers() <= before

@@ -12,7 +12,7 @@ import httpx
 import psutil
 import pytest
 
-from tests.render.fleet.fleet import TIGAS, Viewer, leftovers, serving
+from tests.render.fleet.fleet import TIGAS, Viewer, nothing_left, serving
 from tests.render.test_cli import tigas
 from tests.render.transport.serving import eventually
 
@@ -22,8 +22,7 @@ STARTS = 20
 @pytest.mark.anyio
 @pytest.mark.parametrize(("number", "device"), [(signal.SIGTERM, "instant"), (signal.SIGINT, "instant,instant")])
 async def test_all_ends_within_two_seconds_while_it_is_viewed(number: signal.Signals, device: str) -> None:
-    before = leftovers()
-    with serving(edges=2, device=device) as fleet:
+    with nothing_left(), serving(edges=2, device=device) as fleet:
         viewer = Viewer(fleet)
         watching = asyncio.create_task(viewer.watch())
         await eventually(lambda: viewer.shown)
@@ -35,40 +34,36 @@ async def test_all_ends_within_two_seconds_while_it_is_viewed(number: signal.Sig
         assert time.monotonic() - stopping < 2
         watching.cancel()
         assert not [child for child in children if child.is_running()]
-    assert leftovers() <= before
 
 
 def test_children_end_whose_supervisor_is_killed() -> None:
-    before = leftovers()
-    with serving(edges=2) as fleet:
+    with nothing_left(), serving(edges=2) as fleet:
         children = fleet.children()
         fleet.process.kill()
         _, alive = psutil.wait_procs(children, timeout=20)
         assert not alive
-    assert leftovers() <= before
 
 
 @pytest.mark.timeout(300)
 def test_twenty_starts_and_stops_leave_nothing() -> None:
-    before = leftovers()
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
         address = f"127.0.0.1:{free.getsockname()[1]}"
-    for start in range(STARTS):
-        if start % 10 == 0:
-            with serving("--http", address, edges=2) as fleet:
-                assert httpx.get(f"{fleet.url}/healthz").status_code == 200
-        else:
-            devices = 1 + start % 2
-            device = ",".join(["instant"] * devices)
-            command = (*TIGAS, "render", "--edges=2", f"--device={device}", f"--http={address}", "--quic=off")
-            service = psutil.Popen(command)
-            while len(service.children()) < 2 + devices:
-                assert service.is_running()
-                time.sleep(0.01)
-            service.terminate()
-            assert service.wait(10) == 0
-    assert leftovers() <= before
+    with nothing_left():
+        for start in range(STARTS):
+            if start % 10 == 0:
+                with serving("--http", address, edges=2) as fleet:
+                    assert httpx.get(f"{fleet.url}/healthz").status_code == 200
+            else:
+                devices = 1 + start % 2
+                device = ",".join(["instant"] * devices)
+                command = (*TIGAS, "render", "--edges=2", f"--device={device}", f"--http={address}", "--quic=off")
+                service = psutil.Popen(command)
+                while len(service.children()) < 2 + devices:
+                    assert service.is_running()
+                    time.sleep(0.01)
+                service.terminate()
+                assert service.wait(10) == 0
 
 
 @pytest.mark.parametrize("flag", ["--http", "--https", "--quic"])
