@@ -14,7 +14,13 @@ export function App() {
   if (current.page === "experiments") return <ExperimentList />;
   if (current.page === "samples") return <SamplesPage key={current.experiment} id={current.experiment} />;
   return current.page === "viewer" ? (
-    <Viewer key={current.scene} sceneId={current.scene} stamp={current.stamp} asked={current.asked} />
+    <Viewer
+      key={current.scene}
+      sceneId={current.scene}
+      stamp={current.stamp}
+      asked={current.asked}
+      unknown={current.unknown}
+    />
   ) : (
     <Dashboard />
   );

@@ -24,6 +24,16 @@ test.each([
   expect(parseRoute(`#/scene/courtyard${query}`)).toEqual({ page: "viewer", scene: "courtyard", stamp, asked });
 });
 
+test("what a link names and nobody knows is told", () => {
+  expect(parseRoute("#/scene/courtyard?predicton=linear&upscale=scene&x")).toEqual({
+    page: "viewer",
+    scene: "courtyard",
+    stamp: false,
+    asked: { upscale: "scene" },
+    unknown: ["predicton", "x"],
+  });
+});
+
 test.each(["", "#", "#/", "#/scene/", "#/scene/a/b", "#/other", "#/scene/%E0%A4%A"])(
   "%s is the list of scenes",
   (hash) => {

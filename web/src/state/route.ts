@@ -5,12 +5,20 @@ export type Route =
   | { readonly page: "scenes" }
   | { readonly page: "experiments" }
   | { readonly page: "samples"; readonly experiment: string }
-  | { readonly page: "viewer"; readonly scene: string; readonly stamp: boolean; readonly asked: Asked };
+  | {
+      readonly page: "viewer";
+      readonly scene: string;
+      readonly stamp: boolean;
+      readonly asked: Asked;
+      /** Names in the link that mean nothing here, if there are any. */
+      readonly unknown?: readonly string[];
+    };
 
 /** Settings that a link names, as text; what it leaves out is as it was chosen before. */
 export type Asked = Readonly<Partial<Record<(typeof ASKABLE)[number], string>>>;
 
-const ASKABLE = [...KINDS, "reprojection", "prediction"] as const;
+export const ASKABLE = [...KINDS, "reprojection", "prediction"] as const;
+const STAMP = "stamp";
 
 /** The list of experiments. */
 export const EXPERIMENTS = "#/experiments";
@@ -32,7 +40,16 @@ export function parseRoute(hash: string): Route {
     const scene = decodeURIComponent(id);
     const parameters = new URLSearchParams(query);
     const asked = ASKABLE.flatMap((name) => (parameters.has(name) ? [[name, parameters.get(name) ?? ""]] : []));
-    return { page: "viewer", scene, stamp: parameters.has("stamp"), asked: Object.fromEntries(asked) };
+    const known: readonly string[] = [STAMP, ...ASKABLE];
+    const unknown = [...parameters.keys()].filter((name) => !known.includes(name));
+    const stamp = parameters.has(STAMP);
+    return {
+      page: "viewer",
+      scene,
+      stamp,
+      asked: Object.fromEntries(asked),
+      ...(unknown.length > 0 && { unknown }),
+    };
   } catch {
     return { page: "scenes" }; // a broken escape
   }

@@ -14,7 +14,14 @@ const NONE = "–";
 const VIEW_LATENCY = "From your input until the picture has turned";
 const CONTENT_AGE = "From the pose that the pixels were rendered for until they are seen";
 
-export function Hud({ session, wide }: { session: ViewerSession; wide: boolean }) {
+interface HudProps {
+  readonly session: ViewerSession;
+  readonly wide: boolean;
+  /** What of the link that led here makes no sense. */
+  readonly linkNote?: string | null;
+}
+
+export function Hud({ session, wide, linkNote }: HudProps) {
   const stats = session.stateless.stats.value;
   const details = settings.value.hudDetails ?? wide;
   const enhancement = session.enhancement.status.value;
@@ -68,6 +75,11 @@ export function Hud({ session, wide }: { session: ViewerSession; wide: boolean }
         )}
         {session.silent.value && <span data-stat="silence"> – no answer, asking again…</span>}
       </p>
+      {linkNote && (
+        <p class="hud-note" role="status" data-stat="link-note">
+          {linkNote}
+        </p>
+      )}
       <EnhancementNote status={enhancement} />
       <ReprojectionNote status={session.reprojector.status.value} />
     </section>

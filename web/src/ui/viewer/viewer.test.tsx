@@ -189,8 +189,19 @@ test("a URL that names a model which there is not says so, and chooses none", ()
 test("a URL may say how movement is met, and what makes no sense in it changes nothing", () => {
   show({ reprojection: "off", prediction: "linear" });
   expect(settings.value).toMatchObject({ reprojection: false, prediction: "linear" });
+  expect(document.querySelector("[data-stat=link-note]")).toBeNull();
+  cleanup();
   show({ reprojection: "maybe", prediction: "magic" });
   expect(settings.value).toMatchObject({ reprojection: false, prediction: "linear" });
+  expect(screen.getByText("Reprojection cannot be “maybe”, as the link says, only on or off.")).toBeTruthy();
+});
+
+test.each([
+  [{ prediction: "magic" }, undefined, /^There is no prediction “magic”, as the link says, only off, velocity, /],
+  [{}, ["predicton"], /^The link names “predicton”, which is nothing here; it may name restore, upscale, /],
+])("a URL with %o and %o says what makes no sense in it", (asked, unknown, sentence) => {
+  render(<Viewer sceneId="courtyard" stamp={false} asked={asked} unknown={unknown} />);
+  expect(screen.getByText(sentence)).toBeTruthy();
 });
 
 test("what a person should know of enhancement is said", async () => {

@@ -14,6 +14,7 @@ import { ViewerSession } from "../../viewer/session";
 import { ExperimentDialog } from "../experiment/experiment-dialog";
 import { HelpDialog } from "./help";
 import { Hud } from "./hud";
+import { linkNote } from "./link-note";
 import { MovePad } from "./move-pad";
 import { MovementStatus } from "./movement-status";
 import { SideFigures } from "./side-figures";
@@ -30,9 +31,11 @@ interface Props {
   readonly stamp: boolean;
   /** That the URL asks for. */
   readonly asked: Asked;
+  /** That it names, too, and that means nothing. */
+  readonly unknown?: readonly string[] | undefined;
 }
 
-export function Viewer({ sceneId, stamp, asked }: Props) {
+export function Viewer({ sceneId, stamp, asked, unknown }: Props) {
   const root = useRef<HTMLDivElement>(null);
   const stage = useRef<HTMLDivElement>(null);
   const canvas = useRef<HTMLCanvasElement>(null);
@@ -117,7 +120,9 @@ export function Viewer({ sceneId, stamp, asked }: Props) {
           </div>
         </div>
         <Toolbar name={name} actions={actions} mode={mode} hud={hud} sidebar={sidebarOpen} />
-        {live && hud && phase !== "failed" && mode === "stateless" && <Hud session={live} wide={wide} />}
+        {live && hud && phase !== "failed" && mode === "stateless" && (
+          <Hud session={live} wide={wide} linkNote={linkNote(asked, unknown)} />
+        )}
         {live && hud && phase !== "failed" && mode !== "stateless" && <SideFigures session={live} mode={mode} />}
         {live && <MovePad input={live.input} />}
         {live && <MovementStatus deck={live.movement} />}
