@@ -2,9 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import AsyncIterator, Sequence
+from contextlib import asynccontextmanager
+from typing import Any
 
+import httpx
+
+from tigas_cluster.director import create_director
 from tigas_cluster.fleet import Fleet, HostAddress, HostState
+from tigas_common.origins import OriginPolicy
 from tigas_common.wire.cluster import HostLoad
 from tigas_common.wire.render import DEFAULT_LADDER, ServerConfig
 
@@ -49,3 +55,13 @@ class FakeFleet(Fleet):
         self.suspected.append(name)
         if name in self.dead:
             self.states = [state for state in self.states if state.name != name]
+
+
+@asynccontextmanager
+async def asking_director(fleet: Fleet, **options: Any) -> AsyncIterator[httpx.AsyncClient]:
+    """A client of a director of this fleet."""
+    async with (
+        create_director(fleet, origins=OriginPolicy(), clock=lambda: 0.0, **options) as app,
+        httpx.AsyncClient(transport=httpx.ASGITransport(app), base_url="http://localhost:8080") as client,
+    ):
+        yield client

@@ -8,10 +8,8 @@ from dataclasses import replace
 import httpx
 import pytest
 
-from tests.cluster.hosts import FakeFleet, host
+from tests.cluster.hosts import FakeFleet, asking_director, host
 from tests.render.fakes import render_request
-from tigas_cluster.director import create_director
-from tigas_common.origins import OriginPolicy
 from tigas_common.placement import ranked
 
 pytestmark = pytest.mark.anyio
@@ -27,10 +25,7 @@ def fleet() -> FakeFleet:
 @pytest.fixture
 async def client(fleet: FakeFleet) -> AsyncIterator[httpx.AsyncClient]:
     services = {"dash": ":8081", "store": "http://store.test:8091"}
-    async with (
-        create_director(fleet, origins=OriginPolicy(), clock=lambda: 0.0, services=services, https_port=8443) as app,
-        httpx.AsyncClient(transport=httpx.ASGITransport(app), base_url="http://localhost:8080") as client,
-    ):
+    async with asking_director(fleet, services=services, https_port=8443) as client:
         yield client
 
 

@@ -8,11 +8,9 @@ from collections.abc import AsyncIterator
 import httpx
 import pytest
 
-from tests.cluster.hosts import FakeFleet, host
+from tests.cluster.hosts import FakeFleet, asking_director, host
 from tests.render.fakes import render_request
 from tigas_cluster import host_proxy
-from tigas_cluster.director import create_director
-from tigas_common.origins import OriginPolicy
 from tigas_common.placement import ranked
 
 pytestmark = pytest.mark.anyio
@@ -59,10 +57,7 @@ def fleet() -> FakeFleet:
 
 @pytest.fixture
 async def client(fleet: FakeFleet, hosts: Hosts) -> AsyncIterator[httpx.AsyncClient]:
-    async with (
-        create_director(fleet, origins=OriginPolicy(), clock=lambda: 0.0, transport=hosts) as app,
-        httpx.AsyncClient(transport=httpx.ASGITransport(app), base_url="http://localhost:8080") as client,
-    ):
+    async with asking_director(fleet, transport=hosts) as client:
         yield client
 
 

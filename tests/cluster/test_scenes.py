@@ -9,11 +9,9 @@ from dataclasses import replace
 import httpx
 import pytest
 
-from tests.cluster.hosts import FakeFleet, host, load
+from tests.cluster.hosts import FakeFleet, asking_director, host, load
 from tigas_cluster import scenes as scenes_module
-from tigas_cluster.director import create_director
 from tigas_common.errors import SceneInUse, problem
-from tigas_common.origins import OriginPolicy
 from tigas_common.wire.render import SceneInfo
 
 pytestmark = pytest.mark.anyio
@@ -80,10 +78,7 @@ def fleet() -> FakeFleet:
 
 @pytest.fixture
 async def client(fleet: FakeFleet, hosts: Hosts) -> AsyncIterator[httpx.AsyncClient]:
-    async with (
-        create_director(fleet, origins=OriginPolicy(), clock=lambda: 0.0, transport=hosts) as app,
-        httpx.AsyncClient(transport=httpx.ASGITransport(app), base_url="http://localhost:8080") as client,
-    ):
+    async with asking_director(fleet, transport=hosts) as client:
         yield client
 
 

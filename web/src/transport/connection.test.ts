@@ -324,6 +324,24 @@ describe("in a cluster", () => {
     await end();
   });
 
+  test("while the director is away, a session that has ended is opened again at the same host", async () => {
+    running = start();
+    await reached("connected");
+    now += 5000;
+    reachable = false;
+    transports[0]?.lose("The connection to the server broke.");
+    await reached("connected", 2);
+    expect(hosts()).toEqual(["a", "a"]);
+    now += 5000;
+    instead = new Map([["a", "b"]]);
+    transports[1]?.lose("The connection to the server broke.");
+    await reached("lost");
+    reachable = true;
+    await reached("connected", 3);
+    expect(hosts().at(-1)).toBe("b");
+    await end();
+  });
+
   test("a session that ends as soon as it has begun is not opened again at once", async () => {
     running = start();
     await reached("connected");

@@ -41,18 +41,25 @@ interface Attempt {
   readonly connected: Connected | null;
 }
 
+interface Known {
+  readonly report: HostReport | undefined;
+  readonly next: ServerConfig | undefined;
+  readonly last: ServerConfig | undefined;
+}
+
 /** Runs until the signal aborts, and then closes the transport. */
 export async function maintainConnection(options: ConnectionOptions, signal: AbortSignal): Promise<void> {
   const { onState, sleep, now, retry = { minTimeout: 300, maxTimeout: 2000 }, random = Math.random } = options;
-  /** What is known when another attempt begins: the host that failed, or the configuration that names another. */
+  /** What is known when another attempt begins: the host that failed, the configuration that names another, or that of the host. */
   let report: HostReport | undefined;
   let next: ServerConfig | undefined;
+  let last: ServerConfig | undefined;
   /** The transport that is shown until another takes its place. */
   let previous: WatchedTransport | undefined;
   onState({ status: "connecting" });
   while (!signal.aborted) {
     try {
-      const { config, connected } = await pRetry(() => attempt(options, { report, next }, signal), {
+      const { config, connected } = await pRetry(() => attempt(options, { report, next, last }, signal), {
         ...retry,
         retries: Number.POSITIVE_INFINITY,
         factor: 1.6,
@@ -79,6 +86,7 @@ export async function maintainConnection(options: ConnectionOptions, signal: Abo
       const end = await ending(config, transport, options, signal);
       next = end.next;
       report = hostReport("silent", config);
+      last = report && config;
       if (signal.aborted || next !== undefined) continue;
       if (report !== undefined && now() - since >= LASTING) continue;
       transport.close();
@@ -94,19 +102,31 @@ export async function maintainConnection(options: ConnectionOptions, signal: Abo
 /** The server's configuration and a transport, in a cluster to the first host that can be reached. */
 async function attempt(
   { fetchConfig, connect }: ConnectionOptions,
-  { report, next }: { readonly report?: HostReport | undefined; readonly next?: ServerConfig | undefined },
+  { report, next, last }: Known,
   signal: AbortSignal,
 ): Promise<Attempt> {
   const tried = new Set<string | null | undefined>();
-  let config = next ?? (await fetchConfig(signal, report));
+  let config = next ?? (await fetchConfig(signal, report).catch(orElse(last, signal)));
   for (;;) {
     if (isFull(config)) return { config, connected: null };
     tried.add(config.host);
     const connected = await connect(config, signal);
     if (connected.fallback === null) return { config, connected };
-    const later = await fetchConfig(signal, hostReport("lost", config)); // it may have become full just now
+    // It may have become full just now.
+    const later = await fetchConfig(signal, hostReport("lost", config)).catch((error: unknown) => {
+      connected.transport.close();
+      throw error;
+    });
     if (!isFull(later) && (tried.has(later.host) || !sentElsewhere(config, later))) return { config, connected };
     connected.transport.close();
     config = later;
   }
+}
+
+/** Without its director, the host of a cluster can still be there. */
+function orElse(last: ServerConfig | undefined, signal: AbortSignal): (error: unknown) => ServerConfig {
+  return (error) => {
+    if (last === undefined || signal.aborted) throw error;
+    return last;
+  };
 }
