@@ -24,6 +24,8 @@ class Turns:
         self._now = 0.0
         self._starts: dict[str, float] = {}
         """When everybody's next turn starts; the turns of those who are left out start now."""
+        self._most = 4
+        """Of them, before those who could as well be left out are forgotten."""
         self._costs: dict[str, float] = {}
         """Of the next turns of those who wait."""
         self._ends: dict[str, float] = {}
@@ -32,14 +34,16 @@ class Turns:
     def join(self, name: str, cost: float) -> list[str]:
         """Somebody is among those who wait from now on, for a turn of so many seconds.
 
-        Returns whom this forgets: all others who neither wait nor have used more than those who do.
+        Returns whom this forgets, now and then: all who neither wait nor have used more than those who do.
         """
-        self._costs[name] = cost
+        self._starts[name] = max(self._starts.get(name, self._now), self._now)
+        self.wait_for(name, cost)
+        if len(self._starts) <= self._most:
+            return []
         past = [other for other, start in self._starts.items() if start <= self._now and other not in self._costs]
         for other in past:
             del self._starts[other]
-        self._starts[name] = max(self._starts.get(name, self._now), self._now)
-        self.wait_for(name, cost)
+        self._most = max(4, 2 * len(self._starts))
         return past
 
     def wait_for(self, name: str, cost: float) -> None:

@@ -61,5 +61,5 @@ async def test_nothing_leaves_once_the_pipe_is_closed() -> None:
     recorder.closed = True
     end.send(b"2")
     end.send_with_next(b"3")
-    await asyncio.sleep(0.02)
+    await until(lambda: not end._is_delayed)
     assert recorder.writes == []
