@@ -10,6 +10,11 @@ export interface Place {
   readonly ladder: readonly Rung[];
 }
 
+interface Ready {
+  readonly model: Enhancer;
+  readonly loaded: Loaded;
+}
+
 /** A ladder's rungs in two shapes of the window, and some more. */
 const MOST_SIZES = 12;
 
@@ -17,24 +22,18 @@ export class Chain {
   readonly label: string;
   /** Of the models that change frames of each rung; empty where none does. */
   readonly labels: readonly string[];
-  /** Of the models, or `off`. */
-  readonly names: Readonly<Record<Kind, string>>;
   /** Of the last step, which brings the picture to the displayed size. */
   readonly filter: Filter;
   readonly #device: GPUDevice;
   readonly #inputs = new Map<string, GPUTexture>();
-  readonly #models: readonly { readonly label: string; readonly loaded: Loaded }[];
+  readonly #models: readonly Ready[];
 
   private constructor(device: GPUDevice, models: readonly Enhancer[], loaded: readonly Loaded[], { ladder }: Place) {
     this.label = joined(models);
     this.#device = device;
-    const nameOf = (kind: Kind) => models.find((model) => model.kind === kind)?.name ?? OFF;
-    this.names = { restore: nameOf("restore"), upscale: nameOf("upscale") };
     this.filter = models.findLast(({ filter }) => filter !== undefined)?.filter ?? "bicubic";
-    this.#models = loaded.map((one, index) => ({ label: models[index]?.label ?? "", loaded: one }));
-    this.labels = ladder.map((_, rung) =>
-      joined(this.#models.filter(({ loaded: { serves } }) => serves?.(rung) ?? true)),
-    );
+    this.#models = models.flatMap((model, index) => (loaded[index] ? [{ model, loaded: loaded[index] }] : []));
+    this.labels = ladder.map((_, rung) => joined(this.#serving(rung)));
   }
 
   /** Rejects with an EnhancementError, or with the reason of `signal`; then nothing remains of what was loaded. */
@@ -46,6 +45,13 @@ export class Chain {
     signal.throwIfAborted();
     if (failed) throw failed.reason;
     return new Chain(device, models, loaded, place);
+  }
+
+  /** Of the models that change frames of a rung, or `off`. */
+  names(rung: number | null): Readonly<Record<Kind, string>> {
+    const serving = this.#serving(rung);
+    const nameOf = (kind: Kind) => serving.find((model) => model.kind === kind)?.name ?? OFF;
+    return { restore: nameOf("restore"), upscale: nameOf("upscale") };
   }
 
   /** The texture that decoded pictures of a size come in. */
@@ -71,13 +77,18 @@ export class Chain {
 
   /** Encodes all models' work. Throws an EnhancementError that names the model which failed. */
   run(encoder: GPUCommandEncoder, input: GPUTexture, rung: number | null): GPUTexture {
-    return this.#models.reduce((picture, { label, loaded }) => {
+    return this.#models.reduce((picture, { model, loaded }) => {
       try {
         return loaded.run(encoder, picture, rung);
       } catch (error) {
-        throw new EnhancementError(`${label} failed: ${sentence(error)}`);
+        throw new EnhancementError(`${model.label} failed: ${sentence(error)}`);
       }
     }, input);
+  }
+
+  #serving(rung: number | null): readonly Enhancer[] {
+    const serves = ({ serves }: Loaded) => serves === undefined || (rung !== null && serves(rung));
+    return this.#models.filter(({ loaded }) => serves(loaded)).map(({ model }) => model);
   }
 
   dispose(): void {

@@ -15,7 +15,7 @@ import { type Drawn, MOST_FRAMES, type Renderer } from "./renderer";
 export interface Enhanced extends Size {
   /** The graphics processor's time, in milliseconds. */
   readonly ms: number;
-  /** The models' names, or `off`. */
+  /** The models that changed it, by name, or `off`. */
   readonly restore: string;
   readonly upscale: string;
   /** The picture without loss, until the next animation frame. */
@@ -53,7 +53,7 @@ interface Pending<Frame> {
   /** Null: nobody is to hear of it. */
   frame: Frame | null;
   readonly renderer: Renderer;
-  readonly names: Chain["names"];
+  readonly names: ReturnType<Chain["names"]>;
   readonly drawn: Drawn;
   readonly extent: Extent;
   /** Once it is done. */
@@ -208,15 +208,17 @@ export class Display<Frame extends Decoded> {
     const { width, height } = this.#sizeWithMargins(picture);
     if (active === null || width < 1 || height < 1) return false;
     const { renderer, chain } = active;
+    const rung = picture.header.profile ?? null;
     let drawn: Drawn;
     try {
-      drawn = renderer.draw(picture.bitmap, picture.header.profile ?? null, chain, { width, height });
+      drawn = renderer.draw(picture.bitmap, rung, chain, { width, height });
     } catch (error) {
       enhancement.giveUp(sentence(error));
       return false;
     }
     const extent = extentOf(picture);
-    const pending: Pending<Frame> = { picture, frame, renderer, names: chain.names, drawn, extent, ms: null, age: 0 };
+    const names = chain.names(rung);
+    const pending: Pending<Frame> = { picture, frame, renderer, names, drawn, extent, ms: null, age: 0 };
     drawn.done.then(
       (ms) => {
         pending.ms = ms;

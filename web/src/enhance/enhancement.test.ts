@@ -47,7 +47,7 @@ test("models are loaded together, and enhance when all are ready", async () => {
   loading.resolve(null);
   await settle();
   expect(status()).toEqual({ kind: "on", labels: PLACE.ladder.map(() => "A + B") });
-  expect(subject.active?.chain.names).toEqual({ restore: "a", upscale: "b" });
+  expect(subject.active?.chain.names(0)).toEqual({ restore: "a", upscale: "b" });
 });
 
 test("of each rung it tells the models that change its frames", async () => {
@@ -55,6 +55,8 @@ test("of each rung it tells the models that change its frames", async () => {
   await chosen(fakeModel("a", { kind: "restore" }), low);
   const [, ...others] = PLACE.ladder;
   expect(status()).toEqual({ kind: "on", labels: ["A", ...others.map(() => "A + LOW")] });
+  const named = [0, 1, null].map((rung) => subject.active?.chain.names(rung).upscale);
+  expect(named, "as records name them").toEqual(["off", "low", "off"]);
 });
 
 test("another model takes over when it is ready, on the same device, and the former goes on until then", async () => {

@@ -147,7 +147,7 @@ class Sample(WireModel):
     bytes: int = Field(ge=0, le=MAX_BYTES)
     """Of the JPEG."""
     restore: str = Field(default="off", max_length=100)
-    """The model that restored it, or `off`."""
+    """The model that restored it, or `off`, as for a rung that a network leaves alone."""
     upscale: str = Field(default="off", max_length=100)
     enhance_ms: float | None = Field(default=None, ge=0)
     """What the two took; None where both were off, or nobody measured it."""
