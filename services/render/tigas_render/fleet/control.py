@@ -46,6 +46,8 @@ class EngineStart(_Message):
     number: int
     devices: tuple[str, ...]
     """All engines', by number."""
+    edges: int
+    """How many will connect."""
     directory: Path
     """Where its sockets are to be."""
     http_port: int

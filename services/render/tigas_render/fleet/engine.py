@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import asyncio
 from collections.abc import AsyncIterator
-from contextlib import AsyncExitStack
+from contextlib import AsyncExitStack, suppress
 
 from tigas_common.certificate import Certificate
 from tigas_common.runner import serve_unix
@@ -12,7 +13,10 @@ from tigas_render.fleet.control import Channel, EngineStart, Message, NewCertifi
 from tigas_render.fleet.places import frames_socket, http_socket
 from tigas_render.fleet.process import run, until_told
 from tigas_render.main import announcement, opened, until_stopped_or_lost
-from tigas_render.pipe.server import serve_edges
+from tigas_render.pipe.server import PipeServer, serve_edges
+
+CONNECTED_S = 1.0
+"""For edges to connect, in seconds: they try ten times as often."""
 
 
 async def engine(channel: Channel, start: Start, news: AsyncIterator[Message]) -> None:
@@ -28,14 +32,23 @@ async def engine(channel: Channel, start: Start, news: AsyncIterator[Message]) -
 
         heard(start.certificate)
         await stack.enter_async_context(serve_unix(create_app(service), http_socket(start.directory, start.number)))
-        await stack.enter_async_context(
+        pipes = await stack.enter_async_context(
             serve_edges(
                 frames_socket(start.directory, start.number), service, service.engine.state, service.loads.heard_json
             )
         )
+        await _connected(pipes, start.edges)
         devices = start.devices if len(start.devices) > 1 else (service.device,)
         channel.send(Ready(lines=tuple(announcement(service, start.http_port, devices))))
         await until_stopped_or_lost(until_told(news, heard), service.engine)
+
+
+async def _connected(pipes: PipeServer, edges: int) -> None:
+    """Wait until edges have found this engine, so that it has its part of the first requests."""
+    with suppress(TimeoutError):
+        async with asyncio.timeout(CONNECTED_S):
+            while len(pipes.edges) < edges:  # noqa: ASYNC110 - for a moment at the start
+                await asyncio.sleep(0.01)
 
 
 if __name__ == "__main__":

@@ -75,7 +75,7 @@ class Supervisor:
         """What an engine says, to be printed once all serve."""
         self._said: set[str] = set()
         """Lines that were printed: no engine says again what another has said, or itself before it was restarted."""
-        self._engines = [self._engine(number) for number in range(len(devices))]
+        self._engines = [self._engine(number, edges) for number in range(len(devices))]
         for engine in self._engines:
             engine.others = [other for other in self._engines if other is not engine]
         self._spare = Spare(sockets.fds())
@@ -129,7 +129,7 @@ class Supervisor:
         for child in (*self._edges, *self._engines):
             child.tell(self._certificate)
 
-    def _engine(self, number: int) -> Child:
+    def _engine(self, number: int, edges: int) -> Child:
         is_alone = len(self._devices) == 1
         sockets = self._sockets
 
@@ -139,6 +139,7 @@ class Supervisor:
                 settings=self._settings.model_copy(update={"device": self._devices[number]}),
                 number=number,
                 devices=self._names,
+                edges=edges,
                 directory=self._directory,
                 http_port=sockets.http_port,
                 https_port=sockets.https_port,

@@ -24,7 +24,7 @@ from tigas_render.pipe.sharing import Sharing
 
 logger = logging.getLogger(__name__)
 
-REFUSED_S: Final = 5.0
+REFUSED_S: Final = 30.0
 """A device that had no room for a scene is not asked for it again for so long, while another can be, in seconds."""
 WARM_S: Final = 60.0
 """A device that had a frame of a scene so lately has it loaded, in seconds."""
