@@ -25,7 +25,7 @@ from tigas_render.settings import RenderSettings
 from tigas_render.transport.frames import render_session
 from tigas_render.transport.server import Http3Server
 
-SWITCH_S = 0.0005
+SWITCH_S = 0.0001
 """How often Python's threads take turns, in seconds: at the default, 5 ms, a busy event loop makes each frame late."""
 
 

@@ -133,6 +133,7 @@ class _Library:
         self._prepared: dict[str, Callable[..., int]] = {
             "cuLaunchKernel": gpu.launch_first_kernel,
             "cuGraphLaunch": gpu.launch_graph,
+            "cuMemcpyDtoHAsync_v2": lambda *_: 0,
             "cuStreamSynchronize": gpu.wait,
             "nvjpegEncoderParamsSetQuality": lambda *_: 0,
             "nvjpegEncodeYUV": gpu.encode,

@@ -44,6 +44,22 @@ class Stage:
     config: LaunchConfig
 
 
+class Parameters:
+    """Of one launch: where the first kernel takes the frame's parameters from, and where it is to store them."""
+
+    def __init__(self, frame: int) -> None:
+        """frame: an address on the device."""
+        self._content = ctypes.create_string_buffer(LAYOUT.size)
+        self._frame = ctypes.c_void_p(frame)
+        self._pointers = (ctypes.c_void_p * 2)(ctypes.addressof(self._content), ctypes.addressof(self._frame))
+        self.arguments = ctypes.addressof(self._pointers)
+        """The address of the kernel's arguments."""
+
+    def write(self, scene: CudaScene, camera: Camera, format: PixelFormat, plan: Plan) -> None:
+        """Describe the next frame."""
+        write_frame(self._content, scene, camera, plan.layout, format, plan.addresses, plan.capacity)
+
+
 @dataclass(frozen=True, slots=True)
 class Plan:
     """What is the same for all frames of a size."""
@@ -66,7 +82,6 @@ class Workspace:
         self.stream: Stream = Stream.from_handle(self.torch_stream.cuda_stream)
         wait = driver_call("cuStreamSynchronize", int(self.stream.handle))
         self._wait = Calls(wait)
-        self._parameters = ctypes.create_string_buffer(LAYOUT.size)
         self._status = torch.zeros(2, dtype=torch.int32, pin_memory=True)
         self._needed, self._needed_for_depth = (
             ctypes.c_uint32.from_address(self._status.data_ptr() + offset) for offset in (0, 4)
@@ -81,17 +96,10 @@ class Workspace:
         self._allocate("frame", LAYOUT.size)
         self._allocate("progress", PROGRESS_BYTES).zero_()
         torch.cuda.current_stream(device).synchronize()
-        self._frame = ctypes.c_void_p(self._buffers["frame"].data_ptr())
-        self._arguments = (ctypes.c_void_p * 2)(ctypes.addressof(self._parameters), ctypes.addressof(self._frame))
-        """Of the first kernel: the parameters, and where it is to store them."""
+        self._parameters, self._depth_parameters = (Parameters(self._buffers["frame"].data_ptr()) for _ in range(2))
         self._graphs = {side: self._capture(of_side) for side, of_side in stages.items()}
-        self._launches = {
-            side: Calls(
-                self._first_launch(of_side[0]),
-                driver_call("cuGraphLaunch", int(self._graphs[side].handle), int(self.stream.handle)),
-            )
-            for side, of_side in stages.items()
-        }
+        self._launches: dict[tuple[int | None, int], Calls] = {}
+        """What is called for a frame, by the sides of its tiles: those of its depth, if it has one, and its own."""
         self._encoder = JpegEncoder(library, self.torch_stream.cuda_stream, wait)  # last: it has to be closed
 
     @property
@@ -100,41 +108,63 @@ class Workspace:
         return self._needed.value
 
     def start(self, scene: CudaScene, camera: Camera, format: FrameFormat, *, depth: bool = False) -> None:
-        """Queue one frame. Raises torch.cuda.OutOfMemoryError if the buffers have to grow and cannot."""
+        """Queue one frame, and its depth. Raises torch.cuda.OutOfMemoryError if the buffers have to grow and cannot."""
         self._needed_for_depth.value = 0
         self._depth_shape = None
+        side_of_depth = None
+        plan = self._plan(scene, camera, format)
         if depth:
-            self._start_depth(scene, coarse(camera))
-        self._launch(scene, camera, format)
+            small = coarse(camera)
+            plan_of_depth = self._plan(scene, small, "depth")
+            plan = self._plan(scene, camera, format)  # buffers may have moved, but have room for both now
+            self._depth_parameters.write(scene, small, "depth", plan_of_depth)
+            self._depth_shape = (small.intrinsics.height, small.intrinsics.width, 2)
+            side_of_depth = plan_of_depth.layout.side
+        self._parameters.write(scene, camera, format, plan)
+        calls = self._calls(side_of_depth, plan.layout.side)
+        if self._depth_shape is not None:
+            length = 4 * math.prod(self._depth_shape)
+            if self._depth_output.nbytes < length:
+                self._depth_output = torch.empty(length, dtype=torch.uint8, pin_memory=True)
+            calls.replace(2, 0, self._depth_output.data_ptr(), self._buffers["depth"].data_ptr(), length)
+        calls.make()
 
-    def _start_depth(self, scene: CudaScene, camera: Camera) -> None:
-        """Queue a small picture of depth, and its copy to the host."""
-        self._launch(scene, camera, "depth")
-        self._depth_shape = (camera.intrinsics.height, camera.intrinsics.width, 2)
-        length = 4 * math.prod(self._depth_shape)
-        if self._depth_output.nbytes < length:
-            self._depth_output = torch.empty(length, dtype=torch.uint8, pin_memory=True)
-        with torch.cuda.stream(self.torch_stream):
-            self._depth_output[:length].copy_(self._buffers["depth"][:length], non_blocking=True)
-
-    def _launch(self, scene: CudaScene, camera: Camera, format: PixelFormat) -> None:
-        self._launches[self.prepare(scene, camera, format).side].make()
-
-    def prepare(self, scene: CudaScene, camera: Camera, format: PixelFormat) -> TileLayout:
+    def prepare(self, scene: CudaScene, camera: Camera, format: FrameFormat) -> TileLayout:
         """Make room for a frame and write its parameters, but launch nothing."""
+        plan = self._plan(scene, camera, format)
+        self._parameters.write(scene, camera, format, plan)
+        return plan.layout
+
+    def _calls(self, side_of_depth: int | None, side: int) -> Calls:
+        """What queues a frame, by the sides of its tiles, and of those of its depth, if it has one."""
+        found = self._launches.get((side_of_depth, side))
+        if found is None:
+            stream = int(self.stream.handle)
+            calls = []
+            if side_of_depth is not None:
+                calls = [*self._launch(side_of_depth, self._depth_parameters)]
+                calls.append(driver_call("cuMemcpyDtoHAsync_v2", 0, 0, 0, stream))
+            found = Calls(*calls, *self._launch(side, self._parameters))
+            self._launches[side_of_depth, side] = found
+        return found
+
+    def _launch(self, side: int, parameters: Parameters) -> tuple[Call, Call]:
+        first = self._first_launch(self._stages[side][0], parameters)
+        return first, driver_call("cuGraphLaunch", int(self._graphs[side].handle), int(self.stream.handle))
+
+    def _plan(self, scene: CudaScene, camera: Camera, format: PixelFormat) -> Plan:
+        """Room for a frame. It stays where it is until another frame needs more."""
         k = camera.intrinsics
         key = k.width, k.height, scene.padded, format
         plan = self._plans.get(key)
         if plan is None:
-            plan = self._plan(*key)  # first, since it may enlarge buffers, and then no other plan is left
+            plan = self._make_room(*key)  # first, since no other plan is left if it enlarges a buffer
             if len(self._plans) >= MOST_PLANS:
                 self._plans.clear()
             self._plans[key] = plan
-        write_frame(self._parameters, scene, camera, plan.layout, format, plan.addresses, plan.capacity)
-        return plan.layout
+        return plan
 
-    def _plan(self, width: int, height: int, padded: int, format: PixelFormat) -> Plan:
-        """Make room for frames of a size."""
+    def _make_room(self, width: int, height: int, padded: int, format: PixelFormat) -> Plan:
         layout = tile_layout(width, height, padded)
         capacity = self._allocate("entries", 8 * FIRST_CAPACITY).nbytes // 8
         lists = 4 * layout.tiles * layout.slices
@@ -213,14 +243,14 @@ class Workspace:
     def launch_stage(self, stage: Stage) -> None:
         """Launch one kernel by itself; benchmarks time them so."""
         if stage.name == "begin":
-            Calls(self._first_launch(stage)).make()
+            Calls(self._first_launch(stage, self._parameters)).make()
         else:
             launch(self.stream, stage.config, stage.kernel, self._buffers["frame"].data_ptr())
 
-    def _first_launch(self, stage: Stage) -> Call:
+    def _first_launch(self, stage: Stage, parameters: Parameters) -> Call:
         """Of the first kernel, which brings the parameters along."""
-        kernel, stream, arguments = int(stage.kernel.handle), int(self.stream.handle), ctypes.addressof(self._arguments)
-        return driver_call("cuLaunchKernel", kernel, *stage.config.grid, *stage.config.block, 0, stream, arguments, 0)
+        kernel, stream, shape = int(stage.kernel.handle), int(self.stream.handle), stage.config
+        return driver_call("cuLaunchKernel", kernel, *shape.grid, *shape.block, 0, stream, parameters.arguments, 0)
 
     def _capture(self, stages: tuple[Stage, ...]) -> Graph:
         """All kernels but the first as one graph: what differs between frames is in the parameters that they read."""
