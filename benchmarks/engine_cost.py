@@ -26,6 +26,7 @@ from tigas_common.wire.render import DEFAULT_LADDER, FrameFormat, RenderRequest
 from tigas_render.engine import Engine
 from tigas_render.frame import Client, Frame
 from tigas_render.gaussians import Gaussians
+from tigas_render.main import SWITCH_S
 from tigas_render.metrics import EngineMetrics
 from tigas_render.pipe.client import PipeClient
 from tigas_render.pipe.server import serve_edges
@@ -115,7 +116,8 @@ async def measure(viewers: int, addresses: int, seconds: float) -> None:
             serve_edges(path, engine, engine.state, lambda *_: None),
         ):
             gc.collect()
-            gc.freeze()  # as the service does
+            gc.freeze()  # as the service does, and:
+            sys.setswitchinterval(SWITCH_S)
             before = resource.getrusage(resource.RUSAGE_SELF)
             load = await asyncio.create_subprocess_exec(
                 sys.executable, "-m", "benchmarks.engine_cost", "--edge", str(path),
