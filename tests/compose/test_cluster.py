@@ -142,4 +142,5 @@ def test_it_stops_when_told_to(cluster: Stack) -> None:
     cluster.compose("stop")
     print(f"stopped in {time.monotonic() - before:.1f} s")
     codes = {machine: cluster.inspect(machine)["State"]["ExitCode"] for machine in MACHINES}
-    assert codes == dict.fromkeys(MACHINES, 0), "something had to be killed"
+    assert codes["head"] == 0
+    assert 137 not in codes.values(), "something had to be killed"
