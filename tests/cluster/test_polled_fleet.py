@@ -116,10 +116,13 @@ async def test_those_who_suspect_a_host_together_ask_it_once(fleet: PolledFleet,
     assert names(fleet) == ["a", "b"]
 
 
-async def test_one_answer_that_fails_makes_no_host_gone(fleet: PolledFleet, hosts: Hosts) -> None:
+async def test_answers_that_fail_make_no_host_gone_before_its_time(
+    fleet: PolledFleet, hosts: Hosts, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(polled_fleet, "GONE_S", 60.0)
     hosts.refusing = {"a"}
-    await until(lambda: sum(request.url.host == "a.test" for request in hosts.asked) >= 2)
-    hosts.refusing = set()
+    hosts.asked.clear()
+    await until(lambda: sum(request.url.host == "a.test" for request in hosts.asked) >= 3)
     assert names(fleet) == ["a", "b"]
 
 
