@@ -14,5 +14,10 @@ export default defineConfig({
   server: {
     proxy: Object.fromEntries(["/config.json", "/healthz", "/render", "/scenes"].map((path) => [path, SERVER])),
   },
-  test: { environment: "node", include: ["src/**/*.test.{ts,tsx}"] },
+  test: {
+    environment: "node",
+    include: ["src/**/*.test.{ts,tsx}"],
+    pool: "threads", // they start sooner than processes; each file has modules of its own all the same
+    testTimeout: 30_000, // ms: simulations take seconds on a busy machine
+  },
 });
