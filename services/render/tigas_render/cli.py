@@ -100,7 +100,8 @@ def render(
         from tigas_render.fleet.count import edges_for
         from tigas_render.fleet.devices import devices_for
 
-        devices, number = devices_for(settings), edges_for(settings)
+        devices = devices_for(settings)
+        number = edges_for(settings, len(devices))
         if number == len(devices) == 1:
             from tigas_render.main import serve
 

@@ -8,20 +8,20 @@ from tigas_render.settings import RenderSettings
 
 
 @pytest.mark.parametrize(
-    ("cores", "gpu", "edges"),
-    [(2, True, 1), (7, True, 1), (8, True, 2), (16, True, 4), (128, True, 8), (16, False, 1)],
+    ("cores", "gpus", "edges"),
+    [(2, 1, 1), (7, 1, 1), (8, 1, 2), (16, 1, 4), (128, 1, 8), (128, 2, 16), (32, 2, 8), (16, 0, 1)],
 )
-def test_several_edges_are_for_machines_with_a_gpu_and_cores_to_spare(cores: int, gpu: bool, edges: int) -> None:
-    assert suitable(cores, gpu) == edges
+def test_several_edges_are_for_machines_with_a_gpu_and_cores_to_spare(cores: int, gpus: int, edges: int) -> None:
+    assert suitable(cores, gpus > 0, max(1, gpus)) == edges
 
 
 def test_what_is_set_is_taken_where_it_can_be(monkeypatch: pytest.MonkeyPatch) -> None:
-    assert edges_for(RenderSettings(edges=3)) == 3
-    assert edges_for(RenderSettings(edges="auto", device="cpu")) == 1  # type: ignore[arg-type]
+    assert edges_for(RenderSettings(edges=3), 1) == 3
+    assert edges_for(RenderSettings(edges="auto", device="cpu"), 1) == 1  # type: ignore[arg-type]
     monkeypatch.setattr("sys.platform", "darwin")
-    assert edges_for(RenderSettings(edges=1)) == 1
+    assert edges_for(RenderSettings(edges=1), 1) == 1
     with pytest.raises(StartError, match="Linux"):
-        edges_for(RenderSettings(edges=2))
+        edges_for(RenderSettings(edges=2), 1)
 
 
 @pytest.mark.parametrize("given", ["0", "65", "-1", "two", "1.5"])

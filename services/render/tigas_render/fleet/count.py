@@ -12,20 +12,21 @@ from tigas_render.settings import RenderSettings
 MIN_CORES = 8
 """With fewer, or without a GPU, a single process does all: edges would take from the renderer what they win."""
 MAX_AUTO = 8
+"""For each device."""
 
 
-def edges_for(settings: RenderSettings) -> int:
-    """The setting, or what suits this machine. Raises StartError where there cannot be several."""
+def edges_for(settings: RenderSettings, devices: int) -> int:
+    """The setting, or what suits this machine and so many devices. Raises StartError where there cannot be several."""
     if settings.edges is not None:
         if settings.edges > 1 and sys.platform != "linux":
             raise StartError("Several edges need Linux; start the service with --edges 1.")
         return settings.edges
-    return suitable(usable_processors() if sys.platform == "linux" else 1, _has_gpu(settings.device))
+    return suitable(usable_processors() if sys.platform == "linux" else 1, _has_gpu(settings.device), devices)
 
 
-def suitable(cores: int, gpu: bool) -> int:
+def suitable(cores: int, gpu: bool, devices: int) -> int:
     """A quarter of the cores: more of them take time from the renderer, whose threads are the limit (docs/load.md)."""
-    return min(cores // 4, MAX_AUTO) if gpu and cores >= MIN_CORES else 1
+    return min(cores // 4, MAX_AUTO * devices) if gpu and cores >= MIN_CORES else 1
 
 
 def _has_gpu(device: str) -> bool:
