@@ -128,19 +128,6 @@ async def test_a_scene_that_nobody_views_is_unloaded_everywhere(fleet: Fleet) ->
     assert listed[UNSEEN] == "unloaded"
 
 
-async def test_a_popular_scene_gets_both_devices(fleet: Fleet) -> None:
-    viewers = [Viewer(fleet, asking_for(SCENES[0])) for _ in range(8)]
-    async with httpx.AsyncClient(base_url=fleet.url, timeout=60) as http, watching(viewers):
-        before = await frames(http)
-
-        async def widened() -> bool:
-            now = await frames(http)
-            return min(now[name] - before[name] for name in NAMES) > FRAMES_PER_S
-
-        await asking_until(widened)
-        assert [viewer.connections for viewer in viewers] == [1] * len(viewers)
-
-
 @pytest.mark.parametrize("number", [signal.SIGSTOP, signal.SIGKILL])
 async def test_an_engine_that_stops_costs_its_viewers_two_seconds_and_others_nothing(
     fleet: Fleet, number: signal.Signals
@@ -167,6 +154,19 @@ async def test_an_engine_that_stops_costs_its_viewers_two_seconds_and_others_not
             engine.send_signal(signal.SIGCONT)
         else:
             await fleet.started_again("engine 0", engine.pid)
+
+
+async def test_a_popular_scene_gets_both_devices(fleet: Fleet) -> None:
+    viewers = [Viewer(fleet, asking_for(SCENES[0])) for _ in range(8)]
+    async with httpx.AsyncClient(base_url=fleet.url, timeout=60) as http, watching(viewers):
+        before = await frames(http)
+
+        async def widened() -> bool:
+            now = await frames(http)
+            return min(now[name] - before[name] for name in NAMES) > FRAMES_PER_S
+
+        await asking_until(widened)
+        assert [viewer.connections for viewer in viewers] == [1] * len(viewers)
 
 
 def test_a_device_that_cannot_be_used_is_named_and_the_others_serve() -> None:
