@@ -109,6 +109,20 @@ async def test_a_host_that_has_kept_its_director_waiting_already_is_gone_without
     assert sum(request.url.host == "a.test" for request in hosts.asked) == 1
 
 
+async def test_a_host_that_has_just_failed_to_answer_is_gone_once_a_viewer_suspects_it(
+    fleet: PolledFleet, hosts: Hosts, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(polled_fleet, "GONE_S", 60.0)
+    monkeypatch.setattr(polled_fleet, "POLL_S", 60.0)  # once it is asked again
+    hosts.refusing = {"a"}
+    hosts.asked.clear()
+    await until(lambda: any(request.url.host == "a.test" for request in hosts.asked))
+    await asyncio.sleep(0)
+    hosts.asked.clear()
+    await fleet.suspect("a")
+    assert (names(fleet), hosts.asked) == (["b"], [])
+
+
 async def test_those_who_suspect_a_host_together_ask_it_once(fleet: PolledFleet, hosts: Hosts) -> None:
     hosts.asked.clear()
     await asyncio.gather(*(fleet.suspect("a") for _ in range(50)), fleet.suspect("nobody"))

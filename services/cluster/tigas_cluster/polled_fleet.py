@@ -138,8 +138,9 @@ class _Polled:
         return True
 
     async def _check(self) -> None:
-        waits = self._asked_at is not None and self._clock() - self._asked_at >= SUSPECT_S  # for its answer already
-        if waits or not await self.ask(SUSPECT_S):
+        asked_at = self._clock() if self._asked_at is None else self._asked_at
+        known = self._failing or self._clock() - asked_at >= SUSPECT_S  # it had its time to answer already
+        if known or not await self.ask(SUSPECT_S):
             self._answered_at, self._failing = -math.inf, True
 
     async def _poll(self) -> None:
