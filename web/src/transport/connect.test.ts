@@ -28,7 +28,8 @@ test.each<[TransportChoice, string]>([
 });
 
 test("falls back to fetch, and says why", async () => {
-  const { transport, fallback } = await connect(CONFIG, "auto", never, () => 0, fails);
+  const { transport, fallback, refused } = await connect(CONFIG, "auto", never, () => 0, fails);
+  expect(refused).toBe(true);
   expect(transport.kind).toBe("fetch");
   expect(fallback).toBe("QUIC did not answer in time");
 });
@@ -40,7 +41,8 @@ test.each([
 ])("%s needs no attempt", async (_, prepare, config, reason) => {
   prepare();
   const open = vi.fn(opens);
-  const { transport, fallback } = await connect(config, "auto", never, () => 0, open);
+  const { transport, fallback, refused } = await connect(config, "auto", never, () => 0, open);
+  expect(refused ?? false).toBe(false);
   expect(transport.kind).toBe("fetch");
   expect(fallback).toContain(reason);
   expect(open).not.toHaveBeenCalled();

@@ -15,6 +15,8 @@ export interface Connected {
   readonly transport: FrameTransport;
   /** Why it is not the transport that was wanted, or null. */
   readonly fallback: string | null;
+  /** A session was asked for, and there is none: another host may give one. */
+  readonly refused?: boolean;
   /** The host's name, in a cluster. */
   readonly host: string | null;
 }
@@ -48,7 +50,7 @@ export async function connect(
     return { transport: new Transport(session, now), fallback: null, host };
   } catch (error) {
     signal.throwIfAborted();
-    return byFetch(error instanceof Error ? error.message : String(error));
+    return { ...byFetch(error instanceof Error ? error.message : String(error)), refused: true };
   }
 }
 

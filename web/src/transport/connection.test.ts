@@ -59,7 +59,8 @@ function start(): Promise<void> {
       connect: async ({ host = null }) => {
         const transport = new FakeTransport(() => now);
         transports.push(transport);
-        return { transport, fallback: instead.has(host ?? "") ? "QUIC could not connect" : fallback, host };
+        const refused = instead.has(host ?? "");
+        return { transport, fallback: refused ? "QUIC could not connect" : fallback, host, refused };
       },
       onState: (state) => states.push(state),
       onSilence: (silent) => silence.push(silent),
@@ -359,6 +360,15 @@ describe("in a cluster", () => {
     expect(hosts()).toEqual(["b"]);
     expect(reports).toEqual([undefined, { lost: "a" }]);
     expect(transports.map(({ closed }) => closed)).toEqual([true, false]);
+    await end();
+  });
+
+  test("a browser without WebTransport stays with the host that it is sent to", async () => {
+    fallback = "this browser has no WebTransport";
+    running = start();
+    await reached("connected");
+    expect(reports).toEqual([undefined, { at: "a" }]);
+    expect(hosts()).toEqual(["a"]);
     await end();
   });
 

@@ -113,10 +113,12 @@ async function attempt(
     const connected = await connect(config, signal);
     if (connected.fallback === null) return { config, connected };
     // It may have become full just now.
-    const later = await fetchConfig(signal, hostReport("lost", config)).catch((error: unknown) => {
-      connected.transport.close();
-      throw error;
-    });
+    const later = await fetchConfig(signal, hostReport(connected.refused ? "lost" : "at", config)).catch(
+      (error: unknown) => {
+        connected.transport.close();
+        throw error;
+      },
+    );
     if (!isFull(later) && (tried.has(later.host) || !sentElsewhere(config, later))) return { config, connected };
     connected.transport.close();
     config = later;
