@@ -26,7 +26,7 @@ test("small pictures of all directions come once the first view is on the screen
   expect(new Set(bench.transport.requests.map(({ request }) => request.seq)).size).toBe(7);
 });
 
-test("a view that rests gets sharper once all directions have come, and if they do not come", async () => {
+test("a view that rests gets sharper once all directions have come", async () => {
   bench.refine = true;
   bench.profile = 3;
   bench.reprojector.on(8);
