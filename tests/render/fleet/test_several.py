@@ -175,7 +175,7 @@ def test_a_device_that_cannot_be_used_is_named_and_the_others_serve() -> None:
         assert httpx.post(f"{fleet.url}/render", content=ASK, timeout=60).status_code == 200
         assert 'tigas_device_up{device="cuda:99"} 0.0' in httpx.get(f"{fleet.url}/metrics").text
         fleet.errors.seek(0)
-        [line] = fleet.errors.read().splitlines()
+        line, *_ = fleet.errors.read().splitlines()  # it may have been tried again by now
     assert re.fullmatch(
         r"The engine on cuda:99 did not start: .*\. It is tried again in 15 s; others do its work meanwhile\.", line
     )
