@@ -358,3 +358,19 @@ async def test_the_engine_tells_how_busy_it_is(bench: Bench) -> None:
     bench.engine.state()
     bench.now += 2
     assert bench.engine.state() == (0.0, 0.0)
+
+
+async def test_a_client_that_asks_anew_waits_since_its_first_request(bench: Bench) -> None:
+    """Or nobody could tell that its turn comes late: what it asked for first is never the oldest that waits."""
+    first = await busy(bench)
+    waiting = []
+    for second in range(8):  # more than may wait, so that the first ones are pushed out
+        bench.now = 1000.0 + second
+        waiting.append(bench.submit("b", seq=second))
+        await bench.waiting(min(second + 1, 4))
+        await asyncio.sleep(0)
+    age, _ = bench.engine.state()
+    assert age == 7.0
+    bench.rasterizer.gate.set()
+    await asyncio.gather(first, *waiting, return_exceptions=True)
+    assert bench.engine.state()[0] == 0.0

@@ -11,6 +11,7 @@ from tigas_common.errors import DeadlineExceeded, Overloaded, Superseded, TigasE
 from tigas_common.wire.render import Rung
 from tigas_render.admission import Admission
 from tigas_render.costs import FrameCosts
+from tigas_render.frame import Client
 from tigas_render.schedule import FairSchedule
 from tigas_render.utilisation import Utilisation
 from tigas_render.work import Work
@@ -48,6 +49,8 @@ class WorkQueue:
         self._costs = FrameCosts()
         self._admission = Admission(ladder, self._costs)
         self._utilisation = Utilisation(clock())
+        self._waits_since: dict[Client, float] = {}
+        """Since when a client waits for its next frame to begin, whichever of its requests that will be."""
         self._at_work: Counter[str] = Counter()
         """Frames that have begun and are not done, by address."""
         self._all_at_work: set[str] = set()
@@ -72,6 +75,7 @@ class WorkQueue:
             now = self._clock()
             self._utilisation.work(now)
             self._admission.heard_of(client, now)
+            self._waits_since.setdefault(client, work.arrived)
             work.expected = max(MIN_COST_S, self._costs.at_least(request.scene, request.format, work.size.pixels))
             pushed_out = self._schedule.push(client, work, work.expected)
             if not self._is_rendering:
@@ -139,7 +143,10 @@ class WorkQueue:
         """
         with self._changed:
             now = self._clock()
-            oldest = min((work.arrived for work in self._schedule.newest()), default=now)
+            since = self._waits_since
+            waiting = self._schedule.newest()
+            self._waits_since = {work.client: since.get(work.client, work.arrived) for work in waiting}
+            oldest = min(self._waits_since.values(), default=now)
             return max(0.0, now - oldest), self._utilisation.share(now)
 
     def close(self) -> None:
@@ -176,6 +183,7 @@ class WorkQueue:
 
     def _begin(self, work: Work) -> None:
         client = work.client
+        self._waits_since.pop(client, None)
         self._schedule.begin(client, work.expected)
         self._at_work[client.address] += 1
         if self._at_work[client.address] >= self._most_at_work:
