@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, ExitStack, contextmanager
 from dataclasses import dataclass
@@ -17,8 +16,15 @@ from tests.web.server import RenderServer
 from tests.web.stage import SCENE, stat, wait_for_frames
 from tigas_cluster.fleet import HostAddress
 
-WITHIN_S, TRIES = 2.0, 3
-"""Of several tries, on a machine that may be busy, one has to be as fast as this, in seconds."""
+WITHIN_MS = 2000
+"""How long a viewer may be without a new frame."""
+WATCH = """() => {
+  window.gaps = [];
+  let last = performance.now();
+  const shown = () => { const now = performance.now(); window.gaps.push(now - last); last = now; };
+  new MutationObserver(shown).observe(document.querySelector(".stage"), { attributeFilter: ["data-frames"] });
+}"""
+"""Notes for how many milliseconds there was no frame, in the page: where drawing is slow, tests hear of frames late."""
 SHOWS = """(host) => {
   const shown = Number(document.querySelector(".stage").dataset.frames);
   if (document.querySelector("[data-stat=host]")?.textContent !== host) window.shownBefore = undefined;
@@ -82,38 +88,29 @@ def killed(host: RenderServer) -> Iterator[None]:
     host.start()
 
 
+def goes_on_elsewhere(page: Page, cluster: Cluster, name: str) -> None:
+    """Wait until the other host's frames are shown: there was never none for too long."""
+    page.wait_for_function(SHOWS, arg=cluster.other(name))
+    expect(page.locator(".stage")).to_have_attribute("data-phase", "playing")
+    expect(page.locator(".stage")).to_have_attribute("data-transport", "webtransport-streams")
+    without = max(page.evaluate("window.gaps"))
+    print(f"at most {without:.0f} ms without a frame")
+    assert without < WITHIN_MS
+    page.keyboard.up("ArrowRight")
+
+
 @pytest.mark.parametrize("let_down", [killed, RenderServer.held], ids=["killed", "stopped"])
 def test_a_viewer_of_a_host_that_is_gone_goes_on_elsewhere_within_two_seconds(
     cluster: Cluster, page: Page, let_down: Callable[[RenderServer], AbstractContextManager[None]]
 ) -> None:
-    took: list[float] = []
-    while not took or (min(took) > WITHIN_S and len(took) < TRIES):
-        cluster.director.wait_for(cluster.hosts)
-        name = stat(page, "host")
-        began = time.monotonic()
-        with let_down(cluster.hosts[name]):
-            page.wait_for_function(SHOWS, arg=cluster.other(name))
-            took.append(time.monotonic() - began)
-            expect(page.locator(".stage")).to_have_attribute("data-phase", "playing")
-            expect(page.locator(".stage")).to_have_attribute("data-transport", "webtransport-streams")
-    print("a frame of the other host after", *(f"{each:.2f} s" for each in took))
-    assert min(took) < WITHIN_S
-    page.keyboard.up("ArrowRight")
+    name = stat(page, "host")
+    page.evaluate(WATCH)
+    with let_down(cluster.hosts[name]):
+        goes_on_elsewhere(page, cluster, name)
 
 
 def test_a_viewer_of_a_draining_host_goes_elsewhere_and_misses_nothing(cluster: Cluster, page: Page) -> None:
     name = stat(page, "host")
-    page.evaluate(
-        """() => {
-          window.gaps = [];
-          let last = performance.now();
-          const shown = () => { const now = performance.now(); window.gaps.push(now - last); last = now; };
-          new MutationObserver(shown).observe(document.querySelector(".stage"), { attributeFilter: ["data-frames"] });
-        }"""
-    )
+    page.evaluate(WATCH)
     cluster.drain(name)
-    page.wait_for_function(SHOWS, arg=cluster.other(name))
-    print(f"at most {max(page.evaluate('window.gaps')):.0f} ms without a frame")
-    assert max(page.evaluate("window.gaps")) < 1000 * WITHIN_S
-    expect(page.locator(".stage")).to_have_attribute("data-phase", "playing")
-    page.keyboard.up("ArrowRight")
+    goes_on_elsewhere(page, cluster, name)
