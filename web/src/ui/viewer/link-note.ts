@@ -8,10 +8,10 @@ export function linkNote({ reprojection, prediction }: Asked, unknown: readonly 
     return `The link names “${unknown.join("”, “")}”, which is nothing here; it may name ${ASKABLE.join(", ")}.`;
   }
   if (reprojection !== undefined && reprojection !== "on" && reprojection !== "off") {
-    return `Reprojection cannot be “${reprojection}”, as the link says, only on or off.`;
+    return `The link sets reprojection to “${reprojection}”: it is either on or off.`;
   }
   if (prediction !== undefined && !PREDICTOR_NAMES.some((name) => name === prediction)) {
-    return `There is no prediction “${prediction}”, as the link says, only ${PREDICTOR_NAMES.join(", ")}.`;
+    return `The link names a prediction that does not exist, “${prediction}”; choose one of ${PREDICTOR_NAMES.join(", ")}.`;
   }
   return null;
 }

@@ -193,11 +193,15 @@ test("a URL may say how movement is met, and what makes no sense in it changes n
   cleanup();
   show({ reprojection: "maybe", prediction: "magic" });
   expect(settings.value).toMatchObject({ reprojection: false, prediction: "linear" });
-  expect(screen.getByText("Reprojection cannot be “maybe”, as the link says, only on or off.")).toBeTruthy();
+  expect(screen.getByText("The link sets reprojection to “maybe”: it is either on or off.")).toBeTruthy();
 });
 
 test.each([
-  [{ prediction: "magic" }, undefined, /^There is no prediction “magic”, as the link says, only off, velocity, /],
+  [
+    { prediction: "magic" },
+    undefined,
+    /^The link names a prediction that does not exist, “magic”; choose one of off, velocity, /,
+  ],
   [{}, ["predicton"], /^The link names “predicton”, which is nothing here; it may name restore, upscale, /],
 ])("a URL with %o and %o says what makes no sense in it", (asked, unknown, sentence) => {
   render(<Viewer sceneId="courtyard" stamp={false} asked={asked} unknown={unknown} />);
