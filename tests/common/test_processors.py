@@ -1,3 +1,5 @@
+"""How many processors control groups leave a service."""
+
 from __future__ import annotations
 
 import os

@@ -1,3 +1,5 @@
+"""How many edges suit a machine."""
+
 from __future__ import annotations
 
 import pytest

@@ -1,3 +1,5 @@
+"""A service's folder, and what is left of one whose processes were all killed."""
+
 from __future__ import annotations
 
 import os

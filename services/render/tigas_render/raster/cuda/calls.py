@@ -1,7 +1,7 @@
 """C functions that are called one after the other without the interpreter's lock.
 
 A thread that calls into C gives the lock away, and has to get it back after every single call. Where the event loop
-computes, that took 0.3 ms a call and most of a frame's time (docs/gpu.md).
+computes, that took 0.1 to 0.7 ms a call and most of a frame's time (docs/gpu.md).
 """
 
 # mypy: disable-error-code="no-untyped-call, call-arg, var-annotated"
