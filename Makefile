@@ -1,7 +1,7 @@
 # Newcomers need only two commands: `make demo` and `make test`.
 SHELL := /bin/bash
 .DEFAULT_GOAL := help
-.PHONY: help demo gpu test test-compose fuzz lint lock format bench compare bench-gpu bench-hostile bench-load clean
+.PHONY: help demo gpu test test-web-units test-python test-pages test-timed-pages chromium test-compose fuzz lint lock format bench compare bench-gpu bench-hostile bench-load clean
 
 PYTHON ?= python3
 # PyTorch's package index. Without an NVIDIA GPU, save gigabytes with
@@ -46,24 +46,39 @@ demo: .venv/.ready $(STATIC)
 	fi
 
 # Browser tests that measure time: one by one. Those in tests/web cannot share a process with the tests before them.
-TIMED_PAGES := $(addprefix tests/web/test_,adaptation.py cluster.py connection.py dash_reprojection.py modes.py motion_to_photon.py refinement.py \
-	reprojection.py samples.py viewer.py)
+TIMED_PAGES := $(addprefix tests/web/test_,adaptation.py connection.py dash_reprojection.py modes.py motion_to_photon.py refinement.py \
+	reprojection.py)
 ONE_BY_ONE := tests/experiments/run/test_bridge.py $(TIMED_PAGES)
 # Tests in network namespaces: one by one, since some use the same lab, and beside others, since they wait most of the time.
 IN_LABS := tests/testbed tests/experiments/commands/test_compare_testbed.py
+# Whole services and browsers share two cores here. A test that a busy machine fails is run once more, and the summary names it.
+PYTEST = $(VENV)/python -m pytest --reruns 1
 
-test: .venv/.ready $(STATIC)
-	@command -v chromium >/dev/null || { echo "The browser tests need Chromium: sudo apt-get install chromium"; exit 1; }
+# `make -k test` goes on to the next group after a failure.
+test: test-web-units test-python test-pages test-timed-pages
+
+test-python test-pages test-timed-pages: .venv/.ready $(STATIC) chromium
+
+test-web-units: web/node_modules/.ready
 	@echo "== web client: unit tests"
 	@cd web && npm test --silent
+
+test-python:
 	@echo "== Python tests, on two cores; beside them those in network namespaces, whose results follow"
-	@log=$$(mktemp); $(VENV)/python -m pytest $(IN_LABS) >$$log 2>&1 & in_labs=$$!; \
-	$(VENV)/python -m pytest -n 2 --dist loadfile $(patsubst %,--ignore=%,tests/web tests/experiments/run/test_bridge.py $(IN_LABS)); others=$$?; \
+	@log=$$(mktemp); $(PYTEST) $(IN_LABS) >$$log 2>&1 & in_labs=$$!; \
+	$(PYTEST) -n 2 --dist loadfile $(patsubst %,--ignore=%,tests/web tests/experiments/run/test_bridge.py $(IN_LABS)); others=$$?; \
 	wait $$in_labs; in_labs=$$?; cat $$log; rm $$log; exit $$((others || in_labs))
+
+test-pages:
 	@echo "== Browser tests, on two cores"
-	@$(VENV)/python -m pytest -n 2 --dist loadfile tests/web $(TIMED_PAGES:%=--ignore=%)
+	@$(PYTEST) -n 2 --dist loadfile tests/web $(TIMED_PAGES:%=--ignore=%)
+
+test-timed-pages:
 	@echo "== Browser tests that measure time, one by one"
-	@$(VENV)/python -m pytest $(ONE_BY_ONE)
+	@$(PYTEST) $(ONE_BY_ONE)
+
+chromium:
+	@command -v chromium >/dev/null || { echo "The browser tests need Chromium: sudo apt-get install chromium"; exit 1; }
 
 test-compose: .venv/.ready
 	@$(VENV)/python -m pytest tests/compose -m compose -s
