@@ -177,11 +177,17 @@ def host_on(machine: subprocess.Popen[bytes], cluster: Up) -> str:
 
 
 @pytest.mark.timeout(300)
-def test_hosts_outlive_a_killed_up_and_the_next_one_finds_them_and_ends_all(folder: Path) -> None:
+def test_hosts_outlive_a_second_up_and_a_killed_one_and_the_next_finds_them_and_ends_all(folder: Path) -> None:
     environment = {"TMPDIR": str(folder)}
     with up(environment) as cluster:
         [host] = cluster.status()
         assert (host["host"], host["viewers"], host["failure"]) == ("host-1", 0, None)
+        second = subprocess.run(
+            tigas("cluster", "up", "--http=127.0.0.1:0"), env=cluster.environment, capture_output=True, text=True
+        )
+        assert second.returncode == 1
+        assert second.stderr.endswith("Another `tigas cluster up` looks after this cluster; end that one first.\n")
+        assert [each["since"] for each in cluster.status()] == [host["since"]]
         cluster.process.kill()
         cluster.process.wait()
     assert httpx.get(f"{host['url']}/healthz").status_code == 200

@@ -15,6 +15,7 @@ import tempfile
 import time
 from pathlib import Path
 
+from tigas_cluster.errors import AnotherUp
 from tigas_common.errors import StartError
 
 RESOURCE = "tigas_host"
@@ -46,7 +47,7 @@ class OwnRay:
         return self._address.read_text().strip() if self._pid() is not None and self._address.exists() else None
 
     def start(self) -> str:
-        """Start it unless it runs, and give its address. Raises StartError."""
+        """Start it unless it runs, and give its address. Raises StartError; AnotherUp if that is starting it."""
         if self._pid() is None:
             self._launch()
         deadline = time.monotonic() + START_S
@@ -74,7 +75,7 @@ class OwnRay:
             try:
                 fcntl.flock(process, fcntl.LOCK_EX | fcntl.LOCK_NB)
             except OSError:
-                raise StartError("Another `tigas cluster up` is starting Ray; try again in a few seconds.") from None
+                raise AnotherUp from None
             with (self._folder / "log").open("wb") as log:
                 started = subprocess.Popen(
                     self._command(),

@@ -9,11 +9,12 @@ import socket
 import sys
 import time
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from typing import TYPE_CHECKING, NoReturn
 
 from tigas_cluster.connection import connected, named_cluster
 from tigas_cluster.director import create_director
+from tigas_cluster.errors import AnotherUp
 from tigas_cluster.own_ray import RESOURCE, OwnRay
 from tigas_cluster.polled_fleet import PolledFleet
 from tigas_cluster.ray_fleet import RayFleet
@@ -42,11 +43,14 @@ def up(settings: ClusterSettings, render_options: Sequence[str]) -> None:
             _run(settings, render_options, listener, address, None)
             return
         own = OwnRay()
-        try:
+        with ExitStack() as after:
+            after.callback(own.stop)
             print("Starting Ray on this machine …", flush=True)
-            _run(settings, render_options, listener, own.start(), own)
-        finally:
-            own.stop()
+            try:
+                _run(settings, render_options, listener, own.start(), own)
+            except AnotherUp:
+                after.pop_all()  # it is the other's Ray
+                raise
 
 
 def _run(
@@ -56,6 +60,7 @@ def _run(
     with connected(own, address):
         import ray.util
 
+        from tigas_cluster.lease import held
         from tigas_cluster.ray_cluster import GPU, RayCluster
 
         names = (ray.util.get_node_ip_address(), *settings.allow_hosts)
@@ -70,7 +75,8 @@ def _run(
             settings.host_quic_port,
             options,
         )
-        asyncio.run(_serve(settings, cluster, listener, own))
+        with held():
+            asyncio.run(_serve(settings, cluster, listener, own))
 
 
 async def _serve(settings: ClusterSettings, cluster: RayCluster, listener: socket.socket, own: OwnRay | None) -> None:
