@@ -114,6 +114,8 @@ class Engine(FrameSource):
     def _begin(self, work: Work, scene: LoadedScene) -> None:
         """The scene is entered: queue the work. Raises InvalidRequest and Overloaded."""
         request = work.request
+        if request.format == "h264":
+            raise InvalidRequest("format: this server encodes no video.")
         work.scene, work.is_entered = scene, True
         work.ladder = ladder = scene.ladder or self._ladder
         if request.profile is not None and request.profile >= len(ladder):

@@ -8,12 +8,13 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 
-from tigas_common.wire.render import FrameFormat, RenderRequest, ServerTiming
+from tigas_common.wire.render import AnswerFormat, RenderRequest, ServerTiming, VideoInfo
 
-CONTENT_TYPES: dict[FrameFormat, str] = {
+CONTENT_TYPES: dict[AnswerFormat, str] = {
     "jpeg": "image/jpeg",
     "png": "image/png",
     "yuv420p": "video/x-raw; format=I420",
+    "h264": "video/h264",
 }
 
 
@@ -33,7 +34,7 @@ class Frame:
 
     body: bytes | memoryview
     """To be read while there is the frame, and until `release` if it is a memoryview."""
-    format: FrameFormat
+    format: AnswerFormat
     width: int
     """Pixels."""
     height: int
@@ -45,6 +46,8 @@ class Frame:
     """Pixels beyond the viewport at the left, and as many at the right; they count in the width."""
     margin_y: int = 0
     """The same at the top and at the bottom."""
+    video: VideoInfo | None = None
+    """Its place in the session's video, if it is of one."""
     on_release: Callable[[], None] | None = None
     """Takes back the memory that the body lies in."""
 

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 
 from tigas_common.errors import DeadlineExceeded, TigasError
-from tigas_common.wire.render import RenderRequest, ServerTiming
+from tigas_common.wire.render import FrameFormat, RenderRequest, ServerTiming
 from tigas_render.encode.depth_segment import with_depth
 from tigas_render.frame import Frame
 from tigas_render.raster.base import Image, Rasterizer
@@ -84,7 +84,7 @@ class RenderThreads:
         request = work.request
         try:
             started = self._clock()
-            format = request.format if request.stamp is None else "png"  # stamped on the host
+            format = _picture(request) if request.stamp is None else "png"  # stamped on the host
             camera = work.size.camera(request, work.scene.background)
             image = self._rasterizer.render(
                 work.scene.prepared, camera, format, pause if is_interruptible else None, depth=_has_depth(request)
@@ -110,7 +110,7 @@ class RenderThreads:
                 if work.is_over or late is not None:
                     body = None
                 else:
-                    body = _stamped(image, work).encode(request.format, work.ladder[request.profile or 0].quality)
+                    body = _stamped(image, work).encode(_picture(request), work.ladder[request.profile or 0].quality)
                     if image.depth is not None:
                         body = with_depth(body, image.depth)
                 encoding = self._clock() - begun
@@ -150,6 +150,11 @@ def _lateness(work: Work, now: float) -> DeadlineExceeded | None:
     except DeadlineExceeded as error:
         return error
     return None
+
+
+def _picture(request: RenderRequest) -> FrameFormat:
+    """What an image is taken from the rasteriser as."""
+    return "yuv420p" if request.format == "h264" else request.format
 
 
 def _has_depth(request: RenderRequest) -> bool:

@@ -28,6 +28,7 @@ from tigas_common.errors import (
     TigasError,
     UnknownScene,
 )
+from tigas_common.wire.render import VideoInfo, VideoRequest
 from tigas_render.frame import Client, Frame
 from tigas_render.pipe import client as client_module
 from tigas_render.pipe import messages
@@ -45,7 +46,10 @@ REQUESTS = [
     {"overscan": 0.15, "depth": True, "deadline_ms": 0.5, "stamp": 2**24 - 1, "display_scale": 2.0, "profile": 255},
     {"azimuth": None, "elevation": None, "translation": None, "position": (1e9, -1e-9, 0.1), "format": "yuv420p"}
     | {"quaternion": (0.1, 0.2, 0.3, -0.4)},
+    {"format": "h264", "video": VideoRequest(bitrate_kbps=200_000, frames_per_s=59.94, key=True)},
+    {"format": "h264", "video": VideoRequest(bitrate_kbps=10)},
 ]
+VIDEO = [VideoInfo(key=True, after=None, codec="avc1.42c01f"), VideoInfo(key=False, after=0, codec="avc1.4d4034")]
 
 
 @pytest.fixture
@@ -83,6 +87,13 @@ async def test_a_request_and_its_frame_are_what_they_are_without_a_pipe(
     assert bytes(through.body) == direct.body
     through.release()
     assert replace(through, body=direct.body, on_release=None) == direct
+
+
+@pytest.mark.parametrize("video", VIDEO)
+async def test_a_frame_of_a_video_keeps_its_place_in_it(edge: PipeClient, frames: FakeFrames, video: VideoInfo) -> None:
+    frames.video = video
+    request = render_request(format="h264", video=VideoRequest(bitrate_kbps=1000))
+    assert (await edge.submit(VIEWER, request, 0.0)).video == video
 
 
 @pytest.mark.parametrize(

@@ -81,7 +81,7 @@ def test_every_field_of_a_request_has_its_place() -> None:
     """A field that is added to RenderRequest has to be packed as well."""
     pose = {"azimuth", "elevation", "roll", "translation", "position", "quaternion"}
     lens = {"fx", "fy", "cx", "cy", "width", "height", "profile", "display_scale", "overscan"}
-    fields = {"scene", "seq", *pose, *lens, "depth", "format", "deadline_ms", "stamp"}
+    fields = {"scene", "seq", *pose, *lens, "depth", "format", "video", "deadline_ms", "stamp"}
     assert set(RenderRequest.model_fields) == fields
 
 

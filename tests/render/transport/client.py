@@ -31,7 +31,7 @@ from aioquic.tls import SessionTicket
 
 from tests.render.fakes import render_request
 from tigas_common.certificate import Certificate
-from tigas_common.wire.render import RenderRequest, ServerTiming
+from tigas_common.wire.render import AnswerFormat, RenderRequest, ServerTiming, VideoInfo
 from tigas_render.frame import Answered, Frame, FrameSource, Withdraw
 from tigas_render.frame import Client as FrameClient
 
@@ -276,6 +276,8 @@ class FakeFrames(FrameSource):
         self.held: bool | set[int] = False
         """Whether requests wait for `release`: all, none, or those with these numbers."""
         self.error: Exception | None = None
+        self.video = VideoInfo(key=True, after=None, codec="avc1.42c01f")
+        """Of frames that are asked for as a video's."""
         self.requests: list[tuple[FrameClient, RenderRequest]] = []
         self.arrivals: list[float] = []
         self.cancelled: list[int] = []
@@ -297,7 +299,9 @@ class FakeFrames(FrameSource):
             await self._gate(request.seq)
         x, y = round(320 * request.overscan), round(180 * request.overscan)
         size = (320 + 2 * x, 180 + 2 * y)
-        answered(self.error or Frame(self.body, "jpeg", *size, request.seq, request.profile, TIMING, x, y))
+        format: AnswerFormat = "h264" if request.format == "h264" else "jpeg"
+        video = self.video if request.format == "h264" else None
+        answered(self.error or Frame(self.body, format, *size, request.seq, request.profile, TIMING, x, y, video))
 
     def _cancel(self, task: asyncio.Task[None], seq: int) -> None:
         task.cancel()

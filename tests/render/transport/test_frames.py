@@ -60,6 +60,7 @@ async def test_a_frame_on_a_stream() -> None:
         "margin_x": None,
         "margin_y": None,
         "profile": 2,
+        "video": None,
         "timing": {"queue": 1.0, "render": 2.0, "encode": 3.0},
         "requests_per_s": None,
     }

@@ -33,9 +33,18 @@ export interface RenderRequest {
   display_scale?: number;
   overscan?: number;
   depth?: boolean;
-  format?: "jpeg" | "png" | "yuv420p";
+  format?: "jpeg" | "png" | "yuv420p" | "h264";
+  video?: VideoRequest | null;
   deadline_ms?: number | null;
   stamp?: number | null;
+}
+/**
+ * How a view is to be encoded as the next frame of its session's video.
+ */
+export interface VideoRequest {
+  bitrate_kbps: number;
+  frames_per_s?: number;
+  key?: boolean;
 }
 /**
  * Goes before the body on WebTransport. From status 400 on, the body is a Problem and the rest is null.
@@ -49,8 +58,17 @@ export interface FrameHeader {
   margin_x?: number | null;
   margin_y?: number | null;
   profile?: number | null;
+  video?: VideoInfo | null;
   timing?: ServerTiming | null;
   requests_per_s?: number | null;
+}
+/**
+ * A frame's place in its session's video.
+ */
+export interface VideoInfo {
+  key: boolean;
+  after: number | null;
+  codec: string;
 }
 /**
  * Where the server's time went, in milliseconds.

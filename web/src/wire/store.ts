@@ -307,9 +307,18 @@ export interface RenderRequest {
   display_scale?: number;
   overscan?: number;
   depth?: boolean;
-  format?: "jpeg" | "png" | "yuv420p";
+  format?: "jpeg" | "png" | "yuv420p" | "h264";
+  video?: VideoRequest | null;
   deadline_ms?: number | null;
   stamp?: number | null;
+}
+/**
+ * How a view is to be encoded as the next frame of its session's video.
+ */
+export interface VideoRequest {
+  bitrate_kbps: number;
+  frames_per_s?: number;
+  key?: boolean;
 }
 /**
  * The answer to it.

@@ -12,6 +12,9 @@ from tigas_common.pose import Intrinsics, Pose
 from tigas_common.wire.model import MAX_PIXELS, MAX_SIDE, Angle, Entries, Point, Quaternion, Unit, WireModel
 
 FrameFormat = Literal["jpeg", "png", "yuv420p"]
+"""Of a picture by itself."""
+AnswerFormat = Literal[FrameFormat, "h264"]
+"""Of a picture by itself, or of one that may refer to the one before it."""
 LadderName = Literal["scene", "paper"]
 """What profiles count in: each scene's own ladder, where it has one, or the paper's for all."""
 
@@ -51,6 +54,16 @@ DEFAULT_LADDER = (
 """The ladder of the paper."""
 
 
+class VideoRequest(WireModel):
+    """How a view is to be encoded as the next frame of its session's video."""
+
+    bitrate_kbps: int = Field(ge=10, le=200_000)
+    frames_per_s: float = Field(default=60, ge=1, le=240)
+    """How many frames share the bit rate: each gets its part, key frames too."""
+    key: bool = False
+    """The client can use no frame that refers to earlier ones: the answer is to be a key frame."""
+
+
 class RenderRequest(WireModel):
     """One view to render. The pose is either Euler angles and `translation`, or `position` and `quaternion`."""
 
@@ -88,7 +101,9 @@ class RenderRequest(WireModel):
     bottom), at the same pixels per angle."""
     depth: bool = False
     """Whether a JPEG is to carry a coarse depth of the view; other formats never do."""
-    format: FrameFormat = "jpeg"
+    format: AnswerFormat = "jpeg"
+    video: VideoRequest | None = None
+    """Needed for the format `h264`, and allowed for no other."""
     deadline_ms: float | None = Field(default=None, gt=0, le=60_000)
     """How long after its arrival the frame is still of use, in milliseconds."""
     stamp: int | None = Field(default=None, ge=0, lt=2**24)
@@ -110,6 +125,8 @@ class RenderRequest(WireModel):
             )
         if self.width * self.height > MAX_PIXELS:
             raise ValueError(f"a viewport has at most {MAX_PIXELS} pixels")
+        if (self.video is None) == (self.format == "h264"):
+            raise ValueError("the format h264 and `video` go together")
         return self
 
     @classmethod
@@ -123,7 +140,8 @@ class RenderRequest(WireModel):
         display_scale: float = 1,
         overscan: float = 0,
         depth: bool = False,
-        format: FrameFormat = "jpeg",
+        format: AnswerFormat = "jpeg",
+        video: VideoRequest | None = None,
         stamp: int | None = None,
     ) -> Self:
         """The view of a scene from a pose."""
@@ -137,6 +155,7 @@ class RenderRequest(WireModel):
             overscan=overscan,
             depth=depth,
             format=format,
+            video=video,
             stamp=stamp,
         )
 
@@ -164,6 +183,17 @@ class ServerTiming(WireModel):
     encode: float
 
 
+class VideoInfo(WireModel):
+    """A frame's place in its session's video."""
+
+    key: bool
+    """Whether it can be decoded by itself."""
+    after: int | None
+    """The `seq` of the frame that it refers to, the last one of the video; null for a key frame."""
+    codec: str
+    """Such as `avc1.42c01f` (RFC 6381), for WebCodecs."""
+
+
 class FrameHeader(WireModel):
     """Goes before the body on WebTransport. From status 400 on, the body is a Problem and the rest is null."""
 
@@ -177,6 +207,8 @@ class FrameHeader(WireModel):
     margin_y: int | None = None
     """The same of its rows, at the top and at the bottom."""
     profile: int | None = None
+    video: VideoInfo | None = None
+    """Of a frame of a video; its body is one access unit in Annex B's byte stream format (ITU-T H.264)."""
     timing: ServerTiming | None = None
     requests_per_s: float | None = None
     """How many requests a second this client may send from now on; null: as many as a display shows."""

@@ -22,11 +22,11 @@ from tigas_common.errors import (
     UnknownScene,
     problem,
 )
-from tigas_common.wire.render import FrameFormat, RenderRequest, ServerTiming
+from tigas_common.wire.render import AnswerFormat, RenderRequest, ServerTiming, VideoInfo, VideoRequest
 from tigas_render.frame import Client, Frame
 from tigas_render.pipe.framing import BadMessage, Kind, framed
 
-_FORMATS: Final[tuple[FrameFormat, ...]] = get_args(FrameFormat)
+_FORMATS: Final[tuple[AnswerFormat, ...]] = get_args(AnswerFormat)
 _NUMBER_OF: Final = {format: number for number, format in enumerate(_FORMATS)}
 _NUMBER: Final = struct.Struct("<I")
 _OFFSET: Final = struct.Struct("<Q")
@@ -34,10 +34,11 @@ _STATE: Final = struct.Struct("<dd")
 
 # -- a request ---------------------------------------------------------------------------------------------------------
 
-_REQUEST: Final = struct.Struct("<IId IHHhBB 7d 4d ddd I")
+_REQUEST: Final = struct.Struct("<IId IHHhBB 7d 4d ddd I Id")
 """id, session, arrived; seq, width, height, profile, format, flags; pose; fx, fy, cx, cy; display scale, overscan,
-deadline; stamp. The scene follows. A pose is position and quaternion, or azimuth, elevation, roll and translation."""
-_QUATERNION, _ROLL, _DEPTH, _DEADLINE, _STAMP = 1, 2, 4, 8, 16
+deadline; stamp; a video's bit rate and frames a second. The scene follows. A pose is position and quaternion, or
+azimuth, elevation, roll and translation."""
+_QUATERNION, _ROLL, _DEPTH, _DEADLINE, _STAMP, _KEY = 1, 2, 4, 8, 16, 32
 _NO_PROFILE: Final = -1
 
 
@@ -69,10 +70,15 @@ def pack_request(id: int, session: int, arrived: float, request: RenderRequest) 
         flags |= _DEADLINE
     if r.stamp is not None:
         flags |= _STAMP
+    bitrate, rate = 0, 0.0
+    if r.video is not None:
+        bitrate, rate = r.video.bitrate_kbps, r.video.frames_per_s
+        flags |= _KEY if r.video.key else 0
     content = _REQUEST.pack(
         id, session, arrived,
         r.seq, r.width, r.height, _NO_PROFILE if r.profile is None else r.profile, _NUMBER_OF[r.format], flags,
         *pose, r.fx, r.fy, r.cx, r.cy, r.display_scale, r.overscan, r.deadline_ms or 0.0, r.stamp or 0,
+        bitrate, rate,
     )  # fmt: skip
     return framed(Kind.REQUEST, content + r.scene.encode())
 
@@ -81,11 +87,13 @@ def unpack_request(content: bytes) -> Asked:
     """A request. Its values are taken as they are: the edge has checked what the client sent."""
     (
         id, session, arrived, seq, width, height, profile, format, flags, p0, p1, p2, p3, p4, p5, p6,
-        fx, fy, cx, cy, display_scale, overscan, deadline_ms, stamp,
+        fx, fy, cx, cy, display_scale, overscan, deadline_ms, stamp, bitrate, rate,
     ) = _unpacked(_REQUEST, content, at_least=True)  # fmt: skip
-    if format >= len(_FORMATS) or flags >> 5 or not math.isfinite(arrived):
+    if format >= len(_FORMATS) or flags >> 6 or not math.isfinite(arrived):
         raise BadMessage("A request has a format, flags or a time that do not exist.")
-    is_rotated = flags & _QUATERNION
+    is_rotated, video = flags & _QUATERNION, None
+    if _FORMATS[format] == "h264":
+        video = VideoRequest.trusted({"bitrate_kbps": bitrate, "frames_per_s": rate, "key": flags & _KEY != 0})
     request = RenderRequest.trusted({
         "scene": _text(content[_REQUEST.size :]), "seq": seq,
         "azimuth": None if is_rotated else p0, "elevation": None if is_rotated else p1,
@@ -93,7 +101,7 @@ def unpack_request(content: bytes) -> Asked:
         "position": (p0, p1, p2) if is_rotated else None, "quaternion": (p3, p4, p5, p6) if is_rotated else None,
         "fx": fx, "fy": fy, "cx": cx, "cy": cy, "width": width, "height": height,
         "profile": None if profile == _NO_PROFILE else profile, "display_scale": display_scale, "overscan": overscan,
-        "depth": flags & _DEPTH != 0, "format": _FORMATS[format],
+        "depth": flags & _DEPTH != 0, "format": _FORMATS[format], "video": video,
         "deadline_ms": deadline_ms if flags & _DEADLINE else None, "stamp": stamp if flags & _STAMP else None,
     })  # fmt: skip
     return Asked(id, session, arrived, request)
@@ -101,8 +109,10 @@ def unpack_request(content: bytes) -> Asked:
 
 # -- an answer ---------------------------------------------------------------------------------------------------------
 
-_FRAME: Final = struct.Struct("<IQI IHHHHhB ddd")
-"""id, offset, length; seq, width, height, margins, profile, format; timing. The body follows if it is inline."""
+_FRAME: Final = struct.Struct("<IQI IHHHHhB ddd IB16s")
+"""id, offset, length; seq, width, height, margins, profile, format; timing; the frame that a video's refers to, flags,
+and the codec's name. The body follows if it is inline."""
+_IS_KEY, _HAS_AFTER = 1, 2
 
 
 class Answered(NamedTuple):
@@ -112,7 +122,7 @@ class Answered(NamedTuple):
     offset: int
     length: int
     inline: bytes
-    fields: tuple[FrameFormat, int, int, int, int | None, ServerTiming, int, int]
+    fields: tuple[AnswerFormat, int, int, int, int | None, ServerTiming, int, int, VideoInfo | None]
     """What a Frame is made of, after its body."""
 
 
@@ -122,7 +132,7 @@ def pack_frame(id: int, frame: Frame, offset: int | None) -> bytes:
     content = _FRAME.pack(
         id, offset or 0, len(frame.body), frame.seq, frame.width, frame.height, frame.margin_x, frame.margin_y,
         _NO_PROFILE if frame.profile is None else frame.profile, _NUMBER_OF[frame.format],
-        timing.queue, timing.render, timing.encode,
+        timing.queue, timing.render, timing.encode, *_of_video(frame.video),
     )  # fmt: skip
     if offset is None:
         return framed(Kind.INLINE, b"".join((content, frame.body)))
@@ -131,19 +141,33 @@ def pack_frame(id: int, frame: Frame, offset: int | None) -> bytes:
 
 def unpack_frame(content: bytes, *, is_inline: bool) -> Answered:
     """A frame."""
-    id, offset, length, seq, width, height, margin_x, margin_y, profile, format, queue, render, encode = _unpacked(
-        _FRAME, content, at_least=is_inline
-    )
+    (
+        id, offset, length, seq, width, height, margin_x, margin_y, profile, format, queue, render, encode,
+        after, flags, codec,
+    ) = _unpacked(_FRAME, content, at_least=is_inline)  # fmt: skip
     inline = content[_FRAME.size :]
     if format >= len(_FORMATS) or profile < _NO_PROFILE or (is_inline and (len(inline) != length or offset)):
         raise BadMessage("A frame has a format, a profile or a length that cannot be.")
     if not (math.isfinite(queue) and math.isfinite(render) and math.isfinite(encode)):
         raise BadMessage("A frame's times are no numbers.")
     timing = ServerTiming.trusted({"queue": queue, "render": render, "encode": encode})
-    chosen = None if profile == _NO_PROFILE else profile
+    chosen, video = None if profile == _NO_PROFILE else profile, None
+    if _FORMATS[format] == "h264":
+        video = VideoInfo.trusted({
+            "key": flags & _IS_KEY != 0, "after": after if flags & _HAS_AFTER else None,
+            "codec": _text(codec.rstrip(b"\0")),
+        })  # fmt: skip
     return Answered(
-        id, offset, length, inline, (_FORMATS[format], width, height, seq, chosen, timing, margin_x, margin_y)
+        id, offset, length, inline, (_FORMATS[format], width, height, seq, chosen, timing, margin_x, margin_y, video)
     )
+
+
+def _of_video(video: VideoInfo | None) -> tuple[int, int, bytes]:
+    """The last numbers of a frame's message."""
+    if video is None:
+        return 0, 0, b""
+    flags = (_IS_KEY if video.key else 0) | (0 if video.after is None else _HAS_AFTER)
+    return video.after or 0, flags, video.codec.encode()
 
 
 # -- an error ----------------------------------------------------------------------------------------------------------

@@ -122,6 +122,7 @@ def _header(frame: Frame, requests_per_s: float | None) -> bytes:
             margin_x=frame.margin_x or None,
             margin_y=frame.margin_y or None,
             profile=frame.profile,
+            video=frame.video,
             timing=frame.timing,
             requests_per_s=requests_per_s,
         )
