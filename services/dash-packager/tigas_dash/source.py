@@ -1,8 +1,9 @@
-"""Where frames come from: the render service, over HTTP."""
+"""Where frames come from: the render service, or a cluster's hosts, over HTTP."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Awaitable
 from dataclasses import replace
 
 import httpx
@@ -10,6 +11,7 @@ from pydantic import TypeAdapter, ValidationError
 
 from tigas_common.errors import InvalidRequest
 from tigas_common.parsing import sentence
+from tigas_common.scene_hosts import SceneHosts
 from tigas_common.wire.dash import PoseUpdate, SessionRequest
 from tigas_common.wire.render import Problem, RenderRequest, Rung, SceneInfo, ServerConfig
 from tigas_dash.encoding import RawFrame
@@ -25,18 +27,19 @@ _SCENES = TypeAdapter(list[SceneInfo])
 
 
 class RenderClient:
-    """The render service. One for all sessions; its connections are kept."""
+    """The render service, or a cluster's director. One for all sessions; its connections are kept."""
 
     def __init__(self, http: httpx.AsyncClient) -> None:
         self._http = http
+        self._hosts = SceneHosts(http)
 
     async def ladder(self, scene: str) -> tuple[Rung, ...]:
         """What profiles count in for a scene; where there is none, whoever asks for its frames hears of it.
 
         Raises RenderUnavailable.
         """
-        scenes = await self._ask("GET", "/scenes", FRAME_S)
-        configured = await self._ask("GET", "/config.json", FRAME_S)
+        scenes = await _answered(self._http.get("/scenes", timeout=FRAME_S))
+        configured = await _answered(self._http.get("/config.json", timeout=FRAME_S))
         try:
             ladders = {info.id: info.ladder for info in _SCENES.validate_json(scenes.content)}
             return ladders.get(scene) or ServerConfig.model_validate_json(configured.content).ladder
@@ -45,21 +48,25 @@ class RenderClient:
 
     async def frame(self, request: RenderRequest, within_s: float = FRAME_S) -> bytes:
         """The frame that was asked for. Raises RenderUnavailable and RenderProblem."""
-        return (await self._ask("POST", "/render", within_s, request.model_dump_json(exclude_none=True))).content
+        body = request.model_dump_json(exclude_none=True)
+        asked = self._hosts.request(request.scene, "POST", "/render", content=body, timeout_s=within_s)
+        return (await _answered(asked)).content
 
-    async def _ask(self, method: str, path: str, within_s: float, body: str | None = None) -> httpx.Response:
-        try:
-            answer = await self._http.request(method, path, content=body, timeout=within_s)
-        except httpx.HTTPError as error:
-            reason = str(error) or type(error).__name__
-            raise RenderUnavailable(f"The render service does not answer ({reason}).") from None
-        if answer.is_success:
-            return answer
-        try:
-            problem = Problem.model_validate_json(answer.content)
-        except ValidationError:
-            raise RenderUnavailable(f"The render service answers with status {answer.status_code}.") from None
-        raise RenderProblem(problem)
+
+async def _answered(asked: Awaitable[httpx.Response]) -> httpx.Response:
+    """The render service's answer, if it is what was asked for. Raises RenderUnavailable and RenderProblem."""
+    try:
+        answer = await asked
+    except httpx.HTTPError as error:
+        reason = str(error) or type(error).__name__
+        raise RenderUnavailable(f"The render service does not answer ({reason}).") from None
+    if answer.is_success:
+        return answer
+    try:
+        problem = Problem.model_validate_json(answer.content)
+    except ValidationError:
+        raise RenderUnavailable(f"The render service answers with status {answer.status_code}.") from None
+    raise RenderProblem(problem)
 
 
 class ViewSource:

@@ -16,11 +16,16 @@ from PIL import Image
 from tests.experiments.made_up import sampled, write_run
 from tests.scenes import scene
 from tigas_common.wire.recording import Sample
+from tigas_common.wire.render import DEFAULT_LADDER, ServerConfig
 from tigas_experiments.records.folder import StoredRun
 from tigas_experiments.records.samples import JPEG, write_sample_file, write_samples
 from tigas_experiments.samples.renderer import Renderer
 
 SHA256 = "a" * 64
+ALONE = ServerConfig(
+    version="0", ladder=DEFAULT_LADDER, certificate_sha256=None, webtransport_url=None, https_url=None, services={}
+)
+"""Of a service that is no cluster's."""
 
 
 def picture(x: float, width: int, height: int, form: str, shade: int = 0) -> bytes:
@@ -49,6 +54,8 @@ class FakeRenderer:
         self._scene = scene().model_copy(update={"file_sha256": file_sha256})
 
     async def __call__(self, request: httpx.Request) -> httpx.Response:
+        if request.url.path == "/config.json":
+            return httpx.Response(200, content=ALONE.model_dump_json())
         if request.url.path.startswith("/scenes/"):
             return httpx.Response(200, content=self._scene.model_dump_json())
         wanted = json.loads(request.content)

@@ -1,9 +1,9 @@
-"""The render service, asked for one frame after another, with the patience that nobody has who watches."""
+"""The render service or a cluster, asked for one frame after another, with the patience that nobody has who watches."""
 
 from __future__ import annotations
 
 import asyncio
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Awaitable, Callable
 from contextlib import asynccontextmanager
 from typing import Self
 from urllib.parse import quote
@@ -11,6 +11,7 @@ from urllib.parse import quote
 import httpx
 from pydantic import ValidationError
 
+from tigas_common.scene_hosts import SceneHosts
 from tigas_common.wire.render import Problem, RenderRequest, SceneInfo, ServerConfig
 
 AT_ONCE = 4
@@ -33,10 +34,11 @@ class NotRendered(Exception):
 
 
 class Renderer:
-    """One render service. Its caller says how often it is asked at once."""
+    """One render service, or a cluster's. Its caller says how often it is asked at once."""
 
     def __init__(self, http: httpx.AsyncClient) -> None:
         self._http = http
+        self._hosts = SceneHosts(http)
 
     @classmethod
     @asynccontextmanager
@@ -48,7 +50,8 @@ class Renderer:
 
     async def load(self, scene: str) -> SceneInfo:
         """A scene's description, once it is loaded. Raises RendererAway and NotRendered."""
-        answer = await self._ask(f"/scenes/{quote(scene, safe='')}/load", None, LOAD_S)
+        path = f"/scenes/{quote(scene, safe='')}/load"
+        answer = await self._ask(lambda: self._hosts.request(scene, "POST", path, content=None, timeout_s=LOAD_S))
         try:
             return SceneInfo.model_validate_json(answer.content)
         except ValidationError:
@@ -56,20 +59,24 @@ class Renderer:
 
     async def frame(self, request: RenderRequest) -> bytes:
         """The frame that was asked for. Raises RendererAway and NotRendered."""
-        return (await self._ask("/render", request.model_dump_json(exclude_none=True), FRAME_S)).content
+        body = request.model_dump_json(exclude_none=True)
+        answer = await self._ask(
+            lambda: self._hosts.request(request.scene, "POST", "/render", content=body, timeout_s=FRAME_S)
+        )
+        return answer.content
 
     async def config(self) -> ServerConfig:
         """What the service says of itself, such as its ladder. Raises RendererAway and NotRendered."""
-        answer = await self._ask("/config.json", None, FRAME_S, "GET")
+        answer = await self._ask(lambda: self._http.get("/config.json", timeout=FRAME_S))
         try:
             return ServerConfig.model_validate_json(answer.content)
         except ValidationError:
             raise RendererAway(f"What answers at {self._http.base_url} is no TIGAS render service.") from None
 
-    async def _ask(self, path: str, body: str | None, within_s: float, method: str = "POST") -> httpx.Response:
+    async def _ask(self, ask: Callable[[], Awaitable[httpx.Response]]) -> httpx.Response:
         for tried in range(1, TRIES + 1):
             try:
-                answer = await self._http.request(method, path, content=body, timeout=within_s)
+                answer = await ask()
             except (httpx.HTTPError, httpx.InvalidURL) as error:
                 reason = str(error) or type(error).__name__
                 raise RendererAway(f"The render service at {self._http.base_url} does not answer ({reason}).") from None
