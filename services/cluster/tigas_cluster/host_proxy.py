@@ -52,7 +52,7 @@ class HostProxy:
                 headers = [each for each in headers_of(answer) if each[0] != b"content-security-policy"]
                 if Headers(raw=headers).get("content-type", "").startswith("text/html"):
                     headers.append((b"content-security-policy", page_policy(PAGES_HOSTS).encode()))
-                return await hand_back(answer, headers, send)
+                return await hand_back(answer, headers, receive, send)
         raise Overloaded(AWAY, RETRY_S)
 
     def _in_order(self, path: str, wanted: str | None) -> Sequence[HostState]:

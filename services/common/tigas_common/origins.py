@@ -159,7 +159,8 @@ class OriginCheck:
 def _readable(app: ASGIApp, origin: str) -> ASGIApp:
     """The application for an allowed page of another origin: to most services the page is one, by its port."""
     methods = ["GET", "POST", "PUT", "DELETE"]
-    exposed = ["Server-Timing", "Tigas-Frame"]  # of frames that a page of the cluster's asks a host for
+    # of frames, and of parts of scenes, that a page of the cluster's asks a host for
+    exposed = ["Server-Timing", "Tigas-Frame", "Content-Range", "ETag"]
     return CORSMiddleware(
         app, allow_origins=[origin], allow_methods=methods, allow_headers=["*"], expose_headers=exposed
     )

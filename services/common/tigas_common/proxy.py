@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import asyncio
 from collections.abc import Collection
 
 import httpx
-from starlette.types import Scope, Send
+from starlette.types import Receive, Scope, Send
 
 Headers = list[tuple[bytes, bytes]]
 
@@ -47,12 +48,16 @@ def headers_of(answer: httpx.Response) -> Headers:
     return [each for each in headers if each[0] not in HOP_BY_HOP and each[0] != b"date"]
 
 
-async def hand_back(answer: httpx.Response, headers: Headers, send: Send) -> None:
-    """Send an answer, with these headers, as it comes."""
+async def hand_back(answer: httpx.Response, headers: Headers, receive: Receive, send: Send) -> None:
+    """Send an answer, with these headers, as it comes, until the client leaves. The request's body has been read."""
+    leaving = asyncio.ensure_future(receive())
     try:
         await send({"type": "http.response.start", "status": answer.status_code, "headers": headers})
         async for part in answer.aiter_raw():
+            if leaving.done():  # from now on `send` takes anything at once, of which there may be gigabytes
+                return
             await send({"type": "http.response.body", "body": part, "more_body": True})
         await send({"type": "http.response.body", "body": b""})
     finally:
+        leaving.cancel()
         await answer.aclose()

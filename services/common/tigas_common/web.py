@@ -34,6 +34,12 @@ def json_response(model: BaseModel) -> Response:
     return Response(model.model_dump_json(), media_type="application/json", headers=NO_STORE)
 
 
+def has_already(request: Request, tag: str) -> bool:
+    """Whether the client says that it has the content with this ETag."""
+    known = [each.strip().removeprefix("W/") for each in request.headers.get("if-none-match", "").split(",")]
+    return tag in known
+
+
 def created_response(model: BaseModel, location: str) -> Response:
     """What was made, and the path that it is at."""
     answer = json_response(model)

@@ -17,7 +17,14 @@ from starlette.types import ASGIApp, Scope
 
 from tigas_common.errors import problem
 from tigas_common.origins import OriginCheck
-from tigas_common.web import EXCEPTION_HANDLERS, healthy, json_response, page_policy, problem_response
+from tigas_common.web import (
+    EXCEPTION_HANDLERS,
+    has_already,
+    healthy,
+    json_response,
+    page_policy,
+    problem_response,
+)
 from tigas_common.wire.render import ServerConfig
 from tigas_render.frame_route import FRAMES, HttpFrames
 from tigas_render.service import RenderService
@@ -36,6 +43,7 @@ def create_app(service: RenderService) -> ASGIApp:
             Route("/scenes/{id}/load", load, methods=["POST"]),
             Route("/scenes/{id}/unload", unload, methods=["POST"]),
             Route("/scenes/{id}/preview", preview),
+            Route("/scenes/{id}/download/{form}", download),
             Route("/scenes/{id}/enhance", training),
             Route("/scenes/{id}/enhance", train, methods=["POST"]),
             Route("/scenes/{id}/enhance", stop_training, methods=["DELETE"]),
@@ -87,6 +95,14 @@ async def preview(request: Request) -> Response:
     """A scene's thumbnail, rendered if the scene brings none."""
     image = await _service(request).preview(request.path_params["id"])
     return Response(image.body, media_type=image.media_type, headers={"Cache-Control": "max-age=60"})
+
+
+async def download(request: Request) -> Response:
+    """A scene's Gaussians as a file, which is made when it is first asked for."""
+    service = _service(request)
+    source = service.registry.source(request.path_params["id"])
+    made = await service.downloads.get(source, request.path_params["form"])
+    return service.readers.answer(request, source, made)
 
 
 async def training(request: Request) -> Response:
@@ -159,8 +175,7 @@ def _tagged(request: Request, content: bytes) -> Response:
     """A file that a client that has it already does not get again."""
     tag = f'"{hashlib.sha256(content).hexdigest()[:32]}"'
     headers = {"ETag": tag, "Cache-Control": "no-cache"}
-    known = [each.strip().removeprefix("W/") for each in request.headers.get("if-none-match", "").split(",")]
-    if tag in known:
+    if has_already(request, tag):
         return Response(status_code=304, headers=headers)
     return Response(content, media_type="application/octet-stream", headers=headers)
 

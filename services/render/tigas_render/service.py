@@ -18,6 +18,8 @@ from tigas_common.origins import OriginPolicy
 from tigas_common.topology import fitted
 from tigas_common.wire.cluster import HostLoad
 from tigas_common.wire.render import RenderRequest, SceneInfo, ServerConfig, Training
+from tigas_render.downloads.cache import DownloadCache
+from tigas_render.downloads.readers import Readers
 from tigas_render.edge_loads import EdgeLoads
 from tigas_render.engine import Engine
 from tigas_render.enhance.shelf import Shelf
@@ -27,6 +29,7 @@ from tigas_render.metrics import EngineMetrics
 from tigas_render.preview import Preview, PreviewCache, preview_camera
 from tigas_render.raster.base import Rasterizer
 from tigas_render.scenes.registry import SceneRegistry
+from tigas_render.scenes.source import SceneSource
 from tigas_render.settings import RenderSettings
 from tigas_render.transport.http_viewers import HttpViewers
 from tigas_render.transport.load import TICK_S, Load
@@ -82,6 +85,8 @@ class RenderService(FrameSource):
         """Where the API is over HTTP/1.1, from this machine, once it is."""
         self.shelf = Shelf(settings.default_ladder, settings.cache)
         self.trainer = Trainer(rasterizer.device)
+        self.downloads = DownloadCache(settings.cache / "downloads", int(settings.downloads_gb * 1e9))
+        self.readers = Readers()
         self._previews = PreviewCache(settings.cache, self._render_preview)
 
     @classmethod
@@ -165,15 +170,19 @@ class RenderService(FrameSource):
             await self.registry.load(scene_id)
 
     async def infos(self) -> list[SceneInfo]:
-        """Every scene, with the networks that there are for it."""
+        """Every scene, with the networks and downloads that there are for it."""
         found = [(info, self.registry.source(info.id)) for info in self.registry.infos()]
-        kinds = await asyncio.to_thread(lambda: [self.shelf.kind(source) for _, source in found])
-        return [info.model_copy(update={"enhance": kind}) for (info, _), kind in zip(found, kinds, strict=True)]
+        return await asyncio.to_thread(lambda: [self._with_files(*each) for each in found])
 
     async def info(self, scene_id: str) -> SceneInfo:
         """One scene. Raises UnknownScene."""
-        kind = await asyncio.to_thread(self.shelf.kind, self.registry.source(scene_id))
-        return self.registry.info(scene_id).model_copy(update={"enhance": kind})
+        info, source = self.registry.info(scene_id), self.registry.source(scene_id)
+        return await asyncio.to_thread(self._with_files, info, source)
+
+    def _with_files(self, info: SceneInfo, source: SceneSource) -> SceneInfo:
+        """A scene with what there is beside its Gaussians, in a worker thread."""
+        files = {"enhance": self.shelf.kind(source), "downloads": self.downloads.offered(source)}
+        return info.model_copy(update=files)
 
     async def training(self, scene_id: str) -> Training:
         """How far the training of a scene's networks is. Raises UnknownScene."""

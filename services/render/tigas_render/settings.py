@@ -76,7 +76,9 @@ class RenderSettings(ServiceSettings):
     ladder: Ladder = "scene"
     """Quality levels: each scene's own, or else the paper's; the paper's; or these, the best first."""
     cache: Path = Field(default_factory=cache_directory)
-    """The cache directory of rendered previews."""
+    """The cache directory of rendered previews, and of what scenes are downloaded as."""
+    downloads_gb: float = Field(default=8.0, ge=0, le=100_000)
+    """What files of scenes for download may take in the cache directory, in gigabytes; 0: none are offered."""
     services: dict[str, str] = Field(default_factory=dict)
     """Base URLs of other services for the page, by name; a bare `:PORT` means the page's own host."""
 

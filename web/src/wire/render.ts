@@ -114,6 +114,7 @@ export interface SceneInfo {
   background: [number, number, number];
   enhance?: ("scene" | "general") | null;
   ladder?: Rung[] | null;
+  downloads?: SceneDownload[];
 }
 /**
  * Where a visitor enters the scene.
@@ -140,6 +141,17 @@ export interface Rung {
   quality: number;
   expected_kb: number;
   psnr_db?: number | null;
+}
+/**
+ * A file of the scene's Gaussians, at `/scenes/{id}/download/{form}`; it is made when somebody first asks for it.
+ *
+ * Its rows are ordered so that whoever has only the first of them has the best picture of so many.
+ */
+export interface SceneDownload {
+  form: "ply" | "compressed";
+  bytes?: number | null;
+  sha256?: string | null;
+  gaussians?: number | null;
 }
 /**
  * What the page needs to know of its server (`/config.json`).

@@ -15,6 +15,7 @@ FrameFormat = Literal["jpeg", "png", "yuv420p"]
 """Of a picture by itself."""
 AnswerFormat = Literal[FrameFormat, "h264"]
 """Of a picture by itself, or of one that may refer to the one before it."""
+DownloadForm = Literal["ply", "compressed"]
 LadderName = Literal["scene", "paper"]
 """What profiles count in: each scene's own ladder, where it has one, or the paper's for all."""
 
@@ -231,6 +232,20 @@ class StartCamera(WireModel):
     look_at: Point
 
 
+class SceneDownload(WireModel):
+    """A file of the scene's Gaussians, at `/scenes/{id}/download/{form}`; it is made when somebody first asks for it.
+
+    Its rows are ordered so that whoever has only the first of them has the best picture of so many.
+    """
+
+    form: DownloadForm
+    bytes: int | None = None
+    """Its length; null until it was made, as are the others."""
+    sha256: str | None = None
+    """In hexadecimal digits; also its ETag."""
+    gaussians: int | None = None
+
+
 class SceneInfo(WireModel):
     """What is known of a scene without loading it; `camera` is known once it was loaded, or from its scene.json."""
 
@@ -256,6 +271,8 @@ class SceneInfo(WireModel):
     """Whose networks can enhance its frames: its own, trained on this very file, or those for any scene."""
     ladder: Entries[Rung] | None = None
     """What profiles count in where the scene has a ladder of its own; null: in the server's."""
+    downloads: Entries[SceneDownload] = ()
+    """As what it can be downloaded, to be rendered elsewhere; none if it is broken or the server offers none."""
 
 
 class Training(WireModel):

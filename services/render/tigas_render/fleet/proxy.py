@@ -39,7 +39,7 @@ class EngineProxy:
         except TigasError as error:
             await refuse(error, self._origins, scope, receive, send)
         else:
-            await hand_back(answer, headers_of(answer), send)
+            await hand_back(answer, headers_of(answer), receive, send)
 
     async def ask(self, scope: Scope, body: bytes) -> httpx.Response:
         """The engine's answer, which whoever gets it closes. Raises Overloaded while the engine is gone."""

@@ -39,7 +39,7 @@ class United:
         except TigasError as error:
             await refuse(error, self._origins, scope, receive, send)
         else:
-            await hand_back(answer, headers_of(answer), send)
+            await hand_back(answer, headers_of(answer), receive, send)
 
     async def _answer(self, scope: Scope, body: bytes) -> httpx.Response:
         match scope["method"], scope["path"].split("/")[1:]:
@@ -63,7 +63,7 @@ class United:
                 return await self._merged(scope, body, merging.scene, by_all=True)
             case "POST", ["scenes", scene, "enhance"]:
                 return await self._first(await self._trainers(scope, scene), scope, body)
-            case _, ["scenes", scene, "load" | "preview"]:
+            case _, ["scenes", scene, "load" | "preview"] | ["scenes", scene, "download", _]:
                 return await self._first(self._own(scene), scope, body, unless=CANNOT)
             case _:
                 return await self._first(self._reachable(), scope, body)

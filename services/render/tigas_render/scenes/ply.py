@@ -11,14 +11,13 @@ import io
 import itertools
 import logging
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
-from plyfile import PlyData, PlyElement
 
 from tigas_common.errors import BrokenScene
 from tigas_common.files import open_regular
@@ -64,26 +63,47 @@ def load_ply(path: Path, device: str | torch.device = "cpu") -> Gaussians:
     return Gaussians(*(torch.from_numpy(array[:kept]).to(device) for array in arrays))
 
 
-def write_ply(path: Path, gaussians: Gaussians) -> None:
-    """Write a scene as an INRIA PLY, binary little-endian; opacities are kept 1e-6 away from 0 and 1."""
-    opacities = gaussians.opacities.clamp(1e-6, 1 - 1e-6)
-    columns = {
-        "x y z": gaussians.means,
-        "f_dc_0 f_dc_1 f_dc_2": gaussians.sh[:, 0],
-        _rest_names(gaussians.sh_degree): gaussians.sh[:, 1:].transpose(1, 2).flatten(1),
-        "opacity": torch.logit(opacities)[:, None],
-        "scale_0 scale_1 scale_2": gaussians.scales.log(),
-        "rot_0 rot_1 rot_2 rot_3": gaussians.quaternions,
-    }
-    rows = np.empty(len(gaussians), [(name, "<f4") for names in columns for name in names.split()])
-    for names, values in columns.items():
-        for name, column in zip(names.split(), values.cpu().numpy().T, strict=True):
-            rows[name] = column
-    PlyData([PlyElement.describe(rows, "vertex")], byte_order="<").write(str(path))
+def write_ply(path: Path, gaussians: Gaussians, order: NDArray[np.int64] | None = None) -> None:
+    """Write a scene as an INRIA PLY, binary little-endian; opacities are kept 1e-6 away from 0 and 1.
+
+    order: which Gaussians to write, in which order, as indices [M]; all as they are if left out.
+    Memory beyond the tensors themselves is a few megabytes. Raises OSError.
+    """
+    degree = gaussians.sh_degree
+    names = ("x", "y", "z", "f_dc_0", "f_dc_1", "f_dc_2", *_rest_names(degree), *REQUIRED[6:])
+    order = np.arange(len(gaussians)) if order is None else order
+    means, scales, quaternions, opacities, sh = (
+        tensor.cpu().numpy()
+        for tensor in (gaussians.means, gaussians.scales, gaussians.quaternions, gaussians.opacities, gaussians.sh)
+    )
+    with path.open("wb") as file:
+        file.write(ply_header([("vertex", len(order), "float", names)]))
+        for start in range(0, len(order), BLOCK):
+            some = order[start : start + BLOCK]
+            opacity = opacities[some, None].clip(1e-6, 1 - 1e-6)
+            rest = sh[some, 1:].transpose(0, 2, 1).reshape(len(some), -1)
+            logit = np.log(opacity / (1 - opacity))
+            parts = (
+                means[some],
+                sh[some, 0],
+                rest,
+                logit,
+                np.log(scales[some].clip(np.finfo(np.float32).tiny)),
+                quaternions[some],
+            )
+            file.write(np.concatenate(parts, axis=1, dtype="<f4").tobytes())
 
 
-def _rest_names(sh_degree: int) -> str:
-    return " ".join(f"f_rest_{i}" for i in range(3 * ((sh_degree + 1) ** 2 - 1)))
+def ply_header(elements: Iterable[tuple[str, int, str, Iterable[str]]]) -> bytes:
+    """The header of a binary little-endian PLY: its elements' names, counts, type and names of all properties."""
+    lines = ["ply", "format binary_little_endian 1.0"]
+    for element, count, kind, properties in elements:
+        lines += [f"element {element} {count}", *(f"property {kind} {name}" for name in properties)]
+    return "\n".join([*lines, "end_header", ""]).encode()
+
+
+def _rest_names(sh_degree: int) -> list[str]:
+    return [f"f_rest_{i}" for i in range(3 * ((sh_degree + 1) ** 2 - 1))]
 
 
 def _binary_blocks(path: Path, header: PlyHeader) -> Iterator[_Block]:
@@ -135,7 +155,7 @@ def _activate(block: _Block, sh_degree: int) -> tuple[_Floats, _Floats, _Floats,
         quaternions = columns[:, 10:14].astype(np.float64)  # as the square of a float32 may overflow
         quaternions /= np.linalg.norm(quaternions, axis=1, keepdims=True)
         opacities = 1 / (1 + np.exp(-columns[:, 6]))
-        rest = _columns(block, _rest_names(sh_degree).split()).reshape(len(block), 3, (sh_degree + 1) ** 2 - 1)
+        rest = _columns(block, _rest_names(sh_degree)).reshape(len(block), 3, (sh_degree + 1) ** 2 - 1)
     sh = np.concatenate((columns[:, None, 3:6], rest.transpose(0, 2, 1)), axis=1)
     usable = np.isfinite(columns).all(1) & np.isfinite(quaternions).all(1) & np.isfinite(sh).all((1, 2))
     usable &= (np.abs(columns[:, 0:3]) <= FARTHEST).all(1) & (scales <= FARTHEST).all(1)

@@ -1,0 +1,1 @@
+"""A scene's Gaussians as files for those who render them elsewhere."""

@@ -1,0 +1,108 @@
+"""Downloads over HTTP: whole, in ranges, resumed, and refused."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import AsyncIterator
+from pathlib import Path
+
+import httpx
+import pytest
+
+from tests.render.scenes import plys
+from tigas_render.app import create_app
+from tigas_render.downloads.readers import AT_ONCE, OF_AN_ADDRESS
+from tigas_render.raster.instant import InstantRasterizer
+from tigas_render.scenes.ply import load_ply, write_ply
+from tigas_render.service import RenderService
+from tigas_render.settings import RenderSettings
+
+pytestmark = pytest.mark.anyio
+URL = "/scenes/cloud/download/ply"
+
+
+@pytest.fixture
+async def service(tmp_path: Path) -> AsyncIterator[RenderService]:
+    for name in ("cloud", "broken"):
+        (tmp_path / name).mkdir()
+    write_ply(tmp_path / "cloud" / "cloud.ply", plys.gaussians(500, sh_degree=1))
+    (tmp_path / "broken" / "broken.ply").write_bytes(b"ply\n")
+    settings = RenderSettings(scenes=tmp_path, cache=tmp_path / ".cache")
+    async with RenderService.open(settings, InstantRasterizer()) as service:
+        yield service
+
+
+@pytest.fixture
+async def client(service: RenderService) -> AsyncIterator[httpx.AsyncClient]:
+    transport = httpx.ASGITransport(create_app(service), raise_app_exceptions=False)
+    async with httpx.AsyncClient(transport=transport, base_url="http://localhost:8080") as client:
+        yield client
+
+
+async def test_a_scene_is_downloaded_whole_and_then_known(client: httpx.AsyncClient, tmp_path: Path) -> None:
+    info = (await client.get("/scenes/cloud")).json()
+    assert info["downloads"][0] == {"form": "ply", "bytes": None, "sha256": None, "gaussians": None}
+    answer = await client.get(URL)
+    assert answer.headers["content-length"] == str(len(answer.content))
+    assert answer.headers["accept-ranges"] == "bytes"
+    assert answer.headers["content-disposition"] == 'attachment; filename="cloud.ply"'
+    (tmp_path / "got.ply").write_bytes(answer.content)
+    assert len(load_ply(tmp_path / "got.ply")) == 500
+    sha256 = hashlib.sha256(answer.content).hexdigest()
+    assert answer.headers["etag"] == f'"{sha256}"'
+    [known, *_] = (await client.get("/scenes")).json()[1]["downloads"]
+    assert known == {"form": "ply", "bytes": len(answer.content), "sha256": sha256, "gaussians": 500}
+    assert (await client.get("/scenes/cloud")).json()["state"] == "unloaded"  # it need not be on the device
+
+
+async def test_what_was_cut_off_is_resumed(client: httpx.AsyncClient) -> None:
+    head = await client.head(URL)
+    length, tag = int(head.headers["content-length"]), head.headers["etag"]
+    assert head.content == b""
+    whole = (await client.get(URL)).content
+    assert len(whole) == length
+    rest = await client.get(URL, headers={"Range": "bytes=1000-", "If-Range": tag})
+    assert rest.status_code == 206
+    assert rest.headers["content-range"] == f"bytes 1000-{length - 1}/{length}"
+    assert rest.content == whole[1000:]
+    part = await client.get(URL, headers={"Range": "bytes=10-19"})
+    assert (part.content, part.headers["content-length"]) == (whole[10:20], "10")
+    changed = await client.get(URL, headers={"Range": "bytes=1000-", "If-Range": '"of-another-file"'})
+    assert (changed.status_code, changed.content) == (200, whole)  # a part of it would not fit what the client has
+    beyond = await client.get(URL, headers={"Range": f"bytes={length}-"})
+    assert (beyond.status_code, beyond.headers["content-range"]) == (416, f"bytes */{length}")
+    assert (await client.get(URL, headers={"If-None-Match": tag})).status_code == 304
+
+
+async def test_refusals_are_sentences(client: httpx.AsyncClient) -> None:
+    async def refusal(scene: str, form: str = "ply") -> tuple[int, str]:
+        answer = await client.get(f"/scenes/{scene}/download/{form}")
+        return answer.status_code, answer.json()["detail"]
+
+    assert await refusal("nowhere") == (404, "There is no scene 'nowhere'.")
+    assert await refusal("broken") == (422, "broken.ply is truncated: its header has no 'end_header'.")
+    assert await refusal("cloud", "obj") == (404, "cloud is not offered as 'obj'.")
+
+
+async def test_so_many_may_read_at_once(client: httpx.AsyncClient, service: RenderService) -> None:
+    def reading(addresses: list[str]) -> None:
+        service.readers._readers.clear()
+        service.readers._readers.update(addresses)
+
+    reading(["127.0.0.1"] * (OF_AN_ADDRESS - 1))
+    assert (await client.get(URL)).status_code == 200
+    assert (await client.get(URL)).status_code == 200  # whoever has read makes room
+    for addresses in (["127.0.0.1"] * OF_AN_ADDRESS, [str(number) for number in range(AT_ONCE)]):
+        reading(addresses)
+        refused = await client.get(URL)
+        assert (refused.status_code, refused.headers["retry-after"]) == (503, "5")
+        assert refused.json()["detail"].startswith("As many scenes are being downloaded as may be;")
+
+
+async def test_the_first_rows_are_those_that_cover_most(client: httpx.AsyncClient, tmp_path: Path) -> None:
+    content = (await client.get(URL)).content
+    (tmp_path / "got.ply").write_bytes(content)
+    got = load_ply(tmp_path / "got.ply")
+    radii = got.scales.sort(dim=1).values
+    cover = got.opacities * radii[:, 1] * radii[:, 2]
+    assert cover[:50].mean() > 2 * cover.mean()
