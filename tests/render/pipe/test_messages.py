@@ -68,13 +68,13 @@ def content(message: bytes, kind: Kind) -> bytes:
     return message[PREFIX.size :]
 
 
-@given(numbers, numbers, st.floats(0, 1e9), views, euler | rotated)
+@given(numbers, numbers, st.floats(0, 1e9), st.floats(0, 1e9), views, euler | rotated)
 def test_a_request_comes_out_as_it_went_in(
-    id: int, session: int, arrived: float, view: dict[str, Any], pose: dict[str, Any]
+    id: int, session: int, arrived: float, sent: float, view: dict[str, Any], pose: dict[str, Any]
 ) -> None:
     request = RenderRequest(**view, **pose)
-    packed = messages.pack_request(id, session, arrived, request)
-    assert messages.unpack_request(content(packed, Kind.REQUEST)) == (id, session, arrived, request)
+    packed = messages.pack_request(id, session, arrived, sent, request)
+    assert messages.unpack_request(content(packed, Kind.REQUEST)) == (id, session, arrived, sent, request)
 
 
 def test_every_field_of_a_request_has_its_place() -> None:
@@ -157,7 +157,7 @@ def test_bytes_that_are_no_message_are_refused(unpack: Callable[[bytes], object]
 @given(st.integers(0, 400), st.integers(1, 255))
 def test_a_request_with_any_byte_changed_is_a_request_or_refused(position: int, change: int) -> None:
     packed = bytearray(
-        content(messages.pack_request(1, 2, 3.0, render_request(deadline_ms=50.0, stamp=7)), Kind.REQUEST)
+        content(messages.pack_request(1, 2, 3.0, 4.0, render_request(deadline_ms=50.0, stamp=7)), Kind.REQUEST)
     )
     packed[position % len(packed)] ^= change
     with contextlib.suppress(BadMessage):

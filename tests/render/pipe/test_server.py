@@ -9,6 +9,7 @@ import random
 import signal
 import socket
 import sys
+import time
 from pathlib import Path
 
 import pytest
@@ -27,7 +28,7 @@ pytestmark = pytest.mark.anyio
 VIEWER = Client("192.0.2.1", "viewer")
 OPEN = messages.pack_number(Kind.OPEN, 0)
 HELLO = messages.pack_hello(1, VIEWER)
-REQUEST = messages.pack_request(9, 1, 0.0, render_request())
+REQUEST = messages.pack_request(9, 1, 0.0, 0.0, render_request())
 
 CRASHING = """
 import asyncio, sys
@@ -102,7 +103,7 @@ async def test_a_full_arena_sends_frames_through_the_socket_until_that_is_full_t
         # an edge that does not read
         with socket.socket(socket.AF_UNIX) as deaf:
             deaf.connect(str(engine.path))
-            asked = [messages.pack_request(id, 1, 0.0, render_request(seq=id)) for id in range(20)]
+            asked = [messages.pack_request(id, 1, 0.0, 0.0, render_request(seq=id)) for id in range(20)]
             before = len(frames.requests)
             deaf.sendall(b"".join((OPEN, HELLO, *asked)))
             await frames.until(lambda: len(frames.requests) == before + 20)
@@ -111,6 +112,20 @@ async def test_a_full_arena_sends_frames_through_the_socket_until_that_is_full_t
     assert kinds.count(Kind.FRAME) == 1
     assert kinds.count(Kind.INLINE) >= 1
     assert kinds.count(Kind.FAILURE) >= 15, "refused at once, and nothing waits without a bound"
+
+
+async def test_what_waits_in_the_pipe_counts_in_the_queues_age(tmp_path: Path) -> None:
+    engine = Engine(tmp_path / "pipe", FakeFrames())
+    told = Edge(engine.path)
+    async with engine.running(), told.connected():
+        await until(lambda: told.states)
+        assert told.states[-1][0] == 0.25, "the renderer's own queue"
+        _, writer = await asyncio.open_unix_connection(engine.path)
+        late = messages.pack_request(9, 1, 0.0, time.monotonic() - 2.5, render_request())
+        writer.write(OPEN + HELLO + late)
+        await until(lambda: told.states[-1][0] >= 2.5)
+        await until(lambda: told.states[-1][0] == 0.25)
+        writer.close()
 
 
 def _kinds(sock: socket.socket, answers: int) -> list[int]:

@@ -165,7 +165,7 @@ class EngineLink(Link):
         """As `FrameSource.request`."""
         id = self._next
         self._next = (id + 1) % 2**32
-        self.send(messages.pack_request(id, self._session(client), arrived, request))
+        self.send(messages.pack_request(id, self._session(client), arrived, time.monotonic(), request))
         self._waiting[id] = answered
         return partial(self._withdraw, id)
 

@@ -34,10 +34,10 @@ _STATE: Final = struct.Struct("<dd")
 
 # -- a request ---------------------------------------------------------------------------------------------------------
 
-_REQUEST: Final = struct.Struct("<IId IHHhBB 7d 4d ddd I Id")
-"""id, session, arrived; seq, width, height, profile, format, flags; pose; fx, fy, cx, cy; display scale, overscan,
-deadline; stamp; a video's bit rate and frames a second. The scene follows. A pose is position and quaternion, or
-azimuth, elevation, roll and translation."""
+_REQUEST: Final = struct.Struct("<IIdd IHHhBB 7d 4d ddd I Id")
+"""id, session, arrived, sent; seq, width, height, profile, format, flags; pose; fx, fy, cx, cy; display scale,
+overscan, deadline; stamp; a video's bit rate and frames a second. The scene follows. A pose is position and
+quaternion, or azimuth, elevation, roll and translation."""
 _QUATERNION, _ROLL, _DEPTH, _DEADLINE, _STAMP, _KEY = 1, 2, 4, 8, 16, 32
 _NO_PROFILE: Final = -1
 
@@ -49,10 +49,12 @@ class Asked(NamedTuple):
     session: int
     arrived: float
     """On the monotonic clock, which all processes of a machine share."""
+    sent: float
+    """When the edge put it into the pipe, on the same clock."""
     request: RenderRequest
 
 
-def pack_request(id: int, session: int, arrived: float, request: RenderRequest) -> bytes:
+def pack_request(id: int, session: int, arrived: float, sent: float, request: RenderRequest) -> bytes:
     """A request under the edge's own number for it, of a session that it has introduced."""
     r, flags = request, 0
     if r.position is not None and r.quaternion is not None:
@@ -75,7 +77,7 @@ def pack_request(id: int, session: int, arrived: float, request: RenderRequest) 
         bitrate, rate = r.video.bitrate_kbps, r.video.frames_per_s
         flags |= _KEY if r.video.key else 0
     content = _REQUEST.pack(
-        id, session, arrived,
+        id, session, arrived, sent,
         r.seq, r.width, r.height, _NO_PROFILE if r.profile is None else r.profile, _NUMBER_OF[r.format], flags,
         *pose, r.fx, r.fy, r.cx, r.cy, r.display_scale, r.overscan, r.deadline_ms or 0.0, r.stamp or 0,
         bitrate, rate,
@@ -86,10 +88,10 @@ def pack_request(id: int, session: int, arrived: float, request: RenderRequest) 
 def unpack_request(content: bytes) -> Asked:
     """A request. Its values are taken as they are: the edge has checked what the client sent."""
     (
-        id, session, arrived, seq, width, height, profile, format, flags, p0, p1, p2, p3, p4, p5, p6,
+        id, session, arrived, sent, seq, width, height, profile, format, flags, p0, p1, p2, p3, p4, p5, p6,
         fx, fy, cx, cy, display_scale, overscan, deadline_ms, stamp, bitrate, rate,
     ) = _unpacked(_REQUEST, content, at_least=True)  # fmt: skip
-    if format >= len(_FORMATS) or flags >> 6 or not math.isfinite(arrived):
+    if format >= len(_FORMATS) or flags >> 6 or not math.isfinite(arrived + sent):
         raise BadMessage("A request has a format, flags or a time that do not exist.")
     is_rotated, video = flags & _QUATERNION, None
     if _FORMATS[format] == "h264":
@@ -104,7 +106,7 @@ def unpack_request(content: bytes) -> Asked:
         "depth": flags & _DEPTH != 0, "format": _FORMATS[format], "video": video,
         "deadline_ms": deadline_ms if flags & _DEADLINE else None, "stamp": stamp if flags & _STAMP else None,
     })  # fmt: skip
-    return Asked(id, session, arrived, request)
+    return Asked(id, session, arrived, sent, request)
 
 
 # -- an answer ---------------------------------------------------------------------------------------------------------

@@ -72,6 +72,8 @@ class PipeServer:
         self.edges: set[EdgeLink] = set()
         self._arena_bytes = arena_bytes
         self._accepted = 0
+        self.longest_in_pipe_s = 0.0
+        """That any request was on its way since edges were told last: the loop may read late."""
 
     async def accept(self, listener: socket.socket) -> None:
         """Take edges that connect, for ever."""
@@ -94,6 +96,7 @@ class PipeServer:
         while True:
             await asyncio.sleep(STATE_S)
             age, utilisation = state()
+            age, self.longest_in_pipe_s = max(age, self.longest_in_pipe_s), 0.0
             was_processor, was_wall = processor, wall
             processor, wall = time.thread_time(), time.monotonic()
             of_loop = (processor - was_processor) / (wall - was_wall)
@@ -168,6 +171,7 @@ class EdgeLink(Link):
         client = self._sessions.get(asked.session)
         if client is None or asked.id in self.running:
             raise BadMessage("A request has no session, or the number of one that runs.")
+        self._server.longest_in_pipe_s = max(self._server.longest_in_pipe_s, time.monotonic() - asked.sent)
         self.running[asked.id] = self._server.source.request(
             client, asked.request, asked.arrived, partial(self._answered, asked.id)
         )
