@@ -89,13 +89,13 @@ def test_keys_that_are_typed_into_a_field_do_not_move_the_camera(open_page: Open
     shown = frames(viewer)
     viewer.get_by_role("spinbutton", name="Turn").press("ArrowLeft")
     viewer.get_by_role("spinbutton", name="Turn").press("w")
-    viewer.wait_for_function("() => document.querySelector('[data-stat=fps]').textContent === 'idle'")
+    viewer.wait_for_function("() => document.querySelector('[data-stat=new-views]').textContent === 'idle'")
     assert frames(viewer) == shown
 
 
 def test_the_hud_measures(viewer: Page) -> None:
     viewer.keyboard.down("ArrowRight")
-    viewer.wait_for_function("() => Number(document.querySelector('[data-stat=fps]').textContent) > 1")
+    viewer.wait_for_function("() => Number(document.querySelector('[data-stat=new-views]').textContent) > 1")
     viewer.wait_for_function("() => parseFloat(document.querySelector('[data-stat=motion-to-photon]').textContent) > 5")
     viewer.keyboard.up("ArrowRight")
     assert float(stat(viewer, "round-trip").split()[0]) > 0
@@ -107,6 +107,7 @@ def test_the_hud_measures(viewer: Page) -> None:
 
 
 def test_a_lower_profile_has_fewer_pixels_and_is_refined_when_still(viewer: Page) -> None:
+    expect(viewer.locator("[data-stat=profile]")).to_have_text("Refined")
     high = stat(viewer, "resolution")
     viewer.get_by_label("Refine when still").uncheck()
     viewer.get_by_label("Adaptation").select_option("fixed")

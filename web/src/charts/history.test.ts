@@ -5,6 +5,7 @@ import { ComparisonHistory } from "./history";
 
 const FIGURES = {
   ...NO_FIGURES,
+  newViewsPerSecond: 48,
   bandwidth: 4_000_000,
   stalls: { count: 2, time: 500 },
   picture: { rung: 2, width: 640, height: 360 },
@@ -20,6 +21,10 @@ test("samples become columns, one for each side; a side that is not shown has no
     [1, 1.25],
     [4, 4],
     [null, 1],
+  ]);
+  expect(history.newViews.value.slice(1)).toEqual([
+    [48, 48],
+    [null, 48],
   ]);
   expect(history.stalled.value.slice(1)).toEqual([
     [0.5, 0.5],

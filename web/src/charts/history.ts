@@ -21,6 +21,8 @@ export class ComparisonHistory {
   readonly bandwidth = signal(noColumns(SIDES.length));
   /** Seconds stalled since the side began. */
   readonly stalled = signal(noColumns(SIDES.length));
+  /** New views a second. */
+  readonly newViews = signal(noColumns(SIDES.length));
   /** Lines of pixels in the picture. */
   readonly lines = signal(noColumns(SIDES.length));
   readonly #latencies: Readonly<Record<Side, TimeWindow>> = {
@@ -48,6 +50,10 @@ export class ComparisonHistory {
     this.stalled.value = add(
       this.stalled.peek(),
       both(({ stalls }) => stalls.time / 1000),
+    );
+    this.newViews.value = add(
+      this.newViews.peek(),
+      both(({ newViewsPerSecond }) => newViewsPerSecond),
     );
     this.lines.value = add(
       this.lines.peek(),

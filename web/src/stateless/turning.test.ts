@@ -24,7 +24,7 @@ test("a turn is seen in the next animation frame, and the pixels are as old as t
   await bench.frames(30, { answer: false });
   expect(bench.player.stats.value.motionToPhoton?.p50).toBeCloseTo(1000 / 60, 1);
   expect(bench.player.stats.value.contentAge).toBeGreaterThan(200);
-  expect(bench.player.stats.value).toMatchObject({ turned: true, shown: 1, framesPerSecond: 0 });
+  expect(bench.player.stats.value).toMatchObject({ turned: true, shown: 1, newViewsPerSecond: 0 });
 });
 
 test("asks for where the camera will be, and draws where it will be when that is seen: one animation frame later", async () => {

@@ -19,9 +19,9 @@ test("figures are of the last seconds, and every frame is told to the listener w
     stalls: { count: 0, time: 0 },
     picture: PICTURE,
   });
-  expect(meter.figures(2010).framesPerSecond).toBeCloseTo(20, 0);
+  expect(meter.figures(2010).newViewsPerSecond).toBeCloseTo(20, 0);
   expect(told[7]).toEqual({ ...PICTURE, side: "dash", at: 410, pose: 7, latencies: [60] });
-  expect(meter.figures(60_000)).toMatchObject({ framesPerSecond: 0, motionToPhoton: null, bandwidth: 0, shown: 40 });
+  expect(meter.figures(60_000)).toMatchObject({ newViewsPerSecond: 0, motionToPhoton: null, bandwidth: 0, shown: 40 });
 });
 
 test("a frame of a pose that is shown already tells no latency", () => {
@@ -32,13 +32,14 @@ test("a frame of a pose that is shown already tells no latency", () => {
   expect(meter.latencies(120)).toEqual([80]);
 });
 
-test("repeated frames do not hide a stall", () => {
+test("repeated frames are no new views, and do not hide a stall", () => {
   const meter = new Meter("dash", () => undefined);
   for (let at = 0; at <= 1000; at += 20) {
     meter.moved(at, at);
     meter.presented({ ...PICTURE, pose: at > 200 && at < 800 ? 200 : at, at });
   }
   expect(meter.figures(1000).stalls).toEqual({ count: 1, time: 600 });
+  expect(meter.figures(1000)).toMatchObject({ newViewsPerSecond: expect.closeTo(20.4, 1), shown: 51 });
 });
 
 test("before anything is shown there are no figures", () => {

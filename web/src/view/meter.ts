@@ -9,8 +9,8 @@ import { StallDetector, type Stalls } from "./stalls";
 import { TimeWindow } from "./window";
 
 export interface Figures {
-  /** Frames shown a second. */
-  readonly framesPerSecond: number;
+  /** Views shown a second that were not there before: a repeated frame is none. */
+  readonly newViewsPerSecond: number;
   /** Median and 95th percentile of the last seconds, in milliseconds; null while nothing moved. */
   readonly motionToPhoton: { readonly p50: number; readonly p95: number } | null;
   /** Pictures are turned to the newest view: the latency is the view's. */
@@ -27,7 +27,7 @@ export interface Figures {
 }
 
 export const NO_FIGURES: Figures = {
-  framesPerSecond: 0,
+  newViewsPerSecond: 0,
   motionToPhoton: null,
   turned: false,
   contentAge: null,
@@ -49,7 +49,7 @@ export class Meter {
   readonly #side: Side;
   readonly #latency = new MotionToPhoton();
   readonly #stalls = new StallDetector();
-  readonly #frames = new TimeWindow(RATE_SPAN);
+  readonly #newViews = new TimeWindow(RATE_SPAN);
   readonly #bytes = new TimeWindow(BANDWIDTH_SPAN);
   readonly #motionToPhoton = new TimeWindow(LATENCY_SPAN);
   readonly #poses = new PoseTimes();
@@ -86,8 +86,10 @@ export class Meter {
     const age = this.#poses.age(frame.pose, frame.at);
     if (age !== null) this.#ages.add(age, frame.at);
     // A stream repeats its last frame when no new view came in time: the picture stands still then as it does without frames.
-    if (frame.pose !== this.#last?.pose) this.#stalls.presented(frame.at);
-    if (fresh) this.#frames.add(1, frame.at);
+    if (frame.pose !== this.#last?.pose) {
+      this.#stalls.presented(frame.at);
+      this.#newViews.add(1, frame.at);
+    }
     if (fresh) this.#shown++;
     this.#last = { ...frame, side: this.#side, latencies };
     this.#listener(this.#last);
@@ -103,7 +105,7 @@ export class Meter {
     const p95 = this.#motionToPhoton.percentile(0.95, now);
     const bytes = this.#bytes.values(now).reduce((sum, value) => sum + value, 0);
     return {
-      framesPerSecond: this.#frames.rate(now),
+      newViewsPerSecond: this.#newViews.rate(now),
       motionToPhoton: p50 === null || p95 === null ? null : { p50, p95 },
       turned: this.#last?.view !== undefined,
       contentAge: this.#ages.percentile(0.5, now),

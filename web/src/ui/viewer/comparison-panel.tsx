@@ -18,6 +18,7 @@ const of = (unit: string, stepped: boolean): readonly Quantity[] =>
   SIDES.map((side) => ({ label: NAMES[side], unit, axis: "left", tone: side, stepped }));
 const CHARTS = [
   { name: "Bandwidth", quantities: of("Mbit/s", false), columns: "bandwidth" },
+  { name: "New views", quantities: of("/s", false), columns: "newViews" },
   { name: "Time stalled", quantities: of("s", true), columns: "stalled" },
   { name: "Picture height", quantities: of("px", true), columns: "lines" },
 ] as const;

@@ -26,6 +26,7 @@ const POINTERS: readonly (readonly [string, string])[] = [
 ];
 
 const NUMBERS: readonly (readonly [string, string])[] = [
+  ["New views", "Pictures of another pose than the one before: repeated and refined frames do not count."],
   ["Motion to photon", "From the moment that your input was read to the first frame on the screen that shows it."],
   ["View latency", "The same while frames are turned: until the picture has turned with you, whatever the network."],
   ["Content age", "How old the pixels are: from the pose that they were rendered for until you see them."],

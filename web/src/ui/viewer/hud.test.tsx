@@ -12,7 +12,7 @@ import { Hud } from "./hud";
 
 const STATS: Stats = {
   ...NO_STATS,
-  framesPerSecond: 41.6,
+  newViewsPerSecond: 41.6,
   motionToPhoton: { p50: 48.4, p95: 96.2 },
   roundTrip: 31.2,
   server: { queue: 1, render: 11.4, encode: 2.3 },
@@ -68,7 +68,7 @@ test("shows every figure with its unit", () => {
   const hud = show();
   const shown = [...hud.querySelectorAll("[data-stat]")].map((one) => [one.getAttribute("data-stat"), one.textContent]);
   expect(Object.fromEntries(shown)).toEqual({
-    fps: "42",
+    "new-views": "42",
     "motion-to-photon": "48",
     "motion-to-photon-p95": "96 ms",
     "round-trip": "31 ms",
@@ -93,19 +93,19 @@ test("what is not known yet is a dash, not a zero", () => {
 });
 
 test.each([
-  [{ framesPerSecond: 0, settled: true, shown: 3 }, "idle"],
-  [{ framesPerSecond: 0, settled: true, shown: 0 }, "0"],
-  [{ framesPerSecond: 0, settled: false, shown: 3 }, "0"],
+  [{ newViewsPerSecond: 0, settled: true, shown: 3 }, "idle"],
+  [{ newViewsPerSecond: 0, settled: true, shown: 0 }, "0"],
+  [{ newViewsPerSecond: 0, settled: false, shown: 3 }, "0"],
 ])("a camera that stands still is idle, a server that sends nothing is not: %j", (stats, expected) => {
-  expect(stat(show(stats), "fps")).toBe(expected);
+  expect(stat(show(stats), "new-views")).toBe(expected);
 });
 
 test("figures follow the session", async () => {
   const hud = show();
   await act(() => {
-    session.stateless.stats.value = { ...STATS, framesPerSecond: 12 };
+    session.stateless.stats.value = { ...STATS, newViewsPerSecond: 12 };
   });
-  expect(stat(hud, "fps")).toBe("12");
+  expect(stat(hud, "new-views")).toBe("12");
 });
 
 test("in a cluster it is said which host the frames are from", () => {

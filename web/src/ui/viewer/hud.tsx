@@ -29,7 +29,7 @@ export function Hud({ session, wide, linkNote }: HudProps) {
   return (
     <section class="floating hud" aria-label="Measurements">
       <div class="hud-main">
-        <Figure name="fps" label="frames/s" value={rate(stats)} />
+        <Figure name="new-views" label="new views/s" value={rate(stats)} />
         <Figure
           name="motion-to-photon"
           label={latencyName(stats)}
@@ -220,8 +220,8 @@ function withUnit(value: number | null | undefined): string {
 }
 
 /** A still camera needs no frames: none a second is no fault then. */
-function rate({ framesPerSecond, settled, shown }: Stats): string {
-  return framesPerSecond === 0 && settled && shown > 0 ? "idle" : String(Math.round(framesPerSecond));
+function rate({ newViewsPerSecond, settled, shown }: Stats): string {
+  return newViewsPerSecond === 0 && settled && shown > 0 ? "idle" : String(Math.round(newViewsPerSecond));
 }
 
 /** While pictures are turned, it is not that of their pixels. */

@@ -64,7 +64,7 @@ interface HudProps {
 }
 
 function SideHud({ side, title, figures, children, note }: HudProps) {
-  const { motionToPhoton, framesPerSecond, bandwidth, stalls, picture } = figures;
+  const { motionToPhoton, newViewsPerSecond, bandwidth, stalls, picture } = figures;
   const rung = picture?.rung == null ? undefined : ladder.value[picture.rung];
   return (
     <section class="floating side-hud" aria-label={`Measurements: ${title}`} data-side={side}>
@@ -85,8 +85,8 @@ function SideHud({ side, title, figures, children, note }: HudProps) {
             {milliseconds(figures.contentAge)}
           </Row>
         )}
-        <Row name="fps" label="Frames/s">
-          {Math.round(framesPerSecond)}
+        <Row name="new-views" label="New views/s">
+          {Math.round(newViewsPerSecond)}
         </Row>
         <Row name="bandwidth" label="Bandwidth">
           {bitrate(bandwidth)}
