@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import time
 from collections.abc import Coroutine
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from starlette.applications import Starlette
 from starlette.requests import Request
@@ -16,6 +16,7 @@ from tigas_common.peers import ARRIVED, client_network
 from tigas_common.web import EXCEPTION_HANDLERS, NO_STORE, read_message
 from tigas_common.wire.render import RenderRequest
 from tigas_render.frame import Client, Frame, FrameSource
+from tigas_render.frame_response import FrameResponse, Lending
 from tigas_render.transport.http_viewers import HttpViewers
 from tigas_render.transport.request_rate import RequestRate
 
@@ -31,6 +32,7 @@ class HttpFrames:
     source: FrameSource
     viewers: HttpViewers
     rate: RequestRate
+    lending: Lending = field(default_factory=Lending)
 
 
 def frames_app(frames: HttpFrames) -> Starlette:
@@ -53,12 +55,11 @@ async def render(request: Request) -> Response:
     frame = await _unless_disconnected(request, answer)
     if frame is None:
         return Response(status_code=CLIENT_GONE)
-    timing, body = frame.timing, bytes(frame.body)
-    frame.release()
-    return Response(
-        body,
-        media_type=frame.content_type,
-        headers={
+    timing = frame.timing
+    return FrameResponse(
+        frame,
+        frames.lending,
+        {
             "Server-Timing": f"queue;dur={timing.queue}, render;dur={timing.render}, encode;dur={timing.encode}",
             "Tigas-Frame": _about(frame, frames.rate.told),
             **NO_STORE,

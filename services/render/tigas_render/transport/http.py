@@ -162,11 +162,11 @@ class HttpRequest:
         fields = [field for field in fields if field[0] not in HOP_BY_HOP]
         self.outlet.send_headers([(b":status", str(status).encode()), *fields])
 
-    async def _send_body(self, body: bytes, more: bool) -> None:
+    async def _send_body(self, body: bytes | memoryview, more: bool) -> None:
         self._last_sent = not more
         try:
             if self._scope["method"] != "HEAD":
-                await self.outlet.send_data(bytes(body))  # ASGI allows any buffer
+                await self.outlet.send_data(memoryview(body))
         except StreamClosed:
             self.outlet.abort(ErrorCode.H3_REQUEST_CANCELLED)
             self.cancelled()

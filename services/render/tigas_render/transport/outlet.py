@@ -90,15 +90,16 @@ class Outlet:
             self._writer.h3.send_headers(self.stream_id, headers)
             self._writer.transmit_soon()
 
-    async def send_data(self, data: bytes) -> None:
+    async def send_data(self, data: memoryview) -> None:
         """Send a part of an HTTP body; waits while the network or the client cannot keep up.
 
-        Raises StreamClosed if the client has cancelled, is gone, or has read nothing for too long.
+        data: to stay as it is until then. Raises StreamClosed if the client has cancelled, is gone, or has read nothing
+        for too long.
         """
         start = 0
         while start < len(data):
             stop = start + await self._room()
-            self._writer.h3.send_data(self.stream_id, data[start:stop], end_stream=False)
+            self._writer.h3.send_body(self.stream_id, data[start:stop])
             self._writer.transmit_soon()
             start = stop
 
