@@ -77,6 +77,10 @@ class FakeRasterizer(Rasterizer):
     frames_in_flight: int = 2
     formats: list[FrameFormat] = field(default_factory=list)
 
+    def image(self, width: int, height: int) -> FakeImage:
+        """What is rendered."""
+        return FakeImage(width, height, text=f"{width}x{height}")
+
     def prepare(self, gaussians: Gaussians) -> PreparedScene:
         if self.error is not None:
             raise self.error
@@ -98,7 +102,7 @@ class FakeRasterizer(Rasterizer):
         if self.error is not None:
             raise self.error
         size = (camera.intrinsics.width, camera.intrinsics.height)
-        self.images.append(FakeImage(*size, text="{}x{}".format(*size)))
+        self.images.append(self.image(*size))
         if depth:
             self.images[-1].depth = np.full((9, 16), 0.5, np.float32)
         return self.images[-1]

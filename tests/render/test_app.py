@@ -123,6 +123,12 @@ async def test_the_other_formats_and_pose(client: httpx.AsyncClient) -> None:
     assert len(raw.content) == 33 * 17 + 2 * 17 * 9
 
 
+async def test_a_video_is_refused_in_a_sentence(client: httpx.AsyncClient) -> None:
+    response = await client.post("/render", json=frame(format="h264", video={"bitrate_kbps": 1000}))
+    assert response.status_code == 400
+    assert "WebTransport" in response.json()["detail"]
+
+
 @pytest.mark.parametrize("format", ["jpeg", "png", "yuv420p"])
 async def test_a_stamp_is_drawn_when_it_is_asked_for(client: httpx.AsyncClient, format: str) -> None:
     async def shown(**changes: Any) -> int | None:

@@ -13,6 +13,7 @@ from typing import Protocol, Self
 
 from tigas_common.errors import DeadlineExceeded, DeviceLost, InvalidRequest, OutOfDeviceMemory, Overloaded, TigasError
 from tigas_common.wire.render import RenderRequest, Rung
+from tigas_render.encode.video_chains import VIDEO_ENCODERS, VideoChains
 from tigas_render.frame import Answered, Client, Frame, FrameSource, Withdraw
 from tigas_render.frame_size import FrameSize
 from tigas_render.mailbox import Mailbox
@@ -44,8 +45,11 @@ class Engine(FrameSource):
         metrics: EngineMetrics,
         clock: Callable[[], float],
         waiting_per_address: int = MAX_WAITING,
+        video_encoders: int = VIDEO_ENCODERS,
     ) -> None:
-        """ladder: for scenes without one of their own; waiting_per_address: how many requests of one may wait."""
+        """ladder: for scenes without one of their own; waiting_per_address: how many requests of one may wait;
+        video_encoders: how many clients' videos are encoded at a time.
+        """
         self._scenes = scenes
         self._ladder = ladder
         self._metrics = metrics
@@ -56,7 +60,8 @@ class Engine(FrameSource):
         """Those that wait for a scene."""
         self._answers: Mailbox[tuple[Work, Frame | Exception]] = Mailbox(self._deliver)
         self._queue = WorkQueue(rasterizer.frames_in_flight, ladder, clock, self._post, waiting_per_address)
-        self._threads = RenderThreads(rasterizer, self._queue, clock, self._post)
+        self.videos = VideoChains(video_encoders, clock)
+        self._threads = RenderThreads(rasterizer, self._queue, clock, self._post, self.videos)
 
     async def __aenter__(self) -> Self:
         await self._threads.start()
@@ -90,6 +95,10 @@ class Engine(FrameSource):
             self._post(work, error)
         return partial(self._withdraw, work)
 
+    def forget(self, client: Client) -> None:
+        """Free the encoder of a client's video."""
+        self.videos.forget(client)
+
     def state(self) -> tuple[float, float]:
         """How busy the renderer is, as `WorkQueue.state`."""
         return self._queue.state()
@@ -114,8 +123,6 @@ class Engine(FrameSource):
     def _begin(self, work: Work, scene: LoadedScene) -> None:
         """The scene is entered: queue the work. Raises InvalidRequest and Overloaded."""
         request = work.request
-        if request.format == "h264":
-            raise InvalidRequest("format: this server encodes no video.")
         work.scene, work.is_entered = scene, True
         work.ladder = ladder = scene.ladder or self._ladder
         if request.profile is not None and request.profile >= len(ladder):
@@ -145,6 +152,7 @@ class Engine(FrameSource):
             try:
                 work.check_deadline(self._clock())
             except DeadlineExceeded as error:
+                self._lost(work, result)
                 result = error
         elif isinstance(result, OutOfDeviceMemory) and self._may_try_again(work):
             # not before the error is gone, which holds what was allocated until then
@@ -169,6 +177,7 @@ class Engine(FrameSource):
             self.lose_device(result)
         answered, work.answered = work.answered, None
         if answered is None:
+            self._lost(work, result)
             return
         if work.is_entered:
             work.use.leave()
@@ -177,3 +186,8 @@ class Engine(FrameSource):
         elif isinstance(result, TigasError):
             self._metrics.count(result.type)
         answered(result)
+
+    def _lost(self, work: Work, result: Frame | Exception) -> None:
+        """Nobody gets what became of some work."""
+        if isinstance(result, Frame) and result.video is not None:
+            self.videos.lost(work.client, result.seq)

@@ -81,6 +81,9 @@ class FrameSource(ABC):
         Returns what withdraws the request: `answered` is not called any more then. Later it does nothing.
         """
 
+    def forget(self, client: Client) -> None:  # noqa: B027 - most keep nothing
+        """Keep nothing for a client who is gone, or did not get a frame of its video: the next one is a key frame."""
+
     async def submit(self, client: Client, request: RenderRequest, arrived: float) -> Frame:
         """The frame for a request, as `request`; raises why there is none. Cancel the call to withdraw it."""
         answer: asyncio.Future[Frame] = asyncio.get_running_loop().create_future()

@@ -12,6 +12,7 @@ from starlette.requests import Request
 from starlette.responses import Response
 from starlette.routing import Route
 
+from tigas_common.errors import InvalidRequest
 from tigas_common.peers import ARRIVED, client_network
 from tigas_common.web import EXCEPTION_HANDLERS, NO_STORE, read_message
 from tigas_common.wire.render import RenderRequest
@@ -50,6 +51,8 @@ async def render(request: Request) -> Response:
     frames.viewers.check(client.address)
     frames.rate.check(client)
     render_request = await read_message(request, RenderRequest)
+    if render_request.video is not None:
+        raise InvalidRequest("format: h264 needs a WebTransport session, as a video's frames refer to each other.")
     arrived = getattr(request.state, ARRIVED, began)
     answer = frames.source.submit(client, render_request, arrived)
     frame = await _unless_disconnected(request, answer)

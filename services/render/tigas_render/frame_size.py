@@ -4,11 +4,16 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Final
 
 from tigas_common.errors import InvalidRequest
 from tigas_common.wire.model import MAX_PIXELS, MAX_SIDE
 from tigas_common.wire.render import RenderRequest, Rung
 from tigas_render.raster.base import Camera
+
+MIN_VIDEO_SIDE: Final = 16
+MAX_VIDEO_PIXELS: Final = 36_864 * 256
+"""In a frame of H.264's level 5.2 (ITU-T H.264, table A-1)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,11 +33,17 @@ class FrameSize:
         width, height = request.width, request.height
         if request.profile is not None:
             width, height = ladder[request.profile].size_for(width, height)
+        if request.video is not None:  # whose chroma has half as many pixels on each side
+            width, height = max(MIN_VIDEO_SIDE, width - width % 2), max(MIN_VIDEO_SIDE, height - height % 2)
         size = cls(width, height, round(width * request.overscan), round(height * request.overscan))
         if request.overscan and (max(size.width, size.height) > MAX_SIDE or size.pixels > MAX_PIXELS):
             raise InvalidRequest(
                 f"overscan: the frame would have {size.width}×{size.height} pixels; at most {MAX_SIDE} on a side and "
                 f"{MAX_PIXELS} in all are rendered."
+            )
+        if request.video is not None and size.pixels > MAX_VIDEO_PIXELS:
+            raise InvalidRequest(
+                f"video: the frame would have {size.width}×{size.height} pixels; H.264 takes {MAX_VIDEO_PIXELS}."
             )
         return size
 

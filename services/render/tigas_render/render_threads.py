@@ -7,9 +7,10 @@ import logging
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 
-from tigas_common.errors import DeadlineExceeded, TigasError
+from tigas_common.errors import DeadlineExceeded, Superseded, TigasError
 from tigas_common.wire.render import FrameFormat, RenderRequest, ServerTiming
 from tigas_render.encode.depth_segment import with_depth
+from tigas_render.encode.video_chains import VideoChains
 from tigas_render.frame import Frame
 from tigas_render.raster.base import Image, Rasterizer
 from tigas_render.raster.host_image import HostImage
@@ -33,9 +34,11 @@ class RenderThreads:
         queue: WorkQueue,
         clock: Callable[[], float],
         answer: Callable[[Work, Frame | Exception], None],
+        videos: VideoChains,
     ) -> None:
         """answer: hears what became of work, on any thread."""
         self._rasterizer = rasterizer
+        self._videos = videos
         self._queue = queue
         self._clock = clock
         self._answer = answer
@@ -103,17 +106,24 @@ class RenderThreads:
 
     def _encode(self, work: Work, image: Image, rendering: float) -> None:
         request, size = work.request, work.size
+        body, video = None, None
         try:
             with image:
                 begun = self._clock()
                 late = _lateness(work, begun)
-                if work.is_over or late is not None:
-                    body = None
-                else:
+                if not work.is_over and late is None:
                     body = _stamped(image, work).encode(_picture(request), work.ladder[request.profile or 0].quality)
                     if image.depth is not None:
                         body = with_depth(body, image.depth)
-                encoding = self._clock() - begun
+            if body is not None and request.video is not None:
+                body, video = self._videos.encode(
+                    work.client, request.seq, request.video, size.width, size.height, body
+                )
+            encoding = self._clock() - begun
+        except Superseded as error:
+            self._queue.done(work)
+            self._answer(work, error)
+            return
         except Exception as error:
             self._failed("Encoding", work, error)
             return
@@ -126,7 +136,7 @@ class RenderThreads:
         timing = ServerTiming.trusted({"queue": _ms(waiting), "render": _ms(rendering), "encode": _ms(encoding)})
         frame = Frame(
             body, request.format, size.width, size.height, request.seq, request.profile, timing,
-            size.margin_x, size.margin_y,
+            size.margin_x, size.margin_y, video,
         )  # fmt: skip
         self._answer(work, frame)
 

@@ -68,6 +68,7 @@ class RenderService(FrameSource):
             self.metrics,
             time.monotonic,
             settings.waiting_per_address,
+            settings.video_encoders,
         )
         self.certificate: Certificate | None = None
         """What QUIC shows, once it is served."""
@@ -164,6 +165,10 @@ class RenderService(FrameSource):
 
         return self.engine.request(client, request, arrived, note)
 
+    def forget(self, client: Client) -> None:
+        """As `Engine.forget`."""
+        self.engine.forget(client)
+
     async def load(self, scene_id: str) -> None:
         """Load a scene and wait until it is loaded. Raises as `SceneRegistry.load` does."""
         with self._noticing_loss():
@@ -225,6 +230,7 @@ class RenderService(FrameSource):
         while True:
             await asyncio.sleep(HOUSEKEEPING_S)
             try:
+                self.engine.videos.forget_idle()
                 self.registry.evict_idle(time.monotonic())
             except Exception:  # it is tried again the next time
                 logger.exception("Housekeeping failed")

@@ -14,6 +14,7 @@ from tigas_common.settings import Listen, ListenOrOff, ServiceSettings
 from tigas_common.topology import PAGE, PAGE_HTTPS, WEBTRANSPORT
 from tigas_common.wire.render import DEFAULT_LADDER, LadderName, Rung
 from tigas_render.cache import cache_directory
+from tigas_render.encode.video_chains import VIDEO_ENCODERS
 from tigas_render.scenes.ladder import MAX_RUNGS
 from tigas_render.transport.limits import Limits
 
@@ -69,6 +70,8 @@ class RenderSettings(ServiceSettings):
     """What clients may ask of HTTP/3 and WebTransport, each, by address, and together."""
     waiting_per_address: int = Field(default=128, ge=1)
     """Requests of one address that may wait for the renderer; further ones are refused."""
+    video_encoders: int = Field(default=VIDEO_ENCODERS, ge=1, le=4096)
+    """Viewers whose videos each device encodes at a time; beyond, whoever has not asked for the longest begins anew."""
     memory_gb: float = Field(default=8.0, gt=0, le=100_000)
     """Memory limit for loaded scenes on each device, in gigabytes (10⁹ bytes)."""
     idle_minutes: float = Field(default=15.0, gt=0, le=525_600)

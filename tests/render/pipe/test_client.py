@@ -28,7 +28,7 @@ from tigas_common.errors import (
     TigasError,
     UnknownScene,
 )
-from tigas_common.wire.render import VideoInfo, VideoRequest
+from tigas_common.wire.render import RenderRequest, VideoInfo, VideoRequest
 from tigas_render.frame import Client, Frame
 from tigas_render.pipe import client as client_module
 from tigas_render.pipe import messages
@@ -150,6 +150,44 @@ async def test_a_frame_that_was_on_its_way_when_it_was_withdrawn_leaves_no_trace
     edge._link._transport.resume_reading()
     await until(lambda: link.arena.used == 0)
     assert answers == []
+
+
+def video_request(seq: int) -> RenderRequest:
+    return render_request(seq=seq, format="h264", video=VideoRequest(bitrate_kbps=1000))
+
+
+async def test_a_video_ends_with_its_session_and_may_begin_again(edge: PipeClient, frames: FakeFrames) -> None:
+    await edge.submit(VIEWER, video_request(1), 0.0)
+    edge.forget(VIEWER)
+    edge.forget(VIEWER)
+    edge.forget(Client("192.0.2.2", "unheard of"))
+    await edge.submit(VIEWER, video_request(2), 0.0)
+    assert frames.forgotten == [frames.requests[0][0]] == [frames.requests[1][0]]
+
+
+async def test_videos_end_with_their_edge(engine: Engine, frames: FakeFrames) -> None:
+    async with engine.running(), Edge(engine.path).connected() as edge:
+        await edge.submit(VIEWER, video_request(1), 0.0)
+    assert frames.forgotten == [frames.requests[0][0]]
+
+
+async def test_a_video_begins_anew_after_a_frame_that_was_withdrawn_on_its_way(
+    edge: PipeClient, server: PipeServer, frames: FakeFrames
+) -> None:
+    frames.held = True
+    withdraws = [edge.request(VIEWER, request, 0.0, lambda _: None) for request in (render_request(), video_request(5))]
+    await frames.until(lambda: len(frames.requests) == 2)
+    assert edge._link is not None
+    assert edge._link._transport is not None
+    edge._link._transport.pause_reading()
+    for seq in (0, 5):
+        frames.release(seq)
+    (link,) = server.edges
+    await until(lambda: not link.running)
+    for withdraw in withdraws:
+        withdraw()
+    await frames.until(lambda: frames.forgotten)
+    assert frames.forgotten == [frames.requests[1][0]]
 
 
 async def test_a_thousand_requests_at_once_get_each_its_own_answer(

@@ -25,6 +25,7 @@ from tigas_common.errors import (
     TigasError,
     UnknownScene,
 )
+from tigas_common.wire.render import VideoRequest
 from tigas_render.frame import Client
 from tigas_render.pipe import engines as engines_module
 from tigas_render.pipe.engines import WARMING, Engines
@@ -77,6 +78,23 @@ async def engines(devices: list[Device]) -> AsyncIterator[Engines]:
 async def ask(engines: Engines, scene: str = "courtyard", viewer: Client = VIEWERS[0]) -> None:
     frame = await engines.submit(viewer, render_request(scene=scene), time.monotonic())
     frame.release()
+
+
+async def film(engines: Engines) -> None:
+    request = render_request(scene="courtyard", format="h264", video=VideoRequest(bitrate_kbps=1000))
+    (await engines.submit(VIEWERS[0], request, time.monotonic())).release()
+
+
+async def test_a_video_that_moves_leaves_no_encoder_behind(devices: list[Device], engines: Engines) -> None:
+    await film(engines)
+    one, other = first(devices)
+    one.frames.error = NoRoom("It is full.")
+    await film(engines)
+    await one.frames.until(lambda: one.frames.forgotten)
+    assert other.frames.requests[-1][1].video is not None
+    engines.forget(VIEWERS[0])
+    await other.frames.until(lambda: other.frames.forgotten)
+    assert len(one.frames.forgotten) == len(other.frames.forgotten) == 1
 
 
 def first(devices: list[Device], scene: str = "courtyard") -> tuple[Device, Device]:

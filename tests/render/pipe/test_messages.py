@@ -16,7 +16,7 @@ from tests.render.fakes import render_request
 from tigas_common import errors
 from tigas_common.errors import Overloaded, TigasError
 from tigas_common.wire.model import MAX_SIDE
-from tigas_common.wire.render import RenderRequest, ServerTiming
+from tigas_common.wire.render import RenderRequest, ServerTiming, VideoInfo
 from tigas_render.frame import Client, Frame
 from tigas_render.pipe import messages
 from tigas_render.pipe.framing import PREFIX, BadMessage, Kind
@@ -26,6 +26,9 @@ angles = st.floats(-1e6, 1e6)
 points = st.tuples(coordinates, coordinates, coordinates)
 quaternions = st.tuples(coordinates, coordinates, coordinates, coordinates).filter(any)
 formats = st.sampled_from(("jpeg", "png", "yuv420p"))
+videos = st.builds(
+    VideoInfo, key=st.booleans(), after=st.none() | st.integers(0, 2**32 - 1), codec=st.just("avc1.42c01f")
+)
 euler = st.fixed_dictionaries(
     {"azimuth": angles, "elevation": angles, "translation": points}, optional={"roll": st.none() | angles}
 )
@@ -94,6 +97,7 @@ def test_every_field_of_a_request_has_its_place() -> None:
     format=formats,
     sides=st.tuples(*[st.integers(0, MAX_SIDE)] * 4),
     times=st.tuples(*[st.floats(0, 1e6)] * 3),
+    video=st.none() | videos,
 )
 def test_a_frame_comes_out_as_it_went_in(
     is_inline: bool,
@@ -104,9 +108,11 @@ def test_a_frame_comes_out_as_it_went_in(
     format: Any,
     sides: tuple[int, int, int, int],
     times: tuple[float, float, float],
+    video: VideoInfo | None,
 ) -> None:
     timing = ServerTiming(queue=times[0], render=times[1], encode=times[2])
-    frame = Frame(body, format, sides[0], sides[1], seq, profile, timing, sides[2], sides[3])
+    form: Any = format if video is None else "h264"
+    frame = Frame(body, form, sides[0], sides[1], seq, profile, timing, sides[2], sides[3], video)
     packed = messages.pack_frame(id, frame, None if is_inline else 4096)
     found = messages.unpack_frame(content(packed, Kind.INLINE if is_inline else Kind.FRAME), is_inline=is_inline)
     assert (found.id, found.offset, found.length) == (id, 0 if is_inline else 4096, len(body))

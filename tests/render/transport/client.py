@@ -281,6 +281,7 @@ class FakeFrames(FrameSource):
         self.requests: list[tuple[FrameClient, RenderRequest]] = []
         self.arrivals: list[float] = []
         self.cancelled: list[int] = []
+        self.forgotten: list[FrameClient] = []
         self._gates: dict[int, asyncio.Future[None]] = {}
         self._tasks: set[asyncio.Task[None]] = set()
         self._news = asyncio.Event()
@@ -293,6 +294,10 @@ class FakeFrames(FrameSource):
         self._tasks.add(task)
         task.add_done_callback(self._tasks.discard)
         return lambda: None if task.done() else self._cancel(task, request.seq)
+
+    def forget(self, client: FrameClient) -> None:
+        self.forgotten.append(client)
+        self._news.set()
 
     async def _answer(self, request: RenderRequest, answered: Answered) -> None:
         if self.held is True or (self.held and request.seq in self.held):

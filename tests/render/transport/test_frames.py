@@ -16,7 +16,7 @@ import pytest
 
 from tests.render.transport.client import CERTIFICATE, Client, FakeFrames, connect, request_body, split_frame
 from tigas_common.errors import UnknownScene
-from tigas_common.wire.render import RenderRequest
+from tigas_common.wire.render import RenderRequest, VideoInfo
 from tigas_render.frame import Answered, Frame, Withdraw
 from tigas_render.frame import Client as FrameClient
 from tigas_render.transport.frames import render_session
@@ -221,6 +221,56 @@ async def test_a_frame_cancelled_while_it_is_being_sent_makes_room_for_the_next(
         response = await client.response(stream)
         assert response.reset is not None
         assert len(response.body) < 3_000_000
+
+
+VIDEO = {"format": "h264", "video": {"bitrate_kbps": 1000}}
+
+
+async def test_a_frame_of_a_video_says_what_it_refers_to() -> None:
+    source = FakeFrames(b"access unit")
+    source.video = VideoInfo(key=False, after=6, codec="avc1.42c01f")
+    async with served(source) as (_, client, session):
+        header, body = await client.frame(session, request_body(seq=7, **VIDEO))
+    assert (header["content_type"], body) == ("video/h264", b"access unit")
+    assert header["video"] == {"key": False, "after": 6, "codec": "avc1.42c01f"}
+
+
+@pytest.mark.parametrize("size", [3_000_000, 30_000], ids=["partly sent", "with QUIC"])
+async def test_a_video_begins_anew_after_a_frame_that_its_viewer_does_not_read(size: int) -> None:
+    source = FakeFrames(bytes(size))
+    async with served(source) as (_, client, session):
+        stream = client.open_stream(session, request_body(seq=1, **VIDEO))
+        await client.until(lambda: len(client.responses[stream].body) > 1_000)
+        client.stop(stream)
+        await source.until(lambda: source.forgotten)
+    assert source.forgotten[0] == source.requests[0][0]
+
+
+async def test_only_the_end_of_its_session_ends_a_video_whose_frames_are_read() -> None:
+    source = FakeFrames()
+    async with served(source) as (_, client, session):
+        source.held = {1}
+        still = client.open_stream(session, request_body(seq=1))
+        await source.until(lambda: source.requests)
+        client.stop(still)
+        await source.until(lambda: source.cancelled)
+        for seq in (2, 3):
+            await client.frame(session, request_body(seq=seq, **VIDEO))
+        assert source.forgotten == []
+        client.close()
+        await source.until(lambda: source.forgotten)
+    assert source.forgotten == [source.requests[0][0]]
+
+
+async def test_a_video_by_datagram_is_refused_in_a_sentence() -> None:
+    source = FakeFrames()
+    async with served(source) as (_, client, session):
+        client.send_datagram(session, request_body(seq=4, **VIDEO))
+        await client.until(partial(arrived, client, 4))
+        header, problem = split_frame(arrived(client, 4) or b"")
+    assert header["status"] == 400
+    assert "needs a stream" in json.loads(problem)["detail"]
+    assert source.requests == []
 
 
 async def test_streams_beyond_the_limit_are_told_so() -> None:

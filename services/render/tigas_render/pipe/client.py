@@ -91,6 +91,10 @@ class PipeClient(FrameSource):
             return no_engine(answered)
         return self._link.request(client, request, arrived, answered)
 
+    def forget(self, client: Client) -> None:
+        if self._link is not None:
+            self._link.forget(client)
+
     def tell(self, stats: bytes) -> None:
         """Tell the engine what this edge has measured, as JSON; lost while the engine is gone."""
         if self._link is not None:
@@ -168,6 +172,12 @@ class EngineLink(Link):
         self.send(messages.pack_request(id, self._session(client), arrived, time.monotonic(), request))
         self._waiting[id] = answered
         return partial(self._withdraw, id)
+
+    def forget(self, client: Client) -> None:
+        """As `FrameSource.forget`."""
+        number = self._sessions.pop(client, None)
+        if number is not None:
+            self.send(messages.pack_number(Kind.BYE, number))
 
     def received(self, kind: int, content: bytes) -> None:
         match kind:

@@ -69,6 +69,8 @@ class Engines(FrameSource):
         self._placement = Placement(clock)
         self._sharings: dict[str, Sharing] = {}
         """By scene, where anybody asks for it."""
+        self._videos: dict[Client, Engine] = {}
+        """Who encodes each client's video."""
         self._engines: dict[str, Engine] = {}
         for name, path in sockets.items():
             self._engines[name] = Engine(name, PipeClient(path, edge, self._hears(name)))
@@ -112,6 +114,16 @@ class Engines(FrameSource):
         asked = _Asked(self, client, request, arrived, answered)
         asked.begin(engine)
         return asked.withdraw
+
+    def forget(self, client: Client) -> None:
+        if (engine := self._videos.pop(client, None)) is not None:
+            engine.pipe.forget(client)
+
+    def encodes(self, engine: Engine, client: Client) -> None:
+        """An engine is asked for the next frame of a client's video: no other one knows how to go on with it."""
+        if self._videos.get(client) is not engine:
+            self.forget(client)
+            self._videos[client] = engine
 
     # -- who is asked ------------------------------------------------------------------------------------------------
 
@@ -165,7 +177,7 @@ class Engines(FrameSource):
             if isinstance(answer, Frame):
                 answer.release()
 
-        patient = request.model_copy(update={"deadline_ms": None})
+        patient = request.model_copy(update={"deadline_ms": None, "format": "jpeg", "video": None})
         engine.pipe.request(WARMING, patient, self._clock(), answered)
 
     # -- what becomes of it ------------------------------------------------------------------------------------------
@@ -234,6 +246,8 @@ class _Asked:
 
     def begin(self, engine: Engine) -> None:
         self._engine = engine
+        if self._request.video is not None:
+            self._engines.encodes(engine, self._client)
         self._withdraw = engine.pipe.request(self._client, self._request, self._arrived, self._take)
 
     def withdraw(self) -> None:

@@ -26,6 +26,8 @@ ARENA_BYTES: Final = 256 * 1024 * 1024
 """Room for an edge's frames; memory is used only as far as it is needed at a time."""
 MOST_QUEUED: Final = 4 * 1024 * 1024
 """Bytes that may wait in a socket with a frame that finds no room in the arena; beyond, the frame is refused."""
+MOST_ON_THEIR_WAY: Final = 1024
+"""Frames of videos that the edge may withdraw although they were sent to it; it does so within milliseconds."""
 MOST_SESSIONS: Final = 65_536
 """That an edge may have introduced at a time."""
 STATE_S: Final = 0.1
@@ -123,6 +125,8 @@ class EdgeLink(Link):
         self._sessions: dict[int, Client] = {}
         self.running: dict[int, Withdraw] = {}
         """By the edge's number for the request."""
+        self._videos: dict[int, Client] = {}
+        """Whose videos' the latest frames are that the edge was sent, by the same number."""
         self._handlers: dict[int, Callable[[bytes], None]] = {
             Kind.OPEN: self._open,
             Kind.HELLO: self._hello,
@@ -144,6 +148,8 @@ class EdgeLink(Link):
         running, self.running = self.running, {}
         for withdraw in running.values():
             withdraw()
+        for client in self._sessions.values():
+            self._server.source.forget(client)
         self.arena.close()
 
     def received(self, kind: int, content: bytes) -> None:
@@ -163,8 +169,10 @@ class EdgeLink(Link):
         self._sessions[number] = Client(client.address, f"{self._connection} {client.session}")
 
     def _bye(self, content: bytes) -> None:
-        if self._sessions.pop(messages.unpack_number(content), None) is None:
+        client = self._sessions.pop(messages.unpack_number(content), None)
+        if client is None:
             raise BadMessage("A session ended that was not introduced.")
+        self._server.source.forget(client)
 
     def _request(self, content: bytes) -> None:
         asked = messages.unpack_request(content)
@@ -173,13 +181,16 @@ class EdgeLink(Link):
             raise BadMessage("A request has no session, or the number of one that runs.")
         self._server.longest_in_pipe_s = max(self._server.longest_in_pipe_s, time.monotonic() - asked.sent)
         self.running[asked.id] = self._server.source.request(
-            client, asked.request, asked.arrived, partial(self._answered, asked.id)
+            client, asked.request, asked.arrived, partial(self._answered, asked.id, client)
         )
 
     def _withdraw(self, content: bytes) -> None:
-        withdraw = self.running.pop(messages.unpack_number(content), None)
-        if withdraw is not None:  # its answer may be on its way
+        number = messages.unpack_number(content)
+        withdraw = self.running.pop(number, None)
+        if withdraw is not None:
             withdraw()
+        elif (client := self._videos.pop(number, None)) is not None:  # its answer is on its way, to nobody
+            self._server.source.forget(client)
 
     def _release(self, content: bytes) -> None:
         try:
@@ -191,18 +202,24 @@ class EdgeLink(Link):
         assert self._edge is not None
         self._server.stats(self._edge, content)
 
-    def _answered(self, id: int, answer: Frame | Exception) -> None:
+    def _answered(self, id: int, client: Client, answer: Frame | Exception) -> None:
         del self.running[id]
         if isinstance(answer, Frame):
-            self.send(self._packed(id, answer))
+            self.send(self._packed(id, client, answer))
             answer.release()
             return
         if not isinstance(answer, TigasError):
             logger.error("A render request failed", exc_info=answer)
         self.send(messages.pack_failure(id, answer))
 
-    def _packed(self, id: int, frame: Frame) -> bytes:
+    def _packed(self, id: int, client: Client, frame: Frame) -> bytes:
         offset = self.arena.write(frame.body)
+        if frame.video is not None:
+            self._videos[id] = client
+            if len(self._videos) > MOST_ON_THEIR_WAY:
+                del self._videos[next(iter(self._videos))]
         if offset is None and self.unsent + len(frame.body) > MOST_QUEUED:
+            if frame.video is not None:
+                self._server.source.forget(client)
             return messages.pack_failure(id, Overloaded("There is no room for the frame; ask less often."))
         return messages.pack_frame(id, frame, offset)

@@ -9,7 +9,7 @@ import struct
 import time
 from functools import partial
 
-from tigas_common.errors import Overloaded, TigasError, problem
+from tigas_common.errors import InvalidRequest, Overloaded, TigasError, problem
 from tigas_common.parsing import parse
 from tigas_common.wire.render import FrameHeader, RenderRequest
 from tigas_render.frame import Answered, Client, Frame, FrameSource, Withdraw
@@ -42,12 +42,20 @@ class RenderSession:
         self._sender = DatagramSender(datagrams)
         self._running: dict[int, Withdraw] = {}
         """What withdraws requests that came by datagram, by their numbers."""
+        self._has_video = False
 
     def closed(self) -> None:
         """The session is over: what was asked for by datagram is no longer wanted."""
+        self.stopped()
         for withdraw in self._running.values():
             withdraw()
         self._running.clear()
+
+    def stopped(self) -> None:
+        """The client does not get all of an answer."""
+        if self._has_video:
+            self._has_video = False
+            self._source.forget(self._client)
 
     # -- streams -----------------------------------------------------------------------------------------------------
 
@@ -65,7 +73,7 @@ class RenderSession:
             else:
                 answer(self.failure(result, body))
 
-        return self._ask(body, arrived, answered)
+        return self._ask(body, arrived, answered, is_ordered=True)
 
     def failure(self, error: Exception, body: bytes) -> Parts:
         """The answer to a request that failed; `body` is what came of it."""
@@ -98,12 +106,23 @@ class RenderSession:
         else:
             self._sender.send_problem(_seq(body), _failure(result, body, self._rate.told))
 
-    def _ask(self, body: bytes, arrived: float, answered: Answered) -> Withdraw:
+    def _ask(self, body: bytes, arrived: float, answered: Answered, *, is_ordered: bool = False) -> Withdraw:
+        """is_ordered: whether no part of the answer gets lost."""
         try:
-            return self._source.request(self._client, parse(RenderRequest, body), arrived, answered)
+            request = parse(RenderRequest, body)
+            if request.video is not None:
+                self._has_video = _check_is_ordered(is_ordered)
+            return self._source.request(self._client, request, arrived, answered)
         except Exception as error:
             answered(error)
             return _nothing
+
+
+def _check_is_ordered(is_ordered: bool) -> bool:
+    """Raises InvalidRequest for a video by datagram."""
+    if not is_ordered:
+        raise InvalidRequest("format: h264 needs a stream, as a video's frames refer to each other.")
+    return True
 
 
 def _nothing() -> None:

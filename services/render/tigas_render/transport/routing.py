@@ -177,8 +177,11 @@ class Router:
         """The client reads no more of a stream, or has reset its side."""
         if (stream := self._streams.get(stream_id)) is not None:
             stream.cancelled()
-        else:
+        elif stream_id in self._sessions:
             self._close_session(stream_id)
+        else:  # its answer is with QUIC already; whose it was is not known any more
+            for session in self._sessions.values():
+                session.handler.stopped()
 
     # -- what is not finished ----------------------------------------------------------------------------------------
 

@@ -45,6 +45,9 @@ class SessionHandler(Protocol):
     def datagram(self, data: bytes, arrived: float) -> None:
         """Take a datagram that arrived at a time of the monotonic clock."""
 
+    def stopped(self) -> None:
+        """The client does not get all of an answer that was given: it reads no more of it, or too slowly."""
+
     def closed(self) -> None:
         """The session is over, and its streams are cancelled."""
 
@@ -83,6 +86,7 @@ class WebTransportStream:
         self._overload = overload
         self._body = b""
         self._is_read = False
+        self._is_answered = False
         self._withdraw: Withdraw | None = None
         self._timeout: asyncio.TimerHandle | None = None
         self._ended: Callable[[], None] | None = None
@@ -120,6 +124,8 @@ class WebTransportStream:
         self._read()
         if self._withdraw is not None:
             self._withdraw()
+        elif self._is_answered:
+            self.session.handler.stopped()
         self._end()
 
     def _read(self) -> None:
@@ -133,10 +139,12 @@ class WebTransportStream:
         self._answer(self.session.handler.failure(error, self._body))
 
     def _answer(self, parts: Parts) -> None:
-        self._withdraw = None
+        self._withdraw, self._is_answered = None, True
         self.outlet.finish(parts, self._end)
 
     def _end(self) -> None:
         ended, self._ended = self._ended, None
+        if ended is not None and self._is_answered and self.outlet.is_open:  # it was not all handed over
+            self.session.handler.stopped()
         if ended is not None:
             ended()

@@ -1,0 +1,115 @@
+"""Each viewer's video: a chain of frames of which each refers to the one before it. Safe on any thread.
+
+This is the one thing that the service keeps about a viewer, and it may go at any time, at the price of a key frame.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections import OrderedDict
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Final
+
+from tigas_common.errors import Superseded
+from tigas_common.wire.render import VideoInfo, VideoRequest
+from tigas_render.encode.h264 import H264Encoder
+from tigas_render.frame import Client
+
+VIDEO_ENCODERS: Final = 64
+"""That there are at a time, unless told otherwise."""
+IDLE_S: Final = 10.0
+"""A viewer who has asked for nothing for so long gets a new chain, in seconds."""
+
+
+@dataclass(slots=True, eq=False)
+class VideoChain:
+    """One viewer's; `lock` is held while a frame of it is encoded."""
+
+    used_at: float
+    lock: threading.Lock = field(default_factory=threading.Lock)
+    encoder: H264Encoder | None = None
+    last: int | None = None
+    """The number of the frame that the next one can refer to."""
+    began: int = 0
+    """The number of the last key frame."""
+    is_broken: bool = False
+    """Whether the next frame is to be a key frame, as the viewer does not get the last one."""
+
+    def encode(self, seq: int, video: VideoRequest, width: int, height: int, planes: bytes) -> tuple[bytes, VideoInfo]:
+        """As `VideoChains.encode`; with the lock held."""
+        if self.last is not None and seq < self.last and not video.key:
+            raise Superseded("A newer view of this client has been encoded already.")
+        bits = 1000 * video.bitrate_kbps / video.frames_per_s
+        encoder = self.encoder
+        if encoder is None or not encoder.fits(width, height, bits):
+            self.encoder = None
+            encoder = H264Encoder(width, height, bits)
+            self.last = None
+        key = self.last is None or video.key or self.is_broken
+        if key:
+            self.began, self.is_broken = seq, False
+        self.encoder = None  # unless it gives a frame, it is not to be trusted
+        body, codec = encoder.encode(planes, bits, key=key)
+        self.encoder = encoder
+        after, self.last = None if key else self.last, seq
+        return body, VideoInfo(key=key, after=after, codec=codec)
+
+
+class VideoChains:
+    """All that one engine has."""
+
+    def __init__(self, most: int, clock: Callable[[], float]) -> None:
+        """most: encoders; beyond, whoever has not asked for the longest goes."""
+        self._most = most
+        self._clock = clock
+        self._chains: OrderedDict[Client, VideoChain] = OrderedDict()
+        """By who asked last."""
+        self._lock = threading.Lock()
+
+    def __len__(self) -> int:
+        return len(self._chains)
+
+    def encode(
+        self, client: Client, seq: int, video: VideoRequest, width: int, height: int, planes: bytes
+    ) -> tuple[bytes, VideoInfo]:
+        """The next frame of a viewer's video, from planes as `encode_yuv420p` gives them, and its place in it.
+
+        Waits for the one before it. Raises Superseded if a later one has been encoded, and EncodingFailed.
+        """
+        chain = self._chain(client)
+        with chain.lock:
+            return chain.encode(seq, video, width, height, planes)
+
+    def lost(self, client: Client, seq: int) -> None:
+        """A frame that was encoded does not reach its viewer: none may refer to it. Waits for nothing."""
+        with self._lock:
+            chain = self._chains.get(client)
+            if chain is not None and seq >= chain.began:
+                chain.is_broken = True
+
+    def forget(self, client: Client) -> None:
+        """Begin anew if this viewer comes back."""
+        with self._lock:
+            self._chains.pop(client, None)
+
+    def forget_idle(self) -> None:
+        """Forget those who have not asked for long."""
+        with self._lock:
+            while self._chains:
+                client, chain = next(iter(self._chains.items()))
+                if self._clock() - chain.used_at < IDLE_S:
+                    return
+                del self._chains[client]
+
+    def _chain(self, client: Client) -> VideoChain:
+        self.forget_idle()
+        with self._lock:
+            chain = self._chains.get(client)
+            if chain is None:
+                while len(self._chains) >= self._most:
+                    self._chains.popitem(last=False)
+                chain = self._chains[client] = VideoChain(self._clock())
+            self._chains.move_to_end(client)
+            chain.used_at = self._clock()
+            return chain
