@@ -19,7 +19,11 @@ export interface Figures {
   readonly contentAge: number | null;
   /** Bits a second that came in during the last seconds. */
   readonly bandwidth: number;
+  /** All bytes that came in so far. */
+  readonly bytes: number;
   readonly stalls: Stalls;
+  /** All new views shown so far. */
+  readonly newViews: number;
   /** All frames shown so far. */
   readonly shown: number;
   /** The frame on the screen. */
@@ -32,7 +36,9 @@ export const NO_FIGURES: Figures = {
   turned: false,
   contentAge: null,
   bandwidth: 0,
+  bytes: 0,
   stalls: { count: 0, time: 0 },
+  newViews: 0,
   shown: 0,
   picture: null,
 };
@@ -49,12 +55,14 @@ export class Meter {
   readonly #side: Side;
   readonly #latency = new MotionToPhoton();
   readonly #stalls = new StallDetector();
-  readonly #newViews = new TimeWindow(RATE_SPAN);
+  readonly #views = new TimeWindow(RATE_SPAN);
   readonly #bytes = new TimeWindow(BANDWIDTH_SPAN);
   readonly #motionToPhoton = new TimeWindow(LATENCY_SPAN);
   readonly #poses = new PoseTimes();
   readonly #ages = new TimeWindow(LATENCY_SPAN);
   readonly #listener: (frame: PresentedFrame) => void;
+  #received = 0;
+  #newViews = 0;
   #shown = 0;
   #last: PresentedFrame | undefined;
 
@@ -77,6 +85,7 @@ export class Meter {
   /** Bytes of pictures came in. */
   received(bytes: number, at: number): void {
     this.#bytes.add(bytes, at);
+    this.#received += bytes;
   }
 
   /** A frame is on the screen, or, unless `fresh`, one that was there is turned to another view. */
@@ -88,7 +97,8 @@ export class Meter {
     // A stream repeats its last frame when no new view came in time: the picture stands still then as it does without frames.
     if (frame.pose !== this.#last?.pose) {
       this.#stalls.presented(frame.at);
-      this.#newViews.add(1, frame.at);
+      this.#views.add(1, frame.at);
+      this.#newViews++;
     }
     if (fresh) this.#shown++;
     this.#last = { ...frame, side: this.#side, latencies };
@@ -105,12 +115,14 @@ export class Meter {
     const p95 = this.#motionToPhoton.percentile(0.95, now);
     const bytes = this.#bytes.values(now).reduce((sum, value) => sum + value, 0);
     return {
-      newViewsPerSecond: this.#newViews.rate(now),
+      newViewsPerSecond: this.#views.rate(now),
       motionToPhoton: p50 === null || p95 === null ? null : { p50, p95 },
       turned: this.#last?.view !== undefined,
       contentAge: this.#ages.percentile(0.5, now),
       bandwidth: (bytes * 8000) / BANDWIDTH_SPAN,
+      bytes: this.#received,
       stalls: this.#stalls.stalls,
+      newViews: this.#newViews,
       shown: this.#shown,
       picture: this.#last ?? null,
     };

@@ -1,21 +1,21 @@
-/** Both sides over the last minute: how late, how much, how steady and how sharp. Drawn by uPlot, loaded on demand. */
+/** Both sides over the last walk and the last minute: how late, how much, how steady and how sharp. Drawn by uPlot, loaded on demand. */
 
 import { useSignal } from "@preact/signals";
 import { Fragment } from "preact";
 import { useEffect } from "preact/hooks";
 import { ComparisonHistory, SIDES } from "../../charts/history";
+import { WalkRecorder } from "../../charts/walk";
 import { settings } from "../../state/app";
 import { STATS_EVERY } from "../../view/meter";
-import type { Side } from "../../view/presented";
 import type { ViewerSession } from "../../viewer/session";
 import { DistributionChart } from "../chart/distribution-chart";
 import { LiveChart } from "../chart/live-chart";
 import type { Quantity } from "../chart/live-plot";
-
-const NAMES: Readonly<Record<Side, string>> = { stateless: "Stateless", dash: "DASH" };
+import { LastWalk } from "./last-walk";
+import { SIDE_NAMES } from "./names";
 
 const of = (unit: string, stepped: boolean): readonly Quantity[] =>
-  SIDES.map((side) => ({ label: NAMES[side], unit, axis: "left", tone: side, stepped }));
+  SIDES.map((side) => ({ label: SIDE_NAMES[side], unit, axis: "left", tone: side, stepped }));
 const CHARTS = [
   { name: "Bandwidth", quantities: of("Mbit/s", false), columns: "bandwidth" },
   { name: "New views", quantities: of("/s", false), columns: "newViews" },
@@ -24,10 +24,14 @@ const CHARTS = [
 ] as const;
 
 export function ComparisonPanel({ session }: { session: ViewerSession }) {
-  const history = useHistory(session);
+  const records = useRecords(session);
+  if (records === null) return null;
+  const { history, walks } = records;
+  const { mode } = settings.value;
   return (
-    history && (
-      <div class="comparison" data-mode={settings.value.mode}>
+    <>
+      {mode === "side-by-side" && <LastWalk walk={walks.last.value} />}
+      <div class="comparison" data-mode={mode}>
         <h4>Motion to photon</h4>
         <DistributionChart name="Motion to photon" columns={history.latency} />
         {CHARTS.map(({ name, quantities, columns }) => (
@@ -37,23 +41,37 @@ export function ComparisonPanel({ session }: { session: ViewerSession }) {
           </Fragment>
         ))}
       </div>
-    )
+    </>
   );
 }
 
-function useHistory(session: ViewerSession): ComparisonHistory | null {
-  const current = useSignal<ComparisonHistory | null>(null);
+interface Records {
+  readonly history: ComparisonHistory;
+  readonly walks: WalkRecorder;
+}
+
+function useRecords(session: ViewerSession): Records | null {
+  const current = useSignal<Records | null>(null);
   useEffect(() => {
     const history = new ComparisonHistory();
-    current.value = history;
-    const stop = session.onPresented((frame) => history.presented(frame));
+    const walks = new WalkRecorder();
+    current.value = { history, walks };
+    const stops = [
+      session.rig.onSample(({ seq }, at) => walks.sampled(seq, at)),
+      session.onPresented((frame) => {
+        history.presented(frame);
+        walks.presented(frame);
+      }),
+    ];
     const timer = setInterval(() => {
       const stateless = settings.peek().mode === "dash" ? null : session.stateless.stats.peek();
-      history.sample({ stateless, dash: session.dash.peek()?.stats.peek() ?? null }, performance.now());
+      const figures = { stateless, dash: session.dash.peek()?.stats.peek() ?? null };
+      history.sample(figures, performance.now());
+      walks.sample(figures, performance.now());
     }, STATS_EVERY);
     return () => {
       clearInterval(timer);
-      stop();
+      for (const stop of stops) stop();
     };
   }, [session, current]);
   return current.value;

@@ -1,12 +1,15 @@
 /** Names of things that several parts of the page show. */
 import type { Mode } from "../../state/settings";
 import type { TransportChoice } from "../../transport/connect";
+import type { Side } from "../../view/presented";
 
 export const MODE_NAMES: Readonly<Record<Mode, string>> = {
   stateless: "Stateless",
   dash: "DASH",
   "side-by-side": "Side by side",
 };
+
+export const SIDE_NAMES: Readonly<Record<Side, string>> = { stateless: MODE_NAMES.stateless, dash: MODE_NAMES.dash };
 
 export const TRANSPORT_NAMES: Readonly<Record<TransportChoice, string>> = {
   auto: "Automatic",

@@ -1,0 +1,62 @@
+import { expect, test } from "vitest";
+import { NO_FIGURES } from "../view/meter";
+import { WalkRecorder } from "./walk";
+
+/** Walks from `from` to `to` and is looked at for two seconds more; the stateless side shows 40 new views a second, and DASH 20. */
+function walk(recorder: WalkRecorder, from: number, to: number): void {
+  for (let now = from; now <= to + 2250; now += 250) {
+    const moved = Math.min(now, to);
+    recorder.sampled(moved, moved);
+    recorder.presented({ side: "stateless", latencies: [20, 40] });
+    recorder.presented({ side: "dash", latencies: [700] });
+    const figures = { ...NO_FIGURES, newViews: moved * 0.04, bytes: now * 1000 };
+    // Later, and what it sends while the camera stands still is not the walk's.
+    const newViews = Math.max(from, now - 1000) * 0.02;
+    const dash = { ...figures, newViews, bytes: now * 250, stalls: { count: 1, time: moved / 10 } };
+    recorder.sample({ stateless: figures, dash }, now);
+  }
+}
+
+function recorder(): WalkRecorder {
+  const one = new WalkRecorder();
+  one.sampled(0, 0);
+  return one;
+}
+
+test("a walk is what happened while the camera moved, and stays", () => {
+  const one = recorder();
+  walk(one, 1000, 11_000);
+  const seen = one.last.value;
+  expect(seen).toEqual({
+    duration: 10_000,
+    sides: {
+      stateless: { latency: { p50: 20, p95: 40 }, newViewsPerSecond: 40, bandwidth: 8_000_000, stalled: 0 },
+      dash: { latency: { p50: 700, p95: 700 }, newViewsPerSecond: 22, bandwidth: 2_000_000, stalled: 1000 },
+    },
+  });
+  walk(one, 20_000, 21_000); // too short to tell anything
+  expect(one.last.value).toBe(seen);
+  walk(one, 30_000, 34_000);
+  expect(one.last.value?.duration).toBe(4000);
+});
+
+test("while the camera moves there is none, nor where nobody walked", () => {
+  const one = recorder();
+  for (let now = 250; now <= 20_000; now += 250) one.sample({ stateless: NO_FIGURES, dash: null }, now);
+  expect(one.last.value).toBeNull();
+  for (let now = 20_250; now <= 40_000; now += 250) {
+    one.sampled(now, now);
+    one.sample({ stateless: NO_FIGURES, dash: null }, now);
+  }
+  expect(one.last.value).toBeNull();
+});
+
+test("a side that showed nothing has no figures", () => {
+  const one = recorder();
+  for (let now = 250; now <= 8000; now += 250) {
+    one.sampled(Math.min(now, 5000), Math.min(now, 5000));
+    one.presented({ side: "stateless", latencies: [20] });
+    one.sample({ stateless: NO_FIGURES, dash: null }, now);
+  }
+  expect(one.last.value?.sides).toMatchObject({ stateless: { latency: { p50: 20 } }, dash: null });
+});
