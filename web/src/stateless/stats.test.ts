@@ -2,7 +2,7 @@ import { expect, test } from "vitest";
 import type { FrameReply } from "../transport/transport";
 import { StatsRecorder } from "./stats";
 
-function reply(sentAt: number, lastByteAt: number): FrameReply {
+function reply(sentAt: number, lastByteAt: number, render = 2, profile: number | null = 2): FrameReply {
   return {
     header: {
       status: 200,
@@ -10,8 +10,8 @@ function reply(sentAt: number, lastByteAt: number): FrameReply {
       content_type: "image/jpeg",
       width: 640,
       height: 360,
-      profile: 2,
-      timing: { queue: 1, render: 2, encode: 3 },
+      profile,
+      timing: { queue: 1, render, encode: 3 },
     },
     image: new Blob(["12345"]),
     arrival: { sentAt, firstByteAt: lastByteAt - 10, lastByteAt, bytes: 100, sharedBytes: 10_000 },
@@ -24,6 +24,7 @@ test("shows what the frames said", () => {
   expect(subject.snapshot(510)).toEqual({
     roundTrip: 40,
     server: { queue: 1, render: 2, encode: 3 },
+    serverBound: false,
     frame: { bytes: 5, width: 640, height: 360, profile: 2 },
     throughput: 8_000_000,
   });
@@ -35,6 +36,23 @@ test("the last frame stays known while nothing moves", () => {
   expect(subject.snapshot(60_000).frame?.width).toBe(640);
 });
 
+test.each([
+  ["a renderer that takes most of the time", 120, 90, 2, true],
+  ["a slow link", 400, 90, 2, false],
+  ["a renderer that is quick enough for anybody", 40, 30, 2, false],
+  ["refined frames, which take their time", 120, 90, null, false],
+])("%s: is the server the limit?", (_, response, render, profile, bound) => {
+  const subject = new StatsRecorder();
+  for (let i = 0; i < 10; i++) subject.replied(reply(i * 50, i * 50 + response, render, profile), i * 50 + response);
+  expect(subject.snapshot(900).serverBound).toBe(bound);
+});
+
 test("before the first frame everything is empty", () => {
-  expect(new StatsRecorder().snapshot(0)).toEqual({ frame: null, server: null, throughput: null, roundTrip: null });
+  expect(new StatsRecorder().snapshot(0)).toEqual({
+    frame: null,
+    server: null,
+    serverBound: false,
+    throughput: null,
+    roundTrip: null,
+  });
 });

@@ -12,6 +12,8 @@ export interface ReplyStats {
   readonly roundTrip: number | null;
   /** Where the server's time went for the last frame, in milliseconds. */
   readonly server: ServerTiming | null;
+  /** Most of the time until a frame of a moving camera is there goes by at the server, whatever the link. */
+  readonly serverBound: boolean;
   /** Bits per second. */
   readonly throughput: number | null;
   readonly frame: {
@@ -40,6 +42,7 @@ export const NO_STATS: Stats = {
   ...NO_FIGURES,
   roundTrip: null,
   server: null,
+  serverBound: false,
   throughput: null,
   frame: null,
   transport: null,
@@ -53,15 +56,26 @@ export const NO_STATS: Stats = {
 
 /** How far back the HUD looks, in milliseconds. */
 const SPAN = 5000;
+/** The server limits a viewer if frames spend longer than this in it (ms), and a larger share of the response time. */
+const BOUND_AFTER = 50;
+const BOUND_SHARE = 0.6;
 
 export class StatsRecorder {
   readonly throughput = new ThroughputEstimator();
   readonly #roundTrip = new TimeWindow(SPAN);
+  /** Of frames of a moving camera; refined ones have no rung, and take their time. */
+  readonly #moving = { response: new TimeWindow(SPAN), server: new TimeWindow(SPAN) };
   #last: FrameReply | undefined;
 
   replied(reply: FrameReply, now: number): void {
     this.throughput.observe(reply.arrival);
-    this.#roundTrip.add(reply.arrival.lastByteAt - reply.arrival.sentAt, now);
+    const response = reply.arrival.lastByteAt - reply.arrival.sentAt;
+    this.#roundTrip.add(response, now);
+    const { timing, profile } = reply.header;
+    if (timing != null && profile != null) {
+      this.#moving.response.add(response, now);
+      this.#moving.server.add(timing.queue + timing.render + timing.encode, now);
+    }
     this.#last = reply;
   }
 
@@ -70,6 +84,7 @@ export class StatsRecorder {
     return {
       roundTrip: this.#roundTrip.percentile(0.5, now),
       server: header?.timing ?? null,
+      serverBound: this.#serverBound(now),
       throughput: this.throughput.bitsPerSecond,
       frame:
         (this.#last && {
@@ -80,5 +95,10 @@ export class StatsRecorder {
         }) ||
         null,
     };
+  }
+
+  #serverBound(now: number): boolean {
+    const server = this.#moving.server.percentile(0.5, now) ?? 0;
+    return server > BOUND_AFTER && server > BOUND_SHARE * (this.#moving.response.percentile(0.5, now) ?? 0);
   }
 }

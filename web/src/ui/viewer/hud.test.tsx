@@ -123,6 +123,11 @@ test("a fallback says why it is one", () => {
   expect(stat(show({ transport: "fetch" }), "fallback")).toBe(" – QUIC did not answer in time");
 });
 
+test("a server that is the limit is named", () => {
+  expect(stat(show(), "server-note")).toBeUndefined();
+  expect(stat(show({ serverBound: true }), "server-note")).toContain("The server is the limit");
+});
+
 test("a server that has fallen silent is named while it is", async () => {
   const hud = show();
   expect(stat(hud, "silence")).toBeUndefined();

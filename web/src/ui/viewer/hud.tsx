@@ -80,6 +80,7 @@ export function Hud({ session, wide, linkNote }: HudProps) {
           {linkNote}
         </p>
       )}
+      <ServerNote stats={stats} />
       <EnhancementNote status={enhancement} />
       <ReprojectionNote status={session.reprojector.status.value} />
     </section>
@@ -93,6 +94,17 @@ export function EnhancementNote({ status }: { status: EnhancementStatus }) {
     note && (
       <p class="hud-note" role="status" data-stat="enhancement-note">
         {note}
+      </p>
+    )
+  );
+}
+
+/** Frames would not come sooner over any other link. */
+export function ServerNote({ stats }: { stats: Stats }) {
+  return (
+    stats.serverBound && (
+      <p class="hud-note" role="status" data-stat="server-note">
+        The server is the limit, not the link: most of the response time is spent there.
       </p>
     )
   );

@@ -7,7 +7,15 @@ import type { Figures } from "../../view/meter";
 import type { Side } from "../../view/presented";
 import type { ViewerSession } from "../../viewer/session";
 import { bitrate } from "../format";
-import { EnhancementNote, EnhancementRow, latencyName, ReprojectionNote, ReprojectionRow, Row } from "./hud";
+import {
+  EnhancementNote,
+  EnhancementRow,
+  latencyName,
+  ReprojectionNote,
+  ReprojectionRow,
+  Row,
+  ServerNote,
+} from "./hud";
 
 const NONE = "–";
 
@@ -24,6 +32,7 @@ export function SideFigures({ session, mode }: { session: ViewerSession; mode: M
             figures={session.stateless.stats.value}
             note={
               <>
+                <ServerNote stats={session.stateless.stats.value} />
                 <EnhancementNote status={session.enhancement.status.value} />
                 <ReprojectionNote status={session.reprojector.status.value} />
               </>
