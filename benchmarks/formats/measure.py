@@ -5,14 +5,14 @@ from __future__ import annotations
 import dataclasses
 import json
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
 from benchmarks.formats.browser import decode_times
 from benchmarks.formats.codecs import TODAY, Codec, Picture, codecs, decoded
 from benchmarks.views import View, centred_lens, look
-from tigas_common.wire.render import DEFAULT_LADDER
+from tigas_common.wire.render import DEFAULT_LADDER, Rung
 from tigas_experiments.quality.picture import compare
 from tigas_render.gaussians import Gaussians
 from tigas_render.raster.base import Camera
@@ -68,16 +68,21 @@ class Measured:
         return cls(found["scene"], samples, [Decoding(**each) for each in found["decoding"]])
 
 
-def measure(name: str, gaussians: Gaussians, view: View, told: Callable[[str], None]) -> Measured:
-    """All sizes of the ladder, each against its own render before any compression."""
+def rendered(gaussians: Gaussians, view: View) -> Iterator[tuple[Rung, Picture]]:
+    """What the service would encode at each rung of the ladder."""
     rasterizer = CpuRasterizer()
     scene = rasterizer.prepare(gaussians)
-    samples, bodies, wanted = list[Sample](), list[tuple[str, int, str, bytes]](), 0.0
     for rung in DEFAULT_LADDER:
-        told(f"{name} {rung.width}×{rung.height}")
         camera = Camera(look(view), centred_lens(rung.width, rung.height), display_scale=DISPLAY / rung.width)
         with rasterizer.render(scene, camera) as image:
-            pixels = image.to_host().copy()
+            yield rung, image.to_host().copy()
+
+
+def measure(name: str, gaussians: Gaussians, view: View, told: Callable[[str], None]) -> Measured:
+    """All sizes of the ladder, each against its own render before any compression."""
+    samples, bodies, wanted = list[Sample](), list[tuple[str, int, str, bytes]](), 0.0
+    for rung, pixels in rendered(gaussians, view):
+        told(f"{name} {rung.width}×{rung.height}")
         for codec in codecs():
             curve = [_sample(codec, quality, pixels) for quality in codec.qualities]
             samples += [sample for sample, _ in curve]

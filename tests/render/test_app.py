@@ -281,6 +281,7 @@ async def test_the_page_learns_its_ladder_and_urls(client: httpx.AsyncClient) ->
     assert [rung["height"] for rung in config["ladder"]] == [720, 540, 360, 180]
     assert config["services"] == {"near": "http://localhost:99", "far": "https://example.org/"}
     assert config["device"] == "cpu"
+    assert config["formats"] == ["jpeg", "webp"]
     assert config["webtransport_url"] is None  # this application is not served over QUIC
     assert (await client.get("/healthz")).json() == {"status": "ok"}
 

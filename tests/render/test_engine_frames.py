@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import io
+from functools import partial
+
 import pytest
+from PIL import Image
 
 from tests.render.engine_bench import Bench
 from tigas_common.errors import InvalidRequest
@@ -64,6 +68,18 @@ async def test_a_jpeg_carries_its_depth_when_it_is_asked_for(bench: Bench) -> No
     assert body.endswith(bytes(plain.body))
     stamped = await bench.submit("a", profile=3, depth=True, stamp=7)
     assert b"tigas:depth" in stamped.body
+
+
+async def test_a_webp_is_one_and_carries_its_depth_when_it_is_asked_for(bench: Bench) -> None:
+    bench.rasterizer.gate.set()
+    asked = partial(bench.submit, "a", profile=3, format="webp")
+    plain, deep = await asked(), await asked(depth=True)
+    assert (plain.content_type, deep.content_type) == ("image/webp", "image/webp")
+    assert Image.open(io.BytesIO(plain.body)).format == "WEBP"
+    assert Image.open(io.BytesIO(plain.body)).size == (320, 180)
+    assert b"TDEP" not in bytes(plain.body)
+    assert b"TDEP" in bytes(deep.body)
+    assert Image.open(io.BytesIO((await asked(stamp=7)).body)).size == (320, 180)
 
 
 @pytest.mark.parametrize("format", ["png", "yuv420p"])

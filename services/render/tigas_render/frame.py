@@ -15,6 +15,7 @@ CONTENT_TYPES: dict[AnswerFormat, str] = {
     "png": "image/png",
     "yuv420p": "video/x-raw; format=I420",
     "h264": "video/h264",
+    "webp": "image/webp",
 }
 
 

@@ -11,6 +11,7 @@ from tigas_common.errors import DeadlineExceeded, Superseded, TigasError
 from tigas_common.wire.render import FrameFormat, RenderRequest, ServerTiming
 from tigas_render.encode.depth_segment import with_depth
 from tigas_render.encode.video_chains import VideoChains
+from tigas_render.encode.webp import encode_webp
 from tigas_render.frame import Frame
 from tigas_render.raster.base import Image, Rasterizer
 from tigas_render.raster.host_image import HostImage
@@ -112,7 +113,7 @@ class RenderThreads:
                 begun = self._clock()
                 late = _lateness(work, begun)
                 if not work.is_over and late is None:
-                    body = _stamped(image, work).encode(_picture(request), work.ladder[request.profile or 0].quality)
+                    body = _encoded(_stamped(image, work), request, work.ladder[request.profile or 0].quality)
                     if image.depth is not None:
                         body = with_depth(body, image.depth)
             if body is not None and request.video is not None:
@@ -164,11 +165,24 @@ def _lateness(work: Work, now: float) -> DeadlineExceeded | None:
 
 def _picture(request: RenderRequest) -> FrameFormat:
     """What an image is taken from the rasteriser as."""
-    return "yuv420p" if request.format == "h264" else request.format
+    match request.format:
+        case "h264":
+            return "yuv420p"
+        case "webp":
+            return "png"  # whose pixels are the host's
+        case format:
+            return format
+
+
+def _encoded(image: Image, request: RenderRequest, quality: int) -> bytes:
+    """The picture's file; rasterisers know nothing of WebP."""
+    if request.format == "webp":
+        return encode_webp(image.to_host(), quality)
+    return image.encode(_picture(request), quality)
 
 
 def _has_depth(request: RenderRequest) -> bool:
-    return request.depth and request.format == "jpeg"
+    return request.depth and request.format in ("jpeg", "webp")
 
 
 def _stamped(image: Image, work: Work) -> Image:

@@ -17,7 +17,7 @@ from tigas_common.hosts import is_loopback
 from tigas_common.origins import OriginPolicy
 from tigas_common.topology import fitted
 from tigas_common.wire.cluster import HostLoad
-from tigas_common.wire.render import RenderRequest, SceneInfo, ServerConfig, Training
+from tigas_common.wire.render import RenderRequest, SceneInfo, ServerConfig, StillFormat, Training
 from tigas_render.downloads.cache import DownloadCache
 from tigas_render.downloads.readers import Readers
 from tigas_render.edge_loads import EdgeLoads
@@ -51,6 +51,7 @@ class RenderService(FrameSource):
         self.settings = settings
         self.device = rasterizer.device
         self._hardware = rasterizer.hardware
+        self._formats: tuple[StillFormat, ...] = ("jpeg", "webp") if rasterizer.makes_webp else ("jpeg",)
         self._commit = this_commit()
         self.metrics = EngineMetrics()
         self.registry = SceneRegistry(
@@ -133,6 +134,7 @@ class RenderService(FrameSource):
             version=version("tigas"),
             commit=self._commit,
             device=self._hardware,
+            formats=self._formats,
             ladder=self.settings.default_ladder,
             certificate_sha256=self.certificate.sha256 if quic_port and self.certificate else None,
             webtransport_url=f"https://{bracketed(quic_host)}:{quic_port}/render" if quic_port else None,

@@ -1,4 +1,4 @@
-"""A JPEG carries its depth where no other decoder minds, in few bytes, near enough to the truth."""
+"""A JPEG or WebP carries its depth where no other decoder minds, in few bytes, near enough to the truth."""
 
 from __future__ import annotations
 
@@ -13,8 +13,10 @@ from PIL import Image
 from tests.render.encode.pictures import gradient
 from tigas_render.encode.depth_segment import IDENTIFIER, with_depth
 from tigas_render.encode.jpeg import encode_jpeg
+from tigas_render.encode.webp import encode_webp
 
 JPEG = encode_jpeg(gradient(64, 36), 80)
+WEBPS = [encode_webp(gradient(64, 36), quality) for quality in (20, 50, 80)]
 
 
 def room(width: int = 184, height: int = 104) -> NDArray[np.float32]:
@@ -37,6 +39,20 @@ def read(jpeg: bytes) -> tuple[float, NDArray[np.uint8]]:
 def test_the_picture_is_the_same_to_every_other_reader() -> None:
     both = [np.asarray(Image.open(io.BytesIO(jpeg))) for jpeg in (JPEG, with_depth(JPEG, room()))]
     assert (both[0] == both[1]).all()
+
+
+@pytest.mark.parametrize("webp", WEBPS)
+def test_a_webp_has_the_same_depth_as_a_jpeg_in_a_chunk_of_its_own(webp: bytes) -> None:
+    deep = with_depth(webp, room())
+    both = [np.asarray(Image.open(io.BytesIO(each))) for each in (webp, deep)]
+    assert (both[0] == both[1]).all()
+    assert struct.unpack("<I", deep[4:8])[0] == len(deep) - 8
+    name, length = struct.unpack("<4sI", deep[len(webp) : len(webp) + 8])
+    content = deep[len(webp) + 8 :][:length]
+    assert (name, len(deep)) == (b"TDEP", len(webp) + 8 + length + length % 2)
+    nearest, codes = read(with_depth(JPEG, room()))
+    assert struct.unpack(">f", content[:4])[0] == pytest.approx(nearest)
+    assert (np.asarray(Image.open(io.BytesIO(content[4:])).convert("L")) == codes).all()
 
 
 def test_depth_comes_back_nearly_as_it_was_in_few_bytes() -> None:

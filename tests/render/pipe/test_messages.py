@@ -25,7 +25,7 @@ coordinates = st.floats(-1e9, 1e9)
 angles = st.floats(-1e6, 1e6)
 points = st.tuples(coordinates, coordinates, coordinates)
 quaternions = st.tuples(coordinates, coordinates, coordinates, coordinates).filter(any)
-formats = st.sampled_from(("jpeg", "png", "yuv420p"))
+formats = st.sampled_from(("jpeg", "png", "yuv420p", "webp"))
 videos = st.builds(
     VideoInfo, key=st.booleans(), after=st.none() | st.integers(0, 2**32 - 1), codec=st.just("avc1.42c01f")
 )

@@ -33,7 +33,7 @@ export interface RenderRequest {
   display_scale?: number;
   overscan?: number;
   depth?: boolean;
-  format?: "jpeg" | "png" | "yuv420p" | "h264";
+  format?: "jpeg" | "png" | "yuv420p" | "h264" | "webp";
   video?: VideoRequest | null;
   deadline_ms?: number | null;
   stamp?: number | null;
@@ -170,6 +170,7 @@ export interface ServerConfig {
   retry_after_s?: number | null;
   host?: string | null;
   render_url?: string | null;
+  formats?: ("jpeg" | "webp")[];
 }
 /**
  * How far the training of a scene's networks is.

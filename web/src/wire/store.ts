@@ -307,7 +307,7 @@ export interface RenderRequest {
   display_scale?: number;
   overscan?: number;
   depth?: boolean;
-  format?: "jpeg" | "png" | "yuv420p" | "h264";
+  format?: "jpeg" | "png" | "yuv420p" | "h264" | "webp";
   video?: VideoRequest | null;
   deadline_ms?: number | null;
   stamp?: number | null;

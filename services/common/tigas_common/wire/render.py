@@ -12,9 +12,11 @@ from tigas_common.pose import Intrinsics, Pose
 from tigas_common.wire.model import MAX_PIXELS, MAX_SIDE, Angle, Entries, Point, Quaternion, Unit, WireModel
 
 FrameFormat = Literal["jpeg", "png", "yuv420p"]
-"""Of a picture by itself."""
-AnswerFormat = Literal[FrameFormat, "h264"]
-"""Of a picture by itself, or of one that may refer to the one before it."""
+"""What every rasteriser encodes."""
+AnswerFormat = Literal[FrameFormat, "h264", "webp"]
+"""Of a picture by itself, or, of `h264`, one that may refer to the one before it."""
+StillFormat = Literal["jpeg", "webp"]
+"""Of what a viewer sees in the stateless mode."""
 DownloadForm = Literal["ply", "compressed"]
 LadderName = Literal["scene", "paper"]
 """What profiles count in: each scene's own ladder, where it has one, or the paper's for all."""
@@ -101,7 +103,7 @@ class RenderRequest(WireModel):
     """How much more the frame shows at each side, as a share of the viewport's width (left, right) and height (top,
     bottom), at the same pixels per angle."""
     depth: bool = False
-    """Whether a JPEG is to carry a coarse depth of the view; other formats never do."""
+    """Whether a JPEG or WebP is to carry a coarse depth of the view; other formats never do."""
     format: AnswerFormat = "jpeg"
     video: VideoRequest | None = None
     """Needed for the format `h264`, and allowed for no other."""
@@ -310,3 +312,5 @@ class ServerConfig(WireModel):
     """In a cluster, the name of the host that serves the scene which was asked about; null: there is only this one."""
     render_url: str | None = None
     """Base URL for `POST /render`; null: the page's own origin."""
+    formats: Entries[StillFormat] = ("jpeg",)
+    """What to ask for pictures as. Others are answered, too, but cost this server more than they are worth."""

@@ -108,6 +108,9 @@ class Rasterizer(ABC):
     frames_in_flight: int = 2
     """Images at a time that keep it busy: one is encoded while the next is rendered, or several on several streams."""
 
+    makes_webp: bool = False
+    """Whether frames are offered as WebP, too: it is encoded on the host, so only where JPEG is."""
+
     @property
     def hardware(self) -> str:
         """What it renders with: `cpu`, or the graphics processor's name."""

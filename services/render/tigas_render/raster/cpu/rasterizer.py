@@ -62,6 +62,7 @@ class CpuRasterizer(Rasterizer):
     """Renders on all the cores that Numba may use (NUMBA_NUM_THREADS). Render from one thread at a time."""
 
     device = "cpu"
+    makes_webp = True
     frames_in_flight = 3  # one is rendered and one encoded, whatever another client's large picture takes
 
     def __init__(self) -> None:
