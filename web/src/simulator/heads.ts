@@ -105,7 +105,7 @@ export async function visit(options: HeadOptions): Promise<Visit> {
       if (moving()) replies.aside += bytes;
     },
   });
-  const decode = (image: Blob): Promise<DecodedImage> =>
+  const decode = ({ image }: FrameReply): Promise<DecodedImage> =>
     new Promise((resolve) =>
       events.at(now() + endpoints.decode(transport.rungOf(image)), () => {
         events.settle();

@@ -46,7 +46,7 @@ export async function simulate(options: SimulationOptions): Promise<Figures> {
   const tally = new Tally(ladder);
   const pictures = ladder.map(seenOfRung);
   const meter = new Meter("stateless", (frame) => tally.presented(frame));
-  const decode = (image: Blob): Promise<DecodedImage> =>
+  const decode = ({ image }: FrameReply): Promise<DecodedImage> =>
     new Promise((resolve) =>
       events.at(now() + endpoints.decode(transport.rungOf(image)), () => {
         events.settle();

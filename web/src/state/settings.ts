@@ -6,13 +6,16 @@ import { OFF } from "../enhance/model/enhancer";
 import { enhancersOf } from "../enhance/registry";
 import { PREDICTOR_NAMES } from "../predict/registry";
 
-export const MODES = ["stateless", "dash", "side-by-side"] as const;
+export const MODES = ["stateless", "video", "dash", "side-by-side"] as const;
 export type Mode = (typeof MODES)[number];
+
+/** Whether a DASH stream is shown. */
+export const isStreamed = (mode: Mode): mode is "dash" | "side-by-side" => mode === "dash" || mode === "side-by-side";
 
 const Settings = v.object({
   theme: v.fallback(v.picklist(["system", "light", "dark"]), "system"),
   transport: v.fallback(v.picklist(["auto", "webtransport-streams", "webtransport-datagrams", "fetch"]), "auto"),
-  /** What shows the scene: one JPEG per pose, a DASH stream, or both. */
+  /** What shows the scene: one JPEG per pose, one frame of a video per pose, a DASH stream, or the first beside the last. */
   mode: v.fallback(v.picklist(MODES), "stateless"),
   dashPreset: v.fallback(v.picklist(PRESETS), "tuned"),
   /** Frames a second; null: the preset's own. */

@@ -71,6 +71,9 @@ export interface PipelineCounts {
   readonly dropped: number;
 }
 
+/** The picture of a frame. Rejects with the signal's reason if nobody wants it any more. */
+export type Decode = (reply: FrameReply, signal: AbortSignal) => Promise<DecodedImage>;
+
 interface Entry {
   readonly version: number;
   readonly request: Mutable<SentRequest>;
@@ -91,7 +94,7 @@ const TOO_OFTEN = "tigas:asked-too-often";
 
 export class FramePipeline {
   readonly #transport: FrameTransport;
-  readonly #decode: (image: Blob, signal: AbortSignal) => Promise<DecodedImage>;
+  readonly #decode: Decode;
   readonly #now: () => number;
   readonly #events: PipelineEvents;
   readonly #clock = new FrameClock();
@@ -109,7 +112,7 @@ export class FramePipeline {
 
   constructor(
     transport: FrameTransport,
-    decode: (image: Blob, signal: AbortSignal) => Promise<DecodedImage>,
+    decode: Decode,
     now: () => number,
     events: PipelineEvents,
   ) {
@@ -148,7 +151,7 @@ export class FramePipeline {
     this.#pace.sent(this.#now());
     try {
       const reply = await this.#transport.request({ ...request, seq: this.#seq++ }, abort.signal);
-      return { ...reply, ...(await this.#decode(reply.image, abort.signal)) };
+      return { ...reply, ...(await this.#decode(reply, abort.signal)) };
     } finally {
       this.#asides.delete(abort);
     }
@@ -216,7 +219,7 @@ export class FramePipeline {
       if (!abort.signal.aborted) request.fate = "overtaken";
       this.#pace.told(reply.header.requests_per_s ?? null);
       this.#events.replied(reply, view, pose);
-      const decoded = await this.#decode(reply.image, abort.signal);
+      const decoded = await this.#decode(reply, abort.signal);
       if (request.asked !== null) this.#observe(reply, alone);
       const { header, image } = reply;
       const askedAt = request.at;

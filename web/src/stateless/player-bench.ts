@@ -7,7 +7,10 @@ import { Overlay } from "../enhance/overlay";
 import type { PredictorName } from "../predict/registry";
 import { FakeWarp } from "../reproject/fake-warp";
 import { Reprojector } from "../reproject/reprojector";
+import type { VideoStep } from "../abr/video-ladder";
 import { FakeTransport, settle } from "../transport/fake";
+import { FakeDecoder } from "../video/fake-decoder";
+import { VideoFrames } from "../video/video-frames";
 import { NO_NUDGE } from "../view/motion";
 import type { PresentedFrame } from "../view/presented";
 import { Rig } from "../view/rig";
@@ -32,6 +35,12 @@ export class PlayerBench {
   depth = true;
   surround = false;
   size = SIZE;
+  videoSteps: readonly VideoStep[] | null = null;
+  readonly videoDecoder = new FakeDecoder();
+  readonly video = new VideoFrames(
+    () => this.videoDecoder,
+    () => this.now,
+  );
   /** What went to the canvas for frames as they come. */
   readonly drawn: unknown[] = [];
   readonly replies: Reply[] = [];
@@ -65,6 +74,8 @@ export class PlayerBench {
       decoder: {
         decode: async () => ({ bitmap: { ...SIZE, close: () => undefined } as ImageBitmap, depth: null }),
       },
+      video: this.video,
+      videoSteps: () => this.videoSteps,
       controller: () => ({ decide: () => this.profile, observe: (heard) => this.observed(heard) }),
       refine: () => this.refine,
       pixelRatio: () => 2,

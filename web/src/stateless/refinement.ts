@@ -55,7 +55,7 @@ export class Refinement {
   /** Once per animation frame: what to ask for instead of `view` at its rung; null for that itself. */
   next(view: PosedRequest, circumstances: Circumstances): PosedRequest | null {
     const { now, settled, pixelRatio } = circumstances;
-    const { profile: _, overscan: __, depth: ___, ...plain } = view;
+    const { profile: _, overscan: __, depth: ___, format: ____, video: _____, ...plain } = view; // a picture by itself
     if (this.#still?.pixelRatio !== pixelRatio || !sameView(plain, this.#still.view)) {
       this.#still = { view: plain, pixelRatio, since: now };
       this.#step = this.#shown = null;

@@ -18,10 +18,11 @@ export class Rest<Request extends ViewRequest> {
   }
 }
 
-/** Whether a request is for the same view as another, with a rung that is no better and margins that are no wider. */
+/** Whether a request is for the same view as another, with a rung and a bit rate that are no better and margins that are no wider. */
 function isLess(view: ViewRequest, than: ViewRequest): boolean {
-  const { profile, overscan = 0, ...rest } = view;
-  const { profile: best, overscan: widest = 0, ...same } = than;
+  const { profile, overscan = 0, video, ...rest } = view;
+  const { profile: best, overscan: widest = 0, video: clearest, ...same } = than;
   if (profile == null || best == null || profile < best || overscan > widest) return false;
+  if ((video?.bitrate_kbps ?? 0) > (clearest?.bitrate_kbps ?? 0)) return false;
   return sameView(rest as ViewRequest, same as ViewRequest);
 }

@@ -5,8 +5,18 @@ import { FixedController } from "../abr/fixed";
 import { firstOffered, offering } from "../abr/offered";
 import { seeded } from "../abr/random";
 import { CONTROLLERS } from "../abr/registry";
+import { stepOfRung, type VideoStep, videoLadder } from "../abr/video-ladder";
 import { ladder, settings } from "../state/app";
 import type { Rung } from "../wire/render";
+
+const content = computed(() => JSON.stringify(ladder.value)); // the configuration is read again and again
+const rungs = computed((): Rung[] => JSON.parse(content.value));
+const video = computed(() => settings.value.mode === "video");
+
+/** What the controller chooses from in the mode `video`; null in the others, where it is the server's ladder. */
+export const videoSteps: ReadonlySignal<readonly VideoStep[] | null> = computed(() =>
+  video.value ? videoLadder(rungs.value) : null,
+);
 
 /**
  * Made anew only when the choice, the rungs that it may choose from or the seed changes: a controller learns as it goes. Its
@@ -17,17 +27,19 @@ export function selectedController(
   seed: ReadonlySignal<number>,
   pixels: ReadonlySignal<number>,
 ): ReadonlySignal<Controller> {
-  const content = computed(() => JSON.stringify(ladder.value)); // the configuration is read again and again
-  const rungs = computed((): Rung[] => JSON.parse(content.value));
-  const first = computed(() => firstOffered(rungs.value, pixels.value));
+  const choices = computed(() => videoSteps.value ?? rungs.value);
+  const first = computed(() => firstOffered(choices.value, pixels.value));
   const name = computed(() => settings.value.controller);
   const chosen = computed(() => settings.value.profile);
   return computed(() => {
-    if (name.value !== "fixed" && rungs.value.length > 0) {
-      const context = { ladder: rungs.value, random: seeded(seed.value) };
+    if (name.value !== "fixed" && choices.value.length > 0) {
+      const context = { ladder: choices.value, random: seeded(seed.value) };
       return offering(CONTROLLERS[name.value].create, context, first.value);
     }
     // The chosen rung, or the last if the ladder is shorter.
-    return new FixedController(Math.min(chosen.value, Math.max(0, rungs.value.length - 1)));
+    const rung = Math.min(chosen.value, Math.max(0, rungs.value.length - 1));
+    const steps = videoSteps.value;
+    const size = rungs.value[rung];
+    return new FixedController(steps && size ? stepOfRung(steps, size) : rung);
   });
 }

@@ -1,22 +1,28 @@
-/** The stateless mode: wants the view of the rig's pose, one request per pose, and shows what has come. */
+/**
+ * The modes that ask for each view by itself: wants the view of the rig's pose, one request per pose, and shows what has come. In the mode
+ * `stateless` each answer is a picture by itself, in the mode `video` the next frame of a video.
+ */
 
 import { signal } from "@preact/signals";
 import type { Controller, Observation, Way } from "../abr/controller";
+import type { VideoStep } from "../abr/video-ladder";
 import type { Display, Enhanced } from "../enhance/display";
 import { Foresight } from "../predict/foresight";
 import type { PredictorName } from "../predict/registry";
 import type { Reprojector } from "../reproject/reprojector";
 import type { Connected } from "../transport/connect";
+import type { FrameReply } from "../transport/transport";
+import type { VideoFrames } from "../video/video-frames";
 import { Meter, STATS_EVERY } from "../view/meter";
 import type { PresentedFrame } from "../view/presented";
 import type { Rig } from "../view/rig";
 import { TimeWindow } from "../view/window";
 import type { Rung, SceneInfo } from "../wire/render";
 import type { Decoder } from "./decoder";
-import { type DecodedFrame, FramePipeline, type SentRequest } from "./pipeline";
+import { type DecodedFrame, FramePipeline, type SentRequest, type ViewRequest } from "./pipeline";
 import { type PosedRequest, Refinement } from "./refinement";
 import { Rest } from "./rest";
-import { NO_STATS, type Stats, StatsRecorder } from "./stats";
+import { NO_STATS, type Stats, StatsRecorder, type VideoStats } from "./stats";
 import { SurroundFeed } from "./surround-feed";
 import { type Pictured, pictured, Turning } from "./turning";
 
@@ -50,6 +56,9 @@ export interface StatelessPlayerOptions {
   readonly ladder: () => readonly Rung[];
   readonly rig: Rig;
   readonly decoder: Pick<Decoder, "decode">;
+  readonly video: VideoFrames;
+  /** What the controller's choice counts in while frames are to come as a video; null in the mode `stateless`. */
+  readonly videoSteps: () => readonly VideoStep[] | null;
   readonly controller: () => Controller;
   /** Whether to ask for the view with all of the screen's pixels once it stands still. */
   readonly refine: () => boolean;
@@ -73,6 +82,10 @@ export interface StatelessPlayerOptions {
 
 /** How far back the time that enhancement takes is looked at, in milliseconds. */
 const ENHANCEMENT_SPAN = 5000;
+/** A frame that others refer to is waited for about as long as an answer takes, within these limits. In milliseconds. */
+const LEAST_PATIENCE = 50;
+const USUAL_PATIENCE = 200;
+const MOST_PATIENCE = 500;
 
 export class StatelessPlayer {
   readonly stats = signal<Stats>(NO_STATS);
@@ -108,20 +121,22 @@ export class StatelessPlayer {
     this.#foresight.reset();
     this.#surround.reset();
     this.#connected = connected ?? undefined;
-    const { decoder, display, now } = this.#options;
+    const { display, now, video } = this.#options;
     display.forget();
+    video.reset();
     this.#pipeline =
       connected === null
         ? undefined
-        : new FramePipeline(connected.transport, (image, signal) => decoder.decode(image, signal), now, {
+        : new FramePipeline(video.over(connected.transport), this.#decode, now, {
             sent: this.#options.onSent,
             replied: (reply, view, pose) => {
               this.#recorder.replied(reply, now());
               this.#refinement.observe(reply);
               this.#received(reply.arrival.bytes);
               this.problem.value = null;
+              const profile = reply.header.profile ?? null;
               const observation = {
-                profile: reply.header.profile ?? null,
+                profile,
                 arrival: reply.arrival,
                 server: reply.header.timing ?? null,
                 throughput: this.#recorder.throughput.bitsPerSecond,
@@ -131,7 +146,9 @@ export class StatelessPlayer {
                 at: now(),
               };
               const asked = view.profile ?? null;
-              if (asked !== null) this.#options.controller().observe(observation);
+              if (asked !== null) {
+                this.#options.controller().observe({ ...observation, profile: this.#chosen(view, profile) });
+              }
               this.#options.onReplied({ ...observation, pose, asked });
             },
             refused: (problem) => {
@@ -185,12 +202,13 @@ export class StatelessPlayer {
 
   /** Once per animation frame, after the rig was sampled; `moved` is what the rig said. */
   tick(now: number, moved: boolean): void {
-    const { rig, display } = this.#options;
+    const { rig, display, video, videoSteps } = this.#options;
     this.#meter.sampled(rig.pose.seq, now);
     if (this.#pipeline && rig.scene) {
       if (moved) this.#meter.moved(rig.pose.seq, now);
       const view = this.#view(rig.scene, now);
-      this.#pipeline.want(view, rig.pose.seq);
+      video.tick(Math.min(MOST_PATIENCE, Math.max(LEAST_PATIENCE, this.stats.peek().roundTrip ?? USUAL_PATIENCE)));
+      if (videoSteps() === null || video.problem.peek() === null) this.#pipeline.want(view, rig.pose.seq);
       this.#surround.tick(this.#pipeline, view, this.#recorder.throughput.bitsPerSecond, now);
       // The newest frame waits where it can be overtaken, not in the graphics processor's queue.
       const frame = display.ready ? this.#pipeline.take() : undefined;
@@ -200,22 +218,35 @@ export class StatelessPlayer {
     this.#publish(now);
   }
 
+  readonly #decode = (reply: FrameReply, signal: AbortSignal) =>
+    reply.header.video ? this.#options.video.decode(reply, signal) : this.#options.decoder.decode(reply.image, signal);
+
+  /** What the controller chose for a frame that came: a rung, or a step of the video's ladder; null if it was another one's choice. */
+  #chosen({ video }: ViewRequest, profile: number | null): number | null {
+    const steps = this.#options.videoSteps();
+    if (steps === null) return video ? null : profile;
+    const step = steps.findIndex((one) => one.video === video);
+    return step < 0 ? null : step;
+  }
+
   #received(bytes: number): void {
     this.#meter.received(bytes, this.#options.now());
     this.#options.onReceived(bytes);
   }
 
   #view(scene: SceneInfo, now: number): PosedRequest {
-    const { rig, refine, pixelRatio, stamp, controller } = this.#options;
+    const { rig, refine, pixelRatio, stamp, controller, videoSteps } = this.#options;
     const { position, quaternion } = this.#foresight.pose(now);
+    const chosen = controller().decide(now);
+    const step = videoSteps()?.[chosen];
     const view: PosedRequest = {
       scene: scene.id,
       position,
       quaternion,
       ...rig.intrinsics.value,
       ...rig.viewport.value,
-      profile: controller().decide(now),
-      ...this.#turning.request(scene, now),
+      ...(step ? { profile: step.rung, format: "h264", video: step.video } : { profile: chosen }),
+      ...this.#turning.request(scene, now, step !== undefined),
       ...(stamp && { stamp: rig.pose.seq % 2 ** 24 }),
     };
     const rested = this.#rest.view(view, controller());
@@ -228,9 +259,9 @@ export class StatelessPlayer {
   /** How a frame that is older than the view is shown. */
   get #way(): Way {
     if (!this.#turning.working) return "stale";
-    const { depth, prediction } = this.#options;
+    const { depth, prediction, videoSteps } = this.#options;
     if (prediction() !== "off") return "predicted";
-    return depth() ? "depth" : "rotation";
+    return depth() && videoSteps() === null ? "depth" : "rotation";
   }
 
   /** The newest view is on the screen, as sharp as it gets. */
@@ -238,6 +269,12 @@ export class StatelessPlayer {
     if (this.#pipeline === undefined) return true;
     const refining = this.#options.refine() && this.#refinement.pending;
     return this.#pipeline.settled && this.#options.display.settled && !refining;
+  }
+
+  #videoStats(now: number): VideoStats | null {
+    const { controller, video, videoSteps } = this.#options;
+    const step = videoSteps()?.[controller().decide(now)];
+    return step ? { bitrate: step.video.bitrate_kbps * 1000, keyFrames: video.keyFrames } : null;
   }
 
   #publish(now: number): void {
@@ -249,6 +286,7 @@ export class StatelessPlayer {
       ...this.#meter.figures(now),
       ...this.#recorder.snapshot(now),
       transport: this.#connected?.transport.kind ?? null,
+      video: this.#videoStats(now),
       enhanceMs: this.#enhanceTimes.percentile(0.5, now),
       warpMs: this.#options.reprojector.warpMs(now),
       gpuMs: this.#options.reprojector.gpuMs,

@@ -24,7 +24,17 @@ export interface ReplyStats {
   } | null;
 }
 
+/** Of the mode `video`. */
+export interface VideoStats {
+  /** What is asked for, in bits per second. */
+  readonly bitrate: number;
+  /** That came over this connection. */
+  readonly keyFrames: number;
+}
+
 export interface Stats extends Figures, ReplyStats {
+  /** Null in the mode `stateless`. */
+  readonly video: VideoStats | null;
   readonly transport: TransportKind | null;
   /** The graphics processor's time to enhance a frame, median of the last seconds; null while none is enhanced. In milliseconds. */
   readonly enhanceMs: number | null;
@@ -45,6 +55,7 @@ export const NO_STATS: Stats = {
   serverBound: false,
   throughput: null,
   frame: null,
+  video: null,
   transport: null,
   enhanceMs: null,
   warpMs: null,

@@ -14,6 +14,8 @@ export type Pictured = Pick<PresentedFrame, "rung" | "width" | "height" | "shown
 
 /** Models hold what each size of frames needs, so margins of enhanced frames come in few sizes. */
 const COARSE = 0.125;
+/** Of a video, where nobody has chosen it. */
+const VIDEO_OVERSCAN = 0.1;
 
 export interface TurningOptions {
   readonly display: Display<DecodedFrame>;
@@ -40,10 +42,14 @@ export class Turning {
     return this.#options.reprojector.working;
   }
 
-  /** What a request says besides. */
-  request(scene: SceneInfo, now: number): Pick<RenderRequest, "overscan" | "depth"> {
+  /** What a request says besides. Of a video, each size begins with a key frame, and none has a depth: margins stay as they are. */
+  request(scene: SceneInfo, now: number, video: boolean): Pick<RenderRequest, "overscan" | "depth"> {
     if (!this.working) return {};
     const { overscan, depth } = this.#options;
+    if (video) {
+      const share = overscan();
+      return { overscan: share === "auto" ? VIDEO_OVERSCAN : share };
+    }
     if (scene !== this.#scene) this.#overscan = new AutoOverscan(viewDistance(scene));
     this.#scene = scene;
     const chosen = overscan();

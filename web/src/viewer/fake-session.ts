@@ -29,6 +29,7 @@ export function fakeSession() {
     silent: signal(false),
     rig,
     movement: new MovementDeck(rig),
+    video: { problem: signal<string | null>(null) },
     stateless: { stats: signal<Stats>(NO_STATS), problem: signal<string | null>(null) },
     enhancement: {
       status: signal<EnhancementStatus>({ kind: "off" }),

@@ -14,14 +14,16 @@ import { MovementDeck } from "../movement/movement-deck";
 import { Reprojector } from "../reproject/reprojector";
 import { fetchConfig, loadScene } from "../state/api";
 import { config, ladder, sceneLadder, settings } from "../state/app";
-import type { Mode } from "../state/settings";
+import { isStreamed, type Mode } from "../state/settings";
 import { Decoder } from "../stateless/decoder";
 import type { DecodedFrame, SentRequest } from "../stateless/pipeline";
-import { selectedController } from "../stateless/selected-controller";
+import { selectedController, videoSteps } from "../stateless/selected-controller";
 import { type Reply, type ShownFrame, StatelessPlayer } from "../stateless/stateless-player";
 import type { Pictured } from "../stateless/turning";
 import { type Connected, connect } from "../transport/connect";
 import { type ConnectionState, maintainConnection } from "../transport/connection";
+import { videoProblem } from "../video/support";
+import { VideoFrames } from "../video/video-frames";
 import { viewDistance } from "../view/camera";
 import type { PresentedFrame } from "../view/presented";
 import { Rig } from "../view/rig";
@@ -67,6 +69,11 @@ export class ViewerSession {
   readonly #display: Display<DecodedFrame>;
   readonly #decoder = new Decoder(
     new Worker(new URL("../stateless/decode.worker.ts", import.meta.url), { type: "module", name: "decoder" }),
+  );
+  /** Of the mode `video`. */
+  readonly video = new VideoFrames(
+    () => new Worker(new URL("../video/video.worker.ts", import.meta.url), { type: "module", name: "video decoder" }),
+    now,
   );
   /** The picture's pixels on the screen. */
   readonly #pixels = computed(() => {
@@ -115,6 +122,8 @@ export class ViewerSession {
       ladder: () => ladder.peek(),
       rig: this.rig,
       decoder: this.#decoder,
+      video: this.video,
+      videoSteps: () => videoSteps.value,
       controller: () => this.#controller.value,
       refine: () => settings.value.refine,
       pixelRatio: () => devicePixelRatio,
@@ -135,8 +144,9 @@ export class ViewerSession {
     });
     this.#follow(stage);
     this.#enhance();
-    this.#reproject(this.reprojector, "dash");
-    this.#reproject(this.videoReprojector, "stateless");
+    this.#reproject(this.reprojector, (mode) => mode !== "dash");
+    this.#reproject(this.videoReprojector, isStreamed);
+    this.#beginVideo();
     this.#connect();
     this.#followLadder();
     this.#cleanups.push(
@@ -199,6 +209,7 @@ export class ViewerSession {
     this.videoReprojector.off();
     this.#display.dispose();
     this.#decoder.dispose();
+    this.video.dispose();
   }
 
   readonly #count = (bytes: number): void => {
@@ -254,12 +265,21 @@ export class ViewerSession {
     this.#cleanups.push(stop);
   }
 
-  /** As the settings have it, once the scene is there; a mode `without` this side needs none. */
-  #reproject(reprojector: Pick<Reprojector<unknown>, "on" | "off">, without: Mode): void {
+  /** Whenever the mode is chosen. */
+  #beginVideo(): void {
+    const chosen = computed(() => settings.value.mode === "video");
+    const stop = effect(() => {
+      if (chosen.value) void this.video.begin(videoProblem());
+    });
+    this.#cleanups.push(stop);
+  }
+
+  /** As the settings have it, once the scene is there, in the modes that show this side. */
+  #reproject(reprojector: Pick<Reprojector<unknown>, "on" | "off">, shows: (mode: Mode) => boolean): void {
     const distance = computed(() => {
       const scene = this.scene.value;
       const { reprojection, mode } = settings.value;
-      return reprojection && mode !== without && scene !== null ? viewDistance(scene) : null;
+      return reprojection && shows(mode) && scene !== null ? viewDistance(scene) : null;
     });
     const stop = effect(() => {
       const { value } = distance;

@@ -4,6 +4,7 @@ import { type DashOptions, DashPlayer } from "../dash/dash-player";
 import { planFor } from "../dash/presets";
 import { AUTO_OVERSCAN } from "../dash/wider";
 import { config, settings } from "../state/app";
+import { isStreamed } from "../state/settings";
 import type { SceneInfo } from "../wire/render";
 
 /** What all streams of a visit have in common. */
@@ -23,7 +24,7 @@ export function keepStream(
     const { mode, overscan } = settings.value;
     const base = config.value?.services.dash;
     const { width, height } = viewport.value;
-    if (mode === "stateless" || base === undefined || scene.value === null || width * height <= 1) return null;
+    if (!isStreamed(mode) || base === undefined || scene.value === null || width * height <= 1) return null;
     const turned = shared.reprojector.status.value === "on";
     // As text, so that only a change of its content is one; the configuration is read again and again.
     return JSON.stringify({

@@ -179,6 +179,16 @@ function Details({ stats, enhancement }: { stats: Stats; enhancement: Enhancemen
       <Row name="frame" label="Frame">
         {frame ? bytes(frame.bytes) : NONE}
       </Row>
+      {stats.video && (
+        <>
+          <Row name="bitrate" label="Bit rate">
+            {bitrate(stats.video.bitrate)}
+          </Row>
+          <Row name="key-frames" label="Key frames">
+            {stats.video.keyFrames}
+          </Row>
+        </>
+      )}
       <Row name="resolution" label="Resolution">
         {frame?.width && frame.height ? `${frame.width} × ${frame.height}` : NONE}
       </Row>

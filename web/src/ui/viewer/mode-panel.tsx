@@ -3,7 +3,7 @@
 import type { ComponentChildren } from "preact";
 import { type DashPlan, type DashSetup, FRAME_RATES, PRESETS, type Preset, planFor } from "../../dash/presets";
 import { changeSettings, config, settings } from "../../state/app";
-import { MODES } from "../../state/settings";
+import { isStreamed, MODES } from "../../state/settings";
 import type { ViewerSession } from "../../viewer/session";
 import { ComparisonPanel } from "./comparison-panel";
 import { MODE_NAMES } from "./names";
@@ -29,13 +29,13 @@ export function ModePanel({ session }: { session: ViewerSession }) {
           </Segment>
         ))}
       </Segments>
-      {mode !== "stateless" && missing && (
+      {isStreamed(mode) && missing && (
         <p class="notice" role="alert" data-notice="no-packager">
           This server has no DASH packager: start it with <code>tigas dash</code>, and name it to the server as the
           service “dash”.
         </p>
       )}
-      {mode !== "stateless" && !missing && (
+      {isStreamed(mode) && !missing && (
         <>
           <h4 class="segments-name">DASH stream</h4>
           <Segments name="preset" label="DASH stream">

@@ -5,6 +5,7 @@ import type { Side } from "../../view/presented";
 
 export const MODE_NAMES: Readonly<Record<Mode, string>> = {
   stateless: "Stateless",
+  video: "Video",
   dash: "DASH",
   "side-by-side": "Side by side",
 };

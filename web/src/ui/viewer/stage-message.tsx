@@ -3,13 +3,14 @@ import { CircleAlert, LoaderCircle, Unplug } from "lucide";
 import type { ComponentChildren } from "preact";
 import type { DashPhase } from "../../dash/dash-player";
 import { config, settings } from "../../state/app";
+import { isStreamed, type Mode } from "../../state/settings";
 import type { ViewerSession } from "../../viewer/session";
 import { Icon } from "../icon";
 
 export function StageMessage({ session }: { session: ViewerSession }) {
   const phase = session.phase.value;
   const { mode } = settings.value;
-  const problem = mode === "dash" ? null : session.stateless.problem.value;
+  const problem = mode === "dash" ? null : problemOf(session, mode);
   const { message, kind } = { message: null, ...phase };
   return (
     <div class="stage-message" role="status">
@@ -33,13 +34,18 @@ export function StageMessage({ session }: { session: ViewerSession }) {
         </div>
       )}
       {kind === "playing" && problem && <Failed>{problem}</Failed>}
-      {kind === "playing" && mode !== "stateless" && (
+      {kind === "playing" && isStreamed(mode) && (
         <div class="dash-message">
           <Dash phase={session.dash.value?.phase.value} />
         </div>
       )}
     </div>
   );
+}
+
+/** Why no frames come, in the modes that ask for each by itself. */
+function problemOf({ stateless, video }: ViewerSession, mode: Mode): string | null {
+  return (mode === "video" && video.problem.value) || stateless.problem.value;
 }
 
 function Dash({ phase }: { phase: DashPhase | undefined }) {

@@ -9,7 +9,7 @@ import { Runner } from "../../experiment/runner";
 import { PREDICTOR_NAMES } from "../../predict/registry";
 import { changeSettings, settings } from "../../state/app";
 import type { Asked } from "../../state/route";
-import { MODES } from "../../state/settings";
+import { isStreamed, MODES } from "../../state/settings";
 import { ViewerSession } from "../../viewer/session";
 import { ExperimentDialog } from "../experiment/experiment-dialog";
 import { HelpDialog } from "./help";
@@ -120,10 +120,10 @@ export function Viewer({ sceneId, stamp, asked, unknown }: Props) {
           </div>
         </div>
         <Toolbar name={name} actions={actions} mode={mode} hud={hud} sidebar={sidebarOpen} />
-        {live && hud && phase !== "failed" && mode === "stateless" && (
+        {live && hud && phase !== "failed" && !isStreamed(mode) && (
           <Hud session={live} wide={wide} linkNote={linkNote(asked, unknown)} />
         )}
-        {live && hud && phase !== "failed" && mode !== "stateless" && <SideFigures session={live} mode={mode} />}
+        {live && hud && phase !== "failed" && isStreamed(mode) && <SideFigures session={live} mode={mode} />}
         {live && <MovePad input={live.input} />}
         {live && <MovementStatus deck={live.movement} />}
         {live && <StageMessage session={live} />}

@@ -1,0 +1,46 @@
+import { describe, expect, test } from "vitest";
+import type { Rung } from "../wire/render";
+import { stepOfRung, videoLadder } from "./video-ladder";
+
+const rung = (width: number, height: number, quality = 50): Rung => ({
+  name: `${width}×${height}`,
+  width,
+  height,
+  quality,
+  expected_kb: (width * height) / 4000,
+});
+const PAPER = [rung(1280, 720, 90), rung(960, 540, 65), rung(640, 360, 35), rung(320, 180, 10)];
+
+describe("the ladder of video", () => {
+  test("has every size, from more bytes to fewer, and never more pixels further down", () => {
+    const steps = videoLadder(PAPER);
+    expect([...new Set(steps.map((step) => step.rung))]).toEqual([0, 1, 2, 3]);
+    for (const [i, step] of steps.slice(1).entries()) {
+      expect(step.video.bitrate_kbps).toBeLessThan(steps[i]?.video.bitrate_kbps ?? 0);
+      expect(step.rung).toBeGreaterThanOrEqual(steps[i]?.rung ?? 0);
+    }
+  });
+
+  test("expects of a frame its share of the bit rate", () => {
+    for (const { expected_kb, video } of videoLadder(PAPER)) {
+      expect((expected_kb * 8 * video.frames_per_s) / video.bitrate_kbps).toBeCloseTo(1);
+    }
+  });
+
+  test("has a size once, however many qualities of it the server offers", () => {
+    const several = videoLadder([rung(640, 360, 90), rung(640, 360, 60), rung(640, 360, 30)]);
+    expect(several).toEqual(videoLadder([rung(640, 360, 90)]));
+  });
+
+  test("asks for no less than the least bit rate that there is, and has no steps of no rungs", () => {
+    expect(videoLadder([rung(16, 16)]).map(({ video }) => video.bitrate_kbps)).toEqual([10]);
+    expect(videoLadder([])).toEqual([]);
+  });
+
+  test("has for a rung that a person chose the best step of its size", () => {
+    const steps = videoLadder(PAPER);
+    const chosen = PAPER.map((one) => steps[stepOfRung(steps, one)]);
+    expect(chosen.map((step) => step?.width)).toEqual([1280, 960, 640, 320]);
+    expect(steps[stepOfRung(steps, rung(64, 36))]).toBe(steps.at(-1));
+  });
+});
