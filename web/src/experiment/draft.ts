@@ -1,7 +1,15 @@
 /** What a person has filled in to set up an experiment: from a draft to a plan, or a sentence that says what is wrong. Pure. */
 import type { FrameRate } from "../dash/presets";
 import type { PredictorName } from "../predict/registry";
-import { type ExperimentPlan, MAX_REPEATS, MAX_SEGMENTS, type Network, type Profile, type RunMode } from "./plan";
+import {
+  type ExperimentPlan,
+  isPerView,
+  MAX_REPEATS,
+  MAX_SEGMENTS,
+  type Network,
+  type Profile,
+  type RunMode,
+} from "./plan";
 import { segments } from "./segments";
 
 export interface Draft {
@@ -16,7 +24,7 @@ export interface Draft {
   readonly profiles: readonly Profile[];
   /** Of the modes with DASH, in frames a second; null: the preset's own. */
   readonly frameRate: FrameRate | null;
-  /** Of the mode `stateless`: the models that enhance frames, by name, or `off`. */
+  /** Of the modes `stateless` and `video`: the models that enhance frames, by name, or `off`. */
   readonly restore: string;
   readonly upscale: string;
   /** How movement is met, in every mode. */
@@ -84,7 +92,7 @@ export function parseDraft(
   const network = draft.trace === null ? present : { link: null, trace: draft.trace, rtt_ms: rtt() };
   if (typeof network === "string") problems.push(network);
   if (draft.modes.length === 0) problems.push("Choose a mode.");
-  if (draft.modes.includes("stateless") && draft.profiles.length === 0) problems.push("Choose a controller.");
+  if (draft.modes.some(isPerView) && draft.profiles.length === 0) problems.push("Choose a controller.");
   const [count, repeats, duration_s, seed, sample_stride] = [
     number("segments"),
     number("repeats"),

@@ -11,7 +11,7 @@ import type { ShaperStatus } from "../wire/shaper";
 import type { RunUpload } from "../wire/store";
 import { RunFailed } from "./errors";
 import { linkFor, linkProblem, linkSamples, watchLink } from "./link";
-import { type PlannedRun, settingsFor } from "./plan";
+import { isPerView, type PlannedRun, settingsFor } from "./plan";
 import type { Runner } from "./runner";
 
 export interface MeasurementContext {
@@ -139,7 +139,8 @@ function watchForTrouble(
     if (enhanced.kind === "failed") return `Enhancement was given up during the run. ${enhanced.message}`;
     const turned = reprojectionNote(session.reprojector.status.value, session.videoReprojector.status.value);
     if (turned !== null) return `Reprojection ended during the run. ${turned}`;
-    if (run.mode !== "stateless" && stream?.kind !== "playing") return "The DASH stream was lost during the run.";
+    if (!isPerView(run.mode) && stream?.kind !== "playing") return "The DASH stream was lost during the run.";
+    if (run.mode === "video" && session.video.problem.value !== null) return session.video.problem.value;
     if (decisiveSettings() !== asked || lens() !== before)
       return "Settings or the window's size were changed during the run.";
     const status = shaper?.status.value ?? null;
@@ -181,7 +182,8 @@ function whyNoFrame(session: ViewerSession): string {
   if (!visible()) return HIDDEN;
   const phases = [session.phase.peek(), session.dash.peek()?.phase.peek()];
   const said = phases.flatMap((phase) => (phase && "message" in phase ? phase.message : []));
-  return said[0] ?? `No frame came within ${READY_WITHIN / 1000} s.`;
+  const video = settings.peek().mode === "video" ? session.video.problem.peek() : null;
+  return said[0] ?? video ?? `No frame came within ${READY_WITHIN / 1000} s.`;
 }
 
 async function waitUntil(

@@ -12,6 +12,7 @@ import { type Segment, shuffled } from "./segments";
 
 export const RUN_MODES = [
   "stateless",
+  "video",
   "dash-typical",
   "dash-tuned",
   "dash-edge",
@@ -20,16 +21,21 @@ export type RunMode = Configuration["mode"];
 
 export const RUN_MODE_NAMES: Readonly<Record<RunMode, string>> = {
   stateless: "Stateless",
+  video: "Video",
   "dash-typical": "DASH, typical",
   "dash-tuned": "DASH, tuned",
   "dash-edge": "DASH, edge",
 };
 
+/** Those in which the page asks for each view by itself, as a controller chooses; the others play a DASH stream. */
+export type PerView = "stateless" | "video";
+export const isPerView = (mode: RunMode): mode is PerView => mode === "stateless" || mode === "video";
+
 const RUN_PRESETS = {
   "dash-typical": "typical",
   "dash-tuned": "tuned",
   "dash-edge": "edge",
-} as const satisfies Readonly<Record<Exclude<RunMode, "stateless">, Preset>>;
+} as const satisfies Readonly<Record<Exclude<RunMode, PerView>, Preset>>;
 
 /** A controller's name, or a rung of the ladder, which then stays. */
 export type Profile = ControllerName | number;
@@ -84,7 +90,7 @@ const Plan = v.object({
   movement: v.string(),
   network: Network,
   modes: v.pipe(v.array(v.picklist(RUN_MODES)), v.readonly()),
-  /** Of the mode `stateless`. */
+  /** Of the modes `stateless` and `video`. */
   profiles: v.pipe(v.array(v.union([v.picklist(CONTROLLER_NAMES), v.number()])), v.readonly()),
   /** Runs of each controller, and of each DASH mode. */
   repeats: v.pipe(v.number(), v.integer(), v.maxValue(MAX_REPEATS)),
@@ -95,7 +101,7 @@ const Plan = v.object({
   ),
   /** Of the modes with DASH, in frames a second; null: the preset's own. */
   dash_frame_rate: v.optional(v.nullable(v.picklist(FRAME_RATES)), null),
-  /** Of the mode `stateless`: the models that enhance each frame, by name, or `off`. */
+  /** Of the modes `stateless` and `video`: the models that enhance each frame, by name, or `off`. */
   restore: v.optional(v.string(), OFF),
   upscale: v.optional(v.string(), OFF),
   /** Whether the newest frame is turned to each animation frame's pose, and what predicts the poses that frames are asked for. */
@@ -131,7 +137,7 @@ export interface PlannedRun extends Omit<Required<Configuration>, "width" | "hei
 
 /** What `Configuration` has where no controller chooses: equal runs have equal configurations. */
 const NO_CONTROLLER: Profile = "budget";
-/** What only the mode `stateless` has. */
+/** What a stream has not. */
 const OF_A_STREAM = { restore: OFF, upscale: OFF, sample_stride: 0 };
 /** What a run takes beside its warm-up and its movement, before any was made: connecting, the first view, storing. In ms. */
 const OVERHEAD = 5000;
@@ -160,10 +166,9 @@ export function runsOf(plan: ExperimentPlan): PlannedRun[] {
   const random = seeded(seed);
   const inOrder = <T>(values: readonly T[]) => (plan.shuffled ? shuffled(values, random) : values);
   const conditions = plan.modes.flatMap((mode) => {
-    const [profiles, chosen] =
-      mode === "stateless"
-        ? [plan.profiles, { restore, upscale, sample_stride: plan.sample_stride }]
-        : [[NO_CONTROLLER], OF_A_STREAM];
+    const [profiles, chosen] = isPerView(mode)
+      ? [plan.profiles, { restore, upscale, sample_stride: mode === "stateless" ? plan.sample_stride : 0 }]
+      : [[NO_CONTROLLER], OF_A_STREAM];
     return profiles.map((profile) => ({ mode, profile, ...chosen }));
   });
   const parts = plan.segments.map((begins, segment) => ({
@@ -192,10 +197,12 @@ export function conditionLabel(
   { mode, profile }: Pick<PlannedRun, "mode" | "profile">,
   ladder: readonly { readonly name: string }[] = [],
 ): string {
-  if (mode !== "stateless") return RUN_MODE_NAMES[mode];
-  return typeof profile === "number"
-    ? `Fixed: ${ladder[profile]?.name ?? `profile ${profile}`}`
-    : CONTROLLERS[profile].title;
+  if (!isPerView(mode)) return RUN_MODE_NAMES[mode];
+  const chosen =
+    typeof profile === "number"
+      ? `Fixed: ${ladder[profile]?.name ?? `profile ${profile}`}`
+      : CONTROLLERS[profile].title;
+  return mode === "stateless" ? chosen : `${RUN_MODE_NAMES[mode]}, ${chosen}`;
 }
 
 /** What of a run the viewer's settings say. */
@@ -226,7 +233,7 @@ export function settingsFor({
 }: Pick<PlannedRun, Decisive>): Partial<Settings> {
   const motion = { reprojection, prediction, overscan, depth, surround };
   const shared = { sidebar: false, hud: false, refine: false, restore, upscale, ...motion };
-  if (mode !== "stateless") {
+  if (!isPerView(mode)) {
     return {
       ...shared,
       mode: "dash",
@@ -236,7 +243,7 @@ export function settingsFor({
     };
   }
   const chosen = typeof profile === "number" ? ({ controller: "fixed", profile } as const) : { controller: profile };
-  return { ...shared, mode: "stateless", ...chosen };
+  return { ...shared, mode, ...chosen };
 }
 
 /** How long so many runs take, in milliseconds; `overhead` is what they were seen to take beside warm-up and movement. */

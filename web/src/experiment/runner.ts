@@ -12,7 +12,7 @@ import type { About } from "../samples/layout";
 import { removeSampledRun } from "../samples/sampled-runs";
 import { type Sampled, Sampler } from "../samples/sampler";
 import { changeSettings, settings } from "../state/app";
-import { type Mode, type Settings, validSettings } from "../state/settings";
+import { isStreamed, type Mode, type Settings, validSettings } from "../state/settings";
 import type { ScenePose } from "../view/camera";
 import type { PresentedFrame } from "../view/presented";
 import type { ViewerSession } from "../viewer/session";
@@ -88,8 +88,8 @@ export class Runner {
     this.#lapse = null;
     const now = settings.peek();
     const streamed = ["mode", "dashPreset", "dashFrameRate", "dashRepresentation"] as const;
-    // A stream is opened anew for these; the stateless mode may have no reason to ask for another frame.
-    const turned = now.mode === "stateless" ? [] : (["reprojection", "overscan"] as const);
+    // A stream is opened anew for these; a mode without one may have no reason to ask for another frame.
+    const turned = !isStreamed(now.mode) ? [] : (["reprojection", "overscan"] as const);
     if ([...streamed, ...turned].some((name) => now[name] !== before[name])) this.#shown = 0; // other frames are waited for
   }
 

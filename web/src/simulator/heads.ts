@@ -14,6 +14,7 @@ import type { DecodedImage } from "../stateless/decoder";
 import { type DecodedFrame, FramePipeline } from "../stateless/pipeline";
 import { Rest } from "../stateless/rest";
 import { SurroundFeed } from "../stateless/surround-feed";
+import type { FrameReply } from "../transport/transport";
 import { viewDistance } from "../view/camera";
 import { NO_INPUT } from "../view/motion";
 import { Rig } from "../view/rig";

@@ -8,6 +8,7 @@ import { seeded } from "../abr/random";
 import { ThroughputEstimator } from "../abr/throughput";
 import type { DecodedImage } from "../stateless/decoder";
 import { FramePipeline } from "../stateless/pipeline";
+import type { FrameReply } from "../transport/transport";
 import { Meter } from "../view/meter";
 import type { Rung } from "../wire/render";
 import type { Endpoints } from "./endpoints";

@@ -110,12 +110,7 @@ export class FramePipeline {
   #retryAt = Number.NEGATIVE_INFINITY;
   #counts = { sent: 0, cancelled: 0, dropped: 0 };
 
-  constructor(
-    transport: FrameTransport,
-    decode: Decode,
-    now: () => number,
-    events: PipelineEvents,
-  ) {
+  constructor(transport: FrameTransport, decode: Decode, now: () => number, events: PipelineEvents) {
     this.#transport = transport;
     this.#limit = new InFlightLimit(transport.overtaking, this.#clock);
     this.#decode = decode;

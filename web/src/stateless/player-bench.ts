@@ -1,5 +1,6 @@
 /** For tests: a stateless player over a made-up transport, display and warp, whose clock and settings the test sets. */
 import type { Observation } from "../abr/controller";
+import type { VideoStep } from "../abr/video-ladder";
 import { Display } from "../enhance/display";
 import { Enhancement } from "../enhance/enhancement";
 import { PLACE } from "../enhance/fake-gpu";
@@ -7,7 +8,6 @@ import { Overlay } from "../enhance/overlay";
 import type { PredictorName } from "../predict/registry";
 import { FakeWarp } from "../reproject/fake-warp";
 import { Reprojector } from "../reproject/reprojector";
-import type { VideoStep } from "../abr/video-ladder";
 import { FakeTransport, settle } from "../transport/fake";
 import { FakeDecoder } from "../video/fake-decoder";
 import { VideoFrames } from "../video/video-frames";

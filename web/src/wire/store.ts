@@ -48,7 +48,7 @@ export interface Configuration {
   movement: string;
   movement_offset_s?: number;
   network: Network;
-  mode: "stateless" | "dash-typical" | "dash-tuned" | "dash-edge";
+  mode: "stateless" | "video" | "dash-typical" | "dash-tuned" | "dash-edge";
   duration_s: number;
   width: number;
   height: number;
@@ -101,7 +101,7 @@ export interface RepresentationRequest {
  */
 export interface Recording {
   scene: string;
-  mode: "stateless" | "dash" | "side-by-side";
+  mode: "stateless" | "video" | "dash" | "side-by-side";
   transport: string | null;
   dash?: PlayedStream | null;
   user_agent: string;
@@ -190,7 +190,7 @@ export interface ShownFrame {
   enhance_ms?: number | null;
 }
 /**
- * A frame that came in the mode `stateless`, whether or not it was shown. What was overtaken has none.
+ * A frame that came in the modes `stateless` and `video`, shown or not. What was overtaken has none.
  */
 export interface Reply {
   at: number;
@@ -212,7 +212,7 @@ export interface ServerTiming {
   encode: number;
 }
 /**
- * A frame that the mode `stateless` asked for, and what became of it.
+ * A frame that the mode `stateless` or `video` asked for, and what became of it.
  */
 export interface Request {
   at: number;

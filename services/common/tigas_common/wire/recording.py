@@ -19,7 +19,7 @@ MAX_BYTES = 256_000_000
 """A longer recording is refused."""
 LONGEST_REPLY_MS = 600_000.0
 """No frame takes longer from being asked for to its last byte."""
-PlayedMode = Literal["stateless", "dash", "side-by-side"]
+PlayedMode = Literal["stateless", "video", "dash", "side-by-side"]
 
 
 class Input(WireModel):
@@ -44,6 +44,7 @@ class ShownFrame(WireModel):
     """A frame that was on the screen."""
 
     side: Literal["stateless", "dash"]
+    """That the page asked for by itself, in the modes `stateless` and `video`, or that a stream brought."""
     at: float
     """When it was on the screen."""
     pose: int
@@ -68,7 +69,7 @@ class ShownFrame(WireModel):
 
 
 class Reply(WireModel):
-    """A frame that came in the mode `stateless`, whether or not it was shown. What was overtaken has none."""
+    """A frame that came in the modes `stateless` and `video`, shown or not. What was overtaken has none."""
 
     at: float
     """When its last byte came."""
@@ -105,7 +106,7 @@ the screen; the server shed it, or it was lost; nothing had come by the recordin
 
 
 class Request(WireModel):
-    """A frame that the mode `stateless` asked for, and what became of it."""
+    """A frame that the mode `stateless` or `video` asked for, and what became of it."""
 
     at: float
     """When it was sent."""

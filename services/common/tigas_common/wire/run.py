@@ -13,11 +13,16 @@ from tigas_common.wire.dash import RepresentationRequest
 from tigas_common.wire.model import MAX_SIDE, WireModel
 from tigas_common.wire.shaper import LinkSetting
 
-Mode = Literal["stateless", "dash-typical", "dash-tuned", "dash-edge"]
-"""One JPEG per pose; DASH as live services ship it; as low as dash.js holds it; as low as a bare player does."""
-MODES: tuple[Mode, ...] = ("stateless", "dash-typical", "dash-tuned", "dash-edge")
+Mode = Literal["stateless", "video", "dash-typical", "dash-tuned", "dash-edge"]
+"""One JPEG per pose; one frame of a video per pose; DASH as live services ship it; as low as dash.js holds it; as low
+as a bare player does."""
+MODES: tuple[Mode, ...] = ("stateless", "video", "dash-typical", "dash-tuned", "dash-edge")
+PER_VIEW: tuple[Mode, ...] = ("stateless", "video")
+"""The modes in which the page asks for each view by itself, as one of its controllers chooses."""
+USUALLY_COMPARED: tuple[Mode, ...] = ("stateless", "dash-typical", "dash-tuned", "dash-edge")
 MODE_NAMES: dict[Mode, str] = {
     "stateless": "Stateless",
+    "video": "Video",
     "dash-typical": "DASH, typical",
     "dash-tuned": "DASH, tuned",
     "dash-edge": "DASH, edge",
@@ -126,13 +131,13 @@ class Configuration(WireModel):
     height: int = Field(ge=64, le=MAX_SIDE)
     """The viewport, in CSS pixels."""
     profile: int | str = "budget"
-    """Of the mode `stateless`: the ladder's rung, or the name of a controller."""
+    """Of the modes `stateless` and `video`: the ladder's rung, or the name of a controller."""
     dash_frame_rate: FrameRate | None = None
     """Of the modes with DASH, in frames a second; None: the preset's own."""
     dash_representation: RepresentationRequest | None = None
     """Of the modes with DASH: the only one that the stream has; None: all that the packager offers."""
     restore: ModelName = OFF
-    """Of the mode `stateless`: the model that restores frames in the page, or `off`."""
+    """Of the modes `stateless` and `video`: the model that restores frames in the page, or `off`."""
     upscale: ModelName = OFF
     """The model that enlarges them afterwards, or `off`."""
     reprojection: bool = False
@@ -144,7 +149,7 @@ class Configuration(WireModel):
     depth: bool = True
     """Of reprojection: whether frames are asked for with a coarse depth."""
     surround: bool = True
-    """Of reprojection, in the mode `stateless`: whether small pictures of all directions are asked for, too."""
+    """Of reprojection, in the modes `stateless` and `video`: whether small pictures of all directions are asked for."""
     seed: int = Field(default=1, ge=0, le=2**53 - 1)
     """Of generated movements, and of the controllers' random numbers."""
     segment: int = Field(default=0, ge=0)
@@ -192,7 +197,7 @@ class Configuration(WireModel):
     @property
     def slug(self) -> str:
         """A name for its folder."""
-        chosen = self.profile if self.mode == "stateless" else self.dash_representation
+        chosen = self.profile if self.mode in PER_VIEW else self.dash_representation
         mode = self.mode if chosen is None else f"{self.mode}-{chosen}"
         name, label = self.network.name, self.network.label
         network = name[:30] + label.removeprefix(name)  # a long name leaves room for the round trip

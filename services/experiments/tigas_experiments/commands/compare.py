@@ -12,7 +12,7 @@ import typer
 from tigas_common.cli import in_a_sentence
 from tigas_common.errors import StartError
 from tigas_common.terminal import make_console
-from tigas_common.wire.run import MODES, OFF
+from tigas_common.wire.run import OFF, USUALLY_COMPARED
 from tigas_experiments.commands.options import Scenes, Traces, Url, command_as_typed
 
 DEFAULT_NETWORK = "20mbit,20ms-rtt"
@@ -32,13 +32,15 @@ def compare(
             show_default=DEFAULT_NETWORK,
         ),
     ] = None,
-    modes: Annotated[str, typer.Option(help="What to compare, comma-separated.")] = ",".join(MODES),
+    modes: Annotated[str, typer.Option(help="What to compare, comma-separated; `video` is another.")] = ",".join(
+        USUALLY_COMPARED
+    ),
     duration: Annotated[float, typer.Option(help="Seconds of movement per run.")] = 60,
     viewport: Annotated[str, typer.Option(help="WIDTHxHEIGHT in pixels.")] = "640x360",
     profile: Annotated[
         list[str] | None,
         typer.Option(
-            help="Stateless: a controller, or a fixed rung of the ladder. Repeatable.",
+            help="Stateless and video: a controller, or a fixed rung of the ladder. Repeatable.",
             show_default=DEFAULT_PROFILE,
         ),
     ] = None,

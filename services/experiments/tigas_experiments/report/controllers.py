@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 from tigas_common.wire.dash import RepresentationRequest
-from tigas_common.wire.run import MODE_NAMES, MODES, Configuration, Mode
+from tigas_common.wire.run import MODE_NAMES, MODES, PER_VIEW, Configuration, Mode
 
 LineStyle = Literal["-", "--", ":", "-."]
 CONTROLLER_TITLES = {
@@ -71,7 +71,7 @@ class Controller:
     def of(cls, configuration: Configuration) -> Controller:
         """Of a run."""
         mode = configuration.mode
-        if mode != "stateless":
+        if mode not in PER_VIEW:
             return cls(mode, None, configuration.dash_representation, motion=configuration.motion)
         models = [model for model in (configuration.restore, configuration.upscale) if model != "off"]
         return cls(mode, configuration.profile, enhancement=" + ".join(models) or None, motion=configuration.motion)
@@ -82,12 +82,18 @@ class Controller:
         return isinstance(self.profile, int) or self.representation is not None
 
     @property
+    def plain(self) -> bool:
+        """Whether frames were shown as they came."""
+        return self.enhancement is None and not self.motion
+
+    @property
     def name(self) -> str:
         """For programs: `latency`, `profile-2`, `dash-tuned`."""
         if self.profile is None:
             name = self._with_representation(self.mode, "-")
         else:
             name = f"profile-{self.profile}" if isinstance(self.profile, int) else self.profile
+            name = name if self.mode == "stateless" else f"{self.mode}-{name}"
         return "+".join((name, *([self.enhancement.replace(" ", "")] if self.enhancement else []), *self.motion))
 
     @property
@@ -96,9 +102,9 @@ class Controller:
         if self.profile is None:
             name = self._with_representation(MODE_NAMES[self.mode].replace(",", ""), " ")  # without commas, for lists
             return self._with_stages(name)
-        if isinstance(self.profile, int):
-            return self._with_stages(f"Profile {self.profile}")
-        return self._with_stages(CONTROLLER_TITLES.get(self.profile, self.profile))
+        fixed = isinstance(self.profile, int)
+        name = f"Profile {self.profile}" if fixed else CONTROLLER_TITLES.get(str(self.profile), str(self.profile))
+        return self._with_stages(name if self.mode == "stateless" else f"{MODE_NAMES[self.mode]} {name}")
 
     @property
     def title_with_mode(self) -> str:
@@ -117,11 +123,11 @@ class Controller:
 
 
 def in_order(controllers: Iterable[Controller]) -> list[Controller]:
-    """Each once: the known controllers, one's own, fixed rungs, DASH."""
+    """Each once, mode by mode: the known controllers, one's own, fixed rungs; or a stream's representations."""
     known = list(CONTROLLER_TITLES)
 
-    def place(controller: Controller) -> tuple[int, int, str, tuple[str, ...]]:
-        return *kind(controller), controller.motion
+    def place(controller: Controller) -> tuple[int, int, int, str, tuple[str, ...]]:
+        return MODES.index(controller.mode), *kind(controller), controller.motion
 
     def kind(controller: Controller) -> tuple[int, int, str]:
         profile, enhancement = controller.profile, controller.enhancement or ""
@@ -129,7 +135,7 @@ def in_order(controllers: Iterable[Controller]) -> list[Controller]:
             return 2, profile, enhancement
         if profile is None:
             one = controller.representation
-            return 3, MODES.index(controller.mode), "" if one is None else f"{one.bitrate_kbps or 0:09} {one.rung}"
+            return 0, 0, "" if one is None else f"{one.bitrate_kbps or 0:09} {one.rung}"
         return (0, known.index(profile), enhancement) if profile in known else (1, 0, f"{profile} {enhancement}")
 
     return sorted(set(controllers), key=place)
@@ -143,7 +149,7 @@ def looks(controllers: Iterable[Controller]) -> dict[Controller, Look]:
         known = KNOWN_LOOKS.get(controller.name) if not isinstance(controller.profile, int) else None
         if known is not None:
             found[controller] = known
-        elif isinstance(controller.profile, int) and controller.enhancement is None and not controller.motion:
+        elif controller.mode == "stateless" and isinstance(controller.profile, int) and controller.plain:
             rung = controller.profile
             found[controller] = Look(FIXED_COLOUR, FIXED_DASHES[rung % len(FIXED_DASHES)], MARKERS[rung % len(MARKERS)])
         elif controller.representation is not None:

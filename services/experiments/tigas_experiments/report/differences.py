@@ -89,4 +89,5 @@ def _planned(experiment: ExperimentRecord | None) -> list[str]:
     if not isinstance(modes, list) or not isinstance(controllers, list):
         return []
     names = [f"profile-{each}" if isinstance(each, int) else str(each) for each in controllers]
-    return [name for mode in modes for name in (names if mode == "stateless" else [str(mode)])]
+    of_mode = {"stateless": names, "video": [f"video-{name}" for name in names]}
+    return [name for mode in modes for name in of_mode.get(str(mode), [str(mode)])]

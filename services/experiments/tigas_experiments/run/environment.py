@@ -16,7 +16,7 @@ from playwright.async_api import Browser
 
 from tigas_common.errors import StartError
 from tigas_common.wire.render import LadderName, SceneInfo
-from tigas_common.wire.run import OFF, Configuration, Network
+from tigas_common.wire.run import OFF, PER_VIEW, Configuration, Network
 from tigas_experiments.errors import RunFailed
 from tigas_experiments.lock import exclusive, services_lock
 from tigas_experiments.movement.trace import Point
@@ -107,7 +107,7 @@ class Environment:
                     pass
             except RunFailed as error:
                 raise StartError(str(error)) from None
-        controllers = {run.profile for run in runs if run.mode == "stateless" and isinstance(run.profile, str)}
+        controllers = {run.profile for run in runs if run.mode in PER_VIEW and isinstance(run.profile, str)}
         asked = {f"The controller {name!r}": {"controller": name} for name in sorted(controllers)}
         for restore, upscale in sorted({(run.restore, run.upscale) for run in runs if run.enhanced}):
             asked[f"restore = {restore!r}, upscale = {upscale!r}"] = {"restore": restore, "upscale": upscale}
@@ -180,7 +180,7 @@ async def open_environment(
 def _check_packager(runs: Sequence[Configuration], target: Target) -> None:
     """Whether there is one, if the runs need it. Raises StartError."""
     for run in runs:
-        if run.mode != "stateless" and target.dash is None:
+        if run.mode not in PER_VIEW and target.dash is None:
             raise StartError(f"There is no packager behind {target.url}, so {run.mode} cannot be measured.")
 
 
@@ -196,7 +196,7 @@ def _check_rungs(
                 "the paper's: start the render service with --ladder paper."
             )
         rungs = len(own or target.config.ladder)
-        if run.mode != "stateless":
+        if run.mode not in PER_VIEW:
             rung = None if run.dash_representation is None else run.dash_representation.rung
         else:
             rung = run.profile if isinstance(run.profile, int) else None

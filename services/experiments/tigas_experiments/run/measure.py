@@ -13,7 +13,7 @@ import httpx
 
 from tigas_common.errors import StartError
 from tigas_common.wire.recording import Recording
-from tigas_common.wire.run import OFF, Configuration
+from tigas_common.wire.run import OFF, PER_VIEW, Configuration
 from tigas_experiments.errors import RunFailed
 from tigas_experiments.movement.trace import Point
 from tigas_experiments.quality.ground_truth import TIMEOUT_S, GroundTruth, pose_at
@@ -113,7 +113,7 @@ def page_settings(configuration: Configuration) -> dict[str, Any]:
     """The viewer's settings: everything that is not said here has its default."""
     mode, profile = configuration.mode, configuration.profile
     chosen: dict[str, Any]
-    if mode != "stateless":
+    if mode not in PER_VIEW:
         preset = mode.removeprefix("dash-")
         representation = configuration.dash_representation
         chosen = {
@@ -123,9 +123,9 @@ def page_settings(configuration: Configuration) -> dict[str, Any]:
             "dashRepresentation": None if representation is None else representation.model_dump(),
         }
     elif isinstance(profile, int):
-        chosen = {"mode": "stateless", "controller": "fixed", "profile": profile}
+        chosen = {"mode": mode, "controller": "fixed", "profile": profile}
     else:
-        chosen = {"mode": "stateless", "controller": profile}
+        chosen = {"mode": mode, "controller": profile}
     # Nothing beside the picture, so that the stage is the viewport; no second request for a view that stands still.
     enhancement = {"restore": configuration.restore, "upscale": configuration.upscale}
     motion = configuration.model_dump(include={"reprojection", "prediction", "overscan", "depth", "surround"})

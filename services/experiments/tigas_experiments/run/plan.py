@@ -25,6 +25,7 @@ from tigas_common.wire.run import (
     MAX_OFFSET_S,
     MAX_RTT_MS,
     OFF,
+    PER_VIEW,
     Configuration,
     FrameRate,
     Mode,
@@ -110,11 +111,11 @@ class Plan(WireModel):
     """Round trips in place of the networks' own; without them, each network keeps its own."""
     modes: Several[Mode] = ("stateless",)
     controllers: Several[Controller] = ("budget",)
-    """Of the mode `stateless`: controllers' names, and fixed rungs of the ladder."""
+    """Of the modes `stateless` and `video`: controllers' names, and fixed rungs of the ladder."""
     ladder: LadderName = "scene"
     """Each scene's own, where it has one, or the paper's for all."""
     restore: ModelName = OFF
-    """Of the mode `stateless`: the page's model that restores each frame (docs/enhancement.md), or `off`."""
+    """Of the modes `stateless` and `video`: the page's model that restores frames (docs/enhancement.md), or `off`."""
     upscale: ModelName = OFF
     """The one that enlarges it afterwards, or `off`."""
     reprojection: OneOrSeveral[bool] = (False,)
@@ -126,7 +127,7 @@ class Plan(WireModel):
     depth: bool = True
     """Of reprojection: whether frames come with a coarse depth."""
     surround: bool = True
-    """Of reprojection, in the mode `stateless`: whether small pictures of all directions are asked for, too."""
+    """Of reprojection, in the modes `stateless` and `video`: whether small pictures of all directions are asked for."""
     variants: Annotated[tuple[Variant, ...], Field(min_length=1)] = (Variant(),)
     """What is compared where it is no product of the above: each with the runs of its own."""
     dash_frame_rate: FrameRate | None = None
@@ -244,7 +245,7 @@ class Plan(WireModel):
         return [
             (mode, chosen | motion)
             for mode in self.modes
-            for chosen in (controllers if mode == "stateless" else representations)
+            for chosen in (controllers if mode in PER_VIEW else representations)
             for motion in motions
         ]
 

@@ -143,7 +143,7 @@ test("how movement is met can be chosen, and what needs reprojection waits for i
   addFile("walk.csv", WALK);
   render(<Filled />);
   const overscan = screen.getByRole<HTMLSelectElement>("combobox", { name: "Overscan" });
-  const [depth, surround] = ["Depth, stateless", "Surround, stateless"].map((name) =>
+  const [depth, surround] = ["Depth, stateless", "Surround, stateless and video"].map((name) =>
     screen.getByRole<HTMLInputElement>("checkbox", { name }),
   );
   expect([overscan, depth, surround].map((field) => field?.disabled)).toEqual([true, true, true]);

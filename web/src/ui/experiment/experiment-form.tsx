@@ -12,6 +12,7 @@ import { presentNetwork } from "../../experiment/link";
 import {
   conditionLabel,
   type ExperimentPlan,
+  isPerView,
   type Profile,
   RUN_MODE_NAMES,
   RUN_MODES,
@@ -189,7 +190,7 @@ function ConditionChoice({ draft, onChange }: PartProps) {
   const streams = Boolean(config.value?.services.dash);
   const rung = Math.min(settings.value.profile, ladder.value.length - 1);
   const profiles = [...new Set<Profile>([...CONTROLLER_NAMES, rung, ...draft.profiles])]; // nothing hidden is chosen
-  const stateless = draft.modes.includes("stateless");
+  const perView = draft.modes.some(isPerView);
   return (
     <>
       <fieldset>
@@ -198,7 +199,7 @@ function ConditionChoice({ draft, onChange }: PartProps) {
           <Check
             key={mode}
             checked={draft.modes.includes(mode)}
-            disabled={mode !== "stateless" && !streams}
+            disabled={!isPerView(mode) && !streams}
             onChange={() => onChange({ modes: toggled(draft.modes, mode, RUN_MODES) })}
           >
             {RUN_MODE_NAMES[mode]}
@@ -209,7 +210,7 @@ function ConditionChoice({ draft, onChange }: PartProps) {
       <Select
         label="DASH frame rate"
         value={String(draft.frameRate ?? "")}
-        disabled={!draft.modes.some((mode) => mode !== "stateless")}
+        disabled={draft.modes.every(isPerView)}
         onValue={(value) => onChange({ frameRate: FRAME_RATES.find((rate) => String(rate) === value) ?? null })}
       >
         <option value="">the preset’s own</option>
@@ -239,32 +240,32 @@ function ConditionChoice({ draft, onChange }: PartProps) {
       </Select>
       <Check
         checked={draft.depth}
-        disabled={!(draft.reprojection && stateless)}
+        disabled={!(draft.reprojection && draft.modes.includes("stateless"))}
         onChange={() => onChange({ depth: !draft.depth })}
       >
         Depth, stateless
       </Check>
       <Check
         checked={draft.surround}
-        disabled={!(draft.reprojection && stateless)}
+        disabled={!(draft.reprojection && perView)}
         onChange={() => onChange({ surround: !draft.surround })}
       >
-        Surround, stateless
+        Surround, stateless and video
       </Check>
       {KINDS.map((kind) => (
         <Select
           key={kind}
-          label={`${KIND_NAMES[kind]}, stateless`}
+          label={`${KIND_NAMES[kind]}, stateless and video`}
           value={draft[kind]}
-          disabled={!stateless || webgpuProblem() !== null}
+          disabled={!perView || webgpuProblem() !== null}
           onValue={(name) => onChange({ [kind]: name })}
           note={kind === "upscale" ? (webgpuProblem() ?? undefined) : undefined}
         >
           <ModelOptions kind={kind} />
         </Select>
       ))}
-      <fieldset disabled={!stateless}>
-        <legend>Controllers, stateless</legend>
+      <fieldset disabled={!perView}>
+        <legend>Controllers, stateless and video</legend>
         {profiles.map((profile) => (
           <Check
             key={profile}

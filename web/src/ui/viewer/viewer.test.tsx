@@ -83,7 +83,7 @@ test("keys open help, hide the measurements, open the settings and change the mo
     await user.keyboard("m");
     modes.push(settings.value.mode);
   }
-  expect(modes).toEqual(["dash", "side-by-side", "stateless"]);
+  expect(modes).toEqual(["video", "dash", "side-by-side"]);
 });
 
 test("r brings back the start view, to the last bit", async () => {
