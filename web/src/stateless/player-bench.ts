@@ -101,7 +101,7 @@ export class PlayerBench {
 
   /** To a server of which nothing is known. */
   connect(): void {
-    this.transport = new FakeTransport(() => this.now);
+    this.transport = new FakeTransport(() => this.now, { kind: "webtransport-streams" });
     this.player.attach({ transport: this.transport, fallback: null, host: null });
   }
 

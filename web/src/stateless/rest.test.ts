@@ -40,3 +40,11 @@ test.each([
 test("a worse rung that a person has chosen is shown at once", () => {
   expect(then({ profile: 5 }, ANOTHER).profile).toBe(5);
 });
+
+test("of a video, a better bit rate is worth another frame of the same view, and a worse one is not", () => {
+  const rest = new Rest();
+  const at = (bitrate_kbps: number) => ({ ...VIEW, format: "h264" as const, video: { bitrate_kbps } });
+  const first = rest.view(at(2000), CONTROLLER);
+  expect(rest.view(at(1000), CONTROLLER)).toBe(first);
+  expect(rest.view(at(3000), CONTROLLER)).toEqual(at(3000));
+});

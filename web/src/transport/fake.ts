@@ -1,6 +1,6 @@
 /** A transport for tests: requests wait until the test answers them. */
 import { deferred } from "../async/deferred";
-import type { FrameHeader, RenderRequest, ServerTiming } from "../wire/render";
+import type { FrameHeader, RenderRequest, ServerTiming, VideoInfo } from "../wire/render";
 import type { FrameReply, FrameTransport, TransportKind } from "./transport";
 
 export interface FakeRequest {
@@ -12,8 +12,14 @@ export interface FakeRequest {
   fail(error: unknown): void;
 }
 
+interface FakeOptions {
+  readonly kind?: TransportKind;
+  readonly maxInFlight?: number;
+  readonly overtaking?: boolean;
+}
+
 export class FakeTransport implements FrameTransport {
-  readonly kind: TransportKind = "fetch";
+  readonly kind: TransportKind;
   readonly maxInFlight: number;
   readonly overtaking: boolean;
   readonly lost: Promise<string>;
@@ -21,9 +27,12 @@ export class FakeTransport implements FrameTransport {
   readonly requests: FakeRequest[] = [];
   closed = false;
   readonly #now: () => number;
+  /** The last frame of the video. */
+  #encoded: number | null = null;
 
-  constructor(now: () => number, { maxInFlight = 32, overtaking = true } = {}) {
+  constructor(now: () => number, { kind = "fetch", maxInFlight = 32, overtaking = true }: FakeOptions = {}) {
     this.#now = now;
+    this.kind = kind;
     this.maxInFlight = maxInFlight;
     this.overtaking = overtaking;
     const { promise, resolve } = deferred<string>();
@@ -49,6 +58,7 @@ export class FakeTransport implements FrameTransport {
           timing,
           ...extent(request),
           requests_per_s: requestsPerS ?? null,
+          video: this.#videoInfo(request),
         };
         const arrival = { sentAt, firstByteAt: at, lastByteAt: at, bytes, sharedBytes: 0 };
         resolve({ header, image: new Blob(), arrival });
@@ -59,6 +69,15 @@ export class FakeTransport implements FrameTransport {
 
   close(): void {
     this.closed = true;
+  }
+
+  /** As a server that encodes the frames of a video in the order in which they are answered. */
+  #videoInfo({ video, seq = 0 }: RenderRequest): VideoInfo | null {
+    if (!video) return null;
+    const key = video.key === true || this.#encoded === null;
+    const after = key ? null : this.#encoded;
+    this.#encoded = seq;
+    return { key, after, codec: "avc1.42c01f" };
   }
 }
 

@@ -2,7 +2,7 @@
  * The frames of the mode `video`, from answers to pictures. A picture is decoded once the one that it refers to was, so none is ever
  * shown whose chain is broken; what breaks it makes the next request ask for a key frame.
  */
-import { signal } from "@preact/signals";
+import { computed, type ReadonlySignal, signal } from "@preact/signals";
 import { type Deferred, deferred } from "../async/deferred";
 import { type CalledWorker, WorkerCalls } from "../async/worker-calls";
 import { FrameDropped, type FrameReply, type FrameTransport } from "../transport/transport";
@@ -23,16 +23,21 @@ export interface DecodedPicture {
 /** A decoder that failed so many times in so many milliseconds is given up. */
 const FAILURES = 4;
 const SPAN = 10_000;
+const UNCARRIED = "The mode Video needs WebTransport streams, and this connection has none. Choose another mode.";
 
 export class VideoFrames {
   /** Why there can be no video, in a sentence for a person; null where there can. */
-  readonly problem = signal<string | null>(null);
+  readonly problem: ReadonlySignal<string | null> = computed(() => this.#undecodable.value ?? this.#uncarried.value);
   /** Key frames that came over the present transport. */
   keyFrames = 0;
+  readonly #undecodable = signal<string | null>(null);
+  readonly #uncarried = signal<string | null>(null);
   readonly #startWorker: () => CalledWorker;
   readonly #now: () => number;
   #worker: WorkerCalls<EncodedFrame, ImageBitmap> | undefined;
   #chain = new Chain<Arrived>();
+  /** Requests under way, each of which is given up once no frame of the present transport is of use. */
+  readonly #underWay = new Set<AbortController>();
   #number = 0;
   #failures: readonly number[] = [];
 
@@ -44,12 +49,16 @@ export class VideoFrames {
   /** The mode was chosen: `problem` says whether this browser can decode video. What failed before may work now. */
   async begin(problem: Promise<string | null>): Promise<void> {
     this.#failures = [];
-    this.problem.value = await problem;
+    this.#undecodable.value = await problem;
   }
 
-  /** A transport whose requests for video ask for a key frame when one is needed; from now on frames come over this one. */
+  /**
+   * A transport whose requests for video ask for a key frame when one is needed, and are never cancelled: the server knows by itself
+   * which are overtaken, and whatever it has encoded others refer to. From now on frames come over this one.
+   */
   over(transport: FrameTransport): FrameTransport {
     this.reset();
+    this.#uncarried.value = transport.kind === "webtransport-streams" ? null : UNCARRIED;
     const chain = this.#chain;
     return {
       kind: transport.kind,
@@ -61,11 +70,15 @@ export class VideoFrames {
         const { video, seq = 0 } = request;
         if (!video) return transport.request(request, signal);
         const asking: RenderRequest = chain.asks(seq) ? { ...request, video: { ...video, key: true } } : request;
+        const use = new AbortController();
+        this.#underWay.add(use);
         try {
-          return await transport.request(asking, signal);
+          return await transport.request(asking, use.signal);
         } catch (error) {
           this.#drop(chain.ended(seq));
           throw error;
+        } finally {
+          this.#underWay.delete(use);
         }
       },
     };
@@ -75,6 +88,7 @@ export class VideoFrames {
   reset(): void {
     this.#drop(this.#chain.break());
     this.#chain = new Chain();
+    for (const use of this.#underWay) use.abort(new FrameDropped("the viewer was closed"));
     this.keyFrames = 0;
   }
 
@@ -126,7 +140,7 @@ export class VideoFrames {
     this.#failures = [...this.#failures.filter((at) => now - at < SPAN), now];
     if (this.#failures.length < FAILURES) return;
     const why = error instanceof Error && error.message ? ` (${error.message.replace(/\.$/, "")})` : "";
-    this.problem.value = `This browser’s video decoder fails again and again${why}. Choose another mode.`;
+    this.#undecodable.value = `This browser’s video decoder fails again and again${why}. Choose another mode.`;
   }
 
   #drop(frames: readonly Arrived[]): void {
