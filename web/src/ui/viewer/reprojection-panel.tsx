@@ -34,7 +34,7 @@ export function ReprojectionPanel({ session }: { session: ViewerSession }) {
         <input
           type="checkbox"
           checked={depth}
-          disabled={!reprojection}
+          disabled={!reprojection || mode === "video"}
           onChange={() => changeSettings({ depth: !depth })}
         />
         Use depth
