@@ -38,9 +38,7 @@ def test_a_walk_as_a_video_shows_what_single_pictures_show(open_page: OpenPage, 
     assert abs(picture(page) - video).mean() < ALIKE
 
 
-def test_without_a_decoder_one_sentence_says_so_and_other_modes_work(
-    open_page: OpenPage, server: RenderServer
-) -> None:
+def test_without_a_decoder_one_sentence_says_so_and_other_modes_work(open_page: OpenPage, server: RenderServer) -> None:
     page = open_page("", viewport=SMALL, **with_settings(server.url, mode="video", **PLAIN))
     page.add_init_script("delete window.VideoDecoder")
     page.goto(server.url + SCENE)

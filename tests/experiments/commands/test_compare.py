@@ -22,7 +22,7 @@ from typer.testing import CliRunner, Result
 from tests.experiments.conftest import Services
 from tests.experiments.processes import finished, started, until
 from tests.experiments.stub import Stub, fails
-from tigas_common.wire.run import MODES
+from tigas_common.wire.run import USUALLY_COMPARED
 from tigas_experiments.commands.compare import compare as command
 from tigas_experiments.records.folder import RunRecord, StoredRun, read_experiment
 from tigas_experiments.records.samples import read_sample_file, sample_path
@@ -59,7 +59,7 @@ def test_every_mode_is_measured_over_the_same_link_and_movement(services: Servic
     link = {"down_kbps": 20_000, "up_kbps": 10_000, "delay_ms": 10, "jitter_ms": 0, "loss_pct": 0}
     assert services.shaper.asked[asked:] == [("/link", link), ("/stop", {})] * 5, "once before the first of four runs"
     runs = report(out)
-    assert [run["record"]["configuration"]["mode"] for run in runs] == list(MODES)
+    assert [run["record"]["configuration"]["mode"] for run in runs] == list(USUALLY_COMPARED)
     for run in runs:
         figures = run["figures"]
         assert figures["latencies"]["inputs"] > 30, "the browser sampled the movement"
