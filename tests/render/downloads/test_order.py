@@ -1,37 +1,81 @@
-"""The order of a download: what covers most of the picture comes first."""
+"""The order of a download: any first part of it is a picture of the whole scene."""
 
 from __future__ import annotations
 
+import numpy as np
 import torch
 
-from tigas_render.downloads.order import by_importance
+from tests.render.scenes import plys
+from tigas_render.downloads.order import MULTIPLE, SHARES, Order
 from tigas_render.gaussians import Gaussians
 
+N = 10_000
 
-def line(*, depths: list[float], radii: list[float], opacities: list[float]) -> Gaussians:
-    """Round Gaussians in front of the origin."""
-    n = len(depths)
+
+def wall(radii: torch.Tensor | float = 0.1, opacities: torch.Tensor | float = 0.5, depth: float = 10.0) -> Gaussians:
+    """Round Gaussians all over a wall in front of the origin."""
+    across = torch.rand(N, 2, generator=torch.Generator().manual_seed(1)) * 4 - 2
     return Gaussians(
-        means=torch.tensor([[0.0, 0.0, depth] for depth in depths]),
-        scales=torch.tensor(radii)[:, None].repeat(1, 3),
-        quaternions=torch.tensor([[1.0, 0.0, 0.0, 0.0]]).repeat(n, 1),
-        opacities=torch.tensor(opacities),
-        sh=torch.zeros(n, 1, 3),
+        means=torch.cat((across, torch.full((N, 1), depth)), 1),
+        scales=torch.ones(N, 3) * torch.as_tensor(radii).reshape(-1, 1),
+        quaternions=torch.tensor([[1.0, 0.0, 0.0, 0.0]]).repeat(N, 1),
+        opacities=torch.ones(N) * opacities,
+        sh=torch.zeros(N, 1, 3),
     )
 
 
-def test_what_is_large_near_and_opaque_comes_first() -> None:
-    gaussians = line(depths=[10, 10, 20, 10], radii=[1, 2, 2, 1], opacities=[0.5, 0.5, 0.5, 0.9])
-    assert by_importance(gaussians, (0, 0, 0)).tolist() == [1, 3, 0, 2]
+def share_of_even(gaussians: Gaussians) -> float:
+    """How many of the first tenth have an even number."""
+    first = Order.of(gaussians, (0, 0, 0)).indices[: N // 10]
+    return float(np.mean(first % 2 == 0))
 
 
-def test_a_needle_counts_for_less_than_a_disc() -> None:
-    gaussians = line(depths=[10, 10], radii=[1, 1], opacities=[0.5, 0.5])
-    gaussians.scales[0] = torch.tensor([2.0, 0.1, 0.1])
-    gaussians.scales[1] = torch.tensor([1.0, 0.01, 1.0])
-    assert by_importance(gaussians, (0, 0, 0)).tolist() == [1, 0]
+def test_every_gaussian_is_there_once_and_always_at_the_same_place() -> None:
+    gaussians = wall()
+    order = Order.of(gaussians, (0, 0, 0))
+    assert sorted(order.indices) == list(range(N))
+    assert (order.indices == Order.of(gaussians, (0, 0, 0)).indices).all()
 
 
-def test_a_speck_before_the_lens_is_not_what_matters() -> None:
-    gaussians = line(depths=[0.001, 10, 10, 10], radii=[0.01, 1, 1, 1], opacities=[0.9] * 4)
-    assert by_importance(gaussians, (0, 0, 0)).tolist() == [1, 2, 3, 0]
+def test_what_is_large_opaque_and_near_comes_early_and_the_rest_is_not_left_out() -> None:
+    even = torch.arange(N) % 2 == 0
+    assert 0.45 < share_of_even(wall()) < 0.55
+    assert 0.7 < share_of_even(wall(radii=torch.where(even, 0.3, 0.1))) < 0.8
+    assert 0.7 < share_of_even(wall(opacities=torch.where(even, 0.9, 0.1))) < 0.8
+    parted = wall()
+    parted.means[~even, 2] = 30.0
+    assert 0.7 < share_of_even(parted) < 0.8
+
+
+def test_what_covers_nothing_comes_last() -> None:
+    even = torch.arange(N) % 2 == 0
+    assert share_of_even(wall(radii=torch.where(even, 0.0, 0.1))) == 0
+
+
+def test_parts_are_of_whole_chunks_and_grow_less_the_more_there_is() -> None:
+    parts = Order.of(wall(), (0, 0, 0)).parts
+    assert len(parts) == len(SHARES)
+    assert all(part.count % MULTIPLE == 0 for part in parts)
+    growths = [part.growth for part in parts]
+    assert growths == sorted(growths, reverse=True)
+    assert 1 < growths[-1] < growths[0] < 5
+    assert parts[0].comment == f"first 256 growth {growths[0]:.3f}"
+
+
+def test_a_small_scene_has_no_parts() -> None:
+    assert Order.of(plys.gaussians(100), (0, 0, 0)).parts == ()
+    assert len(Order.of(plys.gaussians(1), (0, 0, 0)).with_neighbours_together(plys.gaussians(1)).indices) == 1
+
+
+def test_neighbours_come_together_within_each_part() -> None:
+    gaussians = wall()
+    order = Order.of(gaussians, (0, 0, 0))
+    packed = order.with_neighbours_together(gaussians)
+    for part in order.parts:
+        assert sorted(packed.indices[: part.count]) == sorted(order.indices[: part.count])
+
+    def extent(indices: np.ndarray[tuple[int], np.dtype[np.int64]]) -> float:
+        chunks = gaussians.means.numpy()[indices[-MULTIPLE * 10 :], :2].reshape(10, MULTIPLE, 2)
+        return float(np.ptp(chunks, axis=1).mean())
+
+    assert extent(packed.indices) < extent(order.indices) / 2

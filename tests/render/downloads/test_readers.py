@@ -9,6 +9,7 @@ from pathlib import Path
 import httpx
 import pytest
 
+from benchmarks.playcanvas_ply import read_compressed_ply
 from tests.render.scenes import plys
 from tigas_render.app import create_app
 from tigas_render.downloads.readers import AT_ONCE, OF_AN_ADDRESS
@@ -99,10 +100,10 @@ async def test_so_many_may_read_at_once(client: httpx.AsyncClient, service: Rend
         assert refused.json()["detail"].startswith("As many scenes are being downloaded as may be;")
 
 
-async def test_the_first_rows_are_those_that_cover_most(client: httpx.AsyncClient, tmp_path: Path) -> None:
-    content = (await client.get(URL)).content
-    (tmp_path / "got.ply").write_bytes(content)
-    got = load_ply(tmp_path / "got.ply")
-    radii = got.scales.sort(dim=1).values
-    cover = got.opacities * radii[:, 1] * radii[:, 2]
-    assert cover[:50].mean() > 2 * cover.mean()
+async def test_a_scene_is_downloaded_compressed(client: httpx.AsyncClient, tmp_path: Path) -> None:
+    answer = await client.get("/scenes/cloud/download/compressed")
+    assert answer.headers["content-disposition"] == 'attachment; filename="cloud.compressed.ply"'
+    (tmp_path / "got.ply").write_bytes(answer.content)
+    got = read_compressed_ply(tmp_path / "got.ply")
+    assert (len(got), got.sh_degree) == (500, 1)
+    assert len(answer.content) < len((await client.get(URL)).content) / 3

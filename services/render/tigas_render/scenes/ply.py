@@ -63,21 +63,24 @@ def load_ply(path: Path, device: str | torch.device = "cpu") -> Gaussians:
     return Gaussians(*(torch.from_numpy(array[:kept]).to(device) for array in arrays))
 
 
-def write_ply(path: Path, gaussians: Gaussians, order: NDArray[np.int64] | None = None) -> None:
+def write_ply(
+    path: Path, gaussians: Gaussians, order: NDArray[np.int64] | None = None, comments: Iterable[str] = ()
+) -> None:
     """Write a scene as an INRIA PLY, binary little-endian; opacities are kept 1e-6 away from 0 and 1.
 
     order: which Gaussians to write, in which order, as indices [M]; all as they are if left out.
+    comments: for the header.
     Memory beyond the tensors themselves is a few megabytes. Raises OSError.
     """
     degree = gaussians.sh_degree
-    names = ("x", "y", "z", "f_dc_0", "f_dc_1", "f_dc_2", *_rest_names(degree), *REQUIRED[6:])
+    names = ("x", "y", "z", "f_dc_0", "f_dc_1", "f_dc_2", *rest_names(degree), *REQUIRED[6:])
     order = np.arange(len(gaussians)) if order is None else order
     means, scales, quaternions, opacities, sh = (
         tensor.cpu().numpy()
         for tensor in (gaussians.means, gaussians.scales, gaussians.quaternions, gaussians.opacities, gaussians.sh)
     )
     with path.open("wb") as file:
-        file.write(ply_header([("vertex", len(order), "float", names)]))
+        file.write(ply_header([("vertex", len(order), "float", names)], comments))
         for start in range(0, len(order), BLOCK):
             some = order[start : start + BLOCK]
             opacity = opacities[some, None].clip(1e-6, 1 - 1e-6)
@@ -94,15 +97,16 @@ def write_ply(path: Path, gaussians: Gaussians, order: NDArray[np.int64] | None 
             file.write(np.concatenate(parts, axis=1, dtype="<f4").tobytes())
 
 
-def ply_header(elements: Iterable[tuple[str, int, str, Iterable[str]]]) -> bytes:
+def ply_header(elements: Iterable[tuple[str, int, str, Iterable[str]]], comments: Iterable[str] = ()) -> bytes:
     """The header of a binary little-endian PLY: its elements' names, counts, type and names of all properties."""
-    lines = ["ply", "format binary_little_endian 1.0"]
+    lines = ["ply", "format binary_little_endian 1.0", *(f"comment {comment}" for comment in comments)]
     for element, count, kind, properties in elements:
         lines += [f"element {element} {count}", *(f"property {kind} {name}" for name in properties)]
     return "\n".join([*lines, "end_header", ""]).encode()
 
 
-def _rest_names(sh_degree: int) -> list[str]:
+def rest_names(sh_degree: int) -> list[str]:
+    """What the properties are called that hold a Gaussian's SH coefficients beyond the first."""
     return [f"f_rest_{i}" for i in range(3 * ((sh_degree + 1) ** 2 - 1))]
 
 
@@ -155,7 +159,7 @@ def _activate(block: _Block, sh_degree: int) -> tuple[_Floats, _Floats, _Floats,
         quaternions = columns[:, 10:14].astype(np.float64)  # as the square of a float32 may overflow
         quaternions /= np.linalg.norm(quaternions, axis=1, keepdims=True)
         opacities = 1 / (1 + np.exp(-columns[:, 6]))
-        rest = _columns(block, _rest_names(sh_degree)).reshape(len(block), 3, (sh_degree + 1) ** 2 - 1)
+        rest = _columns(block, rest_names(sh_degree)).reshape(len(block), 3, (sh_degree + 1) ** 2 - 1)
     sh = np.concatenate((columns[:, None, 3:6], rest.transpose(0, 2, 1)), axis=1)
     usable = np.isfinite(columns).all(1) & np.isfinite(quaternions).all(1) & np.isfinite(sh).all((1, 2))
     usable &= (np.abs(columns[:, 0:3]) <= FARTHEST).all(1) & (scales <= FARTHEST).all(1)
