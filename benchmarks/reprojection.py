@@ -108,7 +108,7 @@ class Bench:
 
     def __init__(self, name: str, gaussians: Gaussians, view: View, overscan: float, lens: Intrinsics) -> None:
         self.name = name
-        self.info = _info(name, view)
+        self.info = scene_info(name, view)
         self.subject = math.dist(view["position"], view["look_at"])
         self._background = DEMO_METADATA.background if name == "courtyard" else (0.0, 0.0, 0.0)
         self._rasterizer = CpuRasterizer()
@@ -325,7 +325,7 @@ def _pose(position: Floats, quaternion: Floats) -> Pose:
     return Pose.from_quaternion((x, y, z), (qx, qy, qz, qw))
 
 
-def _info(name: str, view: View) -> SceneInfo:
+def scene_info(name: str, view: View) -> SceneInfo:
     """As much of a scene as placing a movement asks for."""
     (x, y, z), (a, b, c), (i, j, k) = view["position"], view["look_at"], view["up"]
     camera = StartCamera(position=(x, y, z), look_at=(a, b, c))

@@ -49,7 +49,7 @@ REQUESTS = [
     {"format": "h264", "video": VideoRequest(bitrate_kbps=200_000, frames_per_s=59.94, key=True)},
     {"format": "h264", "video": VideoRequest(bitrate_kbps=10)},
 ]
-VIDEO = [VideoInfo(key=True, after=None, codec="avc1.42c01f"), VideoInfo(key=False, after=0, codec="avc1.4d4034")]
+VIDEO = [VideoInfo(key=True, after=None, codec="avc1.4d401f"), VideoInfo(key=False, after=0, codec="avc1.4d4034")]
 
 
 @pytest.fixture

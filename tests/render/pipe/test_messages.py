@@ -27,7 +27,7 @@ points = st.tuples(coordinates, coordinates, coordinates)
 quaternions = st.tuples(coordinates, coordinates, coordinates, coordinates).filter(any)
 formats = st.sampled_from(("jpeg", "png", "yuv420p", "webp"))
 videos = st.builds(
-    VideoInfo, key=st.booleans(), after=st.none() | st.integers(0, 2**32 - 1), codec=st.just("avc1.42c01f")
+    VideoInfo, key=st.booleans(), after=st.none() | st.integers(0, 2**32 - 1), codec=st.just("avc1.4d401f")
 )
 euler = st.fixed_dictionaries(
     {"azimuth": angles, "elevation": angles, "translation": points}, optional={"roll": st.none() | angles}

@@ -276,7 +276,7 @@ class FakeFrames(FrameSource):
         self.held: bool | set[int] = False
         """Whether requests wait for `release`: all, none, or those with these numbers."""
         self.error: Exception | None = None
-        self.video = VideoInfo(key=True, after=None, codec="avc1.42c01f")
+        self.video = VideoInfo(key=True, after=None, codec="avc1.4d401f")
         """Of frames that are asked for as a video's."""
         self.requests: list[tuple[FrameClient, RenderRequest]] = []
         self.arrivals: list[float] = []

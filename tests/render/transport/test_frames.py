@@ -228,11 +228,11 @@ VIDEO = {"format": "h264", "video": {"bitrate_kbps": 1000}}
 
 async def test_a_frame_of_a_video_says_what_it_refers_to() -> None:
     source = FakeFrames(b"access unit")
-    source.video = VideoInfo(key=False, after=6, codec="avc1.42c01f")
+    source.video = VideoInfo(key=False, after=6, codec="avc1.4d401f")
     async with served(source) as (_, client, session):
         header, body = await client.frame(session, request_body(seq=7, **VIDEO))
     assert (header["content_type"], body) == ("video/h264", b"access unit")
-    assert header["video"] == {"key": False, "after": 6, "codec": "avc1.42c01f"}
+    assert header["video"] == {"key": False, "after": 6, "codec": "avc1.4d401f"}
 
 
 @pytest.mark.parametrize("size", [3_000_000, 30_000], ids=["partly sent", "with QUIC"])

@@ -194,7 +194,7 @@ class VideoInfo(WireModel):
     after: int | None
     """The `seq` of the frame that it refers to, the last one of the video; null for a key frame."""
     codec: str
-    """Such as `avc1.42c01f` (RFC 6381), for WebCodecs."""
+    """Such as `avc1.4d401f` (RFC 6381), for WebCodecs."""
 
 
 class FrameHeader(WireModel):
