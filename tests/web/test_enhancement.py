@@ -37,6 +37,7 @@ LOWEST_RUNG = {
     "controller": "fixed",
     "profile": 3,
     "refine": False,
+    "webp": False,
     "sidebar": False,
     "transport": "fetch",
     "reprojection": False,

@@ -25,6 +25,7 @@ SETTINGS = {
     "controller": "fixed",
     "profile": 3,
     "refine": False,
+    "webp": False,
     "sidebar": False,
     "transport": "fetch",
     "prediction": "off",

@@ -13,7 +13,7 @@ from tests.web.modes import with_settings
 from tests.web.server import RenderServer
 from tests.web.stage import SCENE, changes, frames, picture, stat, wait_for_frames, wait_until_settled
 
-ONE_RUNG = {"controller": "fixed", "profile": 0, "refine": False}
+ONE_RUNG = {"controller": "fixed", "profile": 0, "refine": False, "webp": False}
 AS_THEY_COME = {"reprojection": False, "prediction": "off"}
 """Settings with which equal views are equal pictures, and a view that stands still is asked for once."""
 

@@ -165,12 +165,12 @@ function from(points: readonly TimedPose[], begin: number): readonly TimedPose[]
 
 /** The settings that decide what is measured, as text. */
 function decisiveSettings(): string {
-  const { transport, mode, controller, profile, refine, restore, upscale } = settings.value;
+  const { transport, mode, controller, profile, refine, restore, upscale, webp } = settings.value;
   const { reprojection, prediction, overscan, depth, surround } = settings.value;
   const { dashPreset, dashFrameRate, dashRepresentation, dashCustom } = settings.value;
   const dash = [dashPreset, dashFrameRate, dashRepresentation, dashCustom];
   const motion = [reprojection, prediction, overscan, depth, surround];
-  return JSON.stringify([transport, mode, controller, profile, refine, restore, upscale, ...dash, ...motion]);
+  return JSON.stringify([transport, mode, controller, profile, refine, restore, upscale, webp, ...dash, ...motion]);
 }
 
 function visible(): boolean {

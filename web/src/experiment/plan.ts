@@ -232,7 +232,7 @@ export function settingsFor({
   surround,
 }: Pick<PlannedRun, Decisive>): Partial<Settings> {
   const motion = { reprojection, prediction, overscan, depth, surround };
-  const shared = { sidebar: false, hud: false, refine: false, restore, upscale, ...motion };
+  const shared = { sidebar: false, hud: false, refine: false, webp: false, restore, upscale, ...motion };
   if (!isPerView(mode)) {
     return {
       ...shared,

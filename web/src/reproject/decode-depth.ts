@@ -8,7 +8,8 @@ const MOST_SIDE = 1024;
 /** Null if the frame has none, or none that can be read: a frame without depth is still a frame. */
 export async function decodeDepth(frame: Blob): Promise<DepthMap | null> {
   try {
-    const segment = readDepthSegment(new Uint8Array(await frame.slice(0, DEPTH_SEGMENT_BYTES).arrayBuffer()));
+    const part = frame.type === "image/webp" ? frame : frame.slice(0, DEPTH_SEGMENT_BYTES); // a JPEG's is at its start
+    const segment = readDepthSegment(new Uint8Array(await part.arrayBuffer()));
     return segment && { nearest: segment.nearest, ...(await grayValues(segment.image)) };
   } catch {
     return null;

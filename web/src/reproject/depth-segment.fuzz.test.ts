@@ -3,14 +3,19 @@ import fc from "fast-check";
 import { expect, test } from "vitest";
 import { EFFORT } from "../fuzz/effort";
 import { readDepthSegment } from "./depth-segment";
-import { jpegWithDepth } from "./fake-jpeg";
+import { jpegWithDepth, webpWithDepth } from "./fake-frames";
 
 const image = fc.uint8Array({ minLength: 1, maxLength: 60 });
 const sound = fc.tuple(fc.float({ min: 0, noNaN: true, noDefaultInfinity: true }), image);
 const edited = fc
-  .tuple(sound, fc.array(fc.tuple(fc.nat({ max: 80 }), fc.nat({ max: 255 })), { maxLength: 4 }), fc.nat({ max: 100 }))
-  .map(([[nearest, codes], edits, length]) => {
-    const jpeg = jpegWithDepth(nearest, codes);
+  .tuple(
+    sound,
+    fc.boolean(),
+    fc.array(fc.tuple(fc.nat({ max: 80 }), fc.nat({ max: 255 })), { maxLength: 4 }),
+    fc.nat({ max: 100 }),
+  )
+  .map(([[nearest, codes], webp, edits, length]) => {
+    const jpeg = (webp ? webpWithDepth : jpegWithDepth)(nearest, codes);
     for (const [at, byte] of edits) jpeg[at % jpeg.length] = byte;
     return jpeg.subarray(0, length);
   });

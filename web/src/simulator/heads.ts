@@ -137,6 +137,7 @@ export async function visit(options: HeadOptions): Promise<Visit> {
     },
     refused: () => undefined,
     unrefined: () => undefined,
+    format: () => "jpeg",
     transmission: (bytes) => (throughput.bitsPerSecond === null ? 0 : (bytes * 8000) / throughput.bitsPerSecond),
   });
   const lens = { ...rig.intrinsics.value, ...VIEWPORT };

@@ -75,6 +75,7 @@ export async function simulate(options: SimulationOptions): Promise<Figures> {
     },
     refused: () => undefined,
     unrefined: () => undefined,
+    format: () => "jpeg",
     transmission: (bytes) => (throughput.bitsPerSecond === null ? 0 : (bytes * 8000) / throughput.bitsPerSecond),
   });
   let pose = 0;

@@ -46,6 +46,8 @@ const Settings = v.object({
   profile: v.fallback(v.pipe(v.number(), v.integer(), v.minValue(0), v.maxValue(255)), 0),
   /** When the camera stands still, ask for the view once more at the best rung. */
   refine: v.fallback(v.boolean(), true),
+  /** Whether pictures come as WebP where that is faster. */
+  webp: v.fallback(v.boolean(), true),
   /** The models that enhance each frame before it is shown, by name, or `off`. */
   restore: v.fallback(v.picklist([OFF, ...enhancersOf("restore").map(({ name }) => name)]), OFF),
   upscale: v.fallback(v.picklist([OFF, ...enhancersOf("upscale").map(({ name }) => name)]), OFF),

@@ -13,6 +13,7 @@ async function walk(roundTrip: number, service: number): Promise<{ rate: number;
     replied: () => undefined,
     refused: () => undefined,
     unrefined: () => undefined,
+    format: () => "jpeg",
     transmission: () => 0,
   });
   let shown = 0;

@@ -30,6 +30,7 @@ function pipeline(decode?: () => Promise<DecodedImage>): FramePipeline {
     unrefined: () => {
       unrefined++;
     },
+    format: () => "jpeg",
     transmission: () => 0,
   });
 }

@@ -17,6 +17,7 @@ import type { FrameHeader, RenderRequest } from "../wire/render";
 import type { Request } from "../wire/store";
 import type { DecodedImage } from "./decoder";
 import { InFlightLimit } from "./in-flight-limit";
+import type { PictureFormat } from "./picture-format";
 import { RequestPace } from "./request-pace";
 
 /** What to show: a request without its number. */
@@ -59,6 +60,8 @@ export interface PipelineEvents {
   refused(problem: RequestProblem): void;
   /** A refinement failed. */
   unrefined(): void;
+  /** What the next picture is to be asked for as. */
+  format(): PictureFormat;
   /** Transmission time of so many bytes in milliseconds, 0 if unknown. */
   transmission(bytes: number): number;
 }
@@ -145,7 +148,7 @@ export class FramePipeline {
     this.#asides.add(abort);
     this.#pace.sent(this.#now());
     try {
-      const reply = await this.#transport.request({ ...request, seq: this.#seq++ }, abort.signal);
+      const reply = await this.#transport.request(this.#asked(request, this.#seq++), abort.signal);
       return { ...reply, ...(await this.#decode(reply, abort.signal)) };
     } finally {
       this.#asides.delete(abort);
@@ -209,7 +212,7 @@ export class FramePipeline {
     this.#pace.sent(request.at);
     this.#events.sent(request);
     try {
-      const asked = { ...view, seq };
+      const asked = this.#asked(view, seq);
       const reply = await this.#transport.request(asked, abort.signal);
       if (!abort.signal.aborted) request.fate = "overtaken";
       this.#pace.told(reply.header.requests_per_s ?? null);
@@ -236,6 +239,12 @@ export class FramePipeline {
     }
     this.#ready?.bitmap.close();
     this.#ready = frame;
+  }
+
+  /** With a number, and a format unless it is to be a video's frame. */
+  #asked(view: ViewRequest, seq: number): ViewRequest & { readonly seq: number } {
+    const format = view.format ?? this.#events.format();
+    return { ...view, seq, ...(format !== "jpeg" && { format }) };
   }
 
   #observe({ header, arrival }: FrameReply, alone: boolean): void {

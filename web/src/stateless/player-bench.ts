@@ -33,6 +33,7 @@ export class PlayerBench {
   prediction: PredictorName = "off";
   overscan: number | "auto" = "auto";
   depth = true;
+  webp = false;
   surround = false;
   size = SIZE;
   videoSteps: readonly VideoStep[] | null = null;
@@ -66,6 +67,7 @@ export class PlayerBench {
     this.player = new StatelessPlayer({
       display: display ?? this.#display(),
       reprojector: this.reprojector,
+      webp: () => this.webp,
       overscan: () => this.overscan,
       depth: () => this.depth,
       surround: () => this.surround,

@@ -202,3 +202,19 @@ test("while it turns asks for where the camera will be, as soon as it is known h
   expect(bench.last()?.quaternion).toEqual(bench.rig.pose.quaternion);
   expect(bench.player.stats.value.settled).toBe(true);
 });
+
+test.each([
+  { link: "a slow link", transmission: 200, webp: true, format: "webp" },
+  { link: "a slow link where the person wants none", transmission: 200, webp: false, format: undefined },
+  { link: "a fast link", transmission: 4, webp: true, format: undefined },
+])("over $link, pictures come as $format", async ({ transmission, webp, format }) => {
+  bench.webp = webp;
+  bench.axes = { ...STILL, forward: 1 };
+  for (let i = 0; i < 40; i++) {
+    await bench.frames(1, { answer: false });
+    bench.now += transmission;
+    for (const request of bench.transport.requests) request.reply({ bytes: 25_000, transmission });
+  }
+  expect(bench.transport.requests[0]?.request.format).toBeUndefined();
+  expect(bench.last()?.format).toBe(format);
+});

@@ -19,6 +19,7 @@ import type { Rig } from "../view/rig";
 import { TimeWindow } from "../view/window";
 import type { Rung, SceneInfo } from "../wire/render";
 import type { Decoder } from "./decoder";
+import { FormatChoice } from "./picture-format";
 import { type DecodedFrame, FramePipeline, type SentRequest, type ViewRequest } from "./pipeline";
 import { type PosedRequest, Refinement } from "./refinement";
 import { Rest } from "./rest";
@@ -46,6 +47,8 @@ export interface StatelessPlayerOptions {
   readonly display: Display<DecodedFrame>;
   /** Turns what the display shows to the pose of each animation frame, while it works. */
   readonly reprojector: Reprojector<Pictured>;
+  /** Whether pictures may come as WebP, too. */
+  readonly webp: () => boolean;
   /** Of reprojection: how much more frames show at each side, as a share of the viewport. */
   readonly overscan: () => number | "auto";
   /** Of reprojection: whether frames come with a depth. */
@@ -101,6 +104,7 @@ export class StatelessPlayer {
   #pipeline: FramePipeline | undefined;
   #connected: Connected | undefined;
   #refinement = new Refinement();
+  #format = new FormatChoice();
   readonly #rest = new Rest<PosedRequest>();
   #publishedAt = 0;
 
@@ -118,6 +122,7 @@ export class StatelessPlayer {
     this.#meter = new Meter("stateless", this.#options.onPresented);
     this.#recorder = new StatsRecorder();
     this.#refinement = new Refinement();
+    this.#format = new FormatChoice();
     this.#foresight.reset();
     this.#surround.reset();
     this.#connected = connected ?? undefined;
@@ -132,6 +137,7 @@ export class StatelessPlayer {
             replied: (reply, view, pose) => {
               this.#recorder.replied(reply, now());
               this.#refinement.observe(reply);
+              this.#format.observe(reply, now());
               this.#received(reply.arrival.bytes);
               this.problem.value = null;
               const profile = reply.header.profile ?? null;
@@ -155,6 +161,8 @@ export class StatelessPlayer {
               this.problem.value = problem.message;
             },
             unrefined: () => this.#refinement.failed(),
+            format: () =>
+              this.#options.webp() ? this.#format.next(this.#recorder.throughput.bitsPerSecond, now()) : "jpeg",
             transmission: (bytes) => {
               const rate = this.#recorder.throughput.bitsPerSecond;
               return rate === null ? 0 : (bytes * 8000) / rate;

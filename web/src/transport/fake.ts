@@ -7,8 +7,13 @@ export interface FakeRequest {
   readonly request: RenderRequest;
   readonly signal: AbortSignal;
   readonly sentAt: number;
-  /** Answers with a frame whose last byte comes now. */
-  reply(options?: { readonly timing?: ServerTiming; readonly bytes?: number; readonly requestsPerS?: number }): void;
+  /** Answers with a frame whose last byte comes now, and its first one `transmission` milliseconds earlier. */
+  reply(options?: {
+    readonly timing?: ServerTiming;
+    readonly bytes?: number;
+    readonly requestsPerS?: number;
+    readonly transmission?: number;
+  }): void;
   fail(error: unknown): void;
 }
 
@@ -49,7 +54,7 @@ export class FakeTransport implements FrameTransport {
       signal,
       sentAt,
       fail: reject,
-      reply: ({ timing = { queue: 0, render: 0, encode: 0 }, bytes = 1000, requestsPerS } = {}) => {
+      reply: ({ timing = { queue: 0, render: 0, encode: 0 }, bytes = 1000, requestsPerS, transmission = 0 } = {}) => {
         const at = this.#now();
         const header = {
           status: 200,
@@ -60,7 +65,13 @@ export class FakeTransport implements FrameTransport {
           requests_per_s: requestsPerS ?? null,
           video: this.#videoInfo(request),
         };
-        const arrival = { sentAt, firstByteAt: at, lastByteAt: at, bytes, sharedBytes: 0 };
+        const arrival = {
+          sentAt,
+          firstByteAt: at - transmission,
+          lastByteAt: at,
+          bytes,
+          sharedBytes: transmission > 0 ? bytes : 0,
+        };
         resolve({ header, image: new Blob(), arrival });
       },
     });

@@ -16,6 +16,7 @@ import { fetchConfig, loadScene } from "../state/api";
 import { config, ladder, sceneLadder, settings } from "../state/app";
 import { isStreamed, type Mode } from "../state/settings";
 import { Decoder } from "../stateless/decoder";
+import { decodesWebp } from "../stateless/decodes-webp";
 import type { DecodedFrame, SentRequest } from "../stateless/pipeline";
 import { selectedController, videoSteps } from "../stateless/selected-controller";
 import { type Reply, type ShownFrame, StatelessPlayer } from "../stateless/stateless-player";
@@ -75,6 +76,7 @@ export class ViewerSession {
     () => new Worker(new URL("../video/video.worker.ts", import.meta.url), { type: "module", name: "video decoder" }),
     now,
   );
+  #decodesWebp = false;
   /** The picture's pixels on the screen. */
   readonly #pixels = computed(() => {
     const { width, height } = this.rig.viewport.value;
@@ -116,6 +118,7 @@ export class ViewerSession {
     this.stateless = new StatelessPlayer({
       display: this.#display,
       reprojector: this.reprojector,
+      webp: () => settings.peek().webp && this.#decodesWebp && config.peek()?.formats?.includes("webp") === true,
       overscan: () => settings.peek().overscan,
       depth: () => settings.peek().depth,
       surround: () => settings.peek().surround,
@@ -141,6 +144,9 @@ export class ViewerSession {
       },
       onReceived: this.#count,
       now,
+    });
+    void decodesWebp().then((decodes) => {
+      this.#decodesWebp = decodes;
     });
     this.#follow(stage);
     this.#enhance();

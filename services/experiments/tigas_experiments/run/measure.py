@@ -126,7 +126,8 @@ def page_settings(configuration: Configuration) -> dict[str, Any]:
         chosen = {"mode": mode, "controller": "fixed", "profile": profile}
     else:
         chosen = {"mode": mode, "controller": profile}
-    # Nothing beside the picture, so that the stage is the viewport; no second request for a view that stands still.
+    # Nothing beside the picture, so that the stage is the viewport; no second request for a view that stands still; one
+    # format, so that a rung is the same picture on every link.
     enhancement = {"restore": configuration.restore, "upscale": configuration.upscale}
     motion = configuration.model_dump(include={"reprojection", "prediction", "overscan", "depth", "surround"})
     return {
@@ -137,6 +138,7 @@ def page_settings(configuration: Configuration) -> dict[str, Any]:
         "sidebar": False,
         "hud": False,
         "refine": False,
+        "webp": False,
     }
 
 

@@ -42,7 +42,8 @@ test("a controller that adapts shows the rung that it has chosen; a fixed profil
   await user.click(quality.getByRole("radio", { name: /^Low/ }));
   expect(settings.value).toMatchObject({ controller: "fixed", profile: 3 });
   await user.click(quality.getByRole("checkbox", { name: "Refine when still" }));
-  expect(settings.value.refine).toBe(false);
+  await user.click(quality.getByRole("checkbox", { name: "WebP on slow links" }));
+  expect(settings.value).toMatchObject({ refine: false, webp: false });
 });
 
 test("a rung that this server's ladder does not have is its last", () => {
