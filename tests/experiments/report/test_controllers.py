@@ -39,12 +39,23 @@ def test_a_controller_looks_the_same_in_every_report() -> None:
         controller(profile=0),
         controller(reprojection=True, prediction="auto"),
         controller("dash-tuned", reprojection=True),
+        controller("video"),
+        controller("video", 3),
     }
     titles = [
         *("Budget", "Budget + reprojection + prediction auto", "Budget + scene", "mine"),
-        *("Profile 0", "Profile 3", "Profile 3 + scene", "DASH tuned", "DASH tuned + reprojection"),
+        *(
+            "Profile 0",
+            "Profile 3",
+            "Profile 3 + scene",
+            "Video Budget",
+            "Video Profile 3",
+            "DASH tuned",
+            "DASH tuned + reprojection",
+        ),
     ]
     assert [each.title for each in in_order(some)] == titles
+    assert controller("video").name == "video-budget"
     assert controller(upscale="scene").name == "budget+scene"
     assert controller(reprojection=True, prediction="auto").name == "budget+reprojection+prediction-auto"
     found = looks(some)

@@ -65,6 +65,16 @@ def test_everything_is_combined_and_repeats_go_outermost(tmp_path: Path) -> None
     assert {run.seed for run in made} == {1}, "a repeat has the same inputs"
 
 
+def test_the_mode_video_has_the_controllers_of_the_mode_stateless_and_no_samples(tmp_path: Path) -> None:
+    made = runs(tmp_path, modes=["video", "stateless"], controllers=["budget", "1"], sample_stride=5, shuffled=False)
+    assert [(run.mode, run.profile, run.sample_stride) for run in made] == [
+        *(("video", "budget", 0), ("video", 1, 0), ("stateless", "budget", 5), ("stateless", 1, 5))
+    ]
+    assert len({run.slug for run in made}) == len(made)
+    assert {"mode": "video", "controller": "budget"}.items() <= page_settings(made[0]).items()
+    assert {"mode": "video", "controller": "fixed", "profile": 1}.items() <= page_settings(made[1]).items()
+
+
 def test_the_order_is_random_but_by_the_seed_alone_and_compares_what_is_close_in_time(tmp_path: Path) -> None:
     fields: dict[str, Any] = {
         "networks": ["4g-bus", "20mbit"],

@@ -51,6 +51,14 @@ describe("frames", () => {
     expect(add(next(6, 5))).toEqual({ ready: [6], lost: [] });
   });
 
+  test("that the video has gone past wait for nothing, and break nothing", () => {
+    add(next(2, 0)); // of before the key frame, which an earlier request asked for
+    add(key(1));
+    expect(add(next(3, 1))).toEqual({ ready: [3], lost: [2] });
+    expect(chain.expired(2 * PATIENCE, PATIENCE)).toEqual([]);
+    expect(chain.broken).toBe(false);
+  });
+
   test("that refer to one that was withdrawn wait for nothing", () => {
     add(key(0));
     add(next(2, 1));

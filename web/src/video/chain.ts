@@ -49,11 +49,10 @@ export class Chain<Frame extends Link> {
   add(frame: Frame, now: number): Outcome<Frame> {
     if (frame.seq === this.#asked || frame.key) this.#asked = null;
     if (this.#last !== null && frame.seq <= this.#last) return { ready: [], lost: [frame] };
-    if (frame.key) {
-      const lost = this.#take(({ seq }) => seq < frame.seq);
-      return { ready: [frame, ...this.#follow(frame)], lost };
+    if (frame.key || (this.#last !== null && frame.after === this.#last)) {
+      const ready = [frame, ...this.#follow(frame)];
+      return { ready, lost: this.#take(({ seq }) => seq < (ready.at(-1) ?? frame).seq) };
     }
-    if (this.#last !== null && frame.after === this.#last) return { ready: [frame, ...this.#follow(frame)], lost: [] };
     this.#waiting = [...this.#waiting, { frame, since: now }];
     return { ready: [], lost: this.#orphans() };
   }
