@@ -9,6 +9,8 @@ import httpx
 import pytest
 
 from tests.render.fleet.fleet import ASK, Fleet, serving
+from tests.render.scenes import plys
+from tigas_render.scenes.ply import write_ply
 
 EVIL = {"Origin": "https://evil.example"}
 REQUESTS: list[tuple[str, str, dict[str, str], bytes]] = [
@@ -38,15 +40,25 @@ REQUESTS: list[tuple[str, str, dict[str, str], bytes]] = [
     ("OPTIONS", "/scenes", {"Origin": "http://localhost:1", "Access-Control-Request-Method": "GET"}, b""),
     ("GET", "/enhance/general.safetensors", {}, b""),
     ("GET", "/scenes/courtyard/enhance", {}, b""),
+    ("GET", "/scenes/cloud/download/ply", {}, b""),
+    ("HEAD", "/scenes/cloud/download/ply", {}, b""),
+    ("GET", "/scenes/cloud/download/ply", {"Range": "bytes=100-199", "Origin": "http://localhost:1"}, b""),
+    ("GET", "/scenes/cloud/download/obj", {}, b""),
     ("POST", "/scenes/courtyard/unload", {"X-Forwarded-For": "192.0.2.1"}, b""),
 ]
 
 
 @pytest.fixture(scope="module", params=["instant:5000", "instant:5000,instant:5000"])
-def both(request: pytest.FixtureRequest) -> Iterator[tuple[Fleet, Fleet]]:
-    """A single process and a fleet, with one device or with two."""
-    with serving(edges=1) as single, serving(edges=2, device=request.param) as fleet:
-        yield single, fleet
+def both(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Fleet, Fleet]]:
+    """A single process and a fleet, with one device or with two, that have a small scene and share a cache."""
+    scenes = tmp_path_factory.mktemp("scenes")
+    (scenes / "cloud").mkdir()
+    write_ply(scenes / "cloud" / "cloud.ply", plys.gaussians(100))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("TIGAS_RENDER_SCENES", str(scenes))
+        patch.setenv("TIGAS_RENDER_CACHE", str(tmp_path_factory.mktemp("cache")))
+        with serving(edges=1) as single, serving(edges=2, device=request.param) as fleet:
+            yield single, fleet
 
 
 @pytest.mark.parametrize(("method", "path", "headers", "body"), REQUESTS)

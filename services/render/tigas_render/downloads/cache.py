@@ -11,6 +11,7 @@ import contextlib
 import hashlib
 import logging
 import os
+import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -127,7 +128,7 @@ class DownloadCache:
     def _make_room(self, needed: int, spared: Path) -> None:
         """Remove the longest unused files; who reads one reads on. Raises OSError."""
         others = [path for path in self._directory.iterdir() if path != spared and path.suffix != CARD]
-        used = sorted((path.stat().st_mtime, path.stat().st_size, path) for path in others)
+        used = sorted((path.stat().st_atime_ns, path.stat().st_size, path) for path in others)
         excess = sum(size for _, size, _ in used) + needed - self._limit
         for _, size, path in used:
             if excess <= 0:
@@ -142,9 +143,9 @@ def _card(path: Path) -> Path:
 
 
 def _used(path: Path) -> SceneDownload | None:
-    """As `_about`; a file that there is becomes the last used."""
+    """As `_about`; a file that there is becomes the last used, which its time of access says."""
     with contextlib.suppress(OSError):
-        os.utime(path)
+        os.utime(path, ns=(time.time_ns(), path.stat().st_mtime_ns))
     return _about(path)
 
 

@@ -1,0 +1,47 @@
+"""Answers that are handed on."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import AsyncIterator
+
+import httpx
+import pytest
+from starlette.types import Message
+
+from tigas_common.proxy import hand_back
+
+pytestmark = pytest.mark.anyio
+
+
+class Endless(httpx.AsyncByteStream):
+    """A body without an end."""
+
+    closed = False
+
+    async def __aiter__(self) -> AsyncIterator[bytes]:
+        while True:
+            await asyncio.sleep(0)
+            yield b"more"
+
+    async def aclose(self) -> None:
+        self.closed = True
+
+
+async def test_what_nobody_takes_any_more_is_not_fetched() -> None:
+    body, left, parts = Endless(), asyncio.Event(), 0
+
+    async def receive() -> Message:
+        await left.wait()
+        return {"type": "http.disconnect"}
+
+    async def send(message: Message) -> None:
+        nonlocal parts
+        parts += message["type"] == "http.response.body"
+        if parts == 5:
+            left.set()
+
+    async with asyncio.timeout(30):
+        await hand_back(httpx.Response(200, stream=body), [], receive, send)
+    assert parts < 10
+    assert body.closed
