@@ -71,7 +71,8 @@ class RenderSettings(ServiceSettings):
     waiting_per_address: int = Field(default=128, ge=1)
     """Requests of one address that may wait for the renderer; further ones are refused."""
     video_encoders: int = Field(default=VIDEO_ENCODERS, ge=1, le=4096)
-    """Viewers whose videos each device encodes at a time; beyond, whoever has not asked for the longest begins anew."""
+    """Viewers whose videos each device encodes at a time; more than 1280×720 pixels count as several. Beyond, of the
+    address that has the most, whoever has not asked for the longest begins anew."""
     memory_gb: float = Field(default=8.0, gt=0, le=100_000)
     """Memory limit for loaded scenes on each device, in gigabytes (10⁹ bytes)."""
     idle_minutes: float = Field(default=15.0, gt=0, le=525_600)

@@ -10,6 +10,7 @@ import pytest
 from tests.render.encode.test_h264 import HEIGHT, WIDTH, picture
 from tigas_common.errors import Superseded
 from tigas_common.wire.render import VideoInfo, VideoRequest
+from tigas_render.encode import video_chains
 from tigas_render.encode.h264 import EncodingFailed, H264Encoder
 from tigas_render.encode.video_chains import IDLE_S, VideoChains
 from tigas_render.frame import Client
@@ -88,6 +89,25 @@ def test_encoders_are_bounded_and_whoever_has_not_asked_for_the_longest_begins_a
     assert len(videos.chains) == 2
     assert after(videos.next(3, ANN)) == 2
     assert after(videos.next(2, BOB)) is None
+
+
+def test_no_address_takes_the_encoders_of_others() -> None:
+    videos, elsewhere = Videos(most=3), Client("elsewhere", "Dot")
+    videos.next(1, elsewhere)
+    for seq in (1, 2):
+        for client in (ANN, BOB, CAL):
+            videos.next(seq, client)
+    assert after(videos.next(2, elsewhere)) == 1
+
+
+def test_a_large_video_counts_as_several(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(video_chains, "USUAL_PIXELS", WIDTH * HEIGHT // 4)
+    videos = Videos(most=5)
+    for client in (ANN, BOB):
+        videos.next(1, client, size=2)
+    videos.next(1, CAL)
+    assert len(videos.chains) == 2
+    assert after(videos.next(2, BOB, size=2)) == 1
 
 
 def test_who_is_gone_or_idle_has_no_encoder_any_more() -> None:

@@ -6,7 +6,7 @@ This is the one thing that the service keeps about a viewer, and it may go at an
 from __future__ import annotations
 
 import threading
-from collections import OrderedDict
+from collections import OrderedDict, defaultdict
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Final
@@ -18,6 +18,8 @@ from tigas_render.frame import Client
 
 VIDEO_ENCODERS: Final = 64
 """That there are at a time, unless told otherwise."""
+USUAL_PIXELS: Final = 1280 * 720
+"""A larger video counts as several; one of this size takes about 10 MB."""
 IDLE_S: Final = 10.0
 """A viewer who has asked for nothing for so long gets a new chain, in seconds."""
 
@@ -27,6 +29,8 @@ class VideoChain:
     """One viewer's; `lock` is held while a frame of it is encoded."""
 
     used_at: float
+    weight: float = 1
+    """As how many encoders it counts."""
     lock: threading.Lock = field(default_factory=threading.Lock)
     encoder: H264Encoder | None = None
     last: int | None = None
@@ -60,7 +64,7 @@ class VideoChains:
     """All that one engine has."""
 
     def __init__(self, most: int, clock: Callable[[], float]) -> None:
-        """most: encoders; beyond, whoever has not asked for the longest goes."""
+        """most: encoders; beyond, of the address that has the most, whoever has not asked for the longest goes."""
         self._most = most
         self._clock = clock
         self._chains: OrderedDict[Client, VideoChain] = OrderedDict()
@@ -77,7 +81,7 @@ class VideoChains:
 
         Waits for the one before it. Raises Superseded if a later one has been encoded, and EncodingFailed.
         """
-        chain = self._chain(client)
+        chain = self._chain(client, max(1, width * height / USUAL_PIXELS))
         with chain.lock:
             return chain.encode(seq, video, width, height, planes)
 
@@ -102,14 +106,21 @@ class VideoChains:
                     return
                 del self._chains[client]
 
-    def _chain(self, client: Client) -> VideoChain:
+    def _chain(self, client: Client, weight: float) -> VideoChain:
         self.forget_idle()
         with self._lock:
             chain = self._chains.get(client)
             if chain is None:
-                while len(self._chains) >= self._most:
-                    self._chains.popitem(last=False)
                 chain = self._chains[client] = VideoChain(self._clock())
             self._chains.move_to_end(client)
-            chain.used_at = self._clock()
+            chain.used_at, chain.weight = self._clock(), weight
+            self._make_room()
             return chain
+
+    def _make_room(self) -> None:
+        while len(self._chains) > 1 and sum(chain.weight for chain in self._chains.values()) > self._most:
+            of_address: defaultdict[str, float] = defaultdict(float)
+            for client, chain in self._chains.items():
+                of_address[client.address] += chain.weight
+            heaviest = max(of_address, key=of_address.__getitem__)
+            del self._chains[next(client for client in self._chains if client.address == heaviest)]
