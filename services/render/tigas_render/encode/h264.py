@@ -1,7 +1,7 @@
 """H.264 for one viewer: each picture that goes in comes out at once, as a key frame or in terms of the one before it.
 
 A frame gets its share of the bit rate and hardly more, key frames too: a coarse one that is there at once is worth more
-to a viewer than a fine one that is late. For that x264 keeps a constant rate, with a buffer (VBV) of about a frame.
+to a viewer than a fine one that is late. For that x264 keeps a constant rate, with a buffer (VBV) of two frames.
 The buffer is fixed when an encoder is opened, and with it the highest rate; below, down to half of it, another rate
 needs no new encoder.
 """
@@ -32,10 +32,10 @@ HEADROOM: Final = 1.25
 """How much higher than the rate at first an encoder's highest rate is."""
 RANGE: Final = 2.0
 """How many times the rate may be below the highest."""
-BUFFER_FRAMES: Final = 1.6
-"""Frames' shares at the highest rate that the largest frame may have …"""
-BUFFER_BITS_PER_PIXEL: Final = 0.1
-"""… and what it may have at least: in less, a key frame is a smear that takes half a second to get sharp."""
+BUFFER_FRAMES: Final = 2.0
+"""Frames' shares at the highest rate that the buffer holds: x264 lets a frame have about half of what is in it …"""
+BUFFER_BITS_PER_PIXEL: Final = 0.15
+"""… and what it holds at least: with less, a key frame is a smear that takes half a second to get sharp."""
 
 _X264: Final = (
     "scenecut=0:sliced-threads=0:keyint=infinite:ref=1:bframes=0:rc-lookahead=0:force-cfr=1"
