@@ -257,6 +257,7 @@ async def test_the_page_may_reach_the_services_and_nothing_else(client: httpx.As
         "wss://example.org:*",
     ]
     assert directives["default-src"] == "'self'"
+    assert directives["worker-src"] == "'self' blob:", "the sorting of downloaded scenes is a worker of its renderer's"
     assert directives["frame-ancestors"] == "'none'"
     assert "script-src" not in directives
 

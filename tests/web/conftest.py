@@ -30,6 +30,8 @@ PATIENCE = 30_000
 DESKTOP: ViewportSize = {"width": 1000, "height": 640}
 SLOW_READ = "GPU stall due to ReadPixels"
 """What Chromium says of itself where no graphics processor composes the page: it reads what WebGL drew."""
+NO_ADAPTER = "No available adapters"
+"""And where WebGPU was asked for and finds none."""
 
 OpenPage = Callable[..., Page]
 
@@ -98,9 +100,10 @@ def open_page(browser: Browser, server: RenderServer) -> Iterator[OpenPage]:
         page = context.new_page()
 
         def on_console(message: ConsoleMessage) -> None:
-            harmless = SLOW_READ in message.text or (expected_errors and expected_errors in message.text)
+            said = message.text
+            harmless = SLOW_READ in said or NO_ADAPTER in said or (expected_errors and expected_errors in said)
             if message.type in ("error", "warning") and not harmless:
-                complaints.append(f"{message.type}: {message.text}")
+                complaints.append(f"{message.type}: {said}")
 
         page.on("console", on_console)
         page.on("pageerror", lambda error: complaints.append(f"uncaught: {error}"))

@@ -98,6 +98,7 @@ def page_policy(sources: Iterable[str]) -> str:
     sockets = [host.replace("http", "ws", 1) for host in hosts]
     return (
         "default-src 'self'; img-src 'self' blob: data:; media-src 'self' blob:; object-src 'none'; base-uri 'none'; "
+        "worker-src 'self' blob:; "
         f"form-action 'none'; connect-src 'self' {' '.join((*hosts, *sockets))}; frame-src 'self' {' '.join(hosts)}"
     )
 

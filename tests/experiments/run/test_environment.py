@@ -159,6 +159,7 @@ def test_models_are_asked_for_once_before_the_first_run(monkeypatch: pytest.Monk
         ({"profile": "magic"}, f"The controller 'magic' cannot be measured: {REFUSED}"),
         ({"profile": 4}, "There is no rung 4: the ladder at http://127.0.0.1:9 has 4, counted from 0."),
         ({"mode": "dash-tuned"}, "There is no packager behind http://127.0.0.1:9, so dash-tuned cannot be measured."),
+        ({"mode": "local-ply"}, "courtyard is not offered for download, so local-ply cannot be measured."),
     ],
 )
 def test_what_the_services_do_not_have_is_said_before_the_first_run(

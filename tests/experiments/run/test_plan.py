@@ -177,6 +177,16 @@ def test_dash_plays_single_representations_beside_all_of_them(tmp_path: Path) ->
         assert "representation" in str(error.value)
 
 
+def test_local_runs_download_a_form_and_change_with_nothing_that_the_server_renders(tmp_path: Path) -> None:
+    several = {"controllers": ["latency", "l2a"], "dash_representations": ["r3-500"], "reprojection": [True, False]}
+    made = runs(tmp_path, modes=["local-ply", "local-compressed"], **several, shuffled=False)
+    assert [(page_settings(run)["mode"], page_settings(run)["localForm"]) for run in made] == [
+        ("local", "ply"),
+        ("local", "compressed"),
+    ]
+    assert not any(run.reprojection for run in made)
+
+
 def test_paths_are_relative_to_the_file_and_traces_begin_where_it_says(tmp_path: Path, monkeypatch: Any) -> None:
     (tmp_path / "walk.csv").touch()
     (tmp_path / "bus.log").touch()

@@ -9,8 +9,14 @@ import { histogram, LATENCY_BINS_MS } from "./histogram";
 /** Both sides, in the order of the columns. */
 export const SIDES = ["stateless", "dash"] as const satisfies readonly Side[];
 
+/** The sides that are compared. */
+export type ComparedSide = (typeof SIDES)[number];
+
+/** The same side, if it is compared. */
+export const comparedSide = (side: Side): ComparedSide | undefined => SIDES.find((one) => one === side);
+
 /** What a side's meter says at present; null for a side that is not shown. */
-export type SideFigures = Readonly<Record<Side, Figures | null>>;
+export type SideFigures = Readonly<Record<ComparedSide, Figures | null>>;
 
 const MBIT = 1e6;
 
@@ -25,13 +31,14 @@ export class ComparisonHistory {
   readonly newViews = signal(noColumns(SIDES.length));
   /** Lines of pixels in the picture. */
   readonly lines = signal(noColumns(SIDES.length));
-  readonly #latencies: Readonly<Record<Side, TimeWindow>> = {
+  readonly #latencies: Readonly<Record<ComparedSide, TimeWindow>> = {
     stateless: new TimeWindow(SPAN_S * 1000),
     dash: new TimeWindow(SPAN_S * 1000),
   };
 
   presented({ side, at, latencies }: Pick<PresentedFrame, "side" | "at" | "latencies">): void {
-    for (const latency of latencies) this.#latencies[side].add(latency, at);
+    const compared = comparedSide(side);
+    if (compared) for (const latency of latencies) this.#latencies[compared].add(latency, at);
   }
 
   /** Take a sample of both sides; `now` in milliseconds. */

@@ -1,7 +1,7 @@
 /** The last walk, and what each side made of it: from the camera's first movement until it has stood still for a while. */
 import { signal } from "@preact/signals";
-import type { PresentedFrame, Side } from "../view/presented";
-import { SIDES, type SideFigures } from "./history";
+import type { PresentedFrame } from "../view/presented";
+import { type ComparedSide, comparedSide, SIDES, type SideFigures } from "./history";
 
 /** Whoever has not moved for so long has ended the walk: frames on their way have come by then (ms). */
 const STILL_AFTER = 2000;
@@ -22,14 +22,14 @@ export interface Walk {
   /** How long the camera moved, in milliseconds. */
   readonly duration: number;
   /** Null for a side that showed nothing, or began anew meanwhile. */
-  readonly sides: Readonly<Record<Side, WalkedSide | null>>;
+  readonly sides: Readonly<Record<ComparedSide, WalkedSide | null>>;
 }
 
 /** What has come from the walk that goes on. */
 interface Going {
   readonly from: number;
   readonly before: SideFigures;
-  readonly latencies: Readonly<Record<Side, number[]>>;
+  readonly latencies: Readonly<Record<ComparedSide, number[]>>;
   movedAt: number;
   /** When the camera moved last: a stream goes on sending while it stands still. */
   moved: SideFigures;
@@ -49,7 +49,8 @@ export class WalkRecorder {
   }
 
   presented({ side, latencies }: Pick<PresentedFrame, "side" | "latencies">): void {
-    this.#going?.latencies[side].push(...latencies);
+    const compared = comparedSide(side);
+    if (compared) this.#going?.latencies[compared].push(...latencies);
   }
 
   /** Take a sample of both sides, several times a second; `now` in milliseconds. */
@@ -74,7 +75,7 @@ function begun(figures: SideFigures, movedAt: number): Going {
 /** `after`: once all that was on its way has been shown. */
 function ended({ from, movedAt, before, moved, latencies }: Going, after: SideFigures): Walk {
   const duration = movedAt - from;
-  const side = (of: Side): WalkedSide | null => {
+  const side = (of: ComparedSide): WalkedSide | null => {
     const sorted = latencies[of].toSorted((a, b) => a - b);
     const percentile = (rank: number) => sorted[Math.ceil(rank * sorted.length) - 1] ?? 0;
     const [first, last, shown] = [before[of], moved[of], after[of]];

@@ -85,6 +85,9 @@ function fakeShaper() {
 function fakeSession() {
   return {
     phase: signal<{ kind: string; message?: string }>({ kind: "playing" }),
+    local: signal<{
+      phase: { value: { kind: string; message?: string }; peek: () => { kind: string; message?: string } };
+    } | null>(null),
     dash: signal<{ phase: { value: { kind: string; message?: string } } } | null>(null),
     scene: signal(COURTYARD),
     enhancement: { status: signal<EnhancementStatus>({ kind: "off" }) },

@@ -11,7 +11,7 @@ import type { ShaperStatus } from "../wire/shaper";
 import type { RunUpload } from "../wire/store";
 import { RunFailed } from "./errors";
 import { linkFor, linkProblem, linkSamples, watchLink } from "./link";
-import { isPerView, type PlannedRun, settingsFor } from "./plan";
+import { isDash, isLocal, type PlannedRun, settingsFor } from "./plan";
 import type { Runner } from "./runner";
 
 export interface MeasurementContext {
@@ -139,7 +139,9 @@ function watchForTrouble(
     if (enhanced.kind === "failed") return `Enhancement was given up during the run. ${enhanced.message}`;
     const turned = reprojectionNote(session.reprojector.status.value, session.videoReprojector.status.value);
     if (turned !== null) return `Reprojection ended during the run. ${turned}`;
-    if (!isPerView(run.mode) && stream?.kind !== "playing") return "The DASH stream was lost during the run.";
+    if (isDash(run.mode) && stream?.kind !== "playing") return "The DASH stream was lost during the run.";
+    const download = session.local.value?.phase.value;
+    if (isLocal(run.mode) && download?.kind === "failed") return download.message;
     if (run.mode === "video" && session.video.problem.value !== null) return session.video.problem.value;
     if (decisiveSettings() !== asked || lens() !== before)
       return "Settings or the window's size were changed during the run.";
@@ -167,8 +169,8 @@ function from(points: readonly TimedPose[], begin: number): readonly TimedPose[]
 function decisiveSettings(): string {
   const { transport, mode, controller, profile, refine, restore, upscale, webp } = settings.value;
   const { reprojection, prediction, overscan, depth, surround } = settings.value;
-  const { dashPreset, dashFrameRate, dashRepresentation, dashCustom } = settings.value;
-  const dash = [dashPreset, dashFrameRate, dashRepresentation, dashCustom];
+  const { dashPreset, dashFrameRate, dashRepresentation, dashCustom, localForm } = settings.value;
+  const dash = [dashPreset, dashFrameRate, dashRepresentation, dashCustom, localForm];
   const motion = [reprojection, prediction, overscan, depth, surround];
   return JSON.stringify([transport, mode, controller, profile, refine, restore, upscale, webp, ...dash, ...motion]);
 }
@@ -180,7 +182,8 @@ function visible(): boolean {
 /** Why no frame comes, as far as the viewer knows. */
 function whyNoFrame(session: ViewerSession): string {
   if (!visible()) return HIDDEN;
-  const phases = [session.phase.peek(), session.dash.peek()?.phase.peek()];
+  const { phase, dash, local } = session;
+  const phases = [phase, dash.peek()?.phase, local.peek()?.phase].map((one) => one?.peek());
   const said = phases.flatMap((phase) => (phase && "message" in phase ? phase.message : []));
   const video = settings.peek().mode === "video" ? session.video.problem.peek() : null;
   return said[0] ?? video ?? `No frame came within ${READY_WITHIN / 1000} s.`;

@@ -188,3 +188,15 @@ test("a fixed profile has the ladder's name", () => {
     "Fixed: Medium",
   );
 });
+
+test("local runs download the scene in their form, and nothing else is asked of the server", () => {
+  const runs = runsOf({ ...PLAN, modes: ["local-ply", "local-compressed"], repeats: 1 });
+  expect(runs.map(settingsFor)).toMatchObject([
+    { mode: "local", localForm: "ply" },
+    { mode: "local", localForm: "compressed" },
+  ]);
+  expect(runs.map((run) => [conditionLabel(run), run.sample_stride])).toEqual([
+    ["Local, PLY", 0],
+    ["Local, compressed", 0],
+  ]);
+});

@@ -4,6 +4,7 @@ import { seeded } from "../abr/random";
 import { CONTROLLER_NAMES, CONTROLLERS, type ControllerName } from "../abr/registry";
 import { FRAME_RATES, type Preset } from "../dash/presets";
 import { OFF } from "../enhance/model/enhancer";
+import type { DownloadForm } from "../local/local-player";
 import { PREDICTOR_NAMES } from "../predict/registry";
 import type { Settings } from "../state/settings";
 import type { LinkSetting } from "../wire/shaper";
@@ -16,6 +17,8 @@ export const RUN_MODES = [
   "dash-typical",
   "dash-tuned",
   "dash-edge",
+  "local-ply",
+  "local-compressed",
 ] as const satisfies readonly Configuration["mode"][];
 export type RunMode = Configuration["mode"];
 
@@ -25,6 +28,8 @@ export const RUN_MODE_NAMES: Readonly<Record<RunMode, string>> = {
   "dash-typical": "DASH, typical",
   "dash-tuned": "DASH, tuned",
   "dash-edge": "DASH, edge",
+  "local-ply": "Local, PLY",
+  "local-compressed": "Local, compressed",
 };
 
 /** Those in which the page asks for each view by itself, as a controller chooses; the others play a DASH stream. */
@@ -35,7 +40,16 @@ const RUN_PRESETS = {
   "dash-typical": "typical",
   "dash-tuned": "tuned",
   "dash-edge": "edge",
-} as const satisfies Readonly<Record<Exclude<RunMode, PerView>, Preset>>;
+} as const satisfies Partial<Record<RunMode, Preset>>;
+const RUN_FORMS = {
+  "local-ply": "ply",
+  "local-compressed": "compressed",
+} as const satisfies Partial<Record<RunMode, DownloadForm>>;
+
+/** Whether a run needs the packager. */
+export const isDash = (mode: RunMode): mode is keyof typeof RUN_PRESETS => mode in RUN_PRESETS;
+/** Whether a run draws the scene in this browser. */
+export const isLocal = (mode: RunMode): mode is keyof typeof RUN_FORMS => mode in RUN_FORMS;
 
 /** A controller's name, or a rung of the ladder, which then stays. */
 export type Profile = ControllerName | number;
@@ -233,7 +247,8 @@ export function settingsFor({
 }: Pick<PlannedRun, Decisive>): Partial<Settings> {
   const motion = { reprojection, prediction, overscan, depth, surround };
   const shared = { sidebar: false, hud: false, refine: false, webp: false, restore, upscale, ...motion };
-  if (!isPerView(mode)) {
+  if (isLocal(mode)) return { ...shared, mode: "local", localForm: RUN_FORMS[mode] };
+  if (isDash(mode)) {
     return {
       ...shared,
       mode: "dash",

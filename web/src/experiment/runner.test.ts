@@ -44,6 +44,7 @@ beforeEach(() => {
     seed: signal(1),
     connected: signal(null),
     dash: signal(null),
+    local: signal(null),
     enhancement: { status: enhancement },
     reprojector: { status: reprojection },
     videoReprojector: { status: videoReprojection },

@@ -87,7 +87,7 @@ export class Runner {
     changeSettings(validSettings({ ...before, ...part }));
     this.#lapse = null;
     const now = settings.peek();
-    const streamed = ["mode", "dashPreset", "dashFrameRate", "dashRepresentation"] as const;
+    const streamed = ["mode", "dashPreset", "dashFrameRate", "dashRepresentation", "localForm"] as const;
     // A stream is opened anew for these; a mode without one may have no reason to ask for another frame.
     const turned = !isStreamed(now.mode) ? [] : (["reprojection", "overscan"] as const);
     if ([...streamed, ...turned].some((name) => now[name] !== before[name])) this.#shown = 0; // other frames are waited for
@@ -208,6 +208,7 @@ export class Runner {
         mode: settings.peek().mode,
         transport: this.#session.connected.peek()?.transport.kind ?? null,
         dash: stream ? { ...stream, targets_ms: targets } : null,
+        local: this.#session.local.peek()?.played(startedAt) ?? null,
         user_agent: navigator.userAgent,
         lens,
         started_unix_ms: performance.timeOrigin + startedAt,
@@ -247,10 +248,11 @@ export class Runner {
   async #keep(recorder: Recorder, at: number): Promise<void> {
     const frame = this.#frame;
     if (frame === undefined) return;
-    const { stateless, dash } = this.#session;
+    const { stateless, dash, local } = this.#session;
+    const sides = { stateless, dash: dash.peek(), local: local.peek() };
     try {
-      const picture = await (frame.side === "dash" ? dash.peek() : stateless)?.picture();
-      if (picture === undefined) return;
+      const picture = await sides[frame.side]?.picture();
+      if (!picture) return;
       recorder.captured(frame, at, picture);
       this.#pictures.push(picture);
     } catch {

@@ -5,17 +5,26 @@ import { FRAME_RATES, PRESETS, tuned } from "../dash/presets";
 import { OFF } from "../enhance/model/enhancer";
 import { enhancersOf } from "../enhance/registry";
 import { PREDICTOR_NAMES } from "../predict/registry";
+import type { SceneDownload } from "../wire/render";
 
-export const MODES = ["stateless", "video", "dash", "side-by-side"] as const;
+export const MODES = ["stateless", "video", "dash", "side-by-side", "local"] as const;
 export type Mode = (typeof MODES)[number];
 
 /** Whether a DASH stream is shown. */
 export const isStreamed = (mode: Mode): mode is "dash" | "side-by-side" => mode === "dash" || mode === "side-by-side";
+/** Whether the page asks for each view by itself. */
+export const isPerView = (mode: Mode) => mode === "stateless" || mode === "video" || mode === "side-by-side";
+
+/** Files of a scene that the mode `local` can download. */
+export const LOCAL_FORMS = ["ply", "compressed"] as const satisfies readonly SceneDownload["form"][];
 
 const Settings = v.object({
   theme: v.fallback(v.picklist(["system", "light", "dark"]), "system"),
   transport: v.fallback(v.picklist(["auto", "webtransport-streams", "webtransport-datagrams", "fetch"]), "auto"),
-  /** What shows the scene: one JPEG per pose, one frame of a video per pose, a DASH stream, or the first beside the last. */
+  /**
+   * What shows the scene: one JPEG per pose, one frame of a video per pose, a DASH stream, the first beside the last, or this
+   * browser, which downloads the scene.
+   */
   mode: v.fallback(v.picklist(MODES), "stateless"),
   dashPreset: v.fallback(v.picklist(PRESETS), "tuned"),
   /** Frames a second; null: the preset's own. */
@@ -40,6 +49,7 @@ const Settings = v.object({
     }),
     tuned(30),
   ),
+  localForm: v.fallback(v.picklist(LOCAL_FORMS), "compressed"),
   /** What chooses the ladder's rung; "fixed": the person does. */
   controller: v.fallback(v.picklist(["fixed", ...CONTROLLER_NAMES]), "budget"),
   /** The rung that a person chose. */

@@ -3,6 +3,7 @@ import { signal } from "@preact/signals";
 import type { DashPhase, DashPlayer, DashStats } from "../dash/dash-player";
 import { NO_DASH_STATS } from "../dash/dash-player";
 import type { EnhancementStatus } from "../enhance/enhancement";
+import type { LocalPlayer } from "../local/local-player";
 import { MovementDeck } from "../movement/movement-deck";
 import type { ReprojectionStatus } from "../reproject/reprojector";
 import { COURTYARD } from "../state/fake-server";
@@ -43,6 +44,7 @@ export function fakeSession() {
     reprojector: { status: signal<ReprojectionStatus>("on") },
     videoReprojector: { status: signal<ReprojectionStatus>("on") },
     dash: signal<DashPlayer | null>(null),
+    local: signal<LocalPlayer | null>(null),
     seed: signal(1),
     input: { pad: { forward: 0, right: 0, up: 0 } },
     receivedBytes: 0,

@@ -10,11 +10,12 @@ import { Overlay } from "../enhance/overlay";
 import { chosenEnhancers } from "../enhance/registry";
 import { ApiError } from "../http/problem";
 import { StageInput } from "../input/stage-input";
+import type { LocalPlayer } from "../local/local-player";
 import { MovementDeck } from "../movement/movement-deck";
 import { Reprojector } from "../reproject/reprojector";
 import { fetchConfig, loadScene } from "../state/api";
 import { config, ladder, sceneLadder, settings } from "../state/app";
-import { isStreamed, type Mode } from "../state/settings";
+import { isPerView, isStreamed, type Mode } from "../state/settings";
 import { Decoder } from "../stateless/decoder";
 import { decodesWebp } from "../stateless/decodes-webp";
 import type { DecodedFrame, SentRequest } from "../stateless/pipeline";
@@ -29,6 +30,7 @@ import { viewDistance } from "../view/camera";
 import type { PresentedFrame } from "../view/presented";
 import { Rig } from "../view/rig";
 import type { SceneInfo } from "../wire/render";
+import { keepDownload } from "./download-opening";
 import { keepStream } from "./stream-opening";
 
 /** How the visit stands; `failed` waits for the person. */
@@ -62,6 +64,8 @@ export class ViewerSession {
   readonly videoReprojector: Reprojector<StreamedFrame>;
   /** The DASH side; null in stateless mode, and where there is no packager. */
   readonly dash = signal<DashPlayer | null>(null);
+  /** Null in the other modes. */
+  readonly local = signal<LocalPlayer | null>(null);
   readonly input: StageInput;
   readonly stage: Stage;
   /** Of the controllers' random numbers. */
@@ -150,7 +154,7 @@ export class ViewerSession {
     });
     this.#follow(stage);
     this.#enhance();
-    this.#reproject(this.reprojector, (mode) => mode !== "dash");
+    this.#reproject(this.reprojector, isPerView);
     this.#reproject(this.videoReprojector, isStreamed);
     this.#beginVideo();
     this.#connect();
@@ -161,6 +165,16 @@ export class ViewerSession {
         rig: this.rig,
         stamp,
         reprojector: this.videoReprojector,
+        onPresented: this.#tell,
+        onReceived: this.#count,
+        now,
+      }),
+    );
+    this.#cleanups.push(
+      keepDownload(this.local, this.scene, {
+        below: stage.canvas,
+        rig: this.rig,
+        size,
         onPresented: this.#tell,
         onReceived: this.#count,
         now,
@@ -230,14 +244,16 @@ export class ViewerSession {
   readonly #tick = (): void => {
     this.#animation = requestAnimationFrame(this.#tick);
     const time = now();
-    const stateless = settings.peek().mode !== "dash";
+    const stateless = isPerView(settings.peek().mode);
     // Before the sample: whoever hears of it finds on the canvas the frame that was told of last.
     if (stateless) this.stateless.presented(time);
     else this.stateless.suspend();
     this.dash.peek()?.presented(time);
+    this.local.peek()?.presented(time);
     const moved = this.rig.sample(time);
     if (stateless) this.stateless.tick(time, moved);
     this.dash.peek()?.tick(time, moved);
+    this.local.peek()?.tick(time, moved);
   };
 
   /** The viewport is that of the picture that is seen; both have the same size. */
@@ -256,7 +272,7 @@ export class ViewerSession {
       const { restore, upscale, mode } = settings.value;
       const scene = this.scene.value;
       const none = chosenEnhancers({ restore, upscale }).length === 0;
-      if (none || mode === "dash" || scene === null || ladder.value.length === 0) return null;
+      if (none || !isPerView(mode) || scene === null || ladder.value.length === 0) return null;
       // As text, so that only a change of its content is one; the configuration is read again and again.
       return JSON.stringify({ names: { restore, upscale }, place: { scene, ladder: ladder.value } });
     });

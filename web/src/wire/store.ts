@@ -48,7 +48,7 @@ export interface Configuration {
   movement: string;
   movement_offset_s?: number;
   network: Network;
-  mode: "stateless" | "video" | "dash-typical" | "dash-tuned" | "dash-edge";
+  mode: "stateless" | "video" | "dash-typical" | "dash-tuned" | "dash-edge" | "local-ply" | "local-compressed";
   duration_s: number;
   width: number;
   height: number;
@@ -101,9 +101,10 @@ export interface RepresentationRequest {
  */
 export interface Recording {
   scene: string;
-  mode: "stateless" | "video" | "dash" | "side-by-side";
+  mode: "stateless" | "video" | "dash" | "side-by-side" | "local";
   transport: string | null;
   dash?: PlayedStream | null;
+  local?: PlayedDownload | null;
   user_agent: string;
   lens: Lens;
   started_unix_ms: number;
@@ -143,6 +144,19 @@ export interface RepresentationInfo {
   codecs: string;
 }
 /**
+ * The scene as the mode `local` downloaded and drew it. Times in ms; None: that never came.
+ */
+export interface PlayedDownload {
+  form: "ply" | "compressed";
+  renderer: string | null;
+  began_ms: number;
+  first_picture_ms: number | null;
+  complete_ms: number | null;
+  downloaded_bytes: number;
+  bytes: number;
+  gaussians: number | null;
+}
+/**
  * The viewport and its intrinsics, in its pixels.
  */
 export interface Lens {
@@ -175,7 +189,7 @@ export interface Input {
  * A frame that was on the screen.
  */
 export interface ShownFrame {
-  side: "stateless" | "dash";
+  side: "stateless" | "dash" | "local";
   at: number;
   pose: number;
   view?: number | null;

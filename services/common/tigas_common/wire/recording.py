@@ -13,13 +13,13 @@ from pydantic import Field, model_validator
 from tigas_common.pose import Intrinsics, Pose
 from tigas_common.wire.dash import StreamInfo
 from tigas_common.wire.model import MAX_SIDE, Coordinate, Entries, Point, WireModel
-from tigas_common.wire.render import RenderRequest, ServerTiming
+from tigas_common.wire.render import DownloadForm, RenderRequest, ServerTiming
 
 MAX_BYTES = 256_000_000
 """A longer recording is refused."""
 LONGEST_REPLY_MS = 600_000.0
 """No frame takes longer from being asked for to its last byte."""
-PlayedMode = Literal["stateless", "video", "dash", "side-by-side"]
+PlayedMode = Literal["stateless", "video", "dash", "side-by-side", "local"]
 
 
 class Input(WireModel):
@@ -43,8 +43,9 @@ class Input(WireModel):
 class ShownFrame(WireModel):
     """A frame that was on the screen."""
 
-    side: Literal["stateless", "dash"]
-    """That the page asked for by itself, in the modes `stateless` and `video`, or that a stream brought."""
+    side: Literal["stateless", "dash", "local"]
+    """That the page asked for by itself, in the modes `stateless` and `video`, that a stream brought, or that the page
+    drew."""
     at: float
     """When it was on the screen."""
     pose: int
@@ -212,6 +213,26 @@ class PlayedStream(StreamInfo):
         )
 
 
+class PlayedDownload(WireModel):
+    """The scene as the mode `local` downloaded and drew it. Times in ms; None: that never came."""
+
+    form: DownloadForm
+    renderer: str | None = Field(max_length=100)
+    """What drew it, such as `WebGL 2`."""
+    began_ms: float
+    """When the download began, since the run's start: below 0 if it began before the run."""
+    first_picture_ms: float | None = Field(ge=0)
+    """From then until some of the scene was on the screen."""
+    complete_ms: float | None = Field(ge=0)
+    """From then until all of it was on the screen."""
+    downloaded_bytes: int = Field(ge=0)
+    """Of the scene's file, by the run's end."""
+    bytes: int = Field(ge=0)
+    """That the file has; 0 if the server never said."""
+    gaussians: int | None = Field(ge=0)
+    """That the file has; None if its header never came."""
+
+
 class RecordingHead(WireModel):
     """All but the long lists."""
 
@@ -221,6 +242,8 @@ class RecordingHead(WireModel):
     """How frames came: the page's transport, or `dash`."""
     dash: PlayedStream | None = None
     """None without DASH, before it played, and in early recordings."""
+    local: PlayedDownload | None = None
+    """Only of the mode `local`."""
     user_agent: str
     lens: Lens
     started_unix_ms: float

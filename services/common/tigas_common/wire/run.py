@@ -13,12 +13,22 @@ from tigas_common.wire.dash import RepresentationRequest
 from tigas_common.wire.model import MAX_SIDE, WireModel
 from tigas_common.wire.shaper import LinkSetting
 
-Mode = Literal["stateless", "video", "dash-typical", "dash-tuned", "dash-edge"]
+Mode = Literal["stateless", "video", "dash-typical", "dash-tuned", "dash-edge", "local-ply", "local-compressed"]
 """One JPEG per pose; one frame of a video per pose; DASH as live services ship it; as low as dash.js holds it; as low
-as a bare player does."""
-MODES: tuple[Mode, ...] = ("stateless", "video", "dash-typical", "dash-tuned", "dash-edge")
+as a bare player does; the scene downloaded and drawn in the page, as it is or compressed."""
+MODES: tuple[Mode, ...] = (
+    "stateless",
+    "video",
+    "dash-typical",
+    "dash-tuned",
+    "dash-edge",
+    "local-ply",
+    "local-compressed",
+)
 PER_VIEW: tuple[Mode, ...] = ("stateless", "video")
 """The modes in which the page asks for each view by itself, as one of its controllers chooses."""
+LOCAL: tuple[Mode, ...] = ("local-ply", "local-compressed")
+"""The modes in which the page draws the scene."""
 USUALLY_COMPARED: tuple[Mode, ...] = ("stateless", "dash-typical", "dash-tuned", "dash-edge")
 MODE_NAMES: dict[Mode, str] = {
     "stateless": "Stateless",
@@ -26,6 +36,8 @@ MODE_NAMES: dict[Mode, str] = {
     "dash-typical": "DASH, typical",
     "dash-tuned": "DASH, tuned",
     "dash-edge": "DASH, edge",
+    "local-ply": "Local, PLY",
+    "local-compressed": "Local, compressed",
 }
 FrameRate = Literal[30, 60]
 OFF = "off"
@@ -167,6 +179,16 @@ class Configuration(WireModel):
         if isinstance(self.profile, int) and not 0 <= self.profile <= 255:
             raise ValueError("the profile is a rung of the ladder, counted from 0, or a controller's name")
         return self
+
+    @property
+    def streamed(self) -> bool:
+        """Whether it is of the modes with DASH."""
+        return self.mode.startswith("dash")
+
+    @property
+    def download(self) -> str | None:
+        """The form in which the page downloads the scene; None in the modes that show pictures of the server's."""
+        return self.mode.removeprefix("local-") if self.mode in LOCAL else None
 
     @property
     def enhanced(self) -> bool:

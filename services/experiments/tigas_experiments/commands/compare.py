@@ -17,6 +17,7 @@ from tigas_experiments.commands.options import Scenes, Traces, Url, command_as_t
 
 DEFAULT_NETWORK = "20mbit,20ms-rtt"
 DEFAULT_PROFILE = "budget"
+DEFAULT_MODES = "stateless,dash-typical,dash-tuned,dash-edge"
 
 
 def compare(

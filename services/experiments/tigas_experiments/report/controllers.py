@@ -46,6 +46,8 @@ KNOWN_LOOKS = {
     "dash-typical": Look("#d55e00", "--", "X"),
     "dash-tuned": Look("#009e73", "--", "P"),
     "dash-edge": Look("#000000", "--", "*"),
+    "local-ply": Look("#332288", "-.", "h"),
+    "local-compressed": Look("#661100", "-.", "d"),
 }
 """Okabe and Ito's colours, which people with colour blindness tell apart."""
 OTHER_COLOURS = ("#999933", "#882255", "#44aa99", "#ddcc77")

@@ -101,6 +101,7 @@ class Environment:
         for configuration in {_inputs(run): run for run in runs}.values():
             scenes[configuration.scene] = (await self.setup(configuration)).scene
         _check_rungs(runs, target, scenes, self._ladder)
+        _check_downloads(runs, scenes)
         for network in {run.network: None for run in runs}:
             try:
                 async with held(target, self._inputs.network(network)):
@@ -180,8 +181,15 @@ async def open_environment(
 def _check_packager(runs: Sequence[Configuration], target: Target) -> None:
     """Whether there is one, if the runs need it. Raises StartError."""
     for run in runs:
-        if run.mode not in PER_VIEW and target.dash is None:
+        if run.streamed and target.dash is None:
             raise StartError(f"There is no packager behind {target.url}, so {run.mode} cannot be measured.")
+
+
+def _check_downloads(runs: Sequence[Configuration], scenes: Mapping[str, SceneInfo]) -> None:
+    """Whether scenes are offered in the forms that the runs download. Raises StartError."""
+    for run in runs:
+        if run.download is not None and run.download not in {one.form for one in scenes[run.scene].downloads}:
+            raise StartError(f"{run.scene} is not offered for download, so {run.mode} cannot be measured.")
 
 
 def _check_rungs(

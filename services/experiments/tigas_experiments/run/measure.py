@@ -13,7 +13,7 @@ import httpx
 
 from tigas_common.errors import StartError
 from tigas_common.wire.recording import Recording
-from tigas_common.wire.run import OFF, PER_VIEW, Configuration
+from tigas_common.wire.run import OFF, Configuration
 from tigas_experiments.errors import RunFailed
 from tigas_experiments.movement.trace import Point
 from tigas_experiments.quality.ground_truth import TIMEOUT_S, GroundTruth, pose_at
@@ -113,7 +113,9 @@ def page_settings(configuration: Configuration) -> dict[str, Any]:
     """The viewer's settings: everything that is not said here has its default."""
     mode, profile = configuration.mode, configuration.profile
     chosen: dict[str, Any]
-    if mode not in PER_VIEW:
+    if configuration.download is not None:
+        chosen = {"mode": "local", "localForm": configuration.download}
+    elif configuration.streamed:
         preset = mode.removeprefix("dash-")
         representation = configuration.dash_representation
         chosen = {

@@ -22,6 +22,7 @@ from tigas_common.wire.model import WireModel
 from tigas_common.wire.render import LadderName
 from tigas_common.wire.run import (
     AUTO,
+    LOCAL,
     MAX_OFFSET_S,
     MAX_RTT_MS,
     OFF,
@@ -245,8 +246,8 @@ class Plan(WireModel):
         return [
             (mode, chosen | motion)
             for mode in self.modes
-            for chosen in (controllers if mode in PER_VIEW else representations)
-            for motion in motions
+            for chosen in (controllers if mode in PER_VIEW else [{}] if mode in LOCAL else representations)
+            for motion in ([{}] if mode in LOCAL else motions)
         ]
 
     def _ordered(

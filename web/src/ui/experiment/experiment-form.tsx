@@ -12,6 +12,7 @@ import { presentNetwork } from "../../experiment/link";
 import {
   conditionLabel,
   type ExperimentPlan,
+  isDash,
   isPerView,
   type Profile,
   RUN_MODE_NAMES,
@@ -199,7 +200,7 @@ function ConditionChoice({ draft, onChange }: PartProps) {
           <Check
             key={mode}
             checked={draft.modes.includes(mode)}
-            disabled={!isPerView(mode) && !streams}
+            disabled={isDash(mode) && !streams}
             onChange={() => onChange({ modes: toggled(draft.modes, mode, RUN_MODES) })}
           >
             {RUN_MODE_NAMES[mode]}
@@ -210,7 +211,7 @@ function ConditionChoice({ draft, onChange }: PartProps) {
       <Select
         label="DASH frame rate"
         value={String(draft.frameRate ?? "")}
-        disabled={draft.modes.every(isPerView)}
+        disabled={!draft.modes.some(isDash)}
         onValue={(value) => onChange({ frameRate: FRAME_RATES.find((rate) => String(rate) === value) ?? null })}
       >
         <option value="">the preset’s own</option>

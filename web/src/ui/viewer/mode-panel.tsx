@@ -2,8 +2,10 @@
 
 import type { ComponentChildren } from "preact";
 import { type DashPlan, type DashSetup, FRAME_RATES, PRESETS, type Preset, planFor } from "../../dash/presets";
+import type { DownloadForm } from "../../local/local-player";
 import { changeSettings, config, settings } from "../../state/app";
-import { isStreamed, MODES } from "../../state/settings";
+import { isStreamed, LOCAL_FORMS, MODES } from "../../state/settings";
+import { offeredForm } from "../../viewer/download-opening";
 import type { ViewerSession } from "../../viewer/session";
 import { ComparisonPanel } from "./comparison-panel";
 import { MODE_NAMES } from "./names";
@@ -14,6 +16,12 @@ const PRESET_NAMES: Readonly<Record<Preset, string>> = {
   tuned: "Tuned",
   edge: "Edge",
   custom: "Custom",
+};
+
+const FORM_NAMES: Readonly<Record<DownloadForm, string>> = { ply: "PLY", compressed: "Compressed" };
+const FORM_SENTENCES: Readonly<Record<DownloadForm, string>> = {
+  ply: "All numbers of each Gaussian as they are, the most important Gaussians first; this browser draws them.",
+  compressed: "Each Gaussian in fewer bits, the most important ones first; this browser draws them.",
 };
 
 export function ModePanel({ session }: { session: ViewerSession }) {
@@ -29,6 +37,7 @@ export function ModePanel({ session }: { session: ViewerSession }) {
           </Segment>
         ))}
       </Segments>
+      {mode === "local" && <Download session={session} />}
       {isStreamed(mode) && missing && (
         <p class="notice" role="alert" data-notice="no-packager">
           This server has no DASH packager: start it with <code>tigas dash</code>, and name it to the server as the
@@ -72,6 +81,39 @@ export function ModePanel({ session }: { session: ViewerSession }) {
           <ComparisonPanel session={session} />
         </>
       )}
+    </>
+  );
+}
+
+/** Which of the scene's files is downloaded. */
+function Download({ session }: { session: ViewerSession }) {
+  const scene = session.scene.value;
+  const forms = LOCAL_FORMS.filter((form) => scene?.downloads?.some((one) => one.form === form));
+  const chosen = offeredForm(scene, settings.value.localForm);
+  if (scene === null) return null;
+  if (chosen === null) {
+    return (
+      <p class="notice" role="alert" data-notice="no-download">
+        This server does not offer the scene for download.
+      </p>
+    );
+  }
+  return (
+    <>
+      <h4 class="segments-name">Download</h4>
+      <Segments name="form" label="Download">
+        {forms.map((form) => (
+          <Segment
+            key={form}
+            name="form"
+            checked={form === chosen}
+            onChoose={() => changeSettings({ localForm: form })}
+          >
+            {FORM_NAMES[form]}
+          </Segment>
+        ))}
+      </Segments>
+      <p class="muted small">{FORM_SENTENCES[chosen]}</p>
     </>
   );
 }

@@ -8,9 +8,14 @@ export const MODE_NAMES: Readonly<Record<Mode, string>> = {
   video: "Video",
   dash: "DASH",
   "side-by-side": "Side by side",
+  local: "Local",
 };
 
-export const SIDE_NAMES: Readonly<Record<Side, string>> = { stateless: MODE_NAMES.stateless, dash: MODE_NAMES.dash };
+export const SIDE_NAMES: Readonly<Record<Side, string>> = {
+  stateless: MODE_NAMES.stateless,
+  dash: MODE_NAMES.dash,
+  local: MODE_NAMES.local,
+};
 
 export const TRANSPORT_NAMES: Readonly<Record<TransportChoice, string>> = {
   auto: "Automatic",

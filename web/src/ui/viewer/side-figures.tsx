@@ -72,7 +72,7 @@ interface HudProps {
   readonly note?: ComponentChildren;
 }
 
-function SideHud({ side, title, figures, children, note }: HudProps) {
+export function SideHud({ side, title, figures, children, note }: HudProps) {
   const { motionToPhoton, newViewsPerSecond, bandwidth, stalls, picture } = figures;
   const rung = picture?.rung == null ? undefined : ladder.value[picture.rung];
   return (

@@ -3,6 +3,7 @@ import { ChevronDown, X } from "lucide";
 import type { ComponentChildren } from "preact";
 import { CONTROLLER_NAMES, CONTROLLERS, type ControllerName } from "../../abr/registry";
 import { changeSettings, config, ladder, settings } from "../../state/app";
+import { isPerView } from "../../state/settings";
 import type { TransportChoice } from "../../transport/connect";
 import type { Intrinsics } from "../../view/intrinsics";
 import type { ViewerSession } from "../../viewer/session";
@@ -28,6 +29,7 @@ interface Props {
 
 export function Sidebar({ session, onClose, onReset }: Props) {
   const shaper = config.value?.services.shaper;
+  const { mode } = settings.value;
   return (
     <aside class="sidebar" aria-label="Settings">
       <header>
@@ -38,16 +40,18 @@ export function Sidebar({ session, onClose, onReset }: Props) {
       <Section title="Mode">
         <ModePanel session={session} />
       </Section>
-      <Quality session={session} />
-      {settings.value.mode !== "dash" && (
+      {mode !== "local" && <Quality session={session} />}
+      {isPerView(mode) && (
         <Section title="Enhancement">
           <EnhancementPanel session={session} />
         </Section>
       )}
-      <Section title="Reprojection">
-        <ReprojectionPanel session={session} />
-      </Section>
-      <Transport />
+      {mode !== "local" && (
+        <Section title="Reprojection">
+          <ReprojectionPanel session={session} />
+        </Section>
+      )}
+      {mode !== "local" && <Transport />}
       {shaper && (
         <Section title="Network">
           <NetworkPanel base={shaper} session={session} />

@@ -3,14 +3,14 @@ import { CircleAlert, LoaderCircle, Unplug } from "lucide";
 import type { ComponentChildren } from "preact";
 import type { DashPhase } from "../../dash/dash-player";
 import { config, settings } from "../../state/app";
-import { isStreamed, type Mode } from "../../state/settings";
+import { isPerView, isStreamed, type Mode } from "../../state/settings";
 import type { ViewerSession } from "../../viewer/session";
 import { Icon } from "../icon";
 
 export function StageMessage({ session }: { session: ViewerSession }) {
   const phase = session.phase.value;
   const { mode } = settings.value;
-  const problem = mode === "dash" ? null : problemOf(session, mode);
+  const problem = isPerView(mode) ? problemOf(session, mode) : null;
   const { message, kind } = { message: null, ...phase };
   return (
     <div class="stage-message" role="status">
@@ -34,6 +34,7 @@ export function StageMessage({ session }: { session: ViewerSession }) {
         </div>
       )}
       {kind === "playing" && problem && <Failed>{problem}</Failed>}
+      {kind === "playing" && mode === "local" && <Local session={session} />}
       {kind === "playing" && isStreamed(mode) && (
         <div class="dash-message">
           <Dash phase={session.dash.value?.phase.value} />
@@ -54,6 +55,18 @@ function Dash({ phase }: { phase: DashPhase | undefined }) {
     return <Failed>This server has no DASH packager; see Settings, Mode.</Failed>;
   }
   if (phase.kind === "connecting") return <Waiting>Starting the stream…</Waiting>;
+  if (phase.kind === "lost") return <Lost>{phase.message}</Lost>;
+  return phase.kind === "failed" ? <Failed>{phase.message}</Failed> : null;
+}
+
+function Local({ session }: { session: ViewerSession }) {
+  const local = session.local.value;
+  if (local === null) {
+    if (session.scene.value === null) return null;
+    return <Failed>This server does not offer the scene for download; see Settings, Mode.</Failed>;
+  }
+  const phase = local.phase.value;
+  if (phase.kind === "connecting") return <Waiting>Downloading the scene…</Waiting>;
   if (phase.kind === "lost") return <Lost>{phase.message}</Lost>;
   return phase.kind === "failed" ? <Failed>{phase.message}</Failed> : null;
 }

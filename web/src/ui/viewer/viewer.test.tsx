@@ -60,6 +60,8 @@ test("the stage tells scripts how it stands", async () => {
     mode: "stateless",
     dash: "connecting",
     dashFrames: "2",
+    local: "off",
+    localComplete: "false",
   });
 });
 
@@ -79,11 +81,11 @@ test("keys open help, hide the measurements, open the settings and change the mo
   await user.keyboard("p");
   expect(screen.getByRole("complementary", { name: "Settings" })).toBeTruthy();
   const modes: string[] = [];
-  for (let i = 0; i < 3; i++) {
+  for (let i = 0; i < 4; i++) {
     await user.keyboard("m");
     modes.push(settings.value.mode);
   }
-  expect(modes).toEqual(["video", "dash", "side-by-side"]);
+  expect(modes).toEqual(["video", "dash", "side-by-side", "local"]);
 });
 
 test("r brings back the start view, to the last bit", async () => {

@@ -15,6 +15,7 @@ import { ExperimentDialog } from "../experiment/experiment-dialog";
 import { HelpDialog } from "./help";
 import { Hud } from "./hud";
 import { linkNote } from "./link-note";
+import { LocalHud } from "./local-hud";
 import { MovePad } from "./move-pad";
 import { MovementStatus } from "./movement-status";
 import { SideFigures } from "./side-figures";
@@ -111,6 +112,8 @@ export function Viewer({ sceneId, stamp, asked, unknown }: Props) {
           data-mode={mode}
           data-dash={live?.dash.value?.phase.value.kind ?? "off"}
           data-dash-frames={live?.dash.value?.stats.value.shown}
+          data-local={live?.local.value?.phase.value.kind ?? "off"}
+          data-local-complete={live?.local.value?.stats.value.completeMs != null}
         >
           <div class="pane">
             <canvas ref={canvas} />
@@ -120,9 +123,10 @@ export function Viewer({ sceneId, stamp, asked, unknown }: Props) {
           </div>
         </div>
         <Toolbar name={name} actions={actions} mode={mode} hud={hud} sidebar={sidebarOpen} />
-        {live && hud && phase !== "failed" && !isStreamed(mode) && (
+        {live && hud && phase !== "failed" && !isStreamed(mode) && mode !== "local" && (
           <Hud session={live} wide={wide} linkNote={linkNote(asked, unknown)} />
         )}
+        {live && hud && phase !== "failed" && mode === "local" && <LocalHud session={live} />}
         {live && hud && phase !== "failed" && isStreamed(mode) && <SideFigures session={live} mode={mode} />}
         {live && <MovePad input={live.input} />}
         {live && <MovementStatus deck={live.movement} />}

@@ -1,0 +1,104 @@
+"""The mode that downloads the scene and draws it in the browser."""
+
+from __future__ import annotations
+
+import base64
+import io
+import json
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+from playwright.sync_api import Page, ViewportSize, expect
+
+from tests.web.conftest import OpenPage
+from tests.web.modes import with_settings
+from tests.web.server import RenderServer
+from tests.web.stage import SCENE, wait_for_frames, wait_until_settled
+from tigas_common.wire.recording import Recording
+
+SMALL: ViewportSize = {"width": 320, "height": 240}
+ALONE = {"sidebar": False, "hud": False, "refine": False, "reprojection": False, "prediction": "off"}
+ALIKE_DB, ANOTHER_DB = 25.0, 16.0
+"""Two renderers' pictures of one view are at least as close, and those of two views are not."""
+MOVEMENT = [
+    {"t_ms": t, "position": [t / 5000, 0, 0], "quaternion": [0, math.sin(t / 4000), 0, math.cos(t / 4000)]}
+    for t in range(0, 1001, 50)
+]
+
+
+def test_a_downloaded_scene_is_drawn_as_the_server_draws_it(open_page: OpenPage, server: RenderServer) -> None:
+    chosen = with_settings(server.url, mode="local", **ALONE, controller="fixed", profile=0)
+    page = open_page(SCENE, viewport=SMALL, **chosen)
+    wait_until_complete(page)
+    page.wait_for_function("() => tigas.state().ready")
+    drawn = shown(page)
+
+    plan = {"points": MOVEMENT, "duration_ms": 1000, "capture_every_ms": 400, "sample_stride": 0}
+    recording = Recording.model_validate_json(json.dumps(page.evaluate("plan => tigas.run(plan)", plan)))
+    assert recording.local is not None
+    assert recording.local.first_picture_ms is not None
+    assert recording.local.complete_ms is not None
+    assert 0 < recording.local.first_picture_ms <= recording.local.complete_ms
+    assert recording.local.downloaded_bytes == recording.local.bytes > 0
+    assert {frame.side for frame in recording.frames} == {"local"}
+    assert recording.frames[-1].pose == recording.inputs[-1].pose
+    assert len({frame.pose for frame in recording.frames}) == len(recording.frames)
+    kept = [captured(page, index) for index in range(len(recording.captures))]
+    assert len(kept) >= 2
+    assert all(picture.mean() > 20 for picture in kept), "a kept picture is empty"
+
+    page.evaluate("tigas.settings({ mode: 'stateless' })")
+    expect(page.locator("canvas.local")).to_have_count(0)
+    wait_for_frames(page)
+    wait_until_settled(page)
+    rendered = shown(page)
+    assert psnr(drawn, rendered) > ALIKE_DB
+    page.keyboard.press("ArrowRight", delay=300)
+    wait_until_settled(page)
+    assert psnr(drawn, shown(page)) < ANOTHER_DB
+
+
+def test_a_scene_that_is_too_large_for_the_browser_leaves_the_other_modes(open_page: OpenPage) -> None:
+    page = open_page(viewport=SMALL)
+    page.add_init_script("Object.defineProperty(navigator, 'deviceMemory', { value: 1e-6 })")
+    asked: list[str] = []
+    page.on("request", lambda request: asked.append(request.url))
+    page.goto(page.url + SCENE)
+    page.reload()
+    wait_for_frames(page)
+    assert not [url for url in asked if "renderer" in url], "the renderer was loaded before it was needed"
+    page.evaluate("tigas.settings({ mode: 'local' })")
+    expect(page.locator(".stage-message")).to_contain_text("too large for this browser")
+    assert not [url for url in asked if "/download/" in url]
+    page.evaluate("tigas.settings({ mode: 'stateless' })")
+    expect(page.locator(".stage-message")).to_have_text("")
+
+
+def wait_until_complete(page: Page) -> None:
+    """Until all of the scene is on the screen."""
+    page.wait_for_function("() => document.querySelector('.stage')?.dataset.localComplete === 'true'")
+
+
+def shown(page: Page) -> NDArray[np.float64]:
+    """The stage below its toolbar: [height, width, 3]."""
+    clip: Any = {"x": 8, "y": 80, "width": SMALL["width"] - 16, "height": SMALL["height"] - 88}
+    return pixels(page.screenshot(clip=clip))
+
+
+def captured(page: Page, index: int) -> NDArray[np.float64]:
+    """A picture that the run kept: [height, width, 3]."""
+    return pixels(base64.b64decode(page.evaluate("index => tigas.capture(index)", index)))
+
+
+def pixels(encoded: bytes) -> NDArray[np.float64]:
+    """A picture's pixels, 0 to 255: [height, width, 3]."""
+    with Image.open(io.BytesIO(encoded)) as image:
+        return np.asarray(image.convert("RGB"), dtype=np.float64)
+
+
+def psnr(a: NDArray[np.float64], b: NDArray[np.float64]) -> float:
+    """In dB."""
+    return float(10 * np.log10(255**2 / np.mean((a - b) ** 2)))

@@ -1,0 +1,36 @@
+/** Files of Gaussians for tests: their bytes count up, so that it shows which of them were kept. */
+
+/** A plain one, of 16 bytes a Gaussian. */
+export function plainPly(gaussians: number): Uint8Array<ArrayBuffer> {
+  return ply([{ name: "vertex", count: gaussians, type: "float", properties: ["x", "y", "z", "opacity"] }]);
+}
+
+/** A compressed one with spherical harmonics of degree 1. */
+export function compressedPly(gaussians: number): Uint8Array<ArrayBuffer> {
+  return ply([
+    { name: "chunk", count: Math.ceil(gaussians / 256), type: "float", properties: ["min_x", "max_x"] },
+    { name: "vertex", count: gaussians, type: "uint", properties: ["a", "b", "c", "d"] },
+    { name: "sh", count: gaussians, type: "uchar", properties: Array.from({ length: 9 }, (_, i) => `f_rest_${i}`) },
+  ]);
+}
+
+interface Element {
+  readonly name: string;
+  readonly count: number;
+  readonly type: "float" | "uint" | "uchar";
+  readonly properties: readonly string[];
+}
+
+function ply(elements: readonly Element[]): Uint8Array<ArrayBuffer> {
+  const said = elements.flatMap(({ name, count, type, properties }) => [
+    `element ${name} ${count}`,
+    ...properties.map((property) => `property ${type} ${property}`),
+  ]);
+  const header = ["ply", "format binary_little_endian 1.0", "comment of a test", ...said, "end_header", ""].join("\n");
+  const rows = elements.reduce(
+    (sum, { count, type, properties }) => sum + count * properties.length * (type === "uchar" ? 1 : 4),
+    0,
+  );
+  const body = Uint8Array.from({ length: rows }, (_, i) => i % 251);
+  return new Uint8Array([...new TextEncoder().encode(header), ...body]);
+}

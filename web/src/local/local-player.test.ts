@@ -1,0 +1,222 @@
+// @vitest-environment happy-dom
+import { afterEach, beforeEach, expect, test, vi } from "vitest";
+import { COURTYARD } from "../state/fake-server";
+import { NO_NUDGE } from "../view/motion";
+import type { PresentedFrame } from "../view/presented";
+import { Rig } from "../view/rig";
+import { plainPly } from "./fake-ply";
+import { type LocalOptions, LocalPlayer, type LocalRenderer } from "./local-player";
+import { readHeader } from "./ply";
+import type { RendererOptions } from "./renderer";
+
+const STILL = { forward: 0, right: 0, up: 0, turnRight: 0, turnUp: 0 };
+const FILE = plainPly(1000);
+const SIZE = { width: 640, height: 360 };
+
+/** Shows at once what it is given, and draws whenever it is asked. */
+class FakeRenderer {
+  readonly backend = "WebGL 2";
+  readonly shown: number[] = [];
+  draws = 0;
+  disposed = false;
+  readonly options: RendererOptions;
+  constructor(options: RendererOptions) {
+    this.options = options;
+  }
+  async show(parts: readonly Uint8Array[]): Promise<void> {
+    const file = new Uint8Array(parts.flatMap((part) => [...part]));
+    this.shown.push(readHeader(file)?.gaussians ?? 0);
+  }
+  draw(): boolean {
+    if (this.shown.length > 0) this.draws++;
+    return this.shown.length > 0;
+  }
+  dispose(): void {
+    this.disposed = true;
+  }
+}
+
+let now: number;
+let link: ReadableStreamDefaultController<Uint8Array>;
+let asked: AbortSignal[];
+let renderers: FakeRenderer[];
+let presented: PresentedFrame[];
+let received: number;
+let below: HTMLElement;
+let player: LocalPlayer;
+
+const request = (async (_: string, { signal }: { signal: AbortSignal }) => {
+  asked.push(signal);
+  const body = new ReadableStream<Uint8Array>({
+    start: (controller) => {
+      link = controller;
+    },
+  });
+  return new Response(body, { headers: { "content-length": String(FILE.length), etag: '"one"' } });
+}) as unknown as typeof fetch;
+
+beforeEach(() => {
+  now = 1000;
+  asked = [];
+  renderers = [];
+  presented = [];
+  received = 0;
+  document.body.innerHTML = "<div><canvas></canvas></div>";
+  below = document.querySelector("canvas") as HTMLElement;
+});
+
+afterEach(() => player.dispose());
+
+function start(options: Partial<LocalOptions> = {}): Rig {
+  const rig = new Rig({ sampleInput: () => ({ axes: STILL, nudge: NO_NUDGE }), turnSpeed: () => 60 });
+  rig.resize(640, 360);
+  rig.enter(COURTYARD);
+  player = new LocalPlayer({
+    below,
+    rig,
+    scene: { ...COURTYARD, gaussians: 1000, file_bytes: FILE.length },
+    form: "ply",
+    url: "scenes/courtyard/download/ply",
+    size: () => SIZE,
+    onPresented: (frame) => presented.push(frame),
+    onReceived: (bytes) => {
+      received += bytes;
+    },
+    now: () => now,
+    memory: 8,
+    create: async (asks) => {
+      renderers.push(new FakeRenderer(asks));
+      return renderers.at(-1) as LocalRenderer;
+    },
+    fetch: request,
+    ...options,
+  });
+  return rig;
+}
+
+const canvas = () => document.querySelector("canvas.local");
+/** Until the download has this many bytes of the file's rows, and what follows from it has been done. */
+async function come(from: number, to: number): Promise<void> {
+  const head = FILE.length - 16_000;
+  link.enqueue(FILE.slice(from === 0 ? 0 : head + from, head + to));
+  await vi.waitFor(() => expect(received).toBe(head + to));
+  await new Promise((resolve) => setTimeout(resolve));
+}
+
+function frame(rig: Rig, after = 1000 / 60): void {
+  now += after;
+  player.presented(now);
+  player.tick(now, rig.sample(now));
+}
+
+test("a first part is drawn long before the whole has come, and both times are told", async () => {
+  const rig = start();
+  await vi.waitFor(() => expect(link).toBeDefined());
+  frame(rig);
+  expect([player.phase.value.kind, canvas()]).toEqual(["connecting", null]);
+  await come(0, 16 * 30);
+  expect(renderers[0]?.shown).toEqual([20]);
+  frame(rig, 500);
+  frame(rig);
+  expect(player.phase.value.kind).toBe("playing");
+  expect(canvas()).not.toBeNull();
+  await come(16 * 30, 16 * 260);
+  await come(16 * 260, 16_000);
+  expect(renderers[0]?.shown).toEqual([20, 250, 1000]);
+  frame(rig, 2000);
+  frame(rig, 300);
+  const { firstPictureMs, completeMs, received: bytes, total, drawn, gaussians, backend } = player.stats.value;
+  expect(firstPictureMs).toBeCloseTo(500 + 2000 / 60, 0);
+  expect(completeMs).toBeGreaterThan(2500);
+  expect({ bytes, total, drawn, gaussians, backend }).toEqual({
+    bytes: FILE.length,
+    total: FILE.length,
+    drawn: 1000,
+    gaussians: 1000,
+    backend: "WebGL 2",
+  });
+  expect(player.played(1200)).toMatchObject({ form: "ply", began_ms: -200, downloaded_bytes: FILE.length });
+});
+
+test("frames say which pose they show, and latency counts from the first picture on", async () => {
+  const rig = start();
+  await vi.waitFor(() => expect(link).toBeDefined());
+  rig.drive(() => ({ position: [now, 0, 0], quaternion: [0, 0, 0, 1] }));
+  frame(rig);
+  frame(rig);
+  await come(0, 16_000);
+  for (let i = 0; i < 4; i++) frame(rig);
+  expect(presented.map(({ side, pose, width, height }) => [side, pose, width, height])).toEqual(
+    [rig.pose.seq - 3, rig.pose.seq - 2, rig.pose.seq - 1].map((pose) => ["local", pose, 640, 360]),
+  );
+  expect(presented.at(-1)?.latencies).toEqual([expect.closeTo(1000 / 60)]);
+  expect(presented[0]?.latencies).toEqual([]);
+});
+
+test("a download that is cut off is said to be, and what is there goes on being drawn", async () => {
+  const rig = start();
+  await vi.waitFor(() => expect(link).toBeDefined());
+  await come(0, 16 * 30);
+  frame(rig);
+  frame(rig);
+  link.error(new TypeError("network error"));
+  await vi.waitFor(() => expect(player.phase.value).toEqual({ kind: "lost", message: "The download was cut off." }));
+  const before = renderers[0]?.draws ?? 0;
+  frame(rig);
+  expect(renderers[0]?.draws).toBe(before + 1);
+  await vi.waitFor(() => expect(asked).toHaveLength(2));
+});
+
+test("a scene that is too large is not asked for", async () => {
+  const rig = start({ scene: { ...COURTYARD, gaussians: 50_000_000 } });
+  await vi.waitFor(() => expect(player.phase.value.kind).toBe("failed"));
+  frame(rig);
+  expect(player.phase.value).toMatchObject({ message: expect.stringContaining("too large for this browser") });
+  expect([asked.length, renderers.length]).toEqual([0, 0]);
+});
+
+test.each<[string, Partial<LocalOptions>, string]>([
+  ["without graphics", { create: () => Promise.reject(new Error("no context")) }, "neither WebGPU nor WebGL 2"],
+  [
+    "a file that cannot be drawn",
+    {
+      create: async (asks) =>
+        Object.assign(new FakeRenderer(asks), { show: () => Promise.reject(new Error("Out of memory")) }),
+    },
+    "The scene cannot be drawn here: Out of memory.",
+  ],
+])("%s: one sentence, and the download ends", async (_, options, sentence) => {
+  start(options);
+  await vi.waitFor(() => expect(asked).toHaveLength(1));
+  if (player.phase.value.kind === "connecting") link.enqueue(FILE);
+  await vi.waitFor(() => expect(player.phase.value).toMatchObject({ message: expect.stringContaining(sentence) }));
+  expect(asked[0]?.aborted).toBe(true);
+});
+
+test("a lost graphics processor ends it, and all is given back", async () => {
+  const rig = start();
+  await vi.waitFor(() => expect(link).toBeDefined());
+  await come(0, 16 * 30);
+  frame(rig);
+  renderers[0]?.options.onLost();
+  expect(player.phase.value).toMatchObject({ kind: "failed", message: expect.stringContaining("was lost") });
+  expect([renderers[0]?.disposed, asked[0]?.aborted, canvas()]).toEqual([true, true, null]);
+  frame(rig);
+  expect(player.picture()).toBeNull();
+});
+
+test("leaving aborts the download and frees what drew, also while the renderer is still being made", async () => {
+  const rig = start();
+  await vi.waitFor(() => expect(link).toBeDefined());
+  await come(0, 16 * 30);
+  frame(rig);
+  player.dispose();
+  expect([renderers[0]?.disposed, asked[0]?.aborted, canvas()]).toEqual([true, true, null]);
+  let made: (renderer: LocalRenderer) => void = () => undefined;
+  start({ create: () => new Promise((resolve) => (made = resolve)) });
+  player.dispose();
+  const late = new FakeRenderer({} as RendererOptions);
+  made(late as LocalRenderer);
+  await vi.waitFor(() => expect(late.disposed).toBe(true));
+  expect(player.phase.value.kind).toBe("connecting");
+});

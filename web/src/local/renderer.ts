@@ -1,0 +1,205 @@
+/**
+ * Draws Gaussians in this browser, with PlayCanvas: the same camera and colours as the server's pictures have. Large, so it is loaded
+ * only when it is needed.
+ */
+import {
+  AppBase,
+  AppOptions,
+  Asset,
+  CameraComponentSystem,
+  Color,
+  createGraphicsDevice,
+  DEVICETYPE_WEBGL2,
+  DEVICETYPE_WEBGPU,
+  Entity,
+  GAMMA_SRGB,
+  type GraphicsDevice,
+  GSplatComponentSystem,
+  GSplatHandler,
+  type Mat4,
+  TONEMAP_NONE,
+} from "playcanvas";
+import type { Size } from "../enhance/geometry";
+import type { ScenePose } from "../view/camera";
+import type { Intrinsics, Viewport } from "../view/intrinsics";
+import { multiply } from "../view/vector";
+
+export type Lens = Intrinsics & Viewport;
+
+export interface RendererOptions {
+  readonly canvas: HTMLCanvasElement;
+  /** Of the scene: sRGB, 0 to 1. */
+  readonly background: readonly [number, number, number];
+  /** The graphics processor is gone: nothing is drawn any more. */
+  readonly onLost: () => void;
+}
+
+/** What is to be drawn. */
+export interface View {
+  readonly pose: ScenePose;
+  readonly lens: Lens;
+  readonly size: Size;
+  /** In milliseconds. */
+  readonly now: number;
+  /** Even if nothing has changed. */
+  readonly again?: boolean;
+}
+
+/** As the rasteriser has it, in scene units, and farther than any scene is large. */
+const NEAR = 0.01;
+const FAR = 10_000;
+/** Colours that depend on the direction are made anew when that has changed by so many degrees; PlayCanvas' own choice is 10. */
+const COLOUR_ANGLE = 2;
+/** Bytes that are copied at once. */
+const COPIED = 1 << 20;
+/** A half turn about x: from a camera that looks along z with y down (ours) to one that looks along -z with y up. */
+const FLIPPED = [1, 0, 0, 0] as const;
+
+export async function createRenderer(options: RendererOptions): Promise<Renderer> {
+  const device = await createGraphicsDevice(options.canvas, {
+    deviceTypes: [DEVICETYPE_WEBGPU, DEVICETYPE_WEBGL2],
+    antialias: false,
+    alpha: false,
+    stencil: false,
+    powerPreference: "high-performance",
+  });
+  return new Renderer(device, options);
+}
+
+export class Renderer {
+  readonly backend: "WebGPU" | "WebGL 2";
+  readonly #canvas: HTMLCanvasElement;
+  readonly #app: AppBase;
+  readonly #camera: Entity;
+  readonly #scene: Entity;
+  #asset: Asset | null = null;
+  #projection: number[] = [];
+  #aim: readonly number[] = [];
+  /** Hears that the newest scene is in the picture, while it is not. */
+  #pending: (() => void) | null = null;
+  /** The picture has another scene than the last that was told of. */
+  #changed = false;
+  /** A scene is in the picture. */
+  #visible = false;
+
+  constructor(device: GraphicsDevice, { canvas, background, onLost }: RendererOptions) {
+    this.#canvas = canvas;
+    this.backend = device.isWebGPU ? "WebGPU" : "WebGL 2";
+    device.maxPixelRatio = 1; // the size is given in the screen's pixels
+    const setup = new AppOptions();
+    setup.graphicsDevice = device;
+    setup.componentSystems = [CameraComponentSystem, GSplatComponentSystem];
+    setup.resourceHandlers = [GSplatHandler];
+    this.#app = new AppBase(canvas);
+    this.#app.init(setup);
+    this.#app.autoRender = false;
+    const gsplat = this.#app.scene.gsplat;
+    gsplat.minPixelSize = 0; // small Gaussians are drawn, as by the server
+    gsplat.colorUpdateAngle = COLOUR_ANGLE;
+    this.#camera = new Entity("camera", this.#app);
+    this.#scene = new Entity("scene", this.#app);
+    this.#app.root.addChild(this.#camera);
+    this.#app.root.addChild(this.#scene);
+    this.#camera.addComponent("camera", {
+      clearColor: new Color(...background, 1),
+      nearClip: NEAR,
+      farClip: FAR,
+      gammaCorrection: GAMMA_SRGB,
+      toneMapping: TONEMAP_NONE,
+      calculateProjection: (matrix: Mat4) => matrix.set(this.#projection),
+    });
+    this.#scene.addComponent("gsplat", {});
+    // What was drawn in another order than the view's is drawn again when it is sorted.
+    this.#app.systems.gsplat?.on("frame:request", () => {
+      this.#app.renderNextFrame = true;
+    });
+    this.#app.systems.gsplat?.on("frame:ready", (_camera: unknown, _layer: unknown, ready: boolean) => {
+      if (!ready || this.#pending === null) return;
+      this.#pending();
+      this.#pending = null;
+      this.#visible = this.#changed = true;
+    });
+    device.on("devicelost", onLost);
+    this.#app.start();
+    cancelAnimationFrame(this.#app.frameRequestId); // it draws when it is told to
+  }
+
+  /** Draws these Gaussians from now on: parts of a PLY file. Resolves when they are in the picture; throws if they cannot be had. */
+  async show(parts: readonly Uint8Array<ArrayBuffer>[]): Promise<void> {
+    const file = { url: "scene.ply", filename: "scene.ply", contents: contents(parts) };
+    const asset = new Asset("scene", "gsplat", file);
+    const loaded = new Promise<void>((resolve, reject) => {
+      asset.once("load", () => resolve());
+      asset.once("error", reject);
+    });
+    this.#app.assets.add(asset);
+    this.#app.assets.load(asset);
+    await loaded;
+    const before = this.#asset;
+    this.#asset = asset;
+    if (this.#scene.gsplat) this.#scene.gsplat.asset = asset.id;
+    await new Promise<void>((resolve) => {
+      this.#pending = resolve;
+    });
+    if (before === null) return;
+    this.#app.assets.remove(before);
+    before.unload();
+  }
+
+  /**
+   * Draws the view from a pose, if that, the lens, the size or the scene is another than before; tells whether it did, and the scene
+   * is in the picture by now.
+   */
+  draw({ pose, lens, size, now, again = false }: View): boolean {
+    const { width, height } = size;
+    const matrix = projection(lens);
+    const aim = [...pose.position, ...pose.quaternion, ...matrix, width, height];
+    const changed = this.#changed || aim.some((value, i) => value !== this.#aim[i]);
+    if (changed) {
+      this.#aim = aim;
+      this.#projection = matrix;
+      this.#camera.setPosition(...pose.position);
+      this.#camera.setRotation(...multiply(pose.quaternion, FLIPPED));
+      this.#app.graphicsDevice.resizeCanvas(width, height);
+    }
+    this.#changed = false;
+    if (changed || again || this.#pending !== null) this.#app.renderNextFrame = true;
+    this.#app.tick(now);
+    cancelAnimationFrame(this.#app.frameRequestId);
+    return this.#visible && (changed || this.#changed);
+  }
+
+  dispose(): void {
+    this.#app.destroy();
+    this.#canvas.remove();
+  }
+}
+
+/** PlayCanvas reads what an asset contains as the answer to a request. It keeps and changes what it reads: it gets copies. */
+function contents(parts: readonly Uint8Array<ArrayBuffer>[]): ArrayBuffer {
+  const rest = parts.values();
+  let part = new Uint8Array<ArrayBuffer>(new ArrayBuffer(0));
+  const stream = new ReadableStream({
+    pull: (controller) => {
+      while (part.length === 0) {
+        const next = rest.next();
+        if (next.done) return controller.close();
+        part = next.value;
+      }
+      controller.enqueue(part.slice(0, COPIED));
+      part = part.subarray(COPIED);
+    },
+  });
+  return new Response(stream) as unknown as ArrayBuffer;
+}
+
+/** From the camera's axes to the clip space of OpenGL, column by column: fx, fy, cx and cy in pixels, y down. */
+export function projection({ fx, fy, cx, cy, width, height }: Lens): number[] {
+  const depth = FAR - NEAR;
+  return [
+    (2 * fx) / width, 0, 0, 0,
+    0, (2 * fy) / height, 0, 0,
+    1 - (2 * cx) / width, (2 * cy) / height - 1, -(FAR + NEAR) / depth, -1,
+    0, 0, (-2 * FAR * NEAR) / depth, 0,
+  ]; // biome-ignore format: a matrix
+}
