@@ -1,7 +1,7 @@
 /**
- * The ladder of the mode `video`: what a controller chooses from there. Each size of the server's ladder comes at several bit rates,
- * the best first; a size ends where the next smaller one looks better for its bytes. A step is a rung like any other, so controllers
- * that know sizes and bytes of frames serve both modes.
+ * The ladder of the mode `video`: what a controller chooses from there. Its steps are bit rates, each with the largest size of the
+ * server's ladder whose pixels get enough bits of it. A step is a rung like any other, so controllers that know sizes and bytes of
+ * frames serve both modes.
  */
 import type { Rung, VideoRequest } from "../wire/render";
 
@@ -16,23 +16,31 @@ export interface VideoStep extends Rung {
 
 /** The bit rate is meant for so many frames a second, so that each takes its share of it, however many come. */
 const FRAMES_PER_S = 60;
-/** What a frame's pixels get at the steps of one size: from nearly clean to what still looks better than fewer pixels. */
-const BITS_A_PIXEL = [0.24, 0.16, 0.11, 0.075];
-/** A step has at most such a share of the bytes of the one before. */
-const APART = 0.85;
+/** Bits of the largest size's pixels at the best step: there is little left to gain. */
+const BEST = 0.24;
+/** With fewer bits for its pixels, a size looks worse than the next smaller one. */
+const LEAST = 0.1;
+/** The smallest size goes down to this. */
+const LAST = 0.05;
+/** Each step's share of the bytes of the one before. */
+const APART = 0.7;
+/** In kbit/s: the server takes no lower rate. */
+const LOWEST = 10;
 
 /** The best first, as the server's ladder; none of a ladder without rungs. */
 export function videoLadder(ladder: readonly Rung[]): readonly VideoStep[] {
+  const sizes = ladder.map((size, rung) => ({ ...size, rung, pixels: size.width * size.height }));
+  const each = sizes.filter(({ pixels }, i) => sizes.findIndex((other) => other.pixels === pixels) === i); // its best rung
+  const [largest, ...smaller] = each.toSorted((a, b) => b.pixels - a.pixels);
+  if (largest === undefined) return [];
+  const smallest = smaller.at(-1) ?? largest;
   const steps: VideoStep[] = [];
-  for (const [rung, { name, width, height, quality }] of ladder.entries()) {
-    if (steps.some((step) => step.width === width && step.height === height)) continue; // the same size, another quality
-    for (const bits of BITS_A_PIXEL) {
-      const bitrate_kbps = Math.max(10, Math.round((width * height * bits * FRAMES_PER_S) / 1000));
-      const least = steps.at(-1)?.video.bitrate_kbps ?? Number.POSITIVE_INFINITY;
-      if (bitrate_kbps > APART * least) continue;
-      const video = Object.freeze({ bitrate_kbps, frames_per_s: FRAMES_PER_S });
-      steps.push({ name, width, height, quality, expected_kb: bitrate_kbps / 8 / FRAMES_PER_S, rung, video });
-    }
+  for (let bits = BEST * largest.pixels; bits >= LAST * smallest.pixels; bits *= APART) {
+    const { pixels: _, ...size } = [largest, ...smaller].find(({ pixels }) => LEAST * pixels <= bits) ?? smallest;
+    const bitrate_kbps = Math.max(LOWEST, Math.round((bits * FRAMES_PER_S) / 1000));
+    const video = Object.freeze({ bitrate_kbps, frames_per_s: FRAMES_PER_S });
+    steps.push({ ...size, expected_kb: bitrate_kbps / 8 / FRAMES_PER_S, video });
+    if (bitrate_kbps === LOWEST) break;
   }
   return steps;
 }
