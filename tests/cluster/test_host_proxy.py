@@ -67,6 +67,15 @@ async def test_a_scene_is_asked_for_where_its_viewers_are_sent(client: httpx.Asy
     assert (await client.post("/scenes/garden/load?host=gone")).text == FIRST
 
 
+async def test_a_download_is_resumed_at_the_host_that_began_it(client: httpx.AsyncClient, hosts: Hosts) -> None:
+    resumed = {"Range": "bytes=10-", "If-Range": '"1"'}
+    answer = await client.get("/scenes/garden/download/ply", headers=resumed)
+    assert (answer.text, answer.headers["etag"]) == (FIRST, '"1"')
+    assert {name: hosts.asked[-1].headers[name] for name in resumed} == resumed
+    await client.head("/scenes/garden/download/ply")
+    assert hosts.asked[-1].method == "HEAD"
+
+
 async def test_frames_are_handed_on_only_for_those_who_ask_for_it(client: httpx.AsyncClient) -> None:
     body = render_request(scene="garden").model_dump(mode="json", exclude_none=True)
     assert (await client.post(f"/render?host={SECOND}", json=body)).text == SECOND
