@@ -30,6 +30,13 @@ test("shows what the frames said", () => {
   });
 });
 
+test("says that a frame came as WebP", () => {
+  const subject = new StatsRecorder();
+  const { header, ...rest } = reply(0, 40);
+  subject.replied({ header: { ...header, content_type: "image/webp" }, ...rest }, 40);
+  expect(subject.snapshot(50).frame?.webp).toBe(true);
+});
+
 test("the last frame stays known while nothing moves", () => {
   const subject = new StatsRecorder();
   subject.replied(reply(0, 40), 40);

@@ -21,6 +21,7 @@ export interface ReplyStats {
     readonly width: number | null;
     readonly height: number | null;
     readonly profile: number | null;
+    readonly webp?: boolean;
   } | null;
 }
 
@@ -103,6 +104,7 @@ export class StatsRecorder {
           width: header?.width ?? null,
           height: header?.height ?? null,
           profile: header?.profile ?? null,
+          ...(header?.content_type === "image/webp" && { webp: true }),
         }) ||
         null,
     };

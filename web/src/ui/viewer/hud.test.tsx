@@ -84,6 +84,11 @@ test("shows every figure with its unit", () => {
   });
 });
 
+test("a frame that came as WebP is told from a JPEG", () => {
+  const frame = { bytes: 40_000, width: 960, height: 540, profile: 1, webp: true };
+  expect(stat(show({ frame }), "frame")).toBe("40 kB WebP");
+});
+
 test("what is not known yet is a dash, not a zero", () => {
   const hud = show(NO_STATS);
   for (const name of ["motion-to-photon", "round-trip", "server", "server-parts", "throughput", "frame", "profile"]) {

@@ -177,7 +177,7 @@ function Details({ stats, enhancement }: { stats: Stats; enhancement: Enhancemen
         {stats.throughput === null ? NONE : bitrate(stats.throughput)}
       </Row>
       <Row name="frame" label="Frame">
-        {frame ? bytes(frame.bytes) : NONE}
+        {frame ? `${bytes(frame.bytes)}${frame.webp ? " WebP" : ""}` : NONE}
       </Row>
       {stats.video && (
         <>
