@@ -22,6 +22,8 @@ from tigas_render.transport.http_viewers import HttpViewers
 from tigas_render.transport.request_rate import RequestRate
 
 PATH = "/render"
+VIEWER, MOST_NAME = "Tigas-Viewer", 64
+"""The header with a viewer's own name for itself, and how many characters that may have."""
 CLIENT_GONE = 499
 """Nobody reads this status: the client left before its answer."""
 
@@ -48,7 +50,7 @@ async def render(request: Request) -> Response:
     began = time.monotonic()
     frames: HttpFrames = request.app.state.frames
     client = _client(request)
-    frames.viewers.check(client.address)
+    frames.viewers.check(client.address, _viewer(request))
     frames.rate.check(client)
     render_request = await read_message(request, RenderRequest)
     if render_request.video is not None:
@@ -83,6 +85,14 @@ def _about(frame: Frame, requests_per_s: float | None) -> str:
         "requests_per_s": requests_per_s,
     }
     return ", ".join(f"{name}={number}" for name, number in numbers.items() if number is not None)
+
+
+def _viewer(request: Request) -> str:
+    """What the viewer calls itself, so that it is told apart from others behind the same gateway."""
+    name = request.headers.get(VIEWER, "")
+    if len(name) > MOST_NAME:
+        raise InvalidRequest(f"{VIEWER}: no name has more than {MOST_NAME} characters.")
+    return name
 
 
 def _client(request: Request) -> Client:

@@ -27,6 +27,18 @@ test("posts the request and reads the frame", async () => {
   expect(arrival.bytes).toBe(12);
 });
 
+test("names itself, and keeps its name when it connects anew", async () => {
+  const names = new Set<string | null>();
+  for (const _ of [1, 2]) {
+    const subject = answer((init) => {
+      names.add(new Headers(init.headers).get("Tigas-Viewer"));
+      return new Response(null, { headers: { "Tigas-Frame": "seq=3" } });
+    });
+    await subject.request(REQUEST, never);
+  }
+  expect([...names]).toEqual([expect.stringMatching(/^[\d-]{8,64}$/)]);
+});
+
 test("a problem is a refusal, and the server is still there", async () => {
   const problem = { type: "tigas:superseded", title: "", status: 409, detail: "Newer requests took its place." };
   const subject = answer(() => Response.json(problem, { status: 409 }));

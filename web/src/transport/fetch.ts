@@ -7,6 +7,9 @@ import { frameHeader } from "./http-fields";
 import { type Clock, Receiver, readAll } from "./reception";
 import { type FrameReply, type FrameTransport, RequestProblem } from "./transport";
 
+/** This visit's own name, which tells it from others behind the same gateway. */
+const VIEWER = crypto.getRandomValues(new Uint32Array(4)).join("-");
+
 export class FetchTransport implements FrameTransport {
   readonly kind = "fetch";
   /** Browsers open six connections to a server; one stays free for everything else. */
@@ -34,7 +37,7 @@ export class FetchTransport implements FrameTransport {
     try {
       const response = await fetch(this.#url, {
         method: "POST",
-        headers: { "Content-Type": "application/json" },
+        headers: { "Content-Type": "application/json", "Tigas-Viewer": VIEWER },
         body: JSON.stringify(request),
         cache: "no-store",
         signal: either,

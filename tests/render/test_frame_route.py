@@ -1,0 +1,30 @@
+"""Who is told from whom by `POST /render`."""
+
+from __future__ import annotations
+
+import httpx
+import pytest
+
+from tests.render.fakes import render_request
+from tests.render.transport.client import FakeFrames
+from tests.render.transport.test_http_viewers import FullLoad
+from tigas_render.frame_route import HttpFrames, frames_app
+from tigas_render.transport.http_viewers import HttpViewers
+from tigas_render.transport.request_rate import RequestRate
+
+pytestmark = pytest.mark.anyio
+
+
+async def test_a_full_server_keeps_a_viewer_and_refuses_its_neighbour_behind_the_same_gateway() -> None:
+    load = FullLoad()
+    frames = HttpFrames(FakeFrames(), HttpViewers(load, lambda: 0.0), RequestRate(load, 240, lambda: 0.0))
+    transport = httpx.ASGITransport(frames_app(frames))
+    async with httpx.AsyncClient(base_url="http://localhost", transport=transport) as client:
+
+        async def ask(viewer: str) -> int:
+            body = render_request().model_dump_json()
+            return (await client.post("/render", content=body, headers={"Tigas-Viewer": viewer})).status_code
+
+        assert await ask("first") == 200
+        load.is_full = True
+        assert (await ask("first"), await ask("second"), await ask("x" * 65)) == (200, 503, 400)
