@@ -1,6 +1,7 @@
 """What a frame costs the engine's process in Python: a rasteriser that takes no time, and an edge behind the pipe.
 
 python -m benchmarks.engine_cost [--viewers 72] [--seconds 10]
+python -m benchmarks.engine_cost --one-thread     # no sockets and no threads: what is left compares on a busy machine
 """
 
 from __future__ import annotations
@@ -28,8 +29,11 @@ from tigas_render.frame import Client, Frame
 from tigas_render.gaussians import Gaussians
 from tigas_render.main import SWITCH_S
 from tigas_render.metrics import EngineMetrics
+from tigas_render.pipe import messages
+from tigas_render.pipe.arena import Arena
 from tigas_render.pipe.client import PipeClient
-from tigas_render.pipe.server import serve_edges
+from tigas_render.pipe.framing import Kind, Splitter
+from tigas_render.pipe.server import ARENA_BYTES, EdgeLink, PipeServer, serve_edges
 from tigas_render.raster.base import Camera, Image, Pause, PreparedScene, Rasterizer
 
 FRAME_BYTES = 23_000
@@ -133,9 +137,66 @@ async def measure(viewers: int, addresses: int, seconds: float) -> None:
     switches = (after.ru_nvcsw - before.ru_nvcsw + after.ru_nivcsw - before.ru_nivcsw) / frames
     print(
         f"{viewers} viewers of {addresses} addresses, {frames / seconds:.0f} frames/s ({others:.0f} refused): "
-        f"{user + system:.0f} µs a frame ({user:.0f} user, {system:.0f} system; {of_loop * 1e6 / frames:.0f} on the event "
-        f"loop's thread), {switches:.1f} switches, "
+        f"{user + system:.0f} µs a frame ({user:.0f} user, {system:.0f} system; "
+        f"{of_loop * 1e6 / frames:.0f} on the event loop's thread), {switches:.1f} switches, "
         f"p95 {late:.1f} ms"
+    )
+
+
+class Edge(asyncio.Transport):
+    """Takes whatever the engine answers, and gives the frames' room back."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.sent = b""
+
+    def is_closing(self) -> bool:
+        return False
+
+    def get_write_buffer_size(self) -> int:
+        return 0
+
+    def write(self, data: bytes | bytearray | memoryview) -> None:
+        self.sent += bytes(data)
+
+
+BURST, BURSTS = 8, 2000
+
+
+async def measure_one_thread(viewers: int) -> None:
+    """Take requests, make their frames and answer them in turns; tell what the fastest burst took for each."""
+    engine = Engine(Instant(), Scene(), DEFAULT_LADDER, EngineMetrics(), time.monotonic)
+    link = EdgeLink(PipeServer(engine, lambda *_: None, ARENA_BYTES), Arena(ARENA_BYTES), 0)
+    edge = Edge()
+    link.connection_made(edge)
+    link.data_received(messages.pack_number(Kind.OPEN, 0))
+    for number in range(viewers):
+        link.data_received(messages.pack_hello(number, Client(f"address {number}", f"session {number}")))
+    request = RenderRequest.at("scene", VIEW, LENS, profile=2)
+    taking: list[float] = []
+    making: list[float] = []
+    answering: list[float] = []
+    for burst in range(BURSTS):
+        now = time.monotonic()
+        asked = [messages.pack_request(n, (burst * BURST + n) % viewers, now, now, request) for n in range(BURST)]
+        began = time.perf_counter()
+        link.data_received(b"".join(asked))
+        taken = time.perf_counter()
+        for _ in range(BURST):
+            engine._threads._make_next()
+        made = time.perf_counter()
+        engine._answers.deliver()
+        link._flush()
+        answered = time.perf_counter()
+        for each, seconds in ((taking, taken - began), (making, made - taken), (answering, answered - made)):
+            each.append(1e6 * seconds / BURST)
+        for _, content in Splitter().feed(edge.sent):
+            frame = messages.unpack_frame(content, is_inline=False)
+            link.data_received(messages.pack_offset(Kind.RELEASE, frame.offset))
+        edge.sent = b""
+    print(
+        f"µs a request, {viewers} viewers of an address each: taking it {min(taking):.1f}, making its frame "
+        f"{min(making):.1f}, answering {min(answering):.1f}"
     )
 
 
@@ -177,7 +238,11 @@ def main() -> None:
     parser.add_argument("--addresses", type=int)
     parser.add_argument("--seconds", type=float, default=10)
     parser.add_argument("--edge", type=Path, help=argparse.SUPPRESS)
+    parser.add_argument("--one-thread", action="store_true")
     options = parser.parse_args()
+    if options.one_thread:
+        asyncio.run(measure_one_thread(options.viewers))
+        return
     if options.edge is not None:
         uvloop.run(ask(options.edge, options.viewers, options.addresses, options.seconds))
         return

@@ -7,6 +7,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
+from typing import NamedTuple
 
 from tigas_common.wire.render import AnswerFormat, RenderRequest, ServerTiming, VideoInfo
 
@@ -19,8 +20,7 @@ CONTENT_TYPES: dict[AnswerFormat, str] = {
 }
 
 
-@dataclass(frozen=True, slots=True)
-class Client:
+class Client(NamedTuple):
     """One viewer, as far as can be told. The engine is fair between addresses, and between an address's sessions."""
 
     address: str

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Final
 
 from tigas_common.errors import InvalidRequest
@@ -30,22 +31,8 @@ class FrameSize:
     @classmethod
     def of(cls, request: RenderRequest, ladder: tuple[Rung, ...]) -> FrameSize:
         """The frame's size for a request whose profile the ladder has. Raises InvalidRequest if it is too large."""
-        width, height = request.width, request.height
-        if request.profile is not None:
-            width, height = ladder[request.profile].size_for(width, height)
-        if request.video is not None:  # whose chroma has half as many pixels on each side
-            width, height = max(MIN_VIDEO_SIDE, width - width % 2), max(MIN_VIDEO_SIDE, height - height % 2)
-        size = cls(width, height, round(width * request.overscan), round(height * request.overscan))
-        if request.overscan and (max(size.width, size.height) > MAX_SIDE or size.pixels > MAX_PIXELS):
-            raise InvalidRequest(
-                f"overscan: the frame would have {size.width}×{size.height} pixels; at most {MAX_SIDE} on a side and "
-                f"{MAX_PIXELS} in all are rendered."
-            )
-        if request.video is not None and size.pixels > MAX_VIDEO_PIXELS:
-            raise InvalidRequest(
-                f"video: the frame would have {size.width}×{size.height} pixels; H.264 takes {MAX_VIDEO_PIXELS}."
-            )
-        return size
+        rung = None if request.profile is None else ladder[request.profile]
+        return _sized(request.width, request.height, rung, request.overscan, request.video is not None)
 
     @property
     def width(self) -> int:
@@ -73,3 +60,22 @@ class FrameSize:
             max(1.0, request.display_scale * enlarged),
             (self.margin_x, self.margin_y),
         )
+
+
+@lru_cache(maxsize=1024)  # a viewer asks for one size, or a few, thousands of times
+def _sized(width: int, height: int, rung: Rung | None, overscan: float, is_video: bool) -> FrameSize:
+    if rung is not None:
+        width, height = rung.size_for(width, height)
+    if is_video:  # whose chroma has half as many pixels on each side
+        width, height = max(MIN_VIDEO_SIDE, width - width % 2), max(MIN_VIDEO_SIDE, height - height % 2)
+    size = FrameSize(width, height, round(width * overscan), round(height * overscan))
+    if overscan and (max(size.width, size.height) > MAX_SIDE or size.pixels > MAX_PIXELS):
+        raise InvalidRequest(
+            f"overscan: the frame would have {size.width}×{size.height} pixels; at most {MAX_SIDE} on a side and "
+            f"{MAX_PIXELS} in all are rendered."
+        )
+    if is_video and size.pixels > MAX_VIDEO_PIXELS:
+        raise InvalidRequest(
+            f"video: the frame would have {size.width}×{size.height} pixels; H.264 takes {MAX_VIDEO_PIXELS}."
+        )
+    return size

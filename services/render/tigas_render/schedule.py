@@ -61,6 +61,8 @@ class Turns:
         Nobody of `besides`, nor whose turn costs more than `at_most` seconds; None if that is all.
         """
         among: Collection[str] = self._ends
+        if len(among) == 1 and not besides and at_most == math.inf:  # most addresses have one session
+            return next(iter(among))
         if besides or at_most < math.inf:
             among = [name for name, cost in self._costs.items() if cost <= at_most and name not in besides]
         return min(among, key=self._ends.__getitem__, default=None)
@@ -183,7 +185,8 @@ class FairSchedule(Generic[Work]):
 
     def _choose(self, address: str) -> None:
         """Whichever session of an address is next, the address's next turn costs as much as its work."""
-        if address in self._waiting:
+        sessions = self._waiting.get(address)
+        if sessions is not None:
             session = self._sessions[address].next()
             assert session is not None
-            self._addresses.wait_for(address, self._waiting[address][session][-1][1])
+            self._addresses.wait_for(address, sessions[session][-1][1])

@@ -55,7 +55,8 @@ class WorkQueue:
         """Frames that have begun and are not done, by address."""
         self._all_at_work: set[str] = set()
         """Addresses that have as many as they may."""
-        self._changed = threading.Condition()
+        self._lock = threading.Lock()
+        self._changed = threading.Condition(self._lock)
         self._is_rendering = False
         self._is_called = False
         """Whether a thread is on its way to `next`, or all are at work and will come."""
@@ -67,7 +68,7 @@ class WorkQueue:
     def push(self, work: Work) -> None:
         """Add work. Raises Overloaded."""
         client, request = work.client, work.request
-        with self._changed:
+        with self._lock:
             if self._closed or len(self._schedule) >= MAX_WAITING:
                 raise Overloaded(STOPPING if self._closed else "Too many requests wait; ask less often.")
             if self._schedule.waiting(client.address) >= self._waiting_per_address:
@@ -85,7 +86,7 @@ class WorkQueue:
 
     def remove(self, work: Work) -> None:
         """Take out work that nobody wants any more, if it waits."""
-        with self._changed:
+        with self._lock:
             self._schedule.remove(work.client, work)
 
     def next(self) -> Work | None:
@@ -93,7 +94,7 @@ class WorkQueue:
 
         None once the queue is closed.
         """
-        with self._changed:
+        with self._lock:
             while not self._closed:
                 self._is_called = False
                 if not self._is_rendering:
@@ -108,7 +109,7 @@ class WorkQueue:
 
     def rendered(self) -> None:
         """The turn to render is somebody else's, if there is anything to render."""
-        with self._changed:
+        with self._lock:
             self._is_rendering = False
             if self._schedule:
                 self._call()
@@ -117,7 +118,7 @@ class WorkQueue:
 
     def next_ahead_of(self, work: Work) -> Work | None:
         """As `next`, but without waiting, and only what is worth interrupting some work for."""
-        with self._changed:
+        with self._lock:
             return self._pop({work.client.address}, work.expected / INTERRUPTED_FOR)
 
     def done(self, work: Work, seconds: float | None = None, *, is_whole: bool = False) -> None:
@@ -127,7 +128,7 @@ class WorkQueue:
         the next: nobody is woken for it.
         """
         address, request = work.client.address, work.request
-        with self._changed:
+        with self._lock:
             self._at_work[address] -= 1
             if not self._at_work[address]:
                 del self._at_work[address]
@@ -141,7 +142,7 @@ class WorkQueue:
         """How long the client has waited, in seconds, that has waited longest for its next frame to begin; and the
         share of the time since the last call, 0 to 1, in which there was something to render.
         """
-        with self._changed:
+        with self._lock:
             now = self._clock()
             since = self._waits_since
             waiting = self._schedule.newest()
@@ -151,7 +152,7 @@ class WorkQueue:
 
     def close(self) -> None:
         """Refuse all that waits, and whatever comes."""
-        with self._changed:
+        with self._lock:
             self._closed = True
             while (work := self._schedule.pop()) is not None:
                 self._refuse(work, Overloaded(STOPPING))
