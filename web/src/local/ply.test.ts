@@ -9,7 +9,7 @@ const text = (file: Uint8Array) => new TextDecoder().decode(file);
 test("a header is read as soon as all of it has come", () => {
   const file = plainPly(10);
   const { bytes, gaussians, elements } = header(file);
-  expect([gaussians, elements]).toEqual([10, [{ name: "vertex", count: 10, stride: 16 }]]);
+  expect([gaussians, elements]).toEqual([10, [{ name: "vertex", count: 10, stride: 16, scales: [] }]]);
   expect(file.length).toBe(bytes + 160);
   expect(readHeader(file.subarray(0, bytes - 1))).toBeNull();
   expect(readHeader(file.subarray(0, 0))).toBeNull();
@@ -70,4 +70,16 @@ test("a part of a compressed file has the ranges that its Gaussians need, and no
   );
   expect(arrived(head, file.length - 1)).toEqual({ gaussians: 600, whole: false });
   expect(joined(prefixOf(head, file, arrived(head, file.length)))).toEqual(file);
+});
+
+test("a part is drawn larger, as the file says, and all of it as it is", () => {
+  const lines = ["ply", "format binary_little_endian 1.0", "comment first 1 growth 2", "element vertex 2"];
+  const said = [...lines, "property float x", "property float scale_0", "end_header", ""].join("\n");
+  const rows = new Uint8Array(new Float32Array([5, -1, 6, -1]).buffer);
+  const file = new Uint8Array([...new TextEncoder().encode(said), ...rows]);
+  const head = header(file);
+  const part = joined(prefixOf(head, file, { gaussians: 1, whole: false }));
+  const [x, scale] = new Float32Array(part.slice(header(part).bytes).buffer);
+  expect([x, scale]).toEqual([5, Math.fround(-1 + Math.log(2))]);
+  expect(joined(prefixOf(head, file, { gaussians: 2, whole: true }))).toEqual(file);
 });

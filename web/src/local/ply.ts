@@ -3,6 +3,7 @@
  * size. A plain one has all of a Gaussian in one row; the compressed one has ranges of 256 Gaussians each, then rows of 16 bytes, then
  * the spherical harmonics, without which it can be drawn, too.
  */
+import { grown, growthOf, isScale } from "./growth";
 
 export interface PlyHeader {
   readonly lines: readonly string[];
@@ -18,6 +19,8 @@ interface PlyElement {
   readonly count: number;
   /** Bytes of one row. */
   readonly stride: number;
+  /** Where in a row its scales lie, in bytes. */
+  readonly scales: readonly number[];
 }
 
 /** What of a file can be drawn. */
@@ -54,11 +57,13 @@ export function readHeader(file: Uint8Array): PlyHeader | null {
   }
   if (end < 0) return null;
   const lines = text.slice(0, end).trimEnd().split("\n");
-  const elements: { name: string; count: number; stride: number }[] = [];
+  const elements: { name: string; count: number; stride: number; scales: number[] }[] = [];
   for (const [word, first = "", second = ""] of lines.map((line) => line.split(" "))) {
-    if (word === "element") elements.push({ name: first, count: Number(second), stride: 0 });
+    if (word === "element") elements.push({ name: first, count: Number(second), stride: 0, scales: [] });
     const element = elements.at(-1);
-    if (word === "property" && element) element.stride += SIZES[first] ?? Number.NaN;
+    if (word !== "property" || !element) continue;
+    if (isScale(first, second)) element.scales.push(element.stride);
+    element.stride += SIZES[first] ?? Number.NaN;
   }
   const vertex = elements.find(({ name }) => name === "vertex");
   const names = elements.map(({ name }) => name).join();
@@ -81,7 +86,7 @@ export function arrived({ bytes, elements, gaussians }: PlyHeader, received: num
   return { gaussians: 0, whole: false };
 }
 
-/** The parts of a file that has these Gaussians only. */
+/** The parts of a file that has these Gaussians only, drawn larger while they are not all. */
 export function prefixOf(
   header: PlyHeader,
   file: Uint8Array<ArrayBuffer>,
@@ -89,11 +94,12 @@ export function prefixOf(
 ): Uint8Array<ArrayBuffer>[] {
   const parts: Uint8Array<ArrayBuffer>[] = [];
   const counts: Record<string, number> = {};
+  const growth = whole ? 1 : growthOf(header.lines, gaussians);
   let at = header.bytes;
-  for (const { name, count, stride } of header.elements) {
+  for (const { name, count, stride, scales } of header.elements) {
     const kept = whole ? count : ({ vertex: gaussians, chunk: Math.ceil(gaussians / RANGE) }[name] ?? 0);
     counts[name] = kept;
-    parts.push(file.subarray(at, at + kept * stride));
+    parts.push(grown(file.subarray(at, at + kept * stride), stride, scales, growth));
     at += count * stride;
   }
   return [new TextEncoder().encode(headerWith(header.lines, counts)), ...parts];
