@@ -46,6 +46,16 @@ test("repeats all of them, not each of them, and multiplies only the stateless m
   expect(runs).toEqual([...once.map((name) => [0, name]), ...once.map((name) => [1, name])]);
 });
 
+test("the mode video has the controllers of the mode stateless, and takes no samples", () => {
+  const runs = runsOf({ ...PLAN, modes: ["video", "stateless"], repeats: 1 });
+  expect(runs.map((run) => conditionLabel(run))).toEqual([
+    ...["Video, Latency", "Video, Budget", "Video, Fixed: profile 1"],
+    ...["Latency", "Budget", "Fixed: profile 1"],
+  ]);
+  expect(runs.map(({ sample_stride }) => sample_stride)).toEqual([0, 0, 0, 30, 30, 30]);
+  expect(runs.map((run) => settingsFor(run).mode)).toEqual(["video", "video", "video", ...Array(3).fill("stateless")]);
+});
+
 test("a run says all that must be known to make it again", () => {
   expect(runsOf(PLAN)[0]).toEqual({
     scene: "courtyard",

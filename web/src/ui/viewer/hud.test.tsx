@@ -49,6 +49,13 @@ test("while frames are turned, the view's latency and the content's age are told
   expect(screen.queryByText("motion to photon")).toBeNull();
 });
 
+test("of a video, the bit rate that is asked for and the key frames that came are told", () => {
+  const hud = show({ video: { bitrate: 4_520_000, keyFrames: 3 } });
+  expect([stat(hud, "bitrate"), stat(hud, "key-frames")]).toEqual(["4.5 Mbit/s", "3"]);
+  cleanup();
+  expect(stat(show(), "bitrate")).toBeUndefined();
+});
+
 test("where frames cannot be turned, a word says why", () => {
   session.reprojector.status.value = "lost";
   expect(stat(show(), "reprojection-note")).toContain("was lost");

@@ -126,6 +126,17 @@ test("the measurements are those of the mode", async () => {
   expect(screen.getAllByRole("region")).toHaveLength(1);
 });
 
+test("where this browser cannot decode video, the mode Video says so, and the others do not", async () => {
+  session.video.problem.value = "This browser does not decode H.264.";
+  settings.value = { ...settings.value, mode: "video" };
+  show();
+  expect(screen.getByText("This browser does not decode H.264.")).toBeTruthy();
+  await act(() => {
+    settings.value = { ...settings.value, mode: "stateless" };
+  });
+  expect(screen.queryByText("This browser does not decode H.264.")).toBeNull();
+});
+
 test.each([
   [{ kind: "connecting" }, "Connecting…"],
   [{ kind: "loading" }, "Loading the scene…"],
