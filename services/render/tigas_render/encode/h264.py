@@ -21,12 +21,12 @@ from tigas_common.errors import TigasError
 
 Preset = Literal["ultrafast", "superfast", "veryfast"]
 PRESET: Final[Preset] = "superfast"
-"""A third smaller than `ultrafast` at equal picture for little more time; slower ones win nothing (docs/video.md)."""
+"""Smaller than `ultrafast` at equal picture for about as much time; slower ones win nothing more (docs/video.md)."""
 PROFILE: Final = "main"
-"""A tenth smaller than `baseline`, because of its entropy coding; every decoder knows it."""
+"""Its entropy coding is better than that of `baseline`, and every decoder knows it."""
 FRAMES_PER_S: Final = 60
 """What the rate control counts with, whatever the viewer's rate is: only the bits of a frame matter."""
-LEAST_BITS, MOST_BITS = 4_000.0, 25_000_000.0
+LEAST_BITS, MOST_BITS = 1_000.0, 25_000_000.0
 """In a frame, so that x264 can count with them."""
 HEADROOM: Final = 1.25
 """How much higher than the rate at first an encoder's highest rate is."""

@@ -19,7 +19,7 @@ from tigas_render.frame import Client
 VIDEO_ENCODERS: Final = 64
 """That there are at a time, unless told otherwise."""
 USUAL_PIXELS: Final = 1280 * 720
-"""A larger video counts as several; one of this size takes about 10 MB."""
+"""A larger video counts as several; one of this size takes about 20 MB."""
 IDLE_S: Final = 10.0
 """A viewer who has asked for nothing for so long gets a new chain, in seconds."""
 
