@@ -25,7 +25,8 @@ from tigas_experiments.run.browser import Viewer, chromium
 
 GOAL = 0.02
 WIDTH, HEIGHT = 320, 180
-SETTINGS = {"mode": "stateless", "controller": "fixed", "profile": 3, "refine": False, "hud": False, "sidebar": False}
+ONE_RUNG = {"mode": "stateless", "controller": "fixed", "profile": 3, "refine": False}
+SETTINGS = {**ONE_RUNG, "webp": False, "hud": False, "sidebar": False}
 
 
 async def measured(viewer: Viewer, seconds: float, stride: int) -> tuple[float, float, int]:

@@ -19,7 +19,7 @@ from tigas_experiments.errors import RunFailed
 from tigas_experiments.run.browser import SampleList, Viewer, chromium
 from tigas_render.raster.stamp import read_stamp
 
-AS_THEY_COME = {"reprojection": False, "prediction": "off", "refine": False}
+AS_THEY_COME = {"reprojection": False, "prediction": "off", "refine": False, "webp": False}
 """Frames are shown as they come, and asked for where the camera is, once each."""
 TURN = [
     {"t_ms": t, "position": [0, 0, 0], "quaternion": [0, np.sin(t / 4000), 0, np.cos(t / 4000)]}
@@ -137,7 +137,9 @@ def test_a_run_goes_on_where_the_browser_keeps_no_files(services: Services) -> N
             await page.goto(f"{services.url}#/scene/pebbles")
             await page.wait_for_function("() => window.tigas !== undefined")
             viewer = Viewer(page)
-            await viewer.prepare({"mode": "stateless", "controller": "fixed", "profile": 3, "refine": False}, TURN[0])
+            await viewer.prepare(
+                {"mode": "stateless", "controller": "fixed", "profile": 3, "refine": False, "webp": False}, TURN[0]
+            )
             plan = {"points": TURN, "duration_ms": 1000, "capture_every_ms": 0, "sample_stride": 3}
             return await viewer.record(plan, 30), await viewer.samples()
 
