@@ -183,3 +183,17 @@ test("a stage beyond the server's limits is refined within them", () => {
   expect(width).toBeLessThanOrEqual(8192);
   expect(width * height).toBeLessThanOrEqual(16_777_216);
 });
+
+test.each([
+  [null, []],
+  [{ key: false, after: 0, codec: "avc1.42c01f" }, [[700, 400]]],
+])("the best rung has all that the screen shows, unless it came as a frame of a video: %o", (video, expected) => {
+  const wanted = view({ profile: 0 });
+  const arrival = { sentAt: 0, firstByteAt: 0, lastByteAt: 0, bytes: 9000, sharedBytes: 0 };
+  const header = { status: 200, seq: 0, content_type: "", width: 700, height: 400, profile: 0, video };
+  subject.observe({ header, arrival });
+  const settled = { settled: true, throughput: FAST, pixelRatio: 1 };
+  subject.next(wanted, { now: 0, ...settled });
+  const step = subject.next(wanted, { now: 1000, ...settled });
+  expect(step === null ? [] : sizes([step])).toEqual(expected);
+});

@@ -71,10 +71,10 @@ export class Refinement {
 
   /** A frame came, of a rung or of a step. */
   observe({ header, arrival }: Pick<FrameReply, "header" | "arrival">): void {
-    const { width, height, margin_x, margin_y, profile, timing } = header;
+    const { width, height, margin_x, margin_y, profile, timing, video } = header;
     if (!width || !height) return;
     const inner = (width - 2 * (margin_x ?? 0)) * (height - 2 * (margin_y ?? 0));
-    this.#frame = { pixels: inner, best: profile === 0 };
+    this.#frame = { pixels: inner, best: profile === 0 && !video };
     if (timing) this.#serverMsAPixel = (timing.render + timing.encode) / (width * height);
     if (profile == null) this.#bytesAPixel = arrival.bytes / (width * height);
   }
