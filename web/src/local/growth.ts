@@ -8,6 +8,11 @@ export function isScale(type: string, name: string): boolean {
   return type === "float" && SCALE.test(name);
 }
 
+/** How many Gaussians the parts have that the header speaks of, the smallest first. */
+export function partsOf(header: readonly string[]): number[] {
+  return header.map((line) => Number(PART.exec(line)?.[1] ?? 0)).filter((count) => count > 0);
+}
+
 /** How many times larger so many of the first Gaussians are best drawn: what the header says of the part that has about as many. */
 export function growthOf(header: readonly string[], gaussians: number): number {
   let [nearest, growth] = [Number.POSITIVE_INFINITY, 1];

@@ -237,7 +237,7 @@ export class LocalPlayer {
     while (!this.#given?.whole && !signal.aborted) {
       this.#more = deferred<undefined>();
       const header = this.#header;
-      const step = header && nextStep(header.gaussians, arrived(header, this.#received), this.#given);
+      const step = header && nextStep(header, arrived(header, this.#received), this.#given);
       if (step === null) {
         await this.#more.promise;
       } else {

@@ -94,7 +94,7 @@ export function prefixOf(
 ): Uint8Array<ArrayBuffer>[] {
   const parts: Uint8Array<ArrayBuffer>[] = [];
   const counts: Record<string, number> = {};
-  const growth = whole ? 1 : growthOf(header.lines, gaussians);
+  const growth = gaussians === header.gaussians ? 1 : growthOf(header.lines, gaussians);
   let at = header.bytes;
   for (const { name, count, stride, scales } of header.elements) {
     const kept = whole ? count : ({ vertex: gaussians, chunk: Math.ceil(gaussians / RANGE) }[name] ?? 0);
