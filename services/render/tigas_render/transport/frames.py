@@ -111,18 +111,18 @@ class RenderSession:
         try:
             request = parse(RenderRequest, body)
             if request.video is not None:
-                self._has_video = _check_is_ordered(is_ordered)
+                _check_is_ordered(is_ordered)
+                self._has_video = True
             return self._source.request(self._client, request, arrived, answered)
         except Exception as error:
             answered(error)
             return _nothing
 
 
-def _check_is_ordered(is_ordered: bool) -> bool:
+def _check_is_ordered(is_ordered: bool) -> None:
     """Raises InvalidRequest for a video by datagram."""
     if not is_ordered:
         raise InvalidRequest("format: h264 needs a stream, as a video's frames refer to each other.")
-    return True
 
 
 def _nothing() -> None:

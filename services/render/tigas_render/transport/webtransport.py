@@ -144,7 +144,7 @@ class WebTransportStream:
 
     def _end(self) -> None:
         ended, self._ended = self._ended, None
-        if ended is not None and self._is_answered and self.outlet.is_open:  # it was not all handed over
-            self.session.handler.stopped()
         if ended is not None:
+            if self._is_answered and self.outlet.is_open:  # not all of it was handed over
+                self.session.handler.stopped()
             ended()
