@@ -21,6 +21,7 @@ import httpx
 import psutil
 import pytest
 
+from tigas_cluster.own_ray import OwnRay
 from tigas_common.processes import tigas
 
 START_RAY = (sys.executable, "-m", "ray.scripts.scripts", "start", "--block")
@@ -40,6 +41,7 @@ MARGIN_S = 1.5
 def folder() -> Iterator[Path]:
     with short_folder() as folder:
         yield folder
+        OwnRay(folder / f"tigas-ray-{os.getuid()}").stop()  # of a test that has failed
 
 
 @contextlib.contextmanager
