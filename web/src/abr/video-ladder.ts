@@ -16,12 +16,10 @@ export interface VideoStep extends Rung {
 
 /** The bit rate is meant for so many frames a second, so that each takes its share of it, however many come. */
 const FRAMES_PER_S = 60;
-/** Bits of the largest size's pixels at the best step: there is little left to gain. */
-const BEST = 0.24;
-/** With fewer bits for its pixels, a size looks worse than the next smaller one. */
-const LEAST = 0.1;
-/** The smallest size goes down to this. */
-const LAST = 0.05;
+/** Bits of the largest size's pixels at the best step: little is left to gain, also where few frames come and each shows much that is new. */
+const BEST = 0.16;
+/** With fewer bits for its pixels, a size gives way to the next smaller one: about a JPEG of quality 35 (docs/video.md), and the last step. */
+const LEAST = 0.04;
 /** Each step's share of the bytes of the one before. */
 const APART = 0.7;
 /** In kbit/s: the server takes no lower rate. */
@@ -35,7 +33,7 @@ export function videoLadder(ladder: readonly Rung[]): readonly VideoStep[] {
   if (largest === undefined) return [];
   const smallest = smaller.at(-1) ?? largest;
   const steps: VideoStep[] = [];
-  for (let bits = BEST * largest.pixels; bits >= LAST * smallest.pixels; bits *= APART) {
+  for (let bits = BEST * largest.pixels; bits >= LEAST * smallest.pixels; bits *= APART) {
     const { pixels: _, ...size } = [largest, ...smaller].find(({ pixels }) => LEAST * pixels <= bits) ?? smallest;
     const bitrate_kbps = Math.max(LOWEST, Math.round((bits * FRAMES_PER_S) / 1000));
     const video = Object.freeze({ bitrate_kbps, frames_per_s: FRAMES_PER_S });
