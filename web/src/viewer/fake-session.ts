@@ -3,7 +3,7 @@ import { signal } from "@preact/signals";
 import type { DashPhase, DashPlayer, DashStats } from "../dash/dash-player";
 import { NO_DASH_STATS } from "../dash/dash-player";
 import type { EnhancementStatus } from "../enhance/enhancement";
-import type { LocalPlayer } from "../local/local-player";
+import { type LocalPhase, type LocalPlayer, type LocalStats, NO_LOCAL_STATS } from "../local/local-player";
 import { MovementDeck } from "../movement/movement-deck";
 import type { ReprojectionStatus } from "../reproject/reprojector";
 import { COURTYARD } from "../state/fake-server";
@@ -77,4 +77,9 @@ export function asSession(fake: FakeSession): ViewerSession {
 /** The DASH side of a visit. */
 export function fakeDash(phase: DashPhase, stats: Partial<DashStats> = {}): DashPlayer {
   return { phase: signal(phase), stats: signal({ ...NO_DASH_STATS, ...stats }) } as unknown as DashPlayer;
+}
+
+/** What downloads the scene of a visit. */
+export function fakeLocal(phase: LocalPhase, stats: Partial<LocalStats> = {}): LocalPlayer {
+  return { phase: signal(phase), stats: signal({ ...NO_LOCAL_STATS, ...stats }) } as unknown as LocalPlayer;
 }
