@@ -31,6 +31,12 @@ describe("the ladder of video", () => {
     }
   });
 
+  test("of the sizes that are offered gives the largest as many bits a pixel as it is worth, with the rungs of the whole", () => {
+    const steps = videoLadder(PAPER, 2);
+    expect(steps[0]).toMatchObject({ rung: 2, width: 640 });
+    expect((steps[0]?.expected_kb ?? 0) * 8000).toBeCloseTo(0.16 * 640 * 360, -3);
+  });
+
   test("expects of a frame its share of the bit rate", () => {
     for (const { expected_kb, video } of videoLadder(PAPER)) {
       expect((expected_kb * 8 * video.frames_per_s) / video.bitrate_kbps).toBeCloseTo(1);

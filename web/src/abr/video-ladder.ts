@@ -25,9 +25,10 @@ const APART = 0.7;
 /** In kbit/s: the server takes no lower rate. */
 const LOWEST = 10;
 
-/** The best first, as the server's ladder; none of a ladder without rungs. */
-export function videoLadder(ladder: readonly Rung[]): readonly VideoStep[] {
-  const sizes = ladder.map((size, rung) => ({ ...size, rung, pixels: size.width * size.height }));
+/** The best first, as the server's ladder, of whose rungs from `first` on it has the sizes; none without rungs. */
+export function videoLadder(ladder: readonly Rung[], first = 0): readonly VideoStep[] {
+  const rungs = ladder.map((size, rung) => ({ ...size, rung, pixels: size.width * size.height }));
+  const sizes = rungs.slice(first);
   const each = sizes.filter(({ pixels }, i) => sizes.findIndex((other) => other.pixels === pixels) === i); // its best rung
   const [largest, ...smaller] = each.toSorted((a, b) => b.pixels - a.pixels);
   if (largest === undefined) return [];

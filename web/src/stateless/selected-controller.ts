@@ -13,10 +13,15 @@ const content = computed(() => JSON.stringify(ladder.value)); // the configurati
 const rungs = computed((): Rung[] => JSON.parse(content.value));
 const video = computed(() => settings.value.mode === "video");
 
-/** What the controller chooses from in the mode `video`; null in the others, where it is the server's ladder. */
-export const videoSteps: ReadonlySignal<readonly VideoStep[] | null> = computed(() =>
-  video.value ? videoLadder(rungs.value) : null,
-);
+/**
+ * What the controller chooses from in the mode `video`; null in the others, where it is the server's ladder. `pixels`: as of the
+ * controller.
+ */
+export function videoSteps(pixels: ReadonlySignal<number>): ReadonlySignal<readonly VideoStep[] | null> {
+  const adapts = computed(() => settings.value.controller !== "fixed");
+  const first = computed(() => (adapts.value ? firstOffered(rungs.value, pixels.value) : 0));
+  return computed(() => (video.value ? videoLadder(rungs.value, first.value) : null));
+}
 
 /**
  * Made anew only when the choice, the rungs that it may choose from or the seed changes: a controller learns as it goes. Its
@@ -26,6 +31,7 @@ export const videoSteps: ReadonlySignal<readonly VideoStep[] | null> = computed(
 export function selectedController(
   seed: ReadonlySignal<number>,
   pixels: ReadonlySignal<number>,
+  videoSteps: ReadonlySignal<readonly VideoStep[] | null>,
 ): ReadonlySignal<Controller> {
   const choices = computed(() => videoSteps.value ?? rungs.value);
   const first = computed(() => firstOffered(choices.value, pixels.value));

@@ -86,7 +86,8 @@ export class ViewerSession {
     const { width, height } = this.rig.viewport.value;
     return width * height * devicePixelRatio ** 2;
   });
-  readonly #controller = selectedController(this.seed, this.#pixels);
+  readonly #videoSteps = videoSteps(this.#pixels);
+  readonly #controller = selectedController(this.seed, this.#pixels, this.#videoSteps);
   readonly #listeners = new Set<(frame: PresentedFrame) => void>();
   readonly #shownListeners = new Set<(frame: ShownFrame) => void>();
   readonly #sentListeners = new Set<(request: SentRequest) => void>();
@@ -130,7 +131,7 @@ export class ViewerSession {
       rig: this.rig,
       decoder: this.#decoder,
       video: this.video,
-      videoSteps: () => videoSteps.value,
+      videoSteps: () => this.#videoSteps.value,
       controller: () => this.#controller.value,
       refine: () => settings.value.refine,
       pixelRatio: () => devicePixelRatio,
