@@ -1,7 +1,7 @@
 # Newcomers need only two commands: `make demo` and `make test`.
 SHELL := /bin/bash
 .DEFAULT_GOAL := help
-.PHONY: help demo gpu test test-web-units test-python test-pages test-timed-pages chromium test-compose fuzz lint lock format bench compare bench-gpu bench-hostile bench-load clean
+.PHONY: help demo gpu test test-web-units test-python test-pages test-timed-pages chromium test-compose fuzz lint lint-python lint-web lint-compose lock format bench compare bench-gpu bench-hostile bench-load clean
 
 PYTHON ?= python3
 # PyTorch's package index. Without an NVIDIA GPU, save gigabytes with
@@ -87,11 +87,18 @@ fuzz: .venv/.ready web/node_modules/.ready
 	@cd web && VITE_FUZZ_EXAMPLES=$(EXAMPLES) npx vitest run --test-timeout=0 fuzz
 	@TIGAS_FUZZ_EXAMPLES=$(EXAMPLES) $(VENV)/python -m pytest tests/fuzz --timeout=0 --tb=short $(ARGS)
 
-lint: .venv/.ready web/node_modules/.ready
+# `make -j2 lint` does both sides at once.
+lint: lint-python lint-web lint-compose
+
+lint-python: .venv/.ready
 	@echo "== ruff, mypy"
 	@$(VENV)/ruff check . && $(VENV)/ruff format --check . && $(VENV)/mypy
+
+lint-web: .venv/.ready web/node_modules/.ready
 	@echo "== web client: biome, tsc, generated types"
 	@cd web && npm run --silent check && npm run --silent wire -- --check
+
+lint-compose:
 	@echo "== compose.yaml, compose.cluster.yaml"
 	@if docker compose version >/dev/null 2>&1; then docker compose config -q && docker compose -f compose.cluster.yaml config -q; else echo "not checked: Docker or its Compose plugin is missing"; fi
 
