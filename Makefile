@@ -49,8 +49,9 @@ demo: .venv/.ready $(STATIC)
 TIMED_PAGES := $(addprefix tests/web/test_,adaptation.py connection.py dash_reprojection.py modes.py motion_to_photon.py refinement.py \
 	reprojection.py)
 ONE_BY_ONE := tests/experiments/run/test_bridge.py $(TIMED_PAGES)
-# Tests in network namespaces: one by one, since some use the same lab, and beside others, since they wait most of the time.
-IN_LABS := tests/testbed tests/experiments/commands/test_compare_testbed.py
+# Tests in network namespaces: one by one, since some use the same lab, and beside others, since they wait most of the time;
+# after them others that wait, for as long as the rest takes.
+BESIDE := tests/testbed tests/experiments/commands/test_compare_testbed.py tests/cluster tests/dash tests/enhance
 # Whole services and browsers share two cores here. A test that a busy machine fails is run once more, and the summary names it.
 PYTEST = $(VENV)/python -m pytest --reruns 1
 
@@ -64,10 +65,10 @@ test-web-units: web/node_modules/.ready
 	@cd web && npm test --silent
 
 test-python:
-	@echo "== Python tests, on two cores; beside them those in network namespaces, whose results follow"
-	@log=$$(mktemp); $(PYTEST) $(IN_LABS) >$$log 2>&1 & in_labs=$$!; \
-	$(PYTEST) -n 2 --dist loadfile $(patsubst %,--ignore=%,tests/web tests/experiments/run/test_bridge.py $(IN_LABS)); others=$$?; \
-	wait $$in_labs; in_labs=$$?; cat $$log; rm $$log; exit $$((others || in_labs))
+	@echo "== Python tests, on two cores; beside them those that wait most of the time, whose results follow"
+	@log=$$(mktemp); $(PYTEST) $(BESIDE) >$$log 2>&1 & beside=$$!; \
+	$(PYTEST) -n 2 --dist loadfile $(patsubst %,--ignore=%,tests/web tests/experiments/run/test_bridge.py $(BESIDE)); others=$$?; \
+	wait $$beside; beside=$$?; cat $$log; rm $$log; exit $$((others || beside))
 
 test-pages:
 	@echo "== Browser tests, on two cores"

@@ -38,7 +38,7 @@ def test_profiles_larger_than_the_picture_are_for_a_person_to_choose(open_page: 
 def test_profiles_can_be_chosen_only_while_no_controller_chooses(open_page: OpenPage) -> None:
     page = open_page(SCENE)
     wait_for_frames(page)
-    low = page.get_by_label("Low", exact=False).last
+    low = page.get_by_role("radio", name="Low").last
     expect(page.get_by_label("Adaptation")).to_have_value("budget")
     expect(low).to_be_disabled()
     page.get_by_label("Adaptation").select_option("fixed")

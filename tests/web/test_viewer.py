@@ -111,7 +111,7 @@ def test_a_lower_profile_has_fewer_pixels_and_is_refined_when_still(viewer: Page
     high = stat(viewer, "resolution")
     viewer.get_by_label("Refine when still").uncheck()
     viewer.get_by_label("Adaptation").select_option("fixed")
-    viewer.get_by_label("Low", exact=False).last.check()
+    viewer.get_by_role("radio", name="Low").last.check()
     expect(viewer.locator("[data-stat=profile]")).to_have_text("Low")
     assert int(stat(viewer, "resolution").split(" × ")[0]) < int(high.split(" × ")[0]) / 2
     viewer.get_by_label("Refine when still").check()
