@@ -1,7 +1,7 @@
 # Newcomers need only two commands: `make demo` and `make test`.
 SHELL := /bin/bash
 .DEFAULT_GOAL := help
-.PHONY: help demo gpu test test-web-units test-python test-pages test-timed-pages chromium test-compose fuzz lint lint-python lint-web lint-compose lock format bench compare bench-gpu bench-hostile bench-load clean
+.PHONY: help demo gpu test test-web-units test-python test-pages test-timed-pages chromium test-slow test-compose fuzz lint lint-python lint-web lint-compose lock format bench compare bench-gpu bench-hostile bench-load clean
 
 PYTHON ?= python3
 # PyTorch's package index. Without an NVIDIA GPU, save gigabytes with
@@ -22,7 +22,8 @@ STATIC := services/render/tigas_render/static/index.html
 
 help:
 	@echo "make demo          install dependencies, start the demo and print its URL"
-	@echo "make test          install dependencies and run all tests, including browser tests, except the container tests"
+	@echo "make test          install dependencies and run all tests, including browser tests, except slow and container tests"
+	@echo "make test-slow     run the tests that take long and guard what changes seldom (about 5 minutes)"
 	@echo "make test-compose  start the containers, test them over the shaped link and remove them"
 	@echo "make fuzz          try EXAMPLES=1000 random inputs in each fuzzer (about 20 minutes)"
 	@echo "make compare       compare one JPEG per pose with low-latency DASH over a shaped link, into results/ (about 10 minutes, needs root)"
@@ -80,6 +81,10 @@ test-timed-pages:
 
 chromium:
 	@command -v chromium >/dev/null || { echo "The browser tests need Chromium: sudo apt-get install chromium"; exit 1; }
+
+test-slow: .venv/.ready $(STATIC) chromium
+	@$(PYTEST) -m slow --ignore=tests/web
+	@$(PYTEST) -m slow tests/web
 
 test-compose: .venv/.ready
 	@$(VENV)/python -m pytest tests/compose -m compose -s

@@ -24,6 +24,7 @@ import pytest
 from tigas_cluster.own_ray import OwnRay
 from tigas_common.processes import tigas
 
+pytestmark = pytest.mark.slow
 START_RAY = (sys.executable, "-m", "ray.scripts.scripts", "start", "--block")
 NODE = ("--num-cpus=1", "--object-store-memory=80000000", '--resources={"a_host": 1}')
 QUIET = {

@@ -37,6 +37,7 @@ def test_the_reported_latency_is_what_the_screen_shows(
     assert both[0] == pytest.approx(both[1], abs=frame)
 
 
+@pytest.mark.slow
 def test_the_bare_player_shows_the_same_stream_earlier_than_dash_js(open_page: OpenPage, viewer_url: str) -> None:
     page = open_stamped(open_page, viewer_url, mode="dash", dashPreset="tuned")
     seen_after: dict[str, list[float]] = {"tuned": [], "edge": []}

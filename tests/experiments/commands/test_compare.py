@@ -103,6 +103,7 @@ def test_every_mode_is_measured_over_the_same_link_and_movement(services: Servic
     assert (out / "report.html").stat().st_size > 50_000
 
 
+@pytest.mark.slow
 def test_a_stream_may_have_a_single_representation(services: Services, out: Path) -> None:
     single = ("--modes", "dash-tuned,dash-edge", "--dash-representation", "r3-300")
     status, _, errors = finished(
@@ -142,6 +143,7 @@ def test_who_ends_it_ends_everything_and_keeps_what_was_finished(
     assert second["problem"] == "The run was stopped before its end."
 
 
+@pytest.mark.slow
 def test_a_run_that_somebody_else_spoils_is_named(services: Services, out: Path) -> None:
     held = ("/link", {"down_kbps": 20_000, "up_kbps": 10_000, "delay_ms": 10, "jitter_ms": 0, "loss_pct": 0})
     asked = len(services.shaper.asked)

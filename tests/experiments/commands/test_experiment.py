@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import psutil
+import pytest
 
 from tests.experiments.conftest import Services
 from tests.experiments.processes import finished, started, until
@@ -35,6 +36,7 @@ def kill_the_browser(process: subprocess.Popen[str]) -> None:
     raise AssertionError("no browser")
 
 
+@pytest.mark.slow
 def test_a_browser_that_is_killed_costs_one_run_and_resume_repeats_just_that(
     services: Services, tmp_path: Path
 ) -> None:

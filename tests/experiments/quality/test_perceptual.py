@@ -60,6 +60,7 @@ def test_pictures_are_measured_together_as_they_are_alone(
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", PUBLISHED)
 def test_the_published_values_are_reproduced(name: str) -> None:
     if not all(source.cached.exists() for source in SOURCES):

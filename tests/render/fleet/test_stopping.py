@@ -44,6 +44,7 @@ def test_children_end_whose_supervisor_is_killed() -> None:
         assert not alive
 
 
+@pytest.mark.slow
 @pytest.mark.timeout(300)
 def test_twenty_starts_and_stops_leave_nothing() -> None:
     with socket.socket() as free:
