@@ -18,6 +18,7 @@ from tigas_common.pose import Intrinsics, Pose
 from tigas_common.wire.model import Point
 from tigas_common.wire.render import StartCamera
 from tigas_render.cache import write_to_cache
+from tigas_render.once import Once
 from tigas_render.raster.base import Camera
 from tigas_render.scenes.source import SceneSource
 
@@ -50,7 +51,7 @@ class PreviewCache:
     def __init__(self, directory: Path, render: Render) -> None:
         self._directory = directory
         self._render = render
-        self._rendering: dict[Path, asyncio.Task[Preview]] = {}
+        self._rendering = Once[Path, Preview]()
 
     async def get(self, source: SceneSource) -> Preview:
         """The scene's preview; concurrent first requests render once. Raises what rendering raises."""
@@ -62,17 +63,7 @@ class PreviewCache:
                 "%s is no JPEG or PNG of at most %d MB; another is rendered", source.preview, MAX_BYTES // 10**6
             )
         path = self._path(source)
-        task = self._rendering.get(path)
-        if task is None:
-            task = asyncio.create_task(self._cached_or_rendered(source.id, path))
-            self._rendering[path] = task
-            task.add_done_callback(lambda done: self._rendered(path, done))
-        return await asyncio.shield(task)  # shielded: one client that leaves must not fail the others
-
-    def _rendered(self, path: Path, task: asyncio.Task[Preview]) -> None:
-        del self._rendering[path]
-        if not task.cancelled():
-            task.exception()  # which nobody else may hear of, if all who asked have left
+        return await self._rendering.get(path, lambda: self._cached_or_rendered(source.id, path))
 
     def _path(self, source: SceneSource) -> Path:
         """The file's name depends on everything that the picture depends on."""

@@ -21,6 +21,7 @@ from tigas_common.parsing import parse
 from tigas_common.wire.render import DownloadForm, SceneDownload
 from tigas_render.cache import write_to_cache
 from tigas_render.downloads.files import FORMS, VERSION, make
+from tigas_render.once import Once
 from tigas_render.scenes.source import SceneSource
 
 _log = logging.getLogger(__name__)
@@ -58,7 +59,7 @@ class DownloadCache:
         self._directory = directory
         self._limit = limit
         self._make = make
-        self._making: dict[Path, asyncio.Task[MadeFile]] = {}
+        self._making = Once[Path, MadeFile]()
         self._turns = asyncio.Lock()  # one scene at a time is in memory for it
 
     def offered(self, source: SceneSource) -> tuple[SceneDownload, ...]:
@@ -78,17 +79,7 @@ class DownloadCache:
         if source.open is None:
             raise BrokenScene(source.error or f"{source.name} cannot be loaded.")
         path = self._path(source, known)
-        task = self._making.get(path)
-        if task is None:
-            task = asyncio.create_task(self._kept_or_made(source, known, path), name=f"make {path.name}")
-            self._making[path] = task
-            task.add_done_callback(lambda done: self._made(path, done))
-        return await asyncio.shield(task)  # shielded: one client that leaves must not fail the others
-
-    def _made(self, path: Path, task: asyncio.Task[MadeFile]) -> None:
-        del self._making[path]
-        if not task.cancelled():
-            task.exception()  # which nobody else may hear of, if all who asked have left
+        return await self._making.get(path, lambda: self._kept_or_made(source, known, path))
 
     def _path(self, source: SceneSource, form: DownloadForm) -> Path:
         """The file's name depends on everything that its content depends on."""

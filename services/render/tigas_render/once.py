@@ -1,0 +1,33 @@
+"""Work that is done once for all who ask for it at the same time."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable, Coroutine, Hashable
+from typing import Any, Generic, TypeVar
+
+Key = TypeVar("Key", bound=Hashable)
+Value = TypeVar("Value")
+
+
+class Once(Generic[Key, Value]):
+    """What is under way, by what it is for."""
+
+    def __init__(self) -> None:
+        self._tasks: dict[Key, asyncio.Task[Value]] = {}
+
+    def __len__(self) -> int:
+        return len(self._tasks)
+
+    async def get(self, key: Key, work: Callable[[], Coroutine[Any, Any, Value]]) -> Value:
+        """What comes of the work for a key, which is begun unless it is under way. Raises what it raises."""
+        task = self._tasks.get(key)
+        if task is None:
+            task = self._tasks[key] = asyncio.create_task(work())
+            task.add_done_callback(lambda done: self._done(key, done))
+        return await asyncio.shield(task)  # shielded: one client that leaves must not fail the others
+
+    def _done(self, key: Key, task: asyncio.Task[Value]) -> None:
+        del self._tasks[key]
+        if not task.cancelled():
+            task.exception()  # which nobody else may hear of, if all who asked have left
