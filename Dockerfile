@@ -83,7 +83,7 @@ FROM service AS dash-packager
 COPY --from=build /opt/tigas /opt/tigas
 ENV TIGAS_DASH_HTTP=0.0.0.0:8081 HEALTH_URL=http://127.0.0.1:8081/healthz
 USER tigas
-EXPOSE 8081
+EXPOSE 8081 8081/udp
 ENTRYPOINT ["tigas", "dash"]
 
 # The experiment store.

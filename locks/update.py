@@ -16,7 +16,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
-EXTRAS = ("dev", "gpu", "render", "cluster", "dash", "store", "shaper")
+EXTRAS = ("dev", "gpu", "render", "cluster", "webrtc", "store", "shaper")
 """What `make` and the images install."""
 PYTHON = "3.11"
 """The oldest; the locks hold for newer ones and for every platform."""
