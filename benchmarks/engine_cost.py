@@ -1,6 +1,6 @@
 """What a frame costs the engine's process in Python: a rasteriser that takes no time, and an edge behind the pipe.
 
-python -m benchmarks.engine_cost [--viewers 72] [--seconds 10]
+python -m benchmarks.engine_cost [--viewers 72] [--seconds 10] [--threads]
 python -m benchmarks.engine_cost --one-thread     # no sockets and no threads: what is left compares on a busy machine
 """
 
@@ -35,6 +35,8 @@ from tigas_render.pipe.client import PipeClient
 from tigas_render.pipe.framing import Kind, Splitter
 from tigas_render.pipe.server import ARENA_BYTES, EdgeLink, PipeServer, serve_edges
 from tigas_render.raster.base import Camera, Image, Pause, PreparedScene, Rasterizer
+from tigas_render.raster.instant import InstantRasterizer
+from tigas_render.render_threads import RenderThreads
 
 FRAME_BYTES = 23_000
 FRAMES_PER_S = 30
@@ -90,7 +92,7 @@ class Picture(Image):
 
 
 class Instant(Rasterizer):
-    """Has as many frames in flight as the CUDA rasteriser."""
+    """Has as many frames in flight as the CUDA rasteriser, each made by a thread of Python's."""
 
     device = "instant"
     frames_in_flight = 6
@@ -111,12 +113,12 @@ class Instant(Rasterizer):
         return self.image
 
 
-async def measure(viewers: int, addresses: int, seconds: float) -> None:
+async def measure(rasterizer: Rasterizer, viewers: int, addresses: int, seconds: float) -> None:
     """Serve an edge in a process of its own and tell what each of its frames costs here."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "pipe"
         async with (
-            Engine(Instant(), Scene(), DEFAULT_LADDER, EngineMetrics(), time.monotonic) as engine,
+            Engine(rasterizer, Scene(), DEFAULT_LADDER, EngineMetrics(), time.monotonic) as engine,
             serve_edges(path, engine, engine.state, lambda *_: None),
         ):
             gc.collect()
@@ -166,6 +168,8 @@ BURST, BURSTS = 8, 2000
 async def measure_one_thread(viewers: int) -> None:
     """Take requests, make their frames and answer them in turns; tell what the fastest burst took for each."""
     engine = Engine(Instant(), Scene(), DEFAULT_LADDER, EngineMetrics(), time.monotonic)
+    threads = engine._makers
+    assert isinstance(threads, RenderThreads)
     link = EdgeLink(PipeServer(engine, lambda *_: None, ARENA_BYTES), Arena(ARENA_BYTES), 0)
     edge = Edge()
     link.connection_made(edge)
@@ -183,7 +187,7 @@ async def measure_one_thread(viewers: int) -> None:
         link.data_received(b"".join(asked))
         taken = time.perf_counter()
         for _ in range(BURST):
-            engine._threads._make_next()
+            threads.make_next()
         made = time.perf_counter()
         engine._answers.deliver()
         link._flush()
@@ -238,6 +242,7 @@ def main() -> None:
     parser.add_argument("--addresses", type=int)
     parser.add_argument("--seconds", type=float, default=10)
     parser.add_argument("--edge", type=Path, help=argparse.SUPPRESS)
+    parser.add_argument("--threads", action="store_true", help="as a rasteriser without lanes")
     parser.add_argument("--one-thread", action="store_true")
     options = parser.parse_args()
     if options.one_thread:
@@ -246,8 +251,9 @@ def main() -> None:
     if options.edge is not None:
         uvloop.run(ask(options.edge, options.viewers, options.addresses, options.seconds))
         return
+    rasterizer = Instant() if options.threads else InstantRasterizer(FRAME_BYTES)
     for addresses in (1, options.viewers) if options.addresses is None else (options.addresses,):
-        uvloop.run(measure(options.viewers, addresses, options.seconds))
+        uvloop.run(measure(rasterizer, options.viewers, addresses, options.seconds))
 
 
 if __name__ == "__main__":

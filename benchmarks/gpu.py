@@ -32,6 +32,7 @@ from tigas_common.pose import Pose
 from tigas_render.cache import cache_directory
 from tigas_render.gaussians import Gaussians
 from tigas_render.raster.base import Camera, PreparedScene, Rasterizer
+from tigas_render.raster.calls import Calls
 from tigas_render.raster.cpu import CpuRasterizer
 from tigas_render.raster.cuda.rasterizer import CudaRasterizer
 from tigas_render.raster.cuda.scene import CudaScene
@@ -255,6 +256,11 @@ def stages(
             stages_of_one(rasterizer, name, scene, views[name].camera(width, height), bandwidth)
 
 
+def make_all(calls: tuple[Calls, ...]) -> None:
+    for some in calls:
+        some.make()
+
+
 def stages_of_one(rasterizer: CudaRasterizer, name: str, scene: CudaScene, camera: Camera, bandwidth: float) -> None:
     width, height = camera.intrinsics.width, camera.intrinsics.height
     with rasterizer.render(scene, camera) as image:
@@ -267,8 +273,9 @@ def stages_of_one(rasterizer: CudaRasterizer, name: str, scene: CudaScene, camer
         for stage in rasterizer.stages[side]:
             spent.setdefault(stage.name, []).append(device_time(partial(workspace.launch_stage, stage), stream))
     median = {stage: statistics.median(times) for stage, times in spent.items()}
-    whole = statistics.median(device_time(lambda: workspace.start(scene, camera, "jpeg"), stream) for _ in range(100))
-    codec = 1000 * statistics.median(timed(lambda: workspace.encode_jpeg(width, height, QUALITY), 100))
+    drawing, fetching = workspace.drawing(scene, camera, "jpeg"), workspace.fetching(width, height, "jpeg", QUALITY)
+    whole = statistics.median(device_time(partial(make_all, drawing), stream) for _ in range(100))
+    codec = 1000 * statistics.median(timed(partial(make_all, fetching), 100))
     line = "  ".join(f"{stage} {time:.0f}" for stage, time in median.items())
     print(f"  {name:12} {width} x {height}: {line}  as a graph {whole:.0f}; nvJPEG {codec:.0f};", end="")
     print(f" {workspace.entries} entries, tiles of {side}")

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from tigas_common.pose import Intrinsics, Pose
-from tigas_render.encode.depth_segment import IDENTIFIER, quantised, with_depth
+from tigas_render.encode.depth_segment import IDENTIFIER, coded, quantised, with_depth
 from tigas_render.gaussians import Gaussians
 from tigas_render.raster.base import NEAR_PLANE, Camera, Depth
 from tigas_render.raster.cpu import CpuRasterizer
@@ -52,7 +52,7 @@ PAINTED = (
 
 def packed(inverse: Depth) -> tuple[Floats, int]:
     """A depth as it arrives, and the bytes that it took."""
-    data = with_depth(b"\xff\xd8", inverse)
+    data = with_depth(b"\xff\xd8", coded(inverse))
     nearest, _ = quantised(inverse)
     codes = np.asarray(Image.open(io.BytesIO(data[BEFORE_IMAGE:])).convert("L"), np.float64)
     return nearest * codes / 255, len(data) - 2

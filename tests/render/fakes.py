@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
+import ctypes
 import threading
 import weakref
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -13,8 +16,11 @@ from numpy.typing import NDArray
 
 from tigas_common.errors import UnknownScene
 from tigas_common.wire.render import FrameFormat, RenderRequest, Rung
+from tigas_render.encode.depth_segment import coded
 from tigas_render.gaussians import Gaussians
 from tigas_render.raster.base import Camera, Image, Pause, PreparedScene, Rasterizer
+from tigas_render.raster.calls import Call, CallError, Calls
+from tigas_render.raster.lanes import FetchedImage, Job, LaneRasterizer
 
 
 def render_request(**changes: Any) -> RenderRequest:
@@ -106,6 +112,61 @@ class FakeRasterizer(Rasterizer):
         if depth:
             self.images[-1].depth = np.full((9, 16), 0.5, np.float32)
         return self.images[-1]
+
+
+@dataclass
+class FakeLaneRasterizer(FakeRasterizer, LaneRasterizer):
+    """The same by one lane, so that what begins has to end before anything else begins."""
+
+    lanes: int = 1
+
+    def job(self, scene: PreparedScene, camera: Camera, format: FrameFormat, quality: int, *, depth: bool) -> Job:
+        return FakeJob(self, scene, camera, format, quality, depth)
+
+
+STATUS = ctypes.CFUNCTYPE(ctypes.c_int)
+
+
+@dataclass
+class FakeJob(Job):
+    """Renders and encodes as its rasteriser does, in the native thread."""
+
+    rasterizer: FakeRasterizer
+    scene: PreparedScene
+    camera: Camera
+    format: FrameFormat
+    quality: int
+    depth: bool
+    image: FetchedImage | None = None
+
+    def calls(self) -> tuple[tuple[Calls, ...], tuple[Calls, ...]]:
+        function: Any = STATUS(self._make)
+        function.__name__ = "make"
+        return (Calls(Call(function, ())),), ()
+
+    def _make(self) -> int:
+        try:
+            with self.rasterizer.render(self.scene, self.camera, self.format, depth=self.depth) as image:
+                is_png = self.format == "png"
+                content = image.to_host().tobytes() if is_png else image.encode(self.format, self.quality)
+                depth = None if image.depth is None else coded(image.depth)
+                self.image = FetchedImage(image.width, image.height, self.format, content, depth)
+        except Exception:
+            return 1
+        return 0
+
+    def fetched(self) -> FetchedImage | None:
+        return self.image
+
+    @contextlib.contextmanager
+    def explained(self) -> Iterator[None]:
+        try:
+            yield
+        except CallError as error:
+            raise self.rasterizer.error or error from None
+
+    def close(self, *, failed: bool) -> None:
+        """There is nothing to give back."""
 
 
 @dataclass(frozen=True)

@@ -113,6 +113,7 @@ async def test_a_request_withdrawn_while_it_is_rendered_gives_its_image_back(ben
     assert all(image.closed for image in bench.rasterizer.images)
 
 
+@pytest.mark.threads
 async def test_a_request_past_its_deadline_is_shed_and_others_are_not(bench: Bench) -> None:
     first = await busy(bench)
     late, patient = bench.submit("a", deadline_ms=50), bench.submit("b", deadline_ms=5000)
@@ -126,6 +127,7 @@ async def test_a_request_past_its_deadline_is_shed_and_others_are_not(bench: Ben
     assert len(bench.rasterizer.cameras) == 2
 
 
+@pytest.mark.threads
 async def test_time_counts_from_the_requests_arrival(bench: Bench) -> None:
     """Under load a request waits for the transport, too."""
     bench.rasterizer.gate.set()
@@ -145,6 +147,7 @@ async def test_a_frame_that_was_ready_too_late_is_not_sent(bench: Bench) -> None
     assert bench.outcome("deadline-exceeded") == 1
 
 
+@pytest.mark.threads
 async def test_an_image_that_is_late_already_is_not_encoded(bench: Bench) -> None:
     first = await busy(bench)
     bench.rasterizer.gate.set()
@@ -160,6 +163,7 @@ async def test_an_image_that_is_late_already_is_not_encoded(bench: Bench) -> Non
     assert (image.encoded, image.closed) == (0, True)
 
 
+@pytest.mark.threads
 async def test_a_huge_frame_is_refused_while_another_client_wants_frames(bench: Bench) -> None:
     huge: dict[str, Any] = {"width": 4096, "height": 4096, "profile": None}
     alone = bench.submit("hostile", **huge)
@@ -179,6 +183,7 @@ async def test_a_huge_frame_is_refused_while_another_client_wants_frames(bench: 
     assert (await bench.submit("hostile", **huge)).width == 4096, "nobody else is there any more"
 
 
+@pytest.mark.threads
 async def test_an_image_that_nobody_wants_is_not_encoded_but_paid_for(bench: Bench) -> None:
     task = await busy(bench)
     bench.now += 1.0
@@ -193,6 +198,7 @@ async def test_an_image_that_nobody_wants_is_not_encoded_but_paid_for(bench: Ben
     assert bench.engine._queue._schedule._addresses._starts["somewhere"] == pytest.approx(1.0)
 
 
+@pytest.mark.threads
 async def test_a_request_that_cannot_be_ready_in_time_is_shed_but_not_for_ever(bench: Bench) -> None:
     """After a slow first frame, hopeless deadlines are refused; the estimate then fades until one is tried again."""
     first = await busy(bench)
@@ -344,7 +350,12 @@ async def test_the_answer_comes_once_never_at_once_and_not_after_a_withdrawal(be
 
 
 async def test_the_engine_tells_how_busy_it_is(bench: Bench) -> None:
+    async with asyncio.timeout(10):
+        while bench.engine._queue._utilisation._idle_since is None:  # noqa: ASYNC110 - threads begin to wait
+            await asyncio.sleep(0)
     bench.engine.state()
+    bench.now += 1
+    assert bench.engine.state() == (0.0, 0.0), "nothing was ever asked for"
     first = await busy(bench)
     second = bench.submit("b")
     await bench.waiting(1)

@@ -82,6 +82,7 @@ async def test_a_webp_is_one_and_carries_its_depth_when_it_is_asked_for(bench: B
     assert Image.open(io.BytesIO((await asked(stamp=7)).body)).size == (320, 180)
 
 
+@pytest.mark.threads
 @pytest.mark.parametrize("format", ["png", "yuv420p"])
 async def test_other_formats_have_no_depth_and_pay_for_none(bench: Bench, format: FrameFormat) -> None:
     bench.rasterizer.gate.set()
@@ -89,6 +90,7 @@ async def test_other_formats_have_no_depth_and_pay_for_none(bench: Bench, format
     assert bench.rasterizer.images[0].depth is None
 
 
+@pytest.mark.threads
 async def test_without_a_profile_the_frame_has_the_viewports_resolution(bench: Bench) -> None:
     bench.rasterizer.gate.set()
     frame = await bench.submit("a", profile=None, format="png")

@@ -17,6 +17,7 @@ from tigas_render.raster.base import Camera, Image, Pause, PreparedScene
 pytestmark = pytest.mark.anyio
 
 
+@pytest.mark.threads
 async def test_one_frame_is_rendered_while_another_is_encoded(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
     """The first frame's encoding waits until the second frame's rendering has begun: it does not, if they overlap."""
 

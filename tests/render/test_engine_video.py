@@ -11,10 +11,9 @@ import av
 import pytest
 
 from tests.render.engine_bench import Bench
-from tests.render.fakes import FakeImage, FakeRasterizer, render_request
+from tests.render.fakes import FakeImage, FakeLaneRasterizer, FakeRasterizer, render_request
 from tigas_common.errors import DeadlineExceeded, InvalidRequest
 from tigas_common.wire.render import FrameFormat, VideoInfo, VideoRequest
-from tigas_render.encode.video_chains import VideoChains
 from tigas_render.frame import Client, Frame
 
 pytestmark = pytest.mark.anyio
@@ -37,9 +36,13 @@ class GreyRasterizer(FakeRasterizer):
         return GreyImage(width, height, "")
 
 
+class GreyLaneRasterizer(GreyRasterizer, FakeLaneRasterizer):
+    """By a lane."""
+
+
 @pytest.fixture
-async def bench() -> AsyncIterator[Bench]:
-    bench = Bench(GreyRasterizer())
+async def bench(request: pytest.FixtureRequest) -> AsyncIterator[Bench]:
+    bench = Bench(GreyRasterizer() if request.param is FakeRasterizer else GreyLaneRasterizer())
     bench.rasterizer.gate.set()
     async with bench.engine:
         yield bench
@@ -101,21 +104,21 @@ async def test_after_a_frame_that_was_withdrawn_once_encoded_the_next_is_a_key_f
     videos, loop, lost = bench.engine.videos, asyncio.get_running_loop(), asyncio.Event()
     withdrawn = threading.Event()
 
-    class Slow(VideoChains):
-        def encode(self, client: Client, seq: int, *rest: Any) -> tuple[bytes, VideoInfo]:
-            encoded = videos.encode(client, seq, *rest)
-            loop.call_soon_threadsafe(withdraw)
-            loop.call_soon_threadsafe(withdrawn.set)
-            assert withdrawn.wait(10)
-            return encoded
+    encode, lose = videos.encode, videos.lost
 
-        def lost(self, client: Client, seq: int) -> None:
-            videos.lost(client, seq)
-            lost.set()
+    def encode_slowly(*what: Any) -> tuple[bytes, VideoInfo]:
+        encoded = encode(*what)
+        loop.call_soon_threadsafe(withdraw)
+        loop.call_soon_threadsafe(withdrawn.set)
+        assert withdrawn.wait(10)
+        return encoded
 
-    slow = Slow(1, lambda: 0)
-    monkeypatch.setattr(bench.engine, "videos", slow)
-    monkeypatch.setattr(bench.engine._threads, "_videos", slow)
+    def hear(*what: Any) -> None:
+        lose(*what)
+        lost.set()
+
+    monkeypatch.setattr(videos, "encode", encode_slowly)
+    monkeypatch.setattr(videos, "lost", hear)
     request = render_request(seq=2, format="h264", video=VideoRequest(bitrate_kbps=1000))
     withdraw = bench.engine.request(ANN, request, bench.now, lambda _: pytest.fail("it was withdrawn"))
     await lost.wait()

@@ -1,7 +1,7 @@
 """The engine: takes requests from any transport and answers with frames, rendering one while others are encoded.
 
-Requests wait in a queue until one of the threads that make frames takes them (work_queue.py, render_threads.py).
-Nothing here blocks the event loop.
+Requests wait in a queue (work_queue.py) until a thread that makes frames takes them (render_threads.py), or, where a
+device makes them, until one of its lanes is free (render_lanes.py). Nothing here blocks the event loop.
 """
 
 from __future__ import annotations
@@ -14,11 +14,14 @@ from typing import Protocol, Self
 from tigas_common.errors import DeadlineExceeded, DeviceLost, InvalidRequest, OutOfDeviceMemory, Overloaded, TigasError
 from tigas_common.wire.render import RenderRequest, Rung
 from tigas_render.encode.video_chains import VIDEO_ENCODERS, VideoChains
+from tigas_render.finisher import Finisher
 from tigas_render.frame import Answered, Client, Frame, FrameSource, Withdraw
 from tigas_render.frame_size import FrameSize
 from tigas_render.mailbox import Mailbox
 from tigas_render.metrics import EngineMetrics
 from tigas_render.raster.base import Rasterizer
+from tigas_render.raster.lanes import LaneRasterizer
+from tigas_render.render_lanes import RenderLanes
 from tigas_render.render_threads import RenderThreads
 from tigas_render.work import LoadedScene, SceneUse, Work
 from tigas_render.work_queue import MAX_WAITING, STOPPING, WorkQueue
@@ -58,18 +61,24 @@ class Engine(FrameSource):
         """Why nothing can be rendered any more, once that is so."""
         self._loading: set[asyncio.Task[None]] = set()
         """Those that wait for a scene."""
-        self._answers: Mailbox[tuple[Work, Frame | Exception]] = Mailbox(self._deliver)
+        self._answers: Mailbox[tuple[Work, Frame | Exception]] = Mailbox(lambda answer: self._deliver(*answer))
         self._queue = WorkQueue(rasterizer.frames_in_flight, ladder, clock, self._post, waiting_per_address)
         self.videos = VideoChains(video_encoders, clock)
-        self._threads = RenderThreads(rasterizer, self._queue, clock, self._post, self.videos)
+        on_any_thread = Finisher(self._queue, clock, self._post, self.videos)
+        self._makers: RenderThreads | RenderLanes
+        if isinstance(rasterizer, LaneRasterizer):
+            here = Finisher(self._queue, clock, self._deliver, self.videos)
+            self._makers = RenderLanes(rasterizer, self._queue, here, on_any_thread)
+        else:
+            self._makers = RenderThreads(rasterizer, self._queue, clock, on_any_thread)
 
     async def __aenter__(self) -> Self:
-        await self._threads.start()
+        await self._makers.start()
         return self
 
     async def __aexit__(self, *_: object) -> None:
         self._queue.close()
-        await self._threads.stop()
+        await self._makers.stop()
         for task in self._loading:
             task.cancel()
         await asyncio.gather(*self._loading, return_exceptions=True)
@@ -145,9 +154,8 @@ class Engine(FrameSource):
         """What became of some work, on any thread."""
         self._answers.put((work, result))
 
-    def _deliver(self, answer: tuple[Work, Frame | Exception]) -> None:
+    def _deliver(self, work: Work, result: Frame | Exception) -> None:
         """What became of some work, on the event loop."""
-        work, result = answer
         if isinstance(result, Frame):
             try:
                 work.check_deadline(self._clock())

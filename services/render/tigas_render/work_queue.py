@@ -57,6 +57,7 @@ class WorkQueue:
         """Addresses that have as many as they may."""
         self._lock = threading.Lock()
         self._changed = threading.Condition(self._lock)
+        self._tell: Callable[[], object] = self._changed.notify
         self._is_rendering = False
         self._is_called = False
         """Whether a thread is on its way to `next`, or all are at work and will come."""
@@ -88,6 +89,22 @@ class WorkQueue:
         """Take out work that nobody wants any more, if it waits."""
         with self._lock:
             self._schedule.remove(work.client, work)
+
+    def on_work(self, tell: Callable[[], object]) -> None:
+        """Have this called instead of waking a thread in `next`: whoever hears of it is to `take` all that can begin.
+
+        On the thread that pushes, with the lock held.
+        """
+        self._tell = tell
+
+    def take(self) -> Work | None:
+        """Begin the work that is next: `done` must follow. None if none can begin; until then there is no pause."""
+        with self._lock:
+            self._is_called = False
+            work = self._pop()
+            if work is None:
+                self._utilisation.rest(self._clock())
+            return work
 
     def next(self) -> Work | None:
         """Wait for the turn to render and for work that can begin, and begin it: `rendered` and `done` must follow.
@@ -159,10 +176,10 @@ class WorkQueue:
             self._changed.notify_all()
 
     def _call(self) -> None:
-        """Have a thread look for work; once for a burst of requests, as waking one costs more than adding work."""
+        """Have somebody look for work; once for a burst of requests, as waking a thread costs more than adding work."""
         if not self._is_called:
             self._is_called = True
-            self._changed.notify()
+            self._tell()
 
     def _pop(self, besides: Collection[str] = (), at_most: float = math.inf) -> Work | None:
         """The next work that can begin now, at its client's charge; None if there is none.

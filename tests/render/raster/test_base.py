@@ -22,6 +22,13 @@ def test_a_picture_of_the_displays_own_size_has_the_footprint_of_training() -> N
     assert footprint(1) == (DILATION, 0)
 
 
+@pytest.mark.parametrize("scale", [1, 2, 3])
+def test_a_scene_trained_with_the_filter_is_as_wide_and_pays_with_opacity(scale: int) -> None:
+    dilation, low_pass = footprint(scale, antialiased=True)
+    assert dilation == 0
+    assert low_pass == pytest.approx(sum(footprint(scale)))
+
+
 @pytest.mark.parametrize("scale", [2, 3, 4])
 def test_the_low_pass_has_half_the_variance_of_the_displays_pixels_within_one_of_the_pictures(scale: int) -> None:
     dilation, low_pass = footprint(scale)

@@ -77,3 +77,17 @@ def test_a_gaussian_covers_as_much_whatever_the_filter(size: float, display_scal
     covered = np.mean([render_float(scene, each)[..., 0].sum().item() for each in shifted(view)])
     variance = (10 * size) ** 2 + DILATION / display_scale**2
     assert covered == pytest.approx(2 * math.pi * opacity * variance, rel=0.04)
+
+
+@pytest.mark.parametrize("rasterizer", [CpuRasterizer(), ReferenceRasterizer()], ids=lambda each: each.device)
+def test_a_ball_trained_with_the_filter_is_as_bright_as_what_it_covers(rasterizer: Rasterizer) -> None:
+    """Without the flag, a ball far smaller than a pixel is as bright as one of a pixel's size."""
+    lens = camera(64, 64, focal=64)
+    for size in (0.01, 0.05):
+        ball = balls((0.0, 0.0, 0.0), size=size, opacity=0.9, colours=[[1.0, 1.0, 1.0]])
+        plain, filtered = (
+            pixels(rasterizer.render(rasterizer.prepare(each), lens)).astype(float).sum()
+            for each in (ball, dataclasses.replace(ball, antialiased=True))
+        )
+        variance = (64 * size / 4) ** 2  # in pixels²
+        assert filtered / plain == pytest.approx(variance / (variance + DILATION), abs=0.03)

@@ -6,10 +6,11 @@
 Numbers are big-endian, but for the length of a chunk. A pixel's code v means an inverse depth of nearest · v / 255: 0
 is infinitely far.
 
-The image is a lossy WebP. Of a view of the courtyard, at an error of 2.5 codes in 255 (less than a tenth of a pixel on
-the screen, after a step of 5 cm), it took 0.52 kB and 0.5 ms; a grayscale JPEG at the same error took 1.0 kB and
-0.03 ms. A frame of the lowest rung has 7 kB and costs 10 ms on the same cores, so bytes are dearer. More effort
-(`method`) takes a tenth off the bytes for twice the time. A frame warped with what comes back loses 0.1 dB.
+The image is a lossy WebP, or a grayscale JPEG where a device makes it (raster/cuda/kernels/depth.cu). Of a view of
+the courtyard, at an error of 2.5 codes in 255 (less than a tenth of a pixel on the screen, after a step of 5 cm), it
+took 0.52 kB and 0.5 ms; a grayscale JPEG at the same error took 1.0 kB and 0.03 ms. A frame of the lowest rung has 7
+kB and costs 10 ms on the same cores, so bytes are dearer. More effort (`method`) takes a tenth off the bytes for
+twice the time. A frame warped with what comes back loses 0.1 dB.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ from __future__ import annotations
 import io
 import math
 import struct
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numba import njit
@@ -35,12 +36,26 @@ _CHUNK = struct.Struct("<4sI")
 """The head of a RIFF chunk, a whole WebP among them; an odd length is followed by a byte that does not count."""
 
 
-def with_depth(picture: bytes, inverse: NDArray[np.float32]) -> bytes:
-    """A JPEG or WebP with an inverse depth [h, w], in 1/scene units, in it."""
+class CodedDepth(NamedTuple):
+    """A depth as frames carry it."""
+
+    nearest: float
+    """The inverse depth of code 255, in 1/scene units."""
+    image: bytes
+    """An image of 8-bit codes, WebP or JPEG: code v means an inverse depth of nearest · v / 255."""
+
+
+def coded(inverse: NDArray[np.float32]) -> CodedDepth:
+    """An inverse depth [h, w], in 1/scene units, as frames carry it."""
     nearest, codes = quantised(np.ascontiguousarray(inverse))
     image = io.BytesIO()
     Image.fromarray(codes).save(image, "WEBP", quality=QUALITY, method=METHOD)
-    content = struct.pack(">f", nearest) + image.getvalue()
+    return CodedDepth(nearest, image.getvalue())
+
+
+def with_depth(picture: bytes, depth: CodedDepth) -> bytes:
+    """A JPEG or WebP with a depth in it."""
+    content = struct.pack(">f", depth.nearest) + depth.image
     if picture.startswith(b"RIFF"):
         chunks = picture[_CHUNK.size :] + _CHUNK.pack(b"TDEP", len(content)) + content + b"\0" * (len(content) % 2)
         return _CHUNK.pack(b"RIFF", len(chunks)) + chunks

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from tigas_common.pose import Intrinsics, Pose
 from tigas_common.wire.render import FrameFormat
+from tigas_render.encode.depth_segment import CodedDepth
 from tigas_render.gaussians import Gaussians
 
 NEAR_PLANE = 0.01
@@ -80,6 +81,8 @@ class Image(ABC):
     height: int
     depth: Depth | None = None
     """The view's depth, if it was asked for; there once the image has been encoded, or taken to the host."""
+    coded_depth: CodedDepth | None = None
+    """The same by a device that codes it itself."""
 
     @abstractmethod
     def encode(self, format: FrameFormat, quality: int) -> bytes:
@@ -141,7 +144,7 @@ class Rasterizer(ABC):
         """Pay once for what the first frame would otherwise wait for, such as compiling."""
 
 
-def footprint(display_scale: float) -> tuple[float, float]:
+def footprint(display_scale: float, antialiased: bool = False) -> tuple[float, float]:
     """How a Gaussian grows on the screen: dilation, and variance of the low-pass filter, both in the picture's pixels².
 
     The projected covariance Σ becomes Σ' = Σ + dilation · I, which makes it as large on the display as in training, and
@@ -154,8 +157,12 @@ def footprint(display_scale: float) -> tuple[float, float]:
     is a low-pass filter, too. Where one filter goes before sampling and one after, each takes the square root of the
     response that both are to have; a Gaussian's square root has half its variance, so half is ours. That is measured to
     be near the least error on the display (docs/picture.md). At s = 1 nothing is left: 3DGS's picture.
+
+    Where a scene was trained with that filter (`antialiased`), the dilation is one, too: it costs opacity.
     """
     shrunk = 1 / display_scale**2
+    if antialiased:
+        return 0.0, DILATION * shrunk + (1 - shrunk) / 24
     return DILATION * shrunk, (1 - shrunk) / 24
 
 

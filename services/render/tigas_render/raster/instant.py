@@ -5,8 +5,11 @@ Everything but rendering can be measured with it.
 
 from __future__ import annotations
 
+import contextlib
+import ctypes
 import functools
 import time
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,14 +17,19 @@ from numpy.typing import NDArray
 from tigas_common.wire.render import FrameFormat
 from tigas_render.encode.jpeg import encode_jpeg
 from tigas_render.gaussians import Gaussians
-from tigas_render.raster.base import Camera, Image, Pause, PreparedScene, Rasterizer
+from tigas_render.raster.base import Camera, Image, Pause, PreparedScene
+from tigas_render.raster.calls import Call, Calls
 from tigas_render.raster.host_image import HostImage
+from tigas_render.raster.lanes import FetchedImage, Job, LaneRasterizer
 
 NAME = "instant"
 DEFAULT_BYTES = 23_000
 """Of a frame: a captured scene's at the third rung."""
 GREY = 128
 QUALITY = 50
+
+
+_libc = ctypes.CDLL(None)
 
 
 class InstantScene(PreparedScene):
@@ -52,7 +60,32 @@ class InstantImage(Image):
         """There is nothing to give back."""
 
 
-class InstantRasterizer(Rasterizer):
+@dataclass
+class InstantJob(Job):
+    """A grey JPEG, or other pixels, after a while."""
+
+    image: InstantImage
+    format: FrameFormat
+    quality: int
+    wait: Calls
+
+    def calls(self) -> tuple[tuple[Calls], tuple[()]]:
+        return (self.wait,), ()
+
+    def fetched(self) -> FetchedImage:
+        image = self.image
+        is_png = self.format == "png"
+        content = image.to_host().tobytes() if is_png else image.encode(self.format, self.quality)
+        return FetchedImage(image.width, image.height, self.format, content)
+
+    def explained(self) -> contextlib.AbstractContextManager[None]:
+        return contextlib.nullcontext()
+
+    def close(self, *, failed: bool) -> None:
+        """There is nothing to give back."""
+
+
+class InstantRasterizer(LaneRasterizer):
     """Takes no time, or as much as it is told to."""
 
     device = NAME
@@ -63,6 +96,8 @@ class InstantRasterizer(Rasterizer):
         """size: bytes of every JPEG; frames_per_s: at most; None: as many as are asked for."""
         self._size = size
         self._seconds = 1 / frames_per_s if frames_per_s else 0.0
+        self._wait = Calls(Call(_libc.usleep, (round(1e6 * self._seconds),)))
+        self.lanes = 1 if frames_per_s else self.frames_in_flight
 
     def prepare(self, gaussians: Gaussians) -> PreparedScene:
         """Nothing has to be packed."""
@@ -80,6 +115,13 @@ class InstantRasterizer(Rasterizer):
         """A grey image; it never has a depth."""
         if self._seconds:
             time.sleep(self._seconds)
+        return self._image(camera)
+
+    def job(self, scene: PreparedScene, camera: Camera, format: FrameFormat, quality: int, *, depth: bool) -> Job:
+        """As `render`, for a lane."""
+        return InstantJob(self._image(camera), format, quality, self._wait)
+
+    def _image(self, camera: Camera) -> InstantImage:
         return InstantImage(camera.intrinsics.width, camera.intrinsics.height, self._size)
 
 

@@ -146,7 +146,7 @@ def _project(gaussians: Gaussians, camera: Camera) -> _Splats:
     jacobian = _jacobian(points, camera.viewport)  # [M, 2, 3]
     half = jacobian @ rotation @ axes  # [M, 2, 3]: a square root of the projected covariance
     covariance = half @ half.mT
-    dilation, low_pass = footprint(camera.display_scale)
+    dilation, low_pass = footprint(camera.display_scale, gaussians.antialiased)
     opacities = gaussians.opacities[keep] * _compensation(covariance, dilation, low_pass)
     covariance = covariance + (dilation + low_pass) * torch.eye(2, device=device)
     cxx, cxy, cyy = covariance[:, 0, 0], covariance[:, 0, 1], covariance[:, 1, 1]

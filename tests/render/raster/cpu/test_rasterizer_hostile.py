@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from typing import Any
 
 import pytest
 import torch
@@ -69,7 +70,7 @@ def test_any_numbers_give_a_picture(
     ],
     ids=str,
 )
-def test_what_cannot_be_drawn_leaves_the_background(replaced: dict[str, torch.Tensor]) -> None:
+def test_what_cannot_be_drawn_leaves_the_background(replaced: dict[str, Any]) -> None:
     gaussians = dataclasses.replace(
         balls((0.0, 0.0, 0.0), size=0.1, opacity=1.0, colours=[[1.0, 1.0, 1.0]]), **replaced
     )

@@ -17,7 +17,7 @@ from unittest.mock import patch
 
 import torch
 
-from tigas_render.raster.cuda import calls  # noqa: F401 - with Numba, before modules are replaced
+from tigas_render.raster import lanes  # noqa: F401 - with Numba, before modules are replaced
 from tigas_render.raster.cuda.parameters import LAYOUT
 
 USERS = tuple(f"tigas_render.raster.cuda.{name}" for name in ("driver", "nvjpeg", "rasterizer", "workspace"))
@@ -44,10 +44,10 @@ class FakeGpu:
         self.frames = 0
         """How many were drawn."""
         self.encoders = 0
-        """How many JPEG encoders there are: one for each workspace."""
+        """JPEG encoders: a workspace has two."""
         self.launch_result = "CUDA_SUCCESS"
         self.sync_result = "CUDA_SUCCESS"
-        self.copy_error: Exception | None = None
+        self.copy_result = "CUDA_SUCCESS"
         self.jpeg_status = 0
         self.lost = False
         """Whether every call fails."""
@@ -99,11 +99,9 @@ class FakeGpu:
         ctypes.c_size_t.from_address(arguments[3]).value = 10
         return 0
 
-    def copying(self, stream: object) -> contextlib.AbstractContextManager[None]:
-        """What is copied goes through this stream."""
-        if self.copy_error is not None:
-            raise self.copy_error
-        return contextlib.nullcontext()
+    def copy(self, *_: int) -> int:
+        """cuMemcpyDtoHAsync."""
+        return CURESULTS.index(self.copy_result)
 
     def draw(self) -> None:
         """The kernels of a frame after the first."""
@@ -133,7 +131,7 @@ class _Library:
         self._prepared: dict[str, Callable[..., int]] = {
             "cuLaunchKernel": gpu.launch_first_kernel,
             "cuGraphLaunch": gpu.launch_graph,
-            "cuMemcpyDtoHAsync_v2": lambda *_: 0,
+            "cuMemcpyDtoHAsync_v2": gpu.copy,
             "cuStreamSynchronize": gpu.wait,
             "nvjpegEncoderParamsSetQuality": lambda *_: 0,
             "nvjpegEncodeYUV": gpu.encode,
@@ -222,7 +220,6 @@ def fake_gpu() -> Iterator[FakeGpu]:
             empty_cache=gpu.empty_cache,
             get_device_capability=lambda device: (9, 0),
             set_device=lambda device: None,
-            stream=gpu.copying,
             synchronize=lambda device: gpu.synchronize(),
         ),
         patch.object(ctypes, "CDLL", lambda path: library),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import dataclasses
 import re
 
 import pytest
@@ -10,7 +11,7 @@ import torch
 
 from tests.render.raster.views import LEVEL, camera, cloud
 from tigas_common.pose import Intrinsics, Pose
-from tigas_render.raster.base import Camera, footprint
+from tigas_render.raster.base import DILATION, Camera, footprint
 from tigas_render.raster.cuda import compiler
 from tigas_render.raster.cuda.layout import tile_layout
 from tigas_render.raster.cuda.parameters import LAYOUT, write_frame
@@ -49,3 +50,10 @@ def test_the_kernels_learn_how_much_larger_the_picture_is_shown() -> None:
     write_frame(frame, scene, view, tile_layout(640, 360, scene.padded), "jpeg", (0,) * 18, 0)
     dilation, low_pass = footprint(2)
     assert LAYOUT.unpack(frame.raw)[-9:-7] == pytest.approx((dilation, dilation + low_pass))
+
+
+def test_the_kernels_learn_of_antialiased_training() -> None:
+    scene = pack(dataclasses.replace(cloud(10, 0), antialiased=True), torch.device("cpu"))
+    frame = ctypes.create_string_buffer(LAYOUT.size)
+    write_frame(frame, scene, camera(640, 360), tile_layout(640, 360, scene.padded), "jpeg", (0,) * 18, 0)
+    assert LAYOUT.unpack(frame.raw)[-9:-7] == pytest.approx((0, DILATION))

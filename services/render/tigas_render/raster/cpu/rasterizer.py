@@ -147,7 +147,7 @@ class CpuRasterizer(Rasterizer):
             cells=get("cells", rows * columns * 2, np.float32).reshape(rows, columns, 2) if depth else None,
         )
         job.background[:] = camera.background
-        fill_view(camera, job.view)
+        fill_view(camera, scene.antialiased, job.view)
         job.slices[:] = np.arange(parts + 1) * chunks // parts
         return job
 

@@ -34,6 +34,8 @@ class CpuScene(PreparedScene):
     """
     bounds: NDArray[np.float64]
     """[chunks, BOUNDS]"""
+    antialiased: bool
+    """As Gaussians have it."""
 
     @property
     def nbytes(self) -> int:
@@ -58,7 +60,7 @@ def pack(gaussians: Gaussians) -> CpuScene:
     halves = (sh * constants[:, None]).clip(-HALF_MAX, HALF_MAX).astype(np.float16)
     flat_sh = halves.view(np.uint16).reshape(len(sh), sh.shape[1] * 3)
     _pack(order, means, scales, quaternions, opacities, flat_sh, geometry, packed_sh.view(np.uint16), bounds)
-    return CpuScene(geometry, packed_sh, bounds)
+    return CpuScene(geometry, packed_sh, bounds, gaussians.antialiased)
 
 
 @kernel(parallel=True)

@@ -20,13 +20,13 @@ DILATION, FILTERED = 22, 23
 VIEW = 24
 
 
-def fill_view(camera: Camera, view: NDArray[np.float64]) -> None:
-    """Write a camera into `view` [VIEW]."""
+def fill_view(camera: Camera, antialiased: bool, view: NDArray[np.float64]) -> None:
+    """Write a camera into `view` [VIEW]; antialiased: how the scene was trained."""
     k = camera.intrinsics
     view[ROTATION:EYE] = np.array(camera.pose.rotation).T.ravel()
     view[EYE:FX] = camera.pose.position
     view[FX:LEFT] = k.fx, k.fy, k.cx, k.cy
     view[LEFT:WIDTH] = derivative_limits(camera.viewport)
     view[WIDTH], view[HEIGHT] = k.width, k.height
-    dilation, low_pass = footprint(camera.display_scale)
+    dilation, low_pass = footprint(camera.display_scale, antialiased)
     view[DILATION], view[FILTERED] = dilation, dilation + low_pass

@@ -6,7 +6,7 @@ import ctypes
 
 from cuda.bindings import driver
 
-from tigas_render.raster.cuda.calls import Call, CallError
+from tigas_render.raster.calls import Call, CallError
 
 LIBRARY = "libcuda.so.1"
 

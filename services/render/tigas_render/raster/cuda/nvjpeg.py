@@ -11,10 +11,10 @@ from ctypes import POINTER, addressof, byref, c_int, c_size_t, c_void_p
 
 from cuda.pathfinder import load_nvidia_dynamic_lib
 
-from tigas_render.raster.cuda.calls import Call, CallError, Calls
+from tigas_render.raster.calls import Call, CallError, Calls
 
-CSS_420 = 2
-"""nvjpegChromaSubsampling_t: one chroma sample for four pixels."""
+CSS_420, CSS_GRAY = 2, 6
+"""nvjpegChromaSubsampling_t: one chroma sample for four pixels, and none."""
 
 
 ALLOCATOR_FAILURE = 5
@@ -71,25 +71,30 @@ class NvJpeg:
 class JpegEncoder:
     """Encodes one picture at a time on one stream."""
 
-    def __init__(self, library: NvJpeg, stream: int, synchronize: Call) -> None:
-        """synchronize: waits for the stream."""
+    def __init__(self, library: NvJpeg, stream: int, synchronize: Call, *, gray: bool = False) -> None:
+        """synchronize: waits for the stream; gray: pictures have no chroma, and are small, so that they get Huffman
+        tables of their own.
+        """
         self._library = library
         self._stream = c_void_p(stream)
+        chroma = CSS_GRAY if gray else CSS_420
         self._state, self._params = c_void_p(), c_void_p()
         self._planes = _Planes()
-        self._length = c_size_t()
+        self.length = c_size_t()
+        """Of the last JPEG, in bytes."""
         self._bound, self._bound_of = c_size_t(), (0, 0)
         library.call("nvjpegEncoderStateCreate", library.handle, byref(self._state), self._stream)
         library.call("nvjpegEncoderParamsCreate", library.handle, byref(self._params), self._stream)
-        library.call("nvjpegEncoderParamsSetSamplingFactors", self._params, CSS_420, self._stream)
-        library.call("nvjpegEncoderParamsSetOptimizedHuffman", self._params, 0, self._stream)
+        library.call("nvjpegEncoderParamsSetSamplingFactors", self._params, chroma, self._stream)
+        library.call("nvjpegEncoderParamsSetOptimizedHuffman", self._params, int(gray), self._stream)
         handle, state, params = (pointer.value or 0 for pointer in (library.handle, self._state, self._params))
-        planes, length = addressof(self._planes), addressof(self._length)
-        self._calls = Calls(
+        planes, length = addressof(self._planes), addressof(self.length)
+        self._encode = Calls(
             library.prepared("nvjpegEncoderParamsSetQuality", params, 0, stream),
-            library.prepared("nvjpegEncodeYUV", handle, state, params, planes, CSS_420, 0, 0, stream),
-            library.prepared("nvjpegEncodeRetrieveBitstream", handle, state, 0, length, stream),
-            synchronize,
+            library.prepared("nvjpegEncodeYUV", handle, state, params, planes, chroma, 0, 0, stream),
+        )
+        self._fetch = Calls(
+            library.prepared("nvjpegEncodeRetrieveBitstream", handle, state, 0, length, stream), synchronize
         )
 
     def close(self) -> None:
@@ -105,18 +110,17 @@ class JpegEncoder:
             self._bound_of = width, height
         return self._bound.value
 
-    def encode(self, planes: int, width: int, height: int, quality: int, into: int, room: int) -> int:
-        """Encode planes in device memory into `room` bytes of pinned memory, and give the JPEG's length.
+    def encoding(self, planes: int, width: int, height: int, quality: int, into: int, room: int) -> tuple[Calls, Calls]:
+        """What encodes planes in device memory; and what brings that into `room` bytes of pinned memory, and waits.
 
-        Planes: Y [H, W], Cb and Cr [⌈H/2⌉, ⌈W/2⌉], one after the other. Waits until the bytes are there.
+        Planes: Y [H, W], Cb and Cr [⌈H/2⌉, ⌈W/2⌉], one after the other. The JPEG's bytes are in `length` then.
         """
         columns, rows = (width + 1) // 2, (height + 1) // 2
-        chroma = planes + width * height
+        chroma = planes + width * height  # not read if there is none
         self._planes.channel[:3] = [planes, chroma, chroma + columns * rows]
         self._planes.pitch[:3] = [width, columns, columns]
-        self._length.value = room
-        self._calls.replace(0, 1, quality)
-        self._calls.replace(1, 5, width, height)
-        self._calls.replace(2, 2, into)
-        self._calls.make()
-        return self._length.value
+        self.length.value = room
+        self._encode.replace(0, 1, quality)
+        self._encode.replace(1, 5, width, height)
+        self._fetch.replace(0, 2, into)
+        return self._encode, self._fetch

@@ -32,7 +32,7 @@ def write_frame(
     """Fill `struct Frame`. buffers: the device's addresses from `splats` to `progress`, in the struct's order."""
     k = camera.intrinsics
     rotation = camera.pose.rotation
-    dilation, low_pass = footprint(camera.display_scale)
+    dilation, low_pass = footprint(camera.display_scale, scene.antialiased)
     LAYOUT.pack_into(
         into, 0,
         scene.means.data_ptr(), scene.shapes.data_ptr(), scene.sh.data_ptr(), scene.bounds.data_ptr(), *buffers,

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager, suppress
+from dataclasses import dataclass
 from pathlib import Path
-from typing import assert_never
+from typing import Literal
 
 import numpy as np
 import torch
@@ -19,21 +20,24 @@ from tigas_common.pose import Intrinsics, Pose
 from tigas_common.wire.render import FrameFormat
 from tigas_render.encode.png import encode_png
 from tigas_render.gaussians import Gaussians
-from tigas_render.raster.base import Camera, Image, Pause, PreparedScene, Rasterizer, one_gaussian
+from tigas_render.raster.base import Camera, Image, Pause, PreparedScene, one_gaussian
+from tigas_render.raster.calls import Calls
 from tigas_render.raster.cuda.compiler import load_kernels
 from tigas_render.raster.cuda.nvjpeg import ALLOCATOR_FAILURE, NvJpeg, NvJpegError
 from tigas_render.raster.cuda.scene import CudaScene, pack
 from tigas_render.raster.cuda.workspace import Workspace, make_stages
+from tigas_render.raster.lanes import FetchedImage, Job, LaneRasterizer
 
 SIDES = (8, 16)
 """Tiles' sides that there are kernels for."""
-KERNELS = ("begin", "place", *(f"{stage}_{side}" for side in SIDES for stage in ("project", "large", "bin", "blend")))
+STAGES = ("project", "large", "bin", "blend")
+KERNELS = ("begin", "place", "code_depth", *(f"{stage}_{side}" for side in SIDES for stage in STAGES))
 
 
-class CudaRasterizer(Rasterizer):
+class CudaRasterizer(LaneRasterizer):
     """Renders on one NVIDIA GPU (Ampere or newer). `render` from one thread at a time; images encode on any."""
 
-    frames_in_flight = 6
+    frames_in_flight = lanes = 6
 
     def __init__(self, index: int, cache: Path) -> None:
         """index: the device's number; cache: a directory for compiled kernels.
@@ -56,10 +60,11 @@ class CudaRasterizer(Rasterizer):
         if capability < (8, 0):
             name = torch.cuda.get_device_name(self._device)
             raise ValueError(f"{name} is too old: the CUDA rasteriser needs an Ampere GPU or newer.")
-        self._make_current()
+        self.enter_thread()
         program = load_kernels(f"sm_{capability[0]}{capability[1]}", cache)
         kernels = {name: program.get_kernel(name) for name in KERNELS}
         self.stages = {side: make_stages(Device(index), kernels, side) for side in SIDES}
+        self._code_depth = kernels["code_depth"]
         self._library = NvJpeg()
 
     @property
@@ -68,7 +73,7 @@ class CudaRasterizer(Rasterizer):
 
     def prepare(self, gaussians: Gaussians) -> CudaScene:
         """Pack a scene; see `scene.pack`. Raises OutOfDeviceMemory and DeviceLost."""
-        with self._explained():
+        with self.explained():
             self._make_room()
             scene = pack(gaussians, self._device)
             torch.cuda.current_stream(self._device).synchronize()  # frames read it from other streams
@@ -85,7 +90,7 @@ class CudaRasterizer(Rasterizer):
     ) -> CudaImage:
         """Queue one view and return at once. Raises OutOfDeviceMemory and DeviceLost."""
         assert isinstance(scene, CudaScene)
-        with self._explained():
+        with self.explained():
             self._make_room()
             workspace = self.take_workspace()
             try:
@@ -94,13 +99,20 @@ class CudaRasterizer(Rasterizer):
                 self.give_back(workspace)
                 raise
 
+    def job(self, scene: PreparedScene, camera: Camera, format: FrameFormat, quality: int, *, depth: bool) -> CudaJob:
+        """One view for a lane. Raises OutOfDeviceMemory and DeviceLost."""
+        assert isinstance(scene, CudaScene)
+        with self.explained():
+            self._make_room()
+            return CudaJob(self, self.take_workspace(), scene, camera, format, quality, depth)
+
     def warm_up(self) -> None:
         """Render and encode JPEGs in every workspace, so that everything is loaded and allocated."""
         scene = self.prepare(one_gaussian())
         pose = Pose((0.0, 0.0, 0.0), ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)))
         for width, height in ((64, 36), (1280, 720)):
             camera = Camera(pose, Intrinsics(width, width, width / 2, height / 2, width, height))
-            images = [self.render(scene, camera, depth=True) for _ in range(self.frames_in_flight)]
+            images = [self.render(scene, camera, depth=True) for _ in range(self.frames_in_flight + 1)]
             for image in images:
                 with image:
                     image.encode("jpeg", 90)
@@ -110,28 +122,28 @@ class CudaRasterizer(Rasterizer):
         with self._lock:
             if self._free:
                 return self._free.pop()
-        return Workspace(self._device, self.stages, self._library)
+        return Workspace(self._device, self.stages, self._code_depth, self._library)
 
     def give_back(self, workspace: Workspace) -> None:
         """Take a workspace back; more than are in flight at a time are not kept."""
         with self._lock:
-            if len(self._free) < self.frames_in_flight:
+            if len(self._free) <= self.frames_in_flight:  # one more, for who renders beside the frames in flight
                 self._free.append(workspace)
                 return
         workspace.close()
 
-    def _make_current(self) -> None:
-        """Once in each thread."""
+    def enter_thread(self) -> None:
+        """Make the device this thread's."""
         if not hasattr(self._threads, "is_current"):
             torch.cuda.set_device(self._device)
             Device(self._device.index).set_current()
             self._threads.is_current = True
 
     @contextmanager
-    def _explained(self) -> Iterator[None]:
+    def explained(self) -> Iterator[None]:
         """Makes the device current for this thread, and turns its errors into sentences."""
         try:
-            self._make_current()
+            self.enter_thread()
             yield
         except (RuntimeError, CUDAError) as error:
             if _is_out_of_memory(error):
@@ -197,7 +209,7 @@ class CudaImage(Image):
         self._format = format
         self._with_depth = with_depth
         self._finished = False
-        workspace.start(scene, camera, format, depth=with_depth)
+        self._draw(workspace)
 
     def encode(self, format: FrameFormat, quality: int) -> bytes:
         """The image in a file format. Rendered again if its pixels were laid out for another.
@@ -212,19 +224,25 @@ class CudaImage(Image):
         workspace = self._workspace
         if workspace is None:
             raise ValueError("the image is closed")
-        with self._rasterizer._explained():
+        with self._rasterizer.explained():
             again = format != self._format
             while True:
                 if again:
-                    workspace.start(self._scene, self._camera, format, depth=self._with_depth)
                     self._format, self._finished = format, False
-                length = self._fetch(workspace, format, quality)
+                    self._draw(workspace)
+                for calls in workspace.fetching(self.width, self.height, format, quality):
+                    calls.make()
                 again = not workspace.fitted()
                 if not again:
                     break
             self._finished = True
             self.depth = workspace.depth()
-            return workspace.output(length)
+            return workspace.output()
+
+    def _draw(self, workspace: Workspace) -> None:
+        depth: Literal["floats"] | None = "floats" if self._with_depth else None
+        for calls in workspace.drawing(self._scene, self._camera, self._format, depth):
+            calls.make()
 
     def _rgb(self, encoded: bytes) -> NDArray[np.uint8]:
         return np.frombuffer(encoded, np.uint8).reshape(self.height, self.width, 3)
@@ -240,21 +258,45 @@ class CudaImage(Image):
             return
         try:
             if not self._finished:
-                with self._rasterizer._explained():
+                with self._rasterizer.explained():
                     workspace.wait()
         finally:
             self._rasterizer.give_back(workspace)
 
-    def _fetch(self, workspace: Workspace, format: FrameFormat, quality: int) -> int:
-        """Bring the encoded image to the host; its bytes."""
-        match format:
-            case "jpeg":
-                return workspace.encode_jpeg(self.width, self.height, quality)
-            case "png":
-                length = 3 * self.width * self.height
-            case "yuv420p":
-                length = self.width * self.height + 2 * ((self.width + 1) // 2) * ((self.height + 1) // 2)
-            case _:
-                assert_never(format)
-        workspace.copy_pixels(length)
-        return length
+
+@dataclass
+class CudaJob(Job):
+    """A view for a lane."""
+
+    rasterizer: CudaRasterizer
+    workspace: Workspace
+    scene: CudaScene
+    camera: Camera
+    format: FrameFormat
+    quality: int
+    with_depth: bool
+
+    def calls(self) -> tuple[tuple[Calls, ...], tuple[Calls, ...]]:
+        """Raises OutOfDeviceMemory and DeviceLost."""
+        k = self.camera.intrinsics
+        drawing = self.workspace.drawing(self.scene, self.camera, self.format, "coded" if self.with_depth else None)
+        return drawing, self.workspace.fetching(k.width, k.height, self.format, self.quality)
+
+    def fetched(self) -> FetchedImage | None:
+        """Copies of what is on the host now."""
+        if not self.workspace.fitted():
+            return None
+        k = self.camera.intrinsics
+        return FetchedImage(k.width, k.height, self.format, self.workspace.output(), self.workspace.coded_depth())
+
+    def explained(self) -> AbstractContextManager[None]:
+        return self.rasterizer.explained()
+
+    def close(self, *, failed: bool) -> None:
+        """Give the workspace back, once the device is done with it."""
+        try:
+            if failed:
+                with suppress(Exception), self.explained():
+                    self.workspace.wait()
+        finally:
+            self.rasterizer.give_back(self.workspace)

@@ -32,6 +32,8 @@ class CudaScene(PreparedScene):
     scale_low: float
     scale_step: float
     """log2 of a scale is scale_low + scale_step · code."""
+    antialiased: bool = False
+    """As Gaussians have it."""
 
     @property
     def padded(self) -> int:
@@ -78,6 +80,7 @@ def pack(gaussians: Gaussians, device: torch.device) -> CudaScene:
         coefficients=sh.shape[1],
         scale_low=low,
         scale_step=step,
+        antialiased=gaussians.antialiased,
     )
 
 

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import ctypes
-import math
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 import torch
@@ -12,8 +12,9 @@ from cuda.core import Device, Kernel, LaunchConfig, Stream, launch
 from cuda.core.graph import Graph
 
 from tigas_common.wire.render import FrameFormat
+from tigas_render.encode.depth_segment import CodedDepth
 from tigas_render.raster.base import Camera, Depth
-from tigas_render.raster.cuda.calls import Call, Calls
+from tigas_render.raster.calls import Call, Calls
 from tigas_render.raster.cuda.driver import driver_call
 from tigas_render.raster.cuda.layout import TileLayout, tile_layout
 from tigas_render.raster.cuda.nvjpeg import JpegEncoder, NvJpeg
@@ -31,8 +32,13 @@ MOST_PLANS = 64
 DEPTH_BINS = 8192
 MAX_SEGMENTS = 64
 PROGRESS_BYTES = 4 * (DEPTH_BINS + 7 + MAX_SEGMENTS)
+DEPTH_THREADS = 1024
 ENTRIES_PER_PARTIAL = 256
 """Capacity of the lists, over the number of partial pictures that there is room for."""
+
+DEPTH_QUALITY = 28
+"""Of a coded depth, which is a JPEG: as near to the codes as the WebP that the host makes."""
+DepthKind = Literal["floats", "coded"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,6 +60,9 @@ class Parameters:
         self._pointers = (ctypes.c_void_p * 2)(ctypes.addressof(self._content), ctypes.addressof(self._frame))
         self.arguments = ctypes.addressof(self._pointers)
         """The address of the kernel's arguments."""
+        self._pointer = (ctypes.c_void_p * 1)(ctypes.addressof(self._frame))
+        self.frame_alone = ctypes.addressof(self._pointer)
+        """That of the arguments of a kernel which takes nothing but where the parameters are stored."""
 
     def write(self, scene: CudaScene, camera: Camera, format: PixelFormat, plan: Plan) -> None:
         """Describe the next frame."""
@@ -74,7 +83,9 @@ class Plan:
 class Workspace:
     """One frame at a time goes through it. Nothing is allocated for a frame that fits the buffers of the last."""
 
-    def __init__(self, device: torch.device, stages: dict[int, tuple[Stage, ...]], library: NvJpeg) -> None:
+    def __init__(
+        self, device: torch.device, stages: dict[int, tuple[Stage, ...]], code_depth: Kernel, library: NvJpeg
+    ) -> None:
         """stages: the kernels of a frame in their order, by the side of a tile."""
         self._device = device
         self._stages = stages
@@ -82,52 +93,62 @@ class Workspace:
         self.stream: Stream = Stream.from_handle(self.torch_stream.cuda_stream)
         wait = driver_call("cuStreamSynchronize", int(self.stream.handle))
         self._wait = Calls(wait)
-        self._status = torch.zeros(2, dtype=torch.int32, pin_memory=True)
-        self._needed, self._needed_for_depth = (
-            ctypes.c_uint32.from_address(self._status.data_ptr() + offset) for offset in (0, 4)
-        )
+        self._copy = Calls(driver_call("cuMemcpyDtoHAsync_v2", 0, 0, 0, int(self.stream.handle)), wait)
+        self._copy_depth = Calls(driver_call("cuMemcpyDtoHAsync_v2", 0, 0, 0, int(self.stream.handle)))
+        self._status = torch.zeros(3, dtype=torch.int32, pin_memory=True)
+        status = self._status.data_ptr()
+        self._needed, self._needed_for_depth = (ctypes.c_uint32.from_address(status + offset) for offset in (0, 4))
+        self._nearest = ctypes.c_float.from_address(status + 8)  # follows the depth's needs, as `code_depth` stores it
         self._buffers: dict[str, torch.Tensor] = {}
         self._plans: dict[tuple[int, int, int, PixelFormat], Plan] = {}
         """Of frames that the buffers have room for, by width, height, Gaussians and format."""
         self._output = torch.empty(0, dtype=torch.uint8)
+        self._length = ctypes.c_size_t()
+        """Bytes of it that are the last frame's."""
         self._depth_output = torch.empty(0, dtype=torch.uint8)
-        self._depth_shape: tuple[int, int, int] | None = None
-        """Of what the frame that was started last has in `_depth_output`; None if it has no depth."""
+        self._depth: tuple[DepthKind, int, int] | None = None
+        """What becomes of the last frame's depth, its columns and rows; None if it has none."""
         self._allocate("frame", LAYOUT.size)
         self._allocate("progress", PROGRESS_BYTES).zero_()
         torch.cuda.current_stream(device).synchronize()
         self._parameters, self._depth_parameters = (Parameters(self._buffers["frame"].data_ptr()) for _ in range(2))
         self._graphs = {side: self._capture(of_side) for side, of_side in stages.items()}
-        self._launches: dict[tuple[int | None, int], Calls] = {}
-        """What is called for a frame, by the sides of its tiles: those of its depth, if it has one, and its own."""
-        self._encoder = JpegEncoder(library, self.torch_stream.cuda_stream, wait)  # last: it has to be closed
+        self._launches: dict[tuple[int, Parameters], Calls] = {}
+        """By the side of tiles."""
+        block = (1, 1, 1, DEPTH_THREADS, 1, 1)
+        arguments = self._parameters.frame_alone
+        self._code_depth = Calls(
+            driver_call("cuLaunchKernel", int(code_depth.handle), *block, 0, int(self.stream.handle), arguments, 0)
+        )
+        # last, as they have to be closed
+        self._encoder = JpegEncoder(library, self.torch_stream.cuda_stream, wait)
+        self._depth_encoder = JpegEncoder(library, self.torch_stream.cuda_stream, wait, gray=True)
 
     @property
     def entries(self) -> int:
         """Entries of all lists of the last frame that was finished."""
         return self._needed.value
 
-    def start(self, scene: CudaScene, camera: Camera, format: FrameFormat, *, depth: bool = False) -> None:
-        """Queue one frame, and its depth. Raises torch.cuda.OutOfMemoryError if the buffers have to grow and cannot."""
+    def drawing(
+        self, scene: CudaScene, camera: Camera, format: FrameFormat, depth: DepthKind | None = None
+    ) -> tuple[Calls, ...]:
+        """What queues one frame, and its depth, until this is asked for again.
+
+        Raises torch.cuda.OutOfMemoryError if the buffers have to grow and cannot.
+        """
         self._needed_for_depth.value = 0
-        self._depth_shape = None
-        side_of_depth = None
+        self._depth = None
         plan = self._plan(scene, camera, format)
-        if depth:
+        of_depth: tuple[Calls, ...] = ()
+        if depth is not None:
             small = coarse(camera)
             plan_of_depth = self._plan(scene, small, "depth")
             plan = self._plan(scene, camera, format)  # buffers may have moved, but have room for both now
             self._depth_parameters.write(scene, small, "depth", plan_of_depth)
-            self._depth_shape = (small.intrinsics.height, small.intrinsics.width, 2)
-            side_of_depth = plan_of_depth.layout.side
+            self._depth = depth, small.intrinsics.width, small.intrinsics.height
+            of_depth = self._launch(plan_of_depth.layout.side, self._depth_parameters), self._bring_depth()
         self._parameters.write(scene, camera, format, plan)
-        calls = self._calls(side_of_depth, plan.layout.side)
-        if self._depth_shape is not None:
-            length = 4 * math.prod(self._depth_shape)
-            if self._depth_output.nbytes < length:
-                self._depth_output = torch.empty(length, dtype=torch.uint8, pin_memory=True)
-            calls.replace(2, 0, self._depth_output.data_ptr(), self._buffers["depth"].data_ptr(), length)
-        calls.make()
+        return *of_depth, self._launch(plan.layout.side, self._parameters)
 
     def prepare(self, scene: CudaScene, camera: Camera, format: FrameFormat) -> TileLayout:
         """Make room for a frame and write its parameters, but launch nothing."""
@@ -135,22 +156,25 @@ class Workspace:
         self._parameters.write(scene, camera, format, plan)
         return plan.layout
 
-    def _calls(self, side_of_depth: int | None, side: int) -> Calls:
-        """What queues a frame, by the sides of its tiles, and of those of its depth, if it has one."""
-        found = self._launches.get((side_of_depth, side))
+    def _launch(self, side: int, parameters: Parameters) -> Calls:
+        """What queues a frame with tiles of a side."""
+        found = self._launches.get((side, parameters))
         if found is None:
-            stream = int(self.stream.handle)
-            calls = []
-            if side_of_depth is not None:
-                calls = [*self._launch(side_of_depth, self._depth_parameters)]
-                calls.append(driver_call("cuMemcpyDtoHAsync_v2", 0, 0, 0, stream))
-            found = Calls(*calls, *self._launch(side, self._parameters))
-            self._launches[side_of_depth, side] = found
+            first = self._first_launch(self._stages[side][0], parameters)
+            graph = driver_call("cuGraphLaunch", int(self._graphs[side].handle), int(self.stream.handle))
+            found = self._launches[side, parameters] = Calls(first, graph)
         return found
 
-    def _launch(self, side: int, parameters: Parameters) -> tuple[Call, Call]:
-        first = self._first_launch(self._stages[side][0], parameters)
-        return first, driver_call("cuGraphLaunch", int(self._graphs[side].handle), int(self.stream.handle))
+    def _bring_depth(self) -> Calls:
+        """What queues the depth's way out, once it is drawn: to the host as it is, or into codes."""
+        assert self._depth is not None
+        kind, width, height = self._depth
+        if kind == "coded":
+            return self._code_depth
+        length = 8 * width * height
+        into = self._depth_output = _at_least(length, self._depth_output)
+        self._copy_depth.replace(0, 0, into.data_ptr(), self._buffers["depth"].data_ptr(), length)
+        return self._copy_depth
 
     def _plan(self, scene: CudaScene, camera: Camera, format: PixelFormat) -> Plan:
         """Room for a frame. It stays where it is until another frame needs more."""
@@ -184,7 +208,7 @@ class Workspace:
             ("finished", 4 * layout.tiles),
             ("lights", 4 * layout.tiles * MAX_SEGMENTS),
             ("partials", capacity // ENTRIES_PER_PARTIAL * layout.side**2 * 16),
-            ("depth", 8 * width * height)
+            ("depth", 9 * width * height)  # floats, and their codes
             if format == "depth"
             else ("pixels", 3 * width * height + 4 * max(width, height)),  # planes of odd sizes take a bit more
         )
@@ -193,33 +217,51 @@ class Workspace:
         others = (status, self._buffers["progress"].data_ptr())
         return Plan(layout, addresses + others, capacity)
 
-    def encode_jpeg(self, width: int, height: int, quality: int) -> int:
-        """Encode a frame that was started as `jpeg`, and wait for it. The JPEG's bytes."""
-        output = self._host_output(self._encoder.bound(width, height))
+    def fetching(self, width: int, height: int, format: FrameFormat, quality: int) -> tuple[Calls, ...]:
+        """What encodes a frame that was queued in this format, brings it to the host, and waits for it."""
         pixels = self._buffers["pixels"].data_ptr()
-        return self._encoder.encode(pixels, width, height, quality, output.data_ptr(), output.nbytes)
-
-    def copy_pixels(self, length: int) -> None:
-        """Copy the first bytes of the pixels to the host, and wait for them."""
-        output = self._host_output(length)
-        with torch.cuda.stream(self.torch_stream):
-            output[:length].copy_(self._buffers["pixels"][:length], non_blocking=True)
-        self.wait()
+        if format == "jpeg":
+            output = self._output = _at_least(self._encoder.bound(width, height), self._output)
+            self._length = self._encoder.length
+            encode, fetch = self._encoder.encoding(pixels, width, height, quality, output.data_ptr(), output.nbytes)
+            picture: tuple[Calls, ...] = (encode,)
+        else:
+            self._length = ctypes.c_size_t(picture_bytes(width, height, format))
+            output = self._output = _at_least(self._length.value, self._output)
+            self._copy.replace(0, 0, output.data_ptr(), pixels, self._length.value)
+            picture, fetch = (), self._copy
+        if self._depth is None or self._depth[0] != "coded":
+            return *picture, fetch
+        _, columns, rows = self._depth
+        output = self._depth_output = _at_least(self._depth_encoder.bound(columns, rows), self._depth_output)
+        codes = self._buffers["depth"].data_ptr() + 8 * columns * rows
+        encode_depth, fetch_depth = self._depth_encoder.encoding(
+            codes, columns, rows, DEPTH_QUALITY, output.data_ptr(), output.nbytes
+        )
+        return *picture, encode_depth, fetch, fetch_depth
 
     def wait(self) -> None:
         """Wait for everything queued."""
         self._wait.make()
 
-    def output(self, length: int) -> bytes:
-        """The first bytes that were brought to the host."""
-        return ctypes.string_at(self._output.data_ptr(), length)
+    def output(self) -> bytes:
+        """What was brought to the host."""
+        return ctypes.string_at(self._output.data_ptr(), self._length.value)
 
     def depth(self) -> Depth | None:
-        """The depth of the frame, once it was waited for; None if it was started without."""
-        if self._depth_shape is None:
+        """The depth of the frame, once it was waited for; None if it was queued without."""
+        if self._depth is None:
             return None
-        means = ctypes.string_at(self._depth_output.data_ptr(), 4 * math.prod(self._depth_shape))
-        return inverse_depth(np.frombuffer(means, np.float32).reshape(self._depth_shape))
+        _, columns, rows = self._depth
+        means = ctypes.string_at(self._depth_output.data_ptr(), 8 * columns * rows)
+        return inverse_depth(np.frombuffer(means, np.float32).reshape(rows, columns, 2))
+
+    def coded_depth(self) -> CodedDepth | None:
+        """The same of a frame that was queued with its depth in codes."""
+        if self._depth is None:
+            return None
+        image = ctypes.string_at(self._depth_output.data_ptr(), self._depth_encoder.length.value)
+        return CodedDepth(self._nearest.value, image)
 
     def fitted(self) -> bool:
         """Whether the lists of the frame that was waited for found room. If not, they have: start the frame again."""
@@ -239,6 +281,7 @@ class Workspace:
         """Give the encoder's memory back; the buffers go with the object."""
         self.wait()
         self._encoder.close()
+        self._depth_encoder.close()
 
     def launch_stage(self, stage: Stage) -> None:
         """Launch one kernel by itself; benchmarks time them so."""
@@ -277,10 +320,21 @@ class Workspace:
             self._buffers[name] = buffer
         return buffer
 
-    def _host_output(self, size: int) -> torch.Tensor:
-        if self._output.nbytes < size:
-            self._output = torch.empty(size, dtype=torch.uint8, pin_memory=True)
-        return self._output
+
+def _at_least(size: int, buffer: torch.Tensor) -> torch.Tensor:
+    """The buffer, of pinned memory, or a larger one."""
+    return buffer if buffer.nbytes >= size else torch.empty(size, dtype=torch.uint8, pin_memory=True)
+
+
+def picture_bytes(width: int, height: int, format: FrameFormat) -> int:
+    """Bytes of a picture's pixels, as `png` or `yuv420p` lays them out."""
+    match format:
+        case "png":
+            return 3 * width * height
+        case "yuv420p":
+            return width * height + 2 * ((width + 1) // 2) * ((height + 1) // 2)
+        case _:
+            raise ValueError(f"{format} has no pixels of its own")
 
 
 def make_stages(device: Device, kernels: dict[str, Kernel], side: int) -> tuple[Stage, ...]:

@@ -43,25 +43,30 @@ class Calls:
 
     def __init__(self, *calls: Call) -> None:
         self._calls = calls  # keeps the functions
-        self._table = np.zeros((len(calls), 1 + MOST_ARGUMENTS), np.int64)
-        for row, call in zip(self._table, calls, strict=True):
+        self.table = np.zeros((len(calls), 1 + MOST_ARGUMENTS), np.int64)
+        """A row for each: the function's address, and its arguments. What `make_calls` takes."""
+        for row, call in zip(self.table, calls, strict=True):
             address = ctypes.cast(call.function, ctypes.c_void_p).value
             row[: 1 + len(call.arguments)] = [address or 0, *call.arguments]
 
     def replace(self, call: int, argument: int, *values: int) -> None:
         """Give a call other arguments, from one of them on. Both count from 0."""
-        self._table[call, 1 + argument : 1 + argument + len(values)] = values
+        self.table[call, 1 + argument : 1 + argument + len(values)] = values
 
     def make(self) -> None:
         """Make the calls. The first that fails is the last; raises its error."""
-        failed, status = _make(self._table)
+        failed, status = make_calls(self.table)
         if status:
-            call = self._calls[failed]
-            raise call.error(call.function.__name__, status)
+            raise self.error(failed, status)
+
+    def error(self, failed: int, status: int) -> CallError:
+        """What to raise for a call, counted from 0, that gave a status."""
+        call = self._calls[failed]
+        return call.error(call.function.__name__, status)
 
 
 @intrinsic
-def _call(typing: Any, address: Any, arguments: Any) -> Any:
+def call_c(typing: Any, address: Any, arguments: Any) -> Any:
     """Calls a C function. On x86-64 and ARM64 each integer takes 64 bits, of which the function looks at its own."""
 
     def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
@@ -75,10 +80,11 @@ def _call(typing: Any, address: Any, arguments: Any) -> Any:
 
 
 @njit("UniTuple(int64, 2)(int64[:, ::1])", nogil=True, cache=True)
-def _make(calls: Any) -> Any:
+def make_calls(calls: Any) -> Any:
+    """Makes the calls of a table; the row of the first that fails, and its status, or -1 and 0. For compiled code."""
     for index in range(len(calls)):
         a = calls[index]
-        status = _call(a[0], (a[1], a[2], a[3], a[4], a[5], a[6], a[7], a[8], a[9], a[10], a[11]))
+        status = call_c(a[0], (a[1], a[2], a[3], a[4], a[5], a[6], a[7], a[8], a[9], a[10], a[11]))
         if status != 0:
             return index, status
     return -1, 0

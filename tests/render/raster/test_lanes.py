@@ -1,0 +1,115 @@
+"""Frames in lanes: what came of each is told once, and its lane is free again."""
+
+from __future__ import annotations
+
+import ctypes
+import select
+from collections.abc import Iterator
+from contextlib import AbstractContextManager, nullcontext
+from dataclasses import dataclass, field
+from typing import Any
+
+import pytest
+
+from tigas_render.raster.calls import Call, CallError, Calls
+from tigas_render.raster.lanes import FetchedImage, Job, Lanes
+
+LIBC: Any = ctypes.CDLL(None)
+WORKS, FAILS = Calls(Call(LIBC.sched_yield, ())), Calls(Call(LIBC.close, (-1,)))
+
+
+@dataclass
+class Task(Job):
+    """Finds too little room so many times."""
+
+    fetch: Calls = WORKS
+    tries: int = 1
+    closed: list[bool] = field(default_factory=list)
+    """Whether it had failed."""
+
+    def calls(self) -> tuple[tuple[Calls, ...], tuple[Calls, ...]]:
+        return (WORKS,), (self.fetch, WORKS)
+
+    def fetched(self) -> FetchedImage | None:
+        self.tries -= 1
+        return None if self.tries else FetchedImage(2, 1, "png", b"abcdef")
+
+    def explained(self) -> AbstractContextManager[None]:
+        return nullcontext()
+
+    def close(self, *, failed: bool) -> None:
+        self.closed.append(failed)
+
+
+@pytest.fixture
+def lanes() -> Iterator[Lanes]:
+    lanes = Lanes(2, lambda: None)
+    yield lanes
+    lanes.end()
+    lanes.close()
+
+
+def outcome(lanes: Lanes, task: Task) -> FetchedImage | Exception:
+    """What comes of a frame."""
+    told: list[FetchedImage | Exception] = []
+    lanes.begin(task, told.append)
+    while not told:
+        assert select.select([lanes], [], [], 10)[0]
+        lanes.collect()
+    assert len(told) == 1
+    assert lanes.free == 2
+    return told[0]
+
+
+def test_an_image_comes_with_its_times(lanes: Lanes) -> None:
+    task = Task()
+    image = outcome(lanes, task)
+    assert isinstance(image, FetchedImage)
+    assert image.to_host().tolist() == [[[97, 98, 99], [100, 101, 102]]]
+    assert image.rendering > 0
+    assert image.encoding > 0
+    assert task.closed == [False]
+
+
+def test_a_frame_that_found_too_little_room_is_made_again(lanes: Lanes) -> None:
+    task = Task(tries=3)
+    assert isinstance(outcome(lanes, task), FetchedImage)
+    assert task.closed == [False]
+
+
+def test_a_failure_is_told_and_the_lane_goes_on(lanes: Lanes) -> None:
+    task = Task(FAILS)
+    assert isinstance(outcome(lanes, task), CallError)
+    assert task.closed == [True]
+    assert isinstance(outcome(lanes, Task()), FetchedImage)
+
+
+def test_a_frame_that_cannot_begin_leaves_the_lane_free(lanes: Lanes) -> None:
+    class Refused(Task):
+        def calls(self) -> tuple[tuple[Calls, ...], tuple[Calls, ...]]:
+            raise ValueError("no")
+
+    task = Refused()
+    with pytest.raises(ValueError, match="no"):
+        lanes.begin(task, lambda _: pytest.fail("nothing can come of it"))
+    assert lanes.free == 2
+    assert task.closed == [True]
+
+
+def test_the_end_waits_for_what_has_begun() -> None:
+    lanes = Lanes(1, lambda: None)
+    told: list[FetchedImage | Exception] = []
+    lanes.begin(Task(Calls(Call(LIBC.usleep, (1000,)))), told.append)
+    lanes.end()
+    lanes.collect()
+    lanes.close()
+    assert len(told) == 1
+
+
+def test_an_image_is_had_in_the_format_that_it_was_made_in() -> None:
+    jpeg = FetchedImage(1, 1, "jpeg", b"jpeg")
+    assert jpeg.encode("jpeg", 1) == b"jpeg"
+    with pytest.raises(ValueError, match="not as png"):
+        jpeg.encode("png", 1)
+    with pytest.raises(ValueError, match="not as pixels"):
+        jpeg.to_host()
