@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import gzip
 import tempfile
 import tracemalloc
 from pathlib import Path
 
+import pytest
 import torch
 from hypothesis import given
 from hypothesis import strategies as st
@@ -16,12 +18,13 @@ from tests.fuzz.effort import effort
 from tests.fuzz.json_texts import bodies
 from tests.fuzz.sentences import assert_sentence
 from tests.fuzz.wire_examples import EXAMPLES
-from tests.render.scenes import plys
+from tests.render.scenes import made_up, plys
+from tests.render.scenes.test_formats import splat_bytes
 from tigas_common.errors import BrokenScene
 from tigas_render.preview import HEIGHT, WIDTH, preview_camera
 from tigas_render.scenes.directory import scan_directory
+from tigas_render.scenes.formats import load_scene
 from tigas_render.scenes.metadata import SceneMetadata
-from tigas_render.scenes.ply import load_ply
 from tigas_render.scenes.start_camera import derive_camera
 
 PIECES = (
@@ -37,6 +40,13 @@ PIECES = (
     *(b"1_0 ", b"#", b"\x00\x00\xc0\x7f", b"\x00\x00\x80\x7f"),
 )  # fmt: skip
 """Lines of headers, and values as text and as float32."""
+PACKED_PIECES = (
+    *(b"NGSP", b"PK\x03\x04", b"PK\x05\x06", b"\x1f\x8b\x08", b"VP8L", b"VP8X", b"VP8 ", b"RIFF", b"meta.json"),
+    *(b"ply\n", b"element chunk 2\n", b"element vertex 257\n", b"uint packed_color", b"uchar f_rest_9"),
+    *(b"\xff\xff\xff\xff", b"\xff\xff\xff\x7f", b"\0\0\0\0", b"\x01", b"\x80", b"\x00\x00\xc0\x7f"),
+    *(b"../", b"null", b"1e999", b"-1", b'"count":2147483648', b'"files":[]'),
+)  # fmt: skip
+"""Magic bytes, names and values of packed scenes."""
 MOST_MEMORY = 20_000_000
 """Bytes, beside what the file has."""
 
@@ -47,6 +57,14 @@ TRAILED = (
 SOUND = (plys.binary_ply(), plys.ascii_ply(), plys.binary_ply(2, 1), plys.ascii_ply(1, 3), WIDE, TRAILED)
 
 files = edited(st.sampled_from(SOUND), PIECES)
+
+PACKED = tuple((made_up.FILES / f"shell{end}").read_bytes() for end in (".compressed.ply", "-3.spz", "-4.spz", ".sog"))
+UNZIPPED = gzip.decompress(PACKED[1])
+packed = (
+    edited(st.sampled_from((*PACKED, splat_bytes(made_up.shell(0)))), PACKED_PIECES)
+    | edited(st.just(UNZIPPED), PACKED_PIECES).map(gzip.compress)
+    | edited(st.just(UNZIPPED[:16]), PACKED_PIECES).map(lambda start: gzip.compress(start + UNZIPPED[16:]))
+)
 numbers = st.floats(width=32) | st.sampled_from([88.0, 89.0, -104.0, 3e38, 1e-45, 1e9])
 
 
@@ -72,20 +90,27 @@ def test_a_ply_that_was_found_loads_or_is_broken(content: bytes) -> None:
     assert_no_other_is_broken(b"{}", content)
 
 
+@pytest.mark.filterwarnings("ignore:Generating overly large repr")
+@effort(40)
+@given(packed)
+def test_any_packed_scene_loads_or_is_broken(content: bytes) -> None:
+    assert_loads_or_is_broken(content)
+
+
 def assert_loads_or_is_broken(content: bytes) -> None:
     """It becomes finite Gaussians that can be looked at, or a sentence, in bounded memory."""
     with tempfile.TemporaryDirectory() as folder:
         path = plys.write(Path(folder, "scene", "scene.ply"), content)
         tracemalloc.start()
         try:
-            gaussians = load_ply(path)
+            gaussians = load_scene(path)
         except BrokenScene as error:
             assert_sentence(error.detail)
             return
         finally:
             _, peak = tracemalloc.get_traced_memory()
             tracemalloc.stop()
-            assert peak < MOST_MEMORY + 10 * len(content)
+            assert peak < MOST_MEMORY + 300 * len(content)
     assert len(gaussians) > 0
     for tensor in (gaussians.means, gaussians.scales, gaussians.quaternions, gaussians.opacities, gaussians.sh):
         assert bool(torch.isfinite(tensor).all())

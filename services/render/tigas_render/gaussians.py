@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import torch
 
@@ -22,6 +22,8 @@ class Gaussians:
     """[N] in [0, 1]."""
     sh: torch.Tensor
     """[N, K, 3] spherical-harmonic coefficients of the colour, K = (degree + 1)²."""
+    antialiased: bool = field(default=False, kw_only=True)
+    """Whether they were trained with Mip-Splatting's 2D filter, and so have to be drawn with it."""
 
     def __len__(self) -> int:
         return self.means.shape[0]

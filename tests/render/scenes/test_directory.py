@@ -4,17 +4,19 @@ from __future__ import annotations
 
 import logging
 import os
+import zipfile
 from pathlib import Path
 
 import pytest
 
 from tests.not_files import NOT_FILES
-from tests.render.scenes import plys
+from tests.render.scenes import made_up, plys
 from tigas_common.errors import BrokenScene
 from tigas_render.scenes import directory
-from tigas_render.scenes.directory import find_ply, read_folder, scan_directory
+from tigas_render.scenes.directory import find_scene_file, read_folder, scan_directory
+from tigas_render.scenes.formats import read_scene_file
 from tigas_render.scenes.ply import load_ply
-from tigas_render.scenes.ply_header import PlyHeader, read_header
+from tigas_render.scenes.scene_file import SceneFile
 
 
 def test_of_several_files_the_first_counts_and_the_log_says_so(
@@ -23,8 +25,8 @@ def test_of_several_files_the_first_counts_and_the_log_says_so(
     for name in ("b.ply", "A.PLY", "notes.txt"):
         plys.write(tmp_path / name, plys.binary_ply())
     with caplog.at_level(logging.WARNING):
-        assert find_ply(tmp_path).name == "A.PLY"
-    assert "2 .ply files; A.PLY is used" in caplog.text
+        assert find_scene_file(tmp_path).name == "A.PLY"
+    assert "2 files that may be the scene; A.PLY is used" in caplog.text
 
 
 def test_the_last_iteration_of_a_training_goes_before_its_input(tmp_path: Path) -> None:
@@ -33,14 +35,14 @@ def test_the_last_iteration_of_a_training_goes_before_its_input(tmp_path: Path) 
         (tmp_path / "point_cloud" / iteration).mkdir(parents=True)
         if iteration != "iteration_99999":
             plys.write(tmp_path / "point_cloud" / iteration / "point_cloud.ply", plys.binary_ply())
-    assert find_ply(tmp_path) == tmp_path / "point_cloud" / "iteration_30000" / "point_cloud.ply"
+    assert find_scene_file(tmp_path) == tmp_path / "point_cloud" / "iteration_30000" / "point_cloud.ply"
     assert read_folder(tmp_path).error is None
 
 
 def test_a_folder_without_a_scene_says_so(tmp_path: Path) -> None:
     (tmp_path / "folder.ply").mkdir()
-    with pytest.raises(BrokenScene, match=r"has no \.ply file"):
-        find_ply(tmp_path)
+    with pytest.raises(BrokenScene, match=r"has no scene in it: no \.ply, \.sog, \.spz, \.splat and no meta\.json"):
+        find_scene_file(tmp_path)
 
 
 @pytest.mark.parametrize("kind", NOT_FILES)
@@ -52,7 +54,7 @@ def test_what_is_no_file_makes_its_scene_broken_and_no_other(tmp_path: Path, kin
     NOT_FILES[kind](tmp_path / "description" / "scene.json")
     NOT_FILES[kind](tmp_path / "preview" / "preview.jpg")
     errors = {id: source.error for id, source in scan_directory(tmp_path).items()}
-    assert errors.pop("scene") == "The folder scene has no .ply file."
+    assert str(errors.pop("scene")).startswith("The folder scene has no scene in it")
     assert str(errors.pop("description")).startswith("scene.json cannot be read: ")
     assert errors == {"good": None, "preview": None}
 
@@ -68,7 +70,7 @@ def test_hidden_and_unsafe_names_are_skipped_with_a_word(tmp_path: Path, caplog:
     names = ("good", ".hidden", "new\nline", "per%cent", "back\\slash", "ask?", "x" * 129, " space")
     for name in (*names, os.fsdecode(b"\xff")):
         plys.write(tmp_path / name / "scene.ply", plys.binary_ply())
-    plys.write(tmp_path / "file.ply", plys.binary_ply())
+    plys.write(tmp_path / "file.txt", plys.binary_ply())
     with caplog.at_level(logging.WARNING):
         assert list(scan_directory(tmp_path)) == ["good"]
     assert len(caplog.records) == len(names)
@@ -99,12 +101,12 @@ def test_a_hostile_header_breaks_its_own_scene_only(tmp_path: Path, line: bytes)
 def test_whatever_a_scene_provokes_breaks_no_other(
     tmp_path: Path, error: Exception, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
-    def read(path: Path) -> PlyHeader:
+    def read(path: Path) -> SceneFile:
         if path.parent.name == "bad":
             raise error
-        return read_header(path)
+        return read_scene_file(path)
 
-    monkeypatch.setattr(directory, "read_header", read)
+    monkeypatch.setattr(directory, "read_scene_file", read)
     for name in ("bad", "good"):
         plys.write(tmp_path / name / "scene.ply", plys.binary_ply())
     sources = scan_directory(tmp_path)
@@ -136,3 +138,40 @@ def test_a_preview_and_a_version_come_with_the_source(tmp_path: Path) -> None:
     second = read_folder(tmp_path)
     assert second.preview == tmp_path / "preview.png"
     assert second.version != first.version
+
+
+def test_a_file_by_itself_is_a_scene_by_its_name(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    names = ("garden.ply", "attic.compressed.ply", "cellar.SPZ", "garden.spz", "hall.ply", "new%20line.sog", "a.txt")
+    for name in names:
+        plys.write(tmp_path / name, plys.binary_ply())
+    plys.write(tmp_path / "hall" / "scene.ply", plys.binary_ply(4))
+    with caplog.at_level(logging.WARNING):
+        sources = scan_directory(tmp_path)
+    assert list(sources) == ["attic", "cellar", "garden", "hall"], "by name"
+    assert {source.error for source in sources.values()} == {None}
+    assert sources["hall"].gaussians == 4, "a folder goes before a file"
+    assert "garden.ply" in sources["garden"].version, "and a PLY before what is packed"
+    assert [record.getMessage() for record in caplog.records] == [
+        "Skipped the file hall.ply: there is another scene hall",
+        "Skipped the file 'new%20line.sog': its name is hidden or has characters that an id may not have",
+        "Skipped the file garden.spz: there is another scene garden",
+    ]
+    loaded = sources["garden"].open
+    assert loaded is not None
+    assert len(loaded()) == 3
+
+
+def test_a_folder_of_images_is_a_scene_whose_images_count(tmp_path: Path) -> None:
+    with zipfile.ZipFile(made_up.FILES / "shell.sog") as bundle:
+        bundle.extractall(tmp_path / "shell")
+    first = read_folder(tmp_path / "shell")
+    assert (first.error, first.format, first.gaussians, first.sh_degree) == (None, "SOG folder", made_up.COUNT, 1)
+    assert first.file_bytes == sum(path.stat().st_size for path in (tmp_path / "shell").iterdir())
+    assert first.digest is not None
+    digest = first.digest()
+    image = tmp_path / "shell" / "sh0.webp"
+    image.write_bytes(image.read_bytes() + b"\0")
+    second = read_folder(tmp_path / "shell")
+    assert second.version != first.version
+    assert second.digest is not None
+    assert second.digest() != digest

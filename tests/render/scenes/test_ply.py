@@ -15,7 +15,8 @@ from tests.render.scenes import plys
 from tests.shared_data import reference_scene_ply
 from tigas_common.errors import BrokenScene
 from tigas_render.gaussians import Gaussians
-from tigas_render.scenes.ply import BLOCK, load_ply, write_ply
+from tigas_render.scenes.columns import BLOCK
+from tigas_render.scenes.ply import load_ply, write_ply
 from tigas_render.scenes.ply_header import read_header
 
 

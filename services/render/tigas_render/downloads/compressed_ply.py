@@ -2,7 +2,7 @@
 
 The format, as https://github.com/playcanvas/splat-transform writes it and PlayCanvas reads it: chunks of 256 Gaussians
 have the ranges of their positions, scales (logarithms) and colours as float32; then come all Gaussians, as four uint32
-each, packed within these ranges; then all coefficients, channel-major.
+each, packed within these ranges; then all coefficients, channel-major. `scenes.compressed_ply` reads it.
 """
 
 from __future__ import annotations
@@ -10,31 +10,18 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tigas_render.gaussians import Gaussians
+from tigas_render.scenes.columns import C0, Floats
+from tigas_render.scenes.compressed_ply import CHUNK, PACKED, RANGES, SH_RANGE
 from tigas_render.scenes.ply import ply_header, rest_names
 
-CHUNK = 256
 BLOCK = 64 * CHUNK
 """Gaussians that are packed at a time."""
-C0 = 0.28209479177387814
-"""The spherical harmonic of degree 0: 1 / (2 √π)."""
-SH_RANGE = 8.0
-"""Coefficients are kept from −4 to 4."""
 LOG_SCALE_LIMIT = 20.0
-RANGES = tuple(
-    f"{end}_{name}"
-    for names in (("x", "y", "z"), ("scale_x", "scale_y", "scale_z"), ("r", "g", "b"))
-    for end in ("min", "max")
-    for name in names
-)
-PACKED = ("packed_position", "packed_rotation", "packed_scale", "packed_color")
-
-_Floats = NDArray[np.floating[Any]]
 
 
 def write_compressed_ply(
@@ -65,7 +52,7 @@ def write_compressed_ply(
             file.write(_coefficients(gaussians, block).tobytes())
 
 
-def _pack(gaussians: Gaussians, block: NDArray[np.int64]) -> tuple[_Floats, NDArray[np.uint32]]:
+def _pack(gaussians: Gaussians, block: NDArray[np.int64]) -> tuple[Floats, NDArray[np.uint32]]:
     """A block's ranges [chunks, 18] and words [len(block), 4]."""
     scales = gaussians.scales.numpy()[block].clip(np.finfo(np.float32).tiny)
     positions, position_ranges = _in_chunk(gaussians.means.numpy()[block])
@@ -82,7 +69,7 @@ def _pack(gaussians: Gaussians, block: NDArray[np.int64]) -> tuple[_Floats, NDAr
     return np.concatenate((position_ranges, size_ranges, hue_ranges), axis=1), np.stack(words, axis=1)
 
 
-def _in_chunk(values: _Floats) -> tuple[_Floats, _Floats]:
+def _in_chunk(values: Floats) -> tuple[Floats, Floats]:
     """Values [N, 3] as shares, 0 to 1, of their chunks' ranges, and these [chunks, 6]: all lows, then all highs."""
     starts = np.arange(0, len(values), CHUNK)
     low, high = np.minimum.reduceat(values, starts), np.maximum.reduceat(values, starts)
@@ -91,7 +78,7 @@ def _in_chunk(values: _Floats) -> tuple[_Floats, _Floats]:
     return (values - low[chunk]) / extent[chunk], np.concatenate((low, high), axis=1)
 
 
-def _rotations(quaternions: _Floats) -> tuple[NDArray[np.uint32], _Floats]:
+def _rotations(quaternions: Floats) -> tuple[NDArray[np.uint32], Floats]:
     """Of unit quaternions w, x, y, z [N, 4] which part is the largest [N], and the others, from 0 to 1 [N, 3]."""
     largest = np.abs(quaternions).argmax(1)[:, None]
     positive = quaternions * np.where(np.take_along_axis(quaternions, largest, 1) < 0, -1, 1)
@@ -107,7 +94,7 @@ def _coefficients(gaussians: Gaussians, block: NDArray[np.int64]) -> NDArray[np.
     return _whole(rest / SH_RANGE + 0.5 + side, 8).astype(np.uint8)
 
 
-def _packed(shares: _Floats, bits: Sequence[int]) -> NDArray[np.uint32]:
+def _packed(shares: Floats, bits: Sequence[int]) -> NDArray[np.uint32]:
     """Shares [N, k], 0 to 1, in so many bits each, the first in the highest: [N]."""
     word = np.zeros(len(shares), np.uint32)
     for column, each in zip(shares.T, bits, strict=True):
@@ -116,6 +103,6 @@ def _packed(shares: _Floats, bits: Sequence[int]) -> NDArray[np.uint32]:
     return word
 
 
-def _whole(shares: _Floats, bits: int) -> NDArray[np.uint32]:
+def _whole(shares: Floats, bits: int) -> NDArray[np.uint32]:
     whole: NDArray[np.uint32] = np.rint(shares.clip(0, 1) * ((1 << bits) - 1)).astype(np.uint32)
     return whole

@@ -10,6 +10,7 @@ from tigas_common.wire.render import DownloadForm, SceneDownload
 from tigas_render.downloads.compressed_ply import write_compressed_ply
 from tigas_render.downloads.order import Order
 from tigas_render.scenes.ply import write_ply
+from tigas_render.scenes.ply_header import ANTIALIASED
 from tigas_render.scenes.source import SceneSource
 from tigas_render.scenes.start_camera import derive_camera
 
@@ -29,7 +30,7 @@ def make(source: SceneSource, form: DownloadForm, path: Path) -> SceneDownload:
     metadata = source.metadata
     camera = metadata.camera or derive_camera(gaussians.means, gaussians.opacities, gaussians.scales, metadata.up)
     order = Order.of(gaussians, camera.position)
-    comments = [part.comment for part in order.parts]
+    comments = [*(part.comment for part in order.parts), *([ANTIALIASED] if gaussians.antialiased else ())]
     if form == "ply":
         write_ply(path, gaussians, order.indices, comments)
     else:

@@ -14,7 +14,7 @@ from tigas_common.wire.render import DEFAULT_LADDER
 from tigas_render.ladder.choose import choose
 from tigas_render.ladder.measure import CANDIDATES, Listener, Point, measure, walks
 from tigas_render.raster.base import Rasterizer
-from tigas_render.scenes.directory import read_folder
+from tigas_render.scenes.directory import read_folder, read_single
 from tigas_render.scenes.ladder import FILE, LadderFile
 from tigas_render.scenes.registry import BUILTIN
 from tigas_render.scenes.source import SceneSource
@@ -34,22 +34,22 @@ class Made:
 
 
 def find_scene(name: str) -> SceneSource:
-    """A scene's folder, or a built-in scene by its id. Raises StartError."""
-    folder = Path(name)
-    if folder.is_dir():
-        source = read_folder(folder.resolve())
+    """A scene's folder or file, or a built-in scene by its id. Raises StartError."""
+    path = Path(name)
+    if path.exists():
+        source = read_folder(path.resolve()) if path.is_dir() else read_single(path.resolve())
         if source.error is not None:
             raise StartError(source.error)
         return source
     if name in BUILTIN:
         return BUILTIN[name]
-    raise StartError(f"{name!r} is neither a scene's folder nor a built-in scene ({', '.join(BUILTIN)}).")
+    raise StartError(f"{name!r} is neither a scene's folder or file nor a built-in scene ({', '.join(BUILTIN)}).")
 
 
 def place_of(source: SceneSource) -> Path:
-    """Where a scene's ladder.json lies, or would. Raises StartError for a built-in scene."""
+    """Where a scene's ladder.json lies, or would. Raises StartError for a scene without a folder."""
     if source.folder is None:
-        raise StartError(f"{source.id} is built in: say with --out where its ladder is to be written.")
+        raise StartError(f"{source.id} has no folder of its own: say with --out where its ladder is to be written.")
     return source.folder / FILE
 
 

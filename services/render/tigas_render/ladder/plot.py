@@ -7,6 +7,7 @@ from importlib.util import find_spec
 from pathlib import Path
 
 from tigas_common.errors import StartError
+from tigas_common.extras import install_command
 from tigas_render.ladder.choose import hull
 from tigas_render.ladder.make import Made
 from tigas_render.ladder.measure import Point
@@ -17,7 +18,7 @@ INK, QUIET, ACCENT, OTHER = "#1c2430", "#c3c9d1", "#2166ac", "#d6604d"
 def check_plot(path: Path) -> None:
     """Raises StartError without matplotlib, and for a file that is to be neither PNG nor SVG."""
     if find_spec("matplotlib") is None:
-        raise StartError("A plot needs matplotlib: pip install 'tigas[report]'.")
+        raise StartError(f"A plot needs matplotlib: {install_command('report')}")
     if path.suffix.lower() not in (".png", ".svg"):
         raise StartError(f"{path} must end in .png or .svg.")
 

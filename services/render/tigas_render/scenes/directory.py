@@ -1,8 +1,10 @@
-"""What lies in a models directory: one folder a scene, read without loading any Gaussians.
+"""What lies in a models directory: a folder a scene, or a scene's file by itself, read without loading any Gaussians.
 
-A scene's folder holds one `.ply` (of several, the first by name counts), or what INRIA's training writes: the
-`point_cloud/iteration_N/point_cloud.ply` with the highest N, which goes before any other `.ply`, as the `input.ply`
-beside it is no 3DGS scene. It may hold a `preview.jpg` or `preview.png`, a `scene.json`, and a `ladder.json`.
+Files that end like scenes (`formats.ENDINGS`) are taken for them; what they are, their content says. A scene's folder
+holds one, or the meta.json of a SOG scene with its images, or what INRIA's training writes: the
+`point_cloud/iteration_N/point_cloud.ply` with the highest N, which goes before any other file, as the `input.ply`
+beside it is no 3DGS scene. It may hold a `preview.jpg` or `preview.png`, a `scene.json`, and a `ladder.json`. A file by
+itself is a scene by its name without the ending.
 
 Symbolic links are followed, also out of the directory, so that models may lie on another disk: whoever can write links
 here could as well write files, and clients name scenes by id only, never by path.
@@ -13,39 +15,61 @@ from __future__ import annotations
 import hashlib
 import logging
 import re
+from collections.abc import Callable
 from functools import lru_cache
 from pathlib import Path
 
 from tigas_common.errors import BrokenScene
 from tigas_common.wire.render import Rung
+from tigas_render.scenes.formats import ENDINGS, ending_rank, load_scene, read_scene_file
 from tigas_render.scenes.ladder import FILE as LADDER_FILE
 from tigas_render.scenes.ladder import BrokenLadder, read_ladder
 from tigas_render.scenes.metadata import SceneMetadata, read_metadata
-from tigas_render.scenes.ply import load_ply
-from tigas_render.scenes.ply_header import read_header
+from tigas_render.scenes.scene_file import SceneFile
+from tigas_render.scenes.sog_files import META
 from tigas_render.scenes.source import SceneSource
 
 _log = logging.getLogger(__name__)
 
-_SAFE_NAME = re.compile(r"\w[\w .()+-]{0,127}")
+SAFE_NAME = re.compile(r"\w[\w .()+-]{0,127}")
+"""What an id may look like."""
 
 
 def scan_directory(directory: Path) -> dict[str, SceneSource]:
     """Every scene of a models directory by id, broken ones included. A directory that cannot be read has none."""
     try:
-        paths = sorted(directory.iterdir())
+        paths = list(directory.iterdir())
     except OSError as error:
         _log.warning("The models directory %s cannot be read: %s", directory, error.strerror or error)
         return {}
-    sources = {}
-    for folder in filter(_is_folder, paths):
-        if _SAFE_NAME.fullmatch(folder.name):
-            sources[folder.name] = read_folder(folder)
+    sources: dict[str, SceneSource] = {}
+    for path in sorted(paths, key=_rank):
+        folder = _is_folder(path)
+        id = path.name if folder else scene_id(path)
+        if not folder and not _is_scene_file(path):
+            continue
+        if not SAFE_NAME.fullmatch(id):
+            what = "folder" if folder else "file"
+            words = "its name is hidden or has characters that an id may not have"
+            _log.warning("Skipped the %s %r: %s", what, path.name, words)
+        elif id in sources:
+            _log.warning("Skipped the file %s: there is another scene %s", path.name, id)
         else:
-            _log.warning(
-                "Skipped the folder %r: its name is hidden or has characters that an id may not have", folder.name
-            )
-    return sources
+            sources[id] = read_folder(path) if folder else read_single(path)
+    return dict(sorted(sources.items()))
+
+
+def _rank(path: Path) -> tuple[bool, int, str]:
+    """Folders first; of files with one name, the ending decides."""
+    folder = _is_folder(path)
+    return not folder, 0 if folder else ending_rank(path), path.name
+
+
+def _is_scene_file(path: Path) -> bool:
+    try:
+        return ending_rank(path) < len(ENDINGS) and path.is_file()
+    except OSError:
+        return False
 
 
 def _is_folder(path: Path) -> bool:
@@ -55,39 +79,64 @@ def _is_folder(path: Path) -> bool:
         return True
 
 
+def scene_id(path: Path) -> str:
+    """What a scene is called that is a file by itself: its name without the ending."""
+    return path.stem.removesuffix(".compressed")
+
+
 def read_folder(folder: Path) -> SceneSource:
-    """One scene's source; a broken scene has an `error`."""
-    metadata, version = SceneMetadata(), ""
+    """The source of a scene in a folder; a broken scene has an `error`."""
+    return _read(folder.name, lambda: find_scene_file(folder), folder)
+
+
+def read_single(path: Path) -> SceneSource:
+    """The source of a scene that is a file by itself; a broken scene has an `error`."""
+    return _read(scene_id(path), lambda: path, None)
+
+
+def _read(id: str, find: Callable[[], Path], folder: Path | None) -> SceneSource:
+    metadata, version, preview = SceneMetadata(), "", None
     try:
-        ply = find_ply(folder)
-        status = ply.stat()
-        version = f"{ply}:{status.st_size}:{status.st_mtime_ns}"
-        metadata = read_metadata(folder / "scene.json")
-        header = read_header(ply)
-        preview = next(filter(Path.is_file, (folder / f"preview.{end}" for end in ("jpg", "jpeg", "png"))), None)
+        path = find()
+        version = _version(path)
+        if folder is not None:
+            metadata = read_metadata(folder / "scene.json")
+        file = read_scene_file(path)
+        version = ",".join(map(_version, file.files))
+        if folder is not None:
+            preview = next(filter(Path.is_file, (folder / f"preview.{end}" for end in ("jpg", "jpeg", "png"))), None)
     except BrokenScene as error:
-        return SceneSource(folder.name, metadata, version, None, error.detail)
+        return SceneSource(id, metadata, version, None, error.detail)
     except OSError as error:
-        sentence = f"{folder.name} cannot be read: {error.strerror or error}."
-        return SceneSource(folder.name, metadata, version, None, sentence)
+        return SceneSource(id, metadata, version, None, f"{id} cannot be read: {error.strerror or error}.")
     except Exception:  # so that the others are found, whatever this one provokes
-        _log.exception("%s was not read", folder)
-        sentence = f"{folder.name} could not be read; the server's log says why."
-        return SceneSource(folder.name, metadata, version, None, sentence)
+        _log.exception("The scene %s was not read", id)
+        return SceneSource(id, metadata, version, None, f"{id} could not be read; the server's log says why.")
     return SceneSource(
-        folder.name,
+        id,
         metadata,
         version,
-        open=lambda: load_ply(ply),
-        gaussians=header.count,
-        sh_degree=header.sh_degree,
-        file_bytes=header.file_bytes,
-        digest=lambda: _sha256(ply),
-        memory_bytes=header.tensor_bytes,
+        open=lambda: load_scene(path),
+        gaussians=file.count,
+        sh_degree=file.sh_degree,
+        file_bytes=file.file_bytes,
+        format=file.format,
+        digest=lambda: _sha256(file.files),
+        memory_bytes=file.tensor_bytes,
         folder=folder,
         preview=preview,
-        ladder=_ladder(folder),
+        ladder=None if folder is None else _ladder(folder),
     )
+
+
+def _version(path: Path) -> str:
+    status = path.stat()
+    return f"{path}:{status.st_size}:{status.st_mtime_ns}"
+
+
+def scene_file(path: Path) -> SceneFile:
+    """What a scene's file holds, or the one in a scene's folder. Raises BrokenScene and OSError."""
+    return read_scene_file(find_scene_file(path) if path.is_dir() else path)
 
 
 def _ladder(folder: Path) -> tuple[Rung, ...] | None:
@@ -99,9 +148,10 @@ def _ladder(folder: Path) -> tuple[Rung, ...] | None:
         return None
 
 
-def _sha256(path: Path) -> str:
-    status = path.stat()
-    return _read_sha256(path, status.st_size, status.st_mtime_ns)
+def _sha256(paths: tuple[Path, ...]) -> str:
+    """Of a file; of several, of their digests."""
+    digests = [_read_sha256(path, status.st_size, status.st_mtime_ns) for path in paths for status in (path.stat(),)]
+    return digests[0] if len(digests) == 1 else hashlib.sha256("".join(digests).encode()).hexdigest()
 
 
 @lru_cache(maxsize=1024)
@@ -111,8 +161,8 @@ def _read_sha256(path: Path, size: int, modified_ns: int) -> str:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
-def find_ply(folder: Path) -> Path:
-    """The scene file of a folder. Raises BrokenScene if it has none."""
+def find_scene_file(folder: Path) -> Path:
+    """The scene's file in a folder. Raises BrokenScene if it has none, and OSError."""
     iterations = [
         (int(match[1]), path / "point_cloud.ply")
         for path in folder.glob("point_cloud/iteration_*")
@@ -120,9 +170,11 @@ def find_ply(folder: Path) -> Path:
     ]
     if iterations:
         return max(iterations)[1]
-    files = sorted(path for path in folder.iterdir() if path.suffix.lower() == ".ply" and path.is_file())
+    files = sorted((path for path in folder.iterdir() if _is_scene_file(path)), key=_rank)
+    if not files and (folder / META).is_file():
+        return folder / META
     if not files:
-        raise BrokenScene(f"The folder {folder.name} has no .ply file.")
+        raise BrokenScene(f"The folder {folder.name} has no scene in it: no {', '.join(ENDINGS)} and no {META} of SOG.")
     if len(files) > 1:
-        _log.warning("%s has %d .ply files; %s is used", folder.name, len(files), files[0].name)
+        _log.warning("%s has %d files that may be the scene; %s is used", folder.name, len(files), files[0].name)
     return files[0]

@@ -9,58 +9,47 @@ from __future__ import annotations
 
 import io
 import itertools
-import logging
 import os
 from collections.abc import Iterable, Iterator, Sequence
+from functools import partial
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-import torch
 from numpy.typing import NDArray
 
 from tigas_common.errors import BrokenScene
 from tigas_common.files import open_regular
 from tigas_render.gaussians import Gaussians
+from tigas_render.scenes.columns import BLOCK, Columns, Floats, normalised
 from tigas_render.scenes.ply_header import MAX_HEADER, REQUIRED, PlyHeader, read_header
-
-BLOCK = 4096
-"""Vertices that are converted at a time, so that nothing but the tensors grows with the scene."""
-FARTHEST = 1e9
-"""Scene units: no camera goes farther, and squares of larger standard deviations overflow."""
-
-_log = logging.getLogger(__name__)
+from tigas_render.scenes.scene_file import SceneFile, unreadable
 
 _Block = np.ndarray[tuple[int], np.dtype[np.void]]
-_Floats = NDArray[np.floating[Any]]
 
 
-def load_ply(path: Path, device: str | torch.device = "cpu") -> Gaussians:
-    """Load a scene; Gaussians that are not finite, lie or reach beyond FARTHEST, or have no rotation are dropped
-    with a warning.
+def read_ply(path: Path) -> SceneFile:
+    """What the file holds. Raises BrokenScene, with one sentence, if it is not an INRIA 3DGS PLY."""
+    header = read_header(path)
+    return SceneFile(
+        "PLY", (path,), header.count, header.sh_degree, header.file_bytes, partial(load_ply, path), header.antialiased
+    )
+
+
+def load_ply(path: Path) -> Gaussians:
+    """Load a scene; Gaussians that cannot be drawn are dropped with a warning (`Columns.gaussians`).
 
     Memory beyond the tensors themselves is a few megabytes, whatever the scene's size.
     Raises BrokenScene, with one sentence, if the file is not a complete INRIA 3DGS PLY.
     """
     header = read_header(path)
-    n, k = header.count, (header.sh_degree + 1) ** 2
-    # NumPy, as PyTorch splits even small operations over threads that then wait for each other on a busy machine
-    arrays = [np.empty((n, *shape), np.float32) for shape in ((3,), (3,), (4,), (), (k, 3))]
-    kept = 0
+    columns = Columns(header.count, header.sh_degree)
     try:
-        for block in _ascii_blocks(path, header) if header.ascii else _binary_blocks(path, header):
-            parts = _activate(block, header.sh_degree)
-            end = kept + len(parts[0])
-            for array, part in zip(arrays, parts, strict=True):
-                array[kept:end] = part
-            kept = end
+        blocks = _ascii_blocks(path, header) if header.ascii else _binary_blocks(path, header)
+        for rows, block in zip(columns.blocks(), blocks, strict=True):
+            _fill(columns, rows, block, header.sh_degree)
     except OSError as error:
-        raise BrokenScene(f"{path.name} cannot be read: {error.strerror or error}.") from None
-    if kept == 0:
-        raise BrokenScene(f"{path.name} has no Gaussian whose attributes are finite and within 10⁹.")
-    if kept < n:
-        _log.warning("%s: dropped %d of %d Gaussians that are not finite, or beyond 10⁹", path, n - kept, n)
-    return Gaussians(*(torch.from_numpy(array[:kept]).to(device) for array in arrays))
+        raise unreadable(path, error) from None
+    return columns.gaussians(path, antialiased=header.antialiased)
 
 
 def write_ply(
@@ -151,24 +140,23 @@ def _text_error(error: Exception, start: int) -> str:
     return f"{first} (counted from vertex {start})" if start else first
 
 
-def _activate(block: _Block, sh_degree: int) -> tuple[_Floats, _Floats, _Floats, _Floats, _Floats]:
-    """A block's means, scales, quaternions, opacities and SH, activated, without the Gaussians that cannot be used."""
-    with np.errstate(all="ignore"):  # what overflows is dropped below
-        columns = _columns(block, REQUIRED)
-        scales = np.exp(columns[:, 7:10])
-        quaternions = columns[:, 10:14].astype(np.float64)  # as the square of a float32 may overflow
-        quaternions /= np.linalg.norm(quaternions, axis=1, keepdims=True)
-        opacities = 1 / (1 + np.exp(-columns[:, 6]))
-        rest = _columns(block, rest_names(sh_degree)).reshape(len(block), 3, (sh_degree + 1) ** 2 - 1)
-    sh = np.concatenate((columns[:, None, 3:6], rest.transpose(0, 2, 1)), axis=1)
-    usable = np.isfinite(columns).all(1) & np.isfinite(quaternions).all(1) & np.isfinite(sh).all((1, 2))
-    usable &= (np.abs(columns[:, 0:3]) <= FARTHEST).all(1) & (scales <= FARTHEST).all(1)
-    return columns[usable, 0:3], scales[usable], quaternions[usable].astype(np.float32), opacities[usable], sh[usable]
+def _fill(columns: Columns, rows: slice, block: _Block, sh_degree: int) -> None:
+    """Decode a block; a Gaussian with a value that is not finite gets an opacity that drops it."""
+    with np.errstate(all="ignore"):
+        values = _values(block, REQUIRED)
+        opacities = 1 / (1 + np.exp(-values[:, 6]))
+        columns.means[rows] = values[:, 0:3]
+        columns.scales[rows] = np.exp(values[:, 7:10])
+        columns.quaternions[rows] = normalised(values[:, 10:14])
+        columns.opacities[rows] = np.where(np.isfinite(values).all(1), opacities, np.nan)
+        columns.sh[rows, 0] = values[:, 3:6]
+        rest = _values(block, rest_names(sh_degree)).reshape(len(block), 3, -1 if sh_degree else 0)
+    columns.sh[rows, 1:] = rest.transpose(0, 2, 1)
 
 
-def _columns(block: _Block, names: Sequence[str]) -> _Floats:
+def _values(block: _Block, names: Sequence[str]) -> Floats:
     """[rows, len(names)]; a double beyond float32 becomes infinite."""
-    columns = np.empty((len(block), len(names)), np.float32)
+    values = np.empty((len(block), len(names)), np.float32)
     for i, name in enumerate(names):
-        columns[:, i] = block[name]
-    return columns
+        values[:, i] = block[name]
+    return values

@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import re
 import textwrap
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -12,13 +13,16 @@ import numpy as np
 from plyfile import PlyData, PlyElement, PlyListProperty, PlyParseError
 
 from tigas_common.errors import BrokenScene
-from tigas_common.files import open_regular
+from tigas_render.scenes.scene_file import read_start
 
 MAX_HEADER = 64 * 1024
 """The longest header, in bytes; one with SH degree 3 takes about 1,500."""
 
 REST_COUNTS = {0: 0, 9: 1, 24: 2, 45: 3}
 """Number of f_rest_* properties to SH degree: 3 · ((degree + 1)² − 1)."""
+
+ANTIALIASED = "SplatRenderMode: mip"
+"""The comment of Brush that says so."""
 
 REQUIRED = (
     *("x", "y", "z", "f_dc_0", "f_dc_1", "f_dc_2", "opacity"),
@@ -47,11 +51,21 @@ class PlyHeader:
     """ASCII: lines of other elements before the first vertex."""
     dtype: np.dtype[np.void]
     """One vertex; little-endian if binary."""
+    antialiased: bool
+    """Whether a comment says that it was trained with Mip-Splatting's 2D filter."""
 
-    @property
-    def tensor_bytes(self) -> int:
-        """Bytes of the tensors that the scene is loaded into (float32)."""
-        return 4 * self.count * (3 + 3 + 4 + 1 + 3 * (self.sh_degree + 1) ** 2)
+
+@dataclass(frozen=True, slots=True)
+class Layout:
+    """Where the elements of any PLY lie."""
+
+    ply: PlyData
+    """Without any data."""
+    counts: dict[str, int]
+    """Of each element."""
+    data_offset: int
+    """Bytes before the first element."""
+    file_bytes: int
 
 
 def read_header(path: Path) -> PlyHeader:
@@ -59,13 +73,41 @@ def read_header(path: Path) -> PlyHeader:
 
     Raises BrokenScene, with one sentence, if the file is not an INRIA 3DGS PLY that its size has room for.
     """
-    try:
-        with open_regular(path) as file:
-            file_bytes = file.seek(0, io.SEEK_END)
-            file.seek(0)
-            start = file.read(MAX_HEADER)
-    except OSError as error:
-        raise BrokenScene(f"{path.name} cannot be read: {error.strerror or error}.") from None
+    layout = read_layout(path)
+    ply, counts, offset, file_bytes = layout.ply, layout.counts, layout.data_offset, layout.file_bytes
+    if "vertex" not in ply:
+        raise BrokenScene(f"{path.name} has no element 'vertex', so it holds no Gaussians.")
+    vertex, count = ply["vertex"], counts["vertex"]
+    sh_degree = _check_properties(path.name, vertex)
+    if count == 0:
+        raise BrokenScene(f"{path.name} has 0 vertices, so there is nothing to show.")
+    dtype = vertex.dtype("=" if ply.text else "<")
+    antialiased = says_antialiased(ply.comments)
+    before = ply.elements[: ply.elements.index(vertex)]
+    if ply.text:
+        skip_lines = sum(counts[element.name] for element in before)
+        needed = offset + 2 * (skip_lines + count * len(vertex.properties)) - 1  # a digit and a separator each
+        if file_bytes < needed:
+            raise BrokenScene(size_problem(path.name, count, "at least ", needed, file_bytes))
+        return PlyHeader(count, sh_degree, file_bytes, True, offset, skip_lines, dtype, antialiased)
+    for element in before:
+        if has_lists(element):
+            raise BrokenScene(f"{path.name} has lists in element '{element.name}' before its vertices; put them after.")
+        offset += counts[element.name] * element.dtype("<").itemsize
+    needed = offset + count * dtype.itemsize
+    after = ply.elements[len(before) + 1 :]
+    if not any(map(has_lists, after)):
+        needed += sum(counts[element.name] * element.dtype("<").itemsize for element in after)
+        if file_bytes != needed:
+            raise BrokenScene(size_problem(path.name, count, "", needed, file_bytes))
+    elif file_bytes < needed:
+        raise BrokenScene(size_problem(path.name, count, "at least ", needed, file_bytes))
+    return PlyHeader(count, sh_degree, file_bytes, False, offset, 0, dtype, antialiased)
+
+
+def read_layout(path: Path) -> Layout:
+    """Read the header of any PLY but a big-endian one; reads at most MAX_HEADER bytes. Raises BrokenScene."""
+    start, file_bytes = read_start(path, MAX_HEADER)
     header, counts = _header_and_counts(path.name, start, file_bytes)
     try:
         # plyfile would go on to read the elements, so it is shown none of them
@@ -75,34 +117,19 @@ def read_header(path: Path) -> PlyHeader:
         raise BrokenScene(f"{path.name} has a broken PLY header: {reason}.") from None
     if not ply.text and ply.byte_order == ">":
         raise BrokenScene(f"{path.name} is a big-endian PLY; save it as binary_little_endian or ascii.")
-    if "vertex" not in ply:
-        raise BrokenScene(f"{path.name} has no element 'vertex', so it holds no Gaussians.")
-    vertex, count = ply["vertex"], counts["vertex"]
-    sh_degree = _check_properties(path.name, vertex)
-    if count == 0:
-        raise BrokenScene(f"{path.name} has 0 vertices, so there is nothing to show.")
-    dtype = vertex.dtype("=" if ply.text else "<")
-    before = ply.elements[: ply.elements.index(vertex)]
-    offset = len(header)
-    if ply.text:
-        skip_lines = sum(counts[element.name] for element in before)
-        needed = offset + 2 * (skip_lines + count * len(vertex.properties)) - 1  # a digit and a separator each
-        if file_bytes < needed:
-            raise BrokenScene(_promise(path.name, count, "at least ", needed, file_bytes))
-        return PlyHeader(count, sh_degree, file_bytes, True, offset, skip_lines, dtype)
-    for element in before:
-        if _lists(element):
-            raise BrokenScene(f"{path.name} has lists in element '{element.name}' before its vertices; put them after.")
-        offset += counts[element.name] * element.dtype("<").itemsize
-    needed = offset + count * dtype.itemsize
-    after = ply.elements[len(before) + 1 :]
-    if not any(map(_lists, after)):
-        needed += sum(counts[element.name] * element.dtype("<").itemsize for element in after)
-        if file_bytes != needed:
-            raise BrokenScene(_promise(path.name, count, "", needed, file_bytes))
-    elif file_bytes < needed:
-        raise BrokenScene(_promise(path.name, count, "at least ", needed, file_bytes))
-    return PlyHeader(count, sh_degree, file_bytes, False, offset, 0, dtype)
+    return Layout(ply, counts, len(header), file_bytes)
+
+
+def says_antialiased(comments: Iterable[str]) -> bool:
+    """Whether it was trained with Mip-Splatting's 2D filter, as Brush and Postshot say it; the last word counts."""
+    said = False
+    for comment in comments:
+        match comment.lower().split():
+            case ["splatrendermode:", mode]:
+                said = mode == "mip"
+            case ["antialiased", flag]:  # Postshot's
+                said = flag == "1"
+    return said
 
 
 def _header_and_counts(name: str, start: bytes, file_bytes: int) -> tuple[bytes, dict[str, int]]:
@@ -134,7 +161,7 @@ def _header_and_counts(name: str, start: bytes, file_bytes: int) -> tuple[bytes,
 def _check_properties(name: str, vertex: PlyElement) -> int:
     """The SH degree, after a look at the vertices' properties."""
     properties = {prop.name: prop for prop in vertex.properties}
-    if _lists(vertex):
+    if has_lists(vertex):
         listed = next(prop.name for prop in vertex.properties if isinstance(prop, PlyListProperty))
         raise BrokenScene(
             f"{name} has a list as property '{listed}' of its vertices; Gaussians have plain numbers only."
@@ -151,10 +178,12 @@ def _check_properties(name: str, vertex: PlyElement) -> int:
     return REST_COUNTS[rest]
 
 
-def _lists(element: PlyElement) -> bool:
+def has_lists(element: PlyElement) -> bool:
+    """Whether its rows are of different lengths."""
     return any(isinstance(prop, PlyListProperty) for prop in element.properties)
 
 
-def _promise(name: str, count: int, at_least: str, needed: int, file_bytes: int) -> str:
+def size_problem(name: str, count: int, at_least: str, needed: int, file_bytes: int) -> str:
+    """What is wrong with a file of another size than its vertices make."""
     what = "is truncated" if file_bytes < needed else "is longer than its header says"
     return f"{name} {what}: {count} vertices make {at_least}{needed} bytes, the file has {file_bytes}."

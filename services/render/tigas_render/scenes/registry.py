@@ -311,6 +311,7 @@ class SceneRegistry:
             sh_degree=source.sh_degree,
             file_bytes=source.file_bytes,
             file_sha256=entry.sha256,
+            format=source.format,
             memory_bytes=loaded.prepared.nbytes if loaded else 0,
             preview=f"/scenes/{quote(source.id)}/preview",
             up=source.metadata.up,

@@ -26,12 +26,14 @@ class SceneSource:
     gaussians: int | None = None
     sh_degree: int | None = None
     file_bytes: int = 0
+    format: str | None = None
+    """Of the file, for people."""
     digest: Callable[[], str] | None = None
-    """The file's SHA-256, in hexadecimal digits; None without a file. Raises OSError."""
+    """The SHA-256 of the file, or one for all of several, in hexadecimal digits; None without any. Raises OSError."""
     memory_bytes: int = 0
     """An estimate of what it takes when loaded."""
     folder: Path | None = None
-    """Where it lies; None if it is built in."""
+    """What lies beside it is its own; None if it is built in, or a file by itself."""
     preview: Path | None = None
     """The picture that the scene brings along."""
     ladder: tuple[Rung, ...] | None = None

@@ -1,0 +1,123 @@
+"""Adds a scene to a models directory, from a file or a URL: whole and readable, or not at all."""
+
+from __future__ import annotations
+
+import errno
+import os
+import shutil
+import tempfile
+import zipfile
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from urllib.parse import unquote, urlsplit
+
+import httpx
+
+from tigas_common.errors import TigasError
+from tigas_common.files import open_regular
+from tigas_render.scenes.directory import SAFE_NAME, scan_directory, scene_file, scene_id
+from tigas_render.scenes.scene_file import SceneFile
+from tigas_render.scenes.sog_files import META
+
+Listener = Callable[[float], None]
+"""Hears how much of a download is there, from 0 to 1."""
+
+COPY_BYTES = 1 << 20
+TIMEOUT_S = 30.0
+AS_IT_IS = {"Accept-Encoding": "identity"}
+SPARE_BYTES = 1 << 30
+"""Of the disk, that a download leaves."""
+ENDINGS = {"PLY": ".ply", "compressed PLY": ".compressed.ply", ".splat": ".splat"}
+"""By format; all versions of SPZ are .spz, and SOG is one file from now on."""
+
+
+class NotAdded(TigasError):
+    """A scene that was not added."""
+
+    status, type, title = 422, "scene-not-added", "The scene was not added"
+
+
+def add_scene(source: str, directory: Path, id: str | None, listener: Listener) -> tuple[str, SceneFile]:
+    """Copy a scene's file, or fetch it from an http(s) URL, check that it can be read, and put it into the directory.
+
+    A scene of SOG in a folder becomes one file. Without `id`, the file's name says it. Returns the id, and what the
+    scene's file is. Raises NotAdded, BrokenScene and OSError; then the directory is as it was.
+    """
+    url = urlsplit(source)
+    remote = url.scheme in ("http", "https")
+    id = id or (scene_id(Path(unquote(url.path))) if remote else _local_id(Path(source).resolve()))
+    if not SAFE_NAME.fullmatch(id):
+        raise NotAdded(f"{id[:100]!r} cannot be a scene's id; name one with --id: letters, digits, blanks, _.()+-")
+    directory.mkdir(parents=True, exist_ok=True)
+    if id in scan_directory(directory):
+        raise NotAdded(f"There is a scene {id} already; name another id with --id.")
+    with _part(directory, id) as part:
+        if remote:
+            _fetch(source, part, listener)
+            file = scene_file(part)
+        else:
+            file = scene_file(Path(source))
+            _copy(file, part)
+            file = scene_file(part)
+        file.load()
+        path = directory / f"{id}{_ending(file)}"
+        path.open("x").close()  # so that it goes over no file that came meanwhile
+        part.replace(path)
+    return id, scene_file(path)
+
+
+def _local_id(path: Path) -> str:
+    if path.name == META:
+        return path.parent.name
+    return path.name if path.is_dir() else scene_id(path)
+
+
+def _ending(file: SceneFile) -> str:
+    return ENDINGS.get(file.format) or (".sog" if file.format == "SOG" else ".spz")
+
+
+@contextmanager
+def _part(directory: Path, id: str) -> Iterator[Path]:
+    """A file that no scan takes for a scene, and that goes away."""
+    handle, name = tempfile.mkstemp(suffix=".part", prefix=f"{id}.", dir=directory)
+    os.close(handle)
+    path = Path(name)
+    path.chmod(0o644)
+    try:
+        yield path
+    finally:
+        path.unlink(missing_ok=True)
+
+
+def _copy(file: SceneFile, part: Path) -> None:
+    if len(file.files) == 1:
+        with open_regular(file.files[0]) as source, part.open("wb") as target:
+            shutil.copyfileobj(source, target, COPY_BYTES)
+        return
+    with zipfile.ZipFile(part, "w") as bundle:
+        for path in file.files:
+            bundle.write(path, path.name)
+
+
+def _fetch(url: str, part: Path, listener: Listener) -> None:
+    try:
+        with (
+            httpx.stream("GET", url, headers=AS_IT_IS, follow_redirects=True, timeout=TIMEOUT_S) as answer,
+            part.open("wb") as target,
+        ):
+            if answer.status_code != 200:
+                raise NotAdded(f"{url} answers with {answer.status_code} {answer.reason_phrase}.")
+            size = int(answer.headers.get("Content-Length") or 0)
+            room = shutil.disk_usage(part.parent).free - SPARE_BYTES
+            got = 0
+            for content in answer.iter_raw(COPY_BYTES):
+                got += len(content)
+                if max(got, size) > room:
+                    raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(part.parent))
+                target.write(content)
+                if size:
+                    listener(got / size)
+    except (httpx.HTTPError, httpx.InvalidURL) as error:
+        reason = str(error).rstrip(".") or type(error).__name__
+        raise NotAdded(f"{url} cannot be fetched: {reason}.") from None

@@ -1,0 +1,48 @@
+"""Which format a scene's file has, by its content: names may say anything."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from tigas_common.errors import BrokenScene
+from tigas_render.gaussians import Gaussians
+from tigas_render.scenes.compressed_ply import is_compressed, read_compressed_ply
+from tigas_render.scenes.ply import read_ply
+from tigas_render.scenes.ply_header import MAX_HEADER
+from tigas_render.scenes.scene_file import SceneFile, read_start
+from tigas_render.scenes.sog import read_sog
+from tigas_render.scenes.sog_files import META, ZIP
+from tigas_render.scenes.splat import looks_like_splat, read_splat
+from tigas_render.scenes.spz import GZIP, MAGIC, read_spz
+
+ENDINGS = (".ply", ".sog", ".spz", ".splat")
+"""Of files that are taken for scenes, and then looked into; of several beside each other, the first ending counts."""
+
+
+def ending_rank(path: Path) -> int:
+    """Its ending's place in ENDINGS; their number if it is none of them."""
+    ending = path.suffix.lower()
+    return ENDINGS.index(ending) if ending in ENDINGS else len(ENDINGS)
+
+
+def read_scene_file(path: Path) -> SceneFile:
+    """What a file holds; a SOG scene of several files is its meta.json. Raises BrokenScene, with one sentence."""
+    start, file_bytes = read_start(path, MAX_HEADER)
+    if not start:
+        raise BrokenScene(f"{path.name} is empty.")
+    if start.startswith(b"ply"):
+        return read_compressed_ply(path) if is_compressed(start) else read_ply(path)
+    if start.startswith((GZIP, MAGIC)):
+        return read_spz(path)
+    if start.startswith(ZIP):
+        return read_sog(path, bundled=True)
+    if path.name == META or start.lstrip().startswith(b"{"):
+        return read_sog(path, bundled=False)
+    if looks_like_splat(start, file_bytes):
+        return read_splat(path)
+    raise BrokenScene(f"{path.name} is no scene: it is neither PLY, SPZ, SOG nor .splat.")
+
+
+def load_scene(path: Path) -> Gaussians:
+    """Read a scene, whatever its format. Raises BrokenScene, with one sentence."""
+    return read_scene_file(path).load()

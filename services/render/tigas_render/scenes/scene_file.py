@@ -1,0 +1,60 @@
+"""What a scene's file promises, whatever its format: checked against its size before anything is allocated by it."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from tigas_common.errors import BrokenScene
+from tigas_common.files import open_regular
+from tigas_render.gaussians import Gaussians
+
+
+@dataclass(frozen=True, slots=True)
+class SceneFile:
+    """A scene's file, or files, as their headers describe them."""
+
+    format: str
+    """For people."""
+    files: tuple[Path, ...]
+    """All that it consists of, the one that was opened first."""
+    count: int
+    """Number of Gaussians, at least 1."""
+    sh_degree: int
+    """0 to 3."""
+    file_bytes: int
+    load: Callable[[], Gaussians]
+    """Reads them. Raises BrokenScene. Beyond the tensors it takes a few megabytes, unless its module says otherwise."""
+    antialiased: bool = False
+    """Whether it was trained with Mip-Splatting's 2D filter, as far as the file says."""
+
+    @property
+    def tensor_bytes(self) -> int:
+        """Bytes of the tensors that the scene is loaded into (float32)."""
+        return 4 * self.count * (3 + 3 + 4 + 1 + 3 * (self.sh_degree + 1) ** 2)
+
+
+def read_start(path: Path, limit: int) -> tuple[bytes, int]:
+    """A file's first bytes, at most `limit`, and how many it has. Raises BrokenScene."""
+    try:
+        with open_regular(path) as file:
+            file_bytes = file.seek(0, io.SEEK_END)
+            file.seek(0)
+            return file.read(limit), file_bytes
+    except OSError as error:
+        raise unreadable(path, error) from None
+
+
+def unreadable(path: Path, error: OSError) -> BrokenScene:
+    """What a file is that the system does not let us read."""
+    return BrokenScene(f"{path.name} cannot be read: {error.strerror or error}.")
+
+
+def check_packed_count(name: str, count: int, file_bytes: int) -> None:
+    """Refuse what no real scene packs: a few bytes that promise gigabytes of Gaussians. Raises BrokenScene."""
+    if count == 0:
+        raise BrokenScene(f"{name} has 0 Gaussians, so there is nothing to show.")
+    if count > file_bytes:
+        raise BrokenScene(f"{name} promises {count} Gaussians in {file_bytes} bytes; each takes at least one.")

@@ -1,0 +1,225 @@
+"""Reads SPZ files: about a tenth of a PLY's bytes, as columns of small integers, compressed.
+
+The format (https://github.com/nianticlabs/spz): versions 2 and 3 are one gzip stream with a header of 16 bytes in it,
+version 4 has a header of 32 bytes and a table before one Zstandard stream a column. Positions have 24 bits in fixed
+point, scales (logarithms) and colours 8, quaternions 24 or 32. The axes are those of the file that it was made from,
+as with the tools that write it: nothing in the file names them.
+"""
+
+from __future__ import annotations
+
+import io
+import struct
+import zlib
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
+import zstandard
+from numpy.typing import NDArray
+
+from tigas_common.errors import BrokenScene
+from tigas_common.files import open_regular
+from tigas_render.gaussians import Gaussians
+from tigas_render.scenes.columns import Columns, Floats, normalised, with_largest
+from tigas_render.scenes.scene_file import SceneFile, check_packed_count, unreadable
+
+MAGIC = b"NGSP"
+GZIP = b"\x1f\x8b"
+COLOUR_SCALE = 0.15
+"""Colours beyond 0 to 1 are kept, as other coefficients may bring them back: a byte spans 1 / 0.15 of the first one."""
+MOST_FRACTIONAL_BITS = 24
+PACKED_BYTES = 1 << 16
+
+_HEADER = struct.Struct("<4sIIBBBB")
+_TABLE = struct.Struct("<I12x")
+_ENTRY = struct.Struct("<QQ")
+_ANTIALIASED, _EXTENSIONS = 1, 2
+
+_Bytes = NDArray[np.uint8]
+
+
+class _Stream(Protocol):
+    def read(self, size: int, /) -> bytes: ...
+
+
+class _Inflated:
+    """A gzip stream, unpacked as far as it is read; Python's own reader takes a header of any length byte by byte."""
+
+    def __init__(self, file: io.BufferedReader) -> None:
+        self._file = file
+        self._zlib = zlib.decompressobj(16 + zlib.MAX_WBITS)
+
+    def read(self, size: int, /) -> bytes:
+        """At most so many bytes; none at the end. Raises EOFError and zlib.error."""
+        while not self._zlib.eof:
+            packed = self._zlib.unconsumed_tail or self._file.read(PACKED_BYTES)
+            if content := self._zlib.decompress(packed, size):
+                return content
+            if not packed:
+                raise EOFError("its gzip stream has no end")
+        return b""
+
+
+@dataclass(frozen=True, slots=True)
+class _Header:
+    version: int
+    count: int
+    sh_degree: int
+    fractional_bits: int
+    flags: int
+    streams: int
+    """Version 4."""
+
+    @property
+    def antialiased(self) -> bool:
+        return bool(self.flags & _ANTIALIASED)
+
+    @property
+    def widths(self) -> tuple[int, ...]:
+        """Bytes that a Gaussian has in each column: position, opacity, colour, scale, rotation, other coefficients."""
+        return 9, 1, 3, 3, 3 if self.version == 2 else 4, 3 * ((self.sh_degree + 1) ** 2 - 1)
+
+
+def read_spz(path: Path) -> SceneFile:
+    """Read and check a file's header. Raises BrokenScene, with one sentence, if there is none that can be read."""
+    with _opened(path) as file:
+        file_bytes = file.seek(0, io.SEEK_END)
+        file.seek(0)
+        header = _read_header(path.name, _unpacked(file))
+        check_packed_count(path.name, header.count, file_bytes)
+        if header.version == 4:
+            _streams(path.name, file, header, file_bytes)
+    return SceneFile(
+        f"SPZ {header.version}",
+        (path,),
+        header.count,
+        header.sh_degree,
+        file_bytes,
+        partial(_load, path),
+        header.antialiased,
+    )
+
+
+def _load(path: Path) -> Gaussians:
+    with _opened(path) as file:
+        file_bytes = file.seek(0, io.SEEK_END)
+        file.seek(0)
+        stream = _unpacked(file)
+        header = _read_header(path.name, stream)
+        check_packed_count(path.name, header.count, file_bytes)
+        columns = Columns(header.count, header.sh_degree)
+        starts = _streams(path.name, file, header, file_bytes) if header.version == 4 else None
+        for i, width in enumerate(header.widths):
+            if width and starts is not None:
+                file.seek(starts[i])
+                stream = zstandard.ZstdDecompressor().stream_reader(file, closefd=False)
+            for block in columns.blocks() if width else ():
+                rows = block.stop - block.start
+                content = _exactly(path.name, stream, rows * width)
+                _fill(columns, block, i, np.frombuffer(content, np.uint8).reshape(rows, width), header)
+    return columns.gaussians(path, antialiased=header.antialiased)
+
+
+@contextmanager
+def _opened(path: Path) -> Iterator[io.BufferedReader]:
+    try:
+        with open_regular(path) as file:
+            yield file
+    except (EOFError, zlib.error, zstandard.ZstdError) as error:
+        raise BrokenScene(f"{path.name} is damaged: {str(error).rstrip('.')}.") from None
+    except OSError as error:
+        raise unreadable(path, error) from None
+
+
+def _unpacked(file: io.BufferedReader) -> _Stream:
+    """Where the header is: in a gzip stream, or plainly there."""
+    packed = file.read(2) == GZIP
+    file.seek(0)
+    return _Inflated(file) if packed else file
+
+
+def _read_header(name: str, stream: _Stream) -> _Header:
+    magic, version, count, sh_degree, fractional_bits, flags, streams = _HEADER.unpack(
+        _exactly(name, stream, _HEADER.size)
+    )
+    if magic != MAGIC:
+        raise BrokenScene(f"{name} is no SPZ: it does not begin with {MAGIC.decode()!r}.")
+    if version not in (2, 3, 4) or (version == 4) == isinstance(stream, _Inflated):
+        raise BrokenScene(f"{name} has version {version} of SPZ; 2 and 3 in gzip, and 4, can be read.")
+    if sh_degree > 3:
+        raise BrokenScene(f"{name} has SH degree {sh_degree}; 0 to 3 can be read.")
+    if fractional_bits > MOST_FRACTIONAL_BITS:
+        raise BrokenScene(f"{name} has {fractional_bits} fractional bits in its positions, which have 24.")
+    if flags & _EXTENSIONS:
+        raise BrokenScene(f"{name} has extensions of SPZ, which cannot be read; write it again without them.")
+    return _Header(version, count, sh_degree, fractional_bits, flags, streams)
+
+
+def _streams(name: str, file: io.BufferedReader, header: _Header, file_bytes: int) -> list[int]:
+    """Where the columns of version 4 begin, after a look at the table of them."""
+    file.seek(_HEADER.size)
+    (table,) = _TABLE.unpack(_exactly(name, file, _TABLE.size))
+    widths = [width for width in header.widths if width]
+    if header.streams != len(widths):
+        raise BrokenScene(f"{name} has {header.streams} streams where {len(widths)} belong.")
+    file.seek(table)
+    entries = [_ENTRY.unpack(_exactly(name, file, _ENTRY.size)) for _ in widths]
+    start, starts = file.tell(), []
+    for width, (packed, unpacked) in zip(widths, entries, strict=True):
+        if unpacked != width * header.count:
+            raise BrokenScene(f"{name} has a stream of {unpacked} bytes where {width * header.count} belong.")
+        starts.append(start)
+        start += packed
+    if start > file_bytes:
+        raise BrokenScene(f"{name} is truncated: its streams end at byte {start}, the file has {file_bytes}.")
+    return starts
+
+
+def _exactly(name: str, stream: _Stream, size: int) -> bytes:
+    parts: list[bytes] = []
+    while size > 0:
+        part = stream.read(size)
+        if not part:
+            raise BrokenScene(f"{name} is truncated: it ends before all of its Gaussians.")
+        parts.append(part)
+        size -= len(part)
+    return b"".join(parts)
+
+
+def _fill(columns: Columns, rows: slice, column: int, content: _Bytes, header: _Header) -> None:
+    """Decode some rows [rows, width] of the column with this number."""
+    if column == 0:
+        wide = content.reshape(-1, 3, 3).astype(np.int32)
+        fixed = wide[..., 0] | wide[..., 1] << 8 | wide[..., 2] << 16
+        columns.means[rows] = np.where(fixed >= 1 << 23, fixed - (1 << 24), fixed) / 2.0**header.fractional_bits
+    elif column == 1:
+        columns.opacities[rows] = content[:, 0] / np.float32(255)
+    elif column == 2:
+        columns.sh[rows, 0] = (content / np.float32(255) - 0.5) / COLOUR_SCALE
+    elif column == 3:
+        columns.scales[rows] = np.exp(content / np.float32(16) - 10)
+    elif column == 4:
+        columns.quaternions[rows] = _first_three(content) if header.version == 2 else _smallest_three(content)
+    else:
+        columns.sh[rows, 1:] = (content.reshape(len(content), -1, 3).astype(np.float32) - 128) / 128
+
+
+def _first_three(content: _Bytes) -> Floats:
+    """Quaternions w, x, y, z from x, y, z in a byte each; w is not negative."""
+    xyz = content / 127.5 - 1
+    w = np.sqrt(np.maximum(0, 1 - (xyz**2).sum(1)))
+    return normalised(np.column_stack((w, xyz)))
+
+
+def _smallest_three(content: _Bytes) -> Floats:
+    """Quaternions w, x, y, z from which of x, y, z, w is the largest, in two bits, and the others in ten each."""
+    words = np.ascontiguousarray(content).view("<u4")[:, 0]
+    fields: NDArray[Any] = words[:, None] >> np.array([20, 10, 0], np.uint32) & 1023
+    size = (fields & 511) / (511 * np.sqrt(2))
+    xyzw = with_largest(np.where(fields & 512, -size, size), words >> 30)
+    return xyzw[:, [3, 0, 1, 2]]

@@ -1,0 +1,216 @@
+"""Packed files that are not what they should be: one sentence each, and no memory by what they promise."""
+
+from __future__ import annotations
+
+import gzip
+import io
+import json
+import struct
+import tracemalloc
+import zipfile
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import zstandard
+from PIL import Image
+
+from tests.render.scenes import made_up, plys
+from tests.render.scenes.test_formats import splat_bytes, spz_bytes
+from tigas_common.errors import BrokenScene
+from tigas_render.scenes.formats import load_scene, read_scene_file
+
+SHELL = made_up.shell()
+COMPRESSED, SPZ_3, SPZ_4, SOG = (
+    (made_up.FILES / f"shell{end}").read_bytes() for end in (".compressed.ply", "-3.spz", "-4.spz", ".sog")
+)
+SPLAT = splat_bytes(made_up.shell(0))
+HUGE = 2**31
+
+
+def spz(**header: int) -> bytes:
+    return gzip.compress(spz_bytes(SHELL, **header))
+
+
+def spz_4(**changes: int) -> bytes:
+    """With other values in its header, each at its byte: `count`, `streams`, `table`, or the first stream's sizes."""
+    places = {"version": 4, "count": 8, "table": 16, "packed": 32, "unpacked": 40}
+    content = bytearray(SPZ_4)
+    for name, value in changes.items():
+        if name == "streams":
+            content[15] = value
+        else:
+            struct.pack_into("<Q" if name in ("packed", "unpacked") else "<I", content, places[name], value)
+    return bytes(content)
+
+
+def webp(width: int, height: int) -> bytes:
+    file = io.BytesIO()
+    Image.new("RGBA", (width, height)).save(file, "WEBP", lossless=True)
+    return file.getvalue()
+
+
+def sog(change: Callable[[dict[str, Any]], object] | None = None, compression: int = 0, **files: bytes | None) -> bytes:
+    """The bundle with a changed meta.json, or with other files, by their names' first parts; None leaves one out."""
+    with zipfile.ZipFile(io.BytesIO(SOG)) as bundle:
+        content: dict[str, bytes | None] = {name: bundle.read(name) for name in bundle.namelist()}
+    meta = json.loads(content["meta.json"] or b"")
+    if change is not None:
+        change(meta)
+    content["meta.json"] = json.dumps(meta).encode()
+    content |= {"meta.json" if name == "meta" else f"{name}.webp": data for name, data in files.items()}
+    file = io.BytesIO()
+    with zipfile.ZipFile(file, "w", compression) as made:
+        for name, data in content.items():
+            if data is not None:
+                made.writestr(name, data)
+    return file.getvalue()
+
+
+def with_many_files() -> bytes:
+    file = io.BytesIO()
+    with zipfile.ZipFile(file, "w") as made:
+        for number in range(2000):
+            made.writestr(f"{number:04}", b"")
+    return file.getvalue()
+
+
+HEADER = {
+    "SPZ, cut off": (SPZ_3[:12], "is damaged|is truncated"),
+    "SPZ, gzip of something else": (gzip.compress(bytes(100)), "is no SPZ"),
+    "SPZ, gzip with a name that never ends": (b"\x1f\x8b\x08\x08" + bytes(6) + b"x" * 3_000_000, "has no end"),
+    "SPZ of a version to come": (spz(version=7), "has version 7 of SPZ"),
+    "SPZ 4 in gzip": (spz(version=4), "has version 4 of SPZ"),
+    "SPZ without Gaussians": (spz(count=0), "has 0 Gaussians"),
+    "SPZ with 2³¹ Gaussians": (spz(count=HUGE), "promises 2147483648 Gaussians in"),
+    "SPZ of degree 4": (spz(degree=4), "SH degree 4; 0 to 3"),
+    "SPZ with 200 fractional bits": (spz(bits=200), "has 200 fractional bits"),
+    "SPZ with extensions": (spz(flags=2), "has extensions"),
+    "SPZ 4 with 2³¹ Gaussians": (spz_4(count=HUGE), "promises 2147483648 Gaussians in"),
+    "SPZ 4 with a stream too many": (spz_4(streams=7), "has 7 streams where 6 belong"),
+    "SPZ 4 with its table beyond its end": (spz_4(table=HUGE), "is truncated"),
+    "SPZ 4 with a stream beyond its end": (spz_4(packed=2**63), "is truncated: its streams end at"),
+    "SPZ 4 with a stream of 2⁶³ bytes": (spz_4(unpacked=2**63), "a stream of 9223372036854775808 bytes where 2700"),
+    "SOG, cut off": (SOG[:-30], "truncated zip"),
+    "SOG, an empty zip": (b"PK\x03\x04" + bytes(100), "truncated zip"),
+    "SOG with 2,000 files": (with_many_files(), "a zip of too many files"),
+    "SOG packed otherwise": (sog(compression=zipfile.ZIP_BZIP2), "neither stored nor deflated"),
+    "SOG without a meta.json": (sog(meta=None), "has no meta.json in it"),
+    "SOG with a meta.json of 1 MiB": (sog(lambda meta: meta.update(x="x" * 2**20), zipfile.ZIP_DEFLATED), "is larger"),
+    "SOG with a meta.json that is none": (sog(meta=b"[" * 10_000), "meta.json that is not one of SOG"),
+    "SOG, version 1": (sog(lambda meta: meta.pop("version")), "not one of SOG, version 2: version: field required"),
+    "SOG with 2³¹ Gaussians": (sog(lambda meta: meta.update(count=HUGE)), "count: input should be less than or equal"),
+    "SOG with 10⁷ Gaussians": (sog(lambda meta: meta.update(count=10**7)), "promises 10000000 Gaussians in"),
+    "SOG with NaN in its ranges": (sog(lambda meta: meta["means"].update(mins=[float("nan")] * 3)), "finite number"),
+    "SOG with half a codebook": (sog(lambda meta: meta["scales"].update(codebook=[0.0] * 128)), "at least 256"),
+    "SOG with a path": (sog(lambda meta: meta["quats"].update(files=["../../etc/passwd"])), "no plain name"),
+    "SOG with an absolute path": (sog(lambda meta: meta["quats"].update(files=["/etc/passwd"])), "no plain name"),
+    "compressed PLY, cut off": (COMPRESSED[:-1], "truncated: 300 vertices make"),
+    "compressed PLY with bytes left over": (COMPRESSED + b"\0", "longer than its header says"),
+    "compressed PLY with 10¹² vertices": (
+        COMPRESSED.replace(b"vertex 300", b"vertex 1000000000000"),
+        "has 2 chunks of 256 for 1000000000000 vertices",
+    ),
+    "compressed PLY without chunks": (COMPRESSED.replace(b"element chunk", b"element lump"), "no element 'chunk'"),
+    "compressed PLY of floats": (
+        COMPRESSED.replace(b"property uint packed_scale", b"property float packed_scale"),
+        "no property 'packed_scale' of the right type",
+    ),
+    "compressed PLY with few coefficients": (
+        COMPRESSED.replace(b"property uchar f_rest_8\n", b""),
+        "has 300 × 8 coefficients",
+    ),
+    ".splat, cut off": (SPLAT[:-1], "neither PLY, SPZ, SOG nor"),
+}
+
+DATA = {
+    "SPZ, cut off in its data": (SPZ_3[:-200], "is damaged"),
+    "SPZ with a Gaussian too few": (spz(count=301), "is truncated: it ends before all of its Gaussians"),
+    "SPZ 4 with a damaged stream": (SPZ_4[:140] + bytes(60) + SPZ_4[200:], "is damaged"),
+    "SPZ 4 that unpacks to too little": (
+        spz_4(packed=len(zstandard.compress(bytes(9))))[:128] + zstandard.compress(bytes(9)) + SPZ_4[150:],
+        "is truncated: it ends|is damaged",
+    ),
+    "SOG whose beginning is missing": (b"PK\x03\x04" + SOG[200:], r"a means_l\.webp that cannot be read"),
+    "SOG without an image": (sog(quats=None), r"has no quats\.webp in it"),
+    "SOG with an image that is none": (sog(quats=b"GIF89a" + bytes(100)), r"quats\.webp is no lossless WebP"),
+    "SOG with a lossy image": (sog(scales=b"RIFF\0\0\0\0WEBPVP8 " + bytes(90)), r"scales\.webp is no lossless WebP"),
+    "SOG with a small image": (sog(means_l=webp(4, 4)), r"means_l\.webp has 4 × 4 pixels, which does not fit"),
+    "SOG with a huge image": (sog(means_u=webp(4000, 4000)), "has 4000 × 4000 pixels, which does not fit"),
+    "SOG with a damaged image": (sog(sh0=webp(20, 20)[:26] + bytes(10)), r"sh0\.webp cannot be decoded|does not fit"),
+    "SOG with a narrow palette": (sog(shN_centroids=webp(64, 16)), r"shN_centroids\.webp has 64 × 16 pixels"),
+    "SOG with labels beyond the palette": (sog(lambda meta: meta["shN"].update(count=2)), "of a palette of 2"),
+    "a bomb in SOG": (sog(compression=zipfile.ZIP_DEFLATED, quats=bytes(50_000_000)), r"quats\.webp is larger than"),
+}
+
+
+@pytest.mark.parametrize(("content", "words"), HEADER.values(), ids=HEADER)
+def test_a_broken_header_is_refused_before_anything_is_allocated(tmp_path: Path, content: bytes, words: str) -> None:
+    path = plys.write(tmp_path / "scene.bin", content)
+    tracemalloc.start()
+    with pytest.raises(BrokenScene, match=words) as failure:
+        read_scene_file(path)
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert peak < 3_000_000
+    assert_sentence(failure.value.detail)
+
+
+@pytest.mark.parametrize(("content", "words"), DATA.values(), ids=DATA)
+def test_broken_data_are_refused(tmp_path: Path, content: bytes, words: str) -> None:
+    path = plys.write(tmp_path / "scene.bin", content)
+    read_scene_file(path)  # nothing is decoded to list a scene
+    with pytest.raises(BrokenScene, match=words) as failure:
+        load_scene(path)
+    assert_sentence(failure.value.detail)
+
+
+@pytest.mark.parametrize("kind", ["SPZ 3", "SPZ 4"])
+def test_a_bomb_is_unpacked_no_further_than_its_header_says(tmp_path: Path, kind: str) -> None:
+    zeros = bytes(30_000_000)
+    if kind == "SPZ 3":
+        content = gzip.compress(gzip.decompress(SPZ_3) + zeros)
+    else:
+        starts = struct.unpack_from("<QQ", SPZ_4, 32)[0]
+        content = spz_4(packed=len(bomb := zstandard.compress(positions() + zeros)))
+        content = content[:128] + bomb + SPZ_4[128 + starts :]
+    path = plys.write(tmp_path / "scene.spz", content)
+    tracemalloc.start()
+    assert len(load_scene(path)) == made_up.COUNT
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert peak < 3_000_000
+
+
+def positions() -> bytes:
+    """The first column of the made-up scene, in all versions."""
+    return gzip.decompress(SPZ_3)[16 : 16 + 9 * made_up.COUNT]
+
+
+def test_numbers_that_are_none_drop_their_gaussians(tmp_path: Path) -> None:
+    content = bytearray(SPLAT)
+    content[0:4] = content[44:48] = struct.pack("<f", np.nan)
+    content[64 + 28 : 64 + 32] = bytes([128] * 4)  # a rotation of length zero
+    assert len(load_scene(plys.write(tmp_path / "scene.splat", bytes(content)))) == made_up.COUNT - 3
+    at = COMPRESSED.index(b"end_header\n") + len(b"end_header\n")
+    ranges = COMPRESSED[:at] + np.full(3, np.nan, "<f4").tobytes() + COMPRESSED[at + 12 :]
+    assert len(load_scene(plys.write(tmp_path / "scene.ply", ranges))) == made_up.COUNT - 256, "those of the chunk"
+
+
+def test_a_folder_reads_no_file_but_those_beside_its_meta_json(tmp_path: Path) -> None:
+    with zipfile.ZipFile(io.BytesIO(SOG)) as bundle:
+        bundle.extractall(tmp_path / "scene")
+    (tmp_path / "quats.webp").write_bytes((tmp_path / "scene" / "quats.webp").read_bytes())
+    meta = json.loads((tmp_path / "scene" / "meta.json").read_bytes())
+    meta["quats"]["files"] = ["../quats.webp"]
+    (tmp_path / "scene" / "meta.json").write_text(json.dumps(meta))
+    with pytest.raises(BrokenScene, match="no plain name of a file"):
+        read_scene_file(tmp_path / "scene" / "meta.json")
+
+
+def assert_sentence(detail: str) -> None:
+    assert detail.endswith("."), detail
+    assert "\n" not in detail
+    assert len(detail) < 300
