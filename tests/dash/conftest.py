@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import AsyncIterator
-from contextlib import asynccontextmanager
+from contextlib import AsyncExitStack, asynccontextmanager
 from dataclasses import dataclass
 from typing import Any
 
@@ -19,6 +19,7 @@ from tigas_common.origins import OriginPolicy
 from tigas_common.runner import serve_http
 from tigas_dash.app import create_app
 from tigas_dash.clock import Clock
+from tigas_dash.main import with_webrtc
 from tigas_dash.sessions import Sessions
 from tigas_dash.source import RenderClient
 
@@ -72,19 +73,22 @@ def pose(seq: int, x: float) -> str:
 
 
 @asynccontextmanager
-async def running_packager(idle_s: float = IDLE_S, limit: int = 3) -> AsyncIterator[Packager]:
+async def running_packager(idle_s: float = IDLE_S, limit: int = 3, webrtc: bool = False) -> AsyncIterator[Packager]:
     """A packager for as long as the context lasts."""
+    anywhere = Address("127.0.0.1", 0)
     render = FakeRender()
     transport = httpx.ASGITransport(render.app, raise_app_exceptions=False)
-    async with (
-        httpx.AsyncClient(transport=transport, base_url="http://render") as upstream,
-        Sessions(RenderClient(upstream), "libx264", Clock(), limit=limit, idle_s=idle_s).running() as sessions,
-        serve_http(
-            create_app(sessions, OriginPolicy()), Address("127.0.0.1", 0), HttpLimits(), websockets=True
-        ) as port,
-        httpx.AsyncClient(base_url=f"http://127.0.0.1:{port}", timeout=10) as client,
-    ):
-        yield Packager(render, sessions, client, port)
+    async with AsyncExitStack() as stack:
+        upstream = await stack.enter_async_context(httpx.AsyncClient(transport=transport, base_url="http://render"))
+        client, clock = RenderClient(upstream), Clock()
+        sessions = await stack.enter_async_context(
+            Sessions(client, "libx264", clock, limit=limit, idle_s=idle_s).running()
+        )
+        over_webrtc = await with_webrtc(stack, client, anywhere, clock) if webrtc else None
+        app = create_app(sessions, OriginPolicy(), over_webrtc)
+        port = await stack.enter_async_context(serve_http(app, anywhere, HttpLimits(), websockets=True))
+        http = await stack.enter_async_context(httpx.AsyncClient(base_url=f"http://127.0.0.1:{port}", timeout=10))
+        yield Packager(render, sessions, http, port)
         render.gate.set()
 
 

@@ -4,36 +4,60 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import AsyncIterator
+from typing import TYPE_CHECKING
 
 from starlette.applications import Starlette
 from starlette.requests import Request
-from starlette.responses import JSONResponse, PlainTextResponse, Response, StreamingResponse
+from starlette.responses import PlainTextResponse, Response, StreamingResponse
 from starlette.routing import Route, WebSocketRoute
 from starlette.types import ASGIApp
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from tigas_common.errors import TigasError, problem
+from tigas_common.extras import install_command
+from tigas_common.front_door import front_door
+from tigas_common.hosts import host_of
+from tigas_common.openapi import openapi
 from tigas_common.origins import OriginCheck, OriginPolicy
 from tigas_common.parsing import parse
-from tigas_common.web import EXCEPTION_HANDLERS, NO_STORE, created_response, healthz, json_response, read_message
-from tigas_common.wire.dash import FrameShown, PoseUpdate, SessionRequest
+from tigas_common.web import (
+    EXCEPTION_HANDLERS,
+    NO_STORE,
+    Body,
+    ModelResponse,
+    created_response,
+    healthz,
+    json_response,
+    list_response,
+    takes,
+)
+from tigas_common.wire.dash import FrameShown, PoseUpdate, SessionInfo, SessionRequest, SessionStatus
+from tigas_common.wire.webrtc import MAX_SDP, WebRtcRequest, WebRtcSession
 from tigas_dash.clock import iso
-from tigas_dash.errors import UnknownSegment
+from tigas_dash.errors import UnknownSegment, UnknownSession, WebRtcUnavailable
 from tigas_dash.session import Session
-from tigas_dash.sessions import Sessions
+from tigas_dash.sessions import Sessions, Stream
 
+if TYPE_CHECKING:
+    from tigas_dash.webrtc.service import WebRtc
+
+MAX_OFFER = 2 * MAX_SDP
+"""The longest body with an offer, in bytes: JSON escapes the ends of lines."""
 STREAM_ENDED = 4001
 """The pose socket's close code when the stream has ended."""
 UNKNOWN_SESSION = 4004
 """The pose socket's close code when there is no such session."""
 
 
-def create_app(sessions: Sessions, policy: OriginPolicy) -> ASGIApp:
-    """The application over running sessions, which are its caller's to open and close."""
+def create_app(sessions: Sessions, policy: OriginPolicy, webrtc: WebRtc | None = None) -> ASGIApp:
+    """The application over running sessions, which are its caller's to open and close; None: without WebRTC."""
     app = Starlette(
         routes=[
+            front_door("DASH packager"),
+            openapi("DASH packager"),
             Route("/sessions", open_session, methods=["POST"]),
             Route("/sessions", list_sessions),
+            Route("/webrtc", open_webrtc, methods=["POST"]),
             Route("/sessions/{session}", end_session, methods=["DELETE"]),
             Route("/sessions/{session}", session_status),
             WebSocketRoute("/sessions/{session}/poses", poses),
@@ -46,26 +70,45 @@ def create_app(sessions: Sessions, policy: OriginPolicy) -> ASGIApp:
         exception_handlers=EXCEPTION_HANDLERS,
     )
     app.state.sessions = sessions
+    app.state.webrtc = webrtc
     return OriginCheck(app, policy)
 
 
-async def open_session(request: Request) -> Response:
+@takes(SessionRequest)
+async def open_session(request: Request, body: Body[SessionRequest]) -> ModelResponse[SessionInfo]:
     """A stream of one's own."""
     sessions = _sessions(request)
-    session = await sessions.open(await read_message(request, SessionRequest))
-    if await request.is_disconnected():  # nobody would hear its name
-        await sessions.end(session.name)
+    session = await sessions.open(await body.read())
+    await _end_if_alone(request, session)
     return created_response(session.info, f"/sessions/{session.name}")
 
 
-async def list_sessions(request: Request) -> Response:
+async def _end_if_alone(request: Request, session: Stream) -> None:
+    if await request.is_disconnected():  # nobody would hear its name
+        await _sessions(request).end(session.name)
+
+
+@takes(WebRtcRequest, MAX_OFFER)
+async def open_webrtc(request: Request, body: Body[WebRtcRequest]) -> ModelResponse[WebRtcSession]:
+    """The same over WebRTC: an offer in, the answer out."""
+    webrtc: WebRtc | None = request.app.state.webrtc
+    if webrtc is None:
+        raise WebRtcUnavailable(f"This packager has no WebRTC; install it with `{install_command('webrtc')}`.")
+    wanted = await body.read()
+    host = host_of(request.headers["host"]) or ""
+    session = await _sessions(request).start(lambda: webrtc.make(wanted, host))
+    await _end_if_alone(request, session)
+    return created_response(session.info, f"/sessions/{session.name}")
+
+
+async def list_sessions(request: Request) -> ModelResponse[list[SessionStatus]]:
     """How every stream does."""
-    return JSONResponse([session.status.model_dump() for session in _sessions(request).all()], headers=NO_STORE)
+    return list_response(session.status for session in _sessions(request).all())
 
 
-async def session_status(request: Request) -> Response:
+async def session_status(request: Request) -> ModelResponse[SessionStatus]:
     """How a stream does."""
-    return json_response(_session(request).status)
+    return json_response(_sessions(request).get(request.path_params["session"]).status)
 
 
 async def end_session(request: Request) -> Response:
@@ -116,7 +159,7 @@ async def poses(socket: WebSocket) -> None:
     await socket.accept()
     sessions: Sessions = socket.app.state.sessions
     try:
-        session = sessions.get(socket.path_params["session"])
+        session = _of_dash(sessions.get(socket.path_params["session"]))
     except TigasError as error:
         await socket.close(UNKNOWN_SESSION, error.detail)
         return
@@ -153,4 +196,10 @@ def _sessions(request: Request) -> Sessions:
 
 
 def _session(request: Request) -> Session:
-    return _sessions(request).get(request.path_params["session"])
+    return _of_dash(_sessions(request).get(request.path_params["session"]))
+
+
+def _of_dash(stream: Stream) -> Session:
+    if not isinstance(stream, Session):
+        raise UnknownSession("The session of this name is no DASH stream.")
+    return stream

@@ -32,7 +32,9 @@ def dash(
     allow_hosts: AllowHosts = None,
     allow_origins: AllowOrigins = None,
 ) -> None:
-    """Serve low-latency DASH (CMAF) streams of the render service's views, one per viewer.
+    """Serve streams of the render service's views, one per viewer: low-latency DASH (CMAF), and WebRTC if installed.
+
+    WebRTC is on the UDP port of the same number as the API.
 
     Settings are also read from table `dash` of tigas.toml (or the file that TIGAS_CONFIG names) and TIGAS_DASH_*.
     """

@@ -36,6 +36,12 @@ class EncoderUnavailable(TigasError):
     status, type, title = 503, "encoder-unavailable", "The stream cannot be encoded"
 
 
+class WebRtcUnavailable(TigasError):
+    """The packager was installed without what WebRTC needs."""
+
+    status, type, title = 503, "webrtc-unavailable", "The packager has no WebRTC"
+
+
 class RenderUnavailable(TigasError):
     """The render service gives no frames."""
 

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from contextlib import AsyncExitStack
+from importlib.util import find_spec
+from typing import TYPE_CHECKING
 
 import av.logging
 import httpx
 
-from tigas_common.address import say_if_open
+from tigas_common.address import Address, say_if_open
 from tigas_common.memory import keep_together
 from tigas_common.origins import OriginPolicy
 from tigas_common.runner import explained, serve_http, until_stopped
@@ -17,6 +19,9 @@ from tigas_dash.encoder import choose_encoder
 from tigas_dash.sessions import Sessions
 from tigas_dash.settings import DashSettings
 from tigas_dash.source import RenderClient
+
+if TYPE_CHECKING:
+    from tigas_dash.webrtc.service import WebRtc
 
 
 async def serve(settings: DashSettings) -> None:
@@ -29,16 +34,26 @@ async def serve(settings: DashSettings) -> None:
         http = await stack.enter_async_context(
             httpx.AsyncClient(base_url=settings.render, limits=httpx.Limits(max_connections=None), trust_env=False)
         )
+        client, clock = RenderClient(http), Clock()
         sessions = await stack.enter_async_context(
-            Sessions(
-                RenderClient(http), encoder, Clock(), limit=settings.max_sessions, idle_s=settings.idle_s
-            ).running()
+            Sessions(client, encoder, clock, limit=settings.max_sessions, idle_s=settings.idle_s).running()
         )
         with explained(settings.http, "--http"):
             policy = OriginPolicy.of([settings.http], settings.allow_hosts, settings.allow_origins)
-            app = create_app(sessions, policy)
+            webrtc = await with_webrtc(stack, client, settings.http, clock)
+            app = create_app(sessions, policy, webrtc)
             serving = serve_http(app, settings.http, settings.http_limits, websockets=True)
             port = await stack.enter_async_context(serving)
         say_if_open([settings.http])
-        print(f"DASH streams by {encoder} on http://{settings.http.reachable_host}:{port}/", flush=True)
+        more = "" if webrtc is None else f", and WebRTC on UDP port {webrtc.port_number}"
+        print(f"DASH streams by {encoder} on http://{settings.http.reachable_host}:{port}/{more}", flush=True)
         await until_stopped()
+
+
+async def with_webrtc(stack: AsyncExitStack, client: RenderClient, address: Address, clock: Clock) -> WebRtc | None:
+    """On the UDP port of the same number; None where it is not installed."""
+    if find_spec("aiortc") is None:
+        return None
+    from tigas_dash.webrtc.service import WebRtc
+
+    return await stack.enter_async_context(WebRtc.running(client, address, clock))

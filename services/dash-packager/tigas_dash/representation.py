@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from tigas_common.errors import InvalidRequest
-from tigas_common.wire.dash import SessionRequest
+from tigas_common.wire.dash import SessionRequest, StreamRequest
 from tigas_common.wire.render import Rung
 
 _REFERENCE_PIXELS, _REFERENCE_RATE, _REFERENCE_KBPS = 1280 * 720, 30, 4000
@@ -51,7 +51,14 @@ def representations(request: SessionRequest, ladder: Sequence[Rung]) -> tuple[Re
     return tuple(sorted(made, key=lambda one: (-one.pixels, one.rung, -one.bitrate_kbps)))
 
 
-def _default_set(request: SessionRequest, ladder: Sequence[Rung]) -> list[Representation]:
+def single_size(request: StreamRequest, ladder: Sequence[Rung], rung: int | None) -> Representation:
+    """Of a stream with one size: a rung's, or the largest that fits into the viewport. Raises InvalidRequest."""
+    if rung is not None:
+        return _representation(request, ladder, rung, None)
+    return max(_default_set(request, ladder), key=lambda one: one.pixels)
+
+
+def _default_set(request: StreamRequest, ladder: Sequence[Rung]) -> list[Representation]:
     """Every size with no more pixels than the viewport, since more would be thrown away, or else the smallest.
 
     Of a ladder with many, each of which costs an encoder, MOST_SIZES from the largest to the smallest.
@@ -67,7 +74,7 @@ def _default_set(request: SessionRequest, ladder: Sequence[Rung]) -> list[Repres
 
 
 def _representation(
-    request: SessionRequest, ladder: Sequence[Rung], rung: int, bitrate_kbps: int | None
+    request: StreamRequest, ladder: Sequence[Rung], rung: int, bitrate_kbps: int | None
 ) -> Representation:
     if rung >= len(ladder):
         raise InvalidRequest(f"The ladder has no rung {rung}, only 0 to {len(ladder) - 1}.")

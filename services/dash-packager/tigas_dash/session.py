@@ -16,7 +16,7 @@ from tigas_dash.encoding import LadderEncoder, RawFrame
 from tigas_dash.media import Media
 from tigas_dash.representation import Representation
 from tigas_dash.source import ViewSource
-from tigas_dash.views import NewestView
+from tigas_dash.views import NewestView, first_pose
 
 logger = logging.getLogger(__name__)
 
@@ -158,8 +158,3 @@ class Session:
             if queue.full():
                 queue.get_nowait()
             queue.put_nowait(message)
-
-
-def first_pose(request: SessionRequest) -> PoseUpdate:
-    """The pose that a stream begins with, number 0."""
-    return PoseUpdate(seq=0, position=request.position, quaternion=request.quaternion)

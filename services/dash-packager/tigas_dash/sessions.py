@@ -6,21 +6,48 @@ import asyncio
 import gc
 import logging
 import secrets
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Awaitable, Callable
 from contextlib import asynccontextmanager
+from typing import Protocol, TypeVar
 
-from tigas_common.wire.dash import SessionRequest
+from tigas_common.wire.dash import SessionRequest, SessionStatus
 from tigas_dash.clock import Clock
 from tigas_dash.encoder import EncoderName
 from tigas_dash.encoding import LadderEncoder
 from tigas_dash.errors import TooManySessions, UnknownSession
 from tigas_dash.representation import representations
-from tigas_dash.session import Session, first_pose
+from tigas_dash.session import Session
 from tigas_dash.source import FIRST_FRAME_S, RenderClient, ViewSource
+from tigas_dash.views import first_pose
 
 logger = logging.getLogger(__name__)
 
 HOUSEKEEPING_S = 1.0
+
+
+class Stream(Protocol):
+    """What all kinds of streams have in common."""
+
+    name: str
+    used_at: float
+    """When somebody last asked for something of it, on the steady clock."""
+
+    @property
+    def watched(self) -> bool:
+        """Whether somebody watches it for certain."""
+        raise NotImplementedError
+
+    @property
+    def status(self) -> SessionStatus:
+        """How it does."""
+        raise NotImplementedError
+
+    async def run(self) -> None:
+        """Until it is cancelled, or cannot go on."""
+        raise NotImplementedError
+
+
+AnyStream = TypeVar("AnyStream", bound=Stream)
 
 
 class Sessions:
@@ -32,7 +59,7 @@ class Sessions:
         self._client = client
         self._limit = limit
         self._idle_s = idle_s
-        self._running: dict[str, tuple[Session, asyncio.Task[None]]] = {}
+        self._running: dict[str, tuple[Stream, asyncio.Task[None]]] = {}
         self._opening = 0
 
     @asynccontextmanager
@@ -47,17 +74,21 @@ class Sessions:
                 await self._end(session)
 
     async def open(self, request: SessionRequest) -> Session:
-        """A new stream, once its first frame is rendered.
+        """A new DASH stream, once its first frame is rendered.
 
         Raises TooManySessions, InvalidRequest, RenderUnavailable, RenderProblem and EncoderUnavailable.
         """
+        return await self.start(lambda: self._make(request))
+
+    async def start(self, make: Callable[[], Awaitable[AnyStream]]) -> AnyStream:
+        """Makes a stream if there is room for it, and runs it. Raises TooManySessions, and what making it raises."""
         if len(self._running) + self._opening >= self._limit:
             raise TooManySessions(
                 f"{self._limit} sessions run already; end one, or start the packager with a higher limit."
             )
         self._opening += 1
         try:
-            session = await self._make(request)
+            session = await make()
         finally:
             self._opening -= 1
         task = asyncio.create_task(session.run(), name=session.name)
@@ -65,7 +96,7 @@ class Sessions:
         self._running[session.name] = session, task
         return session
 
-    def get(self, name: str) -> Session:
+    def get(self, name: str) -> Stream:
         """A running stream, which counts as used by that. Raises UnknownSession."""
         found = self._running.get(name)
         if found is None:
@@ -73,7 +104,7 @@ class Sessions:
         found[0].used_at = self.clock.now()
         return found[0]
 
-    def all(self) -> list[Session]:
+    def all(self) -> list[Stream]:
         """Every running stream."""
         return [session for session, _ in self._running.values()]
 
@@ -81,7 +112,7 @@ class Sessions:
         """End a stream. Raises UnknownSession."""
         await self._end(self.get(name))
 
-    async def _end(self, session: Session) -> None:
+    async def _end(self, session: Stream) -> None:
         """End a stream, unless it has ended by now."""
         if session.name in self._running:
             _, task = self._running[session.name]

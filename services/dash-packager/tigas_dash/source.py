@@ -12,7 +12,7 @@ from pydantic import TypeAdapter, ValidationError
 from tigas_common.errors import InvalidRequest
 from tigas_common.parsing import sentence
 from tigas_common.scene_hosts import SceneHosts
-from tigas_common.wire.dash import PoseUpdate, SessionRequest
+from tigas_common.wire.dash import PoseUpdate, StreamRequest
 from tigas_common.wire.render import Problem, RenderRequest, Rung, SceneInfo, ServerConfig
 from tigas_dash.encoding import RawFrame
 from tigas_dash.errors import RenderProblem, RenderUnavailable
@@ -72,7 +72,7 @@ async def _answered(asked: Awaitable[httpx.Response]) -> httpx.Response:
 class ViewSource:
     """One session's views at the size that it is encoded from."""
 
-    def __init__(self, client: RenderClient, request: SessionRequest, size: Representation) -> None:
+    def __init__(self, client: RenderClient, request: StreamRequest, size: Representation) -> None:
         self._client = client
         self._scene = request.scene
         self._stamp = request.stamp

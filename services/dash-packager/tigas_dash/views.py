@@ -7,7 +7,7 @@ import logging
 from contextlib import suppress
 
 from tigas_common.errors import TigasError
-from tigas_common.wire.dash import PoseUpdate
+from tigas_common.wire.dash import PoseUpdate, StreamRequest
 from tigas_dash.clock import Clock
 from tigas_dash.encoding import RawFrame
 from tigas_dash.source import ViewSource
@@ -78,3 +78,8 @@ class NewestView:
         if number > self._newest_number:  # else a newer one has overtaken it
             self.newest, self._newest_number = frame, number
             self._arrived.set()
+
+
+def first_pose(request: StreamRequest) -> PoseUpdate:
+    """The pose that a stream begins with, number 0."""
+    return PoseUpdate(seq=0, position=request.position, quaternion=request.quaternion)

@@ -25,8 +25,8 @@ class RepresentationRequest(WireModel):
         return f"r{self.rung}" + (f"-{self.bitrate_kbps}" if self.bitrate_kbps is not None else "")
 
 
-class SessionRequest(WireModel):
-    """A stream for one viewer."""
+class StreamRequest(WireModel):
+    """A stream of a scene's views for one viewer, however it travels."""
 
     scene: str = Field(max_length=256)
     position: Point
@@ -40,32 +40,41 @@ class SessionRequest(WireModel):
     width: int = Field(ge=16, le=MAX_SIDE)
     height: int = Field(ge=16, le=MAX_SIDE)
     """fx, fy, cx, cy are in pixels for this viewport."""
-    representations: Entries[RepresentationRequest] | None = Field(
-        default=None, min_length=1, max_length=MAX_REPRESENTATIONS
-    )
-    """Left out: every rung that fits into the viewport, and the best of them at three times the bitrate, too."""
     frame_rate: int = Field(default=30, ge=1, le=60)
     """Frames a second."""
-    segment_s: float = Field(default=1.0, ge=0.2, le=10)
-    """A segment's duration, which is also the distance of keyframes."""
-    frames_per_chunk: int = Field(default=1, ge=1, le=600)
-    target_latency_ms: int = Field(default=200, ge=50, le=10_000)
-    """How far behind the newest pose players are told to stay."""
     stamp: bool = False
     """Draw the pose's number into the frames: a test of what is measured."""
 
     @model_validator(mode="after")
-    def _check(self) -> Self:
+    def _check_viewport(self) -> Self:
         if self.width * self.height > MAX_PIXELS:
             raise ValueError(f"a viewport has at most {MAX_PIXELS} pixels")
-        if self.frames_per_chunk > self.frames_per_segment:
-            raise ValueError(f"a chunk cannot have more frames than a segment ({self.frames_per_segment})")
         return self
 
     @property
     def intrinsics(self) -> Intrinsics:
         """The intrinsics for the viewport."""
         return Intrinsics(self.fx, self.fy, self.cx, self.cy, self.width, self.height)
+
+
+class SessionRequest(StreamRequest):
+    """A DASH stream for one viewer."""
+
+    representations: Entries[RepresentationRequest] | None = Field(
+        default=None, min_length=1, max_length=MAX_REPRESENTATIONS
+    )
+    """Left out: every rung that fits into the viewport, and the best of them at three times the bitrate, too."""
+    segment_s: float = Field(default=1.0, ge=0.2, le=10)
+    """A segment's duration, which is also the distance of keyframes."""
+    frames_per_chunk: int = Field(default=1, ge=1, le=600)
+    target_latency_ms: int = Field(default=200, ge=50, le=10_000)
+    """How far behind the newest pose players are told to stay."""
+
+    @model_validator(mode="after")
+    def _check(self) -> Self:
+        if self.frames_per_chunk > self.frames_per_segment:
+            raise ValueError(f"a chunk cannot have more frames than a segment ({self.frames_per_segment})")
+        return self
 
     @property
     def frames_per_segment(self) -> int:

@@ -19,7 +19,7 @@ MAX_BYTES = 256_000_000
 """A longer recording is refused."""
 LONGEST_REPLY_MS = 600_000.0
 """No frame takes longer from being asked for to its last byte."""
-PlayedMode = Literal["stateless", "video", "dash", "side-by-side", "local"]
+PlayedMode = Literal["stateless", "video", "dash", "webrtc", "side-by-side", "local"]
 
 
 class Input(WireModel):
@@ -43,7 +43,7 @@ class Input(WireModel):
 class ShownFrame(WireModel):
     """A frame that was on the screen."""
 
-    side: Literal["stateless", "dash", "local"]
+    side: Literal["stateless", "dash", "webrtc", "local"]
     """That the page asked for by itself, in the modes `stateless` and `video`, that a stream brought, or that the page
     drew."""
     at: float
@@ -213,6 +213,19 @@ class PlayedStream(StreamInfo):
         )
 
 
+class PlayedWebRtc(WireModel):
+    """What came over WebRTC."""
+
+    codec: str
+    """As RTP names it: H264 or VP8."""
+    rung: int
+    width: int
+    height: int
+    frame_rate: int
+    lost_packets: int
+    """Of the video, that never came, since the stream was opened."""
+
+
 class PlayedDownload(WireModel):
     """The scene as the mode `local` downloaded and drew it. Times in ms; None: that never came."""
 
@@ -242,6 +255,8 @@ class RecordingHead(WireModel):
     """How frames came: the page's transport, or `dash`."""
     dash: PlayedStream | None = None
     """None without DASH, before it played, and in early recordings."""
+    webrtc: PlayedWebRtc | None = None
+    """Only of the mode `webrtc`."""
     local: PlayedDownload | None = None
     """Only of the mode `local`."""
     user_agent: str

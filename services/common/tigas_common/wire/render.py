@@ -261,6 +261,8 @@ class SceneInfo(WireModel):
     file_bytes: int
     file_sha256: str | None = None
     """In hexadecimal digits; null until the file was loaded once, and without a file."""
+    format: str | None = Field(default=None, max_length=100)
+    """Of the file, for people: `PLY`, `SPZ 4`; null if it cannot be read, and without a file."""
     memory_bytes: int
     """What it takes in memory now; 0 unless loaded."""
     preview: str

@@ -13,15 +13,18 @@ from tigas_common.wire.dash import RepresentationRequest
 from tigas_common.wire.model import MAX_SIDE, WireModel
 from tigas_common.wire.shaper import LinkSetting
 
-Mode = Literal["stateless", "video", "dash-typical", "dash-tuned", "dash-edge", "local-ply", "local-compressed"]
+Mode = Literal[
+    "stateless", "video", "dash-typical", "dash-tuned", "dash-edge", "webrtc", "local-ply", "local-compressed"
+]
 """One JPEG per pose; one frame of a video per pose; DASH as live services ship it; as low as dash.js holds it; as low
-as a bare player does; the scene downloaded and drawn in the page, as it is or compressed."""
+as a bare player does; a video over WebRTC; the scene downloaded and drawn in the page, as it is or compressed."""
 MODES: tuple[Mode, ...] = (
     "stateless",
     "video",
     "dash-typical",
     "dash-tuned",
     "dash-edge",
+    "webrtc",
     "local-ply",
     "local-compressed",
 )
@@ -36,6 +39,7 @@ MODE_NAMES: dict[Mode, str] = {
     "dash-typical": "DASH, typical",
     "dash-tuned": "DASH, tuned",
     "dash-edge": "DASH, edge",
+    "webrtc": "WebRTC",
     "local-ply": "Local, PLY",
     "local-compressed": "Local, compressed",
 }
@@ -182,8 +186,8 @@ class Configuration(WireModel):
 
     @property
     def streamed(self) -> bool:
-        """Whether it is of the modes with DASH."""
-        return self.mode.startswith("dash")
+        """Whether it plays a stream of the packager's."""
+        return self.mode == "webrtc" or self.mode.startswith("dash")
 
     @property
     def download(self) -> str | None:

@@ -12,7 +12,7 @@ from typing import Any, Literal
 
 from pydantic.json_schema import models_json_schema
 
-from tigas_common.wire import dash, recording, render, shaper, store
+from tigas_common.wire import dash, recording, render, shaper, store, webrtc
 from tigas_common.wire.model import WireModel
 
 
@@ -49,8 +49,14 @@ def schemas() -> dict[str, dict[str, Any]]:
         "dash": messages_schema(
             "DashWire",
             "All messages between the packager and the page.",
-            requests=[dash.SessionRequest, dash.PoseUpdate],
-            answers=[dash.SessionInfo, dash.SessionStatus, dash.FrameShown],
+            requests=[dash.SessionRequest, dash.PoseUpdate, webrtc.WebRtcRequest],
+            answers=[
+                dash.SessionInfo,
+                dash.SessionStatus,
+                dash.FrameShown,
+                webrtc.WebRtcSession,
+                webrtc.SentFrame,
+            ],
         ),
         "shaper": messages_schema(
             "ShaperWire",

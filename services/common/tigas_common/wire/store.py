@@ -13,6 +13,7 @@ from tigas_common.wire.figures import Figures
 from tigas_common.wire.model import Entries, WireModel
 from tigas_common.wire.recording import LinkSample, Recording, Sample
 from tigas_common.wire.run import Configuration
+from tigas_common.wire.shaper import Backend
 
 AROUND_MS = 600_000
 """What is recorded lies at most so long before a run's start or after its movement's end."""
@@ -73,6 +74,8 @@ class RunUpload(WireModel):
     """Of the scene's file; None if unknown."""
     scene_sha256: str | None = Field(default=None, pattern=r"^[0-9a-f]{64}$")
     """Of it, too, in hexadecimal digits; None if unknown, or if there is no file."""
+    backend: Backend | None = None
+    """What made the link's delay; None without a shaper."""
 
     @model_validator(mode="after")
     def _check(self) -> Self:
@@ -159,6 +162,9 @@ class RunRow(WireModel):
     figures: Figures | None
     samples: SampleCounts | None
     """null of a run without any."""
+    saturated_share: float | None = None
+    """Of the run's time, the share in which all processors were busy, if that was so often that latencies tell of the
+    machine, too; null otherwise, and if it is unknown."""
 
 
 class ExperimentSummary(WireModel):

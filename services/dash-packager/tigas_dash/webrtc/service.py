@@ -1,0 +1,57 @@
+"""Opens streams over WebRTC: an offer in, a stream with its answer out."""
+
+from __future__ import annotations
+
+import secrets
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+
+from tigas_common.address import Address
+from tigas_common.wire.webrtc import WebRtcRequest
+from tigas_dash.clock import Clock
+from tigas_dash.representation import single_size
+from tigas_dash.source import FIRST_FRAME_S, RenderClient, ViewSource
+from tigas_dash.views import first_pose
+from tigas_dash.webrtc.offer import taken, widen_bitrates
+from tigas_dash.webrtc.stream import WebRtcStream
+from tigas_dash.webrtc.udp_port import UdpPort
+
+
+class WebRtc:
+    """What all streams over WebRTC share; `running` opens it."""
+
+    def __init__(self, client: RenderClient, port: UdpPort, clock: Clock) -> None:
+        self._client = client
+        self._port = port
+        self._clock = clock
+
+    @classmethod
+    @asynccontextmanager
+    async def running(cls, client: RenderClient, address: Address, clock: Clock) -> AsyncIterator[WebRtc]:
+        """Listens for as long as the context lasts. Raises OSError."""
+        widen_bitrates()
+        async with UdpPort().running(address) as port:
+            yield cls(client, port, clock)
+
+    @property
+    def port_number(self) -> int:
+        """Of the UDP port."""
+        return self._port.number
+
+    async def make(self, request: WebRtcRequest, host: str) -> WebRtcStream:
+        """A stream that is not yet run, once its first frame is rendered; its viewer asked for this service at `host`.
+
+        Raises InvalidRequest, RenderUnavailable and RenderProblem.
+        """
+        async with taken(request.sdp) as connection:
+            size = single_size(request, await self._client.ladder(request.scene), request.rung)
+            source = ViewSource(self._client, request, size)
+            first = await source.frame(first_pose(request), FIRST_FRAME_S)
+            name = secrets.token_hex(8)
+            stream = WebRtcStream(name, request, size, source, first, connection, self._port, self._clock)
+            try:
+                await stream.begin(host)
+            except BaseException:
+                await stream.close()
+                raise
+            return stream

@@ -1,0 +1,67 @@
+"""The video that aiortc encodes and sends: at each tick the newest view; timestamps stay with the clock."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from fractions import Fraction
+
+import av
+import numpy as np
+from aiortc import MediaStreamTrack
+
+from tigas_dash.clock import Clock
+from tigas_dash.encoding import RawFrame
+from tigas_dash.views import NewestView
+
+RTP_RATE = 90_000
+"""Ticks of a video's RTP timestamps in a second (RFC 6184, RFC 7741)."""
+PATIENCE_S = 0.25
+"""While a newer view is on its way, the last one is sent again only so often: encoding it would hold that up."""
+
+
+class ViewTrack(MediaStreamTrack):
+    """Asked for the next frame when the one before has been encoded and sent: what is too slow leaves frames out."""
+
+    kind = "video"
+
+    def __init__(self, views: NewestView, frame_rate: int, clock: Clock, sent: Callable[[int, int], None]) -> None:
+        """`sent` hears of each frame that was sent: its timestamp in RTP_RATE since the first one, and its pose."""
+        super().__init__()
+        self._views = views
+        self._frame_rate = frame_rate
+        self._clock = clock
+        self._sent = sent
+        self._shown = views.newest
+        self._started_at: float | None = None
+        self._number = -1
+        self.frames = self.repeated = self.dropped = 0
+
+    async def recv(self) -> av.VideoFrame:
+        """At the next tick, or later if a newer view is on its way then: that one. Otherwise the last one again."""
+        if self._started_at is None:
+            self._started_at = self._clock.now()
+        else:
+            self._sent(self._timestamp, self._shown.pose)
+        await self._clock.sleep_until(self._started_at + (self._number + 1) / self._frame_rate)
+        view = await self._views.after(self._shown, self._clock.now() + PATIENCE_S)
+        if view is self._shown and self._views.outdated:
+            self.repeated += 1
+        self._shown = view
+        due = math.floor((self._clock.now() - self._started_at) * self._frame_rate)
+        number = max(self._number + 1, due)
+        self.dropped += number - self._number - 1
+        self._number = number
+        self.frames += 1
+        frame = _picture(view)
+        frame.pts, frame.time_base = self._timestamp, Fraction(1, RTP_RATE)
+        return frame
+
+    @property
+    def _timestamp(self) -> int:
+        return self._number * RTP_RATE // self._frame_rate
+
+
+def _picture(view: RawFrame) -> av.VideoFrame:
+    planes = np.frombuffer(view.data, np.uint8).reshape(view.height * 3 // 2, view.width)
+    return av.VideoFrame.from_ndarray(planes, format="yuv420p")

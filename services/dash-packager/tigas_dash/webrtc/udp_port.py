@@ -1,0 +1,169 @@
+"""One UDP port for all viewers: each datagram goes to the connection that it belongs to.
+
+aioice binds a port for each connection, which a router would have to forward one by one. Here a STUN binding request
+says by its user fragment whose it is (RFC 8445, 7.2.2), and where it came from is that connection's from then on. The
+only candidate is this port under the host that the viewer asked for, and viewers' own candidates are not used: who
+reaches this port is heard from here first (a peer-reflexive candidate), and everything goes the way that it came.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import struct
+from collections.abc import AsyncIterator, Callable
+from contextlib import asynccontextmanager, suppress
+from typing import Any, cast
+
+from aioice import Candidate, Connection, stun
+from aioice.candidate import candidate_foundation, candidate_priority
+from aioice.ice import StunProtocol
+
+from tigas_common.address import Address
+
+Peer = tuple[str, int]
+MOST_PEERS = 16
+"""Addresses of one connection: a browser tries each network of its machine."""
+
+
+class UdpPort(asyncio.DatagramProtocol):
+    """The port; `running` opens it."""
+
+    def __init__(self) -> None:
+        self._by_name: dict[str, Lane] = {}
+        self._by_peer: dict[Peer, Lane] = {}
+        self._transport: asyncio.DatagramTransport
+
+    @asynccontextmanager
+    async def running(self, address: Address) -> AsyncIterator[UdpPort]:
+        """Listens for as long as the context lasts. Raises OSError."""
+        loop = asyncio.get_running_loop()
+        await loop.create_datagram_endpoint(lambda: self, local_addr=(address.host, address.port))
+        try:
+            yield self
+        finally:
+            self._transport.close()
+
+    @property
+    def host(self) -> str:
+        """The address that it is bound to."""
+        return str(self._transport.get_extra_info("sockname")[0])
+
+    @property
+    def number(self) -> int:
+        """The port's number."""
+        return int(self._transport.get_extra_info("sockname")[1])
+
+    def carry(self, connection: Connection, heard: Callable[[], None]) -> Lane:
+        """Gives a connection that has not gathered candidates this port in place of its own.
+
+        `heard` is called with each datagram.
+        """
+        lane = Lane(self, connection, heard)
+        lane.local_candidate = self.candidate(self.host)
+        self._by_name[connection.local_username] = lane
+
+        async def candidates(component: int, addresses: list[str], *_: object) -> list[Candidate]:
+            connection._protocols.append(lane)
+            return [lane.local_candidate]
+
+        connection.get_component_candidates = candidates  # type: ignore[assignment, method-assign]
+        return lane
+
+    def candidate(self, host: str) -> Candidate:
+        """This port, for a viewer who reaches it under `host`, an address or a name."""
+        if host == "localhost" or host.endswith(".localhost"):
+            host = "::1" if ":" in self.host else "127.0.0.1"
+        return Candidate(
+            foundation=candidate_foundation("host", "udp", host),
+            component=1,
+            transport="udp",
+            priority=candidate_priority(1, "host"),
+            host=host,
+            port=self.number,
+            type="host",
+        )
+
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        """The port is open."""
+        self._transport = cast(asyncio.DatagramTransport, transport)
+
+    def datagram_received(self, data: bytes, addr: tuple[Any, ...]) -> None:
+        """A datagram that belongs to nobody is dropped."""
+        peer = (addr[0], addr[1])
+        lane = self._by_name.get(name) if (name := _asked_for(data)) is not None else self._by_peer.get(peer)
+        if lane is None:
+            return
+        if self._by_peer.get(peer) is not lane:
+            self._by_peer[peer] = lane
+            if len(own := [each for each, its in self._by_peer.items() if its is lane]) > MOST_PEERS:
+                del self._by_peer[own[0]]
+        lane.received(data, peer)
+
+    def sendto(self, data: bytes, peer: Peer) -> None:
+        """Send a datagram, unless the port is closed."""
+        if not self._transport.is_closing():
+            self._transport.sendto(data, peer)
+
+    def forget(self, lane: Lane) -> None:
+        """Its connection has ended."""
+        self._by_name = {name: each for name, each in self._by_name.items() if each is not lane}
+        self._by_peer = {peer: each for peer, each in self._by_peer.items() if each is not lane}
+
+
+class Lane(StunProtocol):
+    """One connection's share of the port, which aioice takes for a socket of its own."""
+
+    def __init__(self, port: UdpPort, connection: Connection, heard: Callable[[], None]) -> None:
+        super().__init__(connection)
+        self._port = port
+        self._heard = heard
+        self.first_rtp_timestamp: int | None = None
+        """Of the first RTP packet that was sent: SRTP leaves headers legible (RFC 3711, 3.1)."""
+        self.connection_made(_Share(self))
+
+    def received(self, data: bytes, peer: Peer) -> None:
+        """A datagram came for it."""
+        self._heard()
+        with suppress(ValueError, KeyError, IndexError, struct.error):  # aioice catches only some of what is malformed
+            self.datagram_received(data, peer)
+
+    def sendto(self, data: bytes, peer: Peer) -> None:
+        """Send a datagram from the port."""
+        if self.first_rtp_timestamp is None and _is_rtp(data):
+            (self.first_rtp_timestamp,) = struct.unpack_from("!I", data, 4)
+        self._port.sendto(data, peer)
+
+    def leave(self) -> None:
+        """The connection has ended; the port stays."""
+        self._port.forget(self)
+        self.connection_lost(None)
+
+
+class _Share(asyncio.DatagramTransport):
+    """What a lane's protocol sends by."""
+
+    def __init__(self, lane: Lane) -> None:
+        super().__init__()
+        self._lane = lane
+
+    def sendto(self, data: Any, addr: Any = None) -> None:
+        self._lane.sendto(data, addr)
+
+    def close(self) -> None:
+        self._lane.leave()
+
+
+def _asked_for(data: bytes) -> str | None:
+    """The user fragment that a STUN binding request asks for; None of any other datagram."""
+    if len(data) < stun.HEADER_LENGTH or data[:2] != b"\x00\x01":
+        return None
+    try:
+        username = stun.parse_message(data).attributes.get("USERNAME")
+    except (ValueError, struct.error, IndexError):
+        return None
+    return username.partition(":")[0] if isinstance(username, str) else None
+
+
+def _is_rtp(data: bytes) -> bool:
+    """Whether a datagram is RTP, and not RTCP, DTLS or STUN (RFC 5761, 4; RFC 7983, 7)."""
+    return len(data) >= 12 and 128 <= data[0] < 192 and not 192 <= data[1] <= 223

@@ -1,0 +1,173 @@
+"""Streams over WebRTC as their viewers meet them: aiortc at the other end of a real UDP port."""
+
+from __future__ import annotations
+
+import asyncio
+import time
+from collections.abc import AsyncIterator, Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+pytest.importorskip("aiortc")
+
+from tests.dash.conftest import Packager, pose, running_packager
+from tests.dash.watching import until_idle
+from tests.dash.webrtc.viewer import PATIENCE_S, Viewer, offer_of_nobody, watching, webrtc_request
+from tigas_common.extras import install_command
+from tigas_dash.webrtc.stream import WebRtcStream
+
+pytestmark = pytest.mark.anyio
+
+
+@pytest.fixture
+async def packager() -> AsyncIterator[Packager]:
+    async with running_packager(webrtc=True) as running:
+        yield running
+
+
+async def eventually(condition: Callable[[], Any]) -> None:
+    """Until it holds."""
+    deadline = time.monotonic() + PATIENCE_S
+    while not condition():
+        assert time.monotonic() < deadline
+        await asyncio.sleep(0.01)
+
+
+async def test_a_pose_shows_in_the_video_and_the_channel_says_in_which_frame(packager: Packager) -> None:
+    async with watching(packager.http) as (viewer, session):
+        assert (session["codec"], session["rung"], session["width"], session["height"]) == ("VP8", 3, 320, 180)
+        await eventually(lambda: viewer.told and viewer.pictures)
+        viewer.poses.send(pose(7, 200))
+        await eventually(lambda: any(one["pose"] == 7 for one in viewer.told))
+        await eventually(lambda: viewer.pictures[-1].to_ndarray()[:180].mean() == pytest.approx(200, abs=6))
+        first = next(one["rtp_timestamp"] for one in viewer.told if one["pose"] == 7)
+        steps = np.diff([one["rtp_timestamp"] for one in viewer.told])
+        assert all(step > 0 and step % 3000 == 0 for step in steps), "timestamps are not the clock's"
+        assert first in [one["rtp_timestamp"] for one in viewer.told]
+        status = (await packager.http.get(f"/sessions/{session['id']}")).json()
+        assert (status["poses"], status["watchers"]) == (1, 1)
+
+
+async def test_an_overtaken_pose_changes_nothing_and_an_unreadable_one_is_answered(packager: Packager) -> None:
+    async with watching(packager.http) as (viewer, _):
+        await eventually(lambda: viewer.told)
+        viewer.poses.send(pose(9, 220))
+        await eventually(lambda: any(one.get("pose") == 9 for one in viewer.told))
+        for message in (pose(8, 30), "no JSON", "x" * 20_000, pose(10, 1).replace("[1", "[1e999")):
+            viewer.poses.send(message)
+        await eventually(lambda: len([one for one in viewer.told if "type" in one]) == 3)
+        newest = len(viewer.told)
+        await eventually(lambda: len(viewer.told) > newest + 5)
+        assert {one["pose"] for one in viewer.told[newest:] if "pose" in one} == {9}
+
+
+async def test_viewers_share_one_port_and_one_that_leaves_frees_its_place(packager: Packager) -> None:
+    async with watching(packager.http) as (first, session), watching(packager.http) as (second, _):
+        await eventually(lambda: first.told and second.told)
+        second.poses.send(pose(3, 50))
+        await eventually(lambda: any(one["pose"] == 3 for one in second.told))
+        assert not any(one["pose"] == 3 for one in first.told)
+        assert len(packager.sessions.all()) == 2
+        assert (await packager.http.delete(f"/sessions/{session['id']}")).status_code == 204
+        assert (await packager.http.get(f"/sessions/{session['id']}")).status_code == 404
+        await eventually(lambda: first.connection.connectionState == "closed")
+        count = len(second.told)
+        await eventually(lambda: len(second.told) > count)
+    await until_idle(packager)
+
+
+async def test_all_kinds_of_streams_share_the_limit(packager: Packager) -> None:
+    async with watching(packager.http) as (_viewer, session):
+        for _ in range(2):
+            await packager.open()
+        answer = await packager.http.post("/webrtc", json=webrtc_request(await offer_of_nobody()))
+        assert (answer.status_code, answer.json()["type"]) == (503, "tigas:too-many-sessions")
+        assert (await packager.http.get(f"/sessions/{session['id']}/manifest.mpd")).status_code == 404
+
+
+async def test_a_viewer_who_never_comes_or_falls_silent_is_given_up() -> None:
+    async with running_packager(idle_s=1, webrtc=True) as packager:
+        answer = await packager.http.post("/webrtc", json=webrtc_request(await offer_of_nobody()))
+        assert answer.status_code == 201
+        await until_idle(packager)
+        async with watching(packager.http) as (viewer, _):
+            await eventually(lambda: viewer.told)
+            (stream,) = packager.sessions.all()
+            assert isinstance(stream, WebRtcStream)
+            vars(stream._port)["datagram_received"] = lambda *_: None  # as if its link were cut
+            await until_idle(packager)
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (lambda sdp: "v=0", "one video and one data transport"),
+        (lambda sdp: sdp + sdp[sdp.index("m=") :], "one video and one data transport"),
+        (lambda sdp: sdp.replace("VP8/90000", "AV1/90000").replace("H264/90000", "H265/90000"), "no video codec"),
+        (lambda sdp: sdp.replace("a=group:BUNDLE 0 1", "a=other"), "BUNDLE"),
+        (lambda sdp: sdp.replace("a=recvonly", "a=sendonly"), "does not ask for a video"),
+        (lambda sdp: sdp.replace("a=recvonly\r\n", ""), "no SDP"),
+        (lambda sdp: sdp.replace("a=mid:0", "a=mid:9"), "BUNDLE"),
+        (lambda sdp: sdp.replace("a=fmtp:", "a=fmtp:999999"), "no SDP"),
+        (lambda sdp: sdp.replace("UDP/TLS/RTP/SAVPF", ""), "no SDP"),
+    ],
+)
+async def test_an_offer_that_cannot_be_answered_is_refused_in_a_sentence(
+    packager: Packager, change: Callable[[str], str], said: str
+) -> None:
+    offer = await offer_of_nobody()
+    assert change(offer) != offer
+    answer = await packager.http.post("/webrtc", json=webrtc_request(change(offer)))
+    assert (answer.status_code, answer.json()["type"]) == (400, "tigas:invalid-request"), answer.text
+    assert said in answer.json()["detail"]
+    assert packager.sessions.all() == []
+
+
+async def test_what_is_asked_for_beside_the_offer_is_checked(packager: Packager) -> None:
+    offer = await offer_of_nobody()
+    h264 = offer.replace("VP8/90000", "AV1/90000")
+    for changes, status in (
+        ({"scene": "nowhere"}, 404), ({"rung": 9}, 400), ({"frame_rate": 25}, 400), ({"sdp": "x" * 70_000}, 400),
+        ({"sdp": h264, "frame_rate": 60}, 400), ({"sdp": "x" * 200_000}, 413),
+    ):  # fmt: skip
+        answer = await packager.http.post("/webrtc", json=webrtc_request(offer) | changes)
+        assert answer.status_code == status, answer.text
+        assert answer.json()["detail"].endswith(".")
+    assert packager.sessions.all() == []
+
+
+@pytest.mark.parametrize("codec", ["VP8", "H264"])
+async def test_a_bound_holds_whatever_the_link_carries(packager: Packager, codec: str) -> None:
+    viewer = Viewer()
+    offer = (await viewer.offer()).replace("VP8/90000", "AV1/90000" if codec == "H264" else "VP8/90000")
+    answer = await packager.http.post("/webrtc", json=webrtc_request(offer, bitrate_kbps=150))
+    assert answer.json()["codec"] == codec
+    (stream,) = packager.sessions.all()
+    assert isinstance(stream, WebRtcStream)
+    encoder = vars(stream._connection.getSenders()[0])["_RTCRtpSender__encoder"]
+    assert encoder.target_bitrate == 150_000, "it starts above the bound"
+    for estimate, had in ((5_000_000, 150_000), (120_000, 120_000), (10_000, 100_000)):
+        encoder.target_bitrate = estimate
+        assert encoder.target_bitrate == had
+    await viewer.take(answer.json()["sdp"])
+    if codec == "VP8":  # the viewer did not offer what the changed offer says
+        await eventually(lambda: viewer.pictures)
+    await viewer.leave()
+
+
+async def test_without_candidates_of_the_viewers_it_is_found_by_where_it_is_heard_from(packager: Packager) -> None:
+    viewer = Viewer()
+    offer = "".join(line for line in (await viewer.offer()).splitlines(True) if "candidate" not in line)
+    answer = await packager.http.post("/webrtc", json=webrtc_request(offer))
+    await viewer.take(answer.json()["sdp"])
+    await eventually(lambda: viewer.told)
+    await viewer.leave()
+
+
+async def test_a_packager_without_webrtc_says_so() -> None:
+    async with running_packager() as packager:
+        answer = await packager.http.post("/webrtc", json={})
+    assert (answer.status_code, answer.json()["type"]) == (503, "tigas:webrtc-unavailable")
+    assert install_command("webrtc") in answer.json()["detail"]

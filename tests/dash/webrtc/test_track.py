@@ -1,0 +1,77 @@
+"""The video's frames: the newest view at each tick, with timestamps of the clock."""
+
+from __future__ import annotations
+
+import pytest
+
+pytest.importorskip("aiortc")
+
+from tests.dash.fakes import grey
+from tigas_dash.clock import Clock
+from tigas_dash.encoding import RawFrame
+from tigas_dash.webrtc.track import ViewTrack
+
+pytestmark = pytest.mark.anyio
+
+
+class FakeClock(Clock):
+    """Stands still, but for those who wait for it."""
+
+    time = 100.0
+
+    def now(self) -> float:
+        return FakeClock.time
+
+    async def sleep_until(self, moment: float) -> None:
+        FakeClock.time = max(moment, FakeClock.time)
+
+
+class FakeViews:
+    """A view that takes `delay_s` to come, for each that is asked for; one that stands still once it is None."""
+
+    def __init__(self) -> None:
+        self.delay_s: float | None = 0.01
+        self.newest = self._view(0)
+        self.outdated = False
+
+    async def after(self, shown: RawFrame, until: float) -> RawFrame:
+        if self.delay_s is None:
+            self.outdated = False
+            return shown
+        self.outdated = FakeClock.time + self.delay_s > until
+        FakeClock.time = min(until, FakeClock.time + self.delay_s)
+        if not self.outdated:
+            self.newest = self._view(self.newest.pose + 1)
+        return self.newest
+
+    @staticmethod
+    def _view(pose: int) -> RawFrame:
+        return RawFrame(grey(32, 16, 10 * pose), 32, 16, pose)
+
+
+async def timestamp(track: ViewTrack) -> int:
+    """Of the next frame."""
+    pts = (await track.recv()).pts
+    assert pts is not None
+    return pts
+
+
+async def test_frames_are_the_newest_views_at_the_ticks_and_slow_ones_leave_ticks_out() -> None:
+    views, sent = FakeViews(), list[tuple[int, int]]()
+    track = ViewTrack(views, 30, FakeClock(), lambda *frame: sent.append(frame))  # type: ignore[arg-type]
+    pictures = [await track.recv() for _ in range(3)]
+    assert [picture.pts for picture in pictures] == [0, 3000, 6000]
+    assert [round(picture.to_ndarray()[:16].mean()) for picture in pictures] == [10, 20, 30]
+    assert sent == [(0, 1), (3000, 2)], "told before it was sent"
+    assert (track.frames, track.repeated, track.dropped) == (3, 0, 0)
+    views.delay_s = 0.11  # a renderer that is too slow: ticks are left out, and nothing is sent again meanwhile
+    pictures = [await track.recv() for _ in range(2)]
+    assert [picture.pts for picture in pictures] == [18_000, 30_000]
+    assert (track.repeated, track.dropped) == (0, 6)
+    views.delay_s = 9
+    assert await timestamp(track) > 30_000 + 0.25 * 90_000
+    assert track.repeated == 1
+    views.delay_s, dropped = None, track.dropped  # the camera stands still
+    before = await timestamp(track)
+    assert [await timestamp(track) for _ in range(2)] == [before + 3000, before + 6000]
+    assert (track.repeated, track.dropped) == (1, dropped)

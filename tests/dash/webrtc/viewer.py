@@ -1,0 +1,85 @@
+"""A viewer over WebRTC that is no browser: aiortc at the other end."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from typing import Any
+
+import av
+import httpx
+from aiortc import RTCConfiguration, RTCPeerConnection, RTCSessionDescription
+from aiortc.mediastreams import MediaStreamTrack
+
+from tests.dash.conftest import session_request
+
+PATIENCE_S = 20
+
+
+def webrtc_request(sdp: str, **changes: Any) -> dict[str, Any]:
+    """A valid request, with changes."""
+    request = session_request(sdp=sdp, rung=3, **changes)
+    return {name: value for name, value in request.items() if name not in ("representations", "segment_s")}
+
+
+class Viewer:
+    """Receives a stream's video and announcements."""
+
+    def __init__(self) -> None:
+        self.connection = RTCPeerConnection(RTCConfiguration(iceServers=[]))
+        self.connection.addTransceiver("video", direction="recvonly")
+        self.poses = self.connection.createDataChannel("poses", ordered=False, maxRetransmits=0)
+        self.frames = self.connection.createDataChannel("frames", ordered=False)
+        self.told: list[dict[str, Any]] = []
+        self.pictures: list[av.VideoFrame] = []
+        self._watching: asyncio.Task[None] | None = None
+        self.connection.add_listener("track", self._track)
+        self.frames.add_listener("message", lambda message: self.told.append(json.loads(message)))
+
+    async def offer(self) -> str:
+        """Its offer."""
+        await self.connection.setLocalDescription(await self.connection.createOffer())
+        return self.connection.localDescription.sdp
+
+    async def take(self, answer: str) -> None:
+        """The packager's answer."""
+        await self.connection.setRemoteDescription(RTCSessionDescription(sdp=answer, type="answer"))
+
+    def _track(self, track: MediaStreamTrack) -> None:
+        async def watch() -> None:
+            while True:
+                picture = await track.recv()
+                assert isinstance(picture, av.VideoFrame)
+                self.pictures.append(picture)
+
+        self._watching = asyncio.ensure_future(watch())
+
+    async def leave(self) -> None:
+        """As a page that is closed."""
+        if self._watching is not None:
+            self._watching.cancel()
+        await self.connection.close()
+
+
+@asynccontextmanager
+async def watching(http: httpx.AsyncClient, **changes: Any) -> AsyncIterator[tuple[Viewer, dict[str, Any]]]:
+    """A viewer whose stream was opened, and what it was told of it; it leaves with the context."""
+    viewer = Viewer()
+    try:
+        answer = await http.post("/webrtc", json=webrtc_request(await viewer.offer(), **changes))
+        assert answer.status_code == 201, answer.text
+        session: dict[str, Any] = answer.json()
+        await viewer.take(session["sdp"])
+        yield viewer, session
+    finally:
+        await viewer.leave()
+
+
+async def offer_of_nobody() -> str:
+    """An offer whose viewer has gone by now."""
+    viewer = Viewer()
+    offer = await viewer.offer()
+    await viewer.leave()
+    return offer
