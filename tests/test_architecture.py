@@ -11,7 +11,7 @@ from grimp import build_graph
 
 COMMON = "tigas_common"
 ROOT = Path(__file__).parents[1]
-SERVICES = sorted(path.name for path in ROOT.glob("services/*/tigas_*"))
+SERVICES = sorted(path.name for path in ROOT.glob("services/*/tigas*"))
 ARCHITECTURE = (ROOT / "docs/architecture.md").read_text(encoding="utf-8")
 
 graph = build_graph(*SERVICES, cache_dir=None)

@@ -13,6 +13,7 @@ from tigas_cluster.cli import cluster
 from tigas_cluster.connection import named_cluster
 from tigas_cluster.own_ray import OwnRay
 from tigas_common.errors import StartError
+from tigas_common.extras import install_command
 
 
 def test_without_an_address_there_is_none_to_join(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -42,7 +43,7 @@ def test_without_ray_the_extra_is_named(monkeypatch: pytest.MonkeyPatch, command
     run = CliRunner().invoke(cluster, [command])
     assert (run.exit_code, run.stderr) == (
         1,
-        "A cluster needs Ray, which is not installed: pip install 'tigas[cluster]'\n",
+        f"A cluster needs Ray, which is not installed: {install_command('cluster')}\n",
     )
 
 

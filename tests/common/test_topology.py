@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 import yaml
 
-from tigas_common.topology import DASH, PAGE, PAGE_HTTPS, SHAPER, STORE, WEBTRANSPORT, Port, page_services
+from tigas_common.topology import DASH, PAGE, PAGE_HTTPS, SHAPER, STORE, WEBRTC, WEBTRANSPORT, Port, page_services
 
 ROOT = Path(__file__).parents[2]
 COMPOSE: dict[str, Any] = yaml.safe_load((ROOT / "compose.yaml").read_text())["services"]
@@ -19,6 +19,7 @@ BEHIND_THE_SHAPER = {
     PAGE_HTTPS: "render",
     WEBTRANSPORT: "render",
     DASH: "dash-packager",
+    WEBRTC: "dash-packager",
     STORE: "store",
 }
 
@@ -61,10 +62,9 @@ def test_an_image_listens_where_it_is_looked_for(service: str, listens: dict[str
     assert dict(re.findall(r"(TIGAS_\w+)=(\S+:\d+)", image)) == {
         name: str(port.everywhere) for name, port in listens.items()
     }
+    ports = [*listens.values(), WEBRTC] if DASH in listens.values() else listens.values()  # one setting for both
     exposed = re.search(r"^EXPOSE (.*)$", image, re.MULTILINE)
     assert exposed
-    assert exposed[1].split() == [
-        f"{port.number}{'/udp' if port.protocol == 'udp' else ''}" for port in listens.values()
-    ]
+    assert exposed[1].split() == [f"{port.number}{'/udp' if port.protocol == 'udp' else ''}" for port in ports]
     http = next(iter(listens.values()))
     assert f"HEALTH_URL=http://{http.loopback}/healthz" in image

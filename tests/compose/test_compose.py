@@ -144,5 +144,5 @@ def test_a_container_may_do_only_what_it_must(stack: Stack, service: Service) ->
         assert published == {}
         assert "unreachable" in stack.inside(service, LEAVE)
     else:
-        assert set(published) == {"8080/tcp", "8081/tcp", "8091/tcp", "8443/tcp", "4433/udp", "8090/tcp"}
+        assert set(published) == {"8080/tcp", "8081/tcp", "8081/udp", "8091/tcp", "8443/tcp", "4433/udp", "8090/tcp"}
         assert published["8090/tcp"] == {"127.0.0.1"}

@@ -216,7 +216,7 @@ def test_scene_info_and_preview(scene_file: Path, tmp_path: Path) -> None:
         assert (tmp_path / name).read_bytes().startswith(magic)
 
 
-@pytest.mark.parametrize("command", ["info", "preview"])
+@pytest.mark.parametrize("command", ["info", pytest.param("preview", marks=pytest.mark.slow)])
 def test_a_file_that_is_no_scene_is_explained(command: str, tmp_path: Path) -> None:
     (tmp_path / "scene.ply").write_text("hello")
     target = [str(tmp_path / "view.jpg")] if command == "preview" else []

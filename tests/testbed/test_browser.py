@@ -1,7 +1,8 @@
-"""The page in a real browser at the client's end of the link, before the real render service."""
+"""The page in a real browser at the client's end of the link, before the real services."""
 
 from __future__ import annotations
 
+import math
 import shutil
 import socket
 import time
@@ -15,38 +16,45 @@ from tests.testbed.inside import inside, wait_until
 from tests.testbed.labs import NOBODY
 from tests.testbed.shaper_process import ShaperProcess
 from tests.web.conftest import CHROMIUM_ARGS, DESKTOP, PATIENCE, STATIC
+from tests.web.modes import wait_for_dash
 from tests.web.scenes import write_scenes
 from tests.web.stage import SCENE, frames, wait_for_frames
 from tigas_common.processes import STOP_S, end
-from tigas_common.topology import PAGE, PAGE_ORIGINS
+from tigas_common.topology import DASH, PAGE, PAGE_ORIGINS, SERVICES_VARIABLE, Port, page_services
 from tigas_common.wire.shaper import LinkSetting
 from tigas_shaper.traces.trace import NetworkTrace
 from tigas_testbed.namespaces import Lab
-from tigas_testbed.services import Runner, render_command
+from tigas_testbed.services import Runner, dash_command, render_command
 
 OUTAGE_S = 5
+DELAY_MS = 60
 
 
 @pytest.fixture
 def render(lab: Lab, tmp_path: Path) -> Iterator[None]:
-    """The render service in its namespace."""
+    """The render service and the packager in their namespace."""
     if not STATIC.exists():
         pytest.skip("the web client is not built: cd web && npm ci && npm run build")
     write_scenes(tmp_path)
     tmp_path.chmod(0o755)  # the service's user is another one
     runner = Runner(lab, NOBODY, [tmp_path])
-    process = runner.start(runner.service(render_command(tmp_path)))
+    services = {SERVICES_VARIABLE: page_services(shaped=True)}
+    started = (
+        runner.start(runner.service(render_command(tmp_path)), services),
+        runner.start(runner.service(dash_command())),
+    )
     try:
-        wait_until(lambda: listens(lab), 90)
+        wait_until(lambda: listens(lab, PAGE) and listens(lab, DASH), 90)
         yield
     finally:
-        end(process, STOP_S)
+        for process in started:
+            end(process, STOP_S)
 
 
-def listens(lab: Lab) -> bool:
-    """Whether the page can be had."""
+def listens(lab: Lab, port: Port) -> bool:
+    """Whether a client reaches a service."""
     with inside(lab, "client"), socket.socket() as probe:
-        return probe.connect_ex(("127.0.0.1", PAGE.number)) == 0
+        return probe.connect_ex(("127.0.0.1", port.number)) == 0
 
 
 @pytest.fixture
@@ -84,3 +92,23 @@ def test_the_page_crosses_the_link_and_survives_an_outage(link: ShaperProcess, p
     print(f"10 frames {time.monotonic() - start - OUTAGE_S:.1f} s after the outage")
     expect(page.locator(".stage")).to_have_attribute("data-transport", "webtransport-streams", timeout=PATIENCE)
     page.keyboard.up("ArrowRight")
+
+
+@pytest.mark.slow
+def test_webrtc_crosses_the_link_on_its_one_port(link: ShaperProcess, page: Page) -> None:
+    pytest.importorskip("aiortc")
+    link.post("/link", down_kbps=5_000, up_kbps=5_000, delay_ms=DELAY_MS)
+    page.goto(f"{PAGE_ORIGINS[0]}/{SCENE}")
+    page.wait_for_function("() => globalThis.tigas !== undefined")
+    plain = "mode: 'webrtc', webrtcStream: 'vp8-30', reprojection: false, prediction: 'off'"
+    page.evaluate(f"tigas.settings({{ {plain} }})")
+    wait_for_dash(page, at_least=5)
+    page.wait_for_function("() => tigas.state().ready")
+    points = [
+        {"t_ms": t, "position": [0, 0, 0], "quaternion": [0, math.sin(t / 2000), 0, math.cos(t / 2000)]}
+        for t in range(0, 1001, 100)
+    ]
+    run = page.evaluate("plan => tigas.run(plan)", {"points": points, "duration_ms": 1000, "capture_every_ms": 0})
+    latencies = [latency for frame in run["frames"] for latency in frame["latencies"]]
+    assert len(latencies) > 5
+    assert min(latencies) > 2 * DELAY_MS, "it did not cross the link"

@@ -14,6 +14,7 @@ from contextlib import contextmanager
 from tigas_cluster.own_ray import OwnRay
 from tigas_common.address import Address
 from tigas_common.errors import StartError
+from tigas_common.extras import install_command
 from tigas_common.hosts import host_of
 
 ADDRESS = "RAY_ADDRESS"
@@ -28,7 +29,7 @@ NAMESPACE = "tigas"
 def check_ray() -> None:
     """Raises StartError where Ray is not installed."""
     if importlib.util.find_spec("ray") is None:
-        raise StartError("A cluster needs Ray, which is not installed: pip install 'tigas[cluster]'")
+        raise StartError(f"A cluster needs Ray, which is not installed: {install_command('cluster')}")
 
 
 def named_cluster() -> str | None:

@@ -35,6 +35,8 @@ WEBTRANSPORT = Port("udp", 4433)
 """The render service's HTTP/3."""
 DASH = Port("tcp", 8081)
 """The packager's streams and API."""
+WEBRTC = Port("udp", DASH.number)
+"""The packager's streams over WebRTC."""
 SHAPER = Port("tcp", 8090)
 """The shaper's API."""
 STORE = Port("tcp", 8091)

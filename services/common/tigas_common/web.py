@@ -5,8 +5,9 @@ from __future__ import annotations
 import asyncio
 import logging
 import math
-from collections.abc import Iterable, Mapping
-from typing import Any
+from collections.abc import Awaitable, Callable, Iterable, Mapping
+from functools import wraps
+from typing import Any, Generic, TypeAlias, TypeVar
 
 from pydantic import BaseModel
 from starlette.exceptions import HTTPException
@@ -28,10 +29,28 @@ BODY_BYTES_PER_S = 500.0
 NO_STORE = {"Cache-Control": "no-store"}
 """The header of an answer that nobody keeps."""
 
+Model = TypeVar("Model", bound=BaseModel)
+Given = TypeVar("Given")
+Answer = TypeVar("Answer", bound=Response)
+Endpoint: TypeAlias = "Callable[[Request], Awaitable[Answer]]"
+BodyEndpoint: TypeAlias = "Callable[[Request, Body[Message]], Awaitable[Answer]]"
 
-def json_response(model: BaseModel) -> Response:
-    """A model as JSON that nobody keeps."""
-    return Response(model.model_dump_json(), media_type="application/json", headers=NO_STORE)
+
+class ModelResponse(Response, Generic[Given]):
+    """A model, or a list of one, as JSON that nobody keeps; its type says which, for whoever describes the service."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__(text, media_type="application/json", headers=NO_STORE)
+
+
+def json_response(model: Model) -> ModelResponse[Model]:
+    """A model as JSON."""
+    return ModelResponse(model.model_dump_json())
+
+
+def list_response(models: Iterable[Model]) -> ModelResponse[list[Model]]:
+    """Models as JSON."""
+    return ModelResponse(f"[{','.join(model.model_dump_json() for model in models)}]")
 
 
 def has_already(request: Request, tag: str) -> bool:
@@ -40,7 +59,7 @@ def has_already(request: Request, tag: str) -> bool:
     return tag in known
 
 
-def created_response(model: BaseModel, location: str) -> Response:
+def created_response(model: Model, location: str) -> ModelResponse[Model]:
     """What was made, and the path that it is at."""
     answer = json_response(model)
     answer.status_code = 201
@@ -77,9 +96,34 @@ async def read_body(request: Request, limit: int) -> bytes:
     return bytes(body)
 
 
-async def read_message(request: Request, kind: type[Message]) -> Message:
+async def read_message(request: Request, kind: type[Message], limit: int = MAX_BODY) -> Message:
     """The request's body as a wire type. Raises as `read_body` and `parse` do."""
-    return parse(kind, await read_body(request, MAX_BODY))
+    return parse(kind, await read_body(request, limit), limit)
+
+
+class Body(Generic[Message]):
+    """A request's body that is to be a message."""
+
+    def __init__(self, request: Request, kind: type[Message], limit: int) -> None:
+        self._request, self._kind, self._limit = request, kind, limit
+
+    async def read(self) -> Message:
+        """The message. Raises as `read_message`."""
+        return await read_message(self._request, self._kind, self._limit)
+
+
+def takes(kind: type[Message], limit: int = MAX_BODY) -> Callable[[BodyEndpoint[Message, Answer]], Endpoint[Answer]]:
+    """For an endpoint that also takes a body of this kind, of at most `limit` bytes, which it reads when it will."""
+
+    def taking(endpoint: BodyEndpoint[Message, Answer]) -> Endpoint[Answer]:
+        @wraps(endpoint)
+        async def taker(request: Request) -> Answer:
+            return await endpoint(request, Body(request, kind, limit))
+
+        taker.taken = kind  # type: ignore[attr-defined]
+        return taker
+
+    return taking
 
 
 async def healthz(request: Request) -> Response:

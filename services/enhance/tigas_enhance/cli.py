@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 enhance = typer.Typer(help="Train the networks that enhance a scene's low rungs, and test them.", no_args_is_help=True)
 
-Scenes = Annotated[Path | None, typer.Option(help="Models directory, one folder per scene.")]
+Scenes = Annotated[Path | None, typer.Option(help="Models directory.")]
 Render = Annotated[
     str | None, typer.Option(metavar="URL", help="A running render service.", show_default="one is started")
 ]

@@ -10,22 +10,26 @@ from urllib.parse import urlsplit
 from prometheus_client import CONTENT_TYPE_LATEST, generate_latest
 from starlette.applications import Starlette
 from starlette.requests import Request
-from starlette.responses import JSONResponse, Response
+from starlette.responses import Response
 from starlette.routing import Route
-from starlette.staticfiles import StaticFiles
 from starlette.types import ASGIApp, Scope
 
 from tigas_common.errors import problem
+from tigas_common.openapi import openapi
 from tigas_common.origins import OriginCheck
 from tigas_common.web import (
     EXCEPTION_HANDLERS,
+    ModelResponse,
     has_already,
     healthy,
     json_response,
+    list_response,
     page_policy,
     problem_response,
 )
-from tigas_common.wire.render import ServerConfig
+from tigas_common.wire.cluster import HostLoad
+from tigas_common.wire.render import SceneInfo, ServerConfig, Training
+from tigas_render.compressed_files import CompressedFiles
 from tigas_render.frame_route import FRAMES, HttpFrames
 from tigas_render.service import RenderService
 
@@ -37,6 +41,7 @@ def create_app(service: RenderService) -> ASGIApp:
     """The application over a running service, which is its caller's to open and close."""
     app = Starlette(
         routes=[
+            openapi("Render service"),
             FRAMES,
             Route("/scenes", scenes),
             Route("/scenes/{id}", scene),
@@ -64,27 +69,27 @@ def create_app(service: RenderService) -> ASGIApp:
     return OriginCheck(app, service.origins)
 
 
-async def scenes(request: Request) -> Response:
+async def scenes(request: Request) -> ModelResponse[list[SceneInfo]]:
     """All scenes; `?scan=1` looks at the models directory again first."""
     service = _service(request)
     if request.query_params.get("scan"):
         await service.registry.scan()
-    return JSONResponse([info.model_dump() for info in await service.infos()])
+    return list_response(await service.infos())
 
 
-async def scene(request: Request) -> Response:
+async def scene(request: Request) -> ModelResponse[SceneInfo]:
     """One scene."""
     return json_response(await _service(request).info(request.path_params["id"]))
 
 
-async def load(request: Request) -> Response:
+async def load(request: Request) -> ModelResponse[SceneInfo]:
     """Load a scene and wait until it is loaded."""
     service, id = _service(request), request.path_params["id"]
     await service.load(id)
     return json_response(await service.info(id))
 
 
-async def unload(request: Request) -> Response:
+async def unload(request: Request) -> ModelResponse[SceneInfo]:
     """Unload a scene that nobody views."""
     service, id = _service(request), request.path_params["id"]
     service.registry.unload(id)
@@ -105,19 +110,19 @@ async def download(request: Request) -> Response:
     return service.readers.answer(request, source, made)
 
 
-async def training(request: Request) -> Response:
+async def training(request: Request) -> ModelResponse[Training]:
     """How far the training of a scene's networks is."""
     return json_response(await _service(request).training(request.path_params["id"]))
 
 
-async def train(request: Request) -> Response:
+async def train(request: Request) -> ModelResponse[Training]:
     """Start to train a scene's networks."""
     answer = json_response(_service(request).train(request.path_params["id"]))
     answer.status_code = 202
     return answer
 
 
-async def stop_training(request: Request) -> Response:
+async def stop_training(request: Request) -> ModelResponse[Training]:
     """Stop it; the scene keeps the networks that it had."""
     service, id = _service(request), request.path_params["id"]
     service.registry.source(id)
@@ -137,12 +142,12 @@ async def general_weights(request: Request) -> Response:
     return _tagged(request, await asyncio.to_thread(_service(request).shelf.general))
 
 
-async def config(request: Request) -> Response:
+async def config(request: Request) -> ModelResponse[ServerConfig]:
     """What the page needs to know, fitted to the address that it was opened under."""
     return json_response(_config(request))
 
 
-async def own_load(request: Request) -> Response:
+async def own_load(request: Request) -> ModelResponse[HostLoad]:
     """How busy the service is, for whoever decides where viewers go."""
     return json_response(_service(request).host_load(request.url.hostname or "localhost"))
 
@@ -160,7 +165,7 @@ async def metrics(request: Request) -> Response:
     return Response(generate_latest(_service(request).metrics.registry), media_type=CONTENT_TYPE_LATEST)
 
 
-class _Client(StaticFiles):
+class _Client(CompressedFiles):
     """The web client: hashed assets are cached for good, the page itself is asked for anew."""
 
     async def get_response(self, path: str, scope: Scope) -> Response:

@@ -21,9 +21,11 @@ if TYPE_CHECKING:
 
 scene = typer.Typer(help="Inspect, generate and preview scene files.", no_args_is_help=True)
 
+_SCENE = typer.Argument(metavar="SCENE", help="A scene's file (PLY, compressed PLY, SOG, SPZ, .splat), or its folder.")
+
 
 def render(
-    scenes: Annotated[Path | None, typer.Option(help="Models directory, one folder per scene.")] = None,
+    scenes: Annotated[Path | None, typer.Option(help="Models directory: a folder or a file per scene.")] = None,
     lan: Annotated[
         bool | None,
         typer.Option("--lan", help="Serve other devices on the network, too, over HTTPS as well.", show_default="off"),
@@ -113,21 +115,24 @@ def render(
 
 
 @scene.command("info")
-def info(ply: Annotated[Path, typer.Argument(help="An INRIA 3DGS PLY.")]) -> None:
-    """Print what a scene file contains."""
+def info(path: Annotated[Path, _SCENE]) -> None:
+    """Print what a scene's file contains."""
     from rich.table import Table
 
+    from tigas_render.scenes.directory import scene_file
     from tigas_render.scenes.metadata import DEFAULT_UP
-    from tigas_render.scenes.ply import load_ply
     from tigas_render.scenes.start_camera import derive_camera
 
     with in_a_sentence(TigasError, OSError):
-        gaussians = load_ply(ply)
+        file = scene_file(path)
+        gaussians = file.load()
     camera = derive_camera(gaussians.means, gaussians.opacities, gaussians.scales, DEFAULT_UP)
     low, high = gaussians.means.amin(0).tolist(), gaussians.means.amax(0).tolist()
     table = Table(show_header=False, box=None)
+    table.add_row("format", f"{file.format}, {file.file_bytes / 1e6:.1f} MB")
     table.add_row("Gaussians", f"{len(gaussians):,}")
     table.add_row("SH degree", str(gaussians.sh_degree))
+    table.add_row("trained", "antialiased" if gaussians.antialiased else "as 3DGS")
     table.add_row("memory", f"{gaussians.nbytes / 1e6:.1f} MB")
     for axis, start, end in zip("xyz", low, high, strict=True):
         table.add_row(axis, f"{start:.3f} … {end:.3f}")
@@ -135,6 +140,21 @@ def info(ply: Annotated[Path, typer.Argument(help="An INRIA 3DGS PLY.")]) -> Non
     table.add_row("median scale", f"{gaussians.scales.median():.4g}")
     table.add_row("start camera", _point(camera.position) + " → " + _point(camera.look_at))
     make_console().print(table)
+
+
+@scene.command("add")
+def add(
+    source: Annotated[str, typer.Argument(metavar="FILE|URL", help="A scene's file or folder, or its address.")],
+    scenes: Annotated[Path, typer.Option(help="Models directory.")] = Path("models"),
+    id: Annotated[str | None, typer.Option(help="What the scene is called.", show_default="the file's name")] = None,
+) -> None:
+    """Check a scene, and put it into the models directory."""
+    from tigas_render.scenes.adding import add_scene
+
+    with in_a_sentence(TigasError, OSError), _bar(f"fetching {source}") as listener:
+        id, file = add_scene(source, scenes, id, listener)
+    what = f"{file.format}, {file.count:,} Gaussians, SH degree {file.sh_degree}, {file.file_bytes / 1e6:.1f} MB"
+    print(f"{file.files[0]}: {what}. A running service offers it as {id} once it has looked for new scenes.")
 
 
 @scene.command("synth")
@@ -151,7 +171,7 @@ def synth(ply: Annotated[Path, typer.Argument(help="Output file.")]) -> None:
 
 @scene.command("preview")
 def preview(
-    ply: Annotated[Path, typer.Argument(help="An INRIA 3DGS PLY.")],
+    path: Annotated[Path, _SCENE],
     image: Annotated[Path, typer.Argument(help="Output image: .jpg or .png.")],
     width: Annotated[int, typer.Option(min=1, max=8192)] = 640,
     height: Annotated[int, typer.Option(min=1, max=8192)] = 360,
@@ -159,12 +179,12 @@ def preview(
     """Render a scene from its start camera."""
     from tigas_render.preview import preview_camera
     from tigas_render.raster.devices import create_rasterizer
+    from tigas_render.scenes.directory import scene_file
     from tigas_render.scenes.metadata import DEFAULT_UP
-    from tigas_render.scenes.ply import load_ply
     from tigas_render.scenes.start_camera import derive_camera
 
     with in_a_sentence(TigasError, OSError):
-        gaussians = load_ply(ply)
+        gaussians = scene_file(path).load()
         start = derive_camera(gaussians.means, gaussians.opacities, gaussians.scales, DEFAULT_UP)
         rasterizer = create_rasterizer("auto")
         camera = preview_camera(start, DEFAULT_UP, width, height)

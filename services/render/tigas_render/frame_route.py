@@ -14,7 +14,7 @@ from starlette.routing import Route
 
 from tigas_common.errors import InvalidRequest
 from tigas_common.peers import ARRIVED, client_network
-from tigas_common.web import EXCEPTION_HANDLERS, NO_STORE, read_message
+from tigas_common.web import EXCEPTION_HANDLERS, NO_STORE, Body, takes
 from tigas_common.wire.render import RenderRequest
 from tigas_render.frame import Client, Frame, FrameSource
 from tigas_render.frame_response import FrameResponse, Lending
@@ -45,14 +45,15 @@ def frames_app(frames: HttpFrames) -> Starlette:
     return app
 
 
-async def render(request: Request) -> Response:
+@takes(RenderRequest)
+async def render(request: Request, body: Body[RenderRequest]) -> Response:
     """One frame."""
     began = time.monotonic()
     frames: HttpFrames = request.app.state.frames
     client = _client(request)
     frames.viewers.check(client.address, _viewer(request))
     frames.rate.check(client)
-    render_request = await read_message(request, RenderRequest)
+    render_request = await body.read()
     if render_request.video is not None:
         raise InvalidRequest("format: h264 needs a WebTransport session, as a video's frames refer to each other.")
     arrived = getattr(request.state, ARRIVED, began)

@@ -131,9 +131,7 @@ def announcement(service: RenderService, http_port: int, devices: Sequence[str])
     lines.append(f"{usable} {'scene' if usable == 1 else 'scenes'} ready on {', '.join(devices)}.")
     if service.settings.scenes is not None and len(scenes) == 1:
         folder = service.settings.scenes
-        lines.append(
-            f"{folder} has no scenes yet: put each model in a folder of its own, such as {folder}/garden/garden.ply."
-        )
+        lines.append(f"{folder} has no scenes yet: put a .ply, .sog, .spz or .splat there, or use `tigas scene add`.")
     if not STATIC.is_dir():
         lines.append("Only the API is available, because the page is not built: run `npm ci && npm run build` in web/.")
     if service.https_port:

@@ -47,7 +47,7 @@ class RenderSettings(ServiceSettings):
     table: ClassVar[str] = "render"
 
     scenes: Path | None = None
-    """The models directory, one folder per scene."""
+    """The models directory."""
     lan: bool = False
     """Whether other devices on the network are served, too, where the addresses below are left as they are."""
     http: Listen = Field(default_factory=lambda given: PAGE.everywhere if given["lan"] else PAGE.loopback)

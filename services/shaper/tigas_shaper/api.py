@@ -16,9 +16,21 @@ from starlette.routing import Route
 from starlette.types import ASGIApp, Receive, Scope, Send
 
 from tigas_common.errors import Overloaded
+from tigas_common.front_door import front_door
+from tigas_common.openapi import openapi
 from tigas_common.origins import OriginCheck, OriginPolicy
-from tigas_common.web import EXCEPTION_HANDLERS, NO_STORE, healthy, json_response, read_body, read_message
-from tigas_common.wire.shaper import MAX_UPLOAD_BYTES, LinkSetting, LoopRequest, SeekRequest, StartRequest, TraceList
+from tigas_common.web import EXCEPTION_HANDLERS, NO_STORE, Body, ModelResponse, healthy, json_response, read_body, takes
+from tigas_common.wire.shaper import (
+    MAX_UPLOAD_BYTES,
+    LinkSetting,
+    LoopRequest,
+    SeekRequest,
+    ShaperStatus,
+    StartRequest,
+    TraceList,
+    TracePoints,
+    TraceSummary,
+)
 from tigas_shaper.errors import LinkClosed
 from tigas_shaper.service import Shaper
 from tigas_shaper.traces.library import points, summary
@@ -32,6 +44,8 @@ def create_app(shaper: Shaper, policy: OriginPolicy) -> ASGIApp:
     """The application over a running shaper, which is its caller's to open and close."""
     app = Starlette(
         routes=[
+            front_door("Network shaper"),
+            openapi("Network shaper"),
             Route("/traces", traces),
             Route("/traces", upload, methods=["POST"]),
             Route("/traces/{name}", trace),
@@ -55,12 +69,12 @@ def create_app(shaper: Shaper, policy: OriginPolicy) -> ASGIApp:
     return OriginCheck(app, policy)
 
 
-async def traces(request: Request) -> Response:
+async def traces(request: Request) -> ModelResponse[TraceList]:
     """All traces, with summaries."""
     return json_response(TraceList(traces=tuple(await asyncio.to_thread(_shaper(request).library.summaries))))
 
 
-async def upload(request: Request) -> Response:
+async def upload(request: Request) -> ModelResponse[TraceSummary]:
     """Keep a trace in any format that can be imported; `?name=` is the file's name."""
     state = request.app.state
     if state.uploading >= MAX_UPLOADING:
@@ -76,15 +90,16 @@ async def upload(request: Request) -> Response:
     return json_response(summary(added, uploaded=True))
 
 
-async def trace(request: Request) -> Response:
+async def trace(request: Request) -> ModelResponse[TracePoints]:
     """A trace to be drawn."""
     found = await asyncio.to_thread(_shaper(request).library.get, request.path_params["name"])
     return json_response(await asyncio.to_thread(points, found))
 
 
-async def start(request: Request) -> Response:
+@takes(StartRequest)
+async def start(request: Request, body: Body[StartRequest]) -> ModelResponse[ShaperStatus]:
     """Play a trace."""
-    wanted = await read_message(request, StartRequest)
+    wanted = await body.read()
     found = await asyncio.to_thread(_shaper(request).library.get, wanted.trace)
     if wanted.delay_ms is not None:
         found = await asyncio.to_thread(found.with_delay, wanted.delay_ms)
@@ -92,43 +107,46 @@ async def start(request: Request) -> Response:
     return _status(request)
 
 
-async def stop(request: Request) -> Response:
+async def stop(request: Request) -> ModelResponse[ShaperStatus]:
     """Go back to the constant rate of the settings."""
     _shaper(request).player.stop()
     return _status(request)
 
 
-async def pause(request: Request) -> Response:
+async def pause(request: Request) -> ModelResponse[ShaperStatus]:
     """Hold the state in force."""
     _shaper(request).player.pause()
     return _status(request)
 
 
-async def resume(request: Request) -> Response:
+async def resume(request: Request) -> ModelResponse[ShaperStatus]:
     """Play on."""
     _shaper(request).player.resume()
     return _status(request)
 
 
-async def seek(request: Request) -> Response:
+@takes(SeekRequest)
+async def seek(request: Request, body: Body[SeekRequest]) -> ModelResponse[ShaperStatus]:
     """Go to a position."""
-    _shaper(request).player.seek((await read_message(request, SeekRequest)).position_ms)
+    _shaper(request).player.seek((await body.read()).position_ms)
     return _status(request)
 
 
-async def loop(request: Request) -> Response:
+@takes(LoopRequest)
+async def loop(request: Request, body: Body[LoopRequest]) -> ModelResponse[ShaperStatus]:
     """Start again at the end, or not."""
-    _shaper(request).player.set_loop((await read_message(request, LoopRequest)).loop)
+    _shaper(request).player.set_loop((await body.read()).loop)
     return _status(request)
 
 
-async def link(request: Request) -> Response:
+@takes(LinkSetting)
+async def link(request: Request, body: Body[LinkSetting]) -> ModelResponse[ShaperStatus]:
     """Keep one state."""
-    _shaper(request).player.constant(await read_message(request, LinkSetting))
+    _shaper(request).player.constant(await body.read())
     return _status(request)
 
 
-async def status(request: Request) -> Response:
+async def status(request: Request) -> ModelResponse[ShaperStatus]:
     """The link now."""
     return _status(request)
 
@@ -170,5 +188,5 @@ def _shaper(request: Request) -> Shaper:
     return shaper
 
 
-def _status(request: Request) -> Response:
+def _status(request: Request) -> ModelResponse[ShaperStatus]:
     return json_response(_shaper(request).status())

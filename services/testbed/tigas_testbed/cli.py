@@ -14,13 +14,14 @@ import typer
 
 from tigas_common.cli import in_a_sentence
 from tigas_common.errors import StartError
+from tigas_common.extras import require
 
 lab = typer.Typer(help="Run everything on this machine in network namespaces, without Docker.", no_args_is_help=True)
 
 
 @lab.command("up")
 def up(
-    scenes: Annotated[Path | None, typer.Option(help="Models directory, one folder per scene.")] = None,
+    scenes: Annotated[Path | None, typer.Option(help="Models directory.")] = None,
     traces: Annotated[Path | None, typer.Option(help="Directory of network traces.")] = None,
     trace: Annotated[str | None, typer.Option(help="Trace to play at start-up.")] = None,
     ladder: Annotated[
@@ -35,6 +36,7 @@ def up(
 
     stop = _told_to_stop()
     with in_a_sentence(StartError, subprocess.CalledProcessError):
+        require("dash", "render", "shaper", "store")
         run_lab(scenes=scenes, traces=traces, trace=trace, ladder=ladder, stop=stop)
 
 
@@ -89,6 +91,7 @@ def demo(
 
     stop = _told_to_stop()
     with in_a_sentence(StartError):
+        require("dash", "render", "store")
         run_demo(render_options or (), stop)
 
 

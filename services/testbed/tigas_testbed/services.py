@@ -17,13 +17,13 @@ from tigas_common.address import ISOLATED
 from tigas_common.commit import VARIABLE, this_commit
 from tigas_common.processes import Service, keep_running, tigas
 from tigas_common.settings import ServiceSettings, load_settings
-from tigas_common.topology import DASH, PAGE, SERVICES_VARIABLE, SHAPER, STORE, WEBTRANSPORT, page_services
+from tigas_common.topology import DASH, PAGE, SERVICES_VARIABLE, SHAPER, STORE, WEBRTC, WEBTRANSPORT, page_services
 from tigas_testbed.namespaces import SERVICE_ADDRESS, Lab, check_rights
 from tigas_testbed.reach import own_code, reaching
 from tigas_testbed.user import User
 
 NAME = "lab"
-FORWARDED = (PAGE, WEBTRANSPORT, DASH, STORE)
+FORWARDED = (PAGE, WEBTRANSPORT, DASH, WEBRTC, STORE)
 """The ports of the services, which the gateway forwards."""
 PORTS = (*FORWARDED, SHAPER)
 """All that a client reaches at the gateway."""

@@ -11,7 +11,7 @@ from tigas_render.settings import RenderSettings
 
 @pytest.mark.parametrize(
     ("cores", "gpus", "edges"),
-    [(2, 1, 1), (7, 1, 1), (8, 1, 2), (16, 1, 4), (128, 1, 8), (128, 2, 16), (32, 2, 8), (16, 0, 1)],
+    [(2, 1, 1), (7, 1, 1), (8, 1, 3), (16, 1, 6), (128, 1, 8), (128, 2, 16), (32, 2, 12), (16, 0, 1)],
 )
 def test_several_edges_are_for_machines_with_a_gpu_and_cores_to_spare(cores: int, gpus: int, edges: int) -> None:
     assert suitable(cores, gpus > 0, max(1, gpus)) == edges

@@ -169,6 +169,7 @@ async def test_a_popular_scene_gets_both_devices(fleet: Fleet) -> None:
         assert [viewer.connections for viewer in viewers] == [1] * len(viewers)
 
 
+@pytest.mark.slow
 def test_a_device_that_cannot_be_used_is_named_and_the_others_serve() -> None:
     with nothing_left(), serving(edges=1, device="instant,cuda:99") as fleet:
         assert httpx.get(f"{fleet.url}/healthz").status_code == 200

@@ -20,7 +20,10 @@ STARTS = 20
 
 
 @pytest.mark.anyio
-@pytest.mark.parametrize(("number", "device"), [(signal.SIGTERM, "instant"), (signal.SIGINT, "instant,instant")])
+@pytest.mark.parametrize(
+    ("number", "device"),
+    [pytest.param(signal.SIGTERM, "instant", marks=pytest.mark.slow), (signal.SIGINT, "instant,instant")],
+)
 async def test_all_ends_within_two_seconds_while_it_is_viewed(number: signal.Signals, device: str) -> None:
     with nothing_left(), serving(edges=2, device=device) as fleet:
         viewer = Viewer(fleet)

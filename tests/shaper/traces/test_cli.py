@@ -28,8 +28,8 @@ def run(*arguments: str | Path) -> Result:
 
 
 def test_tigas_finds_the_commands() -> None:
-    points = {point.name: point.value for point in entry_points(group="tigas.commands")}
-    assert points["trace"] == "tigas_shaper.traces.cli:trace"
+    points = {point.name: point for point in entry_points(group="tigas.commands")}
+    assert points["trace"].load() is trace
 
 
 def test_import_writes_our_csv_and_combines_two_directions(tmp_path: Path) -> None:
@@ -38,6 +38,13 @@ def test_import_writes_our_csv_and_combines_two_directions(tmp_path: Path) -> No
     up.write_text("1000\n")
     assert run("import", down, out, "--up", up).exit_code == 0
     assert [(state.down_kbps, state.up_kbps) for state in load_trace(out).states] == [(5000, 1000), (4000, 1000)]
+
+
+def test_import_adds_losses_where_a_recording_has_none(tmp_path: Path) -> None:
+    recording, out = tmp_path / "x.txt", tmp_path / "x.csv"
+    recording.write_text("5000\n4000\n")
+    assert run("import", recording, out, "--loss-pct", "1").exit_code == 0
+    assert [(state.down_kbps, state.loss_pct) for state in load_trace(out).states] == [(5000, 1), (4000, 1)]
 
 
 def test_import_does_not_replace_a_file_unless_told_to(tmp_path: Path) -> None:

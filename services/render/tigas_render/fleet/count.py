@@ -25,8 +25,8 @@ def edges_for(settings: RenderSettings, devices: int) -> int:
 
 
 def suitable(cores: int, gpu: bool, devices: int) -> int:
-    """A quarter of the cores: more of them take time from the renderer, whose threads are the limit (docs/load.md)."""
-    return min(cores // 4, MAX_AUTO * devices) if gpu and cores >= MIN_CORES else 1
+    """Three eighths of the cores: the engine's event loop and its lanes need two or three of 16 (docs/load.md)."""
+    return min(cores * 3 // 8, MAX_AUTO * devices) if gpu and cores >= MIN_CORES else 1
 
 
 def _has_gpu(device: str) -> bool:

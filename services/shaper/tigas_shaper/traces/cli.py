@@ -38,6 +38,10 @@ def import_(
         Path | None, typer.Option(help="A recording of the other direction, such as Mahimahi's .up file.")
     ] = None,
     up_kbps: UpKbps = DEFAULT_UP_KBPS,
+    loss_pct: Annotated[
+        float | None,
+        typer.Option(min=0, max=100, help="Packets lost at random, in per cent.", show_default="the recording's own"),
+    ] = None,
     format: Format = None,
     force: Annotated[bool, typer.Option("--force", help="Overwrite an existing file.")] = False,
 ) -> None:
@@ -48,6 +52,8 @@ def import_(
         loaded = _load(recording, up_kbps, format)
         if up:
             loaded = combine(loaded, _load(up, up_kbps, format))
+        if loss_pct is not None:
+            loaded = loaded.with_loss(loss_pct)
         target = csv or Path(f"{loaded.name}.csv")
         try:
             with target.open("w" if force else "x", encoding="utf-8", newline="\n") as out:
@@ -113,10 +119,7 @@ def plot(
         if picture.suffix.lower() not in (".png", ".svg", ".pdf"):
             raise TigasError(f"{picture}: the file name must end in .png, .svg or .pdf.")
         loaded = _load(recording, up_kbps, format)
-        try:
-            plot_trace(loaded, picture)
-        except ModuleNotFoundError:
-            raise TigasError("Plotting needs matplotlib: pip install 'tigas[traces]'.") from None
+        plot_trace(loaded, picture)
     print(picture)
 
 

@@ -67,6 +67,10 @@ class NetworkTrace:
         """The same rates and losses at one constant delay (one way, ms), without jitter. Raises ValueError."""
         return replace(self, states=tuple(replace(state, delay_ms=delay_ms, jitter_ms=0.0) for state in self.states))
 
+    def with_loss(self, loss_pct: float) -> NetworkTrace:
+        """The same rates and delays, at one constant loss. Raises ValueError."""
+        return replace(self, states=tuple(replace(state, loss_pct=loss_pct) for state in self.states))
+
     @property
     def down_kbps(self) -> tuple[float, ...]:
         """The rate towards the client, one a time."""

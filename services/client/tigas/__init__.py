@@ -1,0 +1,13 @@
+"""A client of TIGAS's render service: a pose in, a picture out (docs/client.md).
+
+with tigas.Client("http://localhost:8080") as client:
+    client.render(client.start_pose()).save("view.png")
+"""
+
+from tigas.async_client import AsyncClient
+from tigas.client import Client
+from tigas.errors import ClientError, Refused, Unreachable
+from tigas.frame import Frame, View
+from tigas_common.pose import Intrinsics, Pose
+
+__all__ = ["AsyncClient", "Client", "ClientError", "Frame", "Intrinsics", "Pose", "Refused", "Unreachable", "View"]

@@ -1,0 +1,67 @@
+"""What `pip install tigas` alone leaves out: the extras' packages, and the command that installs them."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Sequence
+from importlib.metadata import PackageNotFoundError, distribution
+from pathlib import Path
+from typing import Any
+from urllib.parse import unquote, urlsplit
+
+from tigas_common.errors import StartError
+
+PROJECT = "tigas"
+REQUIREMENT = re.compile(r"""(?P<name>[\w.-]+)[^;]*; extra == ['"](?P<extra>[\w-]+)['"]""")
+"""One that an extra has on every platform, as wheels write it."""
+
+
+def install_command(*extras: str) -> str:
+    """The command that adds extras to this installation, from where it came from: a checkout, a wheel or an index."""
+    named = f"{PROJECT}[{','.join(extras)}]"
+    origin = _origin()
+    url = origin.get("url", "")
+    if not url or (url.startswith("file:") and not _path(url).exists()):
+        return f"pip install '{named}'"
+    if origin.get("dir_info", {}).get("editable"):
+        return f"pip install -e '{_path(url)}{named.removeprefix(PROJECT)}'"
+    if vcs := origin.get("vcs_info"):
+        url = f"{vcs['vcs']}+{url}@{vcs['commit_id']}"
+    return f"pip install '{named} @ {url}'"
+
+
+def require(*extras: str) -> None:
+    """Raises StartError, which says what to install, if a package of these extras is missing."""
+    required = filter(None, map(REQUIREMENT.fullmatch, distribution(PROJECT).requires or ()))
+    missing = sorted({each["name"] for each in required if each["extra"] in extras and not _is_installed(each["name"])})
+    if missing:
+        named = ", ".join(missing[:3]) + (f" and {len(missing) - 3} more" if missing[3:] else "")
+        are = "is" if len(missing) == 1 else "are"
+        raise StartError(f"{named} {are} not installed: {install_command(*extras)}")
+
+
+def explained(error: ModuleNotFoundError, extras: Sequence[str]) -> StartError | None:
+    """What to install so that a command with these extras finds its modules; None if that would not help."""
+    module = (error.name or "").partition(".")[0]
+    if not module or module.startswith(PROJECT) or not extras:
+        return None
+    return StartError(f"{module} is not installed: {install_command(*extras)}")
+
+
+def _is_installed(name: str) -> bool:
+    try:
+        distribution(name)
+    except PackageNotFoundError:
+        return False
+    return True
+
+
+def _origin() -> dict[str, Any]:
+    """Where this installation came from (PEP 610); empty for an index."""
+    origin: dict[str, Any] = json.loads(distribution(PROJECT).read_text("direct_url.json") or "{}")
+    return origin
+
+
+def _path(url: str) -> Path:
+    return Path(unquote(urlsplit(url).path))

@@ -1,0 +1,28 @@
+"""What a service without a page says at `/`, to somebody who opens the address that it printed: its routes."""
+
+from __future__ import annotations
+
+import inspect
+from importlib.metadata import version
+
+from starlette.requests import Request
+from starlette.responses import PlainTextResponse, Response
+from starlette.routing import Route
+
+from tigas_common.web import NO_STORE
+
+
+def front_door(name: str) -> Route:
+    """The route that tells of the others, each with the first line of its docstring."""
+
+    async def listing(request: Request) -> Response:
+        """What can be asked of this service."""
+        lines = [f"{name}, TIGAS {version('tigas')}", ""]
+        for route in request.app.routes:
+            if isinstance(route, Route) and route.path != "/":
+                methods = "/".join(sorted((route.methods or set()) - {"HEAD"}))
+                summary = (inspect.getdoc(route.endpoint) or "").partition("\n")[0]
+                lines.append(f"{methods:7}{route.path_format}\n       {summary}")
+        return PlainTextResponse("\n".join(lines) + "\n", headers=NO_STORE)
+
+    return Route("/", listing)

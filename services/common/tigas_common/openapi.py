@@ -1,0 +1,106 @@
+"""`/openapi.json`: what a service answers (OpenAPI 3.1), as its routes, their docstrings and their types have it."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Iterable, Iterator
+from importlib.metadata import version
+from typing import Any, Literal, get_args, get_origin, get_type_hints
+
+from pydantic import BaseModel
+from pydantic.json_schema import models_json_schema
+from starlette.requests import Request
+from starlette.responses import JSONResponse, Response
+from starlette.routing import BaseRoute, Route
+
+from tigas_common.web import NO_STORE, ModelResponse
+from tigas_common.wire.render import Problem
+
+PATH = "/openapi.json"
+REFERENCE = "#/components/schemas/{model}"
+
+Schema = tuple[type[BaseModel], Literal["validation", "serialization"]]
+"""A model, as it is taken or as it is given."""
+PROBLEM: Schema = (Problem, "serialization")
+
+
+def openapi(name: str) -> Route:
+    """The route that describes the others of its application."""
+
+    async def openapi(request: Request) -> Response:
+        """This service's requests and answers, as OpenAPI 3.1."""
+        return JSONResponse(describe(name, request.app.routes), headers=NO_STORE)
+
+    return Route(PATH, openapi)
+
+
+def describe(name: str, routes: Iterable[BaseRoute]) -> dict[str, Any]:
+    """The document."""
+    described = [(route, method) for route in routes if isinstance(route, Route) for method in _methods(route)]
+    models = {model for route, _ in described for model in _models(route)} | {PROBLEM}
+    ordered = sorted(models, key=lambda schema: (schema[0].__name__, schema[1]))
+    references, schemas = models_json_schema(ordered, ref_template=REFERENCE)
+    paths: dict[str, dict[str, Any]] = {}
+    for route, method in described:
+        paths.setdefault(route.path_format, {})[method.lower()] = _operation(route, method, references)
+    return {
+        "openapi": "3.1.0",
+        "info": {"title": f"TIGAS: {name}", "version": version("tigas")},
+        "paths": paths,
+        "components": {"schemas": schemas["$defs"]},
+    }
+
+
+def _operation(route: Route, method: str, references: dict[Any, dict[str, Any]]) -> dict[str, Any]:
+    summary, _, rest = (inspect.getdoc(route.endpoint) or "").partition("\n")
+    operation: dict[str, Any] = {
+        "operationId": f"{method.lower()}_{route.name}",
+        "summary": summary,
+        "parameters": [
+            {"name": parameter, "in": "path", "required": True, "schema": {"type": "string"}}
+            for parameter in route.param_convertors
+        ],
+        "responses": {
+            "2XX": {"description": "It is done."},
+            "default": {
+                "description": "Why it is not.",
+                "content": {"application/problem+json": {"schema": references[PROBLEM]}},
+            },
+        },
+    }
+    if rest.strip():
+        operation["description"] = rest.strip()
+    if taken := _taken(route):
+        schema = references[taken, "validation"]
+        operation["requestBody"] = {"required": True, "content": {"application/json": {"schema": schema}}}
+    if given := _given(route):
+        model, is_list = given
+        schema = references[model, "serialization"]
+        schema = {"type": "array", "items": schema} if is_list else schema
+        operation["responses"]["2XX"]["content"] = {"application/json": {"schema": schema}}
+    return operation
+
+
+def _methods(route: Route) -> list[str]:
+    return sorted((route.methods or set()) - {"HEAD"})
+
+
+def _models(route: Route) -> Iterator[Schema]:
+    if taken := _taken(route):
+        yield taken, "validation"
+    if given := _given(route):
+        yield given[0], "serialization"
+
+
+def _taken(route: Route) -> type[BaseModel] | None:
+    """What its body is, if that is a message."""
+    return getattr(route.endpoint, "taken", None)
+
+
+def _given(route: Route) -> tuple[type[BaseModel], bool] | None:
+    """What it answers with, if that is a model, or, as is said too, a list of it."""
+    answer = get_type_hints(route.endpoint).get("return")
+    if get_origin(answer) is not ModelResponse:
+        return None
+    (given,) = get_args(answer)
+    return (get_args(given)[0], True) if get_origin(given) is list else (given, False)

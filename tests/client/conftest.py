@@ -1,0 +1,67 @@
+"""A render service on sockets of its own, over HTTP/1.1 and HTTP/3, with one scene that can be seen: a red wall."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import AsyncIterator
+from contextlib import AsyncExitStack
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+
+import pytest
+import torch
+
+from tigas_common.address import Address
+from tigas_common.certificate import Certificate
+from tigas_common.http_limits import HttpLimits
+from tigas_common.runner import serve_http
+from tigas_render.app import create_app
+from tigas_render.gaussians import Gaussians
+from tigas_render.raster.devices import create_rasterizer
+from tigas_render.scenes.ply import write_ply
+from tigas_render.service import RenderService
+from tigas_render.settings import RenderSettings
+from tigas_render.transport.server import Http3Server
+
+CERTIFICATE = Certificate.create([], datetime.now(UTC))
+CAMERA = {"position": [0, 0, 0], "look_at": [0, 0, 3]}
+
+
+def write_wall(models: Path) -> None:
+    """One large red Gaussian, three units in front of the start camera."""
+    (models / "wall").mkdir(parents=True)
+    wall = Gaussians(
+        means=torch.tensor([[0.0, 0.0, 3.0]]),
+        scales=torch.full((1, 3), 5.0),
+        quaternions=torch.tensor([[1.0, 0.0, 0.0, 0.0]]),
+        opacities=torch.tensor([0.999]),
+        sh=torch.tensor([[[1.7, -1.7, -1.7]]]),
+    )
+    write_ply(models / "wall" / "wall.ply", wall)
+    (models / "wall" / "scene.json").write_text(json.dumps({"camera": CAMERA, "background": [0, 0, 1]}))
+
+
+@dataclass
+class Served:
+    """What runs."""
+
+    url: str
+    service: RenderService
+    http3: AsyncExitStack
+    """Closed, HTTP/3 ends."""
+
+
+@pytest.fixture
+async def served(tmp_path: Path) -> AsyncIterator[Served]:
+    write_wall(tmp_path / "models")
+    settings = RenderSettings(scenes=tmp_path / "models", cache=tmp_path / "cache")
+    async with (
+        RenderService.open(settings, create_rasterizer("cpu")) as service,
+        AsyncExitStack() as http3,
+        serve_http(app := create_app(service), Address("127.0.0.1", 0), HttpLimits()) as port,
+    ):
+        server = await http3.enter_async_context(Http3Server(app, host="127.0.0.1", certificate=CERTIFICATE))
+        service.quic_port = server.port
+        service.show(CERTIFICATE)
+        yield Served(f"http://127.0.0.1:{port}", service, http3)
