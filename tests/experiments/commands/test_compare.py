@@ -122,7 +122,7 @@ def test_a_stream_may_have_a_single_representation(services: Services, out: Path
     "end_it",
     [
         pytest.param(lambda process: os.killpg(process.pid, signal.SIGINT), id="Ctrl+C"),
-        pytest.param(subprocess.Popen.terminate, id="SIGTERM"),
+        pytest.param(subprocess.Popen.terminate, id="SIGTERM", marks=pytest.mark.slow),
     ],
 )
 def test_who_ends_it_ends_everything_and_keeps_what_was_finished(

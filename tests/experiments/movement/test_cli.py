@@ -37,8 +37,8 @@ def settings(tmp_path: Path) -> Path:
 
 
 def test_tigas_finds_the_commands() -> None:
-    points = {point.name: point.value for point in entry_points(group="tigas.commands")}
-    assert points["movement"] == "tigas_experiments.movement.cli:movement"
+    points = {point.name: point for point in entry_points(group="tigas.commands")}
+    assert points["movement"].load() is movement
 
 
 def test_make_writes_what_was_asked_for_and_replaces_nothing_unless_told_to(tmp_path: Path) -> None:

@@ -105,6 +105,16 @@ async def test_a_frame_from_before_the_run_counts_for_what_is_seen_alone() -> No
     assert quality.seen.psnr_db == 100
 
 
+async def test_what_was_seen_before_a_first_frame_is_black() -> None:
+    renderer = Renderer()
+    nothing = encode(np.zeros((36, 64, 4), np.uint8))
+    quality = await truth(renderer).assess(nothing, capture(at=150, pose=-1, shown_at=-1), SAMPLED)
+    assert renderer.asked == [7], "at 150 ms the viewer was at x = 7"
+    assert quality is not None
+    assert (quality.picture, quality.view, quality.uncovered) == (None, None, 1.0)
+    assert quality.seen == compare(np.zeros((36, 64, 3), np.uint8), decode(png(shade=140)))
+
+
 async def test_nothing_is_compared_before_the_viewer_moves() -> None:
     renderer = Renderer()
     assert await truth(renderer).assess(png(), capture(-5, 3), SAMPLED) is None

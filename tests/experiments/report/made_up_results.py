@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from tests.experiments.made_up import LENS, MACHINE, inputs, reply
-from tigas_common.wire.recording import LinkSample, Recording, ShownFrame, Traffic
+from tigas_common.wire.recording import LinkSample, PlayedDownload, Recording, ShownFrame, Traffic
 from tigas_common.wire.run import Configuration, Mode, Network
 from tigas_experiments.quality.picture import CaptureQuality, Quality
 from tigas_experiments.records.folder import RunRecord, RunWriter
@@ -46,6 +46,7 @@ def write_run(
     view_ssim: float = 0.8,
     turned_ms: float | None = None,
     uncovered: float = 0.0,
+    local: PlayedDownload | None = None,
     **changes: Any,
 ) -> Path:
     """A run whose every `every`th input is shown `delay_ms` later, in these rungs in turn, each for `hold` frames.
@@ -78,7 +79,8 @@ def write_run(
         shown = [_turned(shown, entry.at + turned_ms, entry.pose) for entry in sampled]
     made = Recording(
         scene="courtyard",
-        mode="stateless" if mode == "stateless" else "dash",
+        mode="stateless" if mode == "stateless" else "dash" if local is None else "local",
+        local=local,
         transport="webtransport-streams",
         user_agent="Chromium",
         lens=LENS,
@@ -122,6 +124,20 @@ def write_run(
     )
     writer.close(status="complete", browser="156", backend="netem", load=Load.of(load), recording=made.head)
     return folder
+
+
+def download(first_s: float | None, complete_s: float | None, size: int = 2_000_000) -> PlayedDownload:
+    """Of a scene, that began with the run."""
+    return PlayedDownload(
+        form="ply",
+        renderer="WebGL 2",
+        began_ms=0,
+        first_picture_ms=None if first_s is None else first_s * 1000,
+        complete_ms=None if complete_s is None else complete_s * 1000,
+        downloaded_bytes=size,
+        bytes=size,
+        gaussians=10_000,
+    )
 
 
 def ticks(duration_ms: float, every_ms: float) -> list[float]:

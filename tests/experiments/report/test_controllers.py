@@ -2,8 +2,26 @@
 
 from __future__ import annotations
 
+import json
+from pathlib import Path
+
 from tigas_common.wire.run import Configuration, Mode
-from tigas_experiments.report.controllers import Controller, in_order, looks
+from tigas_experiments.report.controllers import (
+    FIXED_COLOUR,
+    KNOWN_LOOKS,
+    OTHER_COLOURS,
+    Controller,
+    in_order,
+    looks,
+)
+
+IN_THE_PAGE = Path(__file__).parents[3] / "web/src/experiment/looks.json"
+
+
+def test_the_page_has_the_colours_of_reports() -> None:
+    colours = {name: look.colour for name, look in KNOWN_LOOKS.items()}
+    expected = {"known": colours, "others": list(OTHER_COLOURS), "fixed": FIXED_COLOUR}
+    assert json.loads(IN_THE_PAGE.read_text()) == expected
 
 
 def test_a_controller_looks_the_same_in_every_report() -> None:

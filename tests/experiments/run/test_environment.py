@@ -14,7 +14,7 @@ import pytest
 from tests.experiments.made_up import MACHINE, SERVER, configuration
 from tests.scenes import scene
 from tigas_common.errors import StartError
-from tigas_common.wire.render import LadderName, Rung
+from tigas_common.wire.render import LadderName, Rung, SceneDownload
 from tigas_common.wire.run import Configuration, Network
 from tigas_experiments.errors import RunFailed
 from tigas_experiments.lock import exclusive, services_lock
@@ -109,10 +109,13 @@ class World:
         self.target = Target("http://127.0.0.1:9", SERVER.model_copy(update={"services": services}))
         self.asked: list[str] = []
         self.pages = 0
+        self.downloads: tuple[SceneDownload, ...] = ()
+        self.made: list[str] = []
         self.ladder: tuple[Rung, ...] | None = None
         """The scene's own."""
         monkeypatch.setattr(module, "viewer", self.viewer)
         monkeypatch.setattr(module, "load_scene", self.load_scene)
+        monkeypatch.setattr(module, "make_download", self.make_download)
 
     @asynccontextmanager
     async def viewer(self, *_: object) -> AsyncIterator[World]:
@@ -120,7 +123,10 @@ class World:
         yield self
 
     async def load_scene(self, *_: object) -> object:
-        return scene().model_copy(update={"ladder": self.ladder})
+        return scene().model_copy(update={"ladder": self.ladder, "downloads": self.downloads})
+
+    async def make_download(self, _: str, scene: str, form: str) -> None:
+        self.made.append(f"{scene} {form}")
 
     async def prepare(self, settings: dict[str, str], pose: object) -> None:
         self.asked += settings.values()
@@ -168,6 +174,16 @@ def test_what_the_services_do_not_have_is_said_before_the_first_run(
     with pytest.raises(StartError) as error:
         World(monkeypatch).check(unshaped(), unshaped(**changes))
     assert str(error.value) == sentence
+
+
+def test_what_a_run_downloads_is_made_before_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    world = World(monkeypatch)
+    world.downloads = (SceneDownload(form="ply"), SceneDownload(form="compressed"))
+    lab = world.environment()
+    asyncio.run(lab.setup(unshaped()))
+    assert world.made == []
+    asyncio.run(lab.setup(unshaped(mode="local-ply")))
+    assert world.made == ["s ply"]
 
 
 def test_a_representation_has_a_rung_of_the_ladder(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -16,7 +16,7 @@ from tests.experiments.made_up import MACHINE, SERVER, configuration, recording
 from tests.scenes import scene
 from tigas_common.errors import StartError
 from tigas_common.wire.recording import Recording
-from tigas_common.wire.run import Network
+from tigas_common.wire.run import Configuration, Network
 from tigas_experiments.errors import RunFailed
 from tigas_experiments.records.folder import InputDigests, RunRecord, StoredRun
 from tigas_experiments.records.machine import Server
@@ -57,13 +57,13 @@ class World:
         )
 
     async def prepare(self, settings: object, pose: object) -> None:
-        self.asked["pose"] = pose
+        self.asked |= {"pose": pose, "settings": settings}
 
     async def record(self, plan: dict[str, Any], patience_s: float) -> Recording:
         self.asked |= plan
         return parse_recording(json.dumps(self.recording))
 
-    async def check_enhancement(self) -> None:
+    async def check(self) -> None:
         if not self.enhances:
             raise RunFailed("Frames are not shown as they should be: it took 40 ms a frame.")
 
@@ -85,10 +85,10 @@ def world(monkeypatch: pytest.MonkeyPatch) -> World:
     return made
 
 
-def run(world: World, folder: Path) -> RunRecord:
+def run(world: World, folder: Path, asked: Configuration = UNSHAPED) -> RunRecord:
     """Make it; what is returned is what was written."""
     environment: Any = world
-    record = asyncio.run(run_module.run(environment, UNSHAPED, folder, lambda _: None))
+    record = asyncio.run(run_module.run(environment, asked, folder, lambda _: None))
     assert StoredRun(folder).record == record
     return record
 
@@ -110,6 +110,13 @@ def test_the_record_says_what_it_was_made_from_and_with(world: World, tmp_path: 
     of_its_own = run(world, tmp_path / "of its own").server
     assert of_its_own is not None
     assert of_its_own.ladder == SERVER.ladder[1:]
+
+
+def test_a_download_begins_with_the_recording(world: World, tmp_path: Path) -> None:
+    asked = configuration("local-ply", network=Network(), warm_up_s=0.0)
+    assert run(world, tmp_path / "run", asked).status == "complete"
+    assert world.asked["settings"]["mode"] == "stateless"
+    assert world.asked["download"] == "ply"
 
 
 def test_a_service_that_ended_meanwhile_costs_the_run(world: World, tmp_path: Path) -> None:

@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 
 from tigas_common.errors import StartError
-from tigas_common.wire.run import Configuration
+from tigas_common.wire.run import MODES, Configuration
 from tigas_experiments.run.inputs import Inputs
 from tigas_experiments.run.measure import page_settings
 from tigas_experiments.run.plan import Plan, lasting, seconds
@@ -180,11 +180,15 @@ def test_dash_plays_single_representations_beside_all_of_them(tmp_path: Path) ->
 def test_local_runs_download_a_form_and_change_with_nothing_that_the_server_renders(tmp_path: Path) -> None:
     several = {"controllers": ["latency", "l2a"], "dash_representations": ["r3-500"], "reprojection": [True, False]}
     made = runs(tmp_path, modes=["local-ply", "local-compressed"], **several, shuffled=False)
-    assert [(page_settings(run)["mode"], page_settings(run)["localForm"]) for run in made] == [
-        ("local", "ply"),
-        ("local", "compressed"),
-    ]
+    assert [run.download for run in made] == ["ply", "compressed"]
+    assert {page_settings(run)["mode"] for run in made} == {"stateless"}, "until the run begins"
     assert not any(run.reprojection for run in made)
+
+
+def test_a_stream_over_webrtc_needs_the_packager_and_has_one_codec(tmp_path: Path) -> None:
+    (made,) = runs(tmp_path, modes=["webrtc"], controllers=["latency", "budget"])
+    assert made.streamed
+    assert {"mode": "webrtc", "webrtcStream": "h264-30"}.items() <= page_settings(made).items()
 
 
 def test_paths_are_relative_to_the_file_and_traces_begin_where_it_says(tmp_path: Path, monkeypatch: Any) -> None:
@@ -232,7 +236,7 @@ def test_dash_runs_do_not_change_with_the_controllers(tmp_path: Path) -> None:
         ({"networks": ["unshaped"], "rtts_ms": [20]}, "an unshaped network has the round trip"),
         ({"rtts_ms": [-1]}, "rtts_ms.0: input should be greater than or equal to 0"),
         ({"rtts_ms": []}, "rtts_ms: there must be at least one"),
-        ({"modes": ["webrtc"]}, "modes.0: input should be"),
+        ({"modes": ["rtsp"]}, "modes.0: input should be"),
         ({"controllers": [-1]}, "The profile is a rung"),
         ({"controllers": [0, "0"]}, "0 is there twice"),
         ({"repeats": 0}, "repeats: input should be greater"),
@@ -310,12 +314,16 @@ def experiments(tmp_path: Path) -> Path:
 def test_the_experiments_that_come_along_can_be_made(experiments: Path, name: str) -> None:
     made = Plan.read(experiments / name).runs(experiments)
     networks = [Inputs(experiments).network(run.network) for run in made]
-    ladder = "scene" if name == "reprojection.toml" else "paper"
+    ladder = "scene" if name in ("motivation.toml", "reprojection.toml", "rivals.toml") else "paper"
     assert Plan.read(experiments / name).ladder == ladder, "what the others say of the paper's rungs is to stay true"
     assert all(network.trace_file is None or network.trace_file.is_file() for network in networks)
+    if name == "motivation.toml":
+        return  # one walk, to be looked at
     blocks = {(run.network.name, run.segment, run.scene, run.movement) for run in made}
     assert min(Counter(network for network, *_ in blocks).values()) >= 6, "as many as an interval needs, per network"
-    if name in ("abr-rtt.toml", "comparison.toml"):
+    if name == "rivals.toml":
+        assert {run.mode for run in made} == set(MODES), "nobody is left out"
+    if name in ("abr-rtt.toml", "comparison.toml", "rivals.toml"):
         return
     generated = {"quick-turns"} if name == "reprojection.toml" else set()
     assert {run.movement for run in made if not run.movement.startswith("recorded/")} == generated
@@ -383,6 +391,16 @@ def test_variants_are_compared_where_it_is_no_product(tmp_path: Path) -> None:
     ], "each once"
     with pytest.raises(StartError, match="variants"):
         runs(tmp_path, variants=[{"scenes": ["room"]}])
+
+
+def test_variants_may_have_modes_of_their_own(tmp_path: Path) -> None:
+    variants = [{"modes": ["stateless"], "controllers": ["latency"]}, {"modes": ["video", "local-ply"]}]
+    made = runs(tmp_path, modes=["dash-edge"], variants=variants, shuffled=False)
+    assert [(run.mode, run.profile) for run in made] == [
+        ("stateless", "latency"),
+        ("video", "budget"),
+        ("local-ply", "budget"),
+    ]
 
 
 def test_what_is_no_model_s_name_is_told_in_a_sentence(tmp_path: Path) -> None:

@@ -14,7 +14,7 @@ import psutil
 import pytest
 
 from tigas_common.errors import StartError
-from tigas_experiments.run.targets import Target, alive, load_scene, read_config, url_target
+from tigas_experiments.run.targets import Target, alive, load_scene, make_download, read_config, url_target
 
 
 class Services:
@@ -121,6 +121,13 @@ def test_a_scene_s_name_stays_a_name(services: Services) -> None:
     with pytest.raises(StartError, match="cannot be loaded"):
         asyncio.run(load_scene(services.url, "../config.json?"))
     assert services.asked == ["/scenes/..%2Fconfig.json%3F/load"]
+
+
+def test_a_download_that_cannot_be_made_is_told_in_a_sentence(services: Services) -> None:
+    asyncio.run(make_download(services.url, "garden", "ply"))
+    services.stop()
+    with pytest.raises(StartError, match=r"^The scene 'garden' cannot be loaded from http"):
+        asyncio.run(make_download(services.url, "garden", "ply"))
 
 
 @pytest.mark.parametrize("url", ["", "localhost:8080", "ftp://localhost", "http://"])

@@ -74,6 +74,7 @@ def upload(mode: Mode = "stateless", *, repeat: int = 0, **changes: Any) -> dict
         "recording": recording(mode=mode.partition("-")[0], **changes),
         "link": [sample(at).model_dump() for at in (0.0, 500.0, 1000.0)],
         "scene_bytes": SCENE_BYTES,
+        "backend": "netem",
     }
 
 

@@ -10,7 +10,7 @@ pytestmark = pytest.mark.anyio
 
 
 async def test_what_is_not_there_is_told_as_everywhere(store: Running) -> None:
-    for method, path, status in (("GET", "/", 404), ("PUT", "/experiments", 405), ("GET", "/experiments/x/y", 404)):
+    for method, path, status in (("GET", "/none", 404), ("PUT", "/experiments", 405), ("GET", "/experiments/x/y", 404)):
         answer = await store.http.request(method, path)
         assert (answer.status_code, answer.headers["content-type"]) == (status, "application/problem+json")
 

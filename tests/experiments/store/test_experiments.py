@@ -42,6 +42,13 @@ async def test_an_experiment_from_its_beginning_to_its_end(store: Running) -> No
         assert (answer.status_code, answer.json()["type"]) == (404, "tigas:unknown-experiment")
 
 
+async def test_experiments_of_one_name_are_told_apart(store: Running) -> None:
+    for _ in range(3):
+        await store.http.post("/experiments", json={"name": "Pebbles", "plan": {}})
+    listed = (await store.http.get("/experiments")).json()["experiments"]
+    assert sorted(one["name"] for one in listed) == ["Pebbles", "Pebbles (2)", "Pebbles (3)"]
+
+
 async def test_a_run_is_kept_as_commands_keep_theirs(store: Running) -> None:
     experiment = await store.create()
     row = await store.add(experiment, "dash-tuned")
@@ -49,7 +56,7 @@ async def test_a_run_is_kept_as_commands_keep_theirs(store: Running) -> None:
     assert folder.name == "courtyard_stroll_20mbit-20ms-rtt_dash-tuned_0"
     stored = StoredRun(folder)
     assert (stored.record.started, stored.record.machine.system) == ("2001-09-09T01:46:40+00:00", "Linux 6")
-    assert stored.record.scene_bytes == SCENE_BYTES
+    assert (stored.record.scene_bytes, stored.record.backend) == (SCENE_BYTES, "netem")
     assert (len(stored.inputs()), len(stored.frames()), len(stored.link())) == (50, 50, 3)
     assert (stored.quality(), stored.load(), stored.snapshot()) == ([], [], None)
     figures = summarise(folder).figures
@@ -68,15 +75,16 @@ async def test_a_run_that_broke_off_is_kept_as_failed(store: Running) -> None:
 
 
 async def test_a_run_gets_the_load_of_its_own_time(tmp_path: Path) -> None:
-    busy = {-1: 0.1, 0: 0.5, 1000: 0.7, 2000: 0.1}  # the run lasts a second
+    busy = {-1: 0.1, 0: 0.5, 1000: 0.99, 2000: 0.1}  # the run lasts a second
     load = [LoadSample(unix_ms=1e12 + at, cpu=cpu, load_average=1.0) for at, cpu in busy.items()]
     async with running_store(tmp_path, load) as store:
         experiment = await store.create()
         row = await store.add(experiment)
         told = StoredRun(store.results / experiment / "runs" / row["folder"]).record.load
     assert told is not None
-    assert told.cpu_mean == pytest.approx(0.6)
-    assert told.cpu_max == 0.7
+    assert told.cpu_mean == pytest.approx(0.745)
+    assert told.cpu_max == 0.99
+    assert row["saturated_share"] == 0.5
 
 
 async def test_equal_runs_and_equal_names_are_all_kept(store: Running) -> None:

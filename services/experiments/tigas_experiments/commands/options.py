@@ -10,7 +10,7 @@ from typing import Annotated
 import typer
 
 Url = Annotated[str | None, typer.Option(help="Measure running services at this URL instead of starting the lab.")]
-Scenes = Annotated[Path | None, typer.Option(help="The lab's models directory, one folder per scene.")]
+Scenes = Annotated[Path | None, typer.Option(help="The lab's models directory.")]
 Traces = Annotated[Path | None, typer.Option(help="The lab's directory of network traces.")]
 
 

@@ -106,16 +106,14 @@ def fetch(
     ] = False,
 ) -> None:
     """Fetch the weights of LPIPS and DISTS into the user's cache, and the pictures that tests check them with."""
+    from tigas_experiments.quality.sources import FROM_TORCHVISION, SOURCES
+    from tigas_experiments.quality.sources import fetch as fetched
+
     columns = (TextColumn("{task.description}", markup=False), BarColumn(), DownloadColumn())
     with (
         in_a_sentence(StartError, OSError),
         Progress(*columns, console=make_console(stderr=True), transient=True) as bar,
     ):
-        try:
-            from tigas_experiments.quality.sources import FROM_TORCHVISION, SOURCES
-            from tigas_experiments.quality.sources import fetch as fetched
-        except ImportError as error:
-            raise StartError(f"{error.name} is missing: pip install 'tigas[quality]'") from None
         for source in FROM_TORCHVISION if torchvision else SOURCES:
             task = bar.add_task(source.name, total=source.bytes)
             path = fetched(source, partial(_show, bar, task))
@@ -142,16 +140,13 @@ def _asked(names: str) -> list[PictureMetric]:
 
 def _score(folder: Path, asked: list[PictureMetric], device: str | None, *, again: bool) -> tuple[list[Row], list[str]]:
     """The scores, and what has to be said of them. Raises StartError and OSError."""
-    try:
-        import torch
+    import torch
 
-        from tigas_experiments.quality.meters import Meters
-        from tigas_experiments.scoring import Scoring
-    except ImportError as error:
-        raise StartError(f"{error.name} is missing: pip install 'tigas[quality]'") from None
     from tigas_experiments.lock import EXPERIMENT, exclusive
+    from tigas_experiments.quality.meters import Meters
     from tigas_experiments.records.recording import BrokenRecording
     from tigas_experiments.report.picture_scores import rows
+    from tigas_experiments.scoring import Scoring
 
     runs, lock = _runs(folder)
     meters = Meters.of([metric.name for metric in asked], device or ("cuda" if torch.cuda.is_available() else "cpu"))

@@ -17,6 +17,7 @@ import av
 from av.video.stream import VideoStream
 
 from tigas_common.errors import StartError
+from tigas_common.extras import install_command
 from tigas_common.parsing import legible
 from tigas_common.processors import usable_processors
 from tigas_experiments.quality.picture import Picture
@@ -39,7 +40,7 @@ def ffmpeg() -> str:
         program = str(get_ffmpeg_exe())
         listed = subprocess.run([program, "-hide_banner", "-filters"], capture_output=True, text=True, check=False)
     except (ImportError, RuntimeError, OSError):
-        raise NoVmaf("VMAF and VIFp are left out, since ffmpeg is missing: pip install 'tigas[quality]'") from None
+        raise NoVmaf(f"VMAF and VIFp are left out, since ffmpeg is missing: {install_command('quality')}") from None
     if " libvmaf " not in listed.stdout:
         raise NoVmaf(f"VMAF and VIFp are left out, since {program} has no libvmaf.")
     return program

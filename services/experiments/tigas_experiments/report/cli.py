@@ -78,6 +78,7 @@ def _print(made: Report) -> None:
     """Print the report's main results, its warnings and its path."""
     from tigas_experiments.report.claims import claims
     from tigas_experiments.report.comparison_table import COLUMNS, by_network, cells, runs_as_made, titles
+    from tigas_experiments.report.what_to_use import places, tally
 
     console = make_console()
     if made.template == "comparison":
@@ -93,8 +94,11 @@ def _print(made: Report) -> None:
                 table.add_row(column.heading, *row)
             console.print(table)
     else:
+        for question, counts in tally(places(made.groups)).items():
+            console.print(f"{question}: {'; '.join(f'{name} {count}' for name, count in counts)}")
         for claim in claims(made.groups):
-            console.print(f"{claim.verdict}: {claim.text}. {claim.figures}")
+            if claim.verdict != "no data":  # the page has them all
+                console.print(f"{claim.verdict}: {claim.text}. {claim.figures}")
     for warning in made.warnings:
         console.print(warning, style="yellow")
     console.print(f"The report: {made.page}", soft_wrap=True)

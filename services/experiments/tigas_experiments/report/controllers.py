@@ -45,7 +45,8 @@ KNOWN_LOOKS = {
     "l2a": Look("#56b4e9", "-", "v"),
     "dash-typical": Look("#d55e00", "--", "X"),
     "dash-tuned": Look("#009e73", "--", "P"),
-    "dash-edge": Look("#000000", "--", "*"),
+    "dash-edge": Look("#1c2430", "--", "*"),  # the text's colour, which is another one in the dark
+    "webrtc": Look("#117733", "--", "p"),
     "local-ply": Look("#332288", "-.", "h"),
     "local-compressed": Look("#661100", "-.", "d"),
 }

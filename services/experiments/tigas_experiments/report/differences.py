@@ -85,7 +85,7 @@ def _planned(experiment: ExperimentRecord | None) -> list[str]:
     plan = {} if experiment is None else experiment.plan
     variants = plan.get("variants")
     first = variants[0] if isinstance(variants, list) and variants and isinstance(variants[0], dict) else {}
-    modes, controllers = plan.get("modes"), first.get("controllers", plan.get("controllers"))
+    modes, controllers = (first.get(name, plan.get(name)) for name in ("modes", "controllers"))
     if not isinstance(modes, list) or not isinstance(controllers, list):
         return []
     names = [f"profile-{each}" if isinstance(each, int) else str(each) for each in controllers]

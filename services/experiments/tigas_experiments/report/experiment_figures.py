@@ -40,6 +40,7 @@ from tigas_experiments.report.metrics import (
     SWITCHES,
     Metric,
 )
+from tigas_experiments.report.motivation_figure import motivation
 from tigas_experiments.report.picture_scores import rows_of
 from tigas_experiments.report.plot import (
     AREA,
@@ -76,6 +77,8 @@ MOST_NETWORKS = 8
 def figures(groups: Groups) -> Iterator[tuple[str | None, Plot]]:
     """All of them, in the order of the page, each with the network that it is of."""
     if (plot := overview(groups)) is not None:
+        yield None, plot
+    if (plot := motivation(groups)) is not None:
         yield None, plot
     if (plot := system_panel(groups)) is not None:
         yield None, plot

@@ -13,6 +13,7 @@ from tigas_experiments.report.plot import Plot
 from tigas_experiments.report.rate_distortion import QUALITIES, by_condition, over_all
 from tigas_experiments.report.results import Results, Told
 from tigas_experiments.report.tables import overall_markdown, rtt_text
+from tigas_experiments.report.what_to_use import QUESTIONS, places, tally
 
 
 def experiment_page(_: Results, groups: Groups, out: Path, told: Told) -> dict[str, object]:
@@ -21,12 +22,14 @@ def experiment_page(_: Results, groups: Groups, out: Path, told: Told) -> dict[s
     (out / "overall.md").write_text(overall_markdown(totals), encoding="utf-8")
     for old in out.glob("[0-9][0-9]-*_*.svg"):  # of a report that had other networks
         old.unlink()
-    (out / "rate-distortion.svg").unlink(missing_ok=True)  # one network has none
+    for name in ("motivation.svg", "rate-distortion.svg"):  # which other runs may not have
+        (out / name).unlink(missing_ok=True)
     plots: dict[str | None, list[Plot]] = {}
     for count, (network, plot) in enumerate(figures(groups), 1):
         (out / f"{plot.name}.svg").write_text(plot.svg, encoding="utf-8")
         plots.setdefault(network, []).append(plot)
         told("draws figures", count, None)
+    found = places(groups)
     return {
         "claims": claims(groups),
         "groups": groups,
@@ -42,6 +45,10 @@ def experiment_page(_: Results, groups: Groups, out: Path, told: Told) -> dict[s
         ],
         "qualities": QUALITIES,
         "rtt_text": rtt_text,
+        "places": found,
+        "tally": tally(found),
+        "questions": [question for question in QUESTIONS if any(question in place.answers for place in found)],
+        "durations": sorted({f"{run.record.configuration.duration_s:g} s" for group in groups for run in group.runs}),
     }
 
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from tigas_common.wire.figures import INTERACTIVE_MS, Figures, QualityFigures, Requests, ViewLatencies
+from tigas_common.wire.recording import PlayedDownload
 from tigas_experiments.records.folder import RunRecord
 
 Value = float | None
@@ -67,6 +68,19 @@ def _turned(percentile: Callable[[ViewLatencies], Value]) -> Callable[[RunRecord
 
 def _plain(of: Callable[[Figures], Value]) -> Callable[[RunRecord, Figures], Value]:
     return lambda _, figures: of(figures)
+
+
+def _of_download(time: Callable[[PlayedDownload], Value]) -> Callable[[RunRecord, Figures], Value]:
+    """Seconds since the run began; inf if that never came."""
+
+    def of(record: RunRecord, _: Figures) -> Value:
+        local = None if record.recording is None else record.recording.local
+        if local is None:
+            return None
+        ms = time(local)
+        return math.inf if ms is None else (local.began_ms + ms) / 1000
+
+    return of
 
 
 def _quality(of: Callable[[QualityFigures], Value]) -> Callable[[RunRecord, Figures], Value]:
@@ -178,6 +192,13 @@ CONTENT_AGE_MEAN = Metric(
 CONTENT_AGE_P50 = Metric("content_age_p50_ms", "Content age p50", "ms", 0, "low", _plain(lambda f: f.content_ages.p50))
 CONTENT_AGE_P95 = Metric("content_age_p95_ms", "Content age p95", "ms", 0, "low", _plain(lambda f: f.content_ages.p95))
 
+FIRST_PICTURE = Metric(
+    "first_picture_s", "First picture of the download", "s", 1, "low", _of_download(lambda d: d.first_picture_ms)
+)
+WHOLE_SCENE = Metric(
+    "whole_scene_s", "All of the download on the screen", "s", 1, "low", _of_download(lambda d: d.complete_ms)
+)
+
 METRICS = (
     VIEW_LATENCY_P50,
     VIEW_LATENCY_P90,
@@ -233,6 +254,8 @@ METRICS = (
     FILLED,
     WARP_MEAN,
     WARP_P95,
+    FIRST_PICTURE,
+    WHOLE_SCENE,
 )
 TABLE = (
     VIEW_LATENCY_P95,

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from tigas_common.errors import StartError
 from tigas_common.wire.figures import Figures
+from tigas_common.wire.recording import Input
 from tigas_experiments.records import statistics
 from tigas_experiments.records.folder import ExperimentRecord, RunRecord, read_experiment
 from tigas_experiments.records.materialised import SampledRun, sampled_run
@@ -46,6 +47,10 @@ class Run:
     """[samples, 2] s; bytes by then."""
     link: Floats
     """[samples, 3] s; the link's rate and what it delivered since the sample before, Mbit/s."""
+    turned: Floats
+    """[inputs, 2] s; how far the viewer had turned by then, degrees."""
+    seen: Floats
+    """[pictures, 2] When it was kept, s; SSIM of what was seen."""
     parts: LatencyParts | None
     """Of the frames' age; None without the server's times."""
     scores: tuple[Score, ...]
@@ -68,6 +73,8 @@ class Run:
             heights=_table([(frame.at / 1000, frame.height) for frame in frames], 2),
             received=_table([(entry.at / 1000, entry.bytes) for entry in records.traffic], 2),
             link=_table([(at.at / 1000, at.target_kbps / 1000, at.delivered_kbps / 1000) for at in records.link], 3),
+            turned=_turned(inputs),
+            seen=_table([(one.at / 1000, one.seen.ssim) for one in records.quality if one.seen is not None], 2),
             parts=LatencyParts.of(inputs, frames, records.replies),
             scores=tuple(records.scores),
             scores_problem=records.scores_problem,
@@ -156,6 +163,15 @@ def run_folders(folder: Path) -> list[Path]:
     if not found:
         raise StartError(f"{where} has no runs yet.")
     return found
+
+
+def _turned(inputs: Sequence[Input]) -> Floats:
+    """The angles between the inputs' orientations, added up: whichever way the viewer turned, on the shorter way."""
+    every = np.array([entry.quaternion for entry in inputs], dtype=float).reshape(-1, 4)
+    every /= np.linalg.norm(every, axis=1, keepdims=True)
+    steps = 2 * np.degrees(np.arccos(np.abs(np.sum(every[1:] * every[:-1], axis=1)).clip(max=1)))
+    total = np.concatenate(([0.0], np.cumsum(steps)))[: len(every)]
+    return np.column_stack(([entry.at / 1000 for entry in inputs], total)).reshape(-1, 2)
 
 
 def _table(rows: Sequence[tuple[float, ...]], columns: int) -> Floats:

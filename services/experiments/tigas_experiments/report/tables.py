@@ -1,6 +1,7 @@
 """The tables as files: runs.csv with a row for each run, groups.csv with a row for each group, differences.csv with a
 row for each figure of a controller against the baseline, rate_distortion.csv and equal_rates.csv of quality against
-rate, system.csv and picture_scores.csv of the system panel and the heat maps, overall.md for papers.
+rate, system.csv and picture_scores.csv of the system panel and the heat maps, what_to_use.csv of which mode is the best
+when, overall.md for papers.
 
 An empty cell of a CSV file is a metric that there is not; `inf` is a time that never came.
 """
@@ -14,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from tigas_experiments.records.folder import RunRecord
+from tigas_experiments.report import what_to_use
 from tigas_experiments.report.blocks import Estimate
 from tigas_experiments.report.controllers import Controller
 from tigas_experiments.report.differences import Difference
@@ -49,6 +51,7 @@ def write_csv(
             if found is not None
             for row in _equal_rates(found)
         ],
+        "what_to_use.csv": list(what_to_use.rows(what_to_use.places(groups))),
     }
     return [_write(folder / name, rows) for name, rows in files.items()]
 

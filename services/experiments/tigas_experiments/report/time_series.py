@@ -29,6 +29,13 @@ def received(group: Group) -> tuple[Floats, Floats, Floats, Floats]:
     return every, totals.mean(axis=0), totals.min(axis=0), totals.max(axis=0)
 
 
+def rate(times: Floats, totals: Floats, every: float) -> tuple[Floats, Floats]:
+    """Middles of parts of so many seconds, and what grew in each, a second; empty of less than one part."""
+    edges = np.arange(times[0], times[-1], every) if len(times) > 1 else np.empty(0)
+    grown = np.diff(np.interp(edges, times, totals)) / every
+    return edges[:-1] + every / 2, grown
+
+
 def binned(times: Floats, values: Floats) -> tuple[Floats, Floats]:
     """Medians over BINS parts of the time; as it is, if there is less."""
     if len(times) <= BINS:

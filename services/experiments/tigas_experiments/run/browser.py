@@ -128,10 +128,10 @@ class Viewer:
         except Error:
             said = await self._state()
             raise RunFailed(f"The viewer showed no frame within {READY_MS // 1000} s: {said}") from None
-        await self.check_enhancement()
+        await self.check()
 
-    async def check_enhancement(self) -> None:
-        """Whether the page enhances frames as it was told to, or shows them as they come if so it was told."""
+    async def check(self) -> None:
+        """Whether the page enhances, turns or draws frames as it was told to, or shows them as they come."""
         state = await self._call("state", None)
         if isinstance(state, dict) and state.get("problem"):
             raise RunFailed(f"Frames are not shown as they should be: {state['problem']}")

@@ -26,7 +26,7 @@ from tigas_experiments.run.browser import chromium, find_chromium, responds, vie
 from tigas_experiments.run.changes import MadeWith
 from tigas_experiments.run.inputs import Inputs
 from tigas_experiments.run.link import held
-from tigas_experiments.run.targets import LAB_URL, Target, alive, lab_target, load_scene, url_target
+from tigas_experiments.run.targets import LAB_URL, Target, alive, lab_target, load_scene, make_download, url_target
 
 Resource = TypeVar("Resource")
 
@@ -124,9 +124,11 @@ class Environment:
         return MadeWith(self.machine.commit, browser.version, Server.of(target.config), found)
 
     async def setup(self, configuration: Configuration) -> Setup:
-        """What a run needs; the scene is loaded. Raises StartError."""
+        """What a run needs; the scene is loaded, and its download is made. Raises StartError."""
         target = await self._target.get()
         scene = await load_scene(target.url, configuration.scene)
+        if configuration.download is not None and any(one.form == configuration.download for one in scene.downloads):
+            await make_download(target.url, scene.id, configuration.download)
         digests = self._inputs.digests(configuration)
         key = (*_inputs(configuration), digests.movement)
         if key not in self._points:

@@ -83,7 +83,7 @@ async def _measure(
                 if link is not None:
                     await link.play()
                 recording = await _record(page, configuration, setup.points)
-                await page.check_enhancement()
+                await page.check()
         writer.recording(recording)
         if not await alive(setup.target):  # a page whose frames stop coming plays on to the end
             raise RunFailed("A service ended, or was started again, during the run.")
@@ -110,11 +110,13 @@ async def _measure(
 
 
 def page_settings(configuration: Configuration) -> dict[str, Any]:
-    """The viewer's settings: everything that is not said here has its default."""
+    """The viewer's settings before a run: everything that is not said here has its default."""
     mode, profile = configuration.mode, configuration.profile
     chosen: dict[str, Any]
     if configuration.download is not None:
-        chosen = {"mode": "local", "localForm": configuration.download}
+        chosen = {"mode": "stateless"}  # its download is part of what is recorded
+    elif mode == "webrtc":
+        chosen = {"mode": "webrtc", "webrtcStream": "h264-30"}
     elif configuration.streamed:
         preset = mode.removeprefix("dash-")
         representation = configuration.dash_representation
@@ -151,6 +153,7 @@ async def _record(page: Viewer, configuration: Configuration, points: Sequence[P
         "duration_ms": duration_ms,
         "capture_every_ms": configuration.capture_every_ms,
         "sample_stride": configuration.sample_stride,
+        "download": configuration.download,
     }
     return await page.record(plan, patience_s=configuration.duration_s + DRAIN_S)
 

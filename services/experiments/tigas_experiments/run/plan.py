@@ -89,6 +89,7 @@ OneOrSeveral = Annotated[tuple[Value, ...], BeforeValidator(_one_or_several), Af
 class Variant(WireModel):
     """What is compared, in place of what the file says itself; left out: as there."""
 
+    modes: Several[Mode] | None = None
     controllers: Several[Controller] | None = None
     restore: ModelName | None = None
     upscale: ModelName | None = None

@@ -116,11 +116,25 @@ async def alive(target: Target) -> bool:
 
 async def load_scene(url: str, scene: str) -> SceneInfo:
     """A scene's description, once it is loaded. Raises StartError."""
+    answer = await _ask_for(url, scene, "POST", "load")
+    try:
+        return SceneInfo.model_validate_json(answer)
+    except ValidationError as error:
+        raise StartError(f"The scene {scene!r} cannot be loaded from {url}: {error}") from None
+
+
+async def make_download(url: str, scene: str, form: str) -> None:
+    """Have a scene's file made, which takes a large one seconds that are none of a download's. Raises StartError."""
+    await _ask_for(url, scene, "GET", f"download/{form}", Range="bytes=0-0")
+
+
+async def _ask_for(url: str, scene: str, method: str, what: str, **headers: str) -> bytes:
+    """What is answered about a scene, however long it takes. Raises StartError."""
     async with httpx.AsyncClient(timeout=LOAD_S, trust_env=False, verify=False) as http:
         try:
-            answer = await http.post(f"{url}/scenes/{quote(scene, safe='')}/load")
+            answer = await http.request(method, f"{url}/scenes/{quote(scene, safe='')}/{what}", headers=headers)
             if answer.is_success:
-                return SceneInfo.model_validate_json(answer.content)
+                return answer.content
             told = answer.json()
         except (httpx.HTTPError, ValueError) as error:
             raise StartError(

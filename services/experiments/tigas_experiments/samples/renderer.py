@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 from collections.abc import AsyncIterator, Awaitable, Callable
 from contextlib import asynccontextmanager
 from typing import Self
@@ -11,6 +10,7 @@ from urllib.parse import quote
 import httpx
 from pydantic import ValidationError
 
+from tigas_common.asking_again import asked_again
 from tigas_common.scene_hosts import SceneHosts
 from tigas_common.wire.render import Problem, RenderRequest, SceneInfo, ServerConfig
 
@@ -18,11 +18,6 @@ AT_ONCE = 4
 """Frames that are asked for: enough to keep a renderer and the encoders behind it busy."""
 LOAD_S = 300
 FRAME_S = 60
-TRIES = 5
-"""Of a frame that the service has no time for."""
-LONGEST_PAUSE_S = 10.0
-LATER = (409, 503)
-"""A newer request came first; there is too much to do."""
 
 
 class RendererAway(Exception):
@@ -74,17 +69,13 @@ class Renderer:
             raise RendererAway(f"What answers at {self._http.base_url} is no TIGAS render service.") from None
 
     async def _ask(self, ask: Callable[[], Awaitable[httpx.Response]]) -> httpx.Response:
-        for tried in range(1, TRIES + 1):
-            try:
-                answer = await ask()
-            except (httpx.HTTPError, httpx.InvalidURL) as error:
-                reason = str(error) or type(error).__name__
-                raise RendererAway(f"The render service at {self._http.base_url} does not answer ({reason}).") from None
-            if answer.is_success:
-                return answer
-            if answer.status_code not in LATER or tried == TRIES:
-                break
-            await asyncio.sleep(_pause_s(answer))
+        try:
+            answer = await asked_again(ask)
+        except (httpx.HTTPError, httpx.InvalidURL) as error:
+            reason = str(error) or type(error).__name__
+            raise RendererAway(f"The render service at {self._http.base_url} does not answer ({reason}).") from None
+        if answer.is_success:
+            return answer
         try:
             detail = Problem.model_validate_json(answer.content).detail
         except ValidationError:
@@ -92,9 +83,3 @@ class Renderer:
                 f"What answers at {self._http.base_url} is no TIGAS render service: it says {answer.status_code}."
             ) from None
         raise NotRendered(detail)
-
-
-def _pause_s(answer: httpx.Response) -> float:
-    """As long as the service says, within reason."""
-    told = answer.headers.get("retry-after", "")
-    return min(float(told), LONGEST_PAUSE_S) if told.isdecimal() else 1.0

@@ -16,19 +16,34 @@ from starlette.routing import Route
 from starlette.types import ASGIApp
 
 from tigas_common.errors import BodyTooLarge, InvalidRequest
+from tigas_common.front_door import front_door
+from tigas_common.openapi import openapi
 from tigas_common.origins import OriginCheck, OriginPolicy
 from tigas_common.parsing import parse
 from tigas_common.web import (
     EXCEPTION_HANDLERS,
     NO_STORE,
+    Body,
+    ModelResponse,
     created_response,
     healthz,
     json_response,
     read_body,
-    read_message,
+    takes,
 )
 from tigas_common.wire.recording import MAX_BYTES
-from tigas_common.wire.store import ExperimentCreated, InterruptedRun, SampleIndex
+from tigas_common.wire.store import (
+    Experiment,
+    ExperimentCreated,
+    ExperimentList,
+    InterruptedRun,
+    Materialisation,
+    MovementList,
+    RunRow,
+    SampleIndex,
+    SampleList,
+    UploadedSamples,
+)
 from tigas_experiments.records.load import LoadSample
 from tigas_experiments.records.machine import Machine
 from tigas_experiments.records.samples import MAX_PICTURE_BYTES
@@ -81,6 +96,8 @@ def create_app(store: Store, policy: OriginPolicy) -> ASGIApp:
     """The application over a store."""
     app = Starlette(
         routes=[
+            front_door("Experiment store"),
+            openapi("Experiment store"),
             Route("/experiments", create, methods=["POST"]),
             Route("/experiments", experiments),
             Route("/experiments/{id}", remove, methods=["DELETE"]),
@@ -107,19 +124,19 @@ def create_app(store: Store, policy: OriginPolicy) -> ASGIApp:
     return OriginCheck(app, policy)
 
 
-async def experiments(request: Request) -> Response:
+async def experiments(request: Request) -> ModelResponse[ExperimentList]:
     """All experiments."""
     return json_response(await asyncio.to_thread(_store(request).experiments.all))
 
 
-async def create(request: Request) -> Response:
+async def create(request: Request) -> ModelResponse[ExperimentCreated]:
     """Begin an experiment."""
     body = await read_body(request, MAX_PLAN_BYTES)
     made = await asyncio.to_thread(_store(request).experiments.create, body, datetime.now(UTC))
     return created_response(ExperimentCreated(id=made), f"/experiments/{quote(made)}")
 
 
-async def experiment(request: Request) -> Response:
+async def experiment(request: Request) -> ModelResponse[Experiment]:
     """An experiment and its runs."""
     return json_response(await asyncio.to_thread(_store(request).experiments.get, request.path_params["id"]))
 
@@ -130,7 +147,7 @@ async def remove(request: Request) -> Response:
     return Response(status_code=204)
 
 
-async def add_run(request: Request) -> Response:
+async def add_run(request: Request) -> ModelResponse[RunRow]:
     """Keep a run that has ended."""
     store, name = _store(request), request.path_params["id"]
     await asyncio.to_thread(store.experiments.find, name)
@@ -145,7 +162,7 @@ async def add_run(request: Request) -> Response:
     return created_response(row, f"/experiments/{quote(name)}")
 
 
-async def samples(request: Request) -> Response:
+async def samples(request: Request) -> ModelResponse[SampleList]:
     """The samples of a run."""
     return json_response(await asyncio.to_thread(lambda: list_samples(_run(request))))
 
@@ -156,34 +173,35 @@ async def sample(request: Request) -> Response:
     return Response(data, media_type=media_type, headers=PICTURE_HEADERS)
 
 
-async def materialise(request: Request) -> Response:
+async def materialise(request: Request) -> ModelResponse[Materialisation]:
     """Render the samples of an experiment again: begin, or go on."""
     answer = json_response(await _store(request).materialisations.start(request.path_params["id"]))
     answer.status_code = 202
     return answer
 
 
-async def materialised(request: Request) -> Response:
+async def materialised(request: Request) -> ModelResponse[Materialisation]:
     """How far that is."""
     return json_response(await _store(request).materialisations.get(request.path_params["id"]))
 
 
-async def stop_materialising(request: Request) -> Response:
+async def stop_materialising(request: Request) -> ModelResponse[Materialisation]:
     """End it; what is there stays."""
     return json_response(await _store(request).materialisations.stop(request.path_params["id"]))
 
 
-async def add_interrupted_run(request: Request) -> Response:
+@takes(InterruptedRun)
+async def add_interrupted_run(request: Request, body: Body[InterruptedRun]) -> ModelResponse[RunRow]:
     """Make a place for the samples of a run that has no end."""
     store, name = _store(request), request.path_params["id"]
-    interrupted = await read_message(request, InterruptedRun)
+    interrupted = await body.read()
     with storage_explained(), store.workspace.folder() as folder:
         summary = await asyncio.to_thread(keep_interrupted, folder / "run", interrupted, store.machine)
         row = await asyncio.to_thread(store.experiments.add_run, name, folder / "run", summary)
     return created_response(row, f"/experiments/{quote(name)}")
 
 
-async def uploaded_samples(request: Request) -> Response:
+async def uploaded_samples(request: Request) -> ModelResponse[UploadedSamples]:
     """What is there of a run's samples."""
     return json_response(await asyncio.to_thread(lambda: uploaded(_page_run(request))))
 
@@ -222,7 +240,7 @@ async def report(request: Request) -> Response:
     return Response(html, media_type="text/html", headers=REPORT_HEADERS)
 
 
-async def movements(request: Request) -> Response:
+async def movements(request: Request) -> ModelResponse[MovementList]:
     """All movement traces."""
     return json_response(await asyncio.to_thread(_store(request).movements.all))
 

@@ -55,13 +55,7 @@ class Experiments:
     def all(self) -> ExperimentList:
         """Those whose experiment.json can be read."""
         found = []
-        with storage_explained():
-            folders = [path for path in self._results.iterdir() if _is_folder(path)]
-        for folder in folders:
-            try:
-                record = read_experiment(folder)
-            except BrokenRecording:
-                continue
+        for folder, record in self._read():
             runs = list(_read(_record, folder))
             found.append(
                 ExperimentSummary(
@@ -121,7 +115,7 @@ class Experiments:
         slug = re.sub(r"[^A-Za-z0-9.-]+", "-", request.name).strip(".-")[:60] or "experiment"
         created = now.astimezone(UTC)
         record = ExperimentRecord(
-            name=request.name,
+            name=self._new_name(request.name),
             created=created.isoformat(timespec="seconds"),
             source="page",
             plan=request.plan,
@@ -131,6 +125,22 @@ class Experiments:
             made = folder / "experiment"
             write_experiment(made, record)
             return _placed(made, self._results, f"{slug}-{created:%Y%m%d-%H%M%S}")
+
+    def _read(self) -> Iterator[tuple[Path, ExperimentRecord]]:
+        """Folders and records of those that can be read."""
+        with storage_explained():
+            folders = [path for path in self._results.iterdir() if _is_folder(path)]
+        for folder in folders:
+            try:
+                yield folder, read_experiment(folder)
+            except BrokenRecording:
+                continue
+
+    def _new_name(self, name: str) -> str:
+        """The name, or the first of `NAME (2)`, `NAME (3)`, … that no experiment has yet."""
+        taken = {record.name for _, record in self._read()}
+        numbered = (f"{name} ({number})" for number in itertools.count(2))
+        return next(one for one in itertools.chain([name], numbered) if one not in taken)
 
     def add_run(self, experiment: str, made: Path, summary: Summary) -> RunRow:
         """Keep a run that lies in the workspace as a whole. Raises UnknownExperiment and ExperimentInUse."""
@@ -225,6 +235,7 @@ def _row(summary: Summary, samples: SampleCounts | None = None) -> RunRow:
         configuration=record.configuration,
         figures=summary.figures,
         samples=samples,
+        saturated_share=record.load.saturated_share if record.load is not None and record.load.saturated else None,
     )
 
 

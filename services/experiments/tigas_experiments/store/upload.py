@@ -67,6 +67,7 @@ def write_run(folder: Path, upload: RunUpload, load: Sequence[LoadSample], machi
         started=datetime.fromtimestamp(start / 1000, UTC).isoformat(timespec="seconds"),
         scene_bytes=upload.scene_bytes,
         scene_sha256=upload.scene_sha256,
+        backend=upload.backend,
     )
     writer = RunWriter(folder, record)
     writer.recording(recording)
