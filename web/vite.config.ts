@@ -1,9 +1,11 @@
 import { defineConfig } from "vitest/config";
+import { compress } from "./scripts/compress.mjs";
 
 const SERVER = "http://localhost:8080";
 
 export default defineConfig({
   base: "./",
+  plugins: [compress()],
   build: {
     outDir: "../services/render/tigas_render/static",
     emptyOutDir: true,

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from playwright.sync_api import Page
+from playwright.sync_api import Locator, Page
 
 from tests.web.conftest import STATIC
 from tests.web.fake_shaper import FakeShaper
@@ -57,3 +57,8 @@ def fill(page: Page, *, name: str, movement: str, seconds: str) -> None:
     page.get_by_role("textbox", name="Name").fill(name)
     page.get_by_role("combobox", name="Movement").select_option(movement)
     page.get_by_role("textbox", name="Each run lasts").fill(seconds)
+
+
+def remarks(dialog: Locator) -> Locator:
+    """What is said of single runs, except that this machine was busy, which no test can help."""
+    return dialog.get_by_role("listitem").filter(has_not_text="All processors were busy")

@@ -23,12 +23,12 @@ _WATCH = """
     for (let rest = number; rest > 0; rest = Math.floor(rest / 16)) check ^= rest % 16;
     return bits(0, 4) === 0b1010 && check === bits(28, 32) ? number : null;
   };
-  window.seen = { stateless: [], dash: [] };
+  window.seen = { canvas: [], video: [] };
   const look = () => {
     requestAnimationFrame(look);
     const at = performance.now();
-    window.seen.stateless.push([at, read(document.querySelector(".stage canvas"))]);
-    window.seen.dash.push([at, read(document.querySelector(".stage video"))]);
+    window.seen.canvas.push([at, read(document.querySelector(".stage canvas"))]);
+    window.seen.video.push([at, read(document.querySelector(".stage video"))]);
   };
   requestAnimationFrame(look);
 })();
@@ -43,9 +43,9 @@ def watch_screen(page: Page) -> None:
     page.add_init_script(_WATCH)
 
 
-def seen(page: Page, side: str) -> Seen:
-    """What was seen so far of `stateless` or `dash`."""
-    rows: list[list[Any]] = page.evaluate("side => window.seen[side]", side)
+def seen(page: Page, mode: str) -> Seen:
+    """What was seen so far of a mode's picture."""
+    rows: list[list[Any]] = page.evaluate("kind => window.seen[kind]", "canvas" if mode == "stateless" else "video")
     return [(at, pose) for at, pose in rows]
 
 

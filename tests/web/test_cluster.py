@@ -114,3 +114,14 @@ def test_a_viewer_of_a_draining_host_goes_elsewhere_and_misses_nothing(cluster: 
     page.evaluate(WATCH)
     cluster.drain(name)
     goes_on_elsewhere(page, cluster, name)
+
+
+def test_a_scene_is_downloaded_from_its_host(cluster: Cluster, page: Page) -> None:
+    page.keyboard.up("ArrowRight")
+    host = cluster.hosts[stat(page, "host")].url
+    with page.expect_response(lambda response: "/download/" in response.url) as download:
+        page.evaluate("tigas.settings({ mode: 'local' })")
+    assert download.value.ok
+    assert download.value.url.startswith(host)
+    expect(page.locator("[data-stat=downloaded]")).to_contain_text("B")
+    page.evaluate("tigas.settings({ mode: 'stateless' })")

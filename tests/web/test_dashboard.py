@@ -73,6 +73,7 @@ def test_scenes_are_loaded_and_unloaded(dashboard_with_more: Page, server: Rende
 
 def test_new_scenes_are_found_when_asked_for(dashboard_with_more: Page) -> None:
     expect(dashboard_with_more.locator("[data-scene=more-pebbles]")).to_be_visible()
+    expect(dashboard_with_more.get_by_role("status")).to_contain_text("New: Pebbles.")
 
 
 def test_links_reloading_and_the_back_button_work(open_page: OpenPage) -> None:

@@ -29,6 +29,12 @@ REACHABLE = """(controls) => controls
     .filter((control) => control.type !== 'radio' || control.checked)
     .map((control) => control.outerHTML.slice(0, 80)).sort()"""
 
+OVERLAPPING = """(parts) => parts.flatMap((a, i) => parts.slice(i + 1).flatMap((b) => {
+    const [p, q] = [a, b].map((part) => part.getBoundingClientRect());
+    const apart = p.right <= q.left || q.right <= p.left || p.bottom <= q.top || q.bottom <= p.top;
+    return apart ? [] : [`${a.className} and ${b.className}`];
+}))"""
+
 
 def touch(page: Page, *moments: list[tuple[int, int]]) -> None:
     """Fingers that go down at the first moment's places, move through the others, and lift."""
@@ -53,6 +59,11 @@ def test_a_phone_shows_everything_without_scrolling_sideways(open_page: OpenPage
     expect(page.locator(".pad")).to_be_visible()
     page.get_by_role("button", name="Settings").tap()
     expect(page.locator(".sidebar")).to_be_in_viewport()
+    # a tablet, upright and lying, and a phone that lies
+    for width, height in (1024, 768), (768, 1024), (844, 390):
+        page.set_viewport_size({"width": width, "height": height})
+        assert page.evaluate("document.documentElement.scrollHeight") <= height
+        assert page.locator(".title, [role=toolbar], .hud, .pad, .rise").evaluate_all(OVERLAPPING) == []
 
 
 def test_fingers_look_around_pinch_and_walk(open_page: OpenPage) -> None:

@@ -12,7 +12,7 @@ import pytest
 from playwright.sync_api import expect
 
 from tests.web.conftest import STATIC, OpenPage
-from tests.web.experiments import WALK, PageLab, fill, page_lab
+from tests.web.experiments import WALK, PageLab, fill, page_lab, remarks
 from tests.web.fake_shaper import FakeShaper
 from tests.web.server import RenderServer
 from tests.web.stage import SCENE, frames, wait_for_frames
@@ -48,7 +48,7 @@ def test_two_controllers_are_compared_and_kept(open_page: OpenPage, lab: PageLab
     adaptation = page.get_by_label("Adaptation")
     adaptation.select_option("l2a")
     page.locator(".stage").focus()
-    page.keyboard.press("e")
+    page.keyboard.press("x")
     dialog = page.locator("dialog.experiment")
     fill(page, name="Two <b> controllers", movement="store/walk", seconds="1.5")
     dialog.get_by_role("combobox", name="Network").select_option("stairs")
@@ -100,7 +100,7 @@ def test_two_controllers_are_compared_and_kept(open_page: OpenPage, lab: PageLab
     page.locator(".stage").focus()
     page.keyboard.press("ArrowRight", delay=200)
     wait_for_frames(page, shown + 1)
-    page.keyboard.press("e")
+    page.keyboard.press("x")
     report = dialog.get_by_role("link", name="Report").get_attribute("href")
     assert report is not None
     assert "Two &lt;b&gt; controllers" in page.request.get(report).text()
@@ -139,7 +139,7 @@ def test_what_fails_or_is_cancelled(storeless: tuple[str, FakeShaper], open_page
     page.get_by_role("button", name="Cancel").click()
     expect(dialog).to_contain_text("The results stay in this page.")
     expect(dialog.locator("tbody tr").nth(0).locator("[data-figure=p50]")).not_to_have_text("–")
-    expect(dialog.get_by_role("listitem")).to_have_text(
+    expect(remarks(dialog)).to_have_text(
         [
             "Run 2, Budget: Settings or the window's size were changed during the run.",
             "Run 3, LoL+: It was cancelled before its end.",
@@ -198,7 +198,7 @@ def test_an_experiment_whose_page_was_closed_is_incomplete_and_gets_the_run_that
     page = open_page(SCENE, url=lab.url)
     wait_for_frames(page)
     page.locator(".stage").focus()
-    page.keyboard.press("e")
+    page.keyboard.press("x")
     fill(page, name="Closed", movement="store/walk", seconds="1.5")
     page.locator("dialog.experiment").get_by_role("button", name="Start").click()
     expect(page.get_by_role("region", name="Experiment")).to_contain_text("Run 2 of 2 · Budget")
@@ -217,7 +217,7 @@ def test_an_experiment_whose_page_was_closed_is_incomplete_and_gets_the_run_that
     dialog.get_by_role("button", name="Continue").click()
     expect(page.get_by_role("region", name="Experiment")).to_contain_text("Run 1 of 1 · Budget")
     expect(dialog.locator("tbody tr").get_by_role("rowheader")).to_have_text("Budget")
-    expect(dialog.get_by_role("listitem")).to_have_count(0)
+    expect(remarks(dialog)).to_have_count(0)
     dialog.get_by_role("link", name="All experiments").click()
     expect(row.get_by_role("cell").first).to_have_text("2")
     expect(row.get_by_role("button", name="Continue")).to_have_count(0)

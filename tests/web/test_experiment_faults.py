@@ -9,7 +9,7 @@ import pytest
 from playwright.sync_api import Page, expect
 
 from tests.web.conftest import OpenPage
-from tests.web.experiments import PageLab, fill, page_lab
+from tests.web.experiments import PageLab, fill, page_lab, remarks
 from tests.web.stage import SCENE, wait_for_frames
 
 pytest.importorskip("tigas_shaper")
@@ -43,7 +43,7 @@ def begun(page: Page, *, name: str, network: str) -> None:
     """An experiment of three runs of three seconds, the first of which plays."""
     wait_for_frames(page)
     page.locator(".stage").focus()
-    page.keyboard.press("e")
+    page.keyboard.press("x")
     dialog = page.locator("dialog.experiment")
     fill(page, name=name, movement="store/walk", seconds="3")
     dialog.get_by_role("combobox", name="Network").select_option(network)
@@ -69,7 +69,7 @@ def test_somebody_else_at_the_link_and_a_hidden_page_spoil_a_run(open_page: Open
     expect(page.get_by_role("region", name="Experiment")).to_contain_text("Run 3 of 3 · LoL+")
 
     dialog = page.locator("dialog.experiment")
-    expect(dialog.get_by_role("listitem")).to_have_text(
+    expect(remarks(dialog)).to_have_text(
         [
             "Run 1, Latency: Somebody else changed the link during the run.",
             "Run 2, Budget: The page was hidden, so that not all of the run could be shown.",
@@ -84,7 +84,7 @@ def test_the_link_as_it_is_must_stay_as_it_is(open_page: OpenPage, lab: PageLab)
     link = {"down_kbps": 5000, "up_kbps": 5000}
     assert page.request.post(f"{lab.shaper.url}/link", data=link).ok
     changed = "The link is not 100mbit,50mbit-up any more, as it was when the experiment began."
-    expect(page.locator("dialog.experiment").get_by_role("listitem")).to_have_text(
+    expect(remarks(page.locator("dialog.experiment"))).to_have_text(
         [
             "Run 1, Latency: Somebody else changed the link during the run.",
             f"Run 2, Budget: {changed}",

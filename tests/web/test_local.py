@@ -30,20 +30,25 @@ MOVEMENT = [
 
 
 def test_a_downloaded_scene_is_drawn_as_the_server_draws_it(open_page: OpenPage, server: RenderServer) -> None:
-    chosen = with_settings(server.url, mode="local", **ALONE, controller="fixed", profile=0)
-    page = open_page(SCENE, viewport=SMALL, **chosen)
+    page = open_page(SCENE, viewport=SMALL, **with_settings(server.url, **ALONE, controller="fixed", profile=0))
+    wait_for_frames(page)
+    page.wait_for_function("() => tigas.state().ready")
+    first = recorded(page, download="compressed")
+    assert first.local is not None
+    assert first.local.began_ms >= 0
     wait_until_complete(page)
     page.wait_for_function("() => tigas.state().ready")
     drawn = shown(page)
 
-    plan = {"points": MOVEMENT, "duration_ms": 1000, "capture_every_ms": 400, "sample_stride": 0}
-    recording = Recording.model_validate_json(json.dumps(page.evaluate("plan => tigas.run(plan)", plan)))
+    recording = recorded(page)
     assert recording.local is not None
     assert recording.local.first_picture_ms is not None
     assert recording.local.complete_ms is not None
     assert 0 < recording.local.first_picture_ms <= recording.local.complete_ms
     assert recording.local.downloaded_bytes == recording.local.bytes > 0
-    assert {frame.side for frame in recording.frames} == {"local"}
+    assert first.traffic[-1].bytes <= first.local.downloaded_bytes
+    assert recording.traffic[-1].bytes == 0
+    assert {frame.side for frame in (*first.frames, *recording.frames)} == {"local"}
     assert recording.frames[-1].pose == recording.inputs[-1].pose
     assert len({frame.pose for frame in recording.frames}) == len(recording.frames)
     kept = [captured(page, index) for index in range(len(recording.captures))]
@@ -75,6 +80,12 @@ def test_a_scene_that_is_too_large_for_the_browser_leaves_the_other_modes(open_p
     assert not [url for url in asked if "/download/" in url]
     page.evaluate("tigas.settings({ mode: 'stateless' })")
     expect(page.locator(".stage-message")).to_have_text("")
+
+
+def recorded(page: Page, **changes: object) -> Recording:
+    """The movement, played in the page."""
+    plan = {"points": MOVEMENT, "duration_ms": 1000, "capture_every_ms": 400, "sample_stride": 0, **changes}
+    return Recording.model_validate_json(json.dumps(page.evaluate("plan => tigas.run(plan)", plan)))
 
 
 def wait_until_complete(page: Page) -> None:

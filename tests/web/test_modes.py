@@ -1,4 +1,4 @@
-"""The same walk in three modes: one JPEG per pose, a DASH stream, or both beside each other."""
+"""The same walk in several modes: one JPEG per pose, a DASH stream, or two modes beside each other."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def test_switching_the_mode_keeps_the_pose(open_page: OpenPage, viewer_url: str)
     last = shown(page, "video")
 
     switch(page, "side-by-side")
-    left, right = page.locator(".stage canvas"), page.locator(".stage video")
+    left, right = page.locator(".pane:nth-child(1) canvas"), page.locator(".pane:nth-child(2) video")
     a, b = left.bounding_box(), right.bounding_box()
     assert a is not None
     assert b is not None
@@ -53,7 +53,7 @@ def test_switching_the_mode_keeps_the_pose(open_page: OpenPage, viewer_url: str)
     assert a["x"] + a["width"] <= b["x"] + 1
     page.wait_for_function("() => document.querySelector('.stage').dataset.dash !== 'playing'")  # the panes are smaller
     wait_for_dash(page, at_least=10)
-    wait_until_shown(page, "video", shown(page, "canvas"))
+    wait_until_shown(page, ".pane:nth-child(2) video", shown(page, ".pane:nth-child(1) canvas"))
 
     switch(page, "stateless")
     expect(page.locator(".stage video")).to_be_hidden()
@@ -62,6 +62,7 @@ def test_switching_the_mode_keeps_the_pose(open_page: OpenPage, viewer_url: str)
 
 
 def test_the_stream_lasts_as_long_as_somebody_watches(open_page: OpenPage, viewer_url: str, packager: Packager) -> None:
+    wait_for_sessions(packager, lambda sessions: not sessions)  # of the test before
     page = open_page(SCENE, url=viewer_url, **with_settings(viewer_url, mode="dash"))
     wait_for_dash(page)
     (stream,) = packager.sessions()
@@ -104,16 +105,28 @@ def test_both_sides_are_measured(open_page: OpenPage, viewer_url: str) -> None:
     wait_for_frames(page)
     wait_for_dash(page)
     page.keyboard.down("ArrowRight")
-    for side in ("stateless", "dash"):
+    for side in ("left", "right"):
         for name in ("motion-to-photon", "bandwidth"):
             page.wait_for_function(
                 "where => parseFloat(document.querySelector(where)?.innerText) > 0",
                 arg=f"[data-side={side}] [data-stat={name}]",
             )
     page.keyboard.up("ArrowRight")
-    assert "×" in page.locator("[data-side=dash] [data-stat=resolution]").inner_text()
+    expect(page.locator("[data-side=right] [data-stat=resolution]")).to_contain_text("×")
     for name in ("Motion to photon", "Bandwidth", "Time stalled", "Picture height"):
         expect(page.get_by_role("figure", name=name).locator("canvas")).to_be_visible()
+
+
+def test_any_two_modes_are_compared_and_held_against_the_truth(open_page: OpenPage, viewer_url: str) -> None:
+    chosen = with_settings(viewer_url, left="video", right="stateless", reprojection=False, hud=False)
+    page = open_page(f"{SCENE}?mode=side-by-side", url=viewer_url, viewport={"width": 860, "height": 180}, **chosen)
+    wait_for_frames(page)
+    page.keyboard.press("ArrowRight", delay=3500)  # a walk lasts for three seconds at least
+    for side in ("left", "right"):
+        expect(page.locator(f".last-walk [data-side={side}][data-stat=psnr]")).to_contain_text("dB")
+    expect(page.locator(".last-walk [role=status]")).to_contain_text("followed you")
+    wait_until_settled(page)
+    wait_until_shown(page, ".pane:nth-child(2) canvas", shown(page, ".pane:nth-child(1) canvas"))
 
 
 def test_the_stateless_page_does_not_load_the_player(open_page: OpenPage, viewer_url: str) -> None:

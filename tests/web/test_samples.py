@@ -13,7 +13,7 @@ from PIL import Image
 from playwright.sync_api import Locator, Page, Route, expect
 
 from tests.web.conftest import OpenPage
-from tests.web.experiments import PageLab, fill, page_lab
+from tests.web.experiments import PageLab, fill, page_lab, remarks
 from tests.web.stage import SCENE, frames, wait_for_frames
 from tigas_experiments.records.folder import StoredRun
 from tigas_experiments.records.samples import read_sample_file, sample_path
@@ -40,7 +40,7 @@ def start(page: Page, name: str, seconds: str = "1.5") -> Locator:
     """An experiment of one run that samples frames; its dialogue."""
     wait_for_frames(page)
     page.locator(".stage").focus()
-    page.keyboard.press("e")
+    page.keyboard.press("x")
     fill(page, name=name, movement="store/turn", seconds=seconds)
     dialog = page.locator("dialog.experiment")
     dialog.get_by_label("Budget").uncheck()
@@ -83,7 +83,7 @@ def test_samples_follow_their_run_to_the_store(open_page: OpenPage, lab: PageLab
     page = open_page(SCENE, url=lab.url)
     dialog = start(page, "Followed")
     expect(dialog.locator("tbody tr")).to_have_count(1)
-    expect(dialog.get_by_role("listitem")).to_have_count(0)
+    expect(remarks(dialog)).to_have_count(0)
     run = the_run(lab, "Followed")
     assert run.record.configuration.sample_stride == EVERY
     assert [sample.at for sample in run.samples()] == [frame.at for frame in run.frames()][::EVERY]
@@ -105,7 +105,7 @@ def test_an_upload_that_is_cut_off_survives_a_reload_and_sends_only_the_rest(ope
 
     page.route(PICTURES, cut_off_after_two)
     dialog = start(page, "Cut off")
-    remark = dialog.get_by_role("listitem")
+    remark = remarks(dialog)
     expect(remark).to_contain_text("Its samples are in this browser only. The store at")
     assert the_run(lab, "Cut-off").samples() == []
     page.unroute(PICTURES)
@@ -161,9 +161,7 @@ def test_a_run_that_finds_no_room_goes_on_without_samples(open_page: OpenPage, l
     page = open_page(SCENE, url=lab.url)
     limit_storage(page, lab, 1)
     dialog = start(page, "No room")
-    expect(dialog.get_by_role("listitem")).to_have_text(
-        "Run 1, Latency: The browser’s storage is full. Nothing was sampled."
-    )
+    expect(remarks(dialog)).to_have_text("Run 1, Latency: The browser’s storage is full. Nothing was sampled.")
     run = the_run(lab, "No-room")
     assert (run.record.status, run.samples()) == ("complete", [])
 
@@ -175,7 +173,7 @@ def test_a_disk_that_fills_up_ends_sampling_and_neither_the_run_nor_what_was_kep
     dialog = start(page, "Filled up", "5")
     play(page, 2 * EVERY)
     limit_storage(page, lab, 1)
-    remark = dialog.get_by_role("listitem")
+    remark = remarks(dialog)
     expect(remark).to_contain_text("The browser’s storage is full. Sampling ended after")
     run = the_run(lab, "Filled-up")
     assert run.record.status == "complete"

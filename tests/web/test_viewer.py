@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import pytest
@@ -73,13 +73,17 @@ def test_r_goes_back_to_the_start(open_page: OpenPage, server: RenderServer) -> 
     assert np.array_equal(picture(viewer), start)
 
 
-def test_dragging_turns_and_the_wheel_walks(viewer: Page) -> None:
-    def drag() -> None:
+def test_dragging_turns_pans_or_orbits_and_the_wheel_walks(viewer: Page) -> None:
+    def drag(button: Literal["left", "right"] = "left") -> None:
         viewer.mouse.move(500, 300)
-        viewer.mouse.down()
+        viewer.mouse.down(button=button)
         viewer.mouse.move(420, 330, steps=4)
-        viewer.mouse.up()
+        viewer.mouse.up(button=button)
 
+    assert changes(viewer, drag) > 1
+    assert changes(viewer, lambda: drag("right")) > 1
+    assert changes(viewer, lambda: viewer.mouse.dblclick(500, 200)) > 1
+    viewer.keyboard.press("o")
     assert changes(viewer, drag) > 1
     assert changes(viewer, lambda: viewer.mouse.wheel(0, -300)) > 1
 

@@ -44,6 +44,15 @@ export function videoLadder(ladder: readonly Rung[], first = 0): readonly VideoS
   return steps;
 }
 
+/** The only step there is where the bit rate is given: with the size that the ladder has for that rate; none without rungs. */
+export function stepOfBitrate(ladder: readonly Rung[], bitrate_kbps: number): readonly VideoStep[] {
+  const steps = videoLadder(ladder);
+  const like = steps.find(({ video }) => video.bitrate_kbps <= bitrate_kbps) ?? steps.at(-1);
+  if (like === undefined) return [];
+  const video = Object.freeze({ ...like.video, bitrate_kbps });
+  return [{ ...like, expected_kb: bitrate_kbps / 8 / FRAMES_PER_S, video }];
+}
+
 /** The best step of a rung's size that there is, or of the next smaller one: what stands for a rung that a person chose. */
 export function stepOfRung(steps: readonly VideoStep[], { width, height }: Pick<Rung, "width" | "height">): number {
   const first = steps.findIndex((step) => step.width * step.height <= width * height);

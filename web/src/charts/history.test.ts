@@ -14,9 +14,9 @@ const FIGURES = {
 const bin = (latency: number) => LATENCY_BINS_MS.filter((from) => from <= latency).length - 1;
 
 test("samples become columns, one for each side; a side that is not shown has none", () => {
-  const history = new ComparisonHistory();
-  history.sample({ stateless: FIGURES, dash: null }, 1000);
-  history.sample({ stateless: FIGURES, dash: { ...FIGURES, bandwidth: 1_000_000 } }, 1250);
+  const history = new ComparisonHistory(2);
+  history.sample([FIGURES, null], 1000);
+  history.sample([FIGURES, { ...FIGURES, bandwidth: 1_000_000, buffered: 140 }], 1250);
   expect(history.bandwidth.value).toEqual([
     [1, 1.25],
     [4, 4],
@@ -30,6 +30,10 @@ test("samples become columns, one for each side; a side that is not shown has no
     [0.5, 0.5],
     [null, 0.5],
   ]);
+  expect(history.buffered.value.slice(1)).toEqual([
+    [null, null], // it has none
+    [null, 140],
+  ]);
   expect(history.lines.value.slice(1)).toEqual([
     [360, 360],
     [null, 360],
@@ -37,13 +41,13 @@ test("samples become columns, one for each side; a side that is not shown has no
 });
 
 test("latencies are distributed side by side, and forgotten after a minute", () => {
-  const history = new ComparisonHistory();
-  history.presented({ side: "stateless", at: 0, latencies: [50, 51] });
-  history.presented({ side: "dash", at: 0, latencies: [700] });
-  history.sample({ stateless: FIGURES, dash: FIGURES }, 100);
-  const [, stateless, dash] = history.latency.value;
-  expect([stateless?.[bin(50)], dash?.[bin(700)]]).toEqual([100, 100]);
-  history.sample({ stateless: FIGURES, dash: FIGURES }, 61_000);
+  const history = new ComparisonHistory(2);
+  history.presented(0, { at: 0, latencies: [50, 51] });
+  history.presented(1, { at: 0, latencies: [700] });
+  history.sample([FIGURES, FIGURES], 100);
+  const [, left, right] = history.latency.value;
+  expect([left?.[bin(50)], right?.[bin(700)]]).toEqual([100, 100]);
+  history.sample([FIGURES, FIGURES], 61_000);
   expect(
     history.latency.value
       .slice(1)

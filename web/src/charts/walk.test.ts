@@ -2,18 +2,18 @@ import { expect, test } from "vitest";
 import { NO_FIGURES } from "../view/meter";
 import { WalkRecorder } from "./walk";
 
-/** Walks from `from` to `to` and is looked at for two seconds more; the stateless side shows 40 new views a second, and DASH 20. */
+/** Walks from `from` to `to` and is looked at for two seconds more; the left side shows 40 new views a second, and the right one 20. */
 function walk(recorder: WalkRecorder, from: number, to: number): void {
   for (let now = from; now <= to + 2250; now += 250) {
     const moved = Math.min(now, to);
     recorder.sampled(moved, moved);
-    recorder.presented({ side: "stateless", latencies: [20, 40] });
-    recorder.presented({ side: "dash", latencies: [700] });
+    recorder.presented(0, { latencies: [20, 40] });
+    recorder.presented(1, { latencies: [700] });
     const figures = { ...NO_FIGURES, newViews: moved * 0.04, bytes: now * 1000 };
     // Later, and what it sends while the camera stands still is not the walk's.
     const newViews = Math.max(from, now - 1000) * 0.02;
     const dash = { ...figures, newViews, bytes: now * 250, stalls: { count: 1, time: moved / 10 } };
-    recorder.sample({ stateless: figures, dash }, now);
+    recorder.sample([figures, dash], now);
   }
 }
 
@@ -29,10 +29,24 @@ test("a walk is what happened while the camera moved, and stays", () => {
   const seen = one.last.value;
   expect(seen).toEqual({
     duration: 10_000,
-    sides: {
-      stateless: { latency: { p50: 20, p95: 40 }, newViewsPerSecond: 40, bandwidth: 8_000_000, stalled: 0 },
-      dash: { latency: { p50: 700, p95: 700 }, newViewsPerSecond: 22, bandwidth: 2_000_000, stalled: 1000 },
-    },
+    sides: [
+      {
+        inputs: 96,
+        latency: { p50: 20, p95: 40 },
+        newViewsPerSecond: 40,
+        bandwidth: 8_000_000,
+        bytes: 10_000_000,
+        stalled: 0,
+      },
+      {
+        inputs: 48,
+        latency: { p50: 700, p95: 700 },
+        newViewsPerSecond: 22,
+        bandwidth: 2_000_000,
+        bytes: 2_500_000,
+        stalled: 1000,
+      },
+    ],
   });
   walk(one, 20_000, 21_000); // too short to tell anything
   expect(one.last.value).toBe(seen);
@@ -42,11 +56,11 @@ test("a walk is what happened while the camera moved, and stays", () => {
 
 test("while the camera moves there is none, nor where nobody walked", () => {
   const one = recorder();
-  for (let now = 250; now <= 20_000; now += 250) one.sample({ stateless: NO_FIGURES, dash: null }, now);
+  for (let now = 250; now <= 20_000; now += 250) one.sample([NO_FIGURES, null], now);
   expect(one.last.value).toBeNull();
   for (let now = 20_250; now <= 40_000; now += 250) {
     one.sampled(now, now);
-    one.sample({ stateless: NO_FIGURES, dash: null }, now);
+    one.sample([NO_FIGURES, null], now);
   }
   expect(one.last.value).toBeNull();
 });
@@ -55,8 +69,20 @@ test("a side that showed nothing has no figures", () => {
   const one = recorder();
   for (let now = 250; now <= 8000; now += 250) {
     one.sampled(Math.min(now, 5000), Math.min(now, 5000));
-    one.presented({ side: "stateless", latencies: [20] });
-    one.sample({ stateless: NO_FIGURES, dash: null }, now);
+    one.presented(0, { latencies: [20] });
+    one.sample([NO_FIGURES, null], now);
   }
-  expect(one.last.value?.sides).toMatchObject({ stateless: { latency: { p50: 20 } }, dash: null });
+  expect(one.last.value?.sides).toMatchObject([{ latency: { p50: 20 } }, null]);
+});
+
+test("a side that began anew meanwhile has none, however much it has shown since", () => {
+  const one = recorder();
+  for (let now = 1000; now <= 8000; now += 250) {
+    const moved = Math.min(now, 5000);
+    one.sampled(moved, moved);
+    one.presented(0, { latencies: [20] });
+    const bytes = now < 3000 ? 9_000_000 + now : now;
+    one.sample([{ ...NO_FIGURES, shown: now, bytes }], now);
+  }
+  expect(one.last.value?.sides).toEqual([null]);
 });

@@ -1,7 +1,7 @@
 /** The last walk, and what each side made of it: from the camera's first movement until it has stood still for a while. */
 import { signal } from "@preact/signals";
 import type { PresentedFrame } from "../view/presented";
-import { type ComparedSide, comparedSide, SIDES, type SideFigures } from "./history";
+import type { SideFigures } from "./history";
 
 /** Whoever has not moved for so long has ended the walk: frames on their way have come by then (ms). */
 const STILL_AFTER = 2000;
@@ -9,11 +9,14 @@ const STILL_AFTER = 2000;
 const SHORTEST = 3000;
 
 export interface WalkedSide {
+  /** How many changes of the pose it has answered. */
+  readonly inputs: number;
   /** Motion to photon, or the view's latency where pictures are turned: median and 95th percentile, in milliseconds. */
   readonly latency: { readonly p50: number; readonly p95: number };
   readonly newViewsPerSecond: number;
   /** Bits a second. */
   readonly bandwidth: number;
+  readonly bytes: number;
   /** How long the picture stood still, in milliseconds. */
   readonly stalled: number;
 }
@@ -21,15 +24,15 @@ export interface WalkedSide {
 export interface Walk {
   /** How long the camera moved, in milliseconds. */
   readonly duration: number;
-  /** Null for a side that showed nothing, or began anew meanwhile. */
-  readonly sides: Readonly<Record<ComparedSide, WalkedSide | null>>;
+  /** From left to right; null for one that showed nothing, or began anew meanwhile. */
+  readonly sides: readonly (WalkedSide | null)[];
 }
 
 /** What has come from the walk that goes on. */
 interface Going {
   readonly from: number;
   readonly before: SideFigures;
-  readonly latencies: Readonly<Record<ComparedSide, number[]>>;
+  readonly latencies: readonly number[][];
   movedAt: number;
   /** When the camera moved last: a stream goes on sending while it stands still. */
   moved: SideFigures;
@@ -42,18 +45,28 @@ export class WalkRecorder {
   #movedAt = Number.NEGATIVE_INFINITY;
   #going: Going | null = null;
 
+  /** Somebody walks, or has just done so. */
+  get walking(): boolean {
+    return this.#going !== null;
+  }
+
+  /** When the camera moved last, in milliseconds. */
+  get movedAt(): number {
+    return this.#movedAt;
+  }
+
   /** The camera is at pose number `pose`; `at` in milliseconds. */
   sampled(pose: number, at: number): void {
     if (this.#pose !== null && pose !== this.#pose) this.#movedAt = at;
     this.#pose = pose;
   }
 
-  presented({ side, latencies }: Pick<PresentedFrame, "side" | "latencies">): void {
-    const compared = comparedSide(side);
-    if (compared) this.#going?.latencies[compared].push(...latencies);
+  /** A frame of picture number `side` is on the screen. */
+  presented(side: number, { latencies }: Pick<PresentedFrame, "latencies">): void {
+    this.#going?.latencies[side]?.push(...latencies);
   }
 
-  /** Take a sample of both sides, several times a second; `now` in milliseconds. */
+  /** Take a sample of all, several times a second; `now` in milliseconds. */
   sample(figures: SideFigures, now: number): void {
     const going = this.#going;
     if (going === null) {
@@ -69,23 +82,26 @@ export class WalkRecorder {
 }
 
 function begun(figures: SideFigures, movedAt: number): Going {
-  return { from: movedAt, movedAt, before: figures, moved: figures, latencies: { stateless: [], dash: [] } };
+  return { from: movedAt, movedAt, before: figures, moved: figures, latencies: figures.map(() => []) };
 }
 
 /** `after`: once all that was on its way has been shown. */
 function ended({ from, movedAt, before, moved, latencies }: Going, after: SideFigures): Walk {
   const duration = movedAt - from;
-  const side = (of: ComparedSide): WalkedSide | null => {
-    const sorted = latencies[of].toSorted((a, b) => a - b);
+  const sides = latencies.map((times, side): WalkedSide | null => {
+    const sorted = times.toSorted((a, b) => a - b);
     const percentile = (rank: number) => sorted[Math.ceil(rank * sorted.length) - 1] ?? 0;
-    const [first, last, shown] = [before[of], moved[of], after[of]];
-    if (!first || !last || !shown || shown.shown < first.shown || sorted.length === 0) return null;
+    const [first, last, shown] = [before[side], moved[side], after[side]];
+    if (!first || !last || !shown || sorted.length === 0) return null;
+    if (shown.shown < first.shown || last.bytes < first.bytes) return null; // it counts from zero again
     return {
+      inputs: sorted.length,
       latency: { p50: percentile(0.5), p95: percentile(0.95) },
       newViewsPerSecond: ((shown.newViews - first.newViews) * 1000) / duration,
       bandwidth: ((last.bytes - first.bytes) * 8000) / duration,
+      bytes: last.bytes - first.bytes,
       stalled: shown.stalls.time - first.stalls.time,
     };
-  };
-  return { duration, sides: { stateless: side(SIDES[0]), dash: side(SIDES[1]) } };
+  });
+  return { duration, sides };
 }

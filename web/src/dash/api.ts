@@ -2,12 +2,30 @@
 
 import { ApiError, readProblem } from "../http/problem";
 import { mixedContent } from "../http/reach";
-import type { FrameShown, PoseUpdate, SessionInfo, SessionRequest } from "../wire/dash";
+import type {
+  FrameShown,
+  PoseUpdate,
+  SessionInfo,
+  SessionRequest,
+  SessionStatus,
+  WebRtcRequest,
+  WebRtcSession,
+} from "../wire/dash";
 
 /** Opening waits for the scene to load and for the first frame. */
 const OPEN_TIMEOUT = 60_000;
+const END_TIMEOUT = 5000;
 
-export async function openSession(base: string, request: SessionRequest, signal: AbortSignal): Promise<SessionInfo> {
+export function openSession(base: string, request: SessionRequest, signal: AbortSignal): Promise<SessionInfo> {
+  return open(base, "sessions", request, signal);
+}
+
+/** The same over WebRTC: an offer out, its answer back. */
+export function openWebRtc(base: string, request: WebRtcRequest, signal: AbortSignal): Promise<WebRtcSession> {
+  return open(base, "webrtc", request, signal);
+}
+
+async function open<Opened>(base: string, path: string, request: unknown, signal: AbortSignal): Promise<Opened> {
   if (mixedContent(base, location.href)) {
     throw new ApiError(
       "Browsers do not let a secure page use a DASH packager over plain HTTP: open this page over http:// to see the stream.",
@@ -18,8 +36,8 @@ export async function openSession(base: string, request: SessionRequest, signal:
   try {
     const limit = AbortSignal.any([signal, AbortSignal.timeout(OPEN_TIMEOUT)]);
     // Plain text needs no preflight, which would be one more round trip.
-    response = await fetch(`${base}/sessions`, { method: "POST", body: JSON.stringify(request), signal: limit });
-    if (response.ok) return (await response.json()) as SessionInfo;
+    response = await fetch(`${base}/${path}`, { method: "POST", body: JSON.stringify(request), signal: limit });
+    if (response.ok) return (await response.json()) as Opened;
   } catch (error) {
     if (signal.aborted) throw error;
     throw new ApiError("The DASH packager does not answer.", true);
@@ -28,9 +46,24 @@ export async function openSession(base: string, request: SessionRequest, signal:
   throw new ApiError((await readProblem(response)).detail, response.status >= 500);
 }
 
-/** Ends a stream at once; it would end by itself a little later. Works while the page is being left, too. */
-export function endSession(base: string, { id }: SessionInfo): void {
-  void fetch(`${base}/sessions/${id}`, { method: "DELETE", keepalive: true }).catch(() => undefined);
+/** Ends a stream at once; it would end by itself a little later. Works while the page is being left, too. Never rejects. */
+export async function endSession(base: string, { id }: Pick<SessionInfo, "id">): Promise<void> {
+  const limit = AbortSignal.timeout(END_TIMEOUT);
+  await fetch(`${base}/sessions/${id}`, { method: "DELETE", keepalive: true, signal: limit }).catch(() => undefined);
+}
+
+/** How a stream does; null where the packager does not say. */
+export async function sessionStatus(
+  base: string,
+  { id }: Pick<SessionInfo, "id">,
+  signal: AbortSignal,
+): Promise<SessionStatus | null> {
+  try {
+    const response = await fetch(`${base}/sessions/${id}`, { signal, cache: "no-store" });
+    return response.ok ? ((await response.json()) as SessionStatus) : null;
+  } catch {
+    return null;
+  }
 }
 
 export interface PoseSocket {

@@ -10,7 +10,7 @@ import type { PoseUpdate } from "../wire/dash";
 import { widened } from "./wider";
 
 /** A camera at a place, with its lens in pixels of a viewport. */
-type Camera = ScenePose & Intrinsics & Viewport;
+export type Camera = ScenePose & Intrinsics & Viewport;
 
 /** What a message said. */
 export interface Told {

@@ -9,6 +9,7 @@ import type { FrameShown, PoseUpdate, SessionInfo } from "../wire/dash";
 import type { SceneInfo } from "../wire/render";
 import { endSession, openPoseSocket, openSession } from "./api";
 import { DashPlayer } from "./dash-player";
+import { overDash } from "./dash-views";
 import { playStream } from "./dashjs-stream";
 import { type DashPlan, tuned } from "./presets";
 import { type StreamEvents, StreamUnsupported } from "./streaming";
@@ -118,20 +119,22 @@ afterEach(() => {
 function open(plan: Partial<DashPlan> = {}, overscan: number | null = null): void {
   video = {
     style: {},
+    currentTime: 1.86,
+    buffered: { length: 1, end: () => 2 },
     requestVideoFrameCallback: (heard: VideoFrameRequestCallback) => {
       present = (mediaTime, expectedDisplayTime) => {
         mediaTimeNow = mediaTime;
         heard(0, { mediaTime, expectedDisplayTime, width: 640, height: 360 } as VideoFrameCallbackMetadata);
       };
     },
-  } as HTMLVideoElement;
+  } as unknown as HTMLVideoElement;
+  const chosen: DashPlan = { setup: tuned(30), player: "dash.js", adaptive: true, representation: null, ...plan };
   player = new DashPlayer({
     video,
     rig,
-    base: "http://packager",
-    scene: "courtyard",
-    plan: { setup: tuned(30), player: "dash.js", adaptive: true, representation: null, ...plan },
-    stamp: false,
+    side: "dash",
+    open: overDash({ base: "http://packager", scene: "courtyard", plan: chosen, stamp: false }),
+    adaptive: chosen.adaptive,
     prediction: () => "off",
     reprojector,
     overscan,
@@ -168,12 +171,13 @@ test("latency is counted from the sample of a pose to the video frame that shows
   present(0, 1500);
   expect(player.phase.value.kind).toBe("playing");
   const { frame_rate, target_latency_ms, representations } = SESSION;
-  expect(player.playing).toEqual({ frame_rate, target_latency_ms, representations, player: "dash.js 5" });
+  expect(player.playing).toEqual({ dash: { frame_rate, target_latency_ms, representations, player: "dash.js 5" } });
   axes = { ...STILL, forward: 1 };
   frame(1600);
   axes = STILL;
   announce({ frame: 4, media_time_s: 4 / 30, pose: rig.pose.seq });
   present(4 / 30, 1735);
+  expect(player.stats.value.buffered).toBeCloseTo(140);
   expect(shown.map(({ at, latencies, rung }) => ({ at, latencies, rung }))).toEqual([
     { at: 1500, latencies: [], rung: 2 },
     { at: 1735, latencies: [135], rung: 2 },

@@ -1,4 +1,4 @@
-/** The DASH mode: a stream of one's own from the packager, whose camera follows the rig, measured frame by frame. */
+/** The modes with a stream of one's own from the packager, whose camera follows the rig, measured frame by frame. */
 
 import { signal } from "@preact/signals";
 import pRetry from "p-retry";
@@ -8,16 +8,13 @@ import { Foresight } from "../predict/foresight";
 import type { PredictorName } from "../predict/registry";
 import type { Reprojector } from "../reproject/reprojector";
 import { type Figures, Meter, NO_FIGURES, STATS_EVERY } from "../view/meter";
-import type { PresentedFrame } from "../view/presented";
+import type { PresentedFrame, Side } from "../view/presented";
 import type { Rig } from "../view/rig";
-import type { FrameShown, SessionInfo, SessionRequest } from "../wire/dash";
-import type { PlayedStream } from "../wire/store";
-import { endSession, openPoseSocket, openSession, type PoseSocket } from "./api";
+import type { SessionStatus } from "../wire/dash";
 import { CameraFeed } from "./camera-feed";
 import { FramePoses } from "./frame-poses";
 import { LatencyTarget } from "./latency-target";
-import type { DashPlan } from "./presets";
-import { type PlayStream, type Stream, StreamEnded, StreamUnsupported } from "./streaming";
+import { type OpenViews, type Played, StreamEnded, StreamUnsupported, type ViewStream } from "./streaming";
 import { type StreamedFrame, TurnedVideo } from "./turned-video";
 
 export interface DashStats extends Figures {
@@ -25,6 +22,9 @@ export interface DashStats extends Figures {
   readonly liveLatency: number | null;
   /** What it is to be, in milliseconds. */
   readonly targetLatency: number | null;
+  /** What the video is encoded with, and how long frames wait in the jitter buffer, in milliseconds: of WebRTC only. */
+  readonly codec: string | null;
+  readonly jitterBuffer: number | null;
   /** The main thread's time to turn a picture, median of the last seconds; null while none is turned. In milliseconds. */
   readonly warpMs: number | null;
   /** The graphics processor's time, in milliseconds; null where it does not tell. */
@@ -35,6 +35,8 @@ export const NO_DASH_STATS: DashStats = {
   ...NO_FIGURES,
   liveLatency: null,
   targetLatency: null,
+  codec: null,
+  jitterBuffer: null,
   warpMs: null,
   gpuMs: null,
 };
@@ -52,11 +54,10 @@ export type DashPhase =
 export interface DashOptions {
   readonly video: HTMLVideoElement;
   readonly rig: Rig;
-  /** Where the packager is. */
-  readonly base: string;
-  readonly scene: string;
-  readonly plan: DashPlan;
-  readonly stamp: boolean;
+  readonly side: Side & ("dash" | "webrtc");
+  readonly open: OpenViews;
+  /** Whether stalls raise the target (`latency-target.ts`); otherwise it stays as it is. */
+  readonly adaptive: boolean;
   /** What foretells the poses that the packager is told. */
   readonly prediction: () => PredictorName;
   /** Turns the stream's frames to the pose of each animation frame while it works. */
@@ -95,15 +96,13 @@ export class DashPlayer {
   readonly #feed: CameraFeed;
   /** Null: frames are shown as they come. */
   readonly #turned: TurnedVideo | null;
-  #session: SessionInfo | undefined;
-  #poses: PoseSocket | undefined;
-  #stream: Stream | undefined;
+  #stream: ViewStream | undefined;
   #target: LatencyTarget | undefined;
   #publishedAt = 0;
 
   constructor(options: DashOptions) {
     this.#options = options;
-    this.#meter = new Meter("dash", options.onPresented);
+    this.#meter = new Meter(options.side, options.onPresented);
     const { rig, prediction, overscan, video, reprojector } = options;
     this.#foresight = new Foresight(rig, prediction);
     this.#feed = new CameraFeed({ rig, foresight: this.#foresight, overscan });
@@ -127,15 +126,18 @@ export class DashPlayer {
   }
 
   /** The stream that plays, for records; null while there is none. */
-  get playing(): Omit<PlayedStream, "targets_ms"> | null {
-    if (!this.#stream || !this.#session) return null;
-    const { id: _, manifest: __, poses: ___, ...stream } = this.#session;
-    return { ...stream, player: this.#stream.player };
+  get playing(): Played | null {
+    return this.#stream?.played ?? null;
   }
 
   /** The latency that the stream is to have at present, in milliseconds; null while there is none. */
   get targetLatency(): number | null {
-    return this.#target?.value ?? this.#session?.target_latency_ms ?? null;
+    return this.#target?.value ?? this.#stream?.targetLatency ?? null;
+  }
+
+  /** How the packager does with the stream; null where that cannot be had. */
+  async status(signal: AbortSignal): Promise<SessionStatus | null> {
+    return this.#stream?.status(signal) ?? null;
   }
 
   /** A copy of what is on the screen. */
@@ -159,16 +161,20 @@ export class DashPlayer {
     this.#meter.sampled(rig.pose.seq, now);
     // Until the stream plays, poses wait for its start: that is no latency.
     if (moved && this.phase.peek().kind === "playing") this.#meter.moved(rig.pose.seq, now);
-    this.#feed.follow(now, (update) => this.#poses?.send(update) ?? false);
+    this.#feed.follow(now, (update) => this.#stream?.send(update) ?? false);
     const lens = { ...rig.intrinsics.peek(), ...rig.viewport.peek() };
     if (this.#turned) reprojector.turn(this.#foresight.onScreen(now), lens);
     if (now - this.#publishedAt < STATS_EVERY) return;
     this.#publishedAt = now;
     const seconds = this.#stream?.latency() ?? null;
+    const receiver = this.#stream?.receiver();
     this.stats.value = {
       ...this.#meter.figures(now),
+      buffered: receiver?.jitterBuffer ?? bufferedMs(this.#options.video),
       liveLatency: seconds === null ? null : seconds * 1000,
       targetLatency: this.targetLatency,
+      codec: receiver?.codec ?? null,
+      jitterBuffer: receiver?.jitterBuffer ?? null,
       warpMs: reprojector.warpMs(now),
       gpuMs: reprojector.gpuMs,
     };
@@ -211,7 +217,7 @@ export class DashPlayer {
       if (signal.aborted) return;
       this.#leave();
       const known = error instanceof ApiError || error instanceof StreamUnsupported;
-      this.phase.value = { kind: "failed", message: known ? error.message : "The DASH stream cannot be played here." };
+      this.phase.value = { kind: "failed", message: known ? error.message : "The stream cannot be played here." };
     }
   }
 
@@ -221,75 +227,49 @@ export class DashPlayer {
     this.phase.value = { kind: "lost", message };
   }
 
-  /** Opens a session; resolves when its first frame is on the screen. */
+  /** Opens a stream; resolves when its first frame is on the screen. */
   async #start(signal: AbortSignal): Promise<Playing> {
-    const { playStream } =
-      this.#options.plan.player === "mse" ? await import("./mse-stream") : await import("./dashjs-stream");
-    const session = await this.#open(signal);
-    if (signal.aborted) endSession(this.#options.base, session);
-    signal.throwIfAborted();
-    this.#session = session;
+    const { video, open, adaptive, now, onReceived } = this.#options;
     const playing = deferred<undefined>();
-    const ended = this.#play(playStream, session, signal, () => playing.resolve(undefined));
-    const early = await Promise.race([playing.promise, ended]);
-    if (early !== undefined) throw new StreamEnded(early);
-    return { ended };
-  }
-
-  #open(signal: AbortSignal): Promise<SessionInfo> {
-    const { base, scene, plan, stamp, now } = this.#options;
-    // Unless there is to be only one, the representations are the packager's choice: it knows the ladder and the viewport.
-    const request: SessionRequest = {
-      scene,
-      ...this.#feed.open(now()),
-      ...plan.setup,
-      ...(plan.representation && { representations: [plan.representation] }),
-      stamp,
+    const ended = deferred<string>();
+    signal.addEventListener("abort", () => ended.resolve(""), { once: true });
+    const frames = new FramePoses<Shown>((message, shown) => this.#present(message, shown));
+    const events = {
+      told: (frame: number, pose: number) => frames.told(frame, pose),
+      received: (bytes: number) => {
+        this.#meter.received(bytes, now());
+        onReceived(bytes);
+      },
+      failed: ended.resolve,
     };
-    return openSession(base, request, signal);
-  }
-
-  /** Plays a session until it ends; tells why. */
-  #play(playStream: PlayStream, session: SessionInfo, signal: AbortSignal, onPlaying: () => void): Promise<string> {
-    const { video, base, plan, now, onReceived } = this.#options;
-    return new Promise((resolve) => {
-      signal.addEventListener("abort", () => resolve(""), { once: true });
-      const frames = new FramePoses<Shown>((message, shown) => this.#present(session, message, shown));
-      this.#foresight.reset();
-      this.#meter.reset();
-      this.#poses = openPoseSocket(
-        base,
-        session,
-        ({ frame, pose }: FrameShown) => frames.told(frame, pose),
-        () => resolve("The DASH stream was interrupted."),
-      );
-      this.#stream = playStream(video, `${base}${session.manifest}`, {
-        received: (bytes) => {
-          this.#meter.received(bytes, now());
-          onReceived(bytes);
-        },
-        failed: resolve,
-      });
-      const stream = this.#stream;
-      const target = plan.adaptive ? new LatencyTarget(session.target_latency_ms) : undefined;
-      this.#target = target;
-      const presented: VideoFrameRequestCallback = (_, { mediaTime, expectedDisplayTime, width, height }) => {
-        if (this.#stream !== stream) return;
-        video.requestVideoFrameCallback(presented);
-        if (this.phase.peek().kind !== "playing") this.phase.value = { kind: "playing" };
-        onPlaying();
-        if (target?.presented(expectedDisplayTime, mediaTime)) stream.aim(target.value);
-        const captured = this.#turned?.capture(session.frame_rate);
-        const frame = captured ?? Math.round(mediaTime * session.frame_rate);
-        frames.presented(frame, { frame, at: expectedDisplayTime, width, height });
-      };
+    const stream = await open(video, this.#feed.open(now()), events, signal);
+    if (signal.aborted) stream.dispose();
+    signal.throwIfAborted();
+    this.#foresight.reset();
+    this.#meter.reset();
+    this.#stream = stream;
+    const target = adaptive && stream.targetLatency !== null ? new LatencyTarget(stream.targetLatency) : undefined;
+    this.#target = target;
+    const presented: VideoFrameRequestCallback = (_, metadata) => {
+      if (this.#stream !== stream) return;
       video.requestVideoFrameCallback(presented);
-    });
+      if (this.phase.peek().kind !== "playing") this.phase.value = { kind: "playing" };
+      playing.resolve(undefined);
+      const { mediaTime, expectedDisplayTime, width, height } = metadata;
+      if (target?.presented(expectedDisplayTime, mediaTime)) stream.aim(target.value);
+      const captured = this.#turned?.capture((time) => stream.frame(time, metadata));
+      const frame = captured ?? stream.frame(mediaTime, metadata);
+      if (frame !== null) frames.presented(frame, { frame, at: expectedDisplayTime, width, height });
+    };
+    video.requestVideoFrameCallback(presented);
+    const early = await Promise.race([playing.promise, ended.promise]);
+    if (early !== undefined) throw new StreamEnded(early);
+    return { ended: ended.promise };
   }
 
   /** It is known of which message a frame of the video is. */
-  #present({ representations }: SessionInfo, message: number, { frame, at, width, height }: Shown): void {
-    const rung = representations.find((one) => one.width === width && one.height === height)?.rung ?? null;
+  #present(message: number, { frame, at, width, height }: Shown): void {
+    const rung = this.#stream?.rung(width, height) ?? null;
     const told = this.#feed.told(message);
     if (this.#turned) {
       if (told) this.#turned.show(frame, told, { rung, width, height });
@@ -301,9 +281,13 @@ export class DashPlayer {
 
   #leave(): void {
     this.#turned?.clear();
-    this.#poses?.close();
     this.#stream?.dispose();
-    if (this.#session) endSession(this.#options.base, this.#session);
-    this.#poses = this.#stream = this.#session = this.#target = undefined;
+    this.#stream = this.#target = undefined;
   }
+}
+
+/** From what is shown to the end of what has come; null before anything is there. In milliseconds. */
+function bufferedMs({ buffered, currentTime }: HTMLVideoElement): number | null {
+  if (buffered.length === 0) return null;
+  return Math.max(0, (buffered.end(buffered.length - 1) - currentTime) * 1000);
 }

@@ -11,7 +11,7 @@ export interface DashPlan {
   /** dash.js, or the bare player on Media Source Extensions (`mse-stream.ts`). */
   readonly player: "dash.js" | "mse";
   /** The only representation that the stream has; null: the packager's own choice, of which the player chooses. */
-  readonly representation: Required<RepresentationRequest> | null;
+  readonly representation: RepresentationRequest | null;
   /** Whether stalls raise the target (`latency-target.ts`); otherwise it stays as it is. */
   readonly adaptive: boolean;
 }
@@ -28,8 +28,8 @@ export interface DashSettings {
   readonly dashPreset: Preset;
   /** Frames a second; null: the preset's own. */
   readonly dashFrameRate: FrameRate | null;
-  /** A single representation; null: all. */
-  readonly dashRepresentation: Required<RepresentationRequest> | null;
+  /** A single representation, of the packager's own bit rate unless it is said; null: all. */
+  readonly dashRepresentation: RepresentationRequest | null;
   /** What the preset "custom" means. */
   readonly dashCustom: DashSetup;
 }

@@ -1,4 +1,8 @@
-/** What a stream on a video element is, apart from who plays it. */
+/** What a stream on a video element is, apart from what brings and plays it. */
+
+import type { PoseUpdate, SessionStatus } from "../wire/dash";
+import type { PlayedStream, PlayedWebRtc } from "../wire/store";
+import type { Camera } from "./camera-feed";
 
 export interface StreamEvents {
   /** Bytes of segments came in. */
@@ -20,10 +24,48 @@ export interface Stream {
 /** Plays a manifest from its live edge. Raises StreamUnsupported. */
 export type PlayStream = (video: HTMLVideoElement, manifest: string, events: StreamEvents) => Stream;
 
-/** This browser can play no stream at all. */
+/** What happens to a stream of views. */
+export interface ViewEvents extends StreamEvents {
+  /** Frame number `frame` shows the pose of message `pose`. */
+  told(frame: number, pose: number): void;
+}
+
+/** What was played, by its kind. */
+export type Played = { readonly dash: Omit<PlayedStream, "targets_ms"> } | { readonly webrtc: PlayedWebRtc };
+
+/** A stream of views on a video element, whose camera is told of. */
+export interface ViewStream extends Stream {
+  /** What it is to have, in milliseconds; null: as little as it can. */
+  readonly targetLatency: number | null;
+  /** For records. */
+  readonly played: Played;
+  /** How the packager does with it; null where that cannot be had. */
+  status(signal: AbortSignal): Promise<SessionStatus | null>;
+  /** What the browser tells of receiving it; null of what it does not receive by itself. */
+  receiver(): { readonly codec: string; readonly jitterBuffer: number | null } | null;
+  /** Sends a pose, unless an earlier one still waits: then false, and the newest is to be tried again. */
+  send(pose: PoseUpdate): boolean;
+  /**
+   * The number of the frame that the video has at a media time, in seconds, as the browser tells of the one that it presented last;
+   * null: it does not say.
+   */
+  frame(mediaTime: number, presented: VideoFrameCallbackMetadata): number | null;
+  /** The ladder's rung, by a frame's size. */
+  rung(width: number, height: number): number | null;
+}
+
+/** Opens a stream that begins with a view. Rejects with StreamUnsupported, StreamEnded and ApiError. */
+export type OpenViews = (
+  video: HTMLVideoElement,
+  view: Camera,
+  events: ViewEvents,
+  signal: AbortSignal,
+) => Promise<ViewStream>;
+
+/** This browser can play no such stream at all. */
 export class StreamUnsupported extends Error {
-  constructor() {
-    super("This browser cannot play DASH streams: it has no Media Source Extensions.");
+  constructor(reason = "This browser cannot play DASH streams: it has no Media Source Extensions.") {
+    super(reason);
   }
 }
 

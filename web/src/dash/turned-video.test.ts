@@ -8,6 +8,7 @@ let mediaTime: number | null;
 let pictures: FakePicture[];
 let taken: [picture: unknown, content: Content<StreamedFrame>][];
 let subject: TurnedVideo;
+const at30 = (time: number) => Math.round(time * 30);
 
 class FakePicture {
   readonly timestamp = Math.round((mediaTime ?? 0) * 1e6);
@@ -48,7 +49,7 @@ function told(pose: number): Told {
 
 test("a picture goes to the canvas with the view that it shows, in its own pixels, and is given back", () => {
   mediaTime = 2.033333;
-  expect(subject.capture(30)).toBe(61);
+  expect(subject.capture(at30)).toBe(61);
   subject.show(61, told(7), ABOUT);
   expect(taken).toEqual([
     [
@@ -68,7 +69,7 @@ test("a picture goes to the canvas with the view that it shows, in its own pixel
 test("a picture that waits for its view is not shown with another's, nor after a newer one", () => {
   for (const frame of [60, 61]) {
     mediaTime = frame / 30;
-    subject.capture(30);
+    subject.capture(at30);
   }
   expect(taken).toEqual([]);
   subject.show(61, told(8), ABOUT);
@@ -79,9 +80,15 @@ test("a picture that waits for its view is not shown with another's, nor after a
 
 test("a video that seeks has no picture, and a stream that ends leaves none behind", () => {
   mediaTime = null;
-  expect(subject.capture(30)).toBeNull();
+  expect(subject.capture(at30)).toBeNull();
   mediaTime = 1;
-  subject.capture(30);
+  subject.capture(at30);
   subject.clear();
+  expect(pictures.map(({ open }) => open)).toEqual([false]);
+});
+
+test("a picture of which nobody can say what it shows is given back at once", () => {
+  mediaTime = 1;
+  expect(subject.capture(() => null)).toBeNull();
   expect(pictures.map(({ open }) => open)).toEqual([false]);
 });

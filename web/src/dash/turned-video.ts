@@ -33,18 +33,19 @@ export class TurnedVideo {
   }
 
   /**
-   * Keeps the picture that the video has now, and tells the number of its frame; null if there is none. It may be newer than the
-   * frame that the browser has just told of: a picture must not be taken for another.
+   * Keeps the picture that the video has now, and tells the number of its frame, which `numberAt` knows by its media time in seconds;
+   * null if there is none. It may be newer than the frame that the browser has just told of: a picture must not be taken for another.
    */
-  capture(frameRate: number): number | null {
+  capture(numberAt: (mediaTime: number) => number | null): number | null {
     let picture: VideoFrame;
     try {
       picture = new VideoFrame(this.#video);
     } catch {
       return null; // a video that is on its way to another place has none
     }
-    const frame = Math.round((picture.timestamp / 1e6) * frameRate);
-    this.#waiting.add(frame, picture);
+    const frame = numberAt(picture.timestamp / 1e6);
+    if (frame === null) picture.close();
+    else this.#waiting.add(frame, picture);
     return frame;
   }
 

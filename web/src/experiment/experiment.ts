@@ -204,9 +204,10 @@ export class Experiment {
     const experiment = this.id.value;
     if (store === null || experiment === null) return { problem: null, unstored: measured, place: null };
     try {
-      const { figures: known, folder: run } = await store.add(experiment, measured);
+      const { figures: known, folder: run, saturated_share } = await store.add(experiment, measured);
       const place = { experiment, run };
-      return { problem: null, unstored: null, place, ...(known && { figures: toRunFigures(known) }) };
+      const told = { saturatedShare: saturated_share ?? null, ...(known && { figures: toRunFigures(known) }) };
+      return { problem: null, unstored: null, place, ...told };
     } catch (error) {
       return { problem: `It is not stored: ${sentence(error)}`, unstored: measured, place: null };
     }

@@ -5,7 +5,6 @@ import type { EnhancementStatus } from "../enhance/enhancement";
 import type { TimedPose } from "../movement/playback";
 import { ShaperError } from "../network/api";
 import type { Shaper } from "../network/shaper";
-import type { ReprojectionStatus } from "../reproject/reprojector";
 import { changeSettings, settings } from "../state/app";
 import { COURTYARD } from "../state/fake-server";
 import { DEFAULT_SETTINGS } from "../state/settings";
@@ -91,8 +90,7 @@ function fakeSession() {
     dash: signal<{ phase: { value: { kind: string; message?: string } } } | null>(null),
     scene: signal(COURTYARD),
     enhancement: { status: signal<EnhancementStatus>({ kind: "off" }) },
-    reprojector: { status: signal<ReprojectionStatus>("off") },
-    videoReprojector: { status: signal<ReprojectionStatus>("off") },
+    unturned: signal<string | null>(null),
     rig: { viewport: signal({ width: 640, height: 360 }), intrinsics: signal({ fx: 300, fy: 300, cx: 320, cy: 180 }) },
     retry: () => events.push("connect anew"),
   };
@@ -227,7 +225,7 @@ test.each<[string, Partial<PlannedRun>, () => void]>([
     },
   ],
   [
-    "The DASH stream was lost during the run.",
+    "The stream was lost during the run.",
     { mode: "dash-tuned" },
     () => {
       session.dash.value = null;
@@ -364,15 +362,32 @@ test("models that are given up meanwhile fail the run", async () => {
   expect(outcome).toEqual(new RunFailed("Enhancement was given up during the run. It took 40 ms a frame."));
 });
 
-test.each([
-  ["stateless", "reprojector"],
-  ["dash-tuned", "videoReprojector"],
-] as const)("a graphics processor that is lost meanwhile fails a run of the mode %s", async (mode, side) => {
-  session.dash.value = { phase: { value: { kind: "playing" } } };
+test("a graphics processor that is lost meanwhile fails the run", async () => {
   meanwhile = () => {
-    session[side].status.value = "lost";
+    session.unturned.value = "The graphics processor was lost, so frames are shown as they come.";
   };
-  const { outcome } = await measured({ mode, reprojection: true });
+  const { outcome } = await measured({ mode: "stateless", reprojection: true });
   expect(outcome).toBeInstanceOf(RunFailed);
   expect(String(outcome)).toContain("Reprojection ended during the run. The graphics processor was lost");
+});
+
+test("a download begins when the movement does, and none of it that comes in time is a result", async () => {
+  recording = { ...PROMISED, frames: [] };
+  const modes: string[] = [];
+  meanwhile = () => {
+    modes.push(settings.value.mode);
+    changeSettings({ mode: "local", localForm: played.download ?? "compressed" });
+  };
+  const { outcome } = await measured({ mode: "local-ply" });
+  expect(outcome).toMatchObject({ configuration: { mode: "local-ply" }, recording: { complete: true } });
+  expect([played.download, modes]).toEqual(["ply", ["stateless"]]);
+});
+
+test("a scene that this browser cannot draw fails the run, in the viewer's words", async () => {
+  meanwhile = () => {
+    const phase = signal({ kind: "failed", message: "The scene is too large for this browser." });
+    session.local.value = { phase };
+  };
+  const { outcome } = await measured({ mode: "local-compressed" });
+  expect(outcome).toMatchObject({ message: "The scene is too large for this browser." });
 });

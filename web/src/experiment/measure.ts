@@ -3,15 +3,15 @@ import { effect } from "@preact/signals";
 import { sleep } from "../async/sleep";
 import { poseAt, type TimedPose } from "../movement/playback";
 import type { Shaper } from "../network/shaper";
-import { reprojectionNote } from "../reproject/reprojector";
 import type { About } from "../samples/layout";
 import { settings } from "../state/app";
+import type { Settings } from "../state/settings";
 import type { ViewerSession } from "../viewer/session";
 import type { ShaperStatus } from "../wire/shaper";
 import type { RunUpload } from "../wire/store";
 import { RunFailed } from "./errors";
 import { linkFor, linkProblem, linkSamples, watchLink } from "./link";
-import { isDash, isLocal, type PlannedRun, settingsFor } from "./plan";
+import { downloadOf, isLocal, isStreamed, type PlannedRun, settingsFor } from "./plan";
 import type { Runner } from "./runner";
 
 export interface MeasurementContext {
@@ -53,7 +53,11 @@ export async function measure(
     await link.hold();
     runner.settings(settingsFor(run));
     runner.seed(run.seed);
-    const asked = decisiveSettings();
+    const download = downloadOf(run.mode);
+    const asked = [
+      settings.peek(),
+      ...(download ? [{ ...settings.peek(), mode: "local", localForm: download } as const] : []),
+    ].map(decisive);
     await waitUntil(
       () => runner.state().ready,
       READY_WITHIN,
@@ -77,12 +81,14 @@ export async function measure(
         duration_ms: run.duration_s * 1000,
         capture_every_ms: run.capture_every_ms,
         sample_stride: run.sample_stride,
+        download,
       };
       const recording = await runner.run({ ...plan, about }, AbortSignal.any([signal, trouble.signal]));
       if (!recording.complete) {
         throw new RunFailed(recording.hidden ? HIDDEN : "The movement was not played to its end without a pause.");
       }
-      if (recording.frames.length === 0) throw new RunFailed("No frame came during the run.");
+      // A scene of which nothing came in time is a result.
+      if (recording.frames.length === 0 && download === null) throw new RunFailed("No frame came during the run.");
       if (played !== null && performance.now() - (watch.history.at(-1)?.at ?? 0) > SILENCE) {
         throw new RunFailed("The shaper fell silent during the run.");
       }
@@ -93,6 +99,7 @@ export async function measure(
         link: linkSamples(watch.history, startedAt, startedAt + recording.ended_ms),
         scene_bytes: session.scene.peek()?.file_bytes ?? null,
         scene_sha256: session.scene.peek()?.file_sha256 ?? null,
+        backend: shaper?.status.peek()?.backend ?? null,
       };
     } catch (error) {
       await runner.discardSamples().catch(() => undefined); // they can be deleted in the list, too
@@ -120,12 +127,15 @@ async function reconnect(session: ViewerSession, runner: Runner, signal: AbortSi
   );
 }
 
-/** Aborts with a RunFailed when something spoils a run, which was to have the settings `asked` and began with the link `played`. */
+/**
+ * Aborts with a RunFailed when something spoils a run, which was to have one after the other of the settings `asked`, and began with
+ * the link `played`.
+ */
 function watchForTrouble(
   session: ViewerSession,
   shaper: Shaper | null,
   run: PlannedRun,
-  asked: string,
+  asked: readonly string[],
   played: ShaperStatus | null,
 ) {
   const controller = new AbortController();
@@ -137,13 +147,13 @@ function watchForTrouble(
     if (session.phase.value.kind !== "playing") return "The connection was lost during the run.";
     const enhanced = session.enhancement.status.value;
     if (enhanced.kind === "failed") return `Enhancement was given up during the run. ${enhanced.message}`;
-    const turned = reprojectionNote(session.reprojector.status.value, session.videoReprojector.status.value);
+    const turned = session.unturned.value;
     if (turned !== null) return `Reprojection ended during the run. ${turned}`;
-    if (isDash(run.mode) && stream?.kind !== "playing") return "The DASH stream was lost during the run.";
+    if (isStreamed(run.mode) && stream?.kind !== "playing") return "The stream was lost during the run.";
     const download = session.local.value?.phase.value;
     if (isLocal(run.mode) && download?.kind === "failed") return download.message;
     if (run.mode === "video" && session.video.problem.value !== null) return session.video.problem.value;
-    if (decisiveSettings() !== asked || lens() !== before)
+    if (!asked.includes(decisive(settings.value)) || lens() !== before)
       return "Settings or the window's size were changed during the run.";
     const status = shaper?.status.value ?? null;
     if (known === null) return null; // without a shaper
@@ -165,12 +175,12 @@ function from(points: readonly TimedPose[], begin: number): readonly TimedPose[]
   return points.map((point) => ({ ...point, t_ms: point.t_ms - begin }));
 }
 
-/** The settings that decide what is measured, as text. */
-function decisiveSettings(): string {
-  const { transport, mode, controller, profile, refine, restore, upscale, webp } = settings.value;
-  const { reprojection, prediction, overscan, depth, surround } = settings.value;
-  const { dashPreset, dashFrameRate, dashRepresentation, dashCustom, localForm } = settings.value;
-  const dash = [dashPreset, dashFrameRate, dashRepresentation, dashCustom, localForm];
+/** Of settings, those that decide what is measured, as text. */
+function decisive(chosen: Settings): string {
+  const { transport, mode, controller, profile, refine, restore, upscale, webp } = chosen;
+  const { reprojection, prediction, overscan, depth, surround } = chosen;
+  const { dashPreset, dashFrameRate, dashRepresentation, dashCustom, webrtcStream, localForm } = chosen;
+  const dash = [dashPreset, dashFrameRate, dashRepresentation, dashCustom, webrtcStream, localForm];
   const motion = [reprojection, prediction, overscan, depth, surround];
   return JSON.stringify([transport, mode, controller, profile, refine, restore, upscale, webp, ...dash, ...motion]);
 }

@@ -4,6 +4,7 @@ import type { RunRow } from "../wire/store";
 import {
   conditionLabel,
   constantLink,
+  downloadOf,
   type ExperimentPlan,
   FROM_THE_START,
   missingRuns,
@@ -201,10 +202,8 @@ test("a fixed profile has the ladder's name", () => {
 
 test("local runs download the scene in their form, and nothing else is asked of the server", () => {
   const runs = runsOf({ ...PLAN, modes: ["local-ply", "local-compressed"], repeats: 1 });
-  expect(runs.map(settingsFor)).toMatchObject([
-    { mode: "local", localForm: "ply" },
-    { mode: "local", localForm: "compressed" },
-  ]);
+  expect(runs.map(({ mode }) => downloadOf(mode))).toEqual(["ply", "compressed"]);
+  expect(runs.map((run) => settingsFor(run).mode)).toEqual(["stateless", "stateless"]);
   expect(runs.map((run) => [conditionLabel(run), run.sample_stride])).toEqual([
     ["Local, PLY", 0],
     ["Local, compressed", 0],

@@ -17,6 +17,7 @@ export const RUN_MODES = [
   "dash-typical",
   "dash-tuned",
   "dash-edge",
+  "webrtc",
   "local-ply",
   "local-compressed",
 ] as const satisfies readonly Configuration["mode"][];
@@ -28,11 +29,12 @@ export const RUN_MODE_NAMES: Readonly<Record<RunMode, string>> = {
   "dash-typical": "DASH, typical",
   "dash-tuned": "DASH, tuned",
   "dash-edge": "DASH, edge",
+  webrtc: "WebRTC",
   "local-ply": "Local, PLY",
   "local-compressed": "Local, compressed",
 };
 
-/** Those in which the page asks for each view by itself, as a controller chooses; the others play a DASH stream. */
+/** Those in which the page asks for each view by itself, as a controller chooses. */
 export type PerView = "stateless" | "video";
 export const isPerView = (mode: RunMode): mode is PerView => mode === "stateless" || mode === "video";
 
@@ -46,10 +48,14 @@ const RUN_FORMS = {
   "local-compressed": "compressed",
 } as const satisfies Partial<Record<RunMode, DownloadForm>>;
 
-/** Whether a run needs the packager. */
 export const isDash = (mode: RunMode): mode is keyof typeof RUN_PRESETS => mode in RUN_PRESETS;
+/** Whether a run needs the packager. */
+export const isStreamed = (mode: RunMode) => mode === "webrtc" || isDash(mode);
 /** Whether a run draws the scene in this browser. */
 export const isLocal = (mode: RunMode): mode is keyof typeof RUN_FORMS => mode in RUN_FORMS;
+
+/** What a run downloads to draw it in this browser; null in the other modes. */
+export const downloadOf = (mode: RunMode): DownloadForm | null => (isLocal(mode) ? RUN_FORMS[mode] : null);
 
 /** A controller's name, or a rung of the ladder, which then stays. */
 export type Profile = ControllerName | number;
@@ -232,7 +238,7 @@ type Decisive =
   | "depth"
   | "surround";
 
-/** The viewer's settings for a run: nothing beside the picture, and no second request for a view that stands still. */
+/** The viewer's settings before a run: nothing beside the picture, and no second request for a view that stands still. */
 export function settingsFor({
   mode,
   profile,
@@ -247,7 +253,7 @@ export function settingsFor({
 }: Pick<PlannedRun, Decisive>): Partial<Settings> {
   const motion = { reprojection, prediction, overscan, depth, surround };
   const shared = { sidebar: false, hud: false, refine: false, webp: false, restore, upscale, ...motion };
-  if (isLocal(mode)) return { ...shared, mode: "local", localForm: RUN_FORMS[mode] };
+  if (isLocal(mode)) return { ...shared, mode: "stateless" }; // its download is part of what is recorded
   if (isDash(mode)) {
     return {
       ...shared,
@@ -257,6 +263,7 @@ export function settingsFor({
       dashRepresentation: null,
     };
   }
+  if (mode === "webrtc") return { ...shared, mode, webrtcStream: "h264-30", dashRepresentation: null };
   const chosen = typeof profile === "number" ? ({ controller: "fixed", profile } as const) : { controller: profile };
   return { ...shared, mode, ...chosen };
 }

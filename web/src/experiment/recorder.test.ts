@@ -126,9 +126,10 @@ test("no picture is due if none is wanted", () => {
   expect(recorder.due(5000)).toBe(0);
 });
 
-test("is settled when the newest pose is on the screen", () => {
-  const recorder = recorderFrom({ startedAt: 0, pose: 3, received: 0, captureEvery: 0 });
-  expect(recorder.settled).toBe(true);
+test("is settled when the movement's last pose is on the screen, and not while a page that stands has yet to sample it", () => {
+  const recorder = recorderFrom({ startedAt: 0, pose: 3, received: 0, captureEvery: 0, duration: 10 });
+  recorder.sampled(posed(3), 9);
+  expect(recorder.settled).toBe(false);
   recorder.sampled(posed(5), 10);
   recorder.presented(frame(20, 4));
   expect(recorder.settled).toBe(false);

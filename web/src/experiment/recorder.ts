@@ -31,6 +31,9 @@ export interface RecorderStart {
   readonly captureOffset: number;
 }
 
+/** The number of none that was ever sampled. */
+const NO_POSE = -1;
+
 export class Recorder {
   readonly #start: RecorderStart;
   readonly #inputs: RecordedEvents["inputs"] = [];
@@ -119,14 +122,20 @@ export class Recorder {
     this.#captures.push({ at: seenAt, shown_at: frame.at - startedAt, pose, view, filled, rung, width, height });
   }
 
+  /** At a time before the first frame, an empty picture was kept. */
+  capturedNothing(at: number, { width, height }: { readonly width: number; readonly height: number }): void {
+    const nothing = { shown_at: 0, pose: NO_POSE, view: null, filled: null, rung: null };
+    this.#captures.push({ at: at - this.#start.startedAt, ...nothing, width, height });
+  }
+
   /** So many bytes have come in since the page was opened. */
   received(bytes: number, at: number): void {
     this.#traffic.push({ at: at - this.#start.startedAt, bytes: bytes - this.#start.received });
   }
 
-  /** The newest pose is on the screen. */
+  /** The movement's last pose was sampled, and is on the screen. */
   get settled(): boolean {
-    return this.#shown >= this.#pose;
+    return (this.#sampledAt.at(-1) ?? 0) >= this.#start.duration && this.#shown >= this.#pose;
   }
 
   /** Between two frames of the display, in milliseconds; null if there were no two. */

@@ -21,6 +21,8 @@ export interface RunResult {
   readonly samples: string | null;
   /** What must be known of them, in one sentence. */
   readonly samplesProblem: string | null;
+  /** The share of its time in which all processors of the store's machine were busy, if that was too often. */
+  readonly saturatedShare?: number | null;
 }
 
 /** One controller or mode: means over its complete runs. */

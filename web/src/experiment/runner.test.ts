@@ -1,7 +1,6 @@
 import { type Signal, signal } from "@preact/signals";
 import { afterEach, beforeEach, expect, test, vi } from "vitest";
 import type { EnhancementStatus } from "../enhance/enhancement";
-import type { ReprojectionStatus } from "../reproject/reprojector";
 import { changeSettings, settings } from "../state/app";
 import { settle } from "../transport/fake";
 import { NO_NUDGE } from "../view/motion";
@@ -20,16 +19,20 @@ let waiting: (() => void)[];
 let page: EventTarget & { visibilityState: string };
 let rig: Rig;
 let enhancement: Signal<EnhancementStatus>;
-let reprojection: Signal<ReprojectionStatus>;
-let videoReprojection: Signal<ReprojectionStatus>;
+let unturned: Signal<string | null>;
+let local: Signal<{
+  played: () => null;
+  picture: () => null;
+  phase: Signal<{ kind: string; message?: string }>;
+} | null>;
 let runner: Runner;
 let present: (frame: PresentedFrame) => void;
 
 beforeEach(() => {
   now = 0;
   enhancement = signal({ kind: "off" });
-  reprojection = signal("off");
-  videoReprojection = signal("off");
+  unturned = signal(null);
+  local = signal(null);
   waiting = [];
   page = Object.assign(new EventTarget(), { visibilityState: "visible" });
   vi.stubGlobal("document", page);
@@ -44,10 +47,9 @@ beforeEach(() => {
     seed: signal(1),
     connected: signal(null),
     dash: signal(null),
-    local: signal(null),
+    local,
     enhancement: { status: enhancement },
-    reprojector: { status: reprojection },
-    videoReprojector: { status: videoReprojection },
+    unturned,
     phase: signal({ kind: "playing" }),
     onPresented: (listener: typeof present) => {
       present = listener;
@@ -121,22 +123,20 @@ test("a viewer is ready when its models are, and says why they are not used", ()
   expect(runner.state()).toMatchObject({ ready: false, problem: null });
 });
 
-test("frames that were not turned for a while are a problem of the run, on either side, until settings are made again", async () => {
+test("frames that were not turned for a while are a problem of the run, until settings are made again", async () => {
   const { position, quaternion } = rig.pose;
-  for (const side of [reprojection, videoReprojection]) {
-    const points = [{ t_ms: 0, position, quaternion }];
-    const run = runner.run({ points, duration_ms: 200, capture_every_ms: 0, sample_stride: 0 });
-    await drawn(...every20(now, now + 100));
-    expect(runner.state().problem).toBeNull();
-    side.value = "lost";
-    await drawn(...every20(now, now + 20));
-    side.value = "on";
-    await drawn(...every20(now, now + 300));
-    await run;
-    expect(runner.state().problem).toContain("graphics processor was lost");
-    runner.settings({});
-    expect(runner.state().problem).toBeNull();
-  }
+  const points = [{ t_ms: 0, position, quaternion }];
+  const run = runner.run({ points, duration_ms: 200, capture_every_ms: 0, sample_stride: 0 });
+  await drawn(...every20(now, now + 100));
+  expect(runner.state().problem).toBeNull();
+  unturned.value = "The graphics processor was lost.";
+  await drawn(...every20(now, now + 20));
+  unturned.value = null;
+  await drawn(...every20(now, now + 300));
+  await run;
+  expect(runner.state().problem).toContain("graphics processor was lost");
+  runner.settings({});
+  expect(runner.state().problem).toBeNull();
 });
 
 test("a stream that is opened anew is waited for, and a view that is there in the stateless mode is not", () => {
@@ -157,4 +157,47 @@ test("a stream that is opened anew is waited for, and a view that is there in th
 test("a model that there is not is refused with those that there are", () => {
   expect(() => runner.settings({ upscale: "magic" })).toThrow("no model “magic” to upscale with, only off, ");
   expect(settings.value.upscale).toBe("off");
+});
+
+test("a download begins with the recording, and until its first picture nothing is on the screen", async () => {
+  vi.stubGlobal("ImageData", Array);
+  vi.stubGlobal("createImageBitmap", async () => ({ width: 640, height: 360, close: () => undefined }));
+  rig.resize(640, 360);
+  present({ pose: rig.pose.seq, side: "stateless" } as PresentedFrame);
+  const { position, quaternion } = rig.pose;
+  const points = [{ t_ms: 0, position, quaternion }];
+  const before = settings.value;
+  const run = runner.run({ points, duration_ms: 400, capture_every_ms: 100, sample_stride: 0, download: "ply" });
+  expect(settings.value.mode).toBe("stateless");
+  await drawn(0);
+  expect(settings.value).toMatchObject({ mode: "local", localForm: "ply" });
+  await drawn(...every20(20, 600));
+  const { captures } = await run;
+  expect(captures.length).toBeGreaterThanOrEqual(4);
+  for (const capture of captures) expect(capture).toMatchObject({ pose: -1, view: null, width: 640, height: 360 });
+  expect(runner.takePicture(0)).toMatchObject({ width: 640 });
+  changeSettings(before);
+});
+
+test("a page that stands while it draws a download has played its movement, unless it was hidden", async () => {
+  const { position, quaternion } = rig.pose;
+  const points = [{ t_ms: 0, position, quaternion }];
+  const before = settings.value;
+  for (const visibilityState of ["visible", "hidden"]) {
+    page.visibilityState = visibilityState;
+    const run = runner.run({ points, duration_ms: 3000, capture_every_ms: 0, sample_stride: 0, download: "ply" });
+    await drawn(...every20(now, now + 400), ...every20(now + 2400, now + 3600));
+    await expect(run).resolves.toMatchObject({ complete: visibilityState === "visible" });
+  }
+  page.visibilityState = "visible";
+  const held = runner.run({ points, duration_ms: 3000, capture_every_ms: 0, sample_stride: 0, download: "ply" });
+  await drawn(...[0, 1000, 2000, 3000, 4000].map((after) => now + after));
+  await expect(held, "a page with an animation frame a second").resolves.toMatchObject({ complete: false });
+  changeSettings(before);
+});
+
+test("a download that fails is a problem of the run, in its own words", () => {
+  const phase = signal({ kind: "failed", message: "The scene is too large for this browser." });
+  local.value = { played: () => null, picture: () => null, phase };
+  expect(runner.state().problem).toBe("The scene is too large for this browser.");
 });

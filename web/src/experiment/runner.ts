@@ -6,13 +6,14 @@
 import { effect } from "@preact/signals";
 import { KINDS, OFF } from "../enhance/model/enhancer";
 import { nameProblem } from "../enhance/registry";
+import type { DownloadForm } from "../local/local-player";
 import { poseAt, type TimedPose } from "../movement/playback";
-import { reprojectionNote } from "../reproject/reprojector";
 import type { About } from "../samples/layout";
 import { removeSampledRun } from "../samples/sampled-runs";
 import { type Sampled, Sampler } from "../samples/sampler";
 import { changeSettings, settings } from "../state/app";
-import { isStreamed, type Mode, type Settings, validSettings } from "../state/settings";
+import { type Mode, type Settings, validSettings } from "../state/settings";
+import { anyStreamed } from "../state/sides";
 import type { ScenePose } from "../view/camera";
 import type { PresentedFrame } from "../view/presented";
 import type { ViewerSession } from "../viewer/session";
@@ -27,6 +28,8 @@ export interface RunPlan {
   readonly capture_every_ms: number;
   /** Of the mode `stateless`: every so many shown frames, one is sampled; 0 samples none. */
   readonly sample_stride: number;
+  /** The recording begins with the mode `local`, and so with the download of the scene in this form. */
+  readonly download?: DownloadForm | null;
   /** Whose samples they are; without it, only scripts have a use for them. */
   readonly about?: About | null;
 }
@@ -34,7 +37,7 @@ export interface RunPlan {
 export interface RunnerState {
   /** Frames come, the newest pose is on the screen, and the models that enhance frames are loaded, or given up. */
   readonly ready: boolean;
-  /** Why frames are not enhanced, or not turned, as was chosen, or were not at some time of the last run; or null. */
+  /** Why frames are not enhanced, turned or drawn as was chosen, or were not at some time of the last run; or null. */
   readonly problem: string | null;
   readonly phase: string;
   readonly mode: Mode;
@@ -46,6 +49,8 @@ export interface RunnerState {
 const DRAIN = 5000;
 /** A camera that stood for so long while the movement went on has missed some of it: hidden pages get no animation frames. In ms. */
 const PAUSE = 1000;
+/** Between two frames of any display, in milliseconds: browsers hold a page whose pictures nobody sees back to one a second. */
+const SLOWEST_DISPLAY = 100;
 const TRAFFIC_EVERY = 250;
 /** Spreads the seeds' clocks evenly over an interval. */
 const GOLDEN = (Math.sqrt(5) - 1) / 2;
@@ -87,9 +92,18 @@ export class Runner {
     changeSettings(validSettings({ ...before, ...part }));
     this.#lapse = null;
     const now = settings.peek();
-    const streamed = ["mode", "dashPreset", "dashFrameRate", "dashRepresentation", "localForm"] as const;
+    const streamed = [
+      "mode",
+      "left",
+      "right",
+      "dashPreset",
+      "dashFrameRate",
+      "dashRepresentation",
+      "localForm",
+      "webrtcStream",
+    ] as const;
     // A stream is opened anew for these; a mode without one may have no reason to ask for another frame.
-    const turned = !isStreamed(now.mode) ? [] : (["reprojection", "overscan"] as const);
+    const turned = !anyStreamed(now) ? [] : (["reprojection", "overscan"] as const);
     if ([...streamed, ...turned].some((name) => now[name] !== before[name])) this.#shown = 0; // other frames are waited for
   }
 
@@ -104,12 +118,14 @@ export class Runner {
   }
 
   state(): RunnerState {
-    const { phase, rig, enhancement } = this.#session;
+    const { phase, rig, enhancement, local } = this.#session;
     const enhanced = enhancement.status.peek();
+    const drawn = local.peek()?.phase.peek();
+    const failed = enhanced.kind === "failed" ? enhanced : drawn?.kind === "failed" ? drawn : null;
     const shown = this.#shown > 0 && this.#newest >= rig.pose.seq;
     return {
       ready: phase.peek().kind === "playing" && shown && enhanced.kind !== "starting",
-      problem: enhanced.kind === "failed" ? enhanced.message : (this.#unturned() ?? this.#lapse),
+      problem: failed?.message ?? this.#unturned() ?? this.#lapse,
       phase: phase.peek().kind,
       mode: settings.peek().mode,
       shown: this.#shown,
@@ -158,7 +174,7 @@ export class Runner {
   }
 
   async #record(
-    { points, duration_ms, capture_every_ms }: RunPlan,
+    { points, duration_ms, capture_every_ms, download = null }: RunPlan,
     signal: AbortSignal | undefined,
   ): Promise<Required<Recording>> {
     const { rig } = this.#session;
@@ -175,6 +191,10 @@ export class Runner {
       captureOffset: capture_every_ms * ((this.#session.seed.peek() * GOLDEN) % 1),
     });
     this.#recorder = recorder;
+    if (download !== null) {
+      this.settings({ mode: "local", localForm: download });
+      this.#frame = undefined; // what the mode before has shown is gone
+    }
     let hidden = document.visibilityState === "hidden";
     const onVisibility = () => {
       hidden ||= document.visibilityState === "hidden";
@@ -202,19 +222,23 @@ export class Runner {
         if (target != null && target !== targets.at(-1)) targets.push(target);
       });
       const endedAt = await this.#ended(recorder, movedUntil, signal).finally(noteTarget);
-      const stream = this.#session.dash.peek()?.playing;
+      const stream = this.#session.dash.peek()?.playing ?? null;
+      // Drawing a scene may take all of the page's time: that is the mode's own doing, and its poses are counted as missed.
+      const animated = (recorder.displayInterval ?? Number.POSITIVE_INFINITY) < SLOWEST_DISPLAY;
+      const unbroken = longestPause < PAUSE || (download !== null && !hidden && animated);
       return {
         scene: rig.scene?.id ?? "",
         mode: settings.peek().mode,
         transport: this.#session.connected.peek()?.transport.kind ?? null,
-        dash: stream ? { ...stream, targets_ms: targets } : null,
+        dash: stream && "dash" in stream ? { ...stream.dash, targets_ms: targets } : null,
+        webrtc: stream && "webrtc" in stream ? stream.webrtc : null,
         local: this.#session.local.peek()?.played(startedAt) ?? null,
         user_agent: navigator.userAgent,
         lens,
         started_unix_ms: performance.timeOrigin + startedAt,
         duration_ms,
         ended_ms: endedAt - startedAt,
-        complete: sampledAt >= movedUntil && longestPause < PAUSE,
+        complete: sampledAt >= movedUntil && unbroken,
         hidden,
         display_interval_ms: recorder.displayInterval,
         ...recorder.events,
@@ -228,8 +252,7 @@ export class Runner {
   }
 
   #unturned(): string | null {
-    const { reprojector, videoReprojector } = this.#session;
-    return reprojectionNote(reprojector.status.value, videoReprojector.status.value);
+    return this.#session.unturned.value;
   }
 
   #forgetPictures(): void {
@@ -247,9 +270,14 @@ export class Runner {
   /** A copy on the graphics processor, or in memory where there is none: encoding waits until the run has ended. */
   async #keep(recorder: Recorder, at: number): Promise<void> {
     const frame = this.#frame;
-    if (frame === undefined) return;
-    const { stateless, dash, local } = this.#session;
-    const sides = { stateless, dash: dash.peek(), local: local.peek() };
+    const { stateless, dash, local, rig } = this.#session;
+    if (frame === undefined) {
+      const picture = await createImageBitmap(new ImageData(rig.viewport.peek().width, rig.viewport.peek().height));
+      recorder.capturedNothing(at, picture);
+      this.#pictures.push(picture);
+      return;
+    }
+    const sides = { stateless, dash: dash.peek(), webrtc: dash.peek(), local: local.peek() };
     try {
       const picture = await sides[frame.side]?.picture();
       if (!picture) return;

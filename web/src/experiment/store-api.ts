@@ -99,6 +99,11 @@ export class StoreApi {
     return this.#json(this.#path(id));
   }
 
+  /** With all of its files. */
+  async remove(id: string): Promise<void> {
+    await this.#ask(this.#path(id), { method: "DELETE" });
+  }
+
   /** All files of an experiment. */
   zipUrl(id: string): string {
     return `${this.base}/${this.#path(id)}/zip`;

@@ -55,5 +55,6 @@ describe("two fingers", () => {
 
 test("nudges between two samples add up", () => {
   const one = { ...NO_NUDGE, turnRight: 1, forward: 2 };
-  expect(sum(one, sum(one, { ...NO_NUDGE, up: 3 }))).toEqual({ turnRight: 2, turnUp: 0, forward: 4, right: 0, up: 3 });
+  const more = { ...NO_NUDGE, up: 3, orbitRight: 4 };
+  expect(sum(one, sum(one, more))).toEqual({ ...NO_NUDGE, turnRight: 2, forward: 4, up: 3, orbitRight: 4 });
 });

@@ -11,6 +11,8 @@ const NOTCH_SECONDS = 0.2;
 const NOTCH = { 0: 100, 1: 3, 2: 1 } as const;
 /** A pinch to twice the size goes forward by this, in seconds of walking. */
 const PINCH_SECONDS = 1.2;
+/** Degrees around what is orbited, from one side of the stage to the other. */
+const ORBIT_DEGREES = 180;
 /** Two fingers that wander across the stage's height go this far, in seconds of walking. */
 const PAN_SECONDS = 2;
 /** However wildly a wheel spins, one event is no teleporter. */
@@ -26,6 +28,18 @@ export function look(from: Point, to: Point, focal: { readonly fx: number; reado
   };
 }
 
+/** About what is looked at: its near side follows the pointer, half around it across the stage. */
+export function orbit(from: Point, to: Point, stageWidth: number): Nudge {
+  const perPixel = ORBIT_DEGREES / Math.max(1, stageWidth);
+  return { ...NO_NUDGE, orbitRight: (to.x - from.x) * perPixel, orbitUp: (from.y - to.y) * perPixel };
+}
+
+/** The scene follows the pointer sideways, up and down. */
+export function pan(from: Point, to: Point, stageHeight: number): Nudge {
+  const perPixel = PAN_SECONDS / Math.max(1, stageHeight);
+  return { ...NO_NUDGE, right: (from.x - to.x) * perPixel, up: (to.y - from.y) * perPixel };
+}
+
 /** A wheel turned by one event, in seconds of walking: away from the person goes forward. */
 export function wheel({ deltaY, deltaMode }: Pick<WheelEvent, "deltaY" | "deltaMode">): number {
   const notches = -deltaY / (NOTCH[deltaMode as keyof typeof NOTCH] ?? NOTCH[0]);
@@ -36,13 +50,9 @@ export function wheel({ deltaY, deltaMode }: Pick<WheelEvent, "deltaY" | "deltaM
 export function pinch(from: readonly [Point, Point], to: readonly [Point, Point], stageHeight: number): Nudge {
   const spread = ([a, b]: readonly [Point, Point]) => Math.max(1, Math.hypot(a.x - b.x, a.y - b.y));
   const middle = ([a, b]: readonly [Point, Point]) => ({ x: (a.x + b.x) / 2, y: (a.y + b.y) / 2 });
-  const [before, after] = [middle(from), middle(to)];
-  const perPixel = PAN_SECONDS / Math.max(1, stageHeight);
   return {
-    ...NO_NUDGE,
+    ...pan(middle(from), middle(to), stageHeight),
     forward: Math.log2(spread(to) / spread(from)) * PINCH_SECONDS,
-    right: (before.x - after.x) * perPixel,
-    up: (after.y - before.y) * perPixel,
   };
 }
 
@@ -50,6 +60,8 @@ export function sum(a: Nudge, b: Nudge): Nudge {
   return {
     turnRight: a.turnRight + b.turnRight,
     turnUp: a.turnUp + b.turnUp,
+    orbitRight: a.orbitRight + b.orbitRight,
+    orbitUp: a.orbitUp + b.orbitUp,
     forward: a.forward + b.forward,
     right: a.right + b.right,
     up: a.up + b.up,

@@ -15,6 +15,8 @@ test.each([
   ["KeyA", { right: -1 }],
   ["KeyD", { right: 1 }],
   ["Space", { up: 1 }],
+  ["KeyE", { up: 1 }],
+  ["KeyQ", { up: -1 }],
   ["ShiftLeft", { up: -1 }],
   ["ShiftRight", { up: -1 }],
   ["ArrowLeft", { turnRight: -1 }],
@@ -31,6 +33,14 @@ test.each([
 test("opposite keys cancel out, and both shifts are as fast as one", () => {
   for (const code of ["KeyA", "KeyD", "ShiftLeft", "ShiftRight"]) keys.press(key(code));
   expect(keys.axes).toEqual({ ...STILL, up: -1 });
+});
+
+test("a key makes walking faster, another one slower, for as long as it is held", () => {
+  for (const code of ["KeyW", "KeyC"]) keys.press(key(code));
+  expect(keys.axes).toEqual({ ...STILL, forward: 1, haste: 4 });
+  keys.release("KeyC");
+  keys.press(key("KeyZ"));
+  expect(keys.axes.haste).toBe(0.25);
 });
 
 test("a key that repeats is held once", () => {

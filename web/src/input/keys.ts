@@ -1,7 +1,10 @@
 /** Which movement keys are held. Keys are known by their place (`event.code`), so that every layout works. */
 import type { Axes } from "../view/motion";
 
-type Axis = keyof Axes;
+type Axis = Exclude<keyof Axes, "haste">;
+
+/** How many times as fast as usual one walks while the key is held. */
+const HASTE: Readonly<Record<string, number>> = { KeyC: 4, KeyZ: 1 / 4 };
 
 const BINDINGS: Readonly<Record<string, readonly [Axis, 1 | -1]>> = {
   KeyW: ["forward", 1],
@@ -9,6 +12,8 @@ const BINDINGS: Readonly<Record<string, readonly [Axis, 1 | -1]>> = {
   KeyD: ["right", 1],
   KeyA: ["right", -1],
   Space: ["up", 1],
+  KeyE: ["up", 1],
+  KeyQ: ["up", -1],
   ShiftLeft: ["up", -1],
   ShiftRight: ["up", -1],
   ArrowRight: ["turnRight", 1],
@@ -30,7 +35,7 @@ export class HeldKeys {
 
   /** Returns whether the key moves the camera. Shortcuts of the browser or the system are none of ours. */
   press({ code, ctrlKey, altKey, metaKey }: Key): boolean {
-    if (!(code in BINDINGS) || ctrlKey || altKey || metaKey) return false;
+    if (!(code in BINDINGS || code in HASTE) || ctrlKey || altKey || metaKey) return false;
     this.#held.add(code);
     return true;
   }
@@ -50,6 +55,7 @@ export class HeldKeys {
       const [axis, sign] = BINDINGS[code] ?? [];
       if (axis !== undefined && sign !== undefined) axes[axis] = Math.max(-1, Math.min(1, axes[axis] + sign));
     }
-    return axes;
+    const haste = [...this.#held].reduce((product, code) => product * (HASTE[code] ?? 1), 1);
+    return haste === 1 ? axes : { ...axes, haste };
   }
 }

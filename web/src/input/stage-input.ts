@@ -1,7 +1,8 @@
-/** Listens to keyboard, mouse, touch and wheel, and keeps what they ask for until the next animation frame samples it. */
-import type { InputSample } from "../view/motion";
+/** Listens to keyboard, mouse, touch, wheel and gamepad, and keeps what they ask for until the next animation frame samples it. */
+import type { InputSample, Nudge } from "../view/motion";
 import { NO_NUDGE } from "../view/motion";
-import { look, pinch, sum, wheel } from "./gestures";
+import { gamepadAxes } from "./gamepad";
+import { look, orbit, pan, pinch, sum, wheel } from "./gestures";
 import { Glide } from "./glide";
 import { HeldKeys } from "./keys";
 
@@ -16,22 +17,34 @@ const TYPING = "input:not([type=radio], [type=checkbox]), select, textarea, dial
 const PRESSING = "button, a, summary, input";
 const CHOOSING = "input[type=radio]";
 
+export interface StageInputOptions {
+  /** The focal lengths in CSS pixels of the stage. */
+  readonly focal: () => { readonly fx: number; readonly fy: number };
+  /** Whether dragging orbits; with Alt held it does the other thing. */
+  readonly orbits: () => boolean;
+  /** A place of the stage was clicked twice. */
+  readonly onFocus: (event: MouseEvent) => void;
+}
+
+const [MAIN, MIDDLE, RIGHT] = [0, 1, 2];
+
 export class StageInput {
   /** What the on-screen pad asks for. */
   pad: { readonly forward: number; readonly right: number; readonly up: number } = { forward: 0, right: 0, up: 0 };
   readonly #stage: HTMLElement;
-  readonly #focal: () => { readonly fx: number; readonly fy: number };
+  readonly #options: StageInputOptions;
   readonly #keys = new HeldKeys();
   readonly #pointers = new Map<number, Point>();
+  /** The button that was pressed first. */
+  #button = MAIN;
   readonly #listening = new AbortController();
   readonly #glide = new Glide();
   readonly #reducedMotion = matchMedia("(prefers-reduced-motion: reduce)");
   #nudge = NO_NUDGE;
 
-  /** `focal` tells the focal lengths in CSS pixels of the stage. */
-  constructor(stage: HTMLElement, focal: () => { readonly fx: number; readonly fy: number }) {
+  constructor(stage: HTMLElement, options: StageInputOptions) {
     this.#stage = stage;
-    this.#focal = focal;
+    this.#options = options;
     const { signal } = this.#listening;
     addEventListener("keydown", (event) => this.#press(event), { signal });
     addEventListener("keyup", (event) => this.#keys.release(event.code), { signal });
@@ -42,6 +55,8 @@ export class StageInput {
     for (const end of ["pointerup", "pointercancel", "lostpointercapture"] as const) {
       stage.addEventListener(end, (event) => this.#letGo(event), { signal });
     }
+    stage.addEventListener("dblclick", options.onFocus, { signal });
+    stage.addEventListener("contextmenu", (event) => event.preventDefault(), { signal }); // its button drags
     stage.addEventListener("wheel", (event) => this.#turnWheel(event), { signal, passive: false });
   }
 
@@ -51,15 +66,25 @@ export class StageInput {
     const nudge = glided === 0 ? this.#nudge : sum(this.#nudge, { ...NO_NUDGE, forward: glided });
     this.#nudge = NO_NUDGE;
     const keys = this.#keys.axes;
+    const gamepad = gamepadAxes(navigator.getGamepads?.() ?? []);
+    const haste = (keys.haste ?? 1) * (gamepad?.haste ?? 1);
     return {
       nudge,
       axes: {
-        ...keys,
-        forward: clamp(keys.forward + this.pad.forward),
-        right: clamp(keys.right + this.pad.right),
-        up: clamp(keys.up + this.pad.up),
+        forward: clamp(keys.forward + this.pad.forward + (gamepad?.forward ?? 0)),
+        right: clamp(keys.right + this.pad.right + (gamepad?.right ?? 0)),
+        up: clamp(keys.up + this.pad.up + (gamepad?.up ?? 0)),
+        turnRight: clamp(keys.turnRight + (gamepad?.turnRight ?? 0)),
+        turnUp: clamp(keys.turnUp + (gamepad?.turnUp ?? 0)),
+        ...(haste !== 1 && { haste }),
       },
     };
+  }
+
+  /** Have the mouse look around without a button until Esc, or no longer. */
+  async lock(): Promise<void> {
+    if (this.#locked) document.exitPointerLock();
+    else await this.#stage.requestPointerLock?.();
   }
 
   dispose(): void {
@@ -84,20 +109,37 @@ export class StageInput {
   }
 
   #grab(event: PointerEvent): void {
-    if (event.button !== 0 || this.#pointers.size >= 2) return;
+    if (![MAIN, MIDDLE, RIGHT].includes(event.button) || this.#pointers.size >= 2 || this.#locked) return;
+    if (this.#pointers.size === 0) this.#button = event.button;
+    if (event.button === MIDDLE) event.preventDefault(); // it would scroll
     this.#stage.setPointerCapture(event.pointerId);
     this.#stage.dataset.grabbed = "";
     this.#pointers.set(event.pointerId, { x: event.clientX, y: event.clientY });
   }
 
   #drag(event: PointerEvent): void {
+    if (this.#locked) {
+      const moved = { x: event.movementX, y: event.movementY };
+      this.#nudge = sum(this.#nudge, look(moved, { x: 0, y: 0 }, this.#options.focal()));
+      return;
+    }
     const from = this.#pointers.get(event.pointerId);
     if (from === undefined) return;
     const to = { x: event.clientX, y: event.clientY };
     this.#pointers.set(event.pointerId, to);
     const other = [...this.#pointers].find(([id]) => id !== event.pointerId)?.[1];
-    const nudge = other ? pinch([from, other], [to, other], this.#stage.clientHeight) : look(from, to, this.#focal());
+    const nudge = other ? pinch([from, other], [to, other], this.#stage.clientHeight) : this.#dragged(from, to, event);
     this.#nudge = sum(this.#nudge, nudge);
+  }
+
+  #dragged(from: Point, to: Point, { altKey }: PointerEvent): Nudge {
+    const { clientWidth, clientHeight } = this.#stage;
+    if (this.#button !== MAIN) return pan(from, to, clientHeight);
+    return this.#options.orbits() === altKey ? look(from, to, this.#options.focal()) : orbit(from, to, clientWidth);
+  }
+
+  get #locked(): boolean {
+    return document.pointerLockElement === this.#stage;
   }
 
   #letGo(event: PointerEvent): void {

@@ -39,7 +39,7 @@ const fetched = (answers: Answer[], options: Partial<DownloadOptions> = {}) => {
   const onCut = vi.fn();
   const received: number[] = [];
   const file = download({
-    url: "scenes/garden/download/ply",
+    url: () => "scenes/garden/download/ply",
     signal: new AbortController().signal,
     onBytes: (_, count) => received.push(count),
     onCut,

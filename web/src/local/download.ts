@@ -3,7 +3,8 @@ import pRetry from "p-retry";
 import { ApiError, readProblem } from "../http/problem";
 
 export interface DownloadOptions {
-  readonly url: string;
+  /** Where it is, whenever it is asked for. */
+  readonly url: () => string;
   readonly signal: AbortSignal;
   /** More of it is there: the file, as long as it will be, and how much of it has come. */
   readonly onBytes: (file: Uint8Array<ArrayBuffer>, received: number) => void;
@@ -87,7 +88,7 @@ class PartialFile {
     const headers = this.#received > 0 ? rest : undefined;
     let response: Response;
     try {
-      response = await request(url, { cache: "no-store", signal, ...(headers && { headers }) });
+      response = await request(url(), { cache: "no-store", signal, ...(headers && { headers }) });
     } catch (error) {
       if (this.#options.signal.aborted) throw error;
       throw new CutOff("The server does not answer.");

@@ -76,7 +76,7 @@ function start(options: Partial<LocalOptions> = {}): Rig {
     rig,
     scene: { ...COURTYARD, gaussians: 1000, file_bytes: FILE.length },
     form: "ply",
-    url: "scenes/courtyard/download/ply",
+    url: () => "scenes/courtyard/download/ply",
     size: () => SIZE,
     onPresented: (frame) => presented.push(frame),
     onReceived: (bytes) => {

@@ -13,7 +13,7 @@ import type { PlayedDownload } from "../wire/store";
 import { download } from "./download";
 import { arrived, BrokenPly, type PlyHeader, type Prefix, prefixOf, readHeader } from "./ply";
 import type { Lens, Renderer, RendererOptions } from "./renderer";
-import { roomProblem } from "./room";
+import { fileBytes, roomProblem } from "./room";
 import { nextStep } from "./steps";
 
 export type DownloadForm = PlayedDownload["form"];
@@ -59,8 +59,8 @@ export interface LocalOptions {
   readonly rig: Rig;
   readonly scene: SceneInfo;
   readonly form: DownloadForm;
-  /** Where the scene's file is. */
-  readonly url: string;
+  /** Where the scene's file is; in a cluster, that changes. */
+  readonly url: () => string;
   /** How large the picture is displayed, in the screen's pixels. */
   readonly size: () => Size;
   readonly onPresented: (frame: PresentedFrame) => void;
@@ -193,8 +193,11 @@ export class LocalPlayer {
 
   async #run(signal: AbortSignal): Promise<void> {
     const { scene, form, url, memory, onReceived, now } = this.#options;
-    const bytes = scene.downloads?.find((one) => one.form === form)?.bytes ?? scene.file_bytes;
-    const problem = roomProblem({ gaussians: scene.gaussians ?? 0, shDegree: scene.sh_degree ?? 3, bytes }, memory);
+    const gaussians = scene.gaussians ?? 0;
+    const shDegree = scene.sh_degree ?? 3;
+    const made = scene.downloads?.find((one) => one.form === form)?.bytes;
+    const bytes = made ?? fileBytes(form, gaussians, shDegree);
+    const problem = roomProblem({ gaussians, shDegree, bytes }, memory);
     if (problem !== null) throw new Impossible(problem);
     const whole = download({
       url,

@@ -1,5 +1,5 @@
 import { expect, test } from "vitest";
-import { memoryFor, roomProblem } from "./room";
+import { fileBytes, memoryFor, roomProblem } from "./room";
 
 const GARDEN = { gaussians: 5_800_000, shDegree: 3, bytes: 1_440_000_000 };
 
@@ -16,4 +16,13 @@ test.each([
   const problem = roomProblem(GARDEN, memory);
   expect(problem === null).toBe(fits);
   if (problem !== null) expect(problem).toMatch(/^This scene is too large for this browser: .* 3\.6 GB .* 2\.0 GB\.$/);
+});
+
+test.each([
+  ["ply", 0, 56],
+  ["ply", 3, 236],
+  ["compressed", 0, 16],
+  ["compressed", 3, 61],
+] as const)("a %s of SH degree %i has %i bytes a Gaussian", (form, degree, bytes) => {
+  expect(fileBytes(form, 1000, degree)).toBe(1000 * bytes);
 });

@@ -1,4 +1,5 @@
 /** Whether a scene fits into this browser, before any of it is downloaded. */
+import type { SceneDownload } from "../wire/render";
 
 export interface Weight {
   readonly gaussians: number;
@@ -18,6 +19,12 @@ const FLOATS = 14;
 const DRAWN = 76;
 /** Of its packed coefficients, at each degree. */
 const DRAWN_SH = [0, 16, 32, 64] as const;
+
+/** About what a file of the scene has that was not made yet: the server's own may be packed in another way. */
+export function fileBytes(form: SceneDownload["form"], gaussians: number, shDegree: number): number {
+  const coefficients = 3 * ((shDegree + 1) ** 2 - 1);
+  return gaussians * (form === "ply" ? 4 * (FLOATS + coefficients) : 16 + coefficients);
+}
 
 /** Bytes that it takes to draw a scene while its file is still there. */
 export function memoryFor({ gaussians, shDegree, bytes }: Weight): number {

@@ -84,6 +84,8 @@ describe("reading", () => {
     await expect(readMovementFile(gone)).rejects.toThrow("gone.csv cannot be read.");
     const latin = new File([new Uint8Array([0x23, 0xe9, 0x0a])], "latin.csv");
     await expect(readMovementFile(latin)).rejects.toThrow("latin.csv is binary");
+    const scene = new File(["ply\n"], "garden.PLY");
+    await expect(readMovementFile(scene)).rejects.toThrow("garden.PLY is a scene, not a movement: put it into");
     expect((await readMovementFile(new File([HEADER, POSE], "walk.csv"))).points).toHaveLength(1);
   });
 });

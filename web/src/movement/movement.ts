@@ -40,6 +40,8 @@ const LENGTHS = [0.1, 10] as const;
 /** What a scene's start camera looks at counts as so many metres away: a scene does not say how long its unit is. */
 const VIEW_M = 4;
 const COLUMNS = ["t_ms", "x", "y", "z", "qx", "qy", "qz", "qw"] as const;
+/** What people drop on a page that shows scenes. */
+const SCENE_FILE = /\.(ply|splat|spz|sog)$/i;
 const NUMBER = /^[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?$/i;
 
 /** Reads the text of a file, which messages call `name`. Throws MovementError. */
@@ -69,6 +71,11 @@ export function readMovement(text: string, name = "The movement"): MovementTrace
 
 /** Reads a file that a person chose. Throws MovementError. */
 export async function readMovementFile(file: File): Promise<MovementTrace> {
+  if (SCENE_FILE.test(file.name)) {
+    throw new MovementError(
+      `${file.name} is a scene, not a movement: put it into the server's models directory, then rescan the list of scenes.`,
+    );
+  }
   if (file.size > MAX_BYTES) throw new MovementError(tooLarge(file.name));
   let bytes: ArrayBuffer;
   try {

@@ -1,10 +1,12 @@
 /** The shaper's HTTP interface. Every failure is a ShaperError with one sentence to show. */
 import { readProblem } from "../http/problem";
-import type { LinkSetting, ShaperStatus, StartRequest, TraceList, TracePoints } from "../wire/shaper";
+import type { LinkSetting, ShaperStatus, StartRequest, TraceList, TracePoints, TraceSummary } from "../wire/shaper";
 
 export class ShaperError extends Error {}
 
+/** In milliseconds. */
 const TIMEOUT = 5000;
+const UPLOAD_TIMEOUT = 120_000;
 
 export class ShaperApi {
   readonly base: string;
@@ -20,6 +22,11 @@ export class ShaperApi {
 
   trace(name: string): Promise<TracePoints> {
     return this.#call(`traces/${encodeURIComponent(name)}`);
+  }
+
+  /** Keeps a trace of a person's own, in any format that `tigas trace import` reads; large ones take a while. */
+  upload(file: File): Promise<TraceSummary> {
+    return this.#ask(`traces?name=${encodeURIComponent(file.name)}`, { method: "POST", body: file }, UPLOAD_TIMEOUT);
   }
 
   start(request: StartRequest): Promise<ShaperStatus> {
@@ -61,13 +68,18 @@ export class ShaperApi {
     return `The shaper at ${this.base} does not answer, or does not allow this page.`;
   }
 
-  async #call<T>(path: string, body?: object): Promise<T> {
+  #call<T>(path: string, body?: object): Promise<T> {
+    const headers = { "Content-Type": "application/json" };
+    return this.#ask(path, body ? { method: "POST", body: JSON.stringify(body), headers } : {}, TIMEOUT);
+  }
+
+  async #ask<T>(path: string, request: RequestInit, timeout: number): Promise<T> {
     let response: Response;
     try {
       response = await fetch(`${this.base}/${path}`, {
         cache: "no-store",
-        signal: AbortSignal.timeout(TIMEOUT),
-        ...(body && { method: "POST", body: JSON.stringify(body), headers: { "Content-Type": "application/json" } }),
+        signal: AbortSignal.timeout(timeout),
+        ...request,
       });
       if (response.ok) return (await response.json()) as T;
     } catch {

@@ -5,6 +5,7 @@ export const LINK_FIELDS = [
   { name: "down", label: "Down", unit: "Mbit/s", max: 100_000 },
   { name: "up", label: "Up", unit: "Mbit/s", max: 100_000 },
   { name: "rtt", label: "Round trip", unit: "ms", max: 120_000 },
+  { name: "jitter", label: "Jitter", unit: "ms", max: 60_000 },
   { name: "loss", label: "Loss", unit: "%", max: 100 },
 ] as const;
 
@@ -14,16 +15,17 @@ export type LinkProblems = Readonly<Partial<Record<LinkField, string>>>;
 
 const NUMBER = /^[+-]?(\d+([.,]\d*)?|[.,]\d+)$/;
 
-export function draftOf({ down_kbps, up_kbps, delay_ms = 0, loss_pct = 0 }: LinkSetting): LinkDraft {
+export function draftOf({ down_kbps, up_kbps, delay_ms = 0, jitter_ms = 0, loss_pct = 0 }: LinkSetting): LinkDraft {
   return {
     down: text(down_kbps / 1000),
     up: text(up_kbps / 1000),
     rtt: text(delay_ms * 2),
+    jitter: text(jitter_ms),
     loss: text(loss_pct),
   };
 }
 
-/** The setting, or what is wrong with each field. A round trip is the delay of both directions. */
+/** The setting, or what is wrong with each field. A round trip is the delay of both directions; jitter varies that of each. */
 export function parseLink(draft: LinkDraft): { setting: LinkSetting } | { problems: LinkProblems } {
   const values: Partial<Record<LinkField, number>> = {};
   const problems: Partial<Record<LinkField, string>> = {};
@@ -33,10 +35,11 @@ export function parseLink(draft: LinkDraft): { setting: LinkSetting } | { proble
     if (value >= 0 && value <= max) values[name] = value;
     else problems[name] = `${label} must be a number from 0 to ${max.toLocaleString("en")} ${unit}.`;
   }
-  const { down, up, rtt, loss } = values;
-  if (down === undefined || up === undefined || rtt === undefined || loss === undefined) return { problems };
+  const { down, up, rtt, jitter, loss } = values;
+  if (down === undefined || up === undefined || rtt === undefined) return { problems };
+  if (jitter === undefined || loss === undefined) return { problems };
   return {
-    setting: { down_kbps: down * 1000, up_kbps: up * 1000, delay_ms: rtt / 2, jitter_ms: 0, loss_pct: loss },
+    setting: { down_kbps: down * 1000, up_kbps: up * 1000, delay_ms: rtt / 2, jitter_ms: jitter, loss_pct: loss },
   };
 }
 

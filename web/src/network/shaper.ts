@@ -46,6 +46,20 @@ export class Shaper {
     }
   }
 
+  /** Has the shaper keep a trace; its name there, or null if it said why not. */
+  async upload(file: File): Promise<string | null> {
+    try {
+      const { name } = await this.api.upload(file);
+      this.actionError.value = null;
+      await this.#list();
+      return name;
+    } catch (error) {
+      if (!(error instanceof ShaperError)) throw error;
+      this.actionError.value = error.message;
+      return null;
+    }
+  }
+
   dispose(): void {
     this.#disposed = true;
     this.#events?.close();

@@ -56,6 +56,8 @@ export class Input implements Predictor {
     return {
       turnRight: pace("turnRight") * dragged,
       turnUp: pace("turnUp") * dragged,
+      orbitRight: pace("orbitRight") * dragged,
+      orbitUp: pace("orbitUp") * dragged,
       forward: pace("forward") * slowing(ahead, GLIDING),
       right: pace("right") * dragged,
       up: pace("up") * dragged,

@@ -19,6 +19,7 @@ test.each([
   ["?stamp&upscale=off", true, { upscale: "off" }],
   ["?upscale", false, { upscale: "" }],
   ["?reprojection=off&prediction=linear", false, { reprojection: "off", prediction: "linear" }],
+  ["?left=video&right=dash-edge", false, { left: "video", right: "dash-edge" }],
   ["?", false, {}],
 ])("a link with %s names settings", (query, stamp, asked) => {
   expect(parseRoute(`#/scene/courtyard${query}`)).toEqual({ page: "viewer", scene: "courtyard", stamp, asked });

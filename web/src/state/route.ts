@@ -1,5 +1,5 @@
 /** Which page the URL's hash names, so that reloading, bookmarks and the back button work. */
-import { KINDS } from "../enhance/model/enhancer";
+import { LINKED } from "./settings";
 
 export type Route =
   | { readonly page: "scenes" }
@@ -14,17 +14,17 @@ export type Route =
       readonly unknown?: readonly string[];
     };
 
-/** Settings that a link names, as text; what it leaves out is as it was chosen before. */
+/** What a link names, as text: settings, and a pose (`link.ts`). What it leaves out is as it was chosen before. */
 export type Asked = Readonly<Partial<Record<(typeof ASKABLE)[number], string>>>;
 
-export const ASKABLE = [...KINDS, "reprojection", "prediction"] as const;
+export const ASKABLE = ["at", ...LINKED] as const;
 const STAMP = "stamp";
 
 /** The list of experiments. */
 export const EXPERIMENTS = "#/experiments";
 /**
- * `?stamp` has each frame carry its pose's number, for tests that read from the screen what is shown; `?restore=NAME&upscale=NAME`
- * chooses the models that enhance frames, `?reprojection=on|off&prediction=NAME` how movement is met.
+ * `?stamp` has each frame carry its pose's number, for tests that read from the screen what is shown; `?at=x,y,z,qx,qy,qz,qw` says
+ * where the camera is, and `?mode=NAME`, `?reprojection=on|off` and so on what is chosen.
  */
 const VIEWER = /^#\/scene\/([^/?]+)(?:\?(.*))?$/;
 

@@ -5,27 +5,48 @@ import { FRAME_RATES, PRESETS, tuned } from "../dash/presets";
 import { OFF } from "../enhance/model/enhancer";
 import { enhancersOf } from "../enhance/registry";
 import { PREDICTOR_NAMES } from "../predict/registry";
+import { WEBRTC_STREAMS } from "../webrtc/presets";
 import type { SceneDownload } from "../wire/render";
 
-export const MODES = ["stateless", "video", "dash", "side-by-side", "local"] as const;
+export const MODES = ["stateless", "video", "dash", "webrtc", "side-by-side", "local"] as const;
 export type Mode = (typeof MODES)[number];
 
-/** Whether a DASH stream is shown. */
-export const isStreamed = (mode: Mode): mode is "dash" | "side-by-side" => mode === "dash" || mode === "side-by-side";
+/** Whether a stream of the packager's is shown; of `side-by-side`, each side has a mode of its own (`sides.ts`). */
+export const isStreamed = (mode: Mode): mode is "dash" | "webrtc" => mode === "dash" || mode === "webrtc";
 /** Whether the page asks for each view by itself. */
-export const isPerView = (mode: Mode) => mode === "stateless" || mode === "video" || mode === "side-by-side";
+export const isPerView = (mode: Mode) => mode === "stateless" || mode === "video";
 
 /** Files of a scene that the mode `local` can download. */
 export const LOCAL_FORMS = ["ply", "compressed"] as const satisfies readonly SceneDownload["form"][];
+
+/** What a side may be when two are compared: a mode, and which stream or file it has. */
+export const SIDE_MODES = [
+  "stateless",
+  "video",
+  ...PRESETS.map((preset) => `dash-${preset}` as const),
+  "webrtc",
+  ...LOCAL_FORMS.map((form) => `local-${form}` as const),
+] as const;
+export type SideMode = (typeof SIDE_MODES)[number];
+
+export const LOCKS = ["off", "resolution", "bitrate"] as const;
+export type SideLock = (typeof LOCKS)[number];
 
 const Settings = v.object({
   theme: v.fallback(v.picklist(["system", "light", "dark"]), "system"),
   transport: v.fallback(v.picklist(["auto", "webtransport-streams", "webtransport-datagrams", "fetch"]), "auto"),
   /**
-   * What shows the scene: one JPEG per pose, one frame of a video per pose, a DASH stream, the first beside the last, or this
+   * What shows the scene: one JPEG per pose, one frame of a video per pose, a stream over DASH or WebRTC, any two beside each other, or this
    * browser, which downloads the scene.
    */
   mode: v.fallback(v.picklist(MODES), "stateless"),
+  /** What is compared side by side. */
+  left: v.fallback(v.picklist(SIDE_MODES), "stateless"),
+  right: v.fallback(v.picklist(SIDE_MODES), "dash-tuned"),
+  /** What both sides have in common then: a rung of the ladder, or how many kbit/s they may take. */
+  lock: v.fallback(v.picklist(LOCKS), "off"),
+  lockRung: v.fallback(v.pipe(v.number(), v.integer(), v.minValue(0), v.maxValue(255)), 0),
+  lockKbps: v.fallback(v.pipe(v.number(), v.integer(), v.minValue(50), v.maxValue(100_000)), 3000),
   dashPreset: v.fallback(v.picklist(PRESETS), "tuned"),
   /** Frames a second; null: the preset's own. */
   dashFrameRate: v.fallback(v.nullable(v.picklist(FRAME_RATES)), null),
@@ -49,6 +70,7 @@ const Settings = v.object({
     }),
     tuned(30),
   ),
+  webrtcStream: v.fallback(v.picklist(WEBRTC_STREAMS), "h264-30"),
   localForm: v.fallback(v.picklist(LOCAL_FORMS), "compressed"),
   /** What chooses the ladder's rung; "fixed": the person does. */
   controller: v.fallback(v.picklist(["fixed", ...CONTROLLER_NAMES]), "budget"),
@@ -71,6 +93,8 @@ const Settings = v.object({
   depth: v.fallback(v.boolean(), true),
   /** Of reprojection: whether small pictures of all directions are asked for, too, beside the view. */
   surround: v.fallback(v.boolean(), true),
+  /** What dragging does: the picture follows the pointer, or what is looked at turns. */
+  drag: v.fallback(v.picklist(["look", "orbit"]), "look"),
   /** Degrees a second. */
   turnSpeed: v.fallback(v.pipe(v.number(), v.minValue(1), v.maxValue(720)), 60),
   /** Null: open where there is room. */
@@ -83,6 +107,28 @@ const Settings = v.object({
 export type Settings = v.InferOutput<typeof Settings>;
 
 export const DEFAULT_SETTINGS: Settings = v.parse(Settings, {});
+
+/** Those that links may name: they decide what is seen. */
+export const LINKED = [
+  ...(["mode", "left", "right", "lock", "lockRung", "lockKbps"] as const),
+  ...(["dashPreset", "localForm", "controller", "profile", "refine", "webp"] as const),
+  ...(["restore", "upscale", "reprojection", "prediction", "overscan", "depth", "surround", "drag"] as const),
+] satisfies readonly (keyof Settings)[];
+
+/** What a text means as a setting's value, `on` and `off` among them; undefined if that makes no sense. */
+export function settingOf<Name extends (typeof LINKED)[number]>(name: Name, text: string): Settings[Name] | undefined {
+  const candidates = [
+    text,
+    ...(text === "on" || text === "off" ? [text === "on"] : []),
+    ...(text ? [Number(text)] : []),
+  ];
+  return candidates.map((value) => valid(name, value)).find((value) => value !== undefined);
+}
+
+function valid<Name extends keyof Settings>(name: Name, value: unknown): Settings[Name] | undefined {
+  const read = v.parse(Settings, { [name]: value })[name];
+  return read === value ? read : undefined;
+}
 
 const KEY = "tigas.settings";
 

@@ -29,6 +29,7 @@ export class PlayerBench {
   axes = STILL;
   profile = 0;
   refine = false;
+  bitrateKbps: number | null = null;
   observed: (observation: Observation) => void = () => undefined;
   prediction: PredictorName = "off";
   overscan: number | "auto" = "auto";
@@ -80,6 +81,7 @@ export class PlayerBench {
       videoSteps: () => this.videoSteps,
       controller: () => ({ decide: () => this.profile, observe: (heard) => this.observed(heard) }),
       refine: () => this.refine,
+      bitrateKbps: () => this.bitrateKbps,
       pixelRatio: () => 2,
       prediction: () => this.prediction,
       stamp: false,

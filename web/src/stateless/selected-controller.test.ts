@@ -24,7 +24,7 @@ afterEach(() => {
 
 test("a seed decides a controller's random numbers", () => {
   const numbers = (seed: number) => {
-    selectedController(signal(seed), HD, videoSteps(HD)).value;
+    selectedController(settings, signal(seed), HD, videoSteps(settings, HD)).value;
     const random = create.mock.lastCall?.[0].random ?? Math.random;
     return [random(), random(), random()];
   };
@@ -35,7 +35,7 @@ test("a seed decides a controller's random numbers", () => {
 
 test("a controller stays for as long as choice, ladder and seed do", () => {
   const seed = signal(1);
-  const controller = selectedController(seed, HD, videoSteps(HD));
+  const controller = selectedController(settings, seed, HD, videoSteps(settings, HD));
   const first = controller.value;
   config.value = configured();
   settings.value = { ...settings.value, refine: false };
@@ -49,9 +49,9 @@ test("a controller stays for as long as choice, ladder and seed do", () => {
 
 test("the rung that a person chose, or the last of a shorter ladder", () => {
   settings.value = { ...DEFAULT_SETTINGS, controller: "fixed", profile: 9 };
-  expect(selectedController(signal(1), HD, videoSteps(HD)).value.decide(0)).toBe(3);
+  expect(selectedController(settings, signal(1), HD, videoSteps(settings, HD)).value.decide(0)).toBe(3);
   config.value = null;
-  expect(selectedController(signal(1), HD, videoSteps(HD)).value.decide(0)).toBe(0);
+  expect(selectedController(settings, signal(1), HD, videoSteps(settings, HD)).value.decide(0)).toBe(0);
 });
 
 test("a scene's own ladder is the controller's, and the server's again afterwards", () => {
@@ -62,7 +62,7 @@ test("a scene's own ladder is the controller's, and the server's again afterward
     quality: 80,
     expected_kb: 200 / 2 ** i,
   }));
-  const controller = selectedController(signal(1), HD, videoSteps(HD));
+  const controller = selectedController(settings, signal(1), HD, videoSteps(settings, HD));
   sceneLadder.value = own;
   controller.value;
   expect(create.mock.lastCall?.[0].ladder).toEqual(own);
@@ -74,7 +74,7 @@ test("a scene's own ladder is the controller's, and the server's again afterward
 
 test("rungs larger than the picture are not offered, but can be chosen", () => {
   const pixels = signal(640 * 360);
-  const controller = selectedController(signal(1), pixels, videoSteps(pixels));
+  const controller = selectedController(settings, signal(1), pixels, videoSteps(settings, pixels));
   const offered = () => {
     controller.value;
     return create.mock.lastCall?.[0].ladder;

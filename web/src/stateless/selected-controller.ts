@@ -5,22 +5,30 @@ import { FixedController } from "../abr/fixed";
 import { firstOffered, offering } from "../abr/offered";
 import { seeded } from "../abr/random";
 import { CONTROLLERS } from "../abr/registry";
-import { stepOfRung, type VideoStep, videoLadder } from "../abr/video-ladder";
-import { ladder, settings } from "../state/app";
+import { stepOfBitrate, stepOfRung, type VideoStep, videoLadder } from "../abr/video-ladder";
+import { ladder } from "../state/app";
+import type { SideSettings } from "../state/sides";
 import type { Rung } from "../wire/render";
 
 const content = computed(() => JSON.stringify(ladder.value)); // the configuration is read again and again
 const rungs = computed((): Rung[] => JSON.parse(content.value));
-const video = computed(() => settings.value.mode === "video");
 
 /**
  * What the controller chooses from in the mode `video`; null in the others, where it is the server's ladder. `pixels`: as of the
  * controller.
  */
-export function videoSteps(pixels: ReadonlySignal<number>): ReadonlySignal<readonly VideoStep[] | null> {
+export function videoSteps(
+  settings: ReadonlySignal<SideSettings>,
+  pixels: ReadonlySignal<number>,
+): ReadonlySignal<readonly VideoStep[] | null> {
+  const video = computed(() => settings.value.mode === "video");
   const adapts = computed(() => settings.value.controller !== "fixed");
   const first = computed(() => (adapts.value ? firstOffered(rungs.value, pixels.value) : 0));
-  return computed(() => (video.value ? videoLadder(rungs.value, first.value) : null));
+  const bitrate = computed(() => settings.value.bitrateKbps ?? null);
+  return computed(() => {
+    if (!video.value) return null;
+    return bitrate.value === null ? videoLadder(rungs.value, first.value) : stepOfBitrate(rungs.value, bitrate.value);
+  });
 }
 
 /**
@@ -29,6 +37,7 @@ export function videoSteps(pixels: ReadonlySignal<number>): ReadonlySignal<reado
  * larger rungs are for a person to choose only.
  */
 export function selectedController(
+  settings: ReadonlySignal<SideSettings>,
   seed: ReadonlySignal<number>,
   pixels: ReadonlySignal<number>,
   videoSteps: ReadonlySignal<readonly VideoStep[] | null>,

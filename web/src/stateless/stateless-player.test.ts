@@ -48,6 +48,20 @@ test("walking asks for the views along the way, and for the last one for sure", 
   expect(bench.player.stats.value.settled).toBe(true);
 });
 
+test("of a bit rate that is given no more is asked for than fits into it, and the last view all the same", async () => {
+  bench.bitrateKbps = 80; // ten frames of 1000 bytes a second
+  await bench.frames(3);
+  bench.axes = { ...STILL, turnRight: 1 };
+  const before = bench.transport.requests.length;
+  await bench.frames(180);
+  const asked = bench.transport.requests.length - before;
+  expect(asked).toBeGreaterThan(27);
+  expect(asked).toBeLessThan(34);
+  bench.axes = STILL;
+  await bench.frames(30);
+  expect(bench.last()?.quaternion).toEqual(bench.rig.pose.quaternion);
+});
+
 test("motion-to-photon counts from the sample to the animation frame after the drawing", async () => {
   await bench.frames(2);
   bench.axes = { ...STILL, turnRight: 1 };

@@ -5,6 +5,7 @@
 
 import { signal } from "@preact/signals";
 import type { Controller, Observation, Way } from "../abr/controller";
+import { RateCap } from "../abr/rate-cap";
 import type { VideoStep } from "../abr/video-ladder";
 import type { Display, Enhanced } from "../enhance/display";
 import { Foresight } from "../predict/foresight";
@@ -65,6 +66,8 @@ export interface StatelessPlayerOptions {
   readonly controller: () => Controller;
   /** Whether to ask for the view with all of the screen's pixels once it stands still. */
   readonly refine: () => boolean;
+  /** How much may come in at most; null: as much as does. */
+  readonly bitrateKbps: () => number | null;
   /** Pixels of the screen along one of the viewport's. */
   readonly pixelRatio: () => number;
   /** What foretells the poses that frames are asked for. */
@@ -106,13 +109,20 @@ export class StatelessPlayer {
   #refinement = new Refinement();
   #format = new FormatChoice();
   readonly #rest = new Rest<PosedRequest>();
+  readonly #cap = new RateCap();
   #publishedAt = 0;
 
   constructor(options: StatelessPlayerOptions) {
     this.#options = options;
     this.#foresight = new Foresight(options.rig, options.prediction);
     this.#turning = new Turning(options);
-    this.#surround = new SurroundFeed({ ...options, onReceived: (bytes) => this.#received(bytes) });
+    this.#surround = new SurroundFeed({
+      ...options,
+      onReceived: (bytes) => {
+        this.#cap.besides(bytes);
+        this.#received(bytes);
+      },
+    });
     this.#meter = new Meter("stateless", options.onPresented);
   }
 
@@ -133,11 +143,15 @@ export class StatelessPlayer {
       connected === null
         ? undefined
         : new FramePipeline(video.over(connected.transport), this.#decode, now, {
-            sent: this.#options.onSent,
+            sent: (request) => {
+              this.#cap.asked();
+              this.#options.onSent(request);
+            },
             replied: (reply, view, pose) => {
               this.#recorder.replied(reply, now());
               this.#refinement.observe(reply);
               this.#format.observe(reply, now());
+              this.#cap.came(reply.arrival.bytes);
               this.#received(reply.arrival.bytes);
               this.problem.value = null;
               const profile = reply.header.profile ?? null;
@@ -210,14 +224,16 @@ export class StatelessPlayer {
 
   /** Once per animation frame, after the rig was sampled; `moved` is what the rig said. */
   tick(now: number, moved: boolean): void {
-    const { rig, display, video, videoSteps } = this.#options;
+    const { rig, display, video, videoSteps, bitrateKbps } = this.#options;
     this.#meter.sampled(rig.pose.seq, now);
     if (this.#pipeline && rig.scene) {
       if (moved) this.#meter.moved(rig.pose.seq, now);
       const view = this.#view(rig.scene, now);
       video.tick(Math.min(MOST_PATIENCE, Math.max(LEAST_PATIENCE, this.stats.peek().roundTrip ?? USUAL_PATIENCE)));
-      if (videoSteps() === null || video.problem.peek() === null) this.#pipeline.want(view, rig.pose.seq);
-      this.#surround.tick(this.#pipeline, view, this.#recorder.throughput.bitsPerSecond, now);
+      if (this.#cap.allows(bitrateKbps(), now)) {
+        if (videoSteps() === null || video.problem.peek() === null) this.#pipeline.want(view, rig.pose.seq);
+        this.#surround.tick(this.#pipeline, view, this.#recorder.throughput.bitsPerSecond, now);
+      }
       // The newest frame waits where it can be overtaken, not in the graphics processor's queue.
       const frame = display.ready ? this.#pipeline.take() : undefined;
       if (frame) display.show(frame);

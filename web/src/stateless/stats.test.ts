@@ -37,10 +37,17 @@ test("says that a frame came as WebP", () => {
   expect(subject.snapshot(50).frame?.webp).toBe(true);
 });
 
-test("the last frame stays known while nothing moves", () => {
+test("what is known stays while nothing moves", () => {
   const subject = new StatsRecorder();
   subject.replied(reply(0, 40), 40);
-  expect(subject.snapshot(60_000).frame?.width).toBe(640);
+  const { frame, roundTrip, server } = subject.snapshot(60_000);
+  expect([frame?.width, roundTrip, server]).toEqual([640, 40, { queue: 1, render: 2, encode: 3 }]);
+});
+
+test("one frame that the server took long for changes its time as little as the response time", () => {
+  const subject = new StatsRecorder();
+  for (let i = 0; i < 10; i++) subject.replied(reply(i * 50, i * 50 + 40, i === 9 ? 300 : 12), i * 50 + 40);
+  expect(subject.snapshot(510).server?.render).toBe(12);
 });
 
 test.each([

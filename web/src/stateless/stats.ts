@@ -10,7 +10,7 @@ import type { PipelineCounts } from "./pipeline";
 export interface ReplyStats {
   /** From sending a request to its frame's last byte, median of the last seconds, in milliseconds. */
   readonly roundTrip: number | null;
-  /** Where the server's time went for the last frame, in milliseconds. */
+  /** Where the server's time went, medians as that of the round trip, in milliseconds. */
   readonly server: ServerTiming | null;
   /** Most of the time until a frame of a moving camera is there goes by at the server, whatever the link. */
   readonly serverBound: boolean;
@@ -68,6 +68,7 @@ export const NO_STATS: Stats = {
 
 /** How far back the HUD looks, in milliseconds. */
 const SPAN = 5000;
+const PARTS = ["queue", "render", "encode"] as const;
 /** The server limits a viewer if frames spend longer than this in it (ms), and a larger share of the response time. */
 const BOUND_AFTER = 50;
 const BOUND_SHARE = 0.6;
@@ -75,6 +76,7 @@ const BOUND_SHARE = 0.6;
 export class StatsRecorder {
   readonly throughput = new ThroughputEstimator();
   readonly #roundTrip = new TimeWindow(SPAN);
+  readonly #server = { queue: new TimeWindow(SPAN), render: new TimeWindow(SPAN), encode: new TimeWindow(SPAN) };
   /** Of frames of a moving camera; refined ones have no rung, and take their time. */
   readonly #moving = { response: new TimeWindow(SPAN), server: new TimeWindow(SPAN) };
   #last: FrameReply | undefined;
@@ -84,6 +86,7 @@ export class StatsRecorder {
     const response = reply.arrival.lastByteAt - reply.arrival.sentAt;
     this.#roundTrip.add(response, now);
     const { timing, profile } = reply.header;
+    for (const part of PARTS) if (timing != null) this.#server[part].add(timing[part], now);
     if (timing != null && profile != null) {
       this.#moving.response.add(response, now);
       this.#moving.server.add(timing.queue + timing.render + timing.encode, now);
@@ -94,8 +97,8 @@ export class StatsRecorder {
   snapshot(now: number): ReplyStats {
     const header = this.#last?.header;
     return {
-      roundTrip: this.#roundTrip.percentile(0.5, now),
-      server: header?.timing ?? null,
+      roundTrip: lately(this.#roundTrip, now),
+      server: this.#serverTimes(now),
       serverBound: this.#serverBound(now),
       throughput: this.throughput.bitsPerSecond,
       frame:
@@ -110,8 +113,18 @@ export class StatsRecorder {
     };
   }
 
+  #serverTimes(now: number): ServerTiming | null {
+    const [queue, render, encode] = PARTS.map((part) => lately(this.#server[part], now));
+    return queue == null || render == null || encode == null ? null : { queue, render, encode };
+  }
+
   #serverBound(now: number): boolean {
     const server = this.#moving.server.percentile(0.5, now) ?? 0;
     return server > BOUND_AFTER && server > BOUND_SHARE * (this.#moving.response.percentile(0.5, now) ?? 0);
   }
+}
+
+/** The median of the last seconds in which frames came: while nothing moves, it can be read. */
+function lately(window: TimeWindow, now: number): number | null {
+  return window.percentile(0.5, window.latest ?? now);
 }

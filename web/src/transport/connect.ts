@@ -1,8 +1,8 @@
 /** Picks the transport: WebTransport if it can be had, fetch otherwise, and the reason if that is not what was asked for. */
-import { mixedContent } from "../http/reach";
 import type { ServerConfig } from "../wire/render";
 import { DatagramTransport } from "./datagrams";
 import { FetchTransport } from "./fetch";
+import { hostUrl } from "./host-url";
 import type { Clock } from "./reception";
 import { openSession } from "./session";
 import { StreamTransport } from "./streams";
@@ -33,7 +33,7 @@ export async function connect(
 ): Promise<Connected> {
   const host = config.host ?? null;
   const byFetch = (fallback: string | null): Connected => ({
-    transport: new FetchTransport(now, renderUrl(config)),
+    transport: new FetchTransport(now, hostUrl("render", config)),
     fallback,
     host,
   });
@@ -52,10 +52,4 @@ export async function connect(
     signal.throwIfAborted();
     return { ...byFetch(error instanceof Error ? error.message : String(error)), refused: true };
   }
-}
-
-/** At the host itself, unless browsers keep a secure page from it: then the director hands frames on. */
-function renderUrl({ host, render_url: base }: Pick<ServerConfig, "host" | "render_url">): string {
-  if (typeof base !== "string") return "render";
-  return mixedContent(base, location.href) ? `render?${new URLSearchParams({ host: host ?? "" })}` : `${base}/render`;
 }

@@ -1,5 +1,19 @@
 import { describe, expect, test } from "vitest";
-import { fromScene, levelFor, MAX_ELEVATION, move, orientation, startCamera, toScene, turn } from "./camera";
+import {
+  ahead,
+  approach,
+  between,
+  fromScene,
+  levelFor,
+  MAX_ELEVATION,
+  move,
+  orbit,
+  orientation,
+  seenFrom,
+  startCamera,
+  toScene,
+  turn,
+} from "./camera";
 import { type Quaternion, rotate, subtract, type Vector3 } from "./vector";
 
 const LEVEL: Quaternion = [0, 0, 0, 1];
@@ -146,4 +160,40 @@ describe("walking is relative to the azimuth and never to the elevation", () => 
   test("up is against y", () => {
     expect(move(AT_ORIGIN, 0, 0, 2).position[1]).toBe(-2);
   });
+});
+
+describe("what is looked at", () => {
+  const camera = { position: [1, -2, 3], azimuth: 30, elevation: -20 } as const;
+
+  test.each([
+    ["straight ahead", ahead(camera, 4)],
+    ["at the picture's edge", [3, -1, 7] as Vector3],
+  ])("stays where it is in the picture while the camera orbits it: %s", (_, pivot) => {
+    for (const [right, up] of [
+      [40, 10],
+      [-170, -60],
+      [0, 500],
+    ] as const) {
+      expectClose(seenFrom(orbit(camera, pivot, right, up), pivot), seenFrom(camera, pivot));
+    }
+  });
+
+  test("orbiting to the right shows its left side", () => {
+    expectClose(orbit(AT_ORIGIN, [0, 0, 4], 90, 0).position, [-4, 0, 4]);
+  });
+
+  test("is half as far away and in the middle once it is approached", () => {
+    const point: Vector3 = [4, -3, 9];
+    const [x, y, z] = seenFrom(approach(camera, point), point);
+    expectClose([x, y, z], [0, 0, Math.hypot(3, 1, 6) / 2]);
+  });
+});
+
+test("halfway between two cameras goes the shorter way around", () => {
+  const from = { position: [0, 0, 0], azimuth: 170, elevation: 0 } as const;
+  const to = { position: [2, 0, 4], azimuth: -170, elevation: 20 } as const;
+  const { position, azimuth, elevation } = between(from, to, 0.5);
+  expectClose(position, [1, 0, 2]);
+  expect([Math.abs(azimuth), elevation]).toEqual([180, 10]);
+  expectClose(between(from, to, 1).position, to.position);
 });

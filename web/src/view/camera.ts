@@ -76,6 +76,37 @@ export function turn(camera: Camera, right: number, up: number): Camera {
   };
 }
 
+/** Turns by degrees about a point of the levelled frame, which stays where it is in the picture. */
+export function orbit(camera: Camera, pivot: Vector3, right: number, up: number): Camera {
+  const turned = turn(camera, right, up);
+  const seen = seenFrom(camera, pivot);
+  return { ...turned, position: subtract(pivot, rotate(orientation(turned.azimuth, turned.elevation), seen)) };
+}
+
+/** A point of the levelled frame as the camera has it: to its right, below it and before it, in scene units. */
+export function seenFrom({ position, azimuth, elevation }: Camera, point: Vector3): Vector3 {
+  return rotate(conjugate(orientation(azimuth, elevation)), subtract(point, position));
+}
+
+/** The point straight ahead at a distance. */
+export function ahead({ position, azimuth, elevation }: Camera, distance: number): Vector3 {
+  return add(position, rotate(orientation(azimuth, elevation), [0, 0, distance]));
+}
+
+/** Half as far away from a point of the levelled frame, which is then in the middle of the picture. */
+export function approach({ position }: Camera, point: Vector3): Camera {
+  const way = subtract(point, position);
+  return { position: add(position, [way[0] / 2, way[1] / 2, way[2] / 2]), ...towards(way) };
+}
+
+/** Between two cameras: 0 is the first, 1 the second. */
+export function between(from: Camera, to: Camera, share: number): Camera {
+  const way = subtract(to.position, from.position);
+  const around = to.azimuth - from.azimuth;
+  const turned = turn(from, share * (around - 360 * Math.round(around / 360)), share * (to.elevation - from.elevation));
+  return { ...turned, position: add(from.position, [share * way[0], share * way[1], share * way[2]]) };
+}
+
 /** Moves by scene units, level with the floor and relative to where the camera faces. */
 export function move(camera: Camera, forward: number, right: number, up: number): Camera {
   const sin = Math.sin(camera.azimuth * RADIAN);

@@ -9,6 +9,7 @@ test("figures are of the last seconds, and every frame is told to the listener w
   const meter = new Meter("dash", (frame) => told.push(frame));
   for (let i = 0; i < 40; i++) {
     meter.moved(i, i * 50);
+    meter.sampled(i, i * 50);
     meter.received(10_000, i * 50);
     meter.presented({ ...PICTURE, pose: i, at: i * 50 + 60 });
   }
@@ -21,7 +22,45 @@ test("figures are of the last seconds, and every frame is told to the listener w
   });
   expect(meter.figures(2010).newViewsPerSecond).toBeCloseTo(20, 0);
   expect(told[7]).toEqual({ ...PICTURE, side: "dash", at: 410, pose: 7, latencies: [60] });
-  expect(meter.figures(60_000)).toMatchObject({ newViewsPerSecond: 0, motionToPhoton: null, bandwidth: 0, shown: 40 });
+  meter.sampled(39, 60_000);
+  const rested = { newViewsPerSecond: 0, motionToPhoton: { p50: 60, p95: 60 }, bandwidth: 0, shown: 40, frozenFor: 0 };
+  expect(meter.figures(60_000)).toMatchObject(rested);
+});
+
+test.each([
+  ["moves on", 1000],
+  ["has stopped", 20],
+])("while nothing is answered, latency and age of a camera that %s grow, and the picture is frozen", (_, inputs) => {
+  const after = (seconds: number) => {
+    const meter = new Meter("stateless", () => undefined);
+    const frames = 14 + seconds * 20;
+    for (let frame = 0; frame <= frames; frame++) {
+      if (frame < inputs) meter.moved(frame, frame * 50);
+      meter.sampled(Math.min(frame, inputs - 1), frame * 50);
+      if (frame > 0 && frame < 15) meter.presented({ ...PICTURE, pose: frame - 1, at: frame * 50 });
+    }
+    return meter.figures(frames * 50);
+  };
+  expect(after(0)).toMatchObject({ motionToPhoton: { p50: 50, p95: 50 }, frozenFor: 0 });
+  const frozen = [1, 2, 4, 8, 20].map(after);
+  expect(frozen.map(({ frozenFor }) => frozenFor)).toEqual([1000, 2000, 4000, 8000, 20_000]);
+  const ages = frozen.map(({ contentAge }) => contentAge ?? 0);
+  expect(ages).toEqual(ages.toSorted((a, b) => a - b));
+  expect(ages[0]).toBeGreaterThanOrEqual(1000);
+  const p95 = frozen.map(({ motionToPhoton }) => motionToPhoton?.p95 ?? 0);
+  expect(p95).toEqual(p95.toSorted((a, b) => a - b));
+  expect(p95[0]).toBeGreaterThan(500);
+});
+
+test("a page that was hidden, or showed another mode, was not frozen", () => {
+  const meter = new Meter("stateless", () => undefined);
+  meter.sampled(1, 0);
+  meter.presented({ ...PICTURE, pose: 1, at: 10 });
+  meter.sampled(2, 20);
+  meter.sampled(2, 60_000);
+  expect(meter.figures(60_010).frozenFor).toBe(10);
+  meter.reset();
+  expect(meter.figures(70_000).frozenFor).toBe(0);
 });
 
 test("a frame of a pose that is shown already tells no latency", () => {

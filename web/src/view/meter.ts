@@ -6,21 +6,31 @@ import { MotionToPhoton } from "./motion-to-photon";
 import { PoseTimes } from "./pose-times";
 import type { PresentedFrame, Side } from "./presented";
 import { StallDetector, type Stalls } from "./stalls";
-import { TimeWindow } from "./window";
+import { nearestRank, TimeWindow } from "./window";
 
 export interface Figures {
   /** Views shown a second that were not there before: a repeated frame is none. */
   readonly newViewsPerSecond: number;
-  /** Median and 95th percentile of the last seconds, in milliseconds; null while nothing moved. */
+  /**
+   * Median and 95th percentile of the last seconds of movement, in milliseconds, with inputs that have waited for longer than is usual
+   * and are not shown yet; null before anything moved.
+   */
   readonly motionToPhoton: { readonly p50: number; readonly p95: number } | null;
   /** Pictures are turned to the newest view: the latency is the view's. */
   readonly turned: boolean;
-  /** From the pose of the pixels until they are seen: median of the last seconds, in milliseconds; null while nothing moved. */
+  /**
+   * From the pose of the pixels until they are seen: median of the last seconds of movement, or what it is at present if that is more,
+   * in milliseconds; null before anything was shown.
+   */
   readonly contentAge: number | null;
+  /** For how long no new view has come although the camera is elsewhere, in milliseconds; 0 if it is not. */
+  readonly frozenFor: number;
   /** Bits a second that came in during the last seconds. */
   readonly bandwidth: number;
   /** All bytes that came in so far. */
   readonly bytes: number;
+  /** What has come and waits for its turn, in milliseconds of the stream; null where pictures are shown as soon as they come. */
+  readonly buffered: number | null;
   readonly stalls: Stalls;
   /** All new views shown so far. */
   readonly newViews: number;
@@ -35,8 +45,10 @@ export const NO_FIGURES: Figures = {
   motionToPhoton: null,
   turned: false,
   contentAge: null,
+  frozenFor: 0,
   bandwidth: 0,
   bytes: 0,
+  buffered: null,
   stalls: { count: 0, time: 0 },
   newViews: 0,
   shown: 0,
@@ -50,6 +62,10 @@ export const STATS_EVERY = 250;
 const RATE_SPAN = 1000;
 const BANDWIDTH_SPAN = 2000;
 const LATENCY_SPAN = 5000;
+/** A picture that stands still for longer while the camera moved is frozen, in milliseconds: that is said within a second. */
+export const FROZEN_AFTER = 700;
+/** A page that takes no sample for so long is not looked at, in milliseconds. */
+const HIDDEN_AFTER = 500;
 
 export class Meter {
   readonly #side: Side;
@@ -65,6 +81,9 @@ export class Meter {
   #newViews = 0;
   #shown = 0;
   #last: PresentedFrame | undefined;
+  /** Since when a new view may be expected; undefined while none is. */
+  #viewAt: number | undefined;
+  #sampledAt = 0;
 
   constructor(side: Side, listener: (frame: PresentedFrame) => void) {
     this.#side = side;
@@ -74,6 +93,8 @@ export class Meter {
   /** Once per animation frame: the camera is at pose number `pose`. */
   sampled(pose: number, at: number): void {
     this.#poses.sampled(pose, at);
+    if (this.#viewAt !== undefined && at - this.#sampledAt > HIDDEN_AFTER) this.#viewAt = at;
+    this.#sampledAt = at;
   }
 
   /** The camera moved, which made pose number `pose`. */
@@ -98,6 +119,7 @@ export class Meter {
     if (frame.pose !== this.#last?.pose) {
       this.#stalls.presented(frame.at);
       this.#views.add(1, frame.at);
+      this.#viewAt = frame.at;
       this.#newViews++;
     }
     if (fresh) this.#shown++;
@@ -108,24 +130,51 @@ export class Meter {
   /** Forget poses whose frames will not come, for a reason that is not latency (a lost server, another mode). */
   reset(): void {
     this.#latency.reset();
+    this.#viewAt = undefined;
   }
 
   figures(now: number): Figures {
-    const p50 = this.#motionToPhoton.percentile(0.5, now);
-    const p95 = this.#motionToPhoton.percentile(0.95, now);
     const bytes = this.#bytes.values(now).reduce((sum, value) => sum + value, 0);
     return {
       newViewsPerSecond: this.#views.rate(now),
-      motionToPhoton: p50 === null || p95 === null ? null : { p50, p95 },
+      motionToPhoton: this.#latencyFigures(now),
       turned: this.#last?.view !== undefined,
-      contentAge: this.#ages.percentile(0.5, now),
+      contentAge: this.#contentAge(now),
+      frozenFor: this.#frozenFor(now),
       bandwidth: (bytes * 8000) / BANDWIDTH_SPAN,
       bytes: this.#received,
+      buffered: null,
       stalls: this.#stalls.stalls,
       newViews: this.#newViews,
       shown: this.#shown,
       picture: this.#last ?? null,
     };
+  }
+
+  #latencyFigures(now: number): Figures["motionToPhoton"] {
+    const shown = this.#motionToPhoton;
+    const latest = shown.latest ?? now; // while the camera rests, figures stay as they were
+    const usual = shown.percentile(0.5, latest) ?? 0;
+    const late = this.#latency.waiting(now).filter((age) => age > usual);
+    const all = [...shown.values(late.length > 0 ? now : latest), ...late];
+    const p50 = nearestRank(all, 0.5);
+    const p95 = nearestRank(all, 0.95);
+    return p50 === null || p95 === null ? null : { p50, p95 };
+  }
+
+  #contentAge(now: number): number | null {
+    const usual = this.#ages.percentile(0.5, this.#ages.latest ?? now);
+    return usual === null ? null : Math.max(usual, this.#elsewhereFor(now));
+  }
+
+  #frozenFor(now: number): number {
+    return this.#viewAt === undefined ? 0 : Math.min(this.#elsewhereFor(now), now - this.#viewAt);
+  }
+
+  /** For how long the camera has been elsewhere than what is on the screen. */
+  #elsewhereFor(now: number): number {
+    if (this.#last === undefined || this.#viewAt === undefined) return 0;
+    return this.#poses.age(this.#last.pose, now) ?? now - this.#viewAt; // longer than poses are remembered
   }
 
   /** Motion-to-photon latencies of the last seconds, in milliseconds. */

@@ -20,6 +20,11 @@ export class MotionToPhoton {
     return shown.map((sample) => at - sample.at);
   }
 
+  /** For how long each input waits that no frame has shown yet, in milliseconds: its latency will be no less. */
+  waiting(now: number): number[] {
+    return this.#waiting.map(({ at }) => now - at);
+  }
+
   /** Forget what waits: the frames will not come, for a reason that is not latency (a lost server, a hidden page). */
   reset(): void {
     this.#waiting = [];

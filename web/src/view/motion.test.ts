@@ -39,6 +39,14 @@ test("a nudge counts as it is, whatever the time", () => {
   expect(Math.hypot(...camera.position)).toBeCloseTo(1, 9);
 });
 
+test("haste changes how fast one walks, straight or diagonally, and not how fast one turns", () => {
+  const asked = { ...STILL, forward: 1, right: 1, turnRight: 1 };
+  const usual = step(CAMERA, asked, NO_NUDGE, SPEEDS, 50);
+  const fast = step(CAMERA, { ...asked, haste: 4 }, NO_NUDGE, SPEEDS, 50);
+  expect(Math.hypot(...fast.position)).toBeCloseTo(4 * Math.hypot(...usual.position), 9);
+  expect(fast.azimuth).toBe(usual.azimuth);
+});
+
 describe("the suggested speed suits the scene", () => {
   test.each([
     [12.2, 2],

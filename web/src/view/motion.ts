@@ -1,5 +1,6 @@
 /** Turns what was asked since the last sample into a new camera. Pure: the time that passed comes in. */
-import { type Camera, move, turn } from "./camera";
+import { type Camera, move, orbit, turn } from "./camera";
+import type { Vector3 } from "./vector";
 
 /** What is asked of the camera at a moment, each from -1 to 1. */
 export interface Axes {
@@ -8,6 +9,8 @@ export interface Axes {
   readonly up: number;
   readonly turnRight: number;
   readonly turnUp: number;
+  /** How many times as fast as usual to walk; left out: once. */
+  readonly haste?: number;
 }
 
 export interface Speeds {
@@ -22,13 +25,16 @@ export interface Nudge {
   /** Degrees. */
   readonly turnRight: number;
   readonly turnUp: number;
+  /** About the pivot, in degrees. */
+  readonly orbitRight: number;
+  readonly orbitUp: number;
   /** In seconds' worth of walking. */
   readonly forward: number;
   readonly right: number;
   readonly up: number;
 }
 
-export const NO_NUDGE: Nudge = { turnRight: 0, turnUp: 0, forward: 0, right: 0, up: 0 };
+export const NO_NUDGE: Nudge = { turnRight: 0, turnUp: 0, orbitRight: 0, orbitUp: 0, forward: 0, right: 0, up: 0 };
 
 /** What was asked since the last sample. */
 export interface InputSample {
@@ -42,10 +48,13 @@ export const NO_INPUT: InputSample = {
 };
 
 /** So many times as much. */
-export function scaled({ turnRight, turnUp, forward, right, up }: Nudge, factor: number): Nudge {
+export function scaled(nudge: Nudge, factor: number): Nudge {
+  const { turnRight, turnUp, orbitRight, orbitUp, forward, right, up } = nudge;
   return {
     turnRight: turnRight * factor,
     turnUp: turnUp * factor,
+    orbitRight: orbitRight * factor,
+    orbitUp: orbitUp * factor,
     forward: forward * factor,
     right: right * factor,
     up: up * factor,
@@ -55,18 +64,28 @@ export function scaled({ turnRight, turnUp, forward, right, up }: Nudge, factor:
 /** After a pause (a hidden page, a slow machine) the camera goes on from where it was instead of jumping (ms). */
 const LONGEST_STEP = 100;
 
-/** The camera after `elapsed` milliseconds. It is the same object if nothing was asked. */
-export function step(camera: Camera, axes: Axes, nudge: Nudge, speeds: Speeds, elapsed: number): Camera {
+/** The camera after `elapsed` milliseconds, which may orbit a pivot. It is the same object if nothing was asked. */
+export function step(
+  camera: Camera,
+  axes: Axes,
+  nudge: Nudge,
+  speeds: Speeds,
+  elapsed: number,
+  pivot: Vector3 = camera.position,
+): Camera {
   const seconds = Math.min(LONGEST_STEP, Math.max(0, elapsed)) / 1000;
   // Walking diagonally is not faster than walking straight.
   const diagonal = Math.max(1, Math.hypot(axes.forward, axes.right));
-  const walk = (axis: number, once: number) => ((axis / diagonal) * seconds + once) * speeds.move;
+  const haste = axes.haste ?? 1;
+  const walk = (axis: number, once: number) => ((axis / diagonal) * seconds * haste + once) * speeds.move;
   const forward = walk(axes.forward, nudge.forward);
   const right = walk(axes.right, nudge.right);
-  const up = (axes.up * seconds + nudge.up) * speeds.move;
+  const up = (axes.up * seconds * haste + nudge.up) * speeds.move;
   const turnRight = axes.turnRight * seconds * speeds.turn + nudge.turnRight;
   const turnUp = axes.turnUp * seconds * speeds.turn + nudge.turnUp;
-  const turned = turnRight !== 0 || turnUp !== 0 ? turn(camera, turnRight, turnUp) : camera;
+  const { orbitRight, orbitUp } = nudge;
+  const orbited = orbitRight !== 0 || orbitUp !== 0 ? orbit(camera, pivot, orbitRight, orbitUp) : camera;
+  const turned = turnRight !== 0 || turnUp !== 0 ? turn(orbited, turnRight, turnUp) : orbited;
   return forward !== 0 || right !== 0 || up !== 0 ? move(turned, forward, right, up) : turned;
 }
 

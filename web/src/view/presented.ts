@@ -1,6 +1,6 @@
 /** What is known of a frame that is on the screen, in every mode alike. */
 
-export type Side = "stateless" | "dash" | "local";
+export type Side = "stateless" | "dash" | "webrtc" | "local";
 
 export interface PresentedFrame {
   readonly side: Side;

@@ -92,3 +92,35 @@ test("it says how fast the camera turns", () => {
   rig.sample(40);
   expect(rig.turning).toBe(0);
 });
+
+test("a focused point is flown to, unless the person moves; then it is what is orbited", () => {
+  rig.focus([2, -2, 0], true);
+  rig.sample(16);
+  expect(rig.pose.position).toEqual([0, -2, -8]);
+  rig.sample(266);
+  expect(rig.pose.position).toEqual([0.5, -2, -6]);
+  rig.sample(600);
+  expect(rig.pose.position).toEqual([1, -2, -4]);
+  rig.focus([2, -2, 0], true);
+  rig.sample(616);
+  axes = { ...STILL, up: 1 };
+  rig.sample(632);
+  axes = STILL;
+  const { position } = rig.pose;
+  rig.sample(2000);
+  expect(rig.pose.position, "the person knows better").toEqual(position);
+});
+
+test("who wants no motion is there at once", () => {
+  rig.focus([2, -2, 0], false);
+  rig.sample(16);
+  expect(rig.pose.position).toEqual([1, -2, -4]);
+});
+
+test("the camera can be put somewhere, which is no movement", () => {
+  const { placements } = rig;
+  rig.place({ position: [1, 2, 3], quaternion: [0, Math.SQRT1_2, 0, Math.SQRT1_2] });
+  rig.sample(16);
+  expect(rig.pose.position).toEqual([1, 2, 3]);
+  expect(rig.placements).toBe(placements + 1);
+});

@@ -4,12 +4,25 @@
  */
 
 import { computed, type ReadonlySignal, signal } from "@preact/signals";
+import { Listeners } from "../async/listeners";
 import type { SceneInfo } from "../wire/render";
-import { type Camera, fromScene, levelFor, type ScenePose, startCamera, toScene, viewDistance } from "./camera";
+import {
+  ahead,
+  approach,
+  between,
+  type Camera,
+  fromScene,
+  levelFor,
+  type ScenePose,
+  seenFrom,
+  startCamera,
+  toScene,
+  viewDistance,
+} from "./camera";
 import { defaultIntrinsics, type Intrinsics, type Viewport, viewportFor } from "./intrinsics";
 import type { InputSample } from "./motion";
 import { NO_INPUT, type Speeds, scaled, step, suggestedSpeed } from "./motion";
-import { angleBetween } from "./vector";
+import { angleBetween, conjugate, rotate, type Vector3 } from "./vector";
 
 export interface NumberedPose extends ScenePose {
   /** Grows by one with each change. */
@@ -18,9 +31,6 @@ export interface NumberedPose extends ScenePose {
 
 /** Where the camera is at a time (performance.now), in the scene's own frame; null when the source has ended. */
 export type PoseSource = (now: number) => ScenePose | null;
-
-/** Hears of every sample: the pose, and when it was taken (performance.now). */
-export type SampleListener = (pose: NumberedPose, at: number) => void;
 
 export interface RigOptions {
   /** What was asked since the last sample, so many milliseconds ago. */
@@ -31,6 +41,8 @@ export interface RigOptions {
 
 /** What walks and turns at once goes along a curve; short steps follow it (ms). */
 const FORESEEN_STEP = 20;
+/** How long the camera takes to what it is to look at, in milliseconds. */
+const FLIGHT = 500;
 const ORIGIN: NumberedPose = { seq: 0, position: [0, 0, 0], quaternion: [0, 0, 0, 1] };
 
 export class Rig {
@@ -44,10 +56,16 @@ export class Rig {
   /** Scene units a second. */
   readonly moveSpeed = signal(1);
   readonly #options: RigOptions;
-  readonly #listeners = new Set<SampleListener>();
+  readonly #samples = new Listeners<[pose: NumberedPose, at: number]>();
+  /** Hear of every sample, the pose and when it was taken (performance.now), until the function that this returns is called. */
+  readonly onSample = this.#samples.add;
   #scene: SceneInfo | undefined;
   #camera: Camera = { position: [0, 0, 0], azimuth: 0, elevation: 0 };
   readonly #source = signal<PoseSource | null>(null);
+  /** What it orbits, in the levelled frame; null: what is straight ahead. */
+  #focus: Vector3 | null = null;
+  /** On the way to what it is to look at. */
+  #flight: { readonly from: Camera; readonly to: Camera; at: number | null } | null = null;
   #pose = ORIGIN;
   #input = NO_INPUT;
   #sampledAt = 0;
@@ -105,9 +123,26 @@ export class Rig {
   resetCamera(): void {
     if (!this.#scene) return;
     this.#camera = startCamera(this.#scene);
+    this.#focus = this.#flight = null;
     if (this.#source.peek() !== null) return;
     this.#placements++;
     this.#pose = { seq: this.#pose.seq + 1, ...toScene(this.#camera, levelFor(this.#scene.up)) };
+  }
+
+  /** The person's camera goes to a pose of the scene at once, upright. */
+  place(pose: ScenePose): void {
+    if (!this.#scene) return;
+    this.#camera = fromScene(pose, levelFor(this.#scene.up));
+    this.#focus = this.#flight = null;
+    this.#placements++;
+  }
+
+  /** Go half way to a point of the scene's own frame and look at it, at once or in a moment; what is dragged then orbits it. */
+  focus(point: Vector3, smooth: boolean): void {
+    if (!this.#scene) return;
+    this.#focus = rotate(conjugate(levelFor(this.#scene.up)), point);
+    const to = approach(this.#camera, this.#focus);
+    this.#flight = { from: smooth ? this.#camera : to, to, at: null };
   }
 
   /** The stage has this many CSS pixels. */
@@ -118,6 +153,7 @@ export class Rig {
   /** Follow a source instead of a person, until it ends; null gives the person's camera back, which is where it was. */
   drive(source: PoseSource | null): void {
     this.#placements++;
+    this.#flight = null;
     this.#source.value = source;
   }
 
@@ -133,20 +169,15 @@ export class Rig {
     const steps = Math.max(1, Math.ceil(elapsed / FORESEEN_STEP));
     const part = scaled(nudge, 1 / steps);
     let camera = this.#camera;
-    for (let i = 0; i < steps; i++) camera = step(camera, axes, part, this.#speeds, elapsed / steps);
+    const pivot = this.#pivot;
+    for (let i = 0; i < steps; i++) camera = step(camera, axes, part, this.#speeds, elapsed / steps, pivot);
     return camera === this.#camera ? this.#pose : toScene(camera, levelFor(this.#scene.up));
-  }
-
-  /** Hear of every sample, until the function that this returns is called. */
-  onSample(listener: SampleListener): () => void {
-    this.#listeners.add(listener);
-    return () => this.#listeners.delete(listener);
   }
 
   /** Once per animation frame; tells whether the camera moved. */
   sample(now: number): boolean {
     const moved = this.#sample(now);
-    for (const listener of this.#listeners) listener(this.#pose, now);
+    this.#samples.tell(this.#pose, now);
     return moved;
   }
 
@@ -154,7 +185,7 @@ export class Rig {
     const elapsed = now - this.#sampledAt;
     this.#input = this.#options.sampleInput(elapsed);
     this.#sampledAt = now;
-    const pose = this.#driven(now) ?? this.#walked(elapsed);
+    const pose = this.#driven(now) ?? this.#walked(elapsed, now);
     this.#turning = 0;
     if (pose === null || samePose(pose, this.#pose)) return false;
     this.#turning = (angleBetween(pose.quaternion, this.#pose.quaternion) * 1000) / Math.max(1, elapsed);
@@ -169,10 +200,28 @@ export class Rig {
     return pose;
   }
 
-  #walked(elapsed: number): ScenePose | null {
+  #walked(elapsed: number, now: number): ScenePose | null {
     if (!this.#scene) return null;
-    this.#camera = step(this.#camera, this.#input.axes, this.#input.nudge, this.#speeds, elapsed);
+    const { axes, nudge } = this.#input;
+    const walked = step(this.#camera, axes, nudge, this.#speeds, elapsed, this.#pivot);
+    if (walked !== this.#camera) this.#flight = null; // the person knows better
+    this.#camera = this.#flown(now) ?? walked;
     return toScene(this.#camera, levelFor(this.#scene.up));
+  }
+
+  #flown(now: number): Camera | null {
+    if (this.#flight === null) return null;
+    const { from, to } = this.#flight;
+    this.#flight.at ??= now;
+    const share = from === to ? 1 : Math.min(1, (now - this.#flight.at) / FLIGHT);
+    if (share === 1) this.#flight = null;
+    return between(from, to, share * share * (3 - 2 * share));
+  }
+
+  /** In the levelled frame: what was focused, unless the camera has left it behind. */
+  get #pivot(): Vector3 {
+    if (this.#focus !== null && seenFrom(this.#camera, this.#focus)[2] > 0) return this.#focus;
+    return ahead(this.#camera, this.#scene ? viewDistance(this.#scene) : 1);
   }
 
   get #speeds(): Speeds {

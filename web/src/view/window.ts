@@ -1,4 +1,11 @@
 /** Values of the last few seconds, for rates and percentiles. */
+
+/** The nearest-rank percentile (0 to 1) of values, or null without any. */
+export function nearestRank(values: readonly number[], rank: number): number | null {
+  const sorted = values.toSorted((a, b) => a - b);
+  return sorted[Math.max(0, Math.ceil(rank * sorted.length) - 1)] ?? null;
+}
+
 export class TimeWindow {
   readonly #span: number;
   #entries: { readonly at: number; readonly value: number }[] = [];
@@ -25,8 +32,12 @@ export class TimeWindow {
 
   /** The nearest-rank percentile (0 to 1), or null without values. */
   percentile(rank: number, now: number): number | null {
-    const sorted = this.values(now).sort((a, b) => a - b);
-    return sorted[Math.max(0, Math.ceil(rank * sorted.length) - 1)] ?? null;
+    return nearestRank(this.values(now), rank);
+  }
+
+  /** When the last entry came that is remembered; null without any. */
+  get latest(): number | null {
+    return this.#entries.at(-1)?.at ?? null;
   }
 
   /** Entries a second, from the first that is remembered until now. */

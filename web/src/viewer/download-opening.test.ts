@@ -2,18 +2,18 @@
 import { signal } from "@preact/signals";
 import { afterEach, beforeEach, expect, test, vi } from "vitest";
 import type { LocalOptions, LocalPlayer } from "../local/local-player";
-import { changeSettings, settings } from "../state/app";
+import { changeSettings, config, settings } from "../state/app";
 import { COURTYARD } from "../state/fake-server";
 import { DEFAULT_SETTINGS } from "../state/settings";
-import type { SceneInfo } from "../wire/render";
+import type { SceneInfo, ServerConfig } from "../wire/render";
 import { keepDownload } from "./download-opening";
 
-const opened = vi.hoisted(() => [] as { options: { url: string; form: string }; disposed: boolean }[]);
+const opened = vi.hoisted(() => [] as { options: { url: () => string; form: string }; disposed: boolean }[]);
 vi.mock("../local/local-player", () => ({
   LocalPlayer: class {
     disposed = false;
-    options: { url: string; form: string };
-    constructor(options: { url: string; form: string }) {
+    options: { url: () => string; form: string };
+    constructor(options: { url: () => string; form: string }) {
       this.options = options;
       opened.push(this);
     }
@@ -30,13 +30,17 @@ let stop: () => void;
 beforeEach(() => {
   opened.length = 0;
   settings.value = DEFAULT_SETTINGS;
+  config.value = null;
   scene.value = { ...COURTYARD, downloads: [{ form: "ply" }, { form: "compressed" }] };
-  stop = keepDownload(current, scene, {} as LocalOptions);
+  stop = keepDownload(current, scene, settings, {} as LocalOptions);
 });
 
-afterEach(() => stop());
+afterEach(() => {
+  stop();
+  vi.unstubAllGlobals();
+});
 
-const state = () => opened.map(({ options, disposed }) => [options.url, disposed]);
+const state = () => opened.map(({ options, disposed }) => [options.url(), disposed]);
 
 test("there is a download in the mode that needs one, and none before or after", () => {
   expect(current.value).toBeNull();
@@ -50,6 +54,16 @@ test("there is a download in the mode that needs one, and none before or after",
   ]);
   changeSettings({ mode: "stateless" });
   expect([opened.at(-1)?.disposed, current.value]).toEqual([true, null]);
+});
+
+test("in a cluster, a scene is downloaded from the host that the page is at by then", () => {
+  vi.stubGlobal("location", new URL("http://lab.test:8080/"));
+  config.value = { host: "east", render_url: "http://10.0.0.2:8080" } as ServerConfig;
+  changeSettings({ mode: "local" });
+  expect(opened[0]?.options.url()).toBe("http://10.0.0.2:8080/scenes/courtyard/download/compressed");
+  vi.stubGlobal("location", new URL("https://lab.test/"));
+  config.value = { host: "west", render_url: "http://10.0.0.3:8080" } as ServerConfig;
+  expect(opened[0]?.options.url()).toBe("scenes/courtyard/download/compressed?host=west");
 });
 
 test("a form that is not offered gives way to one that is; a scene that is not offered is not asked for", () => {

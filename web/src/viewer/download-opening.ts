@@ -1,7 +1,9 @@
 /** Downloads the scene in the mode that draws it in this browser, and anew whenever what decides it changes. */
 import { computed, effect, type ReadonlySignal, type Signal, untracked } from "@preact/signals";
 import { type DownloadForm, type LocalOptions, LocalPlayer } from "../local/local-player";
-import { settings } from "../state/app";
+import { config } from "../state/app";
+import type { SideSettings } from "../state/sides";
+import { hostUrl } from "../transport/host-url";
 import type { SceneInfo } from "../wire/render";
 
 /** What all downloads of a visit have in common. */
@@ -11,6 +13,7 @@ type Shared = Omit<LocalOptions, "scene" | "form" | "url" | "memory">;
 export function keepDownload(
   current: Signal<LocalPlayer | null>,
   scene: ReadonlySignal<SceneInfo | null>,
+  settings: ReadonlySignal<SideSettings>,
   shared: Shared,
 ): () => void {
   const wanted = computed(() => {
@@ -21,7 +24,8 @@ export function keepDownload(
     const form = wanted.value;
     const info = scene.peek();
     if (form === null || info === null) return undefined;
-    const url = `scenes/${encodeURIComponent(info.id)}/download/${form}`;
+    const path = `scenes/${encodeURIComponent(info.id)}/download/${form}`;
+    const url = () => hostUrl(path, config.peek() ?? {});
     const memory = (navigator as { readonly deviceMemory?: number }).deviceMemory;
     const local = untracked(() => new LocalPlayer({ ...shared, scene: info, form, url, memory }));
     current.value = local;

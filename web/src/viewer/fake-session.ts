@@ -1,28 +1,67 @@
 /** A visit for tests of what shows it: nothing is connected, and the test says how it stands. */
-import { signal } from "@preact/signals";
+import { computed, signal } from "@preact/signals";
 import type { DashPhase, DashPlayer, DashStats } from "../dash/dash-player";
 import { NO_DASH_STATS } from "../dash/dash-player";
 import type { EnhancementStatus } from "../enhance/enhancement";
 import { type LocalPhase, type LocalPlayer, type LocalStats, NO_LOCAL_STATS } from "../local/local-player";
 import { MovementDeck } from "../movement/movement-deck";
-import type { ReprojectionStatus } from "../reproject/reprojector";
+import { type ReprojectionStatus, reprojectionNote } from "../reproject/reprojector";
+import { settings } from "../state/app";
 import { COURTYARD } from "../state/fake-server";
+import { isPerView, isStreamed } from "../state/settings";
+import { type Place, settingsAt } from "../state/sides";
 import { NO_STATS, type Stats } from "../stateless/stats";
 import type { Connected } from "../transport/connect";
+import type { ConnectionState } from "../transport/connection";
+import type { Figures } from "../view/meter";
 import { NO_NUDGE } from "../view/motion";
-import type { PresentedFrame } from "../view/presented";
 import { Rig } from "../view/rig";
 import type { SceneInfo } from "../wire/render";
+import type { Comparison } from "./comparison";
 import type { Phase, ViewerSession } from "./session";
 
 const STILL = { forward: 0, right: 0, up: 0, turnRight: 0, turnUp: 0 };
+
+/** A picture of the stage in which nothing is shown yet. */
+export function fakeSide(place: Place) {
+  const status = signal<EnhancementStatus>({ kind: "off" });
+  const fake = {
+    settings: computed(() => settingsAt(place, settings.value)),
+    video: { problem: signal<string | null>(null) },
+    stateless: { stats: signal<Stats>(NO_STATS), problem: signal<string | null>(null) },
+    enhancement: {
+      status,
+      giveUp: (message: string) => {
+        status.value = { kind: "failed", message };
+      },
+    },
+    reprojector: { status: signal<ReprojectionStatus>("on") },
+    videoReprojector: { status: signal<ReprojectionStatus>("on") },
+    dash: signal<DashPlayer | null>(null),
+    local: signal<LocalPlayer | null>(null),
+    unturned: computed((): string | null =>
+      reprojectionNote(fake.reprojector.status.value, fake.videoReprojector.status.value),
+    ),
+    get figures(): Figures | null {
+      const { mode } = fake.settings.value;
+      if (isPerView(mode)) return fake.stateless.stats.value;
+      return (isStreamed(mode) ? fake.dash : fake.local).value?.stats.value ?? null;
+    },
+    picture: () => null,
+    onPresented: () => () => undefined,
+  };
+  return fake;
+}
+
+type FakeSide = ReturnType<typeof fakeSide>;
 
 /** In the scene, playing. */
 export function fakeSession() {
   const rig = new Rig({ sampleInput: () => ({ axes: STILL, nudge: NO_NUDGE }), turnSpeed: () => 60 });
   rig.resize(1280, 720);
   rig.enter(COURTYARD);
-  const listeners = new Set<(frame: PresentedFrame) => void>();
+  const left = fakeSide("left");
+  const right = signal<FakeSide | null>(null);
   const fake = {
     phase: signal<Phase>({ kind: "playing" }),
     scene: signal<SceneInfo | null>(COURTYARD),
@@ -30,21 +69,22 @@ export function fakeSession() {
     silent: signal(false),
     rig,
     movement: new MovementDeck(rig),
-    video: { problem: signal<string | null>(null) },
-    stateless: { stats: signal<Stats>(NO_STATS), problem: signal<string | null>(null) },
+    left,
+    right,
+    stateless: left.stateless,
+    video: left.video,
+    reprojector: left.reprojector,
+    dash: left.dash,
+    local: left.local,
     enhancement: {
-      status: signal<EnhancementStatus>({ kind: "off" }),
-      giveUp: (message: string) => {
-        fake.enhancement.status.value = { kind: "failed", message };
-      },
+      ...left.enhancement,
       renew: () => {
         fake.renewals++;
       },
     },
-    reprojector: { status: signal<ReprojectionStatus>("on") },
-    videoReprojector: { status: signal<ReprojectionStatus>("on") },
-    dash: signal<DashPlayer | null>(null),
-    local: signal<LocalPlayer | null>(null),
+    comparison: signal<Comparison | null>(null),
+    rightConnection: signal<ConnectionState | null>(null),
+    unturned: computed(() => left.unturned.value ?? right.value?.unturned.value ?? null),
     seed: signal(1),
     input: { pad: { forward: 0, right: 0, up: 0 } },
     receivedBytes: 0,
@@ -54,10 +94,7 @@ export function fakeSession() {
     retry: () => {
       fake.retries++;
     },
-    onPresented: (listener: (frame: PresentedFrame) => void) => {
-      listeners.add(listener);
-      return () => listeners.delete(listener);
-    },
+    onPresented: () => () => undefined,
     onShown: () => () => undefined,
     onSent: () => () => undefined,
     onReplied: () => () => undefined,
@@ -76,7 +113,8 @@ export function asSession(fake: FakeSession): ViewerSession {
 
 /** The DASH side of a visit. */
 export function fakeDash(phase: DashPhase, stats: Partial<DashStats> = {}): DashPlayer {
-  return { phase: signal(phase), stats: signal({ ...NO_DASH_STATS, ...stats }) } as unknown as DashPlayer;
+  const status = async () => null;
+  return { phase: signal(phase), stats: signal({ ...NO_DASH_STATS, ...stats }), status } as unknown as DashPlayer;
 }
 
 /** What downloads the scene of a visit. */

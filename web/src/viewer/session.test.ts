@@ -17,6 +17,8 @@ import { ViewerSession } from "./session";
 vi.mock("../state/api");
 vi.mock("../transport/connect");
 const streams = vi.hoisted(() => [] as { readonly options: Record<string, unknown>; disposed: boolean }[]);
+vi.mock("../dash/dash-views", () => ({ overDash: (source: unknown) => source }));
+vi.mock("../webrtc/webrtc-views", () => ({ overWebRtc: (source: unknown) => source }));
 vi.mock("../dash/dash-player", () => ({
   DashPlayer: class {
     disposed = false;
@@ -26,6 +28,7 @@ vi.mock("../dash/dash-player", () => ({
       this.options = options;
       streams.push(this);
     }
+    presented() {}
     tick() {}
     dispose() {
       this.disposed = true;
@@ -44,6 +47,8 @@ class FakeWorker {
   terminate(): void {}
 }
 
+type Div = HTMLDivElement;
+
 const SERVICES = { dash: "http://dash.test" };
 let now: number;
 let animationFrames: Map<number, () => void>;
@@ -60,6 +65,9 @@ beforeEach(() => {
   settings.value = DEFAULT_SETTINGS;
   config.value = null;
   let id = 0;
+  const context = { transferFromImageBitmap: () => undefined };
+  const only = (kind: string) => (kind === "bitmaprenderer" ? context : null);
+  vi.spyOn(HTMLCanvasElement.prototype, "getContext").mockImplementation(only as never);
   vi.stubGlobal("Worker", FakeWorker);
   vi.stubGlobal("requestAnimationFrame", (callback: () => void) => {
     animationFrames.set(++id, callback);
@@ -84,9 +92,8 @@ afterEach(() => {
 });
 
 async function visit(): Promise<void> {
-  const canvas = document.createElement("canvas");
-  canvas.getContext = (() => ({ transferFromImageBitmap: () => undefined })) as unknown as typeof canvas.getContext;
-  const stage = { element: document.createElement("div"), canvas, video: document.createElement("video") };
+  const [element, left, right] = [0, 1, 2].map(() => document.createElement("div")) as [Div, Div, Div];
+  const stage = { element, left, right };
   session = new ViewerSession("courtyard", stage, false);
   session.rig.resize(1280, 720);
   await settle();
@@ -216,16 +223,46 @@ test("the DASH mode asks for no JPEGs; the other modes do", async () => {
   expect(requests()).toBe(1);
 });
 
+test("two modes that ask for each view are two clients of the server, and leave nothing behind", async () => {
+  changeSettings({ left: "stateless", right: "stateless" });
+  await visit();
+  await drawn(3);
+  const pane = session.stage.right;
+  expect(pane.childElementCount).toBe(0);
+  changeSettings({ mode: "side-by-side" });
+  expect(session.comparison.value?.sides).toEqual([session.left, session.right.value]);
+  await settle();
+  await drawn(5);
+  expect(transports).toHaveLength(2);
+  expect(transports.map(({ requests }) => requests.length > 0)).toEqual([true, true]);
+  expect([...pane.children].map(({ tagName }) => tagName)).toEqual(["CANVAS", "VIDEO"]);
+  transports[1]?.lose("The right one broke.");
+  await settle();
+  expect(session.rightConnection.value).toMatchObject({ status: "lost" });
+  expect(phase()).toEqual({ kind: "playing" });
+  const received = session.receivedBytes;
+  changeSettings({ mode: "stateless" });
+  await vi.advanceTimersByTimeAsync(5000);
+  expect(transports.map(({ closed }) => closed)).toEqual([false, true]);
+  expect([pane.childElementCount, session.receivedBytes, session.right.value]).toEqual([0, received, null]);
+  expect(session.comparison.value).toBeNull();
+});
+
 test("a stream is opened where the mode has one, and anew when what decides it changes", async () => {
   await visit();
   await vi.advanceTimersByTimeAsync(1000); // the viewport has kept its size
   expect(streams).toHaveLength(0);
   changeSettings({ mode: "side-by-side" });
   expect(session.dash.value).toBe(streams[0]);
-  expect(streams[0]?.options).toMatchObject({ base: "http://dash.test", scene: "courtyard" });
+  expect(streams[0]?.options).toMatchObject({
+    side: "dash",
+    open: { base: "http://dash.test", scene: "courtyard" },
+  });
   config.value = serverConfig(SERVICES); // it is read again and again
   expect(streams).toHaveLength(1);
-  changeSettings({ dashPreset: "typical" });
+  changeSettings({ dashPreset: "typical" }); // of the mode `dash`
+  expect(streams).toHaveLength(1);
+  changeSettings({ right: "dash-typical" });
   expect(streams.map(({ disposed }) => disposed)).toEqual([true, false]);
   session.rig.resize(640, 360);
   await vi.advanceTimersByTimeAsync(300);
@@ -242,9 +279,9 @@ test("a stream is opened where the mode has one, and anew when what decides it c
 test("where the browser gives a video's pictures away to nobody, a word says so, and the stream has no margins", async () => {
   await visit(); // this DOM has no VideoFrame
   await vi.advanceTimersByTimeAsync(1000);
-  expect(session.videoReprojector.status.value).toBe("off");
+  expect(session.left.videoReprojector.status.value).toBe("off");
   changeSettings({ mode: "dash" });
-  expect(session.videoReprojector.status.value).toBe("unreadable");
+  expect(session.left.videoReprojector.status.value).toBe("unreadable");
   expect(streams.at(-1)?.options.overscan).toBeNull();
 });
 

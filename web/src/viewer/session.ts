@@ -1,37 +1,29 @@
-/** One visit to one scene: connects, loads the scene, and shows what the rig sees in the chosen mode, until it is disposed of. */
+/** One visit to one scene: connects, loads the scene, and shows what the rig sees in the chosen mode, or in two, until it is disposed of. */
 
 import { computed, effect, signal, untracked } from "@preact/signals";
+import { Listeners } from "../async/listeners";
 import { sleep } from "../async/sleep";
-import type { DashPlayer } from "../dash/dash-player";
-import { type StreamedFrame, TurnedVideo } from "../dash/turned-video";
-import { Display } from "../enhance/display";
-import { Enhancement } from "../enhance/enhancement";
-import { Overlay } from "../enhance/overlay";
-import { chosenEnhancers } from "../enhance/registry";
+import type { Enhancement } from "../enhance/enhancement";
 import { ApiError } from "../http/problem";
 import { StageInput } from "../input/stage-input";
-import type { LocalPlayer } from "../local/local-player";
 import { MovementDeck } from "../movement/movement-deck";
-import { Reprojector } from "../reproject/reprojector";
+import { pointAt } from "../reproject/point-at";
 import { fetchConfig, loadScene } from "../state/api";
 import { config, ladder, sceneLadder, settings } from "../state/app";
-import { isPerView, isStreamed, type Mode } from "../state/settings";
-import { Decoder } from "../stateless/decoder";
-import { decodesWebp } from "../stateless/decodes-webp";
-import type { DecodedFrame, SentRequest } from "../stateless/pipeline";
-import { selectedController, videoSteps } from "../stateless/selected-controller";
-import { type Reply, type ShownFrame, StatelessPlayer } from "../stateless/stateless-player";
-import type { Pictured } from "../stateless/turning";
+import { isPerView, isStreamed } from "../state/settings";
+import { type Place, settingsAt } from "../state/sides";
+import type { SentRequest } from "../stateless/pipeline";
+import type { Reply, ShownFrame, StatelessPlayer } from "../stateless/stateless-player";
 import { type Connected, connect } from "../transport/connect";
 import { type ConnectionState, maintainConnection } from "../transport/connection";
-import { videoProblem } from "../video/support";
-import { VideoFrames } from "../video/video-frames";
+import type { VideoFrames } from "../video/video-frames";
 import { viewDistance } from "../view/camera";
 import type { PresentedFrame } from "../view/presented";
 import { Rig } from "../view/rig";
+import { add, rotate } from "../view/vector";
 import type { SceneInfo } from "../wire/render";
-import { keepDownload } from "./download-opening";
-import { keepStream } from "./stream-opening";
+import { Comparison } from "./comparison";
+import { Side } from "./side";
 
 /** How the visit stands; `failed` waits for the person. */
 export type Phase =
@@ -42,11 +34,12 @@ export type Phase =
   | { readonly kind: "full" }
   | { readonly kind: "failed"; readonly message: string };
 
-/** Where a visit is shown: both pictures are always there, and the mode says which are seen. */
+/** Where a visit is shown: what takes the person's input, with a pane for each picture. */
 export interface Stage {
   readonly element: HTMLElement;
-  readonly canvas: HTMLCanvasElement;
-  readonly video: HTMLVideoElement;
+  readonly left: HTMLElement;
+  /** Empty unless two modes are compared. */
+  readonly right: HTMLElement;
 }
 
 export class ViewerSession {
@@ -57,46 +50,43 @@ export class ViewerSession {
   readonly silent = signal(false);
   readonly rig: Rig;
   readonly movement: MovementDeck;
-  readonly enhancement: Enhancement;
-  readonly reprojector: Reprojector<Pictured>;
-  readonly stateless: StatelessPlayer;
-  /** Of the DASH side. */
-  readonly videoReprojector: Reprojector<StreamedFrame>;
-  /** The DASH side; null in stateless mode, and where there is no packager. */
-  readonly dash = signal<DashPlayer | null>(null);
-  /** Null in the other modes. */
-  readonly local = signal<LocalPlayer | null>(null);
+  /** All there is, unless two modes are compared. */
+  readonly left: Side;
+  /** Null unless two modes are compared. */
+  readonly right = signal<Side | null>(null);
+  /** How the right side's own connection stands, where it has one. */
+  readonly rightConnection = signal<ConnectionState | null>(null);
+  /** Where a stream is shown, or two modes are compared; else null. */
+  readonly comparison = signal<Comparison | null>(null);
+  /** The first stream on the stage, if there is one, and the first download. */
+  readonly dash = computed(() => this.left.dash.value ?? this.right.value?.dash.value ?? null);
+  readonly local = computed(() => this.left.local.value ?? this.right.value?.local.value ?? null);
+  /** What a person should know where pictures of any side are to be turned and are not; else null. */
+  readonly unturned = computed(() => this.left.unturned.value ?? this.right.value?.unturned.value ?? null);
   readonly input: StageInput;
   readonly stage: Stage;
   /** Of the controllers' random numbers. */
   readonly seed = signal(1);
   readonly #sceneId: string;
-  readonly #display: Display<DecodedFrame>;
-  readonly #decoder = new Decoder(
-    new Worker(new URL("../stateless/decode.worker.ts", import.meta.url), { type: "module", name: "decoder" }),
-  );
-  /** Of the mode `video`. */
-  readonly video = new VideoFrames(
-    () => new Worker(new URL("../video/video.worker.ts", import.meta.url), { type: "module", name: "video decoder" }),
-    now,
-  );
-  #decodesWebp = false;
-  /** The picture's pixels on the screen. */
-  readonly #pixels = computed(() => {
-    const { width, height } = this.rig.viewport.value;
-    return width * height * devicePixelRatio ** 2;
-  });
-  readonly #videoSteps = videoSteps(this.#pixels);
-  readonly #controller = selectedController(this.seed, this.#pixels, this.#videoSteps);
-  readonly #listeners = new Set<(frame: PresentedFrame) => void>();
-  readonly #shownListeners = new Set<(frame: ShownFrame) => void>();
-  readonly #sentListeners = new Set<(request: SentRequest) => void>();
-  readonly #replyListeners = new Set<(reply: Reply) => void>();
+  readonly #stamp: boolean;
+  readonly #presented = new Listeners<[PresentedFrame]>();
+  readonly #shown = new Listeners<[ShownFrame]>();
+  readonly #sent = new Listeners<[SentRequest]>();
+  readonly #replied = new Listeners<[Reply]>();
+  /** Hear of every frame of any side that is on the screen, until the function that this returns is called. */
+  readonly onPresented = this.#presented.add;
+  /** As `onPresented`, of frames that were asked for one by one, as they came. */
+  readonly onShown = this.#shown.add;
+  /** As `onPresented`, of every request for a frame. */
+  readonly onSent = this.#sent.add;
+  /** As `onPresented`, of every frame that came. */
+  readonly onReplied = this.#replied.add;
   #loading: Promise<SceneInfo> | undefined;
   /** Where it is loaded, in a cluster. */
   #host: string | null = null;
   #animation = 0;
-  #received = 0;
+  /** Bytes of sides that are gone. */
+  #receivedBefore = 0;
   /** Counts connections that a person asked for. */
   readonly #attempt = signal(0);
   readonly #cleanups: (() => void)[] = [];
@@ -104,113 +94,47 @@ export class ViewerSession {
   /** `stamp`: frames carry their pose's number, for tests that read it from the screen. */
   constructor(sceneId: string, stage: Stage, stamp: boolean) {
     this.#sceneId = sceneId;
+    this.#stamp = stamp;
     this.stage = stage;
-    this.input = new StageInput(stage.element, () => this.rig.intrinsics.value);
+    this.input = new StageInput(stage.element, {
+      focal: () => this.rig.intrinsics.value,
+      orbits: () => settings.peek().drag === "orbit",
+      onFocus: (event) => this.#focus(event),
+    });
     this.rig = new Rig({
       sampleInput: (elapsed) => this.input.sample(elapsed),
       turnSpeed: () => settings.value.turnSpeed,
     });
     this.movement = new MovementDeck(this.rig);
-    const overlay = new Overlay(stage.canvas);
-    this.enhancement = new Enhancement({ overlay, now });
-    const size = () => {
-      const { width, height } = this.rig.viewport.peek();
-      return { width: Math.round(width * devicePixelRatio), height: Math.round(height * devicePixelRatio) };
-    };
-    this.#display = new Display({ canvas: stage.canvas, overlay, enhancement: this.enhancement, size });
-    this.reprojector = new Reprojector({ below: stage.canvas, size, now });
-    this.videoReprojector = new Reprojector({ below: stage.video, size, now, readable: TurnedVideo.supported });
-    this.stateless = new StatelessPlayer({
-      display: this.#display,
-      reprojector: this.reprojector,
-      webp: () => settings.peek().webp && this.#decodesWebp && config.peek()?.formats?.includes("webp") === true,
-      overscan: () => settings.peek().overscan,
-      depth: () => settings.peek().depth,
-      surround: () => settings.peek().surround,
-      ladder: () => ladder.peek(),
-      rig: this.rig,
-      decoder: this.#decoder,
-      video: this.video,
-      videoSteps: () => this.#videoSteps.value,
-      controller: () => this.#controller.value,
-      refine: () => settings.value.refine,
-      pixelRatio: () => devicePixelRatio,
-      prediction: () => settings.value.prediction,
-      stamp,
-      onPresented: this.#tell,
-      onShown: (frame) => {
-        for (const listener of this.#shownListeners) listener(frame);
-      },
-      onSent: (request) => {
-        for (const listener of this.#sentListeners) listener(request);
-      },
-      onReplied: (reply) => {
-        for (const listener of this.#replyListeners) listener(reply);
-      },
-      onReceived: this.#count,
-      now,
-    });
-    void decodesWebp().then((decodes) => {
-      this.#decodesWebp = decodes;
-    });
+    this.left = this.#side("left");
     this.#follow(stage);
-    this.#enhance();
-    this.#reproject(this.reprojector, isPerView);
-    this.#reproject(this.videoReprojector, isStreamed);
-    this.#beginVideo();
     this.#connect();
+    this.#compare();
+    this.#measure();
     this.#followLadder();
-    this.#cleanups.push(
-      keepStream(this.dash, this.scene, {
-        video: stage.video,
-        rig: this.rig,
-        stamp,
-        reprojector: this.videoReprojector,
-        onPresented: this.#tell,
-        onReceived: this.#count,
-        now,
-      }),
-    );
-    this.#cleanups.push(
-      keepDownload(this.local, this.scene, {
-        below: stage.canvas,
-        rig: this.rig,
-        size,
-        onPresented: this.#tell,
-        onReceived: this.#count,
-        now,
-      }),
-    );
     this.#animation = requestAnimationFrame(this.#tick);
+  }
+
+  /** Of the left side, as all that follow: what experiments measure. */
+  get stateless(): StatelessPlayer {
+    return this.left.stateless;
+  }
+
+  get video(): VideoFrames {
+    return this.left.video;
+  }
+
+  get enhancement(): Enhancement {
+    return this.left.enhancement;
+  }
+
+  get reprojector(): Side["reprojector"] {
+    return this.left.reprojector;
   }
 
   /** Bytes of pictures that have come in, by all modes together. */
   get receivedBytes(): number {
-    return this.#received;
-  }
-
-  /** Hear of every frame that is on the screen, until the function that this returns is called. */
-  onPresented(listener: (frame: PresentedFrame) => void): () => void {
-    this.#listeners.add(listener);
-    return () => this.#listeners.delete(listener);
-  }
-
-  /** Hear of every frame of the stateless mode that is on the screen, as it came, until the function that this returns is called. */
-  onShown(listener: (frame: ShownFrame) => void): () => void {
-    this.#shownListeners.add(listener);
-    return () => this.#shownListeners.delete(listener);
-  }
-
-  /** Hear of every request of the stateless mode, until the function that this returns is called. */
-  onSent(listener: (request: SentRequest) => void): () => void {
-    this.#sentListeners.add(listener);
-    return () => this.#sentListeners.delete(listener);
-  }
-
-  /** Hear of every frame that came in the stateless mode, until the function that this returns is called. */
-  onReplied(listener: (reply: Reply) => void): () => void {
-    this.#replyListeners.add(listener);
-    return () => this.#replyListeners.delete(listener);
+    return this.#receivedBefore + this.#sides.reduce((sum, { receivedBytes }) => sum + receivedBytes, 0);
   }
 
   /** After a failure: connect and load again. */
@@ -224,96 +148,139 @@ export class ViewerSession {
     for (const cleanup of this.#cleanups) cleanup();
     this.movement.dispose();
     this.input.dispose();
-    this.stateless.dispose();
-    this.enhancement.dispose();
-    this.reprojector.off();
-    this.videoReprojector.off();
-    this.#display.dispose();
-    this.#decoder.dispose();
-    this.video.dispose();
+    this.left.dispose();
   }
 
-  readonly #count = (bytes: number): void => {
-    this.#received += bytes;
-  };
+  get #sides(): readonly Side[] {
+    const right = this.right.peek();
+    return right ? [this.left, right] : [this.left];
+  }
 
-  readonly #tell = (frame: PresentedFrame): void => {
-    for (const listener of this.#listeners) listener(frame);
-  };
+  #side(place: Place): Side {
+    const side = new Side({
+      pane: this.stage[place],
+      rig: this.rig,
+      scene: this.scene,
+      settings: computed(() => settingsAt(place, settings.value, ladder.value)),
+      seed: this.seed,
+      stamp: this.#stamp,
+      onShown: this.#shown.tell,
+      onSent: this.#sent.tell,
+      onReplied: this.#replied.tell,
+      now,
+    });
+    side.onPresented(this.#presented.tell);
+    return side;
+  }
+
+  /** On what is seen where the stage was clicked: as deep as the newest frame says, or as far away as the scene's first view. */
+  #focus({ clientX, clientY }: MouseEvent): void {
+    const scene = this.scene.peek();
+    // The stage has captured the pointer, and is all that the event tells of.
+    const pane = [this.stage.left, this.stage.right]
+      .map((element) => element.getBoundingClientRect())
+      .find(({ left, right, top, bottom }) => clientX >= left && clientX < right && clientY >= top && clientY < bottom);
+    if (!pane || scene === null) return;
+    const { fx, fy, cx, cy } = this.rig.intrinsics.peek();
+    const { position, quaternion } = this.rig.pose;
+    const direction = rotate(quaternion, [(clientX - pane.left - cx) / fx, (clientY - pane.top - cy) / fy, 1]);
+    const content = this.reprojector.content;
+    const length = viewDistance(scene) / Math.hypot(...direction);
+    const usual = add(position, [direction[0] * length, direction[1] * length, direction[2] * length]);
+    const smooth = !matchMedia("(prefers-reduced-motion: reduce)").matches;
+    this.rig.focus((content && pointAt(content.view, content.depth, direction)) ?? usual, smooth);
+  }
 
   /** The loop: one sample of the input per animation frame, for every mode the same. */
   readonly #tick = (): void => {
     this.#animation = requestAnimationFrame(this.#tick);
     const time = now();
-    const stateless = isPerView(settings.peek().mode);
-    // Before the sample: whoever hears of it finds on the canvas the frame that was told of last.
-    if (stateless) this.stateless.presented(time);
-    else this.stateless.suspend();
-    this.dash.peek()?.presented(time);
-    this.local.peek()?.presented(time);
+    const sides = this.#sides;
+    for (const side of sides) side.presented(time);
     const moved = this.rig.sample(time);
-    if (stateless) this.stateless.tick(time, moved);
-    this.dash.peek()?.tick(time, moved);
-    this.local.peek()?.tick(time, moved);
+    for (const side of sides) side.tick(time, moved);
   };
 
-  /** The viewport is that of the picture that is seen; both have the same size. */
-  #follow({ element, canvas, video }: Stage): void {
-    const observer = new ResizeObserver(() => {
-      const seen = [canvas, video].find(({ clientWidth }) => clientWidth > 0);
-      if (seen) this.rig.resize(seen.clientWidth, seen.clientHeight);
-    });
-    for (const one of [element, canvas, video]) observer.observe(one);
+  /** The viewport is that of the left pane; where there are two, both have the same size. */
+  #follow({ left }: Stage): void {
+    const observer = new ResizeObserver(() => this.rig.resize(left.clientWidth, left.clientHeight));
+    observer.observe(left);
     this.#cleanups.push(() => observer.disconnect());
   }
 
-  /** By the models of the settings, and by others whenever those change or the scene is there. */
-  #enhance(): void {
-    const wanted = computed(() => {
-      const { restore, upscale, mode } = settings.value;
-      const scene = this.scene.value;
-      const none = chosenEnhancers({ restore, upscale }).length === 0;
-      if (none || !isPerView(mode) || scene === null || ladder.value.length === 0) return null;
-      // As text, so that only a change of its content is one; the configuration is read again and again.
-      return JSON.stringify({ names: { restore, upscale }, place: { scene, ladder: ladder.value } });
-    });
+  /** The right side, for as long as two modes are compared. */
+  #compare(): void {
+    const compared = computed(() => settings.value.mode === "side-by-side");
     const stop = effect(() => {
-      if (wanted.value === null) {
-        untracked(() => this.enhancement.off());
-      } else {
-        const { names, place } = JSON.parse(wanted.value);
-        untracked(() => this.enhancement.choose(chosenEnhancers(names), place));
-      }
+      if (!compared.value) return undefined;
+      const right = untracked(() => this.#side("right"));
+      this.right.value = right;
+      const disconnect = this.#connectRight(right);
+      return () => {
+        disconnect();
+        this.right.value = null;
+        this.#receivedBefore += right.receivedBytes;
+        right.dispose();
+      };
     });
     this.#cleanups.push(stop);
   }
 
-  /** Whenever the mode is chosen. */
-  #beginVideo(): void {
-    const chosen = computed(() => settings.value.mode === "video");
+  /** Measures what is on the stage, and anew when that is something else: what other modes did says nothing of these. */
+  #measure(): void {
+    const measured = computed(() => {
+      const { mode, left, right } = settings.value;
+      if (mode === "side-by-side") return this.right.value === null ? null : `${left} ${right}`;
+      return isStreamed(mode) ? mode : null;
+    });
     const stop = effect(() => {
-      if (chosen.value) void this.video.begin(videoProblem());
+      if (measured.value === null) return undefined;
+      const comparison = untracked(() => new Comparison(this.rig, this.#sides));
+      this.comparison.value = comparison;
+      return () => {
+        this.comparison.value = null;
+        comparison.dispose();
+      };
     });
     this.#cleanups.push(stop);
   }
 
-  /** As the settings have it, once the scene is there, in the modes that show this side. */
-  #reproject(reprojector: Pick<Reprojector<unknown>, "on" | "off">, shows: (mode: Mode) => boolean): void {
-    const distance = computed(() => {
-      const scene = this.scene.value;
-      const { reprojection, mode } = settings.value;
-      return reprojection && shows(mode) && scene !== null ? viewDistance(scene) : null;
+  /** Where the right side asks for each view, it is a client by itself: the newest request of a client overtakes its others. */
+  #connectRight(right: Side): () => void {
+    const choice = computed(() =>
+      isPerView(right.settings.value.mode) && this.scene.value !== null ? settings.value.transport : null,
+    );
+    return effect(() => {
+      const chosen = choice.value;
+      if (chosen === null) return undefined;
+      this.#attempt.value;
+      const connection = new AbortController();
+      void maintainConnection(
+        {
+          fetchConfig: (signal, report) => fetchConfig(signal, { scene: this.#sceneId, ...report }),
+          connect: (server, signal) => connect(server, chosen, signal, now),
+          onState: (state) =>
+            untracked(() => {
+              this.rightConnection.value = state;
+              right.attach(state.status === "connected" ? state : null);
+            }),
+          onSilence: () => undefined, // the left side's connection says it
+          sleep,
+          now,
+        },
+        connection.signal,
+      );
+      return () => {
+        connection.abort();
+        this.rightConnection.value = null;
+        right.attach(null);
+      };
     });
-    const stop = effect(() => {
-      const { value } = distance;
-      untracked(() => (value === null ? reprojector.off() : reprojector.on(value)));
-    });
-    this.#cleanups.push(stop);
   }
 
   /** What is refused may be a rung that is gone: the scene's ladder can be another than when it was entered. */
   #followLadder(): void {
-    const refused = computed(() => this.stateless.problem.value !== null);
+    const refused = computed(() => this.left.stateless.problem.value !== null);
     const visit = new AbortController();
     const stop = effect(() => {
       if (!refused.value || this.scene.peek() === null) return;
@@ -364,7 +331,7 @@ export class ViewerSession {
 
   #heard(state: ConnectionState, signal: AbortSignal): void {
     this.connected.value = state.status === "connected" ? state : null;
-    if (state.status !== "connected") this.stateless.attach(null);
+    if (state.status !== "connected") this.left.attach(null);
     if (state.status === "lost") this.#loading = undefined; // started again, the server may have another ladder for it
     if (state.status === "connecting") this.phase.value = { kind: "connecting" };
     else if (state.status === "lost") this.phase.value = { kind: "lost", message: state.reason };
@@ -405,7 +372,7 @@ export class ViewerSession {
     }
     sceneLadder.value = scene.ladder ?? null;
     if (this.connected.value?.transport !== connected.transport) return; // it was lost meanwhile
-    this.stateless.attach(connected);
+    this.left.attach(connected);
     this.phase.value = { kind: "playing" };
   }
 }

@@ -1,14 +1,18 @@
-/** Opens a DASH stream where the mode has one, and anew whenever what decides it changes. */
+/** Opens a stream of the packager's where the mode has one, and anew whenever what decides it changes. */
 import { computed, effect, type ReadonlySignal, type Signal, signal, untracked } from "@preact/signals";
 import { type DashOptions, DashPlayer } from "../dash/dash-player";
+import { type DashSource, overDash } from "../dash/dash-views";
 import { planFor } from "../dash/presets";
 import { AUTO_OVERSCAN } from "../dash/wider";
-import { config, settings } from "../state/app";
+import { config } from "../state/app";
 import { isStreamed } from "../state/settings";
+import type { SideSettings } from "../state/sides";
+import { WEBRTC_PLANS, type WebRtcSetup } from "../webrtc/presets";
+import { overWebRtc } from "../webrtc/webrtc-views";
 import type { SceneInfo } from "../wire/render";
 
 /** What all streams of a visit have in common. */
-type Shared = Omit<DashOptions, "base" | "scene" | "plan" | "overscan" | "prediction">;
+type Shared = Omit<DashOptions, "side" | "open" | "adaptive" | "overscan" | "prediction"> & Pick<DashSource, "stamp">;
 
 /** A stream is opened anew when the viewport has kept its size for this long, in milliseconds. */
 const RESIZED_AFTER = 400;
@@ -17,6 +21,7 @@ const RESIZED_AFTER = 400;
 export function keepStream(
   current: Signal<DashPlayer | null>,
   scene: ReadonlySignal<SceneInfo | null>,
+  settings: ReadonlySignal<SideSettings>,
   shared: Shared,
 ): () => void {
   const [viewport, stopFollowing] = settled(shared.rig.viewport, RESIZED_AFTER);
@@ -28,9 +33,13 @@ export function keepStream(
     const turned = shared.reprojector.status.value === "on";
     // As text, so that only a change of its content is one; the configuration is read again and again.
     return JSON.stringify({
-      base,
-      scene: scene.value.id,
-      plan: planFor(settings.value),
+      mode,
+      source: {
+        base,
+        scene: scene.value.id,
+        plan: mode === "dash" ? planFor(settings.value) : webRtcSetup(settings.value),
+        stamp: shared.stamp,
+      },
       viewport: viewport.value,
       overscan: turned ? (overscan === "auto" ? AUTO_OVERSCAN : overscan) : null,
     });
@@ -40,9 +49,11 @@ export function keepStream(
   const stop = effect(() => {
     returned.value;
     if (wanted.value === null) return undefined;
-    const { viewport: _, ...options } = JSON.parse(wanted.value);
-    const prediction = () => settings.value.prediction;
-    const dash = untracked(() => new DashPlayer({ ...shared, ...options, prediction }));
+    const { mode, source, overscan } = JSON.parse(wanted.value);
+    const options = { overscan, prediction: () => settings.value.prediction };
+    const open = mode === "dash" ? overDash(source) : overWebRtc(source);
+    const adaptive = source.plan.adaptive === true;
+    const dash = untracked(() => new DashPlayer({ ...shared, ...options, side: mode, open, adaptive }));
     current.value = dash;
     const leave = () => dash.dispose();
     const comeBack = ({ persisted }: PageTransitionEvent) => persisted && returned.value++;
@@ -59,6 +70,11 @@ export function keepStream(
     stopFollowing();
     stop();
   };
+}
+
+/** As the settings have it, and what two sides that are compared have in common. */
+function webRtcSetup({ webrtcStream, dashRepresentation, bitrateKbps }: SideSettings): WebRtcSetup {
+  return { ...WEBRTC_PLANS[webrtcStream], rung: dashRepresentation?.rung ?? null, bitrateKbps: bitrateKbps ?? null };
 }
 
 /** A signal that follows another once that has kept its value for a while, and what ends that. */

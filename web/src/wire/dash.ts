@@ -6,12 +6,15 @@
 export interface DashWire {
   SessionRequest: SessionRequest;
   PoseUpdate: PoseUpdate;
+  WebRtcRequest: WebRtcRequest;
   SessionInfo: SessionInfo;
   SessionStatus: SessionStatus;
   FrameShown: FrameShown;
+  WebRtcSession: WebRtcSession;
+  SentFrame: SentFrame;
 }
 /**
- * A stream for one viewer.
+ * A DASH stream for one viewer.
  */
 export interface SessionRequest {
   scene: string;
@@ -31,6 +34,8 @@ export interface SessionRequest {
   cy: number;
   width: number;
   height: number;
+  frame_rate?: number;
+  stamp?: boolean;
   representations?:
     | [RepresentationRequest]
     | [RepresentationRequest, RepresentationRequest]
@@ -71,11 +76,9 @@ export interface SessionRequest {
         RepresentationRequest
       ]
     | null;
-  frame_rate?: number;
   segment_s?: number;
   frames_per_chunk?: number;
   target_latency_ms?: number;
-  stamp?: boolean;
 }
 /**
  * One representation that a session wants.
@@ -103,6 +106,33 @@ export interface PoseUpdate {
   fy?: number | null;
   cx?: number | null;
   cy?: number | null;
+}
+/**
+ * An offer to receive one video, on one transport with the data channels `poses` and `frames`.
+ */
+export interface WebRtcRequest {
+  scene: string;
+  /**
+   * @minItems 3
+   * @maxItems 3
+   */
+  position: [number, number, number];
+  /**
+   * @minItems 4
+   * @maxItems 4
+   */
+  quaternion: [number, number, number, number];
+  fx: number;
+  fy: number;
+  cx: number;
+  cy: number;
+  width: number;
+  height: number;
+  frame_rate?: 30 | 60;
+  stamp?: boolean;
+  sdp: string;
+  rung?: number | null;
+  bitrate_kbps?: number | null;
 }
 /**
  * A session that was opened; its paths are relative to the packager's root.
@@ -150,5 +180,24 @@ export interface SessionStatus {
 export interface FrameShown {
   frame: number;
   media_time_s: number;
+  pose: number;
+}
+/**
+ * A session that was opened; `DELETE /sessions/{id}` ends it.
+ */
+export interface WebRtcSession {
+  id: string;
+  sdp: string;
+  codec: string;
+  rung: number;
+  width: number;
+  height: number;
+  frame_rate: number;
+}
+/**
+ * Which pose a frame of the video shows.
+ */
+export interface SentFrame {
+  rtp_timestamp: number;
   pose: number;
 }

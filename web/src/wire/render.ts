@@ -99,6 +99,7 @@ export interface SceneInfo {
   sh_degree: number | null;
   file_bytes: number;
   file_sha256?: string | null;
+  format?: string | null;
   memory_bytes: number;
   preview: string;
   /**

@@ -39,6 +39,7 @@ export interface RunUpload {
   link: LinkSample[];
   scene_bytes?: number | null;
   scene_sha256?: string | null;
+  backend?: ("netem" | "relay") | null;
 }
 /**
  * One run. Two runs with equal configurations get the same inputs.
@@ -48,7 +49,8 @@ export interface Configuration {
   movement: string;
   movement_offset_s?: number;
   network: Network;
-  mode: "stateless" | "video" | "dash-typical" | "dash-tuned" | "dash-edge" | "local-ply" | "local-compressed";
+  mode:
+    "stateless" | "video" | "dash-typical" | "dash-tuned" | "dash-edge" | "webrtc" | "local-ply" | "local-compressed";
   duration_s: number;
   width: number;
   height: number;
@@ -101,9 +103,10 @@ export interface RepresentationRequest {
  */
 export interface Recording {
   scene: string;
-  mode: "stateless" | "video" | "dash" | "side-by-side" | "local";
+  mode: "stateless" | "video" | "dash" | "webrtc" | "side-by-side" | "local";
   transport: string | null;
   dash?: PlayedStream | null;
+  webrtc?: PlayedWebRtc | null;
   local?: PlayedDownload | null;
   user_agent: string;
   lens: Lens;
@@ -142,6 +145,17 @@ export interface RepresentationInfo {
   height: number;
   bitrate_kbps: number;
   codecs: string;
+}
+/**
+ * What came over WebRTC.
+ */
+export interface PlayedWebRtc {
+  codec: string;
+  rung: number;
+  width: number;
+  height: number;
+  frame_rate: number;
+  lost_packets: number;
 }
 /**
  * The scene as the mode `local` downloaded and drew it. Times in ms; None: that never came.
@@ -189,7 +203,7 @@ export interface Input {
  * A frame that was on the screen.
  */
 export interface ShownFrame {
-  side: "stateless" | "dash" | "local";
+  side: "stateless" | "dash" | "webrtc" | "local";
   at: number;
   pose: number;
   view?: number | null;
@@ -383,6 +397,7 @@ export interface RunRow {
   configuration: Configuration;
   figures: Figures | null;
   samples: SampleCounts | null;
+  saturated_share?: number | null;
 }
 /**
  * What a complete run says.

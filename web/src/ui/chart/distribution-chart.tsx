@@ -1,30 +1,31 @@
-/** Where the latencies of both sides lie, on one logarithmic axis. */
+/** Where the latencies of the pictures on the stage lie, on one logarithmic axis. */
 import type { ReadonlySignal } from "@preact/signals";
 import { useCallback } from "preact/hooks";
 import type { Columns } from "../../charts/columns";
+import { PLACES } from "../../state/sides";
 import { Chart } from "./chart";
 
 interface Props {
   readonly name: string;
+  /** What the sides are called, from left to right. */
+  readonly labels: readonly string[];
   readonly columns: ReadonlySignal<Columns>;
 }
 
-export function DistributionChart({ name, columns }: Props) {
+export function DistributionChart({ name, labels, columns }: Props) {
   const load = useCallback(async () => {
     const { plotDistribution } = await import("./distribution-plot");
     return (place: HTMLElement, legend: HTMLElement) => plotDistribution(place, legend, columns);
   }, [columns]);
   return (
     <Chart name={name} load={load}>
-      <span>
-        <i class="swatch" data-tone="stateless" />
-        Stateless
-      </span>
-      <span>
-        <i class="swatch" data-tone="dash" />
-        DASH
-      </span>
-      <span class="muted">share of inputs, %</span>
+      {labels.map((label, i) => (
+        <span key={PLACES[i]}>
+          <i class="swatch" data-tone={PLACES[i]} />
+          {label}
+        </span>
+      ))}
+      <span class="muted">share of inputs</span>
     </Chart>
   );
 }

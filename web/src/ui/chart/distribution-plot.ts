@@ -2,7 +2,7 @@
 import { effect, type ReadonlySignal } from "@preact/signals";
 import type uPlot from "uplot";
 import type { Columns } from "../../charts/columns";
-import { createChart, filled, interactiveLine, LATENCY_AXIS, LATENCY_SCALE } from "./uplot";
+import { createChart, filled, interactiveLine, LATENCY_AXIS_BELOW, LATENCY_SCALE, percent } from "./uplot";
 
 /** Draws into `place` until the function that it returns is called. */
 export function plotDistribution(
@@ -15,10 +15,13 @@ export function plotDistribution(
     padding: [8, 12, 0, 0],
     scales: { x: LATENCY_SCALE, y: { range: (_, __, max) => [0, Math.max(20, max ?? 0)] } },
     axes: [
-      { ...LATENCY_AXIS, size: 24, grid: { show: false } },
-      { size: 36, space: 28, grid: colours.grid },
+      { ...LATENCY_AXIS_BELOW, size: 24, grid: { show: false } },
+      { values: percent, size: 36, space: 28, grid: colours.grid },
     ],
-    series: [filled(colours, 0, true), filled(colours, 1, true)],
+    series: columns
+      .peek()
+      .slice(1)
+      .map((_, i) => filled(colours, i, true)),
     hooks: interactiveLine("x", colours),
   }));
   const stopDrawing = effect(() => chart.setData(columns.value as uPlot.AlignedData));

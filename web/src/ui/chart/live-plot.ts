@@ -9,7 +9,7 @@ export interface Quantity {
   readonly unit: string;
   /** Whose axis it has: quantities of one unit share one. */
   readonly axis: "left" | "right";
-  readonly tone: "target" | "measured" | "second" | "stateless" | "dash";
+  readonly tone: "target" | "measured" | "second" | "left" | "right";
   /** Each value holds until the next one. */
   readonly stepped?: boolean;
 }
@@ -39,6 +39,7 @@ export function plotLive(
       },
       ...sides.map(
         (side): uPlot.Axis => ({
+          label: quantities.find(({ axis }) => axis === side)?.unit ?? "",
           scale: side,
           side: side === "left" ? 3 : 1,
           size: 36,

@@ -6,6 +6,11 @@ import { INTERACTIVE } from "../../experiment/figures";
 
 const FONT = "11px system-ui, sans-serif";
 const TICKS = [10, 30, 100, 300, 1000, 3000];
+/** For a narrow axis, whose labels have units, too. */
+const FEW_TICKS = [10, 100, 1000];
+
+/** Of an axis's name, which is its unit. */
+const LABEL = { labelFont: FONT, labelSize: 14, labelGap: 0 };
 
 /** Where a chart's colours come from. They are asked for anew at each drawing, so that it follows the theme. */
 interface Colours {
@@ -43,7 +48,14 @@ export function createChart(
       height,
       cursor: { show: false },
       legend: { show: false },
-      axes: axes.map((axis) => ({ stroke: colours.text, font: FONT, gap: 4, ticks: { show: false }, ...axis })),
+      axes: axes.map((axis) => ({
+        stroke: colours.text,
+        font: FONT,
+        gap: 4,
+        ticks: { show: false },
+        ...LABEL,
+        ...axis,
+      })),
       series: [{}, ...series.map((one) => ({ points: { show: false }, ...one }))],
       ...options,
     },
@@ -74,8 +86,14 @@ export function filled({ swatch }: Colours, i: number, stepped: boolean): uPlot.
 export const LATENCY_AXIS: uPlot.Axis = {
   splits: () => TICKS,
   filter: (_, splits) => splits,
-  values: (_, splits) => splits.map((at) => (at < 1000 ? `${at}` : `${at / 1000} s`)),
+  values: (_, splits) => splits.map((at) => (at < 1000 ? `${at} ms` : `${at / 1000} s`)),
 };
+
+/** The same from left to right. */
+export const LATENCY_AXIS_BELOW: uPlot.Axis = { ...LATENCY_AXIS, splits: () => FEW_TICKS };
+
+/** Shares, in percent. */
+export const percent: uPlot.Axis.Values = (_, splits) => splits.map((share) => `${share} %`);
 
 /** Latencies from left to right. */
 export const LATENCY_SCALE: uPlot.Scale = { time: false, distr: 3, range: [...LATENCY_RANGE_MS] };

@@ -10,6 +10,7 @@ import { InsecureHint } from "../insecure-hint";
 import { TopBar } from "../top-bar";
 import { NoMatch, NoScenes } from "./empty";
 import { filterScenes } from "./filter";
+import { whatIsNew } from "./news";
 import { SceneCard, SkeletonCard } from "./scene-card";
 
 /** While a scene loads or the server is away, the list is read again this often, in milliseconds. */
@@ -18,6 +19,7 @@ const REFRESH_EVERY = 2000;
 export function Dashboard() {
   const filter = useSignal("");
   const scanning = useSignal(false);
+  const news = useSignal("");
   const search = useRef<HTMLInputElement>(null);
 
   useEffect(() => {
@@ -40,9 +42,11 @@ export function Dashboard() {
   }, []);
 
   const rescan = async () => {
+    const before = scenes.peek();
     scanning.value = true;
     await refreshScenes({ scan: true });
     scanning.value = false;
+    news.value = before && scenes.value && !scenesError.value ? whatIsNew(before, scenes.value) : "";
   };
 
   const all = scenes.value;
@@ -57,6 +61,7 @@ export function Dashboard() {
             <h1>Scenes</h1>
             <p class="muted" role="status">
               {summary(all?.length, found?.length)}
+              {news.value && ` · ${news.value}`}
             </p>
           </div>
           <search class="tools">

@@ -7,11 +7,12 @@ export function NoScenes() {
     <section class="empty">
       <Icon of={Box} size={36} />
       <h2>No scenes yet</h2>
-      <p>Put each scene into a folder of its own in the server's models directory, then look for new scenes.</p>
+      <p>Put scenes into the server's models directory, then look for new scenes.</p>
       <pre>
         <code>{`models/
-  garden/
-    point_cloud.ply   3D Gaussian Splatting, as INRIA's trainer writes it
+  kitchen.spz         3D Gaussian Splatting: PLY, compressed PLY, SOG, SPZ or .splat
+  garden/             a folder may say more
+    point_cloud.ply
     preview.jpg       optional
     scene.json        optional: name, up axis, start camera, background`}</code>
       </pre>

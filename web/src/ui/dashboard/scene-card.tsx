@@ -78,7 +78,7 @@ function Thumbnail({ scene }: { scene: SceneInfo }) {
 function facts(scene: SceneInfo): string {
   const parts = [
     scene.gaussians !== null && `${count(scene.gaussians)} Gaussians`,
-    scene.file_bytes > 0 && bytes(scene.file_bytes),
+    scene.file_bytes > 0 && [scene.format, bytes(scene.file_bytes)].filter(Boolean).join(" "),
     scene.sh_degree !== null && `SH degree ${scene.sh_degree}`,
   ];
   return parts.filter(Boolean).join(" · ");

@@ -7,8 +7,8 @@ import { Chart } from "../chart/chart";
 import type { ChartKind } from "./experiment-plot";
 
 const TITLES: Readonly<Record<ChartKind, string>> = {
-  distribution: "Inputs shown within a time, %",
-  time: "Median latency over time, ms",
+  distribution: "Inputs shown within a time",
+  time: "Median latency over time",
 };
 
 interface Props {

@@ -14,6 +14,7 @@ import {
   type ExperimentPlan,
   isDash,
   isPerView,
+  isStreamed,
   type Profile,
   RUN_MODE_NAMES,
   RUN_MODES,
@@ -200,7 +201,7 @@ function ConditionChoice({ draft, onChange }: PartProps) {
           <Check
             key={mode}
             checked={draft.modes.includes(mode)}
-            disabled={isDash(mode) && !streams}
+            disabled={isStreamed(mode) && !streams}
             onChange={() => onChange({ modes: toggled(draft.modes, mode, RUN_MODES) })}
           >
             {RUN_MODE_NAMES[mode]}

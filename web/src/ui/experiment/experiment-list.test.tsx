@@ -47,6 +47,7 @@ const BY_COMMAND = { ...UNFINISHED, id: "e3", name: "Tram", source: "command" };
 
 /** What the store answers, by path. */
 let answers: Record<string, unknown>;
+let deleted: string[];
 
 beforeEach(() => {
   location.hash = "#/experiments";
@@ -54,7 +55,12 @@ beforeEach(() => {
   vi.mocked(fetchConfig).mockImplementation(async () => config.value ?? serverConfig());
   vi.mocked(fetchScenes).mockResolvedValue([]);
   answers = { "/experiments": { experiments: [SUMMARY, UNFINISHED, BY_COMMAND] } };
-  vi.stubGlobal("fetch", async (url: string) => {
+  deleted = [];
+  vi.stubGlobal("fetch", async (url: string, { method }: RequestInit = {}) => {
+    if (method === "DELETE") {
+      deleted.push(url);
+      return new Response(null, { status: 204 });
+    }
     const answer = answers[url.replace("http://store.test", "")];
     if (answer === undefined) throw new TypeError("refused");
     return Response.json(answer);
@@ -83,8 +89,8 @@ test("each experiment says how far it is, with its report and its files", async 
 test("only what a page began and did not finish can be continued, in its own scene", async () => {
   answers["/experiments/e2"] = { ...UNFINISHED, plan: PLAN, runs: [] };
   render(<ExperimentList />);
-  expect((await row(/^Bus/)).queryByRole("button")).toBeNull();
-  expect((await row(/^Tram/)).queryByRole("button")).toBeNull();
+  expect((await row(/^Bus/)).queryByRole("button", { name: "Continue" })).toBeNull();
+  expect((await row(/^Tram/)).queryByRole("button", { name: "Continue" })).toBeNull();
   await userEvent.click((await row(/^Train/)).getByRole("button", { name: "Continue" }));
   await vi.waitFor(() => expect(location.hash).toBe("#/scene/courtyard"));
 });
@@ -95,6 +101,19 @@ test("a plan of another version cannot be continued, and that is said", async ()
   await userEvent.click((await row(/^Train/)).getByRole("button", { name: "Continue" }));
   expect((await screen.findByRole("alert")).textContent).toContain("its plan is not one that this version makes");
   expect(location.hash).toBe("#/experiments");
+});
+
+test("one is deleted once a person says yes", async () => {
+  const asked = vi.fn().mockReturnValueOnce(false).mockReturnValueOnce(true);
+  vi.stubGlobal("confirm", asked);
+  render(<ExperimentList />);
+  const button = (await row(/^Bus/)).getByRole("button", { name: "Delete Bus" });
+  await userEvent.click(button);
+  expect(deleted).toEqual([]);
+  await userEvent.click(button);
+  await vi.waitFor(() => expect(screen.queryByRole("row", { name: /^Bus/ })).toBeNull());
+  expect(deleted).toEqual(["http://store.test/experiments/e1"]);
+  expect(asked).toHaveBeenCalledWith("Delete “Bus” with all of its runs and samples? This cannot be undone.");
 });
 
 test.each<[string, () => void, RegExp]>([

@@ -1,7 +1,7 @@
 /** All experiments that the store keeps, the newest first, with their reports and archives. */
 
 import { useSignal } from "@preact/signals";
-import { Download, FileText, Images, Play } from "lucide";
+import { Download, FileText, Images, Play, Trash2 } from "lucide";
 import { useEffect } from "preact/hooks";
 import { missingRuns, readPlan } from "../../experiment/plan";
 import { StoreApi } from "../../experiment/store-api";
@@ -10,6 +10,7 @@ import { config, refreshScenes } from "../../state/app";
 import { samplesHash, sceneHash } from "../../state/route";
 import type { ExperimentSummary } from "../../wire/store";
 import { Icon } from "../icon";
+import { IconButton } from "../icon-button";
 import { TopBar } from "../top-bar";
 import { continueExperiment } from "./experiment-dialog";
 import { LocalSamples } from "./local-samples";
@@ -66,6 +67,17 @@ function StoredExperiments({ base }: { base: string }) {
       problem.value = error.message;
     }
   };
+  const remove = async ({ id, name }: ExperimentSummary) => {
+    if (!confirm(`Delete “${name}” with all of its runs and samples? This cannot be undone.`)) return;
+    try {
+      await store.remove(id);
+      problem.value = null;
+      list.value = list.value?.filter((one) => one.id !== id) ?? null;
+    } catch (error) {
+      if (!(error instanceof ApiError)) throw error;
+      problem.value = error.message;
+    }
+  };
   useEffect(() => {
     new StoreApi(base).list().then(
       (found) => {
@@ -77,7 +89,7 @@ function StoredExperiments({ base }: { base: string }) {
     );
   }, [base, list, problem]);
   if (list.value === null && problem.value === null) return <p class="muted">Asking the store…</p>;
-  if (list.value?.length === 0) return <p>There is none yet. Open a scene and press E to make one.</p>;
+  if (list.value?.length === 0) return <p>There is none yet. Open a scene and press X to make one.</p>;
   return (
     <>
       {problem.value && (
@@ -85,7 +97,14 @@ function StoredExperiments({ base }: { base: string }) {
           {problem.value}
         </p>
       )}
-      {list.value && <Table store={store} list={list.value} onContinue={(id) => void resume(id)} />}
+      {list.value && (
+        <Table
+          store={store}
+          list={list.value}
+          onContinue={(id) => void resume(id)}
+          onDelete={(experiment) => void remove(experiment)}
+        />
+      )}
     </>
   );
 }
@@ -94,9 +113,10 @@ interface TableProps {
   readonly store: StoreApi;
   readonly list: readonly ExperimentSummary[];
   readonly onContinue: (id: string) => void;
+  readonly onDelete: (experiment: ExperimentSummary) => void;
 }
 
-function Table({ store, list, onContinue }: TableProps) {
+function Table({ store, list, onContinue, onDelete }: TableProps) {
   return (
     <div class="experiment-list">
       <table>
@@ -111,7 +131,7 @@ function Table({ store, list, onContinue }: TableProps) {
         </thead>
         <tbody>
           {list.map((one) => (
-            <Row key={one.id} store={store} experiment={one} onContinue={onContinue} />
+            <Row key={one.id} store={store} experiment={one} onContinue={onContinue} onDelete={onDelete} />
           ))}
         </tbody>
       </table>
@@ -123,13 +143,11 @@ interface RowProps {
   readonly store: StoreApi;
   readonly experiment: ExperimentSummary;
   readonly onContinue: (id: string) => void;
+  readonly onDelete: (experiment: ExperimentSummary) => void;
 }
 
-function Row({
-  store,
-  experiment: { id, name, created, source, planned, runs, complete, sampled },
-  onContinue,
-}: RowProps) {
+function Row({ store, experiment, onContinue, onDelete }: RowProps) {
+  const { id, name, created, source, planned, runs, complete, sampled } = experiment;
   const unfinished = complete < (planned ?? 0);
   const of = planned ?? runs;
   return (
@@ -161,6 +179,7 @@ function Row({
         <a class="with-icon" href={store.zipUrl(id)} download>
           <Icon of={Download} size={14} /> ZIP
         </a>
+        <IconButton icon={Trash2} label={`Delete ${name}`} onClick={() => onDelete(experiment)} />
       </td>
     </tr>
   );

@@ -1,10 +1,13 @@
 /** Draws an experiment's results: one line per controller or mode. Loaded on demand. */
 import type { Columns } from "../../charts/columns";
 import { LATENCY_RANGE_MS } from "../../charts/histogram";
-import { createChart, interactiveLine, LATENCY_AXIS, LATENCY_SCALE } from "../chart/uplot";
+import { createChart, interactiveLine, LATENCY_AXIS, LATENCY_AXIS_BELOW, LATENCY_SCALE, percent } from "../chart/uplot";
 
 /** The share of inputs that were shown within a time, or the latency over the time of the movement. */
 export type ChartKind = "distribution" | "time";
+
+/** In pixels, by the style of a swatch's border. */
+const DASHES: Readonly<Record<string, number[]>> = { dotted: [2, 3], dashed: [7, 4], double: [8, 3, 2, 3] };
 
 /** Draws into `place` until the function that it returns is called. */
 export function plotResults(place: HTMLElement, legend: HTMLElement, kind: ChartKind, columns: Columns): () => void {
@@ -20,15 +23,16 @@ export function plotResults(place: HTMLElement, legend: HTMLElement, kind: Chart
           },
     axes: [
       {
-        ...(kind === "distribution" ? LATENCY_AXIS : { values: (_, splits) => splits.map((at) => `${at} s`) }),
+        ...(kind === "distribution" ? LATENCY_AXIS_BELOW : { values: (_, splits) => splits.map((at) => `${at} s`) }),
         size: 24,
         grid: { show: false },
       },
-      { ...(kind === "time" && LATENCY_AXIS), size: 40, space: 28, grid: colours.grid },
+      { ...(kind === "time" ? LATENCY_AXIS : { values: percent }), size: 46, space: 28, grid: colours.grid },
     ],
     series: columns.slice(1).map((_, i) => ({
       width: 1.75,
       stroke: () => colours.swatch(i).color,
+      dash: DASHES[colours.swatch(i).borderTopStyle] ?? [],
       spanGaps: false,
     })),
     hooks: interactiveLine(kind === "distribution" ? "x" : "y", colours),

@@ -116,10 +116,11 @@ test("each controller and mode has a row with the means of its complete runs", (
 });
 
 test("what must be known of single runs is said", () => {
-  show([{ ...COMPLETE, hidden: true }, FAILED]);
+  show([{ ...COMPLETE, hidden: true }, FAILED, { ...COMPLETE, saturatedShare: 0.42 }]);
   expect(screen.getAllByRole("listitem").map(({ textContent }) => textContent)).toEqual([
     "Run 1, Budget: The page was hidden, so that the browser may have held frames back.",
     "Run 2, Budget: No frame came during the run.",
+    "Run 3, Budget: All processors were busy for 42 % of the time, so its latencies tell of the machine, too.",
   ]);
 });
 

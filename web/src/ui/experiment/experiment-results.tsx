@@ -6,6 +6,7 @@ import type { RefObject } from "preact";
 import { useMemo, useRef } from "preact/hooks";
 import type { Experiment } from "../../experiment/experiment";
 import { INTERACTIVE } from "../../experiment/figures";
+import { looksOf } from "../../experiment/looks";
 import { conditionLabel } from "../../experiment/plan";
 import {
   type ConditionSummary,
@@ -106,6 +107,8 @@ const COLUMNS = [
 ] as const;
 
 function Figures({ rows, legend }: { rows: readonly ConditionSummary[]; legend: RefObject<HTMLTableElement | null> }) {
+  const columns = COLUMNS.filter(({ of }) => rows.some(({ figures }) => figures[of] !== null));
+  const looks = looksOf(rows.map(({ run }) => run));
   return (
     <div class="experiment-table">
       <table ref={legend}>
@@ -116,7 +119,7 @@ function Figures({ rows, legend }: { rows: readonly ConditionSummary[]; legend: 
           <tr>
             <th scope="col">Controller or mode</th>
             <th scope="col">Runs</th>
-            {COLUMNS.map(({ title, unit }) => (
+            {columns.map(({ title, unit }) => (
               <th key={title} scope="col">
                 {title} <span class="muted">{unit}</span>
               </th>
@@ -127,11 +130,11 @@ function Figures({ rows, legend }: { rows: readonly ConditionSummary[]; legend: 
           {rows.map(({ run, runs, complete, figures }, i) => (
             <tr key={conditionLabel(run)}>
               <th scope="row">
-                <i class="swatch" data-series={i} />
+                <i class="swatch" data-series style={{ color: looks[i]?.colour, borderStyle: looks[i]?.line }} />
                 {conditionLabel(run, ladder.value)}
               </th>
               <td>{complete === runs ? runs : `${complete} of ${runs}`}</td>
-              {COLUMNS.map(({ of, digits, factor }) => (
+              {columns.map(({ of, digits, factor }) => (
                 <td key={of} data-figure={of}>
                   {shown(figures[of], factor, digits)}
                 </td>
@@ -146,9 +149,12 @@ function Figures({ rows, legend }: { rows: readonly ConditionSummary[]; legend: 
 
 /** What must be known of single runs. */
 function Remarks({ results }: { results: readonly RunResult[] }) {
-  const remarks = results.flatMap(({ run, problem, samplesProblem, hidden }, i) => {
+  const remarks = results.flatMap(({ run, problem, samplesProblem, hidden, saturatedShare }, i) => {
     const said = [
       problem,
+      saturatedShare == null
+        ? null
+        : `All processors were busy for ${Math.round(100 * saturatedShare)} % of the time, so its latencies tell of the machine, too.`,
       samplesProblem,
       hidden ? "The page was hidden, so that the browser may have held frames back." : null,
     ];

@@ -1,5 +1,5 @@
 // @vitest-environment happy-dom
-import { act, cleanup, render, screen, within } from "@testing-library/preact";
+import { act, cleanup, fireEvent, render, screen, within } from "@testing-library/preact";
 import userEvent from "@testing-library/user-event";
 import { afterEach, beforeEach, expect, test, vi } from "vitest";
 import { asSession, fakeSession } from "../../viewer/fake-session";
@@ -40,10 +40,13 @@ let events: {
 /** What the shaper was asked to do. */
 let asked: [path: string, body: unknown][];
 let refusal: string | null;
+/** Traces that were uploaded. */
+let own: { name: string; uploaded: boolean }[];
 
 beforeEach(() => {
   asked = [];
   refusal = null;
+  own = [];
   vi.stubGlobal(
     "EventSource",
     class {
@@ -58,13 +61,14 @@ beforeEach(() => {
       }
     },
   );
-  vi.stubGlobal("fetch", async (url: string, { body }: { body?: string }) => {
+  vi.stubGlobal("fetch", async (url: string, { body }: { body?: string | File }) => {
     const path = url.replace("http://shaper.test", "");
-    if (path === "/traces") return Response.json({ traces: TRACES });
+    if (path === "/traces") return Response.json({ traces: [...TRACES, ...own] });
+    if (path === "/traces/mine") return Response.json({ times_ms: [0], down_kbps: [8000], duration_ms: 60_000 });
     if (path === "/traces/bus") return Response.json({ times_ms: [0], down_kbps: [8000], duration_ms: 60_000 });
-    asked.push([path, JSON.parse(body ?? "null")]);
+    asked.push([path, typeof body === "string" ? JSON.parse(body) : null]);
     if (refusal) return Response.json({ type: "x", title: "", status: 409, detail: refusal }, { status: 409 });
-    return Response.json(PLAYING);
+    return Response.json(path.startsWith("/traces?") ? { name: "mine" } : PLAYING);
   });
 });
 
@@ -124,6 +128,27 @@ test("what plays is paused, resumed, looped and stopped", async () => {
     ["/loop", { loop: true }],
     ["/stop", {}],
   ]);
+});
+
+test("one goes to another place of the trace that plays", async () => {
+  await show();
+  expect(screen.queryByRole("slider")).toBeNull();
+  await tell(PLAYING);
+  const slider = screen.getByRole("slider", { name: "Place in the trace" });
+  fireEvent.change(slider, { target: { value: "30000" } });
+  await vi.waitFor(() => expect(asked).toEqual([["/seek", { position_ms: 30_000 }]]));
+});
+
+test("a trace of one's own is kept and chosen; why one is not is said", async () => {
+  await show();
+  const file = screen.getByLabelText("Trace file");
+  own.push({ name: "mine", uploaded: true });
+  await userEvent.upload(file, new File(["t_ms,down_kbps\n"], "mine.csv"));
+  await vi.waitFor(() => expect(screen.getByRole("radio", { name: /mine/ })).toHaveProperty("checked", true));
+  expect(asked).toEqual([["/traces?name=mine.csv", null]]);
+  refusal = "mine.csv has no rows.";
+  await userEvent.upload(file, new File([""], "mine.csv"));
+  expect((await screen.findByText("mine.csv has no rows.")).getAttribute("role")).toBe("alert");
 });
 
 test("a constant link is set from what was typed, and what is wrong is said", async () => {

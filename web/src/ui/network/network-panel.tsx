@@ -1,8 +1,8 @@
 /** The shaped link: what plays on it, what it carries, and how our frames fare. */
 
 import { effect, type Signal, useSignal } from "@preact/signals";
-import { Pause, Play, Square } from "lucide";
-import { useEffect } from "preact/hooks";
+import { FolderOpen, Pause, Play, Square } from "lucide";
+import { useEffect, useRef } from "preact/hooks";
 import { append, noColumns } from "../../charts/columns";
 import { frames } from "../../network/series";
 import { Shaper } from "../../network/shaper";
@@ -23,6 +23,9 @@ const FRAMES: readonly Quantity[] = [
   { label: "Frame", unit: "kB", axis: "left", tone: "measured" },
   { label: "Round trip", unit: "ms", axis: "right", tone: "second" },
 ];
+
+/** How many steps the arrow keys need from a trace's start to its end. */
+const STEPS = 200;
 
 export function NetworkPanel({ base, session }: { base: string; session: ViewerSession }) {
   const shaper = useSignal<Shaper | null>(null);
@@ -82,6 +85,13 @@ function Playing({ shaper, status }: { shaper: Shaper; status: ShaperStatus }) {
           picked.value = name;
         }}
       />
+      <OpenTrace
+        shaper={shaper}
+        onKept={(name) => {
+          picked.value = name;
+        }}
+      />
+      {status.trace !== null && <Position shaper={shaper} status={status} />}
       <div class="playing">
         <button
           type="button"
@@ -116,6 +126,75 @@ function Playing({ shaper, status }: { shaper: Shaper; status: ShaperStatus }) {
         {describe(status)}
       </p>
     </>
+  );
+}
+
+/** A trace of a person's own. */
+function OpenTrace({ shaper, onKept }: { shaper: Shaper; onKept: (name: string) => void }) {
+  const input = useRef<HTMLInputElement>(null);
+  const busy = useSignal(false);
+  const upload = async (file: File) => {
+    busy.value = true;
+    const name = await shaper.upload(file);
+    busy.value = false;
+    if (name !== null) onKept(name);
+  };
+  return (
+    <>
+      <button
+        type="button"
+        class="quiet-button with-icon"
+        title="A CSV of this project, or a log or trace that tigas trace import reads; the shaper keeps it until it stops"
+        disabled={busy.value}
+        onClick={() => input.current?.click()}
+      >
+        <Icon of={FolderOpen} size={14} /> {busy.value ? "Uploading…" : "Upload a trace…"}
+      </button>
+      <input
+        ref={input}
+        type="file"
+        hidden
+        aria-label="Trace file"
+        onChange={({ currentTarget }) => {
+          const [file] = currentTarget.files ?? [];
+          if (file) void upload(file);
+          currentTarget.value = ""; // the same file may be chosen again
+        }}
+      />
+    </>
+  );
+}
+
+/** Where in its trace the link is, and the way to go elsewhere. */
+function Position({ shaper, status }: { shaper: Shaper; status: ShaperStatus }) {
+  /** While a person drags it. */
+  const wanted = useSignal<number | null>(null);
+  const { position_ms, duration_ms } = status;
+  const at = wanted.value ?? position_ms ?? 0;
+  const go = async (position: number) => {
+    await shaper.act((api) => api.seek(position));
+    wanted.value = null;
+  };
+  return (
+    <div class="movement-progress">
+      <input
+        type="range"
+        aria-label="Place in the trace"
+        aria-valuetext={`${clock(at)} of ${clock(duration_ms ?? 0)}`}
+        min={0}
+        max={duration_ms ?? 0}
+        step={(duration_ms ?? 0) / STEPS}
+        value={at}
+        disabled={status.mode === "ended"}
+        onInput={({ currentTarget }) => {
+          wanted.value = currentTarget.valueAsNumber;
+        }}
+        onChange={({ currentTarget }) => void go(currentTarget.valueAsNumber)}
+      />
+      <output>
+        {clock(at)} / {clock(duration_ms ?? 0)}
+      </output>
+    </div>
   );
 }
 

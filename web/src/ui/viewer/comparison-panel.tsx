@@ -1,40 +1,53 @@
-/** Both sides over the last walk and the last minute: how late, how much, how steady and how sharp. Drawn by uPlot, loaded on demand. */
+/** The pictures on the stage over the last walk and the last minute: how late, how much, how steady and how sharp. Drawn by uPlot, loaded on demand. */
 
-import { useSignal } from "@preact/signals";
 import { Fragment } from "preact";
-import { useEffect } from "preact/hooks";
-import { ComparisonHistory, SIDES } from "../../charts/history";
-import { WalkRecorder } from "../../charts/walk";
+import { useState } from "preact/hooks";
 import { settings } from "../../state/app";
-import { STATS_EVERY } from "../../view/meter";
+import { PLACES } from "../../state/sides";
+import type { Comparison } from "../../viewer/comparison";
 import type { ViewerSession } from "../../viewer/session";
 import { DistributionChart } from "../chart/distribution-chart";
 import { LiveChart } from "../chart/live-chart";
-import type { Quantity } from "../chart/live-plot";
 import { LastWalk } from "./last-walk";
-import { SIDE_NAMES } from "./names";
+import { sideNames } from "./names";
 
-const of = (unit: string, stepped: boolean): readonly Quantity[] =>
-  SIDES.map((side) => ({ label: SIDE_NAMES[side], unit, axis: "left", tone: side, stepped }));
 const CHARTS = [
-  { name: "Bandwidth", quantities: of("Mbit/s", false), columns: "bandwidth" },
-  { name: "New views", quantities: of("/s", false), columns: "newViews" },
-  { name: "Time stalled", quantities: of("s", true), columns: "stalled" },
-  { name: "Picture height", quantities: of("px", true), columns: "lines" },
+  { name: "Bandwidth", unit: "Mbit/s", stepped: false, columns: "bandwidth" },
+  { name: "New views", unit: "/s", stepped: false, columns: "newViews" },
+  { name: "Time stalled", unit: "s", stepped: true, columns: "stalled" },
+  { name: "Picture height", unit: "px", stepped: true, columns: "lines" },
+  { name: "Buffer", unit: "ms", stepped: false, columns: "buffered" },
 ] as const;
 
 export function ComparisonPanel({ session }: { session: ViewerSession }) {
-  const records = useRecords(session);
-  if (records === null) return null;
-  const { history, walks } = records;
-  const { mode } = settings.value;
+  const comparison = session.comparison.value;
+  const names = sideNames(settings.value);
+  if (comparison === null || comparison.sides.length !== names.length) return null;
+  return <Charts key={names.join()} names={names} comparison={comparison} />;
+}
+
+interface Props {
+  readonly names: readonly string[];
+  readonly comparison: Comparison;
+}
+
+function Charts({ names, comparison }: Props) {
+  const [charts] = useState(() => chartsOf(names));
+  const { sides, history, walks, quality } = comparison;
   return (
     <>
-      {mode === "side-by-side" && <LastWalk walk={walks.last.value} />}
-      <div class="comparison" data-mode={mode}>
+      {sides.length > 1 && (
+        <LastWalk
+          names={names}
+          walk={walks.last.value}
+          quality={quality.value}
+          local={sides.map(({ settings }) => settings.value.mode === "local")}
+        />
+      )}
+      <div class="comparison">
         <h4>Motion to photon</h4>
-        <DistributionChart name="Motion to photon" columns={history.latency} />
-        {CHARTS.map(({ name, quantities, columns }) => (
+        <DistributionChart name="Motion to photon" labels={names} columns={history.latency} />
+        {charts.map(({ name, quantities, columns }) => (
           <Fragment key={name}>
             <h4>{name}</h4>
             <LiveChart name={name} quantities={quantities} columns={history[columns]} />
@@ -45,34 +58,11 @@ export function ComparisonPanel({ session }: { session: ViewerSession }) {
   );
 }
 
-interface Records {
-  readonly history: ComparisonHistory;
-  readonly walks: WalkRecorder;
-}
-
-function useRecords(session: ViewerSession): Records | null {
-  const current = useSignal<Records | null>(null);
-  useEffect(() => {
-    const history = new ComparisonHistory();
-    const walks = new WalkRecorder();
-    current.value = { history, walks };
-    const stops = [
-      session.rig.onSample(({ seq }, at) => walks.sampled(seq, at)),
-      session.onPresented((frame) => {
-        history.presented(frame);
-        walks.presented(frame);
-      }),
-    ];
-    const timer = setInterval(() => {
-      const stateless = settings.peek().mode === "dash" ? null : session.stateless.stats.peek();
-      const figures = { stateless, dash: session.dash.peek()?.stats.peek() ?? null };
-      history.sample(figures, performance.now());
-      walks.sample(figures, performance.now());
-    }, STATS_EVERY);
-    return () => {
-      clearInterval(timer);
-      for (const stop of stops) stop();
-    };
-  }, [session, current]);
-  return current.value;
+/** What each chart draws, of the sides that have these names. */
+function chartsOf(names: readonly string[]) {
+  const sides = names.flatMap((label, i) => (PLACES[i] ? [{ label, tone: PLACES[i], axis: "left" as const }] : []));
+  return CHARTS.map(({ unit, stepped, ...chart }) => ({
+    ...chart,
+    quantities: sides.map((side) => ({ ...side, unit, stepped })),
+  }));
 }

@@ -4,36 +4,45 @@ import type { Signal } from "@preact/signals";
 import { X } from "lucide";
 import { useEffect, useRef } from "preact/hooks";
 import { IconButton } from "../icon-button";
+import { EXPLANATIONS } from "./explanations";
 
 const MOVES: readonly (readonly [string, readonly string[]])[] = [
   ["Look around", ["←", "→", "↑", "↓"]],
   ["Walk", ["W", "A", "S", "D"]],
-  ["Rise, sink", ["Space", "Shift"]],
+  ["Rise, sink", ["E", "Q"]],
+  ["… as well", ["Space", "Shift"]],
+  ["Faster, slower", ["C", "Z"]],
+  ["Dragging: look or orbit", ["O"]],
+  ["Mouse looks around", ["L"]],
   ["Start view", ["R"]],
   ["Stop a movement", ["Esc"]],
   ["Stateless, DASH, both", ["M"]],
   ["Measurements", ["I"]],
-  ["Experiment", ["E"]],
+  ["Experiment", ["X"]],
   ["Settings", ["P"]],
   ["Fullscreen", ["F"]],
   ["This help", ["H"]],
 ];
 
 const POINTERS: readonly (readonly [string, string])[] = [
-  ["Drag, or one finger", "Look around: the picture follows"],
+  ["Drag, or one finger", "Look around: the picture follows. With Alt, or after O: orbit"],
+  ["Double click or tap", "Go half way there and look at it; orbiting goes around it"],
+  ["Right button", "Slide sideways, up and down"],
   ["Wheel, or pinch", "Walk forward and back"],
   ["Two fingers", "Slide sideways, up and down"],
+  ["Gamepad", "Sticks walk and turn, triggers rise and sink, bumpers change the speed"],
 ];
 
-const NUMBERS: readonly (readonly [string, string])[] = [
-  ["New views", "Pictures of another pose than the one before: repeated and refined frames do not count."],
-  ["Motion to photon", "From the moment that your input was read to the first frame on the screen that shows it."],
-  ["View latency", "The same while frames are turned: until the picture has turned with you, whatever the network."],
-  ["Content age", "How old the pixels are: from the pose that they were rendered for until you see them."],
-  ["Response time", "From sending a request to the last byte of its frame."],
-  ["Server", "Waiting, rendering and encoding, as the server measured them."],
-  ["Throughput", "How fast the network delivered the last frames."],
-];
+/** The main figures; every other one is explained where one points at it. */
+const NUMBERS = [
+  ["New views", EXPLANATIONS["new-views"]],
+  ["Motion to photon", EXPLANATIONS["motion-to-photon"]],
+  ["View latency", EXPLANATIONS["view-latency"]],
+  ["Content age", EXPLANATIONS["content-age"]],
+  ["Response time", EXPLANATIONS["round-trip"]],
+  ["Server", EXPLANATIONS.server],
+  ["Throughput", EXPLANATIONS.throughput],
+] as const;
 
 export function HelpDialog({ open }: { open: Signal<boolean> }) {
   const dialog = useRef<HTMLDialogElement>(null);

@@ -96,6 +96,16 @@ test("a frame that came as WebP is told from a JPEG", () => {
   expect(stat(show({ frame }), "frame")).toBe("40 kB WebP");
 });
 
+test("every figure says what it means where one points at it", () => {
+  const hud = show({ turned: true, contentAge: 312, video: { bitrate: 4_520_000, keyFrames: 3 } });
+  const explained = [...hud.querySelectorAll("[data-stat]")].map((one) =>
+    one.closest("[title]")?.getAttribute("title"),
+  );
+  expect(explained.length).toBeGreaterThan(15);
+  expect(explained.filter((words) => !words)).toEqual([]);
+  expect(new Set(explained).size).toBe(explained.length);
+});
+
 test("what is not known yet is a dash, not a zero", () => {
   const hud = show(NO_STATS);
   for (const name of ["motion-to-photon", "round-trip", "server", "server-parts", "throughput", "frame", "profile"]) {

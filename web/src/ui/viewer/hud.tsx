@@ -2,17 +2,15 @@
 import { ChevronDown, ChevronUp } from "lucide";
 import type { ComponentChildren } from "preact";
 import type { EnhancementStatus } from "../../enhance/enhancement";
-import { type ReprojectionStatus, reprojectionNote } from "../../reproject/reprojector";
 import { changeSettings, ladder, settings } from "../../state/app";
 import type { Stats } from "../../stateless/stats";
 import type { ViewerSession } from "../../viewer/session";
 import { bitrate, bytes } from "../format";
 import { Icon } from "../icon";
+import { EXPLANATIONS, type Explained } from "./explanations";
 import { TRANSPORT_NAMES } from "./names";
 
 const NONE = "–";
-const VIEW_LATENCY = "From your input until the picture has turned";
-const CONTENT_AGE = "From the pose that the pixels were rendered for until they are seen";
 
 interface HudProps {
   readonly session: ViewerSession;
@@ -33,18 +31,12 @@ export function Hud({ session, wide, linkNote }: HudProps) {
         <Figure
           name="motion-to-photon"
           label={latencyName(stats)}
-          title={stats.turned ? VIEW_LATENCY : undefined}
+          explanation={stats.turned ? "view-latency" : "motion-to-photon"}
           value={milliseconds(stats.motionToPhoton?.p50)}
           unit="ms"
         />
         {stats.turned && (
-          <Figure
-            name="content-age"
-            label="content age"
-            title={CONTENT_AGE}
-            value={milliseconds(stats.contentAge)}
-            unit="ms"
-          />
+          <Figure name="content-age" label="content age" value={milliseconds(stats.contentAge)} unit="ms" />
         )}
         <button
           type="button"
@@ -58,7 +50,7 @@ export function Hud({ session, wide, linkNote }: HudProps) {
         </button>
       </div>
       {details && <Details stats={stats} enhancement={enhancement} />}
-      <p class="hud-transport">
+      <p class="hud-transport" title={EXPLANATIONS.transport}>
         <span class="dot" data-transport={stats.transport ?? "none"} />
         <span data-stat="transport">{stats.transport ? TRANSPORT_NAMES[stats.transport] : "not connected"}</span>
         {fallback && (
@@ -82,7 +74,7 @@ export function Hud({ session, wide, linkNote }: HudProps) {
       )}
       <ServerNote stats={stats} />
       <EnhancementNote status={enhancement} />
-      <ReprojectionNote status={session.reprojector.status.value} />
+      <ReprojectionNote note={session.unturned.value} />
     </section>
   );
 }
@@ -111,8 +103,7 @@ export function ServerNote({ stats }: { stats: Stats }) {
 }
 
 /** Frames are to be turned and are not. */
-export function ReprojectionNote({ status }: { status: ReprojectionStatus }) {
-  const note = reprojectionNote(status);
+export function ReprojectionNote({ note }: { note: string | null }) {
   return (
     note && (
       <p class="hud-note" role="status" data-stat="reprojection-note">
@@ -207,10 +198,10 @@ function Details({ stats, enhancement }: { stats: Stats; enhancement: Enhancemen
   );
 }
 
-/** One of a HUD's figures with its name. */
-export function Row({ name, label, children }: { name: string; label: string; children: ComponentChildren }) {
+/** One of a HUD's figures with its name; what it means is told where one points at it. */
+export function Row({ name, label, children }: { name: Explained; label: string; children: ComponentChildren }) {
   return (
-    <div>
+    <div title={EXPLANATIONS[name]}>
       <dt>{label}</dt>
       <dd data-stat={name}>{children}</dd>
     </div>
@@ -218,16 +209,17 @@ export function Row({ name, label, children }: { name: string; label: string; ch
 }
 
 interface FigureProps {
-  readonly name: string;
+  readonly name: Explained;
   readonly label: string;
-  readonly title?: string | undefined;
+  /** Whose meaning it has; its name's, if it is not said. */
+  readonly explanation?: Explained;
   readonly value: string;
   readonly unit?: string;
 }
 
-function Figure({ name, label, title, value, unit }: FigureProps) {
+function Figure({ name, label, explanation = name, value, unit }: FigureProps) {
   return (
-    <p class="figure" title={title}>
+    <p class="figure" title={EXPLANATIONS[explanation]}>
       <strong>
         <span data-stat={name}>{value}</span>
         {unit && value !== NONE && <small> {unit}</small>}

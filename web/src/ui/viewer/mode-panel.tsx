@@ -5,11 +5,14 @@ import { type DashPlan, type DashSetup, FRAME_RATES, PRESETS, type Preset, planF
 import type { DownloadForm } from "../../local/local-player";
 import { changeSettings, config, settings } from "../../state/app";
 import { isStreamed, LOCAL_FORMS, MODES } from "../../state/settings";
+import { anyStreamed, settingsShown } from "../../state/sides";
 import { offeredForm } from "../../viewer/download-opening";
 import type { ViewerSession } from "../../viewer/session";
+import { CODEC_NAMES, WEBRTC_PLANS, WEBRTC_STREAMS } from "../../webrtc/presets";
 import { ComparisonPanel } from "./comparison-panel";
 import { MODE_NAMES } from "./names";
 import { NumberField } from "./number-field";
+import { SidesPanel } from "./sides-panel";
 
 const PRESET_NAMES: Readonly<Record<Preset, string>> = {
   typical: "Typical",
@@ -25,8 +28,9 @@ const FORM_SENTENCES: Readonly<Record<DownloadForm, string>> = {
 };
 
 export function ModePanel({ session }: { session: ViewerSession }) {
-  const { mode, dashPreset, dashCustom } = settings.value;
-  const plan = planFor(settings.value);
+  const { mode } = settings.value;
+  const streamed = anyStreamed(settings.value);
+  const shown = settingsShown(settings.value).map((each) => each.mode);
   const missing = config.value !== null && !config.value.services.dash;
   return (
     <>
@@ -38,49 +42,81 @@ export function ModePanel({ session }: { session: ViewerSession }) {
         ))}
       </Segments>
       {mode === "local" && <Download session={session} />}
-      {isStreamed(mode) && missing && (
+      {mode === "side-by-side" && <SidesPanel />}
+      {streamed && missing && (
         <p class="notice" role="alert" data-notice="no-packager">
           This server has no DASH packager: start it with <code>tigas dash</code>, and name it to the server as the
           service “dash”.
         </p>
       )}
-      {isStreamed(mode) && !missing && (
-        <>
-          <h4 class="segments-name">DASH stream</h4>
-          <Segments name="preset" label="DASH stream">
-            {PRESETS.map((preset) => (
-              <Segment
-                key={preset}
-                name="preset"
-                checked={preset === dashPreset}
-                onChoose={() => changeSettings({ dashPreset: preset })}
-              >
-                {PRESET_NAMES[preset]}
-              </Segment>
-            ))}
-          </Segments>
-          {dashPreset === "custom" ? (
-            <Custom setup={dashCustom} />
-          ) : (
-            <>
-              <Segments name="frame-rate" label="Frame rate">
-                {FRAME_RATES.map((rate) => (
-                  <Segment
-                    key={rate}
-                    name="frame-rate"
-                    checked={rate === plan.setup.frame_rate}
-                    onChoose={() => changeSettings({ dashFrameRate: rate })}
-                  >
-                    {`${rate} frames/s`}
-                  </Segment>
-                ))}
-              </Segments>
-              <p class="muted small">{sentence(plan)}</p>
-            </>
-          )}
-          <ComparisonPanel session={session} />
-        </>
+      {shown.includes("dash") && !missing && <Streams />}
+      {shown.includes("webrtc") && !missing && <WebRtc />}
+      {((isStreamed(mode) && !missing) || mode === "side-by-side") && <ComparisonPanel session={session} />}
+    </>
+  );
+}
+
+/** How DASH streams are set up: which there is, unless each side says so, and what all have in common. */
+function Streams() {
+  const { mode, dashPreset, dashCustom } = settings.value;
+  const plans = settingsShown(settings.value).flatMap((shown) => (shown.mode === "dash" ? [planFor(shown)] : []));
+  const custom = settingsShown(settings.value).some((shown) => shown.mode === "dash" && shown.dashPreset === "custom");
+  const [plan] = plans;
+  return (
+    <>
+      <h4 class="segments-name">DASH stream</h4>
+      {mode === "dash" && (
+        <Segments name="preset" label="DASH stream">
+          {PRESETS.map((preset) => (
+            <Segment
+              key={preset}
+              name="preset"
+              checked={preset === dashPreset}
+              onChoose={() => changeSettings({ dashPreset: preset })}
+            >
+              {PRESET_NAMES[preset]}
+            </Segment>
+          ))}
+        </Segments>
       )}
+      {custom && <Custom setup={dashCustom} />}
+      {!custom && (
+        <Segments name="frame-rate" label="Frame rate">
+          {FRAME_RATES.map((rate) => (
+            <Segment
+              key={rate}
+              name="frame-rate"
+              checked={rate === plan?.setup.frame_rate}
+              onChoose={() => changeSettings({ dashFrameRate: rate })}
+            >
+              {`${rate} frames/s`}
+            </Segment>
+          ))}
+        </Segments>
+      )}
+      {mode === "dash" && !custom && plan && <p class="muted small">{sentence(plan)}</p>}
+    </>
+  );
+}
+
+/** How streams over WebRTC are encoded. */
+function WebRtc() {
+  return (
+    <>
+      <h4 class="segments-name">WebRTC stream</h4>
+      <Segments name="webrtc-stream" label="WebRTC stream">
+        {WEBRTC_STREAMS.map((each) => (
+          <Segment
+            key={each}
+            name="webrtc-stream"
+            checked={each === settings.value.webrtcStream}
+            onChoose={() => changeSettings({ webrtcStream: each })}
+          >
+            {`${CODEC_NAMES[WEBRTC_PLANS[each].codec]}, ${WEBRTC_PLANS[each].frameRate}/s`}
+          </Segment>
+        ))}
+      </Segments>
+      <p class="muted small">A video whose bit rate follows what the browser thinks that the link carries.</p>
     </>
   );
 }

@@ -1,21 +1,34 @@
 /** Names of things that several parts of the page show. */
-import type { Mode } from "../../state/settings";
+import type { Mode, Settings, SideMode } from "../../state/settings";
 import type { TransportChoice } from "../../transport/connect";
-import type { Side } from "../../view/presented";
 
 export const MODE_NAMES: Readonly<Record<Mode, string>> = {
   stateless: "Stateless",
   video: "Video",
   dash: "DASH",
+  webrtc: "WebRTC",
   "side-by-side": "Side by side",
   local: "Local",
 };
 
-export const SIDE_NAMES: Readonly<Record<Side, string>> = {
+/** What two sides are compared by. */
+export const SIDE_MODE_NAMES: Readonly<Record<SideMode, string>> = {
   stateless: MODE_NAMES.stateless,
-  dash: MODE_NAMES.dash,
-  local: MODE_NAMES.local,
+  video: MODE_NAMES.video,
+  "dash-typical": "DASH, typical",
+  "dash-tuned": "DASH, tuned",
+  "dash-edge": "DASH, edge",
+  "dash-custom": "DASH, custom",
+  webrtc: MODE_NAMES.webrtc,
+  "local-ply": "Local, PLY",
+  "local-compressed": "Local, compressed",
 };
+
+/** What the pictures on the stage are called: as the mode, or as the choices that are compared. */
+export function sideNames({ mode, left, right }: Settings): readonly string[] {
+  if (mode !== "side-by-side") return [MODE_NAMES[mode]];
+  return [SIDE_MODE_NAMES[left], SIDE_MODE_NAMES[right]];
+}
 
 export const TRANSPORT_NAMES: Readonly<Record<TransportChoice, string>> = {
   auto: "Automatic",

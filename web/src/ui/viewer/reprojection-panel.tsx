@@ -3,8 +3,9 @@ import { ChevronDown } from "lucide";
 import type { ComponentChildren } from "preact";
 import { NO_DASH_STATS } from "../../dash/dash-player";
 import type { PredictorName } from "../../predict/registry";
-import { reprojectionNote } from "../../reproject/reprojector";
 import { changeSettings, settings } from "../../state/app";
+import { isPerView, isStreamed } from "../../state/settings";
+import { settingsShown } from "../../state/sides";
 import type { ViewerSession } from "../../viewer/session";
 import { Icon } from "../icon";
 import { OverscanOptions, overscanOf } from "../overscans";
@@ -12,11 +13,12 @@ import { PredictionOptions } from "../predictions";
 import { milliseconds } from "./hud";
 
 export function ReprojectionPanel({ session }: { session: ViewerSession }) {
-  const { reprojection, prediction, overscan, depth, surround, mode } = settings.value;
-  const side = mode === "dash" ? session.videoReprojector : session.reprojector;
-  const status = side.status.value;
-  const note = reprojectionNote(session.reprojector.status.value, session.videoReprojector.status.value);
-  const { warpMs } = (mode === "dash" ? session.dash.value : session.stateless)?.stats.value ?? NO_DASH_STATS;
+  const { reprojection, prediction, overscan, depth, surround } = settings.value;
+  const modes = settingsShown(settings.value).map(({ mode }) => mode);
+  const streamed = isStreamed(session.left.settings.value.mode);
+  const status = (streamed ? session.left.videoReprojector : session.left.reprojector).status.value;
+  const note = session.unturned.value;
+  const { warpMs } = (streamed ? session.dash.value : session.stateless)?.stats.value ?? NO_DASH_STATS;
   return (
     <>
       <label
@@ -34,7 +36,7 @@ export function ReprojectionPanel({ session }: { session: ViewerSession }) {
         <input
           type="checkbox"
           checked={depth}
-          disabled={!reprojection || mode === "video"}
+          disabled={!reprojection || !modes.includes("stateless")}
           onChange={() => changeSettings({ depth: !depth })}
         />
         Use depth
@@ -43,7 +45,7 @@ export function ReprojectionPanel({ session }: { session: ViewerSession }) {
         <input
           type="checkbox"
           checked={surround}
-          disabled={!reprojection || mode === "dash"}
+          disabled={!reprojection || !modes.some(isPerView)}
           onChange={() => changeSettings({ surround: !surround })}
         />
         Surround

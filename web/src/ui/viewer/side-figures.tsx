@@ -1,115 +1,132 @@
-/** The measurements of each side, over its own picture: the same figures in the same places. */
-import type { ComponentChildren } from "preact";
+/** The measurements of each picture on the stage, over it: the same figures in the same places, and what its mode has besides. */
 import { NO_DASH_STATS } from "../../dash/dash-player";
-import { ladder } from "../../state/app";
-import type { Mode } from "../../state/settings";
-import type { Figures } from "../../view/meter";
-import type { Side } from "../../view/presented";
+import { NO_LOCAL_STATS } from "../../local/local-player";
+import { ladder, settings } from "../../state/app";
+import { isPerView } from "../../state/settings";
+import type { Place } from "../../state/sides";
+import { NO_FIGURES } from "../../view/meter";
+import type { Rig } from "../../view/rig";
 import type { ViewerSession } from "../../viewer/session";
-import { bitrate } from "../format";
-import {
-  EnhancementNote,
-  EnhancementRow,
-  latencyName,
-  ReprojectionNote,
-  ReprojectionRow,
-  Row,
-  ServerNote,
-} from "./hud";
+import type { Side } from "../../viewer/side";
+import { bitrate, bytes } from "../format";
+import { EXPLANATIONS } from "./explanations";
+import { EnhancementNote, EnhancementRow, latencyName, ReprojectionNote, ReprojectionRow, Row } from "./hud";
+import { LimitNote } from "./limit-note";
+import { LocalRows } from "./local-rows";
+import { sideNames } from "./names";
 
 const NONE = "–";
 
-export function SideFigures({ session, mode }: { session: ViewerSession; mode: Mode }) {
-  const dash = session.dash.value;
-  const stats = dash?.stats.value ?? NO_DASH_STATS;
+export function SideFigures({ session }: { session: ViewerSession }) {
+  const [left, right] = sideNames(settings.value);
   return (
     <div class="sides">
-      {mode === "side-by-side" && (
-        <div class="side">
-          <SideHud
-            side="stateless"
-            title="Stateless"
-            figures={session.stateless.stats.value}
-            note={
-              <>
-                <ServerNote stats={session.stateless.stats.value} />
-                <EnhancementNote status={session.enhancement.status.value} />
-                <ReprojectionNote status={session.reprojector.status.value} />
-              </>
-            }
-          >
-            <EnhancementRow status={session.enhancement.status.value} stats={session.stateless.stats.value} />
-            <ReprojectionRow stats={session.stateless.stats.value} />
-          </SideHud>
-        </div>
+      <SideHud place="left" title={left ?? ""} side={session.left} rig={session.rig} />
+      {session.right.value && (
+        <SideHud place="right" title={right ?? ""} side={session.right.value} rig={session.rig} />
       )}
-      <div class="side">
-        <SideHud
-          side="dash"
-          title="DASH"
-          figures={stats}
-          note={<ReprojectionNote status={session.videoReprojector.status.value} />}
-        >
-          <Row name="live-latency" label="Live latency">
-            {milliseconds(stats.liveLatency)}
-          </Row>
-          <Row name="target-latency" label="Target">
-            {milliseconds(stats.targetLatency)}
-          </Row>
-          <ReprojectionRow stats={stats} />
-        </SideHud>
-      </div>
     </div>
   );
 }
 
 interface HudProps {
-  readonly side: Side;
+  readonly place: Place;
   readonly title: string;
-  readonly figures: Figures;
-  readonly children?: ComponentChildren;
-  /** Below the figures. */
-  readonly note?: ComponentChildren;
+  readonly side: Side;
+  readonly rig: Rig;
 }
 
-export function SideHud({ side, title, figures, children, note }: HudProps) {
+function SideHud({ place, title, side, rig }: HudProps) {
+  const figures = side.figures ?? NO_FIGURES;
   const { motionToPhoton, newViewsPerSecond, bandwidth, stalls, picture } = figures;
   const rung = picture?.rung == null ? undefined : ladder.value[picture.rung];
+  const { mode } = side.settings.value;
   return (
-    <section class="floating side-hud" aria-label={`Measurements: ${title}`} data-side={side}>
-      <h2>
-        <i class="swatch" data-tone={side} />
-        {title}
-      </h2>
-      <p class="figure">
-        <strong data-stat="motion-to-photon">{milliseconds(motionToPhoton?.p50)}</strong>
-        <span class="muted">{latencyName(figures)}</span>
-      </p>
-      <dl class="hud-details">
-        <Row name="motion-to-photon-p95" label="p95">
-          {milliseconds(motionToPhoton?.p95)}
-        </Row>
-        {figures.turned && (
-          <Row name="content-age" label="Content age">
-            {milliseconds(figures.contentAge)}
+    <div class="side">
+      <section class="floating side-hud" aria-label={`Measurements: ${title}`} data-side={place} data-mode={mode}>
+        <h2>
+          <i class="swatch" data-tone={place} />
+          {title}
+        </h2>
+        <p class="figure" title={EXPLANATIONS[figures.turned ? "view-latency" : "motion-to-photon"]}>
+          <strong data-stat="motion-to-photon">{milliseconds(motionToPhoton?.p50)}</strong>
+          <span class="muted">{latencyName(figures)}</span>
+        </p>
+        <dl class="hud-details">
+          <Row name="motion-to-photon-p95" label="p95">
+            {milliseconds(motionToPhoton?.p95)}
           </Row>
-        )}
-        <Row name="new-views" label="New views/s">
-          {Math.round(newViewsPerSecond)}
+          {figures.turned && (
+            <Row name="content-age" label="Content age">
+              {milliseconds(figures.contentAge)}
+            </Row>
+          )}
+          <Row name="new-views" label="New views/s">
+            {Math.round(newViewsPerSecond)}
+          </Row>
+          <Row name="bandwidth" label="Bandwidth">
+            {bitrate(bandwidth)}
+          </Row>
+          <Row name="received" label="Received">
+            {bytes(figures.bytes)}
+          </Row>
+          <Row name="resolution" label={rung?.name ?? "Resolution"}>
+            {picture ? `${picture.width} × ${picture.height}` : NONE}
+          </Row>
+          <Row name="stalls" label="Stalls">
+            {stalls.count === 0 ? "none" : `${stalls.count}, ${(stalls.time / 1000).toFixed(1)} s`}
+          </Row>
+          <ModeRows side={side} />
+        </dl>
+        <LimitNote side={side} rig={rig} />
+        {isPerView(mode) && <EnhancementNote status={side.enhancement.status.value} />}
+        <ReprojectionNote note={side.unturned.value} />
+      </section>
+    </div>
+  );
+}
+
+/** What a mode has besides. */
+function ModeRows({ side }: { side: Side }) {
+  const { mode } = side.settings.value;
+  if (mode === "local") return <LocalRows stats={side.local.value?.stats.value ?? NO_LOCAL_STATS} />;
+  if (mode === "dash") {
+    const stats = side.dash.value?.stats.value ?? NO_DASH_STATS;
+    return (
+      <>
+        <Row name="live-latency" label="Live latency">
+          {milliseconds(stats.liveLatency)}
         </Row>
-        <Row name="bandwidth" label="Bandwidth">
-          {bitrate(bandwidth)}
+        <Row name="target-latency" label="Target">
+          {milliseconds(stats.targetLatency)}
         </Row>
-        <Row name="resolution" label={rung?.name ?? "Resolution"}>
-          {picture ? `${picture.width} × ${picture.height}` : NONE}
+        <Row name="buffered" label="Buffer">
+          {milliseconds(stats.buffered)}
         </Row>
-        <Row name="stalls" label="Stalls">
-          {stalls.count === 0 ? "none" : `${stalls.count}, ${(stalls.time / 1000).toFixed(1)} s`}
+        <ReprojectionRow stats={stats} />
+      </>
+    );
+  }
+  if (mode === "webrtc") {
+    const stats = side.dash.value?.stats.value ?? NO_DASH_STATS;
+    return (
+      <>
+        <Row name="codec" label="Codec">
+          {stats.codec ?? NONE}
         </Row>
-        {children}
-      </dl>
-      {note}
-    </section>
+        <Row name="jitter-buffer" label="Jitter buffer">
+          {milliseconds(stats.jitterBuffer)}
+        </Row>
+        <ReprojectionRow stats={stats} />
+      </>
+    );
+  }
+  const stats = side.stateless.stats.value;
+  return (
+    <>
+      <EnhancementRow status={side.enhancement.status.value} stats={stats} />
+      <ReprojectionRow stats={stats} />
+    </>
   );
 }
 

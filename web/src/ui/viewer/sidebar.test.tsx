@@ -6,7 +6,7 @@ import { config, sceneLadder, settings } from "../../state/app";
 import { serverConfig } from "../../state/fake-server";
 import { DEFAULT_SETTINGS } from "../../state/settings";
 import { NO_STATS } from "../../stateless/stats";
-import { asSession, type FakeSession, fakeDash, fakeSession } from "../../viewer/fake-session";
+import { asSession, type FakeSession, fakeDash, fakeSession, fakeSide } from "../../viewer/fake-session";
 import { Sidebar } from "./sidebar";
 
 vi.mock("../chart/live-plot", () => ({ plotLive: () => () => undefined }));
@@ -88,7 +88,8 @@ test("a browser that cannot turn frames says so in the panel", () => {
 
 test("a browser that cannot turn the stream's frames says so, beside frames that are turned, too", () => {
   settings.value = { ...DEFAULT_SETTINGS, mode: "side-by-side" };
-  session.videoReprojector.status.value = "unreadable";
+  session.right.value = fakeSide("right");
+  session.right.value.videoReprojector.status.value = "unreadable";
   show();
   expect(section("Reprojection").getByRole("status").textContent).toContain("WebCodecs");
 });
@@ -148,7 +149,7 @@ test("without a packager the modes with DASH say how to get one", async () => {
 test("with a packager its stream is set up by preset, or number by number", async () => {
   const user = userEvent.setup();
   config.value = serverConfig({ dash: "http://dash.test" });
-  settings.value = { ...DEFAULT_SETTINGS, mode: "side-by-side" };
+  settings.value = { ...DEFAULT_SETTINGS, mode: "dash" };
   session.dash.value = fakeDash({ kind: "playing" });
   show();
   await user.click(screen.getByRole("radio", { name: "Typical" }));
@@ -164,6 +165,38 @@ test("with a packager its stream is set up by preset, or number by number", asyn
   await user.clear(target);
   await user.type(target, "200.4{Tab}");
   expect(settings.value.dashCustom.target_latency_ms).toBe(200);
+});
+
+test("any two modes are compared, and what their streams have in common is set once", async () => {
+  const user = userEvent.setup();
+  config.value = serverConfig({ dash: "http://dash.test" });
+  settings.value = { ...DEFAULT_SETTINGS, mode: "side-by-side" };
+  session.right.value = fakeSide("right");
+  show();
+  expect(screen.queryByRole("radio", { name: "Typical" })).toBeNull();
+  await user.click(screen.getByRole("radio", { name: "60 frames/s" }));
+  await user.selectOptions(screen.getByRole("combobox", { name: "Left" }), "Video");
+  await user.selectOptions(screen.getByRole("combobox", { name: "Right" }), "Local, compressed");
+  expect(settings.value).toMatchObject({ left: "video", right: "local-compressed", dashFrameRate: 60 });
+  expect(screen.queryByRole("radio", { name: "60 frames/s" })).toBeNull();
+  expect(screen.getByRole("checkbox", { name: "Use depth" })).toHaveProperty("disabled", true);
+});
+
+test("both sides are given one resolution or one bit rate, and of a download it is said that it has neither", async () => {
+  const user = userEvent.setup();
+  config.value = serverConfig({ dash: "http://dash.test" });
+  settings.value = { ...DEFAULT_SETTINGS, mode: "side-by-side", right: "local-ply" };
+  session.right.value = fakeSide("right");
+  show();
+  await user.selectOptions(screen.getByRole("combobox", { name: "Equal" }), "Resolution");
+  await user.selectOptions(screen.getByRole("combobox", { name: "Rung" }), "640 × 360, Medium-Low");
+  expect(settings.value).toMatchObject({ lock: "resolution", lockRung: 2 });
+  expect(screen.getByText(/A download knows neither/)).toBeTruthy();
+  await user.selectOptions(screen.getByRole("combobox", { name: "Equal" }), "Bit rate");
+  const rate = screen.getByRole("spinbutton", { name: /At most/ });
+  await user.clear(rate);
+  await user.type(rate, "1500{Tab}");
+  expect(settings.value).toMatchObject({ lock: "bitrate", lockKbps: 1500 });
 });
 
 test.each([

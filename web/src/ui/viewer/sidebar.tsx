@@ -4,6 +4,7 @@ import type { ComponentChildren } from "preact";
 import { CONTROLLER_NAMES, CONTROLLERS, type ControllerName } from "../../abr/registry";
 import { changeSettings, config, ladder, settings } from "../../state/app";
 import { isPerView } from "../../state/settings";
+import { settingsShown } from "../../state/sides";
 import type { TransportChoice } from "../../transport/connect";
 import type { Intrinsics } from "../../view/intrinsics";
 import type { ViewerSession } from "../../viewer/session";
@@ -14,6 +15,7 @@ import { IconButton } from "../icon-button";
 import { InsecureHint } from "../insecure-hint";
 import { NetworkPanel } from "../network/network-panel";
 import { ThemeButton } from "../theme-button";
+import { CopyLink } from "./copy-link";
 import { EnhancementPanel } from "./enhancement-panel";
 import { ModePanel } from "./mode-panel";
 import { MovementTrace } from "./movement-trace";
@@ -29,29 +31,31 @@ interface Props {
 
 export function Sidebar({ session, onClose, onReset }: Props) {
   const shaper = config.value?.services.shaper;
-  const { mode } = settings.value;
+  const modes = settingsShown(settings.value).map(({ mode }) => mode);
+  const rendered = modes.some((mode) => mode !== "local");
   return (
     <aside class="sidebar" aria-label="Settings">
       <header>
         <h2>Settings</h2>
+        <CopyLink session={session} />
         <ThemeButton />
         <IconButton icon={X} label="Close settings" onClick={onClose} />
       </header>
       <Section title="Mode">
         <ModePanel session={session} />
       </Section>
-      {mode !== "local" && <Quality session={session} />}
-      {isPerView(mode) && (
+      {rendered && <Quality session={session} />}
+      {modes.some(isPerView) && (
         <Section title="Enhancement">
           <EnhancementPanel session={session} />
         </Section>
       )}
-      {mode !== "local" && (
+      {rendered && (
         <Section title="Reprojection">
           <ReprojectionPanel session={session} />
         </Section>
       )}
-      {mode !== "local" && <Transport />}
+      {rendered && <Transport />}
       {shaper && (
         <Section title="Network">
           <NetworkPanel base={shaper} session={session} />
@@ -156,6 +160,17 @@ function Movement({ session, onReset }: Pick<Props, "session" | "onReset">) {
         </button>
       }
     >
+      <div class="select">
+        <select
+          aria-label="Dragging"
+          value={settings.value.drag}
+          onChange={(event) => changeSettings({ drag: event.currentTarget.value as "look" | "orbit" })}
+        >
+          <option value="look">Dragging looks around</option>
+          <option value="orbit">Dragging orbits what is looked at</option>
+        </select>
+        <Icon of={ChevronDown} size={16} />
+      </div>
       <div class="fields">
         <NumberField
           label="Turn"

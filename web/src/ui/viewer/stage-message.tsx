@@ -2,15 +2,16 @@
 import { CircleAlert, LoaderCircle, Unplug } from "lucide";
 import type { ComponentChildren } from "preact";
 import type { DashPhase } from "../../dash/dash-player";
-import { config, settings } from "../../state/app";
-import { isPerView, isStreamed, type Mode } from "../../state/settings";
+import type { LocalPlayer } from "../../local/local-player";
+import { config } from "../../state/app";
+import { isStreamed } from "../../state/settings";
+import type { ConnectionState } from "../../transport/connection";
 import type { ViewerSession } from "../../viewer/session";
+import type { Side } from "../../viewer/side";
 import { Icon } from "../icon";
 
 export function StageMessage({ session }: { session: ViewerSession }) {
   const phase = session.phase.value;
-  const { mode } = settings.value;
-  const problem = isPerView(mode) ? problemOf(session, mode) : null;
   const { message, kind } = { message: null, ...phase };
   return (
     <div class="stage-message" role="status">
@@ -33,20 +34,38 @@ export function StageMessage({ session }: { session: ViewerSession }) {
           </div>
         </div>
       )}
-      {kind === "playing" && problem && <Failed>{problem}</Failed>}
-      {kind === "playing" && mode === "local" && <Local session={session} />}
-      {kind === "playing" && isStreamed(mode) && (
-        <div class="dash-message">
-          <Dash phase={session.dash.value?.phase.value} />
+      {kind === "playing" && (
+        <div class="sides">
+          <div class="side">
+            <SideMessage side={session.left} session={session} />
+          </div>
+          {session.right.value && (
+            <div class="side">
+              <Connection state={session.rightConnection.value} />
+              <SideMessage side={session.right.value} session={session} />
+            </div>
+          )}
         </div>
       )}
     </div>
   );
 }
 
-/** Why no frames come, in the modes that ask for each by itself. */
-function problemOf({ stateless, video }: ViewerSession, mode: Mode): string | null {
-  return (mode === "video" && video.problem.value) || stateless.problem.value;
+/** Why a picture is not there, or not as it is to be. */
+function SideMessage({ side, session }: { side: Side; session: ViewerSession }) {
+  const { mode } = side.settings.value;
+  if (isStreamed(mode)) return <Dash phase={side.dash.value?.phase.value} />;
+  if (mode === "local") return <Local local={side.local.value} session={session} />;
+  const problem = (mode === "video" && side.video.problem.value) || side.stateless.problem.value;
+  return problem && <Failed>{problem}</Failed>;
+}
+
+/** Of a side that has one of its own. */
+function Connection({ state }: { state: ConnectionState | null }) {
+  if (state?.status === "connecting") return <Waiting>Connecting…</Waiting>;
+  if (state?.status === "full")
+    return <Waiting>The server has no room for a second viewer; it is asked again.</Waiting>;
+  return state?.status === "lost" ? <Lost>{state.reason}</Lost> : null;
 }
 
 function Dash({ phase }: { phase: DashPhase | undefined }) {
@@ -59,8 +78,7 @@ function Dash({ phase }: { phase: DashPhase | undefined }) {
   return phase.kind === "failed" ? <Failed>{phase.message}</Failed> : null;
 }
 
-function Local({ session }: { session: ViewerSession }) {
-  const local = session.local.value;
+function Local({ local, session }: { local: LocalPlayer | null; session: ViewerSession }) {
   if (local === null) {
     if (session.scene.value === null) return null;
     return <Failed>This server does not offer the scene for download; see Settings, Mode.</Failed>;

@@ -33,7 +33,7 @@ export function Toolbar({ name, actions, mode, hud, sidebar }: Props) {
           onClick={actions.mode}
         />
         <IconButton icon={Activity} label="Measurements" shortcut="I" pressed={hud} onClick={actions.hud} />
-        <IconButton icon={FlaskConical} label="Experiment" shortcut="E" onClick={actions.experiment} />
+        <IconButton icon={FlaskConical} label="Experiment" shortcut="X" onClick={actions.experiment} />
         <IconButton icon={Maximize} label="Fullscreen" shortcut="F" onClick={actions.fullscreen} />
         <IconButton
           icon={SlidersHorizontal}

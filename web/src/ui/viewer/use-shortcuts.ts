@@ -9,6 +9,8 @@ export interface ViewerActions {
   readonly fullscreen: () => void;
   readonly mode: () => void;
   readonly experiment: () => void;
+  readonly drag: () => void;
+  readonly lock: () => void;
 }
 
 const KEYS: Readonly<Record<string, keyof ViewerActions>> = {
@@ -19,7 +21,9 @@ const KEYS: Readonly<Record<string, keyof ViewerActions>> = {
   r: "reset",
   f: "fullscreen",
   m: "mode",
-  e: "experiment",
+  x: "experiment",
+  o: "drag",
+  l: "lock",
 };
 
 const TYPING = "input:not([type=radio], [type=checkbox]), select, textarea, dialog";

@@ -1,13 +1,17 @@
 // @vitest-environment happy-dom
+import { signal } from "@preact/signals";
 import { act, cleanup, render, screen, waitFor } from "@testing-library/preact";
 import userEvent from "@testing-library/user-event";
 import { afterEach, beforeEach, expect, test, vi } from "vitest";
+import { ComparisonHistory } from "../../charts/history";
 import { config, settings } from "../../state/app";
 import { serverConfig } from "../../state/fake-server";
 import type { Asked } from "../../state/route";
 import { DEFAULT_SETTINGS } from "../../state/settings";
 import { NO_STATS } from "../../stateless/stats";
-import { type FakeSession, fakeDash, fakeSession } from "../../viewer/fake-session";
+import { type Comparison, UNSCORED } from "../../viewer/comparison";
+import { type FakeSession, fakeDash, fakeLocal, fakeSession, fakeSide } from "../../viewer/fake-session";
+import type { SessionStatus } from "../../wire/dash";
 import { Viewer } from "./viewer";
 
 vi.mock("../chart/live-plot", () => ({ plotLive: () => () => undefined }));
@@ -81,11 +85,48 @@ test("keys open help, hide the measurements, open the settings and change the mo
   await user.keyboard("p");
   expect(screen.getByRole("complementary", { name: "Settings" })).toBeTruthy();
   const modes: string[] = [];
-  for (let i = 0; i < 4; i++) {
+  for (let i = 0; i < 5; i++) {
     await user.keyboard("m");
     modes.push(settings.value.mode);
   }
-  expect(modes).toEqual(["video", "dash", "side-by-side", "local"]);
+  expect(modes).toEqual(["video", "dash", "webrtc", "side-by-side", "local"]);
+});
+
+test("fullscreen leaves the settings away until they are asked for, and gives them back at its end", async () => {
+  settings.value = { ...DEFAULT_SETTINGS, sidebar: true };
+  show();
+  const shown = () => screen.queryByRole("complementary", { name: "Settings" }) !== null;
+  const turn = (on: boolean) =>
+    act(() => {
+      Object.assign(document, { fullscreenElement: on ? stage() : null }); // happy-dom has none
+      document.dispatchEvent(new Event("fullscreenchange"));
+    });
+  await turn(true);
+  expect(shown()).toBe(false);
+  await userEvent.keyboard("p");
+  expect(shown()).toBe(true);
+  await turn(false);
+  await turn(true);
+  expect(shown()).toBe(false);
+  await turn(false);
+  expect(shown()).toBe(true);
+});
+
+test("a picture that stands still for a second is called frozen, also where there are no measurements", async () => {
+  settings.value = { ...DEFAULT_SETTINGS, hud: false };
+  show();
+  const freeze = async (frozenFor: number) => {
+    await act(() => {
+      session.stateless.stats.value = { ...NO_STATS, frozenFor };
+    });
+    return document.querySelector("[data-stat=frozen]")?.textContent;
+  };
+  expect(await freeze(600)).toBeUndefined();
+  expect(await freeze(2300)).toBe("Frozen, no new picture for 2.3 s");
+  await act(() => {
+    session.phase.value = { kind: "lost", message: "QUIC did not answer in time." };
+  });
+  expect(document.querySelector("[data-stat=frozen]"), "what is lost says so").toBeNull();
 });
 
 test("r brings back the start view, to the last bit", async () => {
@@ -112,18 +153,65 @@ test("what is typed into a field, or with a modifier, is no shortcut", async () 
 test("the measurements are those of the mode", async () => {
   show();
   await act(() => {
-    settings.value = { ...settings.value, mode: "side-by-side" };
-    session.dash.value = fakeDash({ kind: "playing" }, { liveLatency: 320, stalls: { count: 2, time: 1500 } });
+    settings.value = { ...settings.value, mode: "side-by-side", left: "local-ply", right: "dash-edge" };
+    session.local.value = fakeLocal({ kind: "playing" }, { drawn: 300 });
+    const right = fakeSide("right");
+    right.dash.value = fakeDash({ kind: "playing" }, { liveLatency: 320, stalls: { count: 2, time: 1500 } });
+    session.right.value = right;
   });
   const names = screen.getAllByRole("region").map((region) => region.getAttribute("aria-label"));
-  expect(names).toEqual(["Measurements: Stateless", "Measurements: DASH"]);
-  const dash = screen.getByRole("region", { name: "Measurements: DASH" });
+  expect(names).toEqual(["Measurements: Local, PLY", "Measurements: DASH, edge"]);
+  const local = screen.getByRole("region", { name: "Measurements: Local, PLY" });
+  expect(local.querySelector("[data-stat=gaussians]")?.textContent).toBe("–");
+  const dash = screen.getByRole("region", { name: "Measurements: DASH, edge" });
   expect(dash.querySelector("[data-stat=live-latency]")?.textContent).toBe("320 ms");
   expect(dash.querySelector("[data-stat=stalls]")?.textContent).toBe("2, 1.5 s");
   await act(() => {
     settings.value = { ...settings.value, mode: "dash" };
+    session.right.value = null;
   });
   expect(screen.getAllByRole("region")).toHaveLength(1);
+});
+
+test("while the settings are closed, the last walk is summed up over the stage, and leads to them", async () => {
+  settings.value = { ...settings.value, mode: "side-by-side", right: "video" };
+  const side = {
+    inputs: 9,
+    latency: { p50: 40, p95: 90 },
+    newViewsPerSecond: 12,
+    bandwidth: 1e6,
+    bytes: 1e6,
+    stalled: 0,
+  };
+  const walk = { duration: 5000, sides: [side, { ...side, latency: { p50: 90, p95: 99 } }] };
+  session.comparison.value = {
+    sides: [session.left, fakeSide("right")],
+    history: new ComparisonHistory(2),
+    walks: { last: signal(walk) },
+    quality: signal(UNSCORED),
+  } as unknown as Comparison;
+  show();
+  const said = screen.getByRole("button", { name: /^Stateless followed you 50 ms sooner than Video/ });
+  await userEvent.click(said);
+  expect(screen.getByRole("region", { name: "The last walk" }).textContent).toContain("Stateless followed you 50 ms");
+  expect(said.isConnected).toBe(false);
+});
+
+test("a stream whose frames show nothing new says that the server is the limit, and a slow machine that it is", async () => {
+  vi.useFakeTimers({ toFake: ["setInterval", "clearInterval", "performance"] });
+  settings.value = { ...settings.value, mode: "dash" };
+  let ticks = 0;
+  const dash = fakeDash({ kind: "playing" });
+  dash.status = async () => ({ id: "a", frames: 60 * ticks, repeated: 45 * ticks++, dropped: 0 }) as SessionStatus;
+  session.dash.value = dash;
+  show();
+  for (let i = 0; i < 60; i++) {
+    session.rig.sample(performance.now());
+    await act(async () => void (await vi.advanceTimersByTimeAsync(100)));
+  }
+  vi.useRealTimers();
+  expect(screen.getByText(/limit, not the link: 75 % of the stream’s frames/)).toBeTruthy();
+  expect(screen.getByText("This machine is the limit: its browser draws 10 pictures a second.")).toBeTruthy();
 });
 
 test("where this browser cannot decode video, the mode Video says so, and the others do not", async () => {
@@ -192,6 +280,28 @@ test("models that the URL names are chosen, and remembered", () => {
   expect(settings.value).toMatchObject({ restore: "anime4k-restore-m", upscale: "off" });
 });
 
+test("a URL may say where the camera is, and what is shown how", async () => {
+  show({ at: "1,2,3,0,0,0,1", mode: "local", drag: "orbit" });
+  await act(() => void session.rig.sample(20));
+  expect(session.rig.pose.position).toEqual([1, 2, 3]);
+  expect(settings.value).toMatchObject({ mode: "local", drag: "orbit" });
+});
+
+test("a link to the view is copied, and is the page's address", async () => {
+  settings.value = { ...DEFAULT_SETTINGS, sidebar: true, depth: false };
+  const copied: string[] = [];
+  vi.stubGlobal("navigator", {
+    ...navigator,
+    clipboard: { writeText: async (text: string) => void copied.push(text) },
+  });
+  show();
+  await userEvent.click(screen.getByRole("button", { name: "Copy a link to this view" }));
+  await screen.findByRole("button", { name: "The link is copied" });
+  expect(copied).toEqual([location.href]);
+  expect(location.hash).toMatch(/^#\/scene\/courtyard\?at=[-\d.,]+&mode=stateless&depth=off$/);
+  vi.unstubAllGlobals();
+});
+
 test("a URL that names a model which there is not says so, and chooses none", () => {
   settings.value = { ...settings.value, restore: "anime4k-restore-m", upscale: "bicubic" };
   show({ upscale: "magic" });
@@ -210,12 +320,35 @@ test("a URL may say how movement is met, and what makes no sense in it changes n
 });
 
 test.each([
+  [{ mode: "video" }, { mode: "video", left: "stateless", right: "dash-tuned" }],
+  [{ right: "video" }, { mode: "side-by-side", left: "stateless", right: "video" }],
+  [
+    { left: "local-ply", right: "dash-edge" },
+    { mode: "side-by-side", left: "local-ply", right: "dash-edge" },
+  ],
+  [
+    { mode: "magic", left: "magic" },
+    { mode: "stateless", left: "stateless" },
+  ],
+])("a URL with %o names what shows the scene, or what is compared", (asked, chosen) => {
+  show(asked);
+  expect(settings.value).toMatchObject(chosen);
+});
+
+test.each([
+  [
+    { left: "magic" },
+    undefined,
+    /^The link sets left to “magic”, which there is not; choose one of stateless, video, /,
+  ],
   [
     { prediction: "magic" },
     undefined,
     /^The link names a prediction that does not exist, “magic”; choose one of off, velocity, /,
   ],
-  [{}, ["predicton"], /^The link names “predicton”, which is nothing here; it may name restore, upscale, /],
+  [{ at: "here" }, undefined, /^The link's place is not one/],
+  [{ profile: "-2" }, undefined, "The link sets profile to “-2”, which it cannot be."],
+  [{}, ["predicton"], /^The link names “predicton”, which is nothing here; it may name at, mode, /],
 ])("a URL with %o and %o says what makes no sense in it", (asked, unknown, sentence) => {
   render(<Viewer sceneId="courtyard" stamp={false} asked={asked} unknown={unknown} />);
   expect(screen.getByText(sentence)).toBeTruthy();

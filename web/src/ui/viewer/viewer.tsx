@@ -6,16 +6,16 @@ import { KINDS, OFF } from "../../enhance/model/enhancer";
 import { nameProblem } from "../../enhance/registry";
 import { offerBridge } from "../../experiment/bridge";
 import { Runner } from "../../experiment/runner";
-import { PREDICTOR_NAMES } from "../../predict/registry";
 import { changeSettings, settings } from "../../state/app";
+import { linkedPose, linkedSettings } from "../../state/link";
 import type { Asked } from "../../state/route";
-import { isStreamed, MODES } from "../../state/settings";
+import { isPerView, MODES } from "../../state/settings";
 import { ViewerSession } from "../../viewer/session";
 import { ExperimentDialog } from "../experiment/experiment-dialog";
+import { Freeze } from "./freeze";
 import { HelpDialog } from "./help";
 import { Hud } from "./hud";
 import { linkNote } from "./link-note";
-import { LocalHud } from "./local-hud";
 import { MovePad } from "./move-pad";
 import { MovementStatus } from "./movement-status";
 import { SideFigures } from "./side-figures";
@@ -23,8 +23,10 @@ import { Sidebar } from "./sidebar";
 import { StageMessage } from "./stage-message";
 import { Toolbar } from "./toolbar";
 import { useFocusReturn } from "./use-focus-return";
+import { useFullscreen } from "./use-fullscreen";
 import { useShortcuts } from "./use-shortcuts";
 import { useWide } from "./use-wide";
+import { WalkVerdict } from "./walk-verdict";
 
 interface Props {
   readonly sceneId: string;
@@ -39,18 +41,24 @@ interface Props {
 export function Viewer({ sceneId, stamp, asked, unknown }: Props) {
   const root = useRef<HTMLDivElement>(null);
   const stage = useRef<HTMLDivElement>(null);
-  const canvas = useRef<HTMLCanvasElement>(null);
-  const video = useRef<HTMLVideoElement>(null);
+  const left = useRef<HTMLDivElement>(null);
+  const right = useRef<HTMLDivElement>(null);
   const session = useSignal<ViewerSession | null>(null);
   const runner = useSignal<Runner | null>(null);
   const help = useSignal(false);
   const experiment = useSignal(false);
   const locked = useSignal(false);
   const wide = useWide();
+  const fullscreen = useFullscreen(root);
+  /** Fullscreen is for the picture: the settings are there once they are asked for. */
+  const besideFullscreen = useSignal(false);
+  useEffect(() => {
+    if (!fullscreen.on) besideFullscreen.value = false;
+  }, [fullscreen.on, besideFullscreen]);
 
   useEffect(() => {
-    if (!stage.current || !canvas.current || !video.current) return undefined;
-    const place = { element: stage.current, canvas: canvas.current, video: video.current };
+    if (!stage.current || !left.current || !right.current) return undefined;
+    const place = { element: stage.current, left: left.current, right: right.current };
     const current = new ViewerSession(sceneId, place, stamp);
     session.value = current;
     const movementRunner = new Runner(current);
@@ -70,21 +78,31 @@ export function Viewer({ sceneId, stamp, asked, unknown }: Props) {
   useEffect(() => {
     if (live) choose(asked, live);
   }, [asked, live]);
+  const entered = live?.scene.value != null;
+  useEffect(() => {
+    const pose = linkedPose(asked);
+    if (live && entered && pose) live.rig.place(pose);
+  }, [asked, live, entered]);
 
-  const { hud, sidebar, mode } = settings.value;
-  const sidebarOpen = sidebar ?? wide;
+  const { hud, sidebar, mode, drag } = settings.value;
+  const sidebarOpen = fullscreen.on ? besideFullscreen.value : (sidebar ?? wide);
   const actions = {
     help: () => {
       help.value = !help.value;
     },
     hud: () => changeSettings({ hud: !hud }),
-    sidebar: () => changeSettings({ sidebar: !sidebarOpen }),
+    sidebar: () => {
+      if (fullscreen.on) besideFullscreen.value = !sidebarOpen;
+      else changeSettings({ sidebar: !sidebarOpen });
+    },
     reset: () => session.value?.rig.resetCamera(),
     mode: () => changeSettings({ mode: MODES[(MODES.indexOf(mode) + 1) % MODES.length] ?? "stateless" }),
     experiment: () => {
       experiment.value = !experiment.value;
     },
-    fullscreen: () => void toggleFullscreen(root.current),
+    drag: () => changeSettings({ drag: drag === "look" ? "orbit" : "look" }),
+    lock: () => void session.value?.input.lock(),
+    fullscreen: fullscreen.toggle,
   };
   useShortcuts(actions, locked.value);
   useFocusReturn(root, stage);
@@ -115,22 +133,19 @@ export function Viewer({ sceneId, stamp, asked, unknown }: Props) {
           data-local={live?.local.value?.phase.value.kind ?? "off"}
           data-local-complete={live?.local.value?.stats.value.completeMs != null}
         >
-          <div class="pane">
-            <canvas ref={canvas} />
-          </div>
-          <div class="pane">
-            <video ref={video} muted playsInline disablePictureInPicture disableRemotePlayback />
-          </div>
+          <div class="pane" ref={left} />
+          <div class="pane" ref={right} />
         </div>
         <Toolbar name={name} actions={actions} mode={mode} hud={hud} sidebar={sidebarOpen} />
-        {live && hud && phase !== "failed" && !isStreamed(mode) && mode !== "local" && (
+        {live && hud && phase !== "failed" && isPerView(mode) && (
           <Hud session={live} wide={wide} linkNote={linkNote(asked, unknown)} />
         )}
-        {live && hud && phase !== "failed" && mode === "local" && <LocalHud session={live} />}
-        {live && hud && phase !== "failed" && isStreamed(mode) && <SideFigures session={live} mode={mode} />}
+        {live && hud && phase !== "failed" && !isPerView(mode) && <SideFigures session={live} />}
         {live && <MovePad input={live.input} />}
         {live && <MovementStatus deck={live.movement} />}
         {live && <StageMessage session={live} />}
+        {live && <Freeze session={live} />}
+        {live && !sidebarOpen && <WalkVerdict session={live} onOpen={actions.sidebar} />}
       </main>
       {live && sidebarOpen && <Sidebar session={live} onClose={actions.sidebar} onReset={actions.reset} />}
       <HelpDialog open={help} />
@@ -142,22 +157,12 @@ export function Viewer({ sceneId, stamp, asked, unknown }: Props) {
 }
 
 /** As the URL asks, and remembered as what a person chooses; unless it names what there is not. */
-function choose({ reprojection, prediction: predictor, ...models }: Asked, session: ViewerSession): void {
-  const named = KINDS.flatMap((kind) => (models[kind] === undefined ? [] : [{ kind, name: models[kind] }]));
+function choose(asked: Asked, session: ViewerSession): void {
+  const named = KINDS.flatMap((kind) => (asked[kind] === undefined ? [] : [{ kind, name: asked[kind] }]));
   const problem = named.map(({ kind, name }) => nameProblem(kind, name)).find((one) => one !== null);
-  const prediction = PREDICTOR_NAMES.find((name) => name === predictor);
   changeSettings({
-    ...(problem ? Object.fromEntries(named.map(({ kind }) => [kind, OFF])) : models),
-    ...((reprojection === "on" || reprojection === "off") && { reprojection: reprojection === "on" }),
-    ...(prediction && { prediction }),
+    ...linkedSettings(asked),
+    ...(problem && Object.fromEntries(named.map(({ kind }) => [kind, OFF]))),
   });
   if (problem) session.enhancement.giveUp(problem);
-}
-
-async function toggleFullscreen(element: HTMLElement | null): Promise<void> {
-  try {
-    await (document.fullscreenElement ? document.exitFullscreen() : element?.requestFullscreen());
-  } catch {
-    // phones that have no fullscreen for pages: the frame fills the window as it is
-  }
 }

@@ -6,7 +6,7 @@ import { changeSettings, settings } from "../../state/app";
 import { COURTYARD } from "../../state/fake-server";
 import { DEFAULT_SETTINGS } from "../../state/settings";
 import { asSession, fakeLocal, fakeSession } from "../../viewer/fake-session";
-import { LocalHud } from "./local-hud";
+import { LocalRows } from "./local-rows";
 import { ModePanel } from "./mode-panel";
 import { StageMessage } from "./stage-message";
 
@@ -16,9 +16,7 @@ afterEach(() => {
 });
 
 const shown = (stats: Partial<LocalStats>) => {
-  const session = fakeSession();
-  session.local.value = fakeLocal({ kind: "playing" }, stats);
-  const { container } = render(<LocalHud session={asSession(session)} />);
+  const { container } = render(<LocalRows stats={{ ...NO_LOCAL_STATS, ...stats }} />);
   return (name: string) => container.querySelector(`[data-stat="${name}"]`)?.textContent;
 };
 

@@ -1,0 +1,63 @@
+/** A stream over DASH: a session of the packager's, the socket that moves its camera, and the player of its manifest. */
+import type { SessionRequest } from "../wire/dash";
+import { endSession, openPoseSocket, openSession, sessionStatus } from "./api";
+import type { DashPlan } from "./presets";
+import type { OpenViews } from "./streaming";
+
+export interface DashSource {
+  /** Where the packager is. */
+  readonly base: string;
+  readonly scene: string;
+  readonly plan: DashPlan;
+  readonly stamp: boolean;
+}
+
+export function overDash({ base, scene, plan, stamp }: DashSource): OpenViews {
+  return async (video, view, events, signal) => {
+    const { playStream } = plan.player === "mse" ? await import("./mse-stream") : await import("./dashjs-stream");
+    // Unless there is to be only one, the representations are the packager's choice: it knows the ladder and the viewport.
+    const request: SessionRequest = {
+      scene,
+      ...view,
+      ...plan.setup,
+      ...(plan.representation && { representations: [plan.representation] }),
+      stamp,
+    };
+    const session = await openSession(base, request, signal);
+    if (signal.aborted) void endSession(base, session);
+    signal.throwIfAborted();
+    const { told, failed } = events;
+    const poses = openPoseSocket(
+      base,
+      session,
+      ({ frame, pose }) => told(frame, pose),
+      () => failed("The DASH stream was interrupted."),
+    );
+    const leave = () => {
+      poses.close();
+      void endSession(base, session);
+    };
+    try {
+      const stream = playStream(video, `${base}${session.manifest}`, events);
+      const { id: _, manifest: __, poses: ___, ...played } = session;
+      return {
+        ...stream,
+        targetLatency: session.target_latency_ms,
+        played: { dash: { ...played, player: stream.player } },
+        receiver: () => null,
+        status: (asked) => sessionStatus(base, session, asked),
+        send: poses.send,
+        frame: (mediaTime) => Math.round(mediaTime * session.frame_rate),
+        rung: (width, height) =>
+          session.representations.find((one) => one.width === width && one.height === height)?.rung ?? null,
+        dispose() {
+          stream.dispose();
+          leave();
+        },
+      };
+    } catch (error) {
+      leave();
+      throw error;
+    }
+  };
+}

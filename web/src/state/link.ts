@@ -1,0 +1,41 @@
+/** Links to a view: where the camera is, and the settings that decide what is seen. Pure. */
+import type { ScenePose } from "../view/camera";
+import { type Asked, sceneHash } from "./route";
+import { DEFAULT_SETTINGS, LINKED, type Settings, settingOf } from "./settings";
+
+/** Digits of a place and of a rotation, so that a link stays short. */
+const PLACE_DIGITS = 6;
+const ROTATION_DIGITS = 5;
+
+/** The hash of a link to a view: settings that are not the usual ones, and the mode in any case. */
+export function viewHash(scene: string, { position, quaternion }: ScenePose, settings: Settings): string {
+  const rounded = (digits: number) => (value: number) => String(Number(value.toPrecision(digits)));
+  const at = [...position.map(rounded(PLACE_DIGITS)), ...quaternion.map(rounded(ROTATION_DIGITS))].join();
+  const named = LINKED.filter((name) => name === "mode" || settings[name] !== DEFAULT_SETTINGS[name]);
+  const chosen = named.map((name) => `&${name}=${encodeURIComponent(inText(settings[name]))}`);
+  return `${sceneHash(scene)}?at=${at}${chosen.join("")}`;
+}
+
+/** The settings of a link that make sense; who names a side means two side by side. */
+export function linkedSettings(asked: Asked): Partial<Settings> {
+  const found = LINKED.map((name) => [name, asked[name] === undefined ? undefined : settingOf(name, asked[name])]);
+  const settings: Partial<Settings> = Object.fromEntries(found.filter(([, value]) => value !== undefined));
+  const compared = settings.left !== undefined || settings.right !== undefined;
+  return { ...(compared && { mode: "side-by-side" }), ...settings };
+}
+
+/** The pose of a link, as `at=x,y,z,qx,qy,qz,qw` says it; null if it says none. */
+export function linkedPose({ at }: Asked): ScenePose | null {
+  const [x, y, z, qx, qy, qz, qw, ...more] = (at ?? "")
+    .split(",")
+    .map((text) => (text.trim() ? Number(text) : Number.NaN));
+  if (x === undefined || y === undefined || z === undefined || qw === undefined || more.length > 0) return null;
+  if (qx === undefined || qy === undefined || qz === undefined) return null;
+  const length = Math.hypot(qx, qy, qz, qw);
+  if (!Number.isFinite(x + y + z) || !(length > 0.1 && length < 10)) return null;
+  return { position: [x, y, z], quaternion: [qx / length, qy / length, qz / length, qw / length] };
+}
+
+function inText(value: Settings[(typeof LINKED)[number]]): string {
+  return typeof value === "boolean" ? (value ? "on" : "off") : String(value);
+}

@@ -1,0 +1,9 @@
+/** Where the page asks the host that it was sent to. */
+import { mixedContent } from "../http/reach";
+import type { ServerConfig } from "../wire/render";
+
+/** Of a path: at the host itself, unless browsers keep a secure page from it. Then the director hands on what it is asked. */
+export function hostUrl(path: string, { host, render_url: base }: Pick<ServerConfig, "host" | "render_url">): string {
+  if (typeof base !== "string") return path;
+  return mixedContent(base, location.href) ? `${path}?${new URLSearchParams({ host: host ?? "" })}` : `${base}/${path}`;
+}

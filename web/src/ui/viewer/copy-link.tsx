@@ -1,0 +1,35 @@
+/** A link to what is seen: into the clipboard and the address. */
+import { useSignal } from "@preact/signals";
+import { Check, Link2 } from "lucide";
+import { settings } from "../../state/app";
+import { viewHash } from "../../state/link";
+import type { ViewerSession } from "../../viewer/session";
+import { IconButton } from "../icon-button";
+
+/** How long it is said that it was copied, in milliseconds. */
+const SAID = 2000;
+
+export function CopyLink({ session }: { session: ViewerSession }) {
+  const copied = useSignal(false);
+  const copy = async () => {
+    const scene = session.scene.peek();
+    if (scene === null) return;
+    history.replaceState(history.state, "", viewHash(scene.id, session.rig.pose, settings.peek()));
+    try {
+      await navigator.clipboard.writeText(location.href);
+      copied.value = true;
+      setTimeout(() => {
+        copied.value = false;
+      }, SAID);
+    } catch {
+      prompt("The link to this view:", location.href); // no clipboard without HTTPS
+    }
+  };
+  return (
+    <IconButton
+      icon={copied.value ? Check : Link2}
+      label={copied.value ? "The link is copied" : "Copy a link to this view"}
+      onClick={() => void copy()}
+    />
+  );
+}

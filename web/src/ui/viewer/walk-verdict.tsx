@@ -1,0 +1,16 @@
+/** Over the stage, while the settings are closed: what became of the last walk, in one sentence that leads to all of it. */
+import { settings } from "../../state/app";
+import type { ViewerSession } from "../../viewer/session";
+import { verdict } from "./last-walk";
+import { sideNames } from "./names";
+
+export function WalkVerdict({ session, onOpen }: { session: ViewerSession; onOpen: () => void }) {
+  const comparison = session.comparison.value;
+  const walk = comparison?.walks.last.value;
+  if (!comparison || !walk || comparison.sides.length < 2) return null;
+  return (
+    <button type="button" class="floating walk-verdict" title="All figures of the walk" onClick={onOpen}>
+      <span role="status">{verdict(walk, sideNames(settings.value), comparison.quality.value)}</span>
+    </button>
+  );
+}

@@ -1,0 +1,107 @@
+/** What the pictures on the stage made of the last minute and, where there are two, of the last walk. */
+import { signal } from "@preact/signals";
+import { ComparisonHistory } from "../charts/history";
+import { WalkRecorder } from "../charts/walk";
+import { groundTruth, psnrOf } from "../quality/ground-truth";
+import { WalkQuality } from "../quality/walk-quality";
+import { STATS_EVERY } from "../view/meter";
+import type { Rig } from "../view/rig";
+import type { Side } from "./side";
+
+/** How near to ground truth the last walk was. */
+export interface SeenQuality {
+  /** Means of each side, from left to right, in dB; none while nothing is known. */
+  readonly psnr: readonly number[];
+  /** Of the walk, over which these are means. */
+  readonly moments: number;
+  /** Why there is none, in one sentence; null while it is awaited, and where there is. */
+  readonly problem: string | null;
+}
+
+export const UNSCORED: SeenQuality = { psnr: [], moments: 0, problem: null };
+
+/** The part of a `Side` that is used. */
+export type ComparedSide = Pick<Side, "figures" | "onPresented" | "picture" | "settings">;
+
+export class Comparison {
+  /** From left to right. */
+  readonly sides: readonly ComparedSide[];
+  readonly history: ComparisonHistory;
+  readonly walks = new WalkRecorder();
+  /** Of the last walk. */
+  readonly quality = signal(UNSCORED);
+  readonly #rig: Rig;
+  readonly #seen: WalkQuality;
+  /** The walk that was scored last, or is. */
+  #scored: unknown = null;
+  #scoring = new AbortController();
+  readonly #stops: readonly (() => void)[];
+
+  constructor(rig: Rig, sides: readonly ComparedSide[]) {
+    this.#rig = rig;
+    this.sides = sides;
+    this.history = new ComparisonHistory(sides.length);
+    this.#seen = new WalkQuality({
+      truth: (pose, signal) => {
+        const lens = { ...rig.intrinsics.peek(), ...rig.viewport.peek() };
+        return groundTruth({ scene: rig.scene?.id ?? "", lens }, pose, signal);
+      },
+      compare: psnrOf,
+    });
+    const timer = setInterval(() => this.#look(performance.now()), STATS_EVERY);
+    this.#stops = [
+      () => clearInterval(timer),
+      rig.onSample(({ seq }, at) => this.walks.sampled(seq, at)),
+      ...sides.map((side, i) =>
+        side.onPresented((frame) => {
+          this.history.presented(i, frame);
+          this.walks.presented(i, frame);
+        }),
+      ),
+    ];
+  }
+
+  dispose(): void {
+    for (const stop of this.#stops) stop();
+    this.#scoring.abort();
+    this.#seen.forget();
+  }
+
+  #look(now: number): void {
+    const figures = this.sides.map((side) => side.figures);
+    this.history.sample(figures, now);
+    this.walks.sample(figures, now);
+    if (this.sides.length > 1) this.#judge(now);
+  }
+
+  /** Keeps what is seen of each walk, and has it scored when the walk has ended and until the next one begins. */
+  #judge(now: number): void {
+    const { walks } = this;
+    if (walks.walking) {
+      this.#scoring.abort();
+      if (now - walks.movedAt >= STATS_EVERY) return;
+      this.#seen.walked(this.#rig.pose, () => this.sides.map((side) => side.picture()), now);
+    } else if (walks.last.peek() === this.#scored) {
+      this.#seen.forget(); // it was too short
+    } else {
+      this.#scored = walks.last.peek();
+      this.#scoring = new AbortController();
+      void this.#score(this.#scoring.signal);
+    }
+  }
+
+  async #score(signal: AbortSignal): Promise<void> {
+    this.quality.value = UNSCORED;
+    try {
+      for await (const score of this.#seen.scores(signal)) {
+        if (!signal.aborted) this.quality.value = { ...score, problem: null };
+      }
+    } catch (error) {
+      if (signal.aborted) return;
+      this.quality.value = {
+        ...UNSCORED,
+        problem: error instanceof Error ? error.message : "There is no ground truth.",
+      };
+    }
+  }
+}

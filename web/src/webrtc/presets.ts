@@ -1,0 +1,27 @@
+/** How a stream over WebRTC is encoded: by the packager's aiortc, whose H.264 has 30 frames a second at most. */
+
+export const WEBRTC_STREAMS = ["h264-30", "vp8-30", "vp8-60"] as const;
+export type WebRtcStream = (typeof WEBRTC_STREAMS)[number];
+
+export interface WebRtcPlan {
+  /** As its MIME type has it, after `video/`. */
+  readonly codec: "H264" | "VP8";
+  /** Frames a second. */
+  readonly frameRate: 30 | 60;
+}
+
+/** What a stream is opened with. */
+export interface WebRtcSetup extends WebRtcPlan {
+  /** The ladder's rung whose size it has; null: the largest that fits into the viewport. */
+  readonly rung: number | null;
+  /** The most that it may have; null: as much as the browser thinks that the link carries. */
+  readonly bitrateKbps: number | null;
+}
+
+export const WEBRTC_PLANS: Readonly<Record<WebRtcStream, WebRtcPlan>> = {
+  "h264-30": { codec: "H264", frameRate: 30 },
+  "vp8-30": { codec: "VP8", frameRate: 30 },
+  "vp8-60": { codec: "VP8", frameRate: 60 },
+};
+
+export const CODEC_NAMES: Readonly<Record<WebRtcPlan["codec"], string>> = { H264: "H.264", VP8: "VP8" };

@@ -1,0 +1,44 @@
+/** What the browser tells of a video that comes over RTP, read again and again. */
+
+export interface ReceiverStats {
+  /** All bytes of the video's packets so far, their headers among them. */
+  readonly bytes: number;
+  /** How long frames lately waited in the jitter buffer, mean, in milliseconds; null before the first. */
+  readonly jitterBuffer: number | null;
+  /** Packets that never came, so far. */
+  readonly lost: number;
+}
+
+/** What of the standard's RTCInboundRtpStreamStats is used. */
+interface Inbound {
+  readonly type: string;
+  readonly kind?: string;
+  readonly bytesReceived?: number;
+  readonly headerBytesReceived?: number;
+  readonly jitterBufferDelay?: number;
+  readonly jitterBufferEmittedCount?: number;
+  readonly packetsLost?: number;
+}
+
+export class StatsReader {
+  #delay = 0;
+  #emitted = 0;
+  #jitterBuffer: number | null = null;
+
+  /** A report of `RTCPeerConnection.getStats`; null while there is no video in it. */
+  read(report: Iterable<readonly [string, Inbound]>): ReceiverStats | null {
+    const inbound = [...report].map(([, stats]) => stats).find(isVideo);
+    if (inbound === undefined) return null;
+    const { bytesReceived = 0, headerBytesReceived = 0, packetsLost = 0 } = inbound;
+    const { jitterBufferDelay = 0, jitterBufferEmittedCount = 0 } = inbound;
+    const emitted = jitterBufferEmittedCount - this.#emitted;
+    if (emitted > 0) this.#jitterBuffer = ((jitterBufferDelay - this.#delay) / emitted) * 1000;
+    this.#delay = jitterBufferDelay;
+    this.#emitted = jitterBufferEmittedCount;
+    return { bytes: bytesReceived + headerBytesReceived, jitterBuffer: this.#jitterBuffer, lost: packetsLost };
+  }
+}
+
+function isVideo({ type, kind }: Inbound): boolean {
+  return type === "inbound-rtp" && kind === "video";
+}
