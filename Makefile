@@ -1,14 +1,14 @@
 # Newcomers need only two commands: `make demo` and `make test`.
 SHELL := /bin/bash
 .DEFAULT_GOAL := help
-.PHONY: help demo gpu test test-web-units test-python test-pages test-timed-pages chromium test-slow test-compose fuzz lint lint-python lint-web lint-compose lock format bench compare bench-gpu bench-hostile bench-load clean
+.PHONY: help demo gpu test test-web-units test-python test-pages test-timed-pages chromium test-slow test-compose fuzz lint lint-python lint-web lint-compose lock format bench compare bench-gpu bench-hostile bench-load release clean
 
 PYTHON ?= python3
 # PyTorch's package index. Without an NVIDIA GPU, save gigabytes with
 #   make demo TORCH_INDEX=https://download.pytorch.org/whl/cpu
 TORCH_INDEX ?=
 # The models directory. The built-in demo scene is always available.
-SCENES ?= $(wildcard models)
+SCENES ?= models
 
 # What `make compare` measures: make compare NETWORKS="5mbit,80ms-rtt my-trace.csv" ARGS="--duration 20"
 NETWORKS ?= 20mbit,20ms-rtt traces/network/4g-bus.csv
@@ -34,10 +34,12 @@ help:
 	@echo "make gpu           install GPU support for NVIDIA, as in: make gpu demo"
 	@echo "make bench-gpu     measure GPU rendering (needs a GPU)"
 	@echo "make lock          write the locks after a change of pyproject.toml or constraints.txt"
+	@echo "make release       build wheel and source archive with the page in them, and lists of all that they need (SBOM), into dist/"
 	@echo "make format        format the code and fix what can be fixed automatically"
 	@echo "make clean         remove installed dependencies, build outputs and caches"
 
 demo: .venv/.ready $(STATIC)
+	@$(if $(SCENES),mkdir -p $(SCENES))
 	@if [ -z '$(ARGS)' ] && $(VENV)/tigas lab check; then \
 		echo "== behind a shaped link: replay traces from the page's network panel"; \
 		exec $(VENV)/tigas lab up --traces traces/network $(if $(SCENES),--scenes $(SCENES)); \
@@ -116,7 +118,7 @@ lock: .venv/.ready
 	@$(VENV)/python -m locks.update
 
 compare: .venv/.ready $(STATIC)
-	@$(VENV)/tigas compare $(foreach network,$(NETWORKS),--network $(network)) --profile budget --profile 2 $(if $(SCENES),--scenes $(SCENES)) $(ARGS)
+	@$(VENV)/tigas compare $(foreach network,$(NETWORKS),--network $(network)) --profile budget --profile 2 $(if $(wildcard $(SCENES)),--scenes $(SCENES)) $(ARGS)
 
 bench: .venv/.ready $(STATIC)
 	@$(VENV)/python -m benchmarks.raster
@@ -165,5 +167,17 @@ $(STATIC): web/node_modules/.ready $(shell find web/src web/public web/index.htm
 	@cd web && npm run --silent build
 	@touch $@
 
+# What the images install, and what the page has in it.
+SBOM_EXTRAS := cluster dash gpu render shaper store
+SBOM := PYTHONWARNINGS=ignore $(VENV)/uv tool run --quiet --from cyclonedx-bom==7.5.0 cyclonedx-py requirements --pyproject pyproject.toml --output-reproducible
+
+release: .venv/.ready $(STATIC)
+	@rm -rf dist
+	@$(VENV)/uv build --quiet --out-dir dist
+	@for extra in $(SBOM_EXTRAS); do $(SBOM) locks/$$extra.txt -o dist/tigas-$$extra.cdx.json || exit 1; done
+	@cd web && npm sbom --package-lock-only --omit dev --sbom-format cyclonedx >../dist/tigas-page.cdx.json
+	@$(VENV)/python -m pytest -m slow tests/test_release.py
+	@ls dist
+
 clean:
-	rm -rf .venv web/node_modules services/render/tigas_render/static .mypy_cache .ruff_cache .pytest_cache
+	rm -rf .venv dist web/node_modules services/render/tigas_render/static .mypy_cache .ruff_cache .pytest_cache
