@@ -93,7 +93,7 @@ def test_without_a_packager_one_sentence_says_so(open_page: OpenPage) -> None:
     page = open_page(SCENE)
     wait_for_frames(page)
     switch(page, "dash")
-    expect(page.locator(".stage-message")).to_contain_text("no DASH packager")
+    expect(page.locator(".stage-message")).to_contain_text("no packager for DASH streams")
     switch(page, "side-by-side")
     wait_for_frames(page)
     switch(page, "stateless")

@@ -1,6 +1,6 @@
 import { afterEach, beforeEach, expect, test, vi } from "vitest";
 import type { SessionRequest } from "../wire/dash";
-import { endSession, openSession } from "./api";
+import { endSession, openSession, openWebRtc } from "./api";
 
 const REQUEST = { scene: "courtyard" } as SessionRequest;
 const SIGNAL = new AbortController().signal;
@@ -32,10 +32,13 @@ test.each([
   });
 });
 
-test("a packager that is away is named", async () => {
+test.each([
+  ["DASH", openSession],
+  ["WebRTC", openWebRtc],
+])("a packager of %s streams that is away is named as that", async (name, open) => {
   answer(() => Promise.reject(new TypeError("Failed to fetch")));
-  await expect(openSession("http://packager", REQUEST, SIGNAL)).rejects.toMatchObject({
-    message: "The DASH packager does not answer.",
+  await expect(open("http://packager", REQUEST as never, SIGNAL)).rejects.toMatchObject({
+    message: `The packager of ${name} streams does not answer.`,
     unreachable: true,
   });
 });

@@ -11,24 +11,26 @@ import type {
   WebRtcRequest,
   WebRtcSession,
 } from "../wire/dash";
+import { STREAM_NAMES, type StreamKind } from "./streaming";
 
 /** Opening waits for the scene to load and for the first frame. */
 const OPEN_TIMEOUT = 60_000;
 const END_TIMEOUT = 5000;
 
 export function openSession(base: string, request: SessionRequest, signal: AbortSignal): Promise<SessionInfo> {
-  return open(base, "sessions", request, signal);
+  return open("dash", `${base}/sessions`, request, signal);
 }
 
 /** The same over WebRTC: an offer out, its answer back. */
 export function openWebRtc(base: string, request: WebRtcRequest, signal: AbortSignal): Promise<WebRtcSession> {
-  return open(base, "webrtc", request, signal);
+  return open("webrtc", `${base}/webrtc`, request, signal);
 }
 
-async function open<Opened>(base: string, path: string, request: unknown, signal: AbortSignal): Promise<Opened> {
-  if (mixedContent(base, location.href)) {
+async function open<Opened>(kind: StreamKind, url: string, request: unknown, signal: AbortSignal): Promise<Opened> {
+  const name = STREAM_NAMES[kind];
+  if (mixedContent(url, location.href)) {
     throw new ApiError(
-      "Browsers do not let a secure page use a DASH packager over plain HTTP: open this page over http:// to see the stream.",
+      `Browsers do not let a secure page open a ${name} stream over plain HTTP: open this page over http:// to see it.`,
       false,
     );
   }
@@ -36,11 +38,11 @@ async function open<Opened>(base: string, path: string, request: unknown, signal
   try {
     const limit = AbortSignal.any([signal, AbortSignal.timeout(OPEN_TIMEOUT)]);
     // Plain text needs no preflight, which would be one more round trip.
-    response = await fetch(`${base}/${path}`, { method: "POST", body: JSON.stringify(request), signal: limit });
+    response = await fetch(url, { method: "POST", body: JSON.stringify(request), signal: limit });
     if (response.ok) return (await response.json()) as Opened;
   } catch (error) {
     if (signal.aborted) throw error;
-    throw new ApiError("The DASH packager does not answer.", true);
+    throw new ApiError(`The packager of ${name} streams does not answer.`, true);
   }
   // Too many streams, or a render service that is away: another try may help, as when nobody answers.
   throw new ApiError((await readProblem(response)).detail, response.status >= 500);

@@ -266,7 +266,8 @@ test("what may pass is tried again, and a stream that ends is opened anew", asyn
 
 test.each([
   [new ApiError("There is no scene “attic”.", false), "There is no scene “attic”."],
-  [new StreamUnsupported(), "This browser cannot play DASH streams: it has no Media Source Extensions."],
+  [new StreamUnsupported("This browser cannot."), "This browser cannot."],
+  [new TypeError("undefined is not a function"), "This browser cannot play the DASH stream."],
 ])("what will not pass is said, and not tried again", async (error, message) => {
   vi.mocked(openSession).mockRejectedValue(error);
   open();

@@ -14,7 +14,15 @@ import type { SessionStatus } from "../wire/dash";
 import { CameraFeed } from "./camera-feed";
 import { FramePoses } from "./frame-poses";
 import { LatencyTarget } from "./latency-target";
-import { type OpenViews, type Played, StreamEnded, StreamUnsupported, type ViewStream } from "./streaming";
+import {
+  type OpenViews,
+  type Played,
+  STREAM_NAMES,
+  StreamEnded,
+  type StreamKind,
+  StreamUnsupported,
+  type ViewStream,
+} from "./streaming";
 import { type StreamedFrame, TurnedVideo } from "./turned-video";
 
 export interface DashStats extends Figures {
@@ -54,7 +62,7 @@ export type DashPhase =
 export interface DashOptions {
   readonly video: HTMLVideoElement;
   readonly rig: Rig;
-  readonly side: Side & ("dash" | "webrtc");
+  readonly side: Side & StreamKind;
   readonly open: OpenViews;
   /** Whether stalls raise the target (`latency-target.ts`); otherwise it stays as it is. */
   readonly adaptive: boolean;
@@ -217,7 +225,8 @@ export class DashPlayer {
       if (signal.aborted) return;
       this.#leave();
       const known = error instanceof ApiError || error instanceof StreamUnsupported;
-      this.phase.value = { kind: "failed", message: known ? error.message : "The stream cannot be played here." };
+      const unknown = `This browser cannot play the ${STREAM_NAMES[this.#options.side]} stream.`;
+      this.phase.value = { kind: "failed", message: known ? error.message : unknown };
     }
   }
 

@@ -5,11 +5,12 @@ import {
   type MediaPlayerErrorEvent,
   supportsMediaSource,
 } from "dashjs";
-import { type PlayStream, StreamUnsupported } from "./streaming";
+import { NoMediaSource } from "./media-source";
+import type { PlayStream } from "./streaming";
 
 /** dash.js in its defaults: target latency and playback rates come from the manifest's ServiceDescription. */
 export const playStream: PlayStream = (video, manifest, events) => {
-  if (!supportsMediaSource()) throw new StreamUnsupported();
+  if (!supportsMediaSource()) throw new NoMediaSource();
   const player = MediaPlayer().create();
   player.updateSettings({
     debug: { logLevel: 0 },

@@ -5,10 +5,11 @@
 import { sleep } from "../async/sleep";
 import { type Manifest, readManifest } from "./manifest";
 import { MediaBuffer } from "./media-buffer";
+import { NoMediaSource } from "./media-source";
 import { MARGIN, Pace } from "./pace";
 import { fetched, SegmentFeed } from "./segment-feed";
 import { ServerClock } from "./server-clock";
-import { type PlayStream, StreamEnded, type StreamEvents, StreamUnsupported } from "./streaming";
+import { type PlayStream, StreamEnded, type StreamEvents } from "./streaming";
 
 /** How often the pace is looked at, beside each time that something comes, in milliseconds. */
 const LOOK_EVERY = 50;
@@ -17,7 +18,7 @@ const FIRST_LOOKS = 3;
 const TIME_EVERY = 30_000;
 
 export const playStream: PlayStream = (video, url, events) => {
-  if (globalThis.MediaSource === undefined) throw new StreamUnsupported();
+  if (globalThis.MediaSource === undefined) throw new NoMediaSource();
   const player = new MsePlayer(video, url, events);
   return {
     player: "bare MSE player",

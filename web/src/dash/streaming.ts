@@ -4,6 +4,10 @@ import type { PoseUpdate, SessionStatus } from "../wire/dash";
 import type { PlayedStream, PlayedWebRtc } from "../wire/store";
 import type { Camera } from "./camera-feed";
 
+/** What brings a stream, and what people call it. */
+export type StreamKind = "dash" | "webrtc";
+export const STREAM_NAMES: Readonly<Record<StreamKind, string>> = { dash: "DASH", webrtc: "WebRTC" };
+
 export interface StreamEvents {
   /** Bytes of segments came in. */
   received(bytes: number): void;
@@ -63,11 +67,7 @@ export type OpenViews = (
 ) => Promise<ViewStream>;
 
 /** This browser can play no such stream at all. */
-export class StreamUnsupported extends Error {
-  constructor(reason = "This browser cannot play DASH streams: it has no Media Source Extensions.") {
-    super(reason);
-  }
-}
+export class StreamUnsupported extends Error {}
 
 /** The stream ended before it began. */
 export class StreamEnded extends Error {}

@@ -225,7 +225,7 @@ test.each<[string, Partial<PlannedRun>, () => void]>([
     },
   ],
   [
-    "The stream was lost during the run.",
+    "The DASH stream was lost during the run.",
     { mode: "dash-tuned" },
     () => {
       session.dash.value = null;

@@ -1,6 +1,7 @@
 /** Makes one run in this very page: settings, network, first pose, warm-up, movement. */
 import { effect } from "@preact/signals";
 import { sleep } from "../async/sleep";
+import { STREAM_NAMES } from "../dash/streaming";
 import { poseAt, type TimedPose } from "../movement/playback";
 import type { Shaper } from "../network/shaper";
 import type { About } from "../samples/layout";
@@ -11,7 +12,7 @@ import type { ShaperStatus } from "../wire/shaper";
 import type { RunUpload } from "../wire/store";
 import { RunFailed } from "./errors";
 import { linkFor, linkProblem, linkSamples, watchLink } from "./link";
-import { downloadOf, isLocal, isStreamed, type PlannedRun, settingsFor } from "./plan";
+import { downloadOf, isDash, isLocal, isStreamed, type PlannedRun, settingsFor } from "./plan";
 import type { Runner } from "./runner";
 
 export interface MeasurementContext {
@@ -149,7 +150,8 @@ function watchForTrouble(
     if (enhanced.kind === "failed") return `Enhancement was given up during the run. ${enhanced.message}`;
     const turned = session.unturned.value;
     if (turned !== null) return `Reprojection ended during the run. ${turned}`;
-    if (isStreamed(run.mode) && stream?.kind !== "playing") return "The stream was lost during the run.";
+    if (isStreamed(run.mode) && stream?.kind !== "playing")
+      return `The ${STREAM_NAMES[isDash(run.mode) ? "dash" : "webrtc"]} stream was lost during the run.`;
     const download = session.local.value?.phase.value;
     if (isLocal(run.mode) && download?.kind === "failed") return download.message;
     if (run.mode === "video" && session.video.problem.value !== null) return session.video.problem.value;

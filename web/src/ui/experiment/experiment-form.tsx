@@ -207,7 +207,7 @@ function ConditionChoice({ draft, onChange }: PartProps) {
             {RUN_MODE_NAMES[mode]}
           </Check>
         ))}
-        {!streams && <p class="muted small">This server has no DASH packager.</p>}
+        {!streams && <p class="muted small">This server has no packager for DASH and WebRTC streams.</p>}
       </fieldset>
       <Select
         label="DASH frame rate"

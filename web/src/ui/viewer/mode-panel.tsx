@@ -1,16 +1,16 @@
-/** What shows the scene, and how its DASH stream is set up. */
+/** What shows the scene, and how its stream is set up. */
 
 import type { ComponentChildren } from "preact";
 import { type DashPlan, type DashSetup, FRAME_RATES, PRESETS, type Preset, planFor } from "../../dash/presets";
 import type { DownloadForm } from "../../local/local-player";
 import { changeSettings, config, settings } from "../../state/app";
 import { isStreamed, LOCAL_FORMS, MODES } from "../../state/settings";
-import { anyStreamed, settingsShown } from "../../state/sides";
+import { settingsShown } from "../../state/sides";
 import { offeredForm } from "../../viewer/download-opening";
 import type { ViewerSession } from "../../viewer/session";
 import { CODEC_NAMES, WEBRTC_PLANS, WEBRTC_STREAMS } from "../../webrtc/presets";
 import { ComparisonPanel } from "./comparison-panel";
-import { MODE_NAMES } from "./names";
+import { MODE_NAMES, noPackager } from "./names";
 import { NumberField } from "./number-field";
 import { SidesPanel } from "./sides-panel";
 
@@ -29,8 +29,8 @@ const FORM_SENTENCES: Readonly<Record<DownloadForm, string>> = {
 
 export function ModePanel({ session }: { session: ViewerSession }) {
   const { mode } = settings.value;
-  const streamed = anyStreamed(settings.value);
   const shown = settingsShown(settings.value).map((each) => each.mode);
+  const streams = shown.filter(isStreamed);
   const missing = config.value !== null && !config.value.services.dash;
   return (
     <>
@@ -43,10 +43,10 @@ export function ModePanel({ session }: { session: ViewerSession }) {
       </Segments>
       {mode === "local" && <Download session={session} />}
       {mode === "side-by-side" && <SidesPanel />}
-      {streamed && missing && (
+      {streams[0] && missing && (
         <p class="notice" role="alert" data-notice="no-packager">
-          This server has no DASH packager: start it with <code>tigas dash</code>, and name it to the server as the
-          service “dash”.
+          {noPackager(streams[0])}: start one with <code>tigas dash</code>, and name it to the server as the service
+          “dash”.
         </p>
       )}
       {shown.includes("dash") && !missing && <Streams />}

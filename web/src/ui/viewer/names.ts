@@ -1,15 +1,18 @@
 /** Names of things that several parts of the page show. */
+import { STREAM_NAMES, type StreamKind } from "../../dash/streaming";
 import type { Mode, Settings, SideMode } from "../../state/settings";
 import type { TransportChoice } from "../../transport/connect";
 
 export const MODE_NAMES: Readonly<Record<Mode, string>> = {
   stateless: "Stateless",
   video: "Video",
-  dash: "DASH",
-  webrtc: "WebRTC",
+  ...STREAM_NAMES,
   "side-by-side": "Side by side",
   local: "Local",
 };
+
+/** Where the server names no packager. */
+export const noPackager = (kind: StreamKind) => `This server has no packager for ${STREAM_NAMES[kind]} streams`;
 
 /** What two sides are compared by. */
 export const SIDE_MODE_NAMES: Readonly<Record<SideMode, string>> = {

@@ -138,11 +138,11 @@ test("speeds are set, and the camera is reset and the settings closed by their b
   expect(onClose).toHaveBeenCalledOnce();
 });
 
-test("without a packager the modes with DASH say how to get one", async () => {
+test.each(["DASH", "WebRTC"])("without a packager the mode %s says how to get one", async (name) => {
   show();
-  await userEvent.click(screen.getByRole("radio", { name: "DASH" }));
-  expect(settings.value.mode).toBe("dash");
-  expect(screen.getByRole("alert").textContent).toContain("tigas dash");
+  await userEvent.click(screen.getByRole("radio", { name }));
+  expect(settings.value.mode).toBe(name.toLowerCase());
+  expect(screen.getByRole("alert").textContent).toContain(`no packager for ${name} streams: start one with tigas dash`);
   expect(screen.queryByRole("group", { name: "DASH stream" })).toBeNull();
 });
 

@@ -2,6 +2,7 @@
 import { CircleAlert, LoaderCircle, Unplug } from "lucide";
 import type { ComponentChildren } from "preact";
 import type { DashPhase } from "../../dash/dash-player";
+import { STREAM_NAMES, type StreamKind } from "../../dash/streaming";
 import type { LocalPlayer } from "../../local/local-player";
 import { config } from "../../state/app";
 import { isStreamed } from "../../state/settings";
@@ -9,6 +10,7 @@ import type { ConnectionState } from "../../transport/connection";
 import type { ViewerSession } from "../../viewer/session";
 import type { Side } from "../../viewer/side";
 import { Icon } from "../icon";
+import { noPackager } from "./names";
 
 export function StageMessage({ session }: { session: ViewerSession }) {
   const phase = session.phase.value;
@@ -54,7 +56,7 @@ export function StageMessage({ session }: { session: ViewerSession }) {
 /** Why a picture is not there, or not as it is to be. */
 function SideMessage({ side, session }: { side: Side; session: ViewerSession }) {
   const { mode } = side.settings.value;
-  if (isStreamed(mode)) return <Dash phase={side.dash.value?.phase.value} />;
+  if (isStreamed(mode)) return <Stream kind={mode} phase={side.dash.value?.phase.value} />;
   if (mode === "local") return <Local local={side.local.value} session={session} />;
   const problem = (mode === "video" && side.video.problem.value) || side.stateless.problem.value;
   return problem && <Failed>{problem}</Failed>;
@@ -68,12 +70,12 @@ function Connection({ state }: { state: ConnectionState | null }) {
   return state?.status === "lost" ? <Lost>{state.reason}</Lost> : null;
 }
 
-function Dash({ phase }: { phase: DashPhase | undefined }) {
+function Stream({ kind, phase }: { kind: StreamKind; phase: DashPhase | undefined }) {
   if (phase === undefined) {
     if (config.value?.services.dash) return null;
-    return <Failed>This server has no DASH packager; see Settings, Mode.</Failed>;
+    return <Failed>{noPackager(kind)}; see Settings, Mode.</Failed>;
   }
-  if (phase.kind === "connecting") return <Waiting>Starting the stream…</Waiting>;
+  if (phase.kind === "connecting") return <Waiting>{`Starting the ${STREAM_NAMES[kind]} stream…`}</Waiting>;
   if (phase.kind === "lost") return <Lost>{phase.message}</Lost>;
   return phase.kind === "failed" ? <Failed>{phase.message}</Failed> : null;
 }

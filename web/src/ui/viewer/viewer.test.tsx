@@ -247,11 +247,11 @@ test("a visit that failed says why, can be tried again, and offers the way back"
 });
 
 test.each([
-  [{ kind: "connecting" }, "Starting the stream…"],
+  [{ kind: "connecting" }, "Starting the WebRTC stream…"],
   [{ kind: "lost", message: "The stream broke." }, "The stream broke. Trying again…"],
   [{ kind: "failed", message: "This browser cannot." }, "This browser cannot."],
 ] as const)("a stream that is %j says: %s", (phase, sentence) => {
-  settings.value = { ...settings.value, mode: "dash" };
+  settings.value = { ...settings.value, mode: "webrtc" };
   session.dash.value = fakeDash(phase);
   show();
   expect(screen.getByText(sentence)).toBeTruthy();

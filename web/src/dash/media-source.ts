@@ -1,0 +1,8 @@
+/** This browser has nothing that could play DASH. */
+import { StreamUnsupported } from "./streaming";
+
+export class NoMediaSource extends StreamUnsupported {
+  constructor() {
+    super("This browser cannot play DASH streams: it has no Media Source Extensions.");
+  }
+}
