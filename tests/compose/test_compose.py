@@ -15,7 +15,7 @@ from tests.compose.stack import SERVICES, Service, Stack, answers, docker, downl
 from tests.experiments.store.conftest import upload
 from tests.testbed.inside import wait_until
 from tests.web.conftest import PATIENCE
-from tests.web.modes import wait_for_dash
+from tests.web.modes import wait_for_stream
 from tests.web.scenes import SMALL
 from tests.web.stage import SCENE, frames, picture, stat, wait_for_frames, wait_until_settled
 
@@ -55,11 +55,11 @@ def test_the_page_shows_frames_over_webtransport(stack: Stack, page: Page) -> No
 def test_the_same_walk_as_a_dash_stream(stack: Stack, page: Page) -> None:
     walk(page)
     page.evaluate("tigas.settings({ mode: 'dash' })")
-    wait_for_dash(page, at_least=30)
+    wait_for_stream(page, at_least=30)
     docker("kill", stack.container("dash-packager"))
     expect(page.locator(".stage-message")).to_contain_text("Trying again", timeout=PATIENCE)
     stack.up()
-    wait_for_dash(page, at_least=30)
+    wait_for_stream(page, at_least=30)
 
 
 def test_experiments_survive_a_killed_store(stack: Stack) -> None:

@@ -16,7 +16,7 @@ from tests.testbed.inside import inside, wait_until
 from tests.testbed.labs import NOBODY
 from tests.testbed.shaper_process import ShaperProcess
 from tests.web.conftest import CHROMIUM_ARGS, DESKTOP, PATIENCE, STATIC
-from tests.web.modes import wait_for_dash
+from tests.web.modes import wait_for_stream
 from tests.web.scenes import write_scenes
 from tests.web.stage import SCENE, frames, wait_for_frames
 from tigas_common.processes import STOP_S, end
@@ -102,7 +102,7 @@ def test_webrtc_crosses_the_link_on_its_one_port(link: ShaperProcess, page: Page
     page.wait_for_function("() => globalThis.tigas !== undefined")
     plain = "mode: 'webrtc', webrtcStream: 'vp8-30', reprojection: false, prediction: 'off'"
     page.evaluate(f"tigas.settings({{ {plain} }})")
-    wait_for_dash(page, at_least=5)
+    wait_for_stream(page, at_least=5)
     page.wait_for_function("() => tigas.state().ready")
     points = [
         {"t_ms": t, "position": [0, 0, 0], "quaternion": [0, math.sin(t / 2000), 0, math.cos(t / 2000)]}

@@ -14,17 +14,12 @@ def with_settings(url: str, **chosen: object) -> dict[str, Any]:
     return {"storage_state": {"cookies": [], "origins": [{"origin": url.rstrip("/"), "localStorage": stored}]}}
 
 
-def dash_frames(page: Page) -> int:
-    """How many frames of the present stream were shown."""
-    return int(page.locator(".stage").get_attribute("data-dash-frames") or 0)
-
-
-def wait_for_dash(page: Page, at_least: int = 1) -> None:
+def wait_for_stream(page: Page, at_least: int = 1) -> None:
     """Until the stream plays and so many of its frames have been shown."""
     page.wait_for_function(
         """n => {
           const stage = document.querySelector('.stage')?.dataset;
-          return stage?.dash === 'playing' && Number(stage.dashFrames) >= n;
+          return stage?.stream === 'playing' && Number(stage.streamFrames) >= n;
         }""",
         arg=at_least,
     )

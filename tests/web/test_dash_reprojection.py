@@ -13,7 +13,7 @@ from PIL import Image
 from playwright.sync_api import Page, expect
 
 from tests.web.conftest import OpenPage
-from tests.web.modes import wait_for_dash, with_settings
+from tests.web.modes import wait_for_stream, with_settings
 from tests.web.stage import SCENE
 from tests.web.test_motion_to_photon import WALK_MS, turning
 
@@ -57,7 +57,7 @@ def test_the_view_follows_the_camera_and_at_rest_nothing_is_stretched(open_page:
     page = open_page(
         SCENE, url=viewer_url, viewport=SMALL, **with_settings(viewer_url, mode="dash", reprojection=True, **PLAIN)
     )
-    wait_for_dash(page, at_least=30)
+    wait_for_stream(page, at_least=30)
     run = walk(page)
     assert_turned(run, "dash")
     pictures = [(one["width"], one["height"]) for one in run["captures"]]
@@ -67,7 +67,7 @@ def test_the_view_follows_the_camera_and_at_rest_nothing_is_stretched(open_page:
     page.evaluate("tigas.settings({ reprojection: false })")
     expect(page.locator("canvas.reprojected")).to_have_count(0)
     page.wait_for_function("() => tigas.state().ready")
-    wait_for_dash(page, at_least=30)
+    wait_for_stream(page, at_least=30)
     plain = at_rest(page)
     assert_same_view(turned, plain)
     assert all(one["view"] is None for one in frames_of(walk(page), "dash"))
@@ -80,7 +80,7 @@ def test_side_by_side_both_follow_it(open_page: OpenPage, viewer_url: str) -> No
         viewport=SMALL | {"width": 2 * SMALL["width"]},
         **with_settings(viewer_url, mode="side-by-side", reprojection=True, **PLAIN),
     )
-    wait_for_dash(page, at_least=30)
+    wait_for_stream(page, at_least=30)
     expect(page.locator(".pane > canvas.reprojected")).to_have_count(2)
     run = walk(page)
     for side in ("stateless", "dash"):
@@ -97,7 +97,7 @@ def test_a_lost_graphics_processor_leaves_the_stream_as_it_comes(open_page: Open
     )
     canvas = page.locator("canvas.reprojected")
     expect(canvas).to_have_count(1)
-    wait_for_dash(page, at_least=30)
+    wait_for_stream(page, at_least=30)
     turned = at_rest(page)
     lost = canvas.evaluate_handle("one => one.getContext('webgl2').getExtension('WEBGL_lose_context')")
     lost.evaluate("one => one.loseContext()")
@@ -107,7 +107,7 @@ def test_a_lost_graphics_processor_leaves_the_stream_as_it_comes(open_page: Open
     page.evaluate("tigas.settings({ hud: false })")  # it lies over the picture
     expect(canvas).to_have_count(0)
     page.wait_for_function("() => tigas.state().ready")
-    wait_for_dash(page, at_least=30)
+    wait_for_stream(page, at_least=30)
     assert_same_view(turned, at_rest(page))
     lost.evaluate("one => one.restoreContext()")
     expect(canvas).to_have_count(1)

@@ -14,7 +14,7 @@ from PIL import Image
 from playwright.sync_api import Page, expect
 
 from tests.web.conftest import PATIENCE, OpenPage
-from tests.web.modes import wait_for_dash, with_settings
+from tests.web.modes import wait_for_stream, with_settings
 from tests.web.server import Packager
 from tests.web.stage import SCENE, stat, wait_for_frames, wait_until_settled
 
@@ -51,20 +51,22 @@ def test_switching_the_mode_keeps_the_pose(open_page: OpenPage, viewer_url: str)
     assert a["width"] == pytest.approx(b["width"], abs=1)
     assert a["height"] == pytest.approx(b["height"], abs=1)
     assert a["x"] + a["width"] <= b["x"] + 1
-    page.wait_for_function("() => document.querySelector('.stage').dataset.dash !== 'playing'")  # the panes are smaller
-    wait_for_dash(page, at_least=10)
+    page.wait_for_function(
+        "() => document.querySelector('.stage').dataset.stream !== 'playing'"
+    )  # the panes are smaller
+    wait_for_stream(page, at_least=10)
     wait_until_shown(page, ".pane:nth-child(2) video", shown(page, ".pane:nth-child(1) canvas"))
 
     switch(page, "stateless")
     expect(page.locator(".stage video")).to_be_hidden()
-    expect(page.locator(".stage")).to_have_attribute("data-dash", "off")
+    expect(page.locator(".stage")).to_have_attribute("data-stream", "off")
     wait_until_shown(page, "canvas", last)
 
 
 def test_the_stream_lasts_as_long_as_somebody_watches(open_page: OpenPage, viewer_url: str, packager: Packager) -> None:
     wait_for_sessions(packager, lambda sessions: not sessions)  # of the test before
     page = open_page(SCENE, url=viewer_url, **with_settings(viewer_url, mode="dash"))
-    wait_for_dash(page)
+    wait_for_stream(page)
     (stream,) = packager.sessions()
     page.evaluate("tigas.settings({ dashPreset: 'typical' })")
     wait_for_sessions(packager, lambda sessions: [one["id"] for one in sessions] != [stream["id"]])
@@ -78,7 +80,7 @@ def test_a_lost_packager_is_announced_and_found_again(open_page: OpenPage, viewe
     chosen = with_settings(viewer_url, mode="side-by-side")
     page = open_page(SCENE, url=viewer_url, expected_errors="ERR_", **chosen)
     wait_for_frames(page)
-    wait_for_dash(page)
+    wait_for_stream(page)
     packager.kill()
     expect(page.locator(".stage-message")).to_contain_text("Trying again")
     before = int(page.locator(".stage").get_attribute("data-frames") or 0)
@@ -86,7 +88,7 @@ def test_a_lost_packager_is_announced_and_found_again(open_page: OpenPage, viewe
     wait_for_frames(page, before + 2)  # the other side goes on
     packager.start()
     expect(page.locator(".stage-message")).to_have_text("")
-    wait_for_dash(page, at_least=10)
+    wait_for_stream(page, at_least=10)
 
 
 def test_without_a_packager_one_sentence_says_so(open_page: OpenPage) -> None:
@@ -103,7 +105,7 @@ def test_without_a_packager_one_sentence_says_so(open_page: OpenPage) -> None:
 def test_both_sides_are_measured(open_page: OpenPage, viewer_url: str) -> None:
     page = open_page(SCENE, url=viewer_url, **with_settings(viewer_url, mode="side-by-side"))
     wait_for_frames(page)
-    wait_for_dash(page)
+    wait_for_stream(page)
     page.keyboard.down("ArrowRight")
     for side in ("left", "right"):
         for name in ("motion-to-photon", "bandwidth"):

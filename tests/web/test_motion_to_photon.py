@@ -11,7 +11,7 @@ import pytest
 from playwright.sync_api import Page
 
 from tests.web.conftest import OpenPage
-from tests.web.modes import wait_for_dash, with_settings
+from tests.web.modes import wait_for_stream, with_settings
 from tests.web.stage import SCENE, wait_for_frames
 from tests.web.stamp import Seen, first_shown, seen, watch_screen
 
@@ -50,7 +50,7 @@ def test_the_bare_player_shows_the_same_stream_earlier_than_dash_js(open_page: O
         for preset, medians in seen_after.items():
             page.evaluate("preset => tigas.settings({ dashPreset: preset })", preset)
             page.wait_for_function("() => tigas.state().ready")
-            wait_for_dash(page, at_least=60)
+            wait_for_stream(page, at_least=60)
             medians.append(median(walk(page, "dash")[1].values()))
     assert min(seen_after["edge"]) < min(seen_after["tuned"]), seen_after
 
@@ -64,7 +64,7 @@ def open_stamped(open_page: OpenPage, url: str, *, mode: str, **chosen: object) 
     if mode == "stateless":
         wait_for_frames(page)
     else:
-        wait_for_dash(page, at_least=60)
+        wait_for_stream(page, at_least=60)
     return page
 
 

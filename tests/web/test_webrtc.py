@@ -9,7 +9,7 @@ import pytest
 from playwright.sync_api import expect
 
 from tests.web.conftest import OpenPage
-from tests.web.modes import wait_for_dash, with_settings
+from tests.web.modes import wait_for_stream, with_settings
 from tests.web.server import Packager
 from tests.web.stage import SCENE
 from tigas_common.wire.recording import Recording
@@ -28,7 +28,7 @@ def test_a_walk_over_webrtc_is_measured_frame_by_frame(
     viewer_url: str, packager: Packager, open_page: OpenPage
 ) -> None:
     page = open_page(SCENE, url=viewer_url, viewport=SMALL, **with_settings(viewer_url, mode="webrtc", **PLAIN))
-    wait_for_dash(page, at_least=5)
+    wait_for_stream(page, at_least=5)
     plan = {"points": TURN, "duration_ms": TURN_MS, "capture_every_ms": 400, "sample_stride": 0}
     page.wait_for_function("() => tigas.state().ready")
     recording = Recording.model_validate_json(json.dumps(page.evaluate("plan => tigas.run(plan)", plan)))
@@ -41,5 +41,5 @@ def test_a_walk_over_webrtc_is_measured_frame_by_frame(
     assert recording.captures
     expect(page.locator('[data-stat="codec"]')).to_contain_text("H.264")
     page.evaluate("tigas.settings({ mode: 'stateless' })")
-    page.wait_for_function("() => document.querySelector('.stage').dataset.dash === 'off'")
+    page.wait_for_function("() => document.querySelector('.stage').dataset.stream === 'off'")
     assert packager.sessions() == [], "the stream goes on"

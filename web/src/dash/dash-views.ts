@@ -1,8 +1,10 @@
 /** A stream over DASH: a session of the packager's, the socket that moves its camera, and the player of its manifest. */
+
+import { endSession, openSession, sessionStatus } from "../stream/packager";
+import type { OpenViews } from "../stream/stream";
 import type { SessionRequest } from "../wire/dash";
-import { endSession, openPoseSocket, openSession, sessionStatus } from "./api";
+import { openPoseSocket } from "./pose-socket";
 import type { DashPlan } from "./presets";
-import type { OpenViews } from "./streaming";
 
 export interface DashSource {
   /** Where the packager is. */

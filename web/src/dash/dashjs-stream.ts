@@ -5,8 +5,8 @@ import {
   type MediaPlayerErrorEvent,
   supportsMediaSource,
 } from "dashjs";
+import type { PlayStream } from "../stream/stream";
 import { NoMediaSource } from "./media-source";
-import type { PlayStream } from "./streaming";
 
 /** dash.js in its defaults: target latency and playback rates come from the manifest's ServiceDescription. */
 export const playStream: PlayStream = (video, manifest, events) => {

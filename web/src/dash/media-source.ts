@@ -1,5 +1,5 @@
 /** This browser has nothing that could play DASH. */
-import { StreamUnsupported } from "./streaming";
+import { StreamUnsupported } from "../stream/stream";
 
 export class NoMediaSource extends StreamUnsupported {
   constructor() {

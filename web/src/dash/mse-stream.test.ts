@@ -1,8 +1,8 @@
 // @vitest-environment happy-dom
 import { afterEach, beforeEach, expect, test, vi } from "vitest";
+import type { Stream } from "../stream/stream";
+import { StreamUnsupported } from "../stream/stream";
 import { playStream } from "./mse-stream";
-import type { Stream } from "./streaming";
-import { StreamUnsupported } from "./streaming";
 
 const MPD = `<?xml version="1.0" encoding="utf-8"?>
 <MPD xmlns="urn:mpeg:dash:schema:mpd:2011" availabilityStartTime="1970-01-01T00:00:00.000Z">

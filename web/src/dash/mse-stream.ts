@@ -3,13 +3,13 @@
  * dash.js's latency, for want of all that dash.js has besides: it knows the one kind of manifest that our packager writes.
  */
 import { sleep } from "../async/sleep";
+import { type PlayStream, StreamEnded, type StreamEvents } from "../stream/stream";
 import { type Manifest, readManifest } from "./manifest";
 import { MediaBuffer } from "./media-buffer";
 import { NoMediaSource } from "./media-source";
 import { MARGIN, Pace } from "./pace";
 import { fetched, SegmentFeed } from "./segment-feed";
 import { ServerClock } from "./server-clock";
-import { type PlayStream, StreamEnded, type StreamEvents } from "./streaming";
 
 /** How often the pace is looked at, beside each time that something comes, in milliseconds. */
 const LOOK_EVERY = 50;

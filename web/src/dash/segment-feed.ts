@@ -1,8 +1,8 @@
 /** Fetches a live stream segment by segment, each while it grows, and always has the next one asked for. */
 import { sleep } from "../async/sleep";
+import { StreamEnded } from "../stream/stream";
 import { affordable, DeliveryRate } from "./delivery-rate";
 import type { Manifest, Representation } from "./manifest";
-import { StreamEnded } from "./streaming";
 
 /** The next segment is asked for so long before it begins, in seconds: the server answers when it does. */
 const LEAD = 0.5;

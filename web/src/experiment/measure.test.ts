@@ -87,7 +87,7 @@ function fakeSession() {
     local: signal<{
       phase: { value: { kind: string; message?: string }; peek: () => { kind: string; message?: string } };
     } | null>(null),
-    dash: signal<{ phase: { value: { kind: string; message?: string } } } | null>(null),
+    stream: signal<{ phase: { value: { kind: string; message?: string } } } | null>(null),
     scene: signal(COURTYARD),
     enhancement: { status: signal<EnhancementStatus>({ kind: "off" }) },
     unturned: signal<string | null>(null),
@@ -228,7 +228,7 @@ test.each<[string, Partial<PlannedRun>, () => void]>([
     "The DASH stream was lost during the run.",
     { mode: "dash-tuned" },
     () => {
-      session.dash.value = null;
+      session.stream.value = null;
     },
   ],
   ["Settings or the window's size were changed during the run.", {}, () => changeSettings({ controller: "l2a" })],
@@ -255,7 +255,7 @@ test.each<[string, Partial<PlannedRun>, () => void]>([
     },
   ],
 ])("a run is given up: %s", async (sentence, run, happens) => {
-  session.dash.value = { phase: { value: { kind: "playing" } } };
+  session.stream.value = { phase: { value: { kind: "playing" } } };
   meanwhile = happens;
   const { outcome } = await measured(run);
   expect(outcome).toMatchObject({ message: sentence });

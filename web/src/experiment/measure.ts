@@ -1,12 +1,12 @@
 /** Makes one run in this very page: settings, network, first pose, warm-up, movement. */
 import { effect } from "@preact/signals";
 import { sleep } from "../async/sleep";
-import { STREAM_NAMES } from "../dash/streaming";
 import { poseAt, type TimedPose } from "../movement/playback";
 import type { Shaper } from "../network/shaper";
 import type { About } from "../samples/layout";
 import { settings } from "../state/app";
 import type { Settings } from "../state/settings";
+import { STREAM_NAMES } from "../stream/stream";
 import type { ViewerSession } from "../viewer/session";
 import type { ShaperStatus } from "../wire/shaper";
 import type { RunUpload } from "../wire/store";
@@ -144,7 +144,7 @@ function watchForTrouble(
   const lens = () => JSON.stringify([session.rig.viewport.value, session.rig.intrinsics.value]);
   const before = lens();
   const trouble = (): string | null => {
-    const stream = session.dash.value?.phase.value;
+    const stream = session.stream.value?.phase.value;
     if (session.phase.value.kind !== "playing") return "The connection was lost during the run.";
     const enhanced = session.enhancement.status.value;
     if (enhanced.kind === "failed") return `Enhancement was given up during the run. ${enhanced.message}`;
@@ -182,9 +182,9 @@ function decisive(chosen: Settings): string {
   const { transport, mode, controller, profile, refine, restore, upscale, webp } = chosen;
   const { reprojection, prediction, overscan, depth, surround } = chosen;
   const { dashPreset, dashFrameRate, dashRepresentation, dashCustom, webrtcStream, localForm } = chosen;
-  const dash = [dashPreset, dashFrameRate, dashRepresentation, dashCustom, webrtcStream, localForm];
+  const opened = [dashPreset, dashFrameRate, dashRepresentation, dashCustom, webrtcStream, localForm];
   const motion = [reprojection, prediction, overscan, depth, surround];
-  return JSON.stringify([transport, mode, controller, profile, refine, restore, upscale, webp, ...dash, ...motion]);
+  return JSON.stringify([transport, mode, controller, profile, refine, restore, upscale, webp, ...opened, ...motion]);
 }
 
 function visible(): boolean {
@@ -194,8 +194,8 @@ function visible(): boolean {
 /** Why no frame comes, as far as the viewer knows. */
 function whyNoFrame(session: ViewerSession): string {
   if (!visible()) return HIDDEN;
-  const { phase, dash, local } = session;
-  const phases = [phase, dash.peek()?.phase, local.peek()?.phase].map((one) => one?.peek());
+  const { phase, stream, local } = session;
+  const phases = [phase, stream.peek()?.phase, local.peek()?.phase].map((one) => one?.peek());
   const said = phases.flatMap((phase) => (phase && "message" in phase ? phase.message : []));
   const video = settings.peek().mode === "video" ? session.video.problem.peek() : null;
   return said[0] ?? video ?? `No frame came within ${READY_WITHIN / 1000} s.`;

@@ -46,7 +46,7 @@ beforeEach(() => {
     receivedBytes: 0,
     seed: signal(1),
     connected: signal(null),
-    dash: signal(null),
+    stream: signal(null),
     local,
     enhancement: { status: enhancement },
     unturned,

@@ -218,11 +218,11 @@ export class Runner {
       });
       const targets: number[] = [];
       const noteTarget = effect(() => {
-        const target = this.#session.dash.value?.stats.value.targetLatency;
+        const target = this.#session.stream.value?.stats.value.targetLatency;
         if (target != null && target !== targets.at(-1)) targets.push(target);
       });
       const endedAt = await this.#ended(recorder, movedUntil, signal).finally(noteTarget);
-      const stream = this.#session.dash.peek()?.playing ?? null;
+      const played = this.#session.stream.peek()?.playing ?? null;
       // Drawing a scene may take all of the page's time: that is the mode's own doing, and its poses are counted as missed.
       const animated = (recorder.displayInterval ?? Number.POSITIVE_INFINITY) < SLOWEST_DISPLAY;
       const unbroken = longestPause < PAUSE || (download !== null && !hidden && animated);
@@ -230,8 +230,8 @@ export class Runner {
         scene: rig.scene?.id ?? "",
         mode: settings.peek().mode,
         transport: this.#session.connected.peek()?.transport.kind ?? null,
-        dash: stream && "dash" in stream ? { ...stream.dash, targets_ms: targets } : null,
-        webrtc: stream && "webrtc" in stream ? stream.webrtc : null,
+        dash: played && "dash" in played ? { ...played.dash, targets_ms: targets } : null,
+        webrtc: played && "webrtc" in played ? played.webrtc : null,
         local: this.#session.local.peek()?.played(startedAt) ?? null,
         user_agent: navigator.userAgent,
         lens,
@@ -270,14 +270,14 @@ export class Runner {
   /** A copy on the graphics processor, or in memory where there is none: encoding waits until the run has ended. */
   async #keep(recorder: Recorder, at: number): Promise<void> {
     const frame = this.#frame;
-    const { stateless, dash, local, rig } = this.#session;
+    const { stateless, stream, local, rig } = this.#session;
     if (frame === undefined) {
       const picture = await createImageBitmap(new ImageData(rig.viewport.peek().width, rig.viewport.peek().height));
       recorder.capturedNothing(at, picture);
       this.#pictures.push(picture);
       return;
     }
-    const sides = { stateless, dash: dash.peek(), webrtc: dash.peek(), local: local.peek() };
+    const sides = { stateless, dash: stream.peek(), webrtc: stream.peek(), local: local.peek() };
     try {
       const picture = await sides[frame.side]?.picture();
       if (!picture) return;

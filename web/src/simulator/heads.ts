@@ -5,7 +5,6 @@
 import type { ControllerFactory } from "../abr/controller";
 import { seeded } from "../abr/random";
 import { ThroughputEstimator } from "../abr/throughput";
-import { widened } from "../dash/wider";
 import { poseAt, type TimedPose } from "../movement/playback";
 import { Foresight } from "../predict/foresight";
 import { AutoOverscan } from "../reproject/overscan";
@@ -14,6 +13,7 @@ import type { DecodedImage } from "../stateless/decoder";
 import { type DecodedFrame, FramePipeline } from "../stateless/pipeline";
 import { Rest } from "../stateless/rest";
 import { SurroundFeed } from "../stateless/surround-feed";
+import { widened } from "../stream/wider";
 import type { FrameReply } from "../transport/transport";
 import { viewDistance } from "../view/camera";
 import { NO_INPUT } from "../view/motion";

@@ -1,7 +1,5 @@
 /** A visit for tests of what shows it: nothing is connected, and the test says how it stands. */
 import { computed, signal } from "@preact/signals";
-import type { DashPhase, DashPlayer, DashStats } from "../dash/dash-player";
-import { NO_DASH_STATS } from "../dash/dash-player";
 import type { EnhancementStatus } from "../enhance/enhancement";
 import { type LocalPhase, type LocalPlayer, type LocalStats, NO_LOCAL_STATS } from "../local/local-player";
 import { MovementDeck } from "../movement/movement-deck";
@@ -11,6 +9,8 @@ import { COURTYARD } from "../state/fake-server";
 import { isPerView, isStreamed } from "../state/settings";
 import { type Place, settingsAt } from "../state/sides";
 import { NO_STATS, type Stats } from "../stateless/stats";
+import type { StreamPhase, StreamPlayer, StreamStats } from "../stream/stream-player";
+import { NO_STREAM_STATS } from "../stream/stream-player";
 import type { Connected } from "../transport/connect";
 import type { ConnectionState } from "../transport/connection";
 import type { Figures } from "../view/meter";
@@ -37,7 +37,7 @@ export function fakeSide(place: Place) {
     },
     reprojector: { status: signal<ReprojectionStatus>("on") },
     videoReprojector: { status: signal<ReprojectionStatus>("on") },
-    dash: signal<DashPlayer | null>(null),
+    stream: signal<StreamPlayer | null>(null),
     local: signal<LocalPlayer | null>(null),
     unturned: computed((): string | null =>
       reprojectionNote(fake.reprojector.status.value, fake.videoReprojector.status.value),
@@ -45,7 +45,7 @@ export function fakeSide(place: Place) {
     get figures(): Figures | null {
       const { mode } = fake.settings.value;
       if (isPerView(mode)) return fake.stateless.stats.value;
-      return (isStreamed(mode) ? fake.dash : fake.local).value?.stats.value ?? null;
+      return (isStreamed(mode) ? fake.stream : fake.local).value?.stats.value ?? null;
     },
     picture: () => null,
     onPresented: () => () => undefined,
@@ -74,7 +74,7 @@ export function fakeSession() {
     stateless: left.stateless,
     video: left.video,
     reprojector: left.reprojector,
-    dash: left.dash,
+    stream: left.stream,
     local: left.local,
     enhancement: {
       ...left.enhancement,
@@ -111,10 +111,10 @@ export function asSession(fake: FakeSession): ViewerSession {
   return fake as unknown as ViewerSession;
 }
 
-/** The DASH side of a visit. */
-export function fakeDash(phase: DashPhase, stats: Partial<DashStats> = {}): DashPlayer {
+/** The stream of a visit. */
+export function fakeStream(phase: StreamPhase, stats: Partial<StreamStats> = {}): StreamPlayer {
   const status = async () => null;
-  return { phase: signal(phase), stats: signal({ ...NO_DASH_STATS, ...stats }), status } as unknown as DashPlayer;
+  return { phase: signal(phase), stats: signal({ ...NO_STREAM_STATS, ...stats }), status } as unknown as StreamPlayer;
 }
 
 /** What downloads the scene of a visit. */

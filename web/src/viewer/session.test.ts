@@ -19,8 +19,8 @@ vi.mock("../transport/connect");
 const streams = vi.hoisted(() => [] as { readonly options: Record<string, unknown>; disposed: boolean }[]);
 vi.mock("../dash/dash-views", () => ({ overDash: (source: unknown) => source }));
 vi.mock("../webrtc/webrtc-views", () => ({ overWebRtc: (source: unknown) => source }));
-vi.mock("../dash/dash-player", () => ({
-  DashPlayer: class {
+vi.mock("../stream/stream-player", () => ({
+  StreamPlayer: class {
     disposed = false;
     readonly options: Record<string, unknown>;
     readonly phase = signal({ kind: "playing" });
@@ -253,7 +253,7 @@ test("a stream is opened where the mode has one, and anew when what decides it c
   await vi.advanceTimersByTimeAsync(1000); // the viewport has kept its size
   expect(streams).toHaveLength(0);
   changeSettings({ mode: "side-by-side" });
-  expect(session.dash.value).toBe(streams[0]);
+  expect(session.stream.value).toBe(streams[0]);
   expect(streams[0]?.options).toMatchObject({
     side: "dash",
     open: { base: "http://dash.test", scene: "courtyard" },
@@ -272,7 +272,7 @@ test("a stream is opened where the mode has one, and anew when what decides it c
   await vi.advanceTimersByTimeAsync(200);
   expect(streams).toHaveLength(3);
   changeSettings({ mode: "stateless" });
-  expect(session.dash.value).toBeNull();
+  expect(session.stream.value).toBeNull();
   expect(streams.map(({ disposed }) => disposed)).toEqual([true, true, true]);
 });
 

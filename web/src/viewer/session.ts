@@ -59,7 +59,7 @@ export class ViewerSession {
   /** Where a stream is shown, or two modes are compared; else null. */
   readonly comparison = signal<Comparison | null>(null);
   /** The first stream on the stage, if there is one, and the first download. */
-  readonly dash = computed(() => this.left.dash.value ?? this.right.value?.dash.value ?? null);
+  readonly stream = computed(() => this.left.stream.value ?? this.right.value?.stream.value ?? null);
   readonly local = computed(() => this.left.local.value ?? this.right.value?.local.value ?? null);
   /** What a person should know where pictures of any side are to be turned and are not; else null. */
   readonly unturned = computed(() => this.left.unturned.value ?? this.right.value?.unturned.value ?? null);

@@ -5,8 +5,6 @@
 
 import { computed, effect, type ReadonlySignal, signal, untracked } from "@preact/signals";
 import { Listeners } from "../async/listeners";
-import type { DashPlayer } from "../dash/dash-player";
-import { type StreamedFrame, TurnedVideo } from "../dash/turned-video";
 import { Display } from "../enhance/display";
 import { Enhancement } from "../enhance/enhancement";
 import { Overlay } from "../enhance/overlay";
@@ -22,6 +20,8 @@ import type { DecodedFrame, SentRequest } from "../stateless/pipeline";
 import { selectedController, videoSteps } from "../stateless/selected-controller";
 import { type Reply, type ShownFrame, StatelessPlayer } from "../stateless/stateless-player";
 import type { Pictured } from "../stateless/turning";
+import type { StreamPlayer } from "../stream/stream-player";
+import { type StreamedFrame, TurnedVideo } from "../stream/turned-video";
 import type { Connected } from "../transport/connect";
 import { videoProblem } from "../video/support";
 import { VideoFrames } from "../video/video-frames";
@@ -59,7 +59,7 @@ export class Side {
   readonly video: VideoFrames;
   readonly videoReprojector: Reprojector<StreamedFrame>;
   /** Null in the other modes, and where there is no packager. */
-  readonly dash = signal<DashPlayer | null>(null);
+  readonly stream = signal<StreamPlayer | null>(null);
   /** Null in the other modes. */
   readonly local = signal<LocalPlayer | null>(null);
   /** What a person should know where pictures are to be turned and are not; else null. */
@@ -142,7 +142,7 @@ export class Side {
     this.#beginVideo();
     const shared = { rig, onPresented: this.#presented.tell, onReceived: this.#count, now };
     this.#cleanups.push(
-      keepStream(this.dash, scene, settings, { ...shared, video, stamp, reprojector: this.videoReprojector }),
+      keepStream(this.stream, scene, settings, { ...shared, video, stamp, reprojector: this.videoReprojector }),
       keepDownload(this.local, scene, settings, { ...shared, below: canvas, size }),
     );
   }
@@ -156,7 +156,7 @@ export class Side {
   get figures(): Figures | null {
     const { mode } = this.settings.value;
     if (isPerView(mode)) return this.stateless.stats.value;
-    return (isStreamed(mode) ? this.dash : this.local).value?.stats.value ?? null;
+    return (isStreamed(mode) ? this.stream : this.local).value?.stats.value ?? null;
   }
 
   /** Ask for views over this from now on; null while there is no connection. */
@@ -168,21 +168,21 @@ export class Side {
   picture(): Promise<ImageBitmap> | null {
     const { mode } = this.settings.peek();
     if (isPerView(mode)) return this.stateless.picture();
-    return (isStreamed(mode) ? this.dash : this.local).peek()?.picture() ?? null;
+    return (isStreamed(mode) ? this.stream : this.local).peek()?.picture() ?? null;
   }
 
   /** Once per animation frame, first of all: whoever hears of it finds on the screen the frame that was told of last. */
   presented(time: number): void {
     if (isPerView(this.settings.peek().mode)) this.stateless.presented(time);
     else this.stateless.suspend();
-    this.dash.peek()?.presented(time);
+    this.stream.peek()?.presented(time);
     this.local.peek()?.presented(time);
   }
 
   /** Once per animation frame, after the rig was sampled; `moved` is what the rig said. */
   tick(time: number, moved: boolean): void {
     if (isPerView(this.settings.peek().mode)) this.stateless.tick(time, moved);
-    this.dash.peek()?.tick(time, moved);
+    this.stream.peek()?.tick(time, moved);
     this.local.peek()?.tick(time, moved);
   }
 

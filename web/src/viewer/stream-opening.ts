@@ -1,25 +1,25 @@
 /** Opens a stream of the packager's where the mode has one, and anew whenever what decides it changes. */
 import { computed, effect, type ReadonlySignal, type Signal, signal, untracked } from "@preact/signals";
-import { type DashOptions, DashPlayer } from "../dash/dash-player";
 import { type DashSource, overDash } from "../dash/dash-views";
 import { planFor } from "../dash/presets";
-import { AUTO_OVERSCAN } from "../dash/wider";
 import { config } from "../state/app";
 import { isStreamed } from "../state/settings";
 import type { SideSettings } from "../state/sides";
+import { type StreamOptions, StreamPlayer } from "../stream/stream-player";
+import { AUTO_OVERSCAN } from "../stream/wider";
 import { WEBRTC_PLANS, type WebRtcSetup } from "../webrtc/presets";
 import { overWebRtc } from "../webrtc/webrtc-views";
 import type { SceneInfo } from "../wire/render";
 
 /** What all streams of a visit have in common. */
-type Shared = Omit<DashOptions, "side" | "open" | "adaptive" | "overscan" | "prediction"> & Pick<DashSource, "stamp">;
+type Shared = Omit<StreamOptions, "side" | "open" | "adaptive" | "overscan" | "prediction"> & Pick<DashSource, "stamp">;
 
 /** A stream is opened anew when the viewport has kept its size for this long, in milliseconds. */
 const RESIZED_AFTER = 400;
 
 /** `current` is the stream that there is, or null, until the function that this returns is called. */
 export function keepStream(
-  current: Signal<DashPlayer | null>,
+  current: Signal<StreamPlayer | null>,
   scene: ReadonlySignal<SceneInfo | null>,
   settings: ReadonlySignal<SideSettings>,
   shared: Shared,
@@ -53,9 +53,9 @@ export function keepStream(
     const options = { overscan, prediction: () => settings.value.prediction };
     const open = mode === "dash" ? overDash(source) : overWebRtc(source);
     const adaptive = source.plan.adaptive === true;
-    const dash = untracked(() => new DashPlayer({ ...shared, ...options, side: mode, open, adaptive }));
-    current.value = dash;
-    const leave = () => dash.dispose();
+    const stream = untracked(() => new StreamPlayer({ ...shared, ...options, side: mode, open, adaptive }));
+    current.value = stream;
+    const leave = () => stream.dispose();
     const comeBack = ({ persisted }: PageTransitionEvent) => persisted && returned.value++;
     addEventListener("pagehide", leave);
     addEventListener("pageshow", comeBack);
@@ -63,7 +63,7 @@ export function keepStream(
       removeEventListener("pagehide", leave);
       removeEventListener("pageshow", comeBack);
       current.value = null;
-      dash.dispose();
+      stream.dispose();
     };
   });
   return () => {

@@ -1,13 +1,13 @@
 import { afterEach, beforeEach, expect, test, vi } from "vitest";
-import { endSession, openWebRtc } from "../dash/api";
-import type { Camera } from "../dash/camera-feed";
-import type { ViewStream } from "../dash/streaming";
 import { ApiError } from "../http/problem";
+import type { Camera } from "../stream/camera-feed";
+import { endSession, openWebRtc } from "../stream/packager";
+import type { ViewStream } from "../stream/stream";
 import type { WebRtcSession } from "../wire/dash";
 import { WEBRTC_PLANS } from "./presets";
 import { overWebRtc } from "./webrtc-views";
 
-vi.mock("../dash/api");
+vi.mock("../stream/packager");
 
 const SESSION = { id: "a", sdp: "answer", codec: "H264", rung: 2, width: 640, height: 360, frame_rate: 30 };
 const PLAN = { ...WEBRTC_PLANS["h264-30"], rung: 2, bitrateKbps: null };

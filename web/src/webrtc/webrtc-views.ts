@@ -1,7 +1,8 @@
 /** A stream over WebRTC: the browser receives and decodes the video by itself, and two data channels say what it shows. */
-import { endSession, openWebRtc, sessionStatus } from "../dash/api";
-import type { Camera } from "../dash/camera-feed";
-import { type OpenViews, StreamUnsupported, type ViewEvents, type ViewStream } from "../dash/streaming";
+
+import type { Camera } from "../stream/camera-feed";
+import { endSession, openWebRtc, sessionStatus } from "../stream/packager";
+import { type OpenViews, StreamUnsupported, type ViewEvents, type ViewStream } from "../stream/stream";
 import type { SentFrame, WebRtcRequest, WebRtcSession } from "../wire/dash";
 import { CODEC_NAMES, type WebRtcPlan, type WebRtcSetup } from "./presets";
 import { type ReceiverStats, StatsReader } from "./receiver-stats";

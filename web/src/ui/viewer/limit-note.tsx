@@ -1,9 +1,9 @@
 /** What limits a picture on the stage, where it is not the link: renderer or encoder, or this machine. */
 import { useSignal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
-import type { DashPlayer } from "../../dash/dash-player";
-import { MANY_REPEATS, repeatedShare } from "../../dash/repeats";
 import { isPerView } from "../../state/settings";
+import { MANY_REPEATS, repeatedShare } from "../../stream/repeats";
+import type { StreamPlayer } from "../../stream/stream-player";
 import type { Rig } from "../../view/rig";
 import type { Side } from "../../viewer/side";
 import type { SessionStatus } from "../../wire/dash";
@@ -19,7 +19,7 @@ const FEW_PICTURES = 30;
 export function LimitNote({ side, rig }: { side: Side; rig: Rig }) {
   const { mode } = side.settings.value;
   const drawn = useDrawn(rig);
-  const repeated = useRepeats(side.dash.value);
+  const repeated = useRepeats(side.stream.value);
   return (
     <>
       {isPerView(mode) && <ServerNote stats={side.stateless.stats.value} />}
@@ -61,15 +61,15 @@ function useDrawn(rig: Rig): number | null {
 }
 
 /** The share of the stream's newest frames that show nothing new although the camera moved; null before that is known. */
-function useRepeats(dash: DashPlayer | null): number | null {
+function useRepeats(stream: StreamPlayer | null): number | null {
   const share = useSignal<number | null>(null);
   useEffect(() => {
     share.value = null;
-    if (dash === null) return undefined;
+    if (stream === null) return undefined;
     const asking = new AbortController();
     let before: SessionStatus | null = null;
     const timer = setInterval(() => {
-      void dash.status(asking.signal).then((status) => {
+      void stream.status(asking.signal).then((status) => {
         if (asking.signal.aborted) return;
         share.value = repeatedShare(before, status);
         before = status;
@@ -79,6 +79,6 @@ function useRepeats(dash: DashPlayer | null): number | null {
       asking.abort();
       clearInterval(timer);
     };
-  }, [dash, share]);
+  }, [stream, share]);
   return share.value;
 }

@@ -1,6 +1,7 @@
 /** Names of things that several parts of the page show. */
-import { STREAM_NAMES, type StreamKind } from "../../dash/streaming";
+
 import type { Mode, Settings, SideMode } from "../../state/settings";
+import { STREAM_NAMES, type StreamKind } from "../../stream/stream";
 import type { TransportChoice } from "../../transport/connect";
 
 export const MODE_NAMES: Readonly<Record<Mode, string>> = {

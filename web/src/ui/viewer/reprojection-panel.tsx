@@ -1,11 +1,11 @@
 /** How movement is met: whether frames are turned to the newest view, what is asked for so that they can be, and how that goes. */
 import { ChevronDown } from "lucide";
 import type { ComponentChildren } from "preact";
-import { NO_DASH_STATS } from "../../dash/dash-player";
 import type { PredictorName } from "../../predict/registry";
 import { changeSettings, settings } from "../../state/app";
 import { isPerView, isStreamed } from "../../state/settings";
 import { settingsShown } from "../../state/sides";
+import { NO_STREAM_STATS } from "../../stream/stream-player";
 import type { ViewerSession } from "../../viewer/session";
 import { Icon } from "../icon";
 import { OverscanOptions, overscanOf } from "../overscans";
@@ -18,7 +18,7 @@ export function ReprojectionPanel({ session }: { session: ViewerSession }) {
   const streamed = isStreamed(session.left.settings.value.mode);
   const status = (streamed ? session.left.videoReprojector : session.left.reprojector).status.value;
   const note = session.unturned.value;
-  const { warpMs } = (streamed ? session.dash.value : session.stateless)?.stats.value ?? NO_DASH_STATS;
+  const { warpMs } = (streamed ? session.stream.value : session.stateless)?.stats.value ?? NO_STREAM_STATS;
   return (
     <>
       <label

@@ -1,9 +1,10 @@
 /** The measurements of each picture on the stage, over it: the same figures in the same places, and what its mode has besides. */
-import { NO_DASH_STATS } from "../../dash/dash-player";
+
 import { NO_LOCAL_STATS } from "../../local/local-player";
 import { ladder, settings } from "../../state/app";
 import { isPerView } from "../../state/settings";
 import type { Place } from "../../state/sides";
+import { NO_STREAM_STATS } from "../../stream/stream-player";
 import { NO_FIGURES } from "../../view/meter";
 import type { Rig } from "../../view/rig";
 import type { ViewerSession } from "../../viewer/session";
@@ -91,7 +92,7 @@ function ModeRows({ side }: { side: Side }) {
   const { mode } = side.settings.value;
   if (mode === "local") return <LocalRows stats={side.local.value?.stats.value ?? NO_LOCAL_STATS} />;
   if (mode === "dash") {
-    const stats = side.dash.value?.stats.value ?? NO_DASH_STATS;
+    const stats = side.stream.value?.stats.value ?? NO_STREAM_STATS;
     return (
       <>
         <Row name="live-latency" label="Live latency">
@@ -108,7 +109,7 @@ function ModeRows({ side }: { side: Side }) {
     );
   }
   if (mode === "webrtc") {
-    const stats = side.dash.value?.stats.value ?? NO_DASH_STATS;
+    const stats = side.stream.value?.stats.value ?? NO_STREAM_STATS;
     return (
       <>
         <Row name="codec" label="Codec">

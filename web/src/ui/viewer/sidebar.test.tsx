@@ -6,7 +6,7 @@ import { config, sceneLadder, settings } from "../../state/app";
 import { serverConfig } from "../../state/fake-server";
 import { DEFAULT_SETTINGS } from "../../state/settings";
 import { NO_STATS } from "../../stateless/stats";
-import { asSession, type FakeSession, fakeDash, fakeSession, fakeSide } from "../../viewer/fake-session";
+import { asSession, type FakeSession, fakeSession, fakeSide, fakeStream } from "../../viewer/fake-session";
 import { Sidebar } from "./sidebar";
 
 vi.mock("../chart/live-plot", () => ({ plotLive: () => () => undefined }));
@@ -150,7 +150,7 @@ test("with a packager its stream is set up by preset, or number by number", asyn
   const user = userEvent.setup();
   config.value = serverConfig({ dash: "http://dash.test" });
   settings.value = { ...DEFAULT_SETTINGS, mode: "dash" };
-  session.dash.value = fakeDash({ kind: "playing" });
+  session.stream.value = fakeStream({ kind: "playing" });
   show();
   await user.click(screen.getByRole("radio", { name: "Typical" }));
   expect(settings.value.dashPreset).toBe("typical");

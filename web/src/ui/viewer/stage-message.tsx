@@ -1,11 +1,11 @@
 /** What the stage has to say: what is awaited, that a server is away, or why there is no picture. */
 import { CircleAlert, LoaderCircle, Unplug } from "lucide";
 import type { ComponentChildren } from "preact";
-import type { DashPhase } from "../../dash/dash-player";
-import { STREAM_NAMES, type StreamKind } from "../../dash/streaming";
 import type { LocalPlayer } from "../../local/local-player";
 import { config } from "../../state/app";
 import { isStreamed } from "../../state/settings";
+import { STREAM_NAMES, type StreamKind } from "../../stream/stream";
+import type { StreamPhase } from "../../stream/stream-player";
 import type { ConnectionState } from "../../transport/connection";
 import type { ViewerSession } from "../../viewer/session";
 import type { Side } from "../../viewer/side";
@@ -56,7 +56,7 @@ export function StageMessage({ session }: { session: ViewerSession }) {
 /** Why a picture is not there, or not as it is to be. */
 function SideMessage({ side, session }: { side: Side; session: ViewerSession }) {
   const { mode } = side.settings.value;
-  if (isStreamed(mode)) return <Stream kind={mode} phase={side.dash.value?.phase.value} />;
+  if (isStreamed(mode)) return <Stream kind={mode} phase={side.stream.value?.phase.value} />;
   if (mode === "local") return <Local local={side.local.value} session={session} />;
   const problem = (mode === "video" && side.video.problem.value) || side.stateless.problem.value;
   return problem && <Failed>{problem}</Failed>;
@@ -70,7 +70,7 @@ function Connection({ state }: { state: ConnectionState | null }) {
   return state?.status === "lost" ? <Lost>{state.reason}</Lost> : null;
 }
 
-function Stream({ kind, phase }: { kind: StreamKind; phase: DashPhase | undefined }) {
+function Stream({ kind, phase }: { kind: StreamKind; phase: StreamPhase | undefined }) {
   if (phase === undefined) {
     if (config.value?.services.dash) return null;
     return <Failed>{noPackager(kind)}; see Settings, Mode.</Failed>;

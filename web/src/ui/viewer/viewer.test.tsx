@@ -10,7 +10,7 @@ import type { Asked } from "../../state/route";
 import { DEFAULT_SETTINGS } from "../../state/settings";
 import { NO_STATS } from "../../stateless/stats";
 import { type Comparison, UNSCORED } from "../../viewer/comparison";
-import { type FakeSession, fakeDash, fakeLocal, fakeSession, fakeSide } from "../../viewer/fake-session";
+import { type FakeSession, fakeLocal, fakeSession, fakeSide, fakeStream } from "../../viewer/fake-session";
 import type { SessionStatus } from "../../wire/dash";
 import { Viewer } from "./viewer";
 
@@ -54,7 +54,7 @@ test("the stage tells scripts how it stands", async () => {
   show();
   await act(() => {
     session.stateless.stats.value = { ...NO_STATS, shown: 4, settled: false, transport: "fetch" };
-    session.dash.value = fakeDash({ kind: "connecting" }, { shown: 2 });
+    session.stream.value = fakeStream({ kind: "connecting" }, { shown: 2 });
   });
   expect({ ...stage().dataset }).toEqual({
     phase: "playing",
@@ -62,8 +62,8 @@ test("the stage tells scripts how it stands", async () => {
     frames: "4",
     settled: "false",
     mode: "stateless",
-    dash: "connecting",
-    dashFrames: "2",
+    stream: "connecting",
+    streamFrames: "2",
     local: "off",
     localComplete: "false",
   });
@@ -156,7 +156,7 @@ test("the measurements are those of the mode", async () => {
     settings.value = { ...settings.value, mode: "side-by-side", left: "local-ply", right: "dash-edge" };
     session.local.value = fakeLocal({ kind: "playing" }, { drawn: 300 });
     const right = fakeSide("right");
-    right.dash.value = fakeDash({ kind: "playing" }, { liveLatency: 320, stalls: { count: 2, time: 1500 } });
+    right.stream.value = fakeStream({ kind: "playing" }, { liveLatency: 320, stalls: { count: 2, time: 1500 } });
     session.right.value = right;
   });
   const names = screen.getAllByRole("region").map((region) => region.getAttribute("aria-label"));
@@ -201,9 +201,9 @@ test("a stream whose frames show nothing new says that the server is the limit, 
   vi.useFakeTimers({ toFake: ["setInterval", "clearInterval", "performance"] });
   settings.value = { ...settings.value, mode: "dash" };
   let ticks = 0;
-  const dash = fakeDash({ kind: "playing" });
-  dash.status = async () => ({ id: "a", frames: 60 * ticks, repeated: 45 * ticks++, dropped: 0 }) as SessionStatus;
-  session.dash.value = dash;
+  const stream = fakeStream({ kind: "playing" });
+  stream.status = async () => ({ id: "a", frames: 60 * ticks, repeated: 45 * ticks++, dropped: 0 }) as SessionStatus;
+  session.stream.value = stream;
   show();
   for (let i = 0; i < 60; i++) {
     session.rig.sample(performance.now());
@@ -252,7 +252,7 @@ test.each([
   [{ kind: "failed", message: "This browser cannot." }, "This browser cannot."],
 ] as const)("a stream that is %j says: %s", (phase, sentence) => {
   settings.value = { ...settings.value, mode: "webrtc" };
-  session.dash.value = fakeDash(phase);
+  session.stream.value = fakeStream(phase);
   show();
   expect(screen.getByText(sentence)).toBeTruthy();
 });

@@ -128,8 +128,8 @@ export function Viewer({ sceneId, stamp, asked, unknown }: Props) {
           data-frames={live?.stateless.stats.value.shown}
           data-settled={live?.stateless.stats.value.settled}
           data-mode={mode}
-          data-dash={live?.dash.value?.phase.value.kind ?? "off"}
-          data-dash-frames={live?.dash.value?.stats.value.shown}
+          data-stream={live?.stream.value?.phase.value.kind ?? "off"}
+          data-stream-frames={live?.stream.value?.stats.value.shown}
           data-local={live?.local.value?.phase.value.kind ?? "off"}
           data-local-complete={live?.local.value?.stats.value.completeMs != null}
         >

@@ -5,31 +5,14 @@ import type { Content, Reprojector, Turned } from "../reproject/reprojector";
 import { NO_NUDGE } from "../view/motion";
 import type { PresentedFrame } from "../view/presented";
 import { type NumberedPose, Rig } from "../view/rig";
-import type { FrameShown, PoseUpdate, SessionInfo } from "../wire/dash";
+import type { PoseUpdate } from "../wire/dash";
 import type { SceneInfo } from "../wire/render";
-import { endSession, openPoseSocket, openSession } from "./api";
-import { DashPlayer } from "./dash-player";
-import { overDash } from "./dash-views";
-import { playStream } from "./dashjs-stream";
-import { type DashPlan, tuned } from "./presets";
-import { type StreamEvents, StreamUnsupported } from "./streaming";
+import { type OpenViews, StreamUnsupported, type ViewEvents, type ViewStream } from "./stream";
+import { StreamPlayer } from "./stream-player";
 import type { StreamedFrame } from "./turned-video";
 
-vi.mock("./api");
-vi.mock("./dashjs-stream", () => ({ playStream: vi.fn() })); // the real one loads a player that needs a browser
-
 const SCENE = { up: [0, -1, 0], camera: { position: [0, -2, -8], look_at: [0, -2, 0] } } as SceneInfo;
-const SESSION = {
-  id: "a",
-  manifest: "/a.mpd",
-  poses: "/a/poses",
-  frame_rate: 30,
-  target_latency_ms: 120,
-  representations: [
-    { id: "r2-4242", rung: 2, width: 640, height: 360, bitrate_kbps: 4242 },
-    { id: "r2-1414", rung: 2, width: 640, height: 360, bitrate_kbps: 1414 },
-  ],
-} as unknown as SessionInfo;
+const PLAYED = { webrtc: { codec: "VP8", rung: 2, width: 640, height: 360, frame_rate: 30, lost_packets: 0 } };
 const STILL = { forward: 0, right: 0, up: 0, turnRight: 0, turnUp: 0 };
 
 /** What the video shows, in seconds. */
@@ -46,14 +29,16 @@ let now: number;
 let video: HTMLVideoElement;
 let axes: typeof STILL;
 let rig: Rig;
-let player: DashPlayer;
+let player: StreamPlayer;
 let shown: PresentedFrame[];
 /** Poses that the packager was told. */
 let told: PoseUpdate[];
 let tab: EventTarget & { hidden: boolean };
-let announce: (frame: FrameShown) => void;
-let hangUp: () => void;
-let stream: StreamEvents;
+/** What the stream that was opened last tells. */
+let events: ViewEvents;
+/** Streams that were given up. */
+let disposed: number;
+const openViews = vi.fn<OpenViews>();
 /** The poses of the pictures that were to be turned, and those that they were turned to. */
 let turned: { taken: number[]; to: number[] };
 /** What it drew and has not told of. */
@@ -98,15 +83,10 @@ beforeEach(() => {
   rig.enter(SCENE);
   rig.sample(0);
   vi.resetAllMocks();
-  vi.mocked(openSession).mockResolvedValue(SESSION);
-  vi.mocked(openPoseSocket).mockImplementation((_, __, onFrame, onClose) => {
-    announce = onFrame;
-    hangUp = onClose;
-    return { send: (pose) => told.push(pose) > 0, close: () => undefined };
-  });
-  vi.mocked(playStream).mockImplementation((_, __, events) => {
-    stream = events;
-    return { player: "dash.js 5", latency: () => 0.1, aim: (target) => aims.push(target), dispose: () => undefined };
+  disposed = 0;
+  openViews.mockImplementation(async (_, __, heard) => {
+    events = heard;
+    return stream();
   });
 });
 
@@ -116,7 +96,26 @@ afterEach(() => {
   vi.useRealTimers();
 });
 
-function open(plan: Partial<DashPlan> = {}, overscan: number | null = null): void {
+/** Of 30 frames a second, as some player has it. */
+function stream(): ViewStream {
+  return {
+    player: "a player",
+    played: PLAYED,
+    targetLatency: 120,
+    latency: () => 0.1,
+    aim: (target) => aims.push(target),
+    status: async () => null,
+    receiver: () => null,
+    send: (pose) => told.push(pose) > 0,
+    frame: (mediaTime) => Math.round(mediaTime * 30),
+    rung: () => 2,
+    dispose: () => {
+      disposed++;
+    },
+  };
+}
+
+function open(overscan: number | null = null): void {
   video = {
     style: {},
     currentTime: 1.86,
@@ -128,13 +127,12 @@ function open(plan: Partial<DashPlan> = {}, overscan: number | null = null): voi
       };
     },
   } as unknown as HTMLVideoElement;
-  const chosen: DashPlan = { setup: tuned(30), player: "dash.js", adaptive: true, representation: null, ...plan };
-  player = new DashPlayer({
+  player = new StreamPlayer({
     video,
     rig,
     side: "dash",
-    open: overDash({ base: "http://packager", scene: "courtyard", plan: chosen, stamp: false }),
-    adaptive: chosen.adaptive,
+    open: openViews,
+    adaptive: true,
     prediction: () => "off",
     reprojector,
     overscan,
@@ -167,15 +165,14 @@ test("latency is counted from the sample of a pose to the video frame that shows
   axes = { ...STILL, forward: 1 };
   frame(100); // the stream is not there yet: to wait for it is no latency
   axes = STILL;
-  announce({ frame: 0, media_time_s: 0, pose: rig.pose.seq });
+  events.told(0, rig.pose.seq);
   present(0, 1500);
   expect(player.phase.value.kind).toBe("playing");
-  const { frame_rate, target_latency_ms, representations } = SESSION;
-  expect(player.playing).toEqual({ dash: { frame_rate, target_latency_ms, representations, player: "dash.js 5" } });
+  expect(player.playing).toEqual(PLAYED);
   axes = { ...STILL, forward: 1 };
   frame(1600);
   axes = STILL;
-  announce({ frame: 4, media_time_s: 4 / 30, pose: rig.pose.seq });
+  events.told(4, rig.pose.seq);
   present(4 / 30, 1735);
   expect(player.stats.value.buffered).toBeCloseTo(140);
   expect(shown.map(({ at, latencies, rung }) => ({ at, latencies, rung }))).toEqual([
@@ -205,11 +202,11 @@ test("the packager hears of each new pose and of each new lens, and of neither t
 
 test("with reprojection a stream is wider, its frames are turned, and view and content are told apart", async () => {
   vi.stubGlobal("VideoFrame", FakePicture);
-  open({}, 0.1);
+  open(0.1);
   await settle();
-  expect(vi.mocked(openSession).mock.calls[0]?.[1]).toMatchObject({ width: 768, height: 432, cx: 384, cy: 216 });
+  expect(openViews.mock.calls[0]?.[1]).toMatchObject({ width: 768, height: 432, cx: 384, cy: 216 });
   expect(video.style.scale).toBe("1.2"); // until one is, margins are beyond the pane
-  announce({ frame: 0, media_time_s: 0, pose: 0 });
+  events.told(0, 0);
   present(0, 1500);
   const first = rig.pose.seq;
   axes = { ...STILL, turnRight: 1 };
@@ -225,43 +222,28 @@ test("with reprojection a stream is wider, its frames are turned, and view and c
   const message = told.at(-1)?.seq ?? -1;
   present(4 / 30, 1700); // before it is known what it shows
   expect(turned.taken).toEqual([first]);
-  announce({ frame: 4, media_time_s: 4 / 30, pose: message });
+  events.told(4, message);
   expect(turned.taken).toEqual([first, first + 2]);
 });
 
-test("the packager is asked for a single representation, or left to choose them", async () => {
-  const representation = { rung: 3, bitrate_kbps: 500 };
-  open({ representation });
-  await settle();
-  player.dispose();
-  open();
-  await settle();
-  const [single, several] = vi
-    .mocked(openSession)
-    .mock.calls.slice(-2)
-    .map(([, request]) => request);
-  expect(single?.representations).toEqual([representation]);
-  expect(several).not.toHaveProperty("representations");
-});
-
 test("what may pass is tried again, and a stream that ends is opened anew", async () => {
-  vi.mocked(openSession).mockRejectedValueOnce(new ApiError("4 sessions run already.", true));
+  openViews.mockRejectedValueOnce(new ApiError("4 sessions run already.", true));
   open();
   await settle();
   expect(player.phase.value).toEqual({ kind: "lost", message: "4 sessions run already." });
   await vi.advanceTimersByTimeAsync(1000);
-  stream.failed("The player stopped.");
+  events.failed("The player stopped.");
   await settle();
   expect(player.phase.value).toEqual({ kind: "lost", message: "The player stopped." });
   expect(player.playing).toBeNull();
-  expect(openSession).toHaveBeenCalledTimes(2); // not at once: it had never played
+  expect(openViews).toHaveBeenCalledTimes(2); // not at once: it had never played
   await vi.advanceTimersByTimeAsync(3000);
   present(0, 10);
   await settle();
-  hangUp();
+  events.failed("The stream was interrupted.");
   await settle();
-  expect(openSession).toHaveBeenCalledTimes(4);
-  expect(endSession).toHaveBeenCalledTimes(2);
+  expect(openViews).toHaveBeenCalledTimes(4);
+  expect(disposed).toBe(2);
 });
 
 test.each([
@@ -269,11 +251,11 @@ test.each([
   [new StreamUnsupported("This browser cannot."), "This browser cannot."],
   [new TypeError("undefined is not a function"), "This browser cannot play the DASH stream."],
 ])("what will not pass is said, and not tried again", async (error, message) => {
-  vi.mocked(openSession).mockRejectedValue(error);
+  openViews.mockRejectedValue(error);
   open();
   await vi.advanceTimersByTimeAsync(10_000);
   expect(player.phase.value).toEqual({ kind: "failed", message });
-  expect(openSession).toHaveBeenCalledTimes(1);
+  expect(openViews).toHaveBeenCalledTimes(1);
 });
 
 test("a stream that stalls is told to hold another latency, which is the player's from then on", async () => {
@@ -293,7 +275,7 @@ test("who leaves ends the stream", async () => {
   open();
   await settle();
   player.dispose();
-  expect(endSession).toHaveBeenCalledWith("http://packager", SESSION);
+  expect(disposed).toBe(1);
 });
 
 test("a page that is hidden gives its stream up after a while, and opens another when it is shown", async () => {
@@ -303,25 +285,25 @@ test("a page that is hidden gives its stream up after a while, and opens another
   await settle();
   await hide(true, 9_000);
   await hide(false, 9_000); // back in time
-  expect(endSession).not.toHaveBeenCalled();
+  expect(disposed).toBe(0);
   await hide(true, 60_000);
-  expect(endSession).toHaveBeenCalledTimes(1);
-  expect(openSession).toHaveBeenCalledTimes(1); // a place for somebody else
+  expect(disposed).toBe(1);
+  expect(openViews).toHaveBeenCalledTimes(1); // a place for somebody else
   await hide(false);
-  expect(openSession).toHaveBeenCalledTimes(2);
+  expect(openViews).toHaveBeenCalledTimes(2);
   present(0, 80_000);
   expect(player.phase.value.kind).toBe("playing");
-  expect(endSession).toHaveBeenCalledTimes(1);
+  expect(disposed).toBe(1);
 });
 
 test("a page that is hidden while it connects leaves no stream behind", async () => {
-  const opening = deferred<SessionInfo>();
-  vi.mocked(openSession).mockReturnValue(opening.promise);
+  const opening = deferred<ViewStream>();
+  openViews.mockReturnValue(opening.promise);
   open();
   await settle();
   await hide(true, 10_000);
-  opening.resolve(SESSION);
+  opening.resolve(stream());
   await settle();
-  expect(endSession).toHaveBeenCalledWith("http://packager", SESSION);
-  expect(playStream).not.toHaveBeenCalled();
+  expect(disposed).toBe(1);
+  expect(player.playing).toBeNull();
 });

@@ -22,10 +22,10 @@ import {
   type StreamKind,
   StreamUnsupported,
   type ViewStream,
-} from "./streaming";
+} from "./stream";
 import { type StreamedFrame, TurnedVideo } from "./turned-video";
 
-export interface DashStats extends Figures {
+export interface StreamStats extends Figures {
   /** Behind the live edge, in milliseconds, as the player counts. */
   readonly liveLatency: number | null;
   /** What it is to be, in milliseconds. */
@@ -39,7 +39,7 @@ export interface DashStats extends Figures {
   readonly gpuMs: number | null;
 }
 
-export const NO_DASH_STATS: DashStats = {
+export const NO_STREAM_STATS: StreamStats = {
   ...NO_FIGURES,
   liveLatency: null,
   targetLatency: null,
@@ -53,13 +53,13 @@ export const NO_DASH_STATS: DashStats = {
 const HIDDEN_FOR = 10_000;
 
 /** How it stands; `failed` waits for another setting. */
-export type DashPhase =
+export type StreamPhase =
   | { readonly kind: "connecting" }
   | { readonly kind: "playing" }
   | { readonly kind: "lost"; readonly message: string }
   | { readonly kind: "failed"; readonly message: string };
 
-export interface DashOptions {
+export interface StreamOptions {
   readonly video: HTMLVideoElement;
   readonly rig: Rig;
   readonly side: Side & StreamKind;
@@ -92,10 +92,10 @@ interface Playing {
   readonly ended: Promise<string>;
 }
 
-export class DashPlayer {
-  readonly stats = signal<DashStats>(NO_DASH_STATS);
-  readonly phase = signal<DashPhase>({ kind: "connecting" });
-  readonly #options: DashOptions;
+export class StreamPlayer {
+  readonly stats = signal<StreamStats>(NO_STREAM_STATS);
+  readonly phase = signal<StreamPhase>({ kind: "connecting" });
+  readonly #options: StreamOptions;
   /** Ends with the player, and while the page is hidden; then there is a new one. */
   #visit = new AbortController();
   #hiding: ReturnType<typeof setTimeout> | undefined;
@@ -108,7 +108,7 @@ export class DashPlayer {
   #target: LatencyTarget | undefined;
   #publishedAt = 0;
 
-  constructor(options: DashOptions) {
+  constructor(options: StreamOptions) {
     this.#options = options;
     this.#meter = new Meter(options.side, options.onPresented);
     const { rig, prediction, overscan, video, reprojector } = options;

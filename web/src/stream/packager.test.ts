@@ -1,6 +1,6 @@
 import { afterEach, beforeEach, expect, test, vi } from "vitest";
 import type { SessionRequest } from "../wire/dash";
-import { endSession, openSession, openWebRtc } from "./api";
+import { endSession, openSession, openWebRtc } from "./packager";
 
 const REQUEST = { scene: "courtyard" } as SessionRequest;
 const SIGNAL = new AbortController().signal;

@@ -1,17 +1,9 @@
-/** The packager's API: a stream of one's own, and the socket that moves its camera. */
+/** The packager's API: a stream of one's own, over DASH or WebRTC. */
 
 import { ApiError, readProblem } from "../http/problem";
 import { mixedContent } from "../http/reach";
-import type {
-  FrameShown,
-  PoseUpdate,
-  SessionInfo,
-  SessionRequest,
-  SessionStatus,
-  WebRtcRequest,
-  WebRtcSession,
-} from "../wire/dash";
-import { STREAM_NAMES, type StreamKind } from "./streaming";
+import type { SessionInfo, SessionRequest, SessionStatus, WebRtcRequest, WebRtcSession } from "../wire/dash";
+import { STREAM_NAMES, type StreamKind } from "./stream";
 
 /** Opening waits for the scene to load and for the first frame. */
 const OPEN_TIMEOUT = 60_000;
@@ -66,36 +58,4 @@ export async function sessionStatus(
   } catch {
     return null;
   }
-}
-
-export interface PoseSocket {
-  /** Sends a pose, unless an earlier one still waits: then false, and the newest is to be tried again. */
-  send(pose: PoseUpdate): boolean;
-  close(): void;
-}
-
-/** Opens the pose socket; `onFrame` hears which pose each frame shows, `onClose` why there will be no more. */
-export function openPoseSocket(
-  base: string,
-  { poses }: SessionInfo,
-  onFrame: (frame: FrameShown) => void,
-  onClose: () => void,
-): PoseSocket {
-  const socket = new WebSocket(`${base.replace(/^http/, "ws")}${poses}`);
-  socket.addEventListener("message", ({ data }) => {
-    const message = JSON.parse(String(data)) as FrameShown | { readonly type: string };
-    if ("frame" in message) onFrame(message);
-  });
-  socket.addEventListener("close", onClose);
-  return {
-    send(pose) {
-      if (socket.readyState !== WebSocket.OPEN || socket.bufferedAmount > 0) return false;
-      socket.send(JSON.stringify(pose));
-      return true;
-    },
-    close() {
-      socket.removeEventListener("close", onClose);
-      socket.close();
-    },
-  };
 }
