@@ -73,6 +73,19 @@ def test_r_goes_back_to_the_start(open_page: OpenPage, server: RenderServer) -> 
     assert np.array_equal(picture(viewer), start)
 
 
+def test_the_address_follows_the_camera_at_rest(open_page: OpenPage, server: RenderServer) -> None:
+    page = with_a_frame(open_page(SCENE, **with_settings(server.url, **ONE_RUNG, **AS_THEY_COME)))
+    start = picture(page)
+    page.keyboard.press("ArrowRight", delay=400)
+    page.wait_for_function("() => location.hash.includes('at=')")
+    wait_until_settled(page)
+    turned = picture(page)
+    page.reload()
+    with_a_frame(page)
+    assert np.abs(picture(page) - turned).mean() < 1
+    assert np.abs(turned - start).mean() > 1, "the camera stood still"
+
+
 def test_dragging_turns_pans_or_orbits_and_the_wheel_walks(viewer: Page) -> None:
     def drag(button: Literal["left", "right"] = "left") -> None:
         viewer.mouse.move(500, 300)

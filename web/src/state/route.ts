@@ -18,7 +18,7 @@ export type Route =
 export type Asked = Readonly<Partial<Record<(typeof ASKABLE)[number], string>>>;
 
 export const ASKABLE = ["at", ...LINKED] as const;
-const STAMP = "stamp";
+export const STAMP = "stamp";
 
 /** The list of experiments. */
 export const EXPERIMENTS = "#/experiments";

@@ -111,7 +111,7 @@ export const DEFAULT_SETTINGS: Settings = v.parse(Settings, {});
 /** Those that links may name: they decide what is seen. */
 export const LINKED = [
   ...(["mode", "left", "right", "lock", "lockRung", "lockKbps"] as const),
-  ...(["dashPreset", "localForm", "controller", "profile", "refine", "webp"] as const),
+  ...(["dashPreset", "webrtcStream", "localForm", "controller", "profile", "refine", "webp"] as const),
   ...(["restore", "upscale", "reprojection", "prediction", "overscan", "depth", "surround", "drag"] as const),
 ] satisfies readonly (keyof Settings)[];
 

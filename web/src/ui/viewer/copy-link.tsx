@@ -1,8 +1,7 @@
 /** A link to what is seen: into the clipboard and the address. */
 import { useSignal } from "@preact/signals";
 import { Check, Link2 } from "lucide";
-import { settings } from "../../state/app";
-import { viewHash } from "../../state/link";
+import { showAddress } from "../../viewer/address";
 import type { ViewerSession } from "../../viewer/session";
 import { IconButton } from "../icon-button";
 
@@ -12,9 +11,7 @@ const SAID = 2000;
 export function CopyLink({ session }: { session: ViewerSession }) {
   const copied = useSignal(false);
   const copy = async () => {
-    const scene = session.scene.peek();
-    if (scene === null) return;
-    history.replaceState(history.state, "", viewHash(scene.id, session.rig.pose, settings.peek()));
+    showAddress(session);
     try {
       await navigator.clipboard.writeText(location.href);
       copied.value = true;

@@ -288,6 +288,7 @@ test("a URL may say where the camera is, and what is shown how", async () => {
 });
 
 test("a link to the view is copied, and is the page's address", async () => {
+  history.replaceState(null, "", "#/scene/courtyard?stamp");
   settings.value = { ...DEFAULT_SETTINGS, sidebar: true, depth: false };
   const copied: string[] = [];
   vi.stubGlobal("navigator", {
@@ -298,7 +299,7 @@ test("a link to the view is copied, and is the page's address", async () => {
   await userEvent.click(screen.getByRole("button", { name: "Copy a link to this view" }));
   await screen.findByRole("button", { name: "The link is copied" });
   expect(copied).toEqual([location.href]);
-  expect(location.hash).toMatch(/^#\/scene\/courtyard\?at=[-\d.,]+&mode=stateless&depth=off$/);
+  expect(location.hash).toMatch(/^#\/scene\/courtyard\?at=[-\d.,]+&mode=stateless&depth=off&stamp$/);
   vi.unstubAllGlobals();
 });
 

@@ -10,6 +10,7 @@ import { changeSettings, settings } from "../../state/app";
 import { linkedPose, linkedSettings } from "../../state/link";
 import type { Asked } from "../../state/route";
 import { isPerView, MODES } from "../../state/settings";
+import { keepAddress } from "../../viewer/address";
 import { ViewerSession } from "../../viewer/session";
 import { ExperimentDialog } from "../experiment/experiment-dialog";
 import { Freeze } from "./freeze";
@@ -64,11 +65,13 @@ export function Viewer({ sceneId, stamp, asked, unknown }: Props) {
     const movementRunner = new Runner(current);
     runner.value = movementRunner;
     const withdraw = offerBridge(movementRunner);
+    const leaveAddress = keepAddress(current);
     stage.current.focus({ preventScroll: true });
     return () => {
       session.value = null;
       runner.value = null;
       withdraw();
+      leaveAddress();
       movementRunner.dispose();
       current.dispose();
     };
