@@ -12,6 +12,7 @@ from tests.experiments.report.test_cli import page_text, run_report
 from tests.experiments.report.test_cli import rows as csv_rows
 from tigas_experiments.report.groups import Groups
 from tigas_experiments.report.results import load
+from tigas_experiments.report.tables import what_to_use_markdown
 from tigas_experiments.report.what_to_use import Place, places, tally
 
 LATENCY, SEEN, BYTES = "Lowest motion-to-photon p95", "Best picture seen", "Fewest bytes"
@@ -96,11 +97,44 @@ def test_scenes_are_told_apart_and_taken_together_the_smallest_first(tmp_path: P
     said = run_report(tmp_path).output
     assert f"{BYTES}: DASH, edge 2" in said
     assert "no data" not in said, "claims about others"
+    assert "Stateless, budget" in (tmp_path / "what_to_use.md").read_text()
     text = page_text(tmp_path)
     assert "What to use when" in text
     assert "Stateless, budget" in text
     row = csv_rows(tmp_path / "what_to_use.csv")[-1]
     assert (row["scene"], row["question"], row["verdict"]) == ("garden", BYTES, "worse")
+
+
+def test_networks_are_told_apart_and_taken_together(tmp_path: Path) -> None:
+    for trace in ("bus", "train"):
+        for name, mode in MODES.items():
+            for block in range(3):
+                folder = tmp_path / "runs" / f"{trace}-{name}-{block}"
+                write_run(folder, network=trace, movement=f"walk-{block}", seconds=1.0, **mode)
+    every = places(Groups.of(load(tmp_path).runs))
+    assert [(place.network, place.answers[SEEN].blocks) for place in every] == [
+        ("all networks", 6),
+        ("bus", 3),
+        ("train", 3),
+    ]
+    assert every[0].answers[SEEN].decided, "three blocks of each network are six of both"
+    assert tally(every)[SEEN] == [("fewer than 6 blocks", 2)], "places count once"
+
+
+def test_a_table_for_docs_says_who_is_best(tmp_path: Path) -> None:
+    write_run(tmp_path / "runs" / "busy", movement="walk-0", seconds=1.0, busy=1.0, repeat=1, **MODES["stateless"])
+    alike = {"video": {**MODES["stateless"], "mode": "video", "controller": "l2a"}}
+    every = found(tmp_path, {**MODES, **alike})
+    text = what_to_use_markdown(load(tmp_path), every)
+    assert text.startswith("19 runs of 1 s at ")
+    table = [line for line in text.splitlines() if line.startswith("|")]
+    (dash,) = (line for line in table if "DASH" in line)
+    (stateless,) = (line for line in table if "Stateless, budget\\*" in line)
+    (video,) = (line for line in table if "Video" in line)
+    assert dash.endswith("| 201 | 201 | 0.700 | **3.0** |")
+    assert "| 0.900 |" not in stateless + video, "both are marked"
+    assert "| **0.900** |" in stateless + video
+    assert "| *0.900* |" in stateless + video
 
 
 def test_controllers_of_one_mode_are_no_modes_to_choose_from(tmp_path: Path) -> None:

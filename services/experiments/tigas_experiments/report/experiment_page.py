@@ -12,12 +12,12 @@ from tigas_experiments.report.metrics import TABLE, Metric
 from tigas_experiments.report.plot import Plot
 from tigas_experiments.report.rate_distortion import QUALITIES, by_condition, over_all
 from tigas_experiments.report.results import Results, Told
-from tigas_experiments.report.tables import overall_markdown, rtt_text
+from tigas_experiments.report.tables import overall_markdown, rtt_text, what_to_use_markdown
 from tigas_experiments.report.what_to_use import QUESTIONS, places, tally
 
 
-def experiment_page(_: Results, groups: Groups, out: Path, told: Told) -> dict[str, object]:
-    """What its template is filled with; writes overall.md and the figures as SVG, too. Raises OSError."""
+def experiment_page(results: Results, groups: Groups, out: Path, told: Told) -> dict[str, object]:
+    """What its template is filled with; writes tables in Markdown and the figures as SVG, too. Raises OSError."""
     totals = overall(groups)
     (out / "overall.md").write_text(overall_markdown(totals), encoding="utf-8")
     for old in out.glob("[0-9][0-9]-*_*.svg"):  # of a report that had other networks
@@ -30,6 +30,7 @@ def experiment_page(_: Results, groups: Groups, out: Path, told: Told) -> dict[s
         plots.setdefault(network, []).append(plot)
         told("draws figures", count, None)
     found = places(groups)
+    (out / "what_to_use.md").write_text(what_to_use_markdown(results, found), encoding="utf-8")
     return {
         "claims": claims(groups),
         "groups": groups,

@@ -1,7 +1,7 @@
 """The tables as files: runs.csv with a row for each run, groups.csv with a row for each group, differences.csv with a
 row for each figure of a controller against the baseline, rate_distortion.csv and equal_rates.csv of quality against
 rate, system.csv and picture_scores.csv of the system panel and the heat maps, what_to_use.csv of which mode is the best
-when, overall.md for papers.
+when; overall.md and what_to_use.md, for papers and docs.
 
 An empty cell of a CSV file is a metric that there is not; `inf` is a time that never came.
 """
@@ -16,7 +16,7 @@ from typing import Any
 
 from tigas_experiments.records.folder import RunRecord
 from tigas_experiments.report import what_to_use
-from tigas_experiments.report.blocks import Estimate
+from tigas_experiments.report.blocks import LEAST_BLOCKS, Estimate
 from tigas_experiments.report.controllers import Controller
 from tigas_experiments.report.differences import Difference
 from tigas_experiments.report.groups import Condition, Group, Groups, Overall
@@ -70,9 +70,61 @@ def overall_markdown(rows: Sequence[Overall]) -> str:
     return "\n".join(lines) + "\n"
 
 
+def what_to_use_markdown(results: Results, found: Sequence[what_to_use.Place]) -> str:
+    """What the runs were made with, and each mode's means at each place: the best in bold, and in italics those of
+    which no difference from it is shown.
+    """
+    metrics = {question: answer.metric for place in found for question, answer in place.answers.items()}
+    if not metrics:
+        return "No two modes were measured over one network.\n"
+    headings = " | ".join(metric.heading for metric in metrics.values())
+    lines = [
+        *_made_with(results),
+        "",
+        f"| network | round trip, ms | scene | mode | {headings} |",
+        "|---|---:|---|---|" + "---:|" * len(metrics),
+    ]
+    for place in found:
+        cells: dict[str, dict[str, str]] = {}
+        for question, answer in place.answers.items():
+            for each in answer.contenders:
+                mark = {"best": "**" * answer.decided, "no difference shown": "*"}.get(each.verdict, "")
+                cells.setdefault(each.name, {})[question] = f"{mark}{answer.metric.text(each.mean)}{mark}"
+        for name, row in cells.items():
+            where = (place.network, rtt_text(place.rtt_ms), place.scene_text, name.replace("*", "\\*"))
+            lines.append(f"| {' | '.join([*map(escaped, where), *(row.get(each, '') for each in metrics)])} |")
+    return "\n".join(lines) + "\n"
+
+
 def rtt_text(rtt_ms: float | None) -> str:
     """As it stands in a table."""
     return "its own" if rtt_ms is None else f"{rtt_ms:g}"
+
+
+def _made_with(results: Results) -> list[str]:
+    """Lines of Markdown."""
+    records = [run.record for run in results.runs]
+    commits, lengths, viewports, processors = (
+        " and ".join(sorted(set(each)))
+        for each in zip(
+            *(
+                (
+                    record.machine.commit or "unknown",
+                    f"{record.configuration.duration_s:g} s",
+                    f"{record.configuration.width}×{record.configuration.height}",
+                    f"{record.machine.processors}",
+                )
+                for record in records
+            ),
+            strict=True,
+        )
+    )
+    saturated = sum(run.saturated for run in results.runs)
+    return [
+        f"{len(records)} runs of {lengths} at {viewports}, commit {commits}, {processors} processors, in",
+        f"{saturated} of them (\\*) the bottleneck. Means over the blocks that all modes have. **Bold**: the best;",
+        f"*italics*: no difference from the best is shown; neither with fewer than {LEAST_BLOCKS} blocks.",
+    ]
 
 
 def _run(run: Run) -> Row:

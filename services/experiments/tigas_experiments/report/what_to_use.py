@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from tigas_common.wire.run import LOCAL
 from tigas_experiments.report.blocks import LEAST_BLOCKS, Estimate, differences
 from tigas_experiments.report.controllers import Controller
-from tigas_experiments.report.groups import Group, Groups
+from tigas_experiments.report.groups import Condition, Group, Groups, overall
 from tigas_experiments.report.metrics import (
     OVER_LINK,
     PHOTON_P50,
@@ -31,6 +31,7 @@ QUESTIONS: dict[str, tuple[Metric, ...]] = {
     "Fewest bytes": (OVER_LINK, RECEIVED),
 }
 """What is asked, and the figure that answers it: the first that runs have."""
+ALL_NETWORKS = "all networks"
 Row = dict[str, str | float | bool | None]
 
 
@@ -120,6 +121,7 @@ class Place:
     """A network at a round trip, in one scene or in all of them, and who is the best there."""
 
     network: str
+    """Or ALL_NETWORKS."""
     rtt_ms: float | None
     scene: str | None
     """None: all."""
@@ -139,10 +141,14 @@ class Place:
 
 
 def places(groups: Groups) -> list[Place]:
-    """Every network and round trip at which modes were compared: all scenes, and then each, the smallest first."""
+    """Every network and round trip at which modes were compared, after all networks together: all scenes, and then
+    each, the smallest first.
+    """
+    by_place: dict[tuple[str, float | None], list[Group]] = {}
+    for group in (*_over_networks(groups), *groups):
+        by_place.setdefault((group.condition.network, group.condition.rtt_ms), []).append(group)
     found = []
-    for network, rtt in dict.fromkeys((group.condition.network, group.condition.rtt_ms) for group in groups):
-        own = groups.at(network, rtt)
+    for (network, rtt), own in by_place.items():
         sizes = _sizes(own)
         scenes = sorted(sizes, key=lambda scene: (sizes[scene], scene))
         for scene in [None, *scenes] if len(scenes) > 1 else scenes:
@@ -155,8 +161,10 @@ def places(groups: Groups) -> list[Place]:
 
 
 def tally(found: Sequence[Place]) -> dict[str, list[tuple[str, int]]]:
-    """How often each mode is the best by each figure, and how often that is not shown, over the places of one scene."""
-    single = [place for place in found if place.scene is not None]
+    """How often each mode is the best by each figure, and how often that is not shown, over the places of one network
+    and scene.
+    """
+    single = [place for place in found if place.scene is not None and place.network != ALL_NETWORKS]
     return {
         question: Counter(place.answers[question].short for place in single if question in place.answers).most_common()
         for question in QUESTIONS
@@ -188,6 +196,19 @@ def rows(found: Sequence[Place]) -> Iterator[Row]:
                     "verdict": each.verdict,
                     "saturated": each.saturated,
                 }
+
+
+def _over_networks(groups: Groups) -> list[Group]:
+    """Each controller's runs over all networks, at the round trips that all have; none if there is one network."""
+    if len(groups.networks) < 2:
+        return []
+    return [
+        Group(
+            Condition(ALL_NETWORKS, each.rtt_ms, each.controller),
+            tuple(run for group in each.groups for run in group.runs),
+        )
+        for each in overall(groups)
+    ]
 
 
 def _sizes(groups: Sequence[Group]) -> dict[str, int]:

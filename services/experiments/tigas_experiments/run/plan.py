@@ -45,7 +45,9 @@ MAX_RUNS = 10_000
 MAX_S = 31 * 86_400
 """An experiment that would take longer is a mistake."""
 OVERHEAD_S = 2.0
-"""What a run takes beside its warm-up and its movement, about."""
+"""What a run takes beside its warm-up, its movement and its pictures, about."""
+PICTURE_S, MEGAPIXEL_S = 0.1, 1.2
+"""What it takes to compare a kept picture with ground truth on two cores, and as much more for each megapixel."""
 
 Value = TypeVar("Value")
 
@@ -312,7 +314,12 @@ def _representation(name: str) -> RepresentationRequest | None:
 
 def seconds(runs: Sequence[Configuration]) -> float:
     """How long runs take, about."""
-    return sum(run.warm_up_s + run.duration_s + OVERHEAD_S for run in runs)
+    return sum(run.warm_up_s + run.duration_s + OVERHEAD_S + _comparing_s(run) for run in runs)
+
+
+def _comparing_s(run: Configuration) -> float:
+    pictures = run.duration_s * 1000 / run.capture_every_ms if run.capture_every_ms else 0
+    return pictures * (PICTURE_S + MEGAPIXEL_S * run.width * run.height / 1e6)
 
 
 def lasting(runs: Sequence[Configuration]) -> str:
