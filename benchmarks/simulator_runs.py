@@ -45,9 +45,9 @@ class Server:
         seconds = dict.fromkeys(STAGES, 0.0)
         frames = 0.0
         for sample in samples:
-            if sample.name == "tigas_frame_seconds_sum":
+            if sample.name == "tigas_render_frame_seconds_sum":
                 seconds[sample.labels["stage"]] = sample.value
-            if sample.name == "tigas_frame_seconds_count":
+            if sample.name == "tigas_render_frame_seconds_count":
                 frames = sample.value
         return cls(frames, seconds)
 

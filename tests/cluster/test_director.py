@@ -120,13 +120,13 @@ async def test_metrics_tell_of_hosts_and_of_where_viewers_were_sent(
     await served_by(client, silent="b")
     text = (await client.get("/metrics")).text
     for line in (
-        "tigas_hosts 2.0",
-        'tigas_viewers{host="a"} 3.0',
-        'tigas_full{host="a"} 0.0',
-        'tigas_full{host="b"} 1.0',
-        'tigas_queue_age_seconds{host="a"} 0.02',
-        'tigas_placements_total{host="a"} 3.0',
-        'tigas_redirects_total{why="lost"} 1.0',
-        'tigas_redirects_total{why="silent"} 1.0',
+        "tigas_director_hosts 2.0",
+        'tigas_director_viewers{host="a"} 3.0',
+        'tigas_director_host_full{host="a"} 0.0',
+        'tigas_director_host_full{host="b"} 1.0',
+        'tigas_director_host_queue_age_seconds{host="a"} 0.02',
+        'tigas_director_placements_total{host="a"} 3.0',
+        'tigas_director_redirects_total{why="lost"} 1.0',
+        'tigas_director_redirects_total{why="silent"} 1.0',
     ):
         assert line in text

@@ -108,7 +108,7 @@ class Up:
     def hosts(self) -> set[str]:
         """Those that the director knows to be up."""
         metrics = httpx.get(f"{self.url}/metrics").text
-        return set(re.findall(r'^tigas_viewers\{host="([^"]+)"\}', metrics, flags=re.MULTILINE))
+        return set(re.findall(r'^tigas_director_viewers\{host="([^"]+)"\}', metrics, flags=re.MULTILINE))
 
     def place(self, **about: str) -> dict[str, Any]:
         """What the page is told."""

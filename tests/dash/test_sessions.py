@@ -11,6 +11,7 @@ from websockets.exceptions import ConnectionClosed
 from tests.dash.boxes import contents
 from tests.dash.conftest import Packager, running_packager, session_request
 from tests.dash.watching import PATIENCE_S, told, until, until_idle
+from tests.prometheus import figures
 from tigas_common.wire.render import Rung
 from tigas_dash.session import Session
 
@@ -47,6 +48,26 @@ async def test_a_stream_that_nobody_watches_ends_and_one_that_is_watched_does_no
                 await asyncio.sleep(0.05)
             assert (await packager.http.get(left["manifest"])).status_code == 404
         await until_idle(packager)
+
+
+async def test_metrics_count_what_streams_do_and_forget_nothing_when_they_end(packager: Packager) -> None:
+    session = await packager.open(representations=[{"rung": 3}, {"rung": 2}])
+    path = f"/sessions/{session['id']}/{session['representations'][-1]['id']}/1.m4s"
+    segment = (await packager.http.get(path)).content
+    running = await figures(packager.http)
+    assert running("tigas_dash_sessions", transport="dash") == 1
+    assert 0 <= running("tigas_dash_behind_seconds") < PATIENCE_S
+    await packager.http.delete(f"/sessions/{session['id']}")
+    await until_idle(packager)
+    ended = await figures(packager.http)
+    labels = {"scene": "scene", "rung": "3", "transport": "dash"}
+    assert ended("tigas_dash_sent_bytes_total", **labels) == len(segment)
+    assert ended("tigas_dash_sent_bytes_total") == len(segment), "nobody asked for rung 2"
+    assert ended("tigas_dash_frames_total", **labels) >= running("tigas_dash_frames_total", **labels) >= 15
+    assert ended("tigas_dash_frames_total") == 2 * ended("tigas_dash_frames_total", **labels)
+    assert ended("tigas_dash_sessions") == 0
+    await packager.open()
+    assert (await figures(packager.http))("tigas_dash_frames_total") >= ended("tigas_dash_frames_total")
 
 
 async def test_the_end_of_a_session_ends_its_readers_and_watchers(packager: Packager) -> None:

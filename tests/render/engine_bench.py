@@ -5,6 +5,8 @@ from __future__ import annotations
 import asyncio
 from dataclasses import dataclass, field
 
+from prometheus_client import CollectorRegistry
+
 from tests.render.fakes import FakeRasterizer, FakeScenes, render_request
 from tigas_common.wire.render import DEFAULT_LADDER
 from tigas_render.engine import Engine
@@ -45,7 +47,9 @@ class Bench:
                 await asyncio.sleep(0)
 
     def outcome(self, name: str) -> float:
-        return self.metrics.registry.get_sample_value("tigas_requests_total", {"outcome": name}) or 0.0
+        registry = CollectorRegistry()
+        registry.register(self.metrics)
+        return registry.get_sample_value("tigas_render_requests_total", {"outcome": name}) or 0.0
 
 
 async def busy(bench: Bench) -> asyncio.Task[Frame]:

@@ -18,6 +18,7 @@ import torch
 from PIL import Image
 
 from tests.common.test_weights import NETWORK, made
+from tests.prometheus import figures
 from tests.render.fakes import FakeRasterizer, render_request
 from tigas_common.errors import DeviceLost
 from tigas_common.weights import FILE, write_weights
@@ -304,10 +305,28 @@ async def test_who_asks_for_its_health_learns_that_the_device_is_lost(call: str,
 async def test_metrics_count_frames_and_failures(client: httpx.AsyncClient) -> None:
     await client.post("/render", json=frame())
     await client.post("/render", json=frame() | {"scene": "nowhere"})
-    text = (await client.get("/metrics")).text
-    assert 'tigas_requests_total{outcome="frame"} 1.0' in text
-    assert 'tigas_requests_total{outcome="unknown-scene"} 1.0' in text
-    assert 'tigas_frame_seconds_count{stage="render"} 1.0' in text
+    told = await figures(client)
+    assert told("tigas_render_requests_total", outcome="frame") == 1
+    assert told("tigas_render_requests_total", outcome="unknown-scene") == 1
+    assert told("tigas_render_frame_seconds_count", stage="render") == 1
+
+
+async def test_metrics_tell_frames_by_scene_rung_and_transport_and_what_scenes_take(client: httpx.AsyncClient) -> None:
+    sizes = [len((await client.post("/render", json=frame(profile=rung))).content) for rung in (3, 3, 1)]
+    whole = await client.post("/render", json=frame(profile=None))
+    await client.get("/scenes/wall/preview")
+    told = await figures(client)
+    by_http = {"scene": "wall", "transport": "http1"}
+    assert told("tigas_render_frames_total", rung="3", **by_http) == 2
+    assert told("tigas_render_frame_bytes_total", rung="3", **by_http) == sum(sizes[:2])
+    assert told("tigas_render_frame_bytes_total", rung="1", **by_http) == sizes[2]
+    assert told("tigas_render_frame_bytes_total", rung="none", **by_http) == len(whole.content)
+    assert told("tigas_render_frames_total", transport="none") == 1, "the thumbnail"
+    assert told("tigas_render_frames_total") == told("tigas_render_requests_total", outcome="frame") == 5
+    assert told("tigas_render_scenes", state="loaded") == told("tigas_render_scenes", state="broken") == 1
+    assert 0 < told("tigas_render_scene_memory_bytes", scene="wall") < told("tigas_render_scene_memory_limit_bytes")
+    assert told("tigas_render_requests_in_flight") == 0
+    assert told("tigas_http_requests_total", route="/render") == 0, "counted twice"
 
 
 async def test_many_viewers_at_once_all_get_their_frames(client: httpx.AsyncClient) -> None:

@@ -56,13 +56,13 @@ def test_prometheus_sees_each_edge() -> None:
     assert loads.states[1] == FULL
     text = generate_latest(registry).decode()
     for line in (
-        'tigas_queue_age_seconds{edge="0",queue="datagrams"} 0.001',
-        'tigas_queue_age_seconds{edge="1",queue="engine"} 0.003',
-        'tigas_utilisation{edge="0",of="loop"} 0.1',
-        'tigas_full{edge="0"} 0.0',
-        'tigas_full{edge="1"} 1.0',
-        'tigas_refused_viewers_total{edge="1"} 7.0',
-        'tigas_allowed_requests_per_second{edge="1"} 20.0',
+        'tigas_render_queue_age_seconds{edge="0",queue="datagrams"} 0.001',
+        'tigas_render_queue_age_seconds{edge="1",queue="engine"} 0.003',
+        'tigas_render_utilisation_ratio{edge="0",of="loop"} 0.1',
+        'tigas_render_full{edge="0"} 0.0',
+        'tigas_render_full{edge="1"} 1.0',
+        'tigas_render_refused_viewers_total{edge="1"} 7.0',
+        'tigas_render_allowed_requests_per_second{edge="1"} 20.0',
     ):
         assert line in text
 

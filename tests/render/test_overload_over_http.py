@@ -57,7 +57,7 @@ async def test_the_configuration_says_that_the_server_is_full(service: RenderSer
         assert (await client.get("/config.json")).json()["retry_after_s"] is None
         service.loads.heard(0, replace(service.loop_load.state, full=5.0))
         assert (await client.get("/config.json")).json()["retry_after_s"] == 5.0
-        assert 'tigas_full{edge="0"} 1.0' in (await client.get("/metrics")).text
+        assert 'tigas_render_full{edge="0"} 1.0' in (await client.get("/metrics")).text
 
 
 async def test_whoever_decides_where_viewers_go_hears_how_busy_the_host_is(service: RenderService) -> None:

@@ -12,6 +12,7 @@ import pytest
 from starlette.types import Message
 
 from tests.not_files import NOT_FILES
+from tests.prometheus import figures
 from tests.shaper.fakes import FakeGateway, FakeLink, FakeTime, trace
 from tigas_common.origins import OriginPolicy
 from tigas_common.wire.shaper import MAX_UPLOAD_BYTES, LinkSetting
@@ -178,6 +179,23 @@ async def test_what_is_no_file_among_the_traces_holds_nothing_up(
     NOT_FILES[kind](directory / "made.csv")
     assert (await client.get("/traces")).json() == before
     assert (await client.get("/traces/made")).status_code == 404
+
+
+async def test_metrics_tell_the_links_state_and_what_crossed_it(client: httpx.AsyncClient, shaper: Shaper) -> None:
+    await client.post("/link", json={"down_kbps": 8_000, "up_kbps": 2_000, "delay_ms": 20, "loss_pct": 5})
+    await shaper._sample()
+    told = await figures(client)
+    assert told("tigas_shaper_rate_bytes_per_second", direction="down") == 1e6
+    assert told("tigas_shaper_rate_bytes_per_second", direction="up") == 250_000
+    assert told("tigas_shaper_sent_bytes_total", direction="down") == 25_000
+    assert told("tigas_shaper_dropped_packets_total", direction="down") == 3
+    assert told("tigas_shaper_queue_bytes", direction="down") == 12_500
+    assert told("tigas_shaper_queue_age_seconds", direction="down") == 0.0125
+    assert (told("tigas_shaper_delay_seconds"), told("tigas_shaper_loss_ratio")) == (0.02, 0.05)
+    assert told("tigas_shaper_playback") == told("tigas_shaper_playback", mode="constant") == 1
+    assert told("tigas_shaper_link_up") == 1
+    shaper._link.close("Gone.")
+    assert (await figures(client))("tigas_shaper_link_up") == 0
 
 
 async def test_few_uploads_run_at_a_time_and_each_gives_its_place_back(client: httpx.AsyncClient) -> None:

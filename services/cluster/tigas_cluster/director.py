@@ -6,7 +6,6 @@ from collections.abc import AsyncIterator, Callable, Mapping
 from contextlib import asynccontextmanager
 
 import httpx
-from prometheus_client import CONTENT_TYPE_LATEST, generate_latest
 from starlette.applications import Starlette
 from starlette.requests import Request
 from starlette.responses import JSONResponse, RedirectResponse, Response
@@ -21,6 +20,7 @@ from tigas_cluster.scenes import list_scenes
 from tigas_cluster.scenes import unload as unload_everywhere
 from tigas_common.address import bracketed
 from tigas_common.errors import InvalidRequest, Overloaded
+from tigas_common.metrics import CountedRequests, metrics_route, new_registry
 from tigas_common.origins import OriginCheck, OriginPolicy
 from tigas_common.topology import fitted
 from tigas_common.web import EXCEPTION_HANDLERS, NO_STORE, healthy, json_response, read_message
@@ -46,6 +46,8 @@ async def create_director(
     https_port: where the director is served over HTTPS as well. transport: another way to hosts than HTTP, for tests.
     """
     proxy = HostProxy(fleet, transport)
+    director = Director(fleet, clock, services or {}, https_port)
+    registry = new_registry("director", director.metrics)
     app = Starlette(
         routes=[
             Route("/config.json", config),
@@ -53,15 +55,15 @@ async def create_director(
             Route("/scenes", scenes),
             Route("/scenes/{id}/unload", unload, methods=["POST"]),
             Route("/healthz", healthz),
-            Route("/metrics", metrics),
+            metrics_route(registry),
         ],
         exception_handlers=EXCEPTION_HANDLERS,
     )
-    app.state.director = Director(fleet, clock, services or {}, https_port)
+    app.state.director = director
     app.state.client = proxy.client
     app.router.default = proxy
     try:
-        yield OriginCheck(app, origins)
+        yield CountedRequests(OriginCheck(app, origins), app.routes, registry)
     finally:
         await proxy.close()
 
@@ -96,9 +98,9 @@ class Director:
             raise Overloaded(AWAY, RETRY_S)
         left = at or doubted
         if chosen.name != left:
-            self.metrics.placements.labels(chosen.name).inc()
+            self.metrics.placements[chosen.name] += 1
             if left:
-                self.metrics.redirects.labels("lost" if lost else "silent" if silent else "moved").inc()
+                self.metrics.redirects["lost" if lost else "silent" if silent else "moved"] += 1
         return chosen
 
     def config(self, host: HostState, page_host: str) -> ServerConfig:
@@ -156,11 +158,6 @@ async def healthz(request: Request) -> Response:
     if not _director(request).fleet.hosts():
         raise Overloaded(AWAY, RETRY_S)
     return healthy()
-
-
-async def metrics(request: Request) -> Response:
-    """Prometheus' text format."""
-    return Response(generate_latest(_director(request).metrics.registry), media_type=CONTENT_TYPE_LATEST)
 
 
 def _named(request: Request, parameter: str) -> str | None:

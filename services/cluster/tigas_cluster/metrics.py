@@ -2,43 +2,36 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator
 
-from prometheus_client import CollectorRegistry, Counter
-from prometheus_client.core import GaugeMetricFamily, Metric
+from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, Metric
 from prometheus_client.registry import Collector
 
 from tigas_cluster.fleet import Fleet
 
 
 class DirectorMetrics(Collector):
-    """Of one director, in a registry of its own."""
+    """Of one director."""
 
     def __init__(self, fleet: Fleet) -> None:
         self._fleet = fleet
-        self.registry = CollectorRegistry()
-        self.placements = Counter(
-            "tigas_placements", "Viewers that were sent to a host", ["host"], registry=self.registry
-        )
-        self.redirects = Counter(
-            "tigas_redirects",
-            "Viewers that were sent to another host: `lost` could not get in, `silent` heard nothing, others `moved`",
-            ["why"],
-            registry=self.registry,
-        )
-        self.registry.register(self)
+        self.placements: Counter[str] = Counter()
+        """Viewers that were sent to a host, by its name."""
+        self.redirects: Counter[str] = Counter(lost=0, silent=0, moved=0)
+        """Those of them that were at another one before, by the reason."""
 
     def collect(self) -> Iterator[Metric]:
-        """How the hosts are now."""
+        """How the hosts are now, and how many viewers were sent where."""
         hosts = self._fleet.hosts()
-        up = GaugeMetricFamily("tigas_hosts", "Hosts that are up")
-        up.add_metric([], len(hosts))
-        viewers = GaugeMetricFamily("tigas_viewers", "Viewers that were taken", labels=["host"])
-        full = GaugeMetricFamily("tigas_full", "Whether new viewers are refused", labels=["host"])
-        draining = GaugeMetricFamily("tigas_draining", "Whether it is to end", labels=["host"])
-        shares = GaugeMetricFamily("tigas_utilisation", "Share of the time at work, 0 to 1", labels=["host"])
+        viewers = GaugeMetricFamily("tigas_director_viewers", "Viewers that a host has taken", labels=["host"])
+        full = GaugeMetricFamily("tigas_director_host_full", "Whether it refuses new viewers", labels=["host"])
+        draining = GaugeMetricFamily("tigas_director_host_draining", "Whether it is to end", labels=["host"])
+        shares = GaugeMetricFamily(
+            "tigas_director_host_utilisation_ratio", "Share of the time at work, 0 to 1", labels=["host"]
+        )
         ages = GaugeMetricFamily(
-            "tigas_queue_age_seconds", "The longest that something waited in the last second", labels=["host"]
+            "tigas_director_host_queue_age_seconds", "Longest wait of the last second", labels=["host"]
         )
         for host in hosts:
             viewers.add_metric([host.name], host.viewers)
@@ -46,4 +39,17 @@ class DirectorMetrics(Collector):
             draining.add_metric([host.name], host.draining)
             shares.add_metric([host.name], host.load.utilisation)
             ages.add_metric([host.name], host.queue_age_s)
-        yield from (up, viewers, full, draining, shares, ages)
+        placements = CounterMetricFamily(
+            "tigas_director_placements", "Viewers that were sent to a host", labels=["host"]
+        )
+        for name, number in self.placements.items():
+            placements.add_metric([name], number)
+        redirects = CounterMetricFamily(
+            "tigas_director_redirects",
+            "Viewers that were sent to another host: `lost` could not get in, `silent` heard nothing, others `moved`",
+            labels=["why"],
+        )
+        for why, number in self.redirects.items():
+            redirects.add_metric([why], number)
+        yield GaugeMetricFamily("tigas_director_hosts", "Hosts that are up", len(hosts))
+        yield from (viewers, full, draining, shares, ages, placements, redirects)

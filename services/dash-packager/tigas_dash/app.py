@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+from collections import Counter
 from collections.abc import AsyncIterator
 from typing import TYPE_CHECKING
 
@@ -17,6 +18,7 @@ from tigas_common.errors import TigasError, problem
 from tigas_common.extras import install_command
 from tigas_common.front_door import front_door
 from tigas_common.hosts import host_of
+from tigas_common.metrics import CountedRequests, metrics_route, new_registry
 from tigas_common.openapi import openapi
 from tigas_common.origins import OriginCheck, OriginPolicy
 from tigas_common.parsing import parse
@@ -51,6 +53,7 @@ UNKNOWN_SESSION = 4004
 
 def create_app(sessions: Sessions, policy: OriginPolicy, webrtc: WebRtc | None = None) -> ASGIApp:
     """The application over running sessions, which are its caller's to open and close; None: without WebRTC."""
+    registry = new_registry("dash", sessions.metrics)
     app = Starlette(
         routes=[
             front_door("DASH packager"),
@@ -66,12 +69,13 @@ def create_app(sessions: Sessions, policy: OriginPolicy, webrtc: WebRtc | None =
             Route("/sessions/{session}/{representation}/{segment:str}.m4s", media_segment),
             Route("/time", time),
             Route("/healthz", healthz),
+            metrics_route(registry),
         ],
         exception_handlers=EXCEPTION_HANDLERS,
     )
     app.state.sessions = sessions
     app.state.webrtc = webrtc
-    return OriginCheck(app, policy)
+    return CountedRequests(OriginCheck(app, policy), app.routes, registry)
 
 
 @takes(SessionRequest)
@@ -132,13 +136,16 @@ async def init_segment(request: Request) -> Response:
 
 async def media_segment(request: Request) -> Response:
     """A segment, as far as it is there and then as it grows; one that is about to begin is waited for."""
-    media = _session(request).media
-    window = media.segments(request.path_params["representation"])
+    session, representation = _session(request), request.path_params["representation"]
+    media = session.media
+    window, rung = media.segments(representation), media.rung(representation)
     text = request.path_params["segment"]
     if not (text.isascii() and text.isdecimal() and len(text) <= 12):
         raise UnknownSegment("Segments are numbered from 1.")
     return StreamingResponse(
-        _in_time(window.read(int(text)), media.readable_s), media_type="video/iso.segment", headers=NO_STORE
+        _counted(_in_time(window.read(int(text)), media.readable_s), session.sent_bytes, rung),
+        media_type="video/iso.segment",
+        headers=NO_STORE,
     )
 
 
@@ -147,6 +154,12 @@ async def _in_time(chunks: AsyncIterator[bytes], seconds: float) -> AsyncIterato
     async with asyncio.timeout(seconds):
         async for chunk in chunks:
             yield chunk
+
+
+async def _counted(chunks: AsyncIterator[bytes], sent_bytes: Counter[int], rung: int) -> AsyncIterator[bytes]:
+    async for chunk in chunks:
+        sent_bytes[rung] += len(chunk)
+        yield chunk
 
 
 async def time(request: Request) -> Response:

@@ -42,6 +42,7 @@ class Media:
             one.id: init_segment(sets, one.width, one.height, self._timescale)
             for one, sets in zip(ladder, parameters, strict=True)
         }
+        self._rungs = {one.id: one.rung for one in ladder}
         self._pending: list[list[Sample]] = [[] for _ in ladder]
         self._pending_ticks: list[int] = []
         self._chunks = 0
@@ -86,6 +87,10 @@ class Media:
     def segments(self, representation: str) -> SegmentWindow:
         """The media segments, likewise."""
         return self._windows[self._known(representation)]
+
+    def rung(self, representation: str) -> int:
+        """Which rung it shows, likewise."""
+        return self._rungs[self._known(representation)]
 
     def append(self, number: int, ticks: int, samples: Sequence[Sample]) -> None:
         """The next frame, of each representation: it is number `number`, and shown for so many ticks."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import logging
 import math
+from collections import Counter
 from collections.abc import AsyncIterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import asynccontextmanager
@@ -14,6 +15,7 @@ from tigas_common.wire.dash import FrameShown, PoseUpdate, SessionInfo, SessionR
 from tigas_dash.clock import Clock
 from tigas_dash.encoding import LadderEncoder, RawFrame
 from tigas_dash.media import Media
+from tigas_dash.metrics import Transport
 from tigas_dash.representation import Representation
 from tigas_dash.source import ViewSource
 from tigas_dash.views import NewestView, first_pose
@@ -29,6 +31,8 @@ MAX_UNREAD = 300
 class Session:
     """A running stream. Made by `Sessions.open`, which runs it, too."""
 
+    transport: Transport = "dash"
+
     def __init__(
         self, name: str, request: SessionRequest, ladder: Sequence[Representation], source: ViewSource,
         encoder: LadderEncoder, first: RawFrame, clock: Clock,
@@ -36,6 +40,11 @@ class Session:
         self.name = name
         self.used_at = clock.now()
         """When somebody last asked for something of it, on the steady clock."""
+        self.rungs = tuple(one.rung for one in ladder)
+        self.sent_bytes: Counter[int] = Counter()
+        """Of segments, by rung."""
+        self._next = 0
+        """The number of the frame to encode next."""
         self._request = request
         self._encoder = encoder
         self._clock = clock
@@ -78,6 +87,11 @@ class Session:
             encoder_failures=self._encoder.failures,
             watchers=len(self._watchers),
         )
+
+    @property
+    def behind_s(self) -> float:
+        """For how long the frame to encode next has been due, in seconds."""
+        return max(0.0, self._clock.now() - self._due(self._next))
 
     def move(self, pose: PoseUpdate) -> None:
         """The viewer's newest pose."""
@@ -149,6 +163,7 @@ class Session:
             number, ticks, frame = await self._to_encode.get()
             samples = await loop.run_in_executor(executor, self._encoder.encode, frame, number)
             self.media.append(number, ticks, samples)
+            self._next = number + ticks
             self._frames += 1
             self._dropped += ticks - 1
             self._announce(FrameShown(frame=number, media_time_s=number / self._request.frame_rate, pose=frame.pose))

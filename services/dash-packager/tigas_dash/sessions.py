@@ -10,11 +10,12 @@ from collections.abc import AsyncIterator, Awaitable, Callable
 from contextlib import asynccontextmanager
 from typing import Protocol, TypeVar
 
-from tigas_common.wire.dash import SessionRequest, SessionStatus
+from tigas_common.wire.dash import SessionRequest
 from tigas_dash.clock import Clock
 from tigas_dash.encoder import EncoderName
 from tigas_dash.encoding import LadderEncoder
 from tigas_dash.errors import TooManySessions, UnknownSession
+from tigas_dash.metrics import CountedStream, DashMetrics
 from tigas_dash.representation import representations
 from tigas_dash.session import Session
 from tigas_dash.source import FIRST_FRAME_S, RenderClient, ViewSource
@@ -25,7 +26,7 @@ logger = logging.getLogger(__name__)
 HOUSEKEEPING_S = 1.0
 
 
-class Stream(Protocol):
+class Stream(CountedStream, Protocol):
     """What all kinds of streams have in common."""
 
     name: str
@@ -35,11 +36,6 @@ class Stream(Protocol):
     @property
     def watched(self) -> bool:
         """Whether somebody watches it for certain."""
-        raise NotImplementedError
-
-    @property
-    def status(self) -> SessionStatus:
-        """How it does."""
         raise NotImplementedError
 
     async def run(self) -> None:
@@ -61,6 +57,7 @@ class Sessions:
         self._idle_s = idle_s
         self._running: dict[str, tuple[Stream, asyncio.Task[None]]] = {}
         self._opening = 0
+        self.metrics = DashMetrics(self.all, limit)
 
     @asynccontextmanager
     async def running(self) -> AsyncIterator[Sessions]:
@@ -129,7 +126,9 @@ class Sessions:
         return Session(secrets.token_hex(8), request, ladder, source, encoder, first, self.clock)
 
     def _ended(self, task: asyncio.Task[None]) -> None:
-        self._running.pop(task.get_name(), None)
+        ended = self._running.pop(task.get_name(), None)
+        if ended is not None:
+            self.metrics.ended(ended[0])
         gc.collect()  # what held encoders and frames refers to itself, and would wait for long
         if not task.cancelled() and (error := task.exception()):
             logger.error("Session %s failed", task.get_name(), exc_info=error)

@@ -7,7 +7,6 @@ import hashlib
 from pathlib import Path
 from urllib.parse import urlsplit
 
-from prometheus_client import CONTENT_TYPE_LATEST, generate_latest
 from starlette.applications import Starlette
 from starlette.requests import Request
 from starlette.responses import Response
@@ -15,6 +14,7 @@ from starlette.routing import Route
 from starlette.types import ASGIApp, Scope
 
 from tigas_common.errors import problem
+from tigas_common.metrics import CountedRequests, metrics_route, new_registry
 from tigas_common.openapi import openapi
 from tigas_common.origins import OriginCheck
 from tigas_common.web import (
@@ -30,7 +30,7 @@ from tigas_common.web import (
 from tigas_common.wire.cluster import HostLoad
 from tigas_common.wire.render import SceneInfo, ServerConfig, Training
 from tigas_render.compressed_files import CompressedFiles
-from tigas_render.frame_route import FRAMES, HttpFrames
+from tigas_render.frame_route import FRAMES, PATH, HttpFrames
 from tigas_render.service import RenderService
 
 STATIC = Path(__file__).parent / "static"
@@ -39,6 +39,7 @@ STATIC = Path(__file__).parent / "static"
 
 def create_app(service: RenderService) -> ASGIApp:
     """The application over a running service, which is its caller's to open and close."""
+    registry = new_registry("render", *service.metrics)
     app = Starlette(
         routes=[
             openapi("Render service"),
@@ -57,7 +58,7 @@ def create_app(service: RenderService) -> ASGIApp:
             Route("/config.json", config),
             Route("/api/load", own_load),
             Route("/healthz", healthz),
-            Route("/metrics", metrics),
+            metrics_route(registry),
         ],
         exception_handlers=EXCEPTION_HANDLERS,
     )
@@ -66,7 +67,8 @@ def create_app(service: RenderService) -> ASGIApp:
     if STATIC.is_dir():
         # Not a mount: that would match before a wrong method of the routes above is noticed.
         app.router.default = _Client(directory=STATIC, html=True)
-    return OriginCheck(app, service.origins)
+    # Frames are counted by the engine, which makes those for other processes, too.
+    return CountedRequests(OriginCheck(app, service.origins), app.routes, registry, besides=PATH)
 
 
 async def scenes(request: Request) -> ModelResponse[list[SceneInfo]]:
@@ -158,11 +160,6 @@ async def healthz(request: Request) -> Response:
     if lost.done():
         return problem_response(problem(lost.result()))
     return healthy()
-
-
-async def metrics(request: Request) -> Response:
-    """Prometheus' text format."""
-    return Response(generate_latest(_service(request).metrics.registry), media_type=CONTENT_TYPE_LATEST)
 
 
 class _Client(CompressedFiles):

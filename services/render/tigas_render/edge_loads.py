@@ -61,16 +61,20 @@ class EdgeLoads(Collector):
     def collect(self) -> Iterator[Metric]:
         """For Prometheus."""
         ages = GaugeMetricFamily(
-            "tigas_queue_age_seconds", "The longest that something waited in the last second", labels=["queue", "edge"]
+            "tigas_render_queue_age_seconds",
+            "The longest that something waited in the last second",
+            labels=["queue", "edge"],
         )
-        shares = GaugeMetricFamily("tigas_utilisation", "Share of the time at work, 0 to 1", labels=["of", "edge"])
-        viewers = GaugeMetricFamily("tigas_viewers", "Viewers that were taken", labels=["edge"])
-        full = GaugeMetricFamily("tigas_full", "Whether new viewers are refused", labels=["edge"])
+        shares = GaugeMetricFamily(
+            "tigas_render_utilisation_ratio", "Share of the time at work, 0 to 1", labels=["of", "edge"]
+        )
+        viewers = GaugeMetricFamily("tigas_render_viewers", "Viewers that were taken", labels=["edge"])
+        full = GaugeMetricFamily("tigas_render_full", "Whether new viewers are refused", labels=["edge"])
         allowed = GaugeMetricFamily(
-            "tigas_allowed_requests_per_second", "Of each viewer, while there is too much to do", labels=["edge"]
+            "tigas_render_allowed_requests_per_second", "Of each viewer, while there is too much to do", labels=["edge"]
         )
-        refused = CounterMetricFamily("tigas_refused_viewers", "Viewers that were refused", labels=["edge"])
-        stale = CounterMetricFamily("tigas_stale_datagrams", "Datagrams dropped for their age", labels=["edge"])
+        refused = CounterMetricFamily("tigas_render_refused_viewers", "Viewers that were refused", labels=["edge"])
+        stale = CounterMetricFamily("tigas_render_stale_datagrams", "Datagrams dropped for their age", labels=["edge"])
         for number, state in self.states.items():
             edge = [str(number)]
             for queue, age in state.ages.items():

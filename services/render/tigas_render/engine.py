@@ -112,6 +112,11 @@ class Engine(FrameSource):
         """How busy the renderer is, as `WorkQueue.state`."""
         return self._queue.state()
 
+    @property
+    def in_flight(self) -> dict[str, int]:
+        """Requests that are not answered: whose scene is loaded, who wait for their turn, and whose picture is made."""
+        return {"loading": len(self._loading), "waiting": len(self._queue), "rendering": self._queue.at_work}
+
     def lose_device(self, reason: DeviceLost) -> None:
         """Remember that the device failed for good: only a new process can use it."""
         if not self.device_lost.done():
@@ -190,7 +195,7 @@ class Engine(FrameSource):
         if work.is_entered:
             work.use.leave()
         if isinstance(result, Frame):
-            self._metrics.frame(result)
+            self._metrics.frame(work.request.scene, work.client.transport, result)
         elif isinstance(result, TigasError):
             self._metrics.count(result.type)
         answered(result)

@@ -7,7 +7,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 from tigas_common.wire.render import AnswerFormat, RenderRequest, ServerTiming, VideoInfo
 
@@ -19,6 +19,9 @@ CONTENT_TYPES: dict[AnswerFormat, str] = {
     "webp": "image/webp",
 }
 
+Transport = Literal["webtransport", "http3", "http1", "none"]
+"""How a viewer is reached; `none`: the service asks for a picture itself."""
+
 
 class Client(NamedTuple):
     """One viewer, as far as can be told. The engine is fair between addresses, and between an address's sessions."""
@@ -27,6 +30,7 @@ class Client(NamedTuple):
     """Its IPv4 address, or the /64 of its IPv6 address."""
     session: str
     """A name that no other session of the address has."""
+    transport: Transport = "none"
 
 
 @dataclass(slots=True)

@@ -97,8 +97,10 @@ def _viewer(request: Request) -> str:
 
 
 def _client(request: Request) -> Client:
-    peer = request.client
-    return Client(client_network(peer.host), f"{peer.host}:{peer.port}") if peer else Client("unknown", "unknown")
+    peer, transport = request.client, "http3" if request.scope["http_version"] == "3" else "http1"
+    if peer is None:
+        return Client("unknown", "unknown", transport)
+    return Client(client_network(peer.host), f"{peer.host}:{peer.port}", transport)
 
 
 async def _unless_disconnected(request: Request, answer: Coroutine[None, None, Frame]) -> Frame | None:

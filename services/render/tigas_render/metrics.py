@@ -1,4 +1,4 @@
-"""What the service counts, in Prometheus' terms."""
+"""What the engine counts, for Prometheus."""
 
 from __future__ import annotations
 
@@ -6,12 +6,12 @@ from bisect import bisect_left
 from collections.abc import Iterator
 from itertools import accumulate
 
-from prometheus_client import CollectorRegistry
 from prometheus_client.core import CounterMetricFamily, HistogramMetricFamily
 from prometheus_client.metrics_core import Metric
 from prometheus_client.registry import Collector
 
-from tigas_render.frame import Frame
+from tigas_common.metrics import SceneNames
+from tigas_render.frame import Frame, Transport
 
 BUCKETS = (0.001, 0.002, 0.005, 0.01, 0.02, 0.033, 0.05, 0.1, 0.2, 0.5, 1, 2, 5)
 BOUNDS = [*map(str, map(float, BUCKETS)), "+Inf"]
@@ -36,28 +36,32 @@ class Times:
 
 
 class EngineMetrics(Collector):
-    """The engine's counters and histograms, in a registry of their own.
+    """The engine's counters and histograms.
 
     Thousands of frames are counted for each time that anybody looks, on one thread: prometheus_client's own counters,
     which have locks, would be a twentieth of what the engine's process does.
     """
 
     def __init__(self) -> None:
-        self.registry = CollectorRegistry()
         self._requests = {"frame": 0}
         """By outcome."""
-        self._bytes = 0
+        self._frames: dict[tuple[str, int | None, Transport], list[int]] = {}
+        """How many frames, and of how many bytes, by scene, rung and transport."""
+        self._scenes = SceneNames()
         self._queue, self._render, self._encode = Times(), Times(), Times()
-        self.registry.register(self)
 
     def count(self, outcome: str) -> None:
         """One request that ended without a frame, by the error's type or `cancelled`."""
         self._requests[outcome] = self._requests.get(outcome, 0) + 1
 
-    def frame(self, frame: Frame) -> None:
+    def frame(self, scene: str, transport: Transport, frame: Frame) -> None:
         """One frame that was answered."""
         self._requests["frame"] += 1
-        self._bytes += len(frame.body)
+        sums = self._frames.get((scene, frame.profile, transport))
+        if sums is None:
+            sums = self._frames.setdefault((self._scenes.label(scene), frame.profile, transport), [0, 0])
+        sums[0] += 1
+        sums[1] += len(frame.body)
         timing = frame.timing
         self._queue.add(timing.queue / 1000)
         self._render.add(timing.render / 1000)
@@ -65,12 +69,17 @@ class EngineMetrics(Collector):
 
     def collect(self) -> Iterator[Metric]:
         """All of them, as they are now."""
-        requests = CounterMetricFamily("tigas_requests", "Render requests by how they ended", labels=["outcome"])
+        requests = CounterMetricFamily("tigas_render_requests", "Render requests by how they ended", labels=["outcome"])
         for outcome, number in list(self._requests.items()):
             requests.add_metric([outcome], number)
-        seconds = HistogramMetricFamily("tigas_frame_seconds", "Time of a frame by stage", labels=["stage"])
+        labels = ["scene", "rung", "transport"]
+        frames = CounterMetricFamily("tigas_render_frames", "Frames that were answered", labels=labels)
+        sizes = CounterMetricFamily("tigas_render_frame_bytes", "Their bytes", labels=labels)
+        for (scene, rung, transport), (count, size) in list(self._frames.items()):
+            values = [scene, "none" if rung is None else str(rung), transport]
+            frames.add_metric(values, count)
+            sizes.add_metric(values, size)
+        seconds = HistogramMetricFamily("tigas_render_frame_seconds", "Time of a frame by stage", labels=["stage"])
         for stage, times in (("queue", self._queue), ("render", self._render), ("encode", self._encode)):
             seconds.add_metric([stage], times.buckets, times.sum)
-        yield requests
-        yield CounterMetricFamily("tigas_frame_bytes", "Bytes of all frames", self._bytes)
-        yield seconds
+        yield from (requests, frames, sizes, seconds)

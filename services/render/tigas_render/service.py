@@ -31,6 +31,7 @@ from tigas_render.raster.base import Rasterizer
 from tigas_render.scenes.registry import SceneRegistry
 from tigas_render.scenes.source import SceneSource
 from tigas_render.settings import RenderSettings
+from tigas_render.state_metrics import StateMetrics
 from tigas_render.transport.http_viewers import HttpViewers
 from tigas_render.transport.load import TICK_S, Load
 from tigas_render.transport.request_rate import RequestRate
@@ -53,7 +54,7 @@ class RenderService(FrameSource):
         self._hardware = rasterizer.hardware
         self._formats: tuple[StillFormat, ...] = ("jpeg", "webp") if rasterizer.makes_webp else ("jpeg",)
         self._commit = this_commit()
-        self.metrics = EngineMetrics()
+        metrics = EngineMetrics()
         self.registry = SceneRegistry(
             settings.scenes,
             rasterizer.prepare,
@@ -66,7 +67,7 @@ class RenderService(FrameSource):
             rasterizer,
             self.registry,
             settings.default_ladder,
-            self.metrics,
+            metrics,
             time.monotonic,
             settings.waiting_per_address,
             settings.video_encoders,
@@ -75,7 +76,7 @@ class RenderService(FrameSource):
         """What QUIC shows, once it is served."""
         self.origins = OriginPolicy.of(settings.addresses, settings.allow_hosts, settings.allow_origins)
         self.loads = EdgeLoads(time.monotonic)
-        self.metrics.registry.register(self.loads)
+        self.metrics = (metrics, StateMetrics(self.engine, self.registry), self.loads)
         self.loop_load = Load()
         """Of this process, where it serves viewers itself."""
         self.rate = RequestRate(self.loop_load, settings.quic_limits.requests_per_s, time.monotonic)

@@ -66,6 +66,12 @@ class WorkQueue:
     def __len__(self) -> int:
         return len(self._schedule)
 
+    @property
+    def at_work(self) -> int:
+        """Frames that have begun and are not done."""
+        with self._lock:
+            return self._at_work.total()
+
     def push(self, work: Work) -> None:
         """Add work. Raises Overloaded."""
         client, request = work.client, work.request

@@ -17,6 +17,7 @@ from starlette.types import ASGIApp, Receive, Scope, Send
 
 from tigas_common.errors import Overloaded
 from tigas_common.front_door import front_door
+from tigas_common.metrics import CountedRequests, metrics_route, new_registry
 from tigas_common.openapi import openapi
 from tigas_common.origins import OriginCheck, OriginPolicy
 from tigas_common.web import EXCEPTION_HANDLERS, NO_STORE, Body, ModelResponse, healthy, json_response, read_body, takes
@@ -32,6 +33,7 @@ from tigas_common.wire.shaper import (
     TraceSummary,
 )
 from tigas_shaper.errors import LinkClosed
+from tigas_shaper.metrics import ShaperMetrics
 from tigas_shaper.service import Shaper
 from tigas_shaper.traces.library import points, summary
 
@@ -42,6 +44,7 @@ MAX_UPLOADING = 4
 
 def create_app(shaper: Shaper, policy: OriginPolicy) -> ASGIApp:
     """The application over a running shaper, which is its caller's to open and close."""
+    registry = new_registry("shaper", ShaperMetrics(shaper))
     app = Starlette(
         routes=[
             front_door("Network shaper"),
@@ -59,6 +62,7 @@ def create_app(shaper: Shaper, policy: OriginPolicy) -> ASGIApp:
             Route("/status", status),
             Route("/events", events),
             Route("/healthz", healthz),
+            metrics_route(registry),
         ],
         exception_handlers=EXCEPTION_HANDLERS,
     )
@@ -66,7 +70,7 @@ def create_app(shaper: Shaper, policy: OriginPolicy) -> ASGIApp:
     app.state.watchers = 0
     app.state.uploading = 0
     app.state.reading = asyncio.Lock()
-    return OriginCheck(app, policy)
+    return CountedRequests(OriginCheck(app, policy), app.routes, registry)
 
 
 async def traces(request: Request) -> ModelResponse[TraceList]:

@@ -79,6 +79,11 @@ class Shaper:
         """Why the link is closed, in one sentence."""
         return self._link.closed
 
+    @property
+    def sent_bytes(self) -> dict[str, int]:
+        """What has crossed the link in each direction, `down` and `up`, as last sampled."""
+        return {"down": self._down.sent_bytes, "up": self._up.sent_bytes}
+
     def status(self) -> ShaperStatus:
         """The link as it was last seen, and what plays now."""
         player, state = self.player, self.player.state
@@ -145,6 +150,11 @@ class _Meter:
             self._delivered_kbps = max(0, sent) * 8e-3 / (now - self._at)
         self._counters, self._at = counters, now
         self._rate_kbps = rate_kbps or self._rate_kbps
+
+    @property
+    def sent_bytes(self) -> int:
+        """As last sampled."""
+        return self._counters.sent_bytes
 
     def status(self, target_kbps: float) -> DirectionStatus:
         """As last sampled."""

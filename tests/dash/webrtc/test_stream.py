@@ -15,6 +15,7 @@ pytest.importorskip("aiortc")
 from tests.dash.conftest import Packager, pose, running_packager
 from tests.dash.watching import until_idle
 from tests.dash.webrtc.viewer import PATIENCE_S, Viewer, offer_of_nobody, watching, webrtc_request
+from tests.prometheus import figures
 from tigas_common.extras import install_command
 from tigas_dash.webrtc.stream import WebRtcStream
 
@@ -48,6 +49,12 @@ async def test_a_pose_shows_in_the_video_and_the_channel_says_in_which_frame(pac
         assert first in [one["rtp_timestamp"] for one in viewer.told]
         status = (await packager.http.get(f"/sessions/{session['id']}")).json()
         assert (status["poses"], status["watchers"]) == (1, 1)
+    await until_idle(packager)
+    ended = await figures(packager.http)
+    labels = {"scene": "scene", "rung": "3", "transport": "webrtc"}
+    assert ended("tigas_dash_frames_total", **labels) >= len(viewer.pictures)
+    assert ended("tigas_dash_sent_bytes_total", **labels) > 1000
+    assert ended("tigas_dash_poses_total", transport="webrtc") == 1
 
 
 async def test_an_overtaken_pose_changes_nothing_and_an_unreadable_one_is_answered(packager: Packager) -> None:

@@ -17,6 +17,7 @@ import pytest
 
 from tests.experiments.made_up import frame, inputs, reply, sample
 from tests.experiments.store.conftest import Running, running_store, until, upload
+from tests.prometheus import figures
 from tests.web.server import Store
 from tigas_common.errors import InvalidRequest
 from tigas_common.http_limits import HttpLimits
@@ -148,6 +149,21 @@ BOMBS = {
     "configuration.seed": "9" * 1_000_000,
     "configuration.scene": '"\\ud800"',
 }
+
+
+async def test_metrics_tell_what_came_in_what_was_kept_and_what_waits(store: Running) -> None:
+    experiment = await store.create()
+    empty = await figures(store.http)
+    await store.add(experiment)
+    refused = await store.http.post(f"/experiments/{experiment}/runs", content=b"x" * 1000)
+    assert refused.status_code == 400
+    told = await figures(store.http)
+    assert told("tigas_store_runs_total") - empty("tigas_store_runs_total") == 1
+    assert told("tigas_store_received_bytes_total") > 1000
+    for queue in ("check", "report", "materialise"):
+        assert told("tigas_store_waiting", queue=queue) == told("tigas_store_queue_age_seconds", queue=queue) == 0
+    assert told("tigas_store_free_bytes") > 0
+    assert told("tigas_http_requests_total", route="/experiments/{id}/runs") == 2
 
 
 async def test_a_megabyte_of_mistakes_is_told_as_cheaply_as_one() -> None:

@@ -67,21 +67,21 @@ def test_a_training_is_that_of_the_engine_that_knows_of_one(one: Any, other: Any
 
 
 def test_metrics_of_engines_have_a_device_and_those_of_edges_are_there_once() -> None:
-    text = """# HELP tigas_requests_total Render requests
-# TYPE tigas_requests_total counter
-tigas_requests_total{outcome="frame"} 3.0
-# HELP tigas_frame_seconds Time
-# TYPE tigas_frame_seconds histogram
-tigas_frame_seconds_bucket{le="+Inf",stage="queue"} 3.0
-tigas_frame_seconds_count{stage="queue"} 3.0
-tigas_frame_seconds_sum{stage="queue"} 0.5
-# HELP tigas_viewers Viewers
-# TYPE tigas_viewers gauge
-tigas_viewers{edge="0"} 2.0
+    text = """# HELP tigas_render_requests_total Render requests
+# TYPE tigas_render_requests_total counter
+tigas_render_requests_total{outcome="frame"} 3.0
+# HELP tigas_render_frame_seconds Time
+# TYPE tigas_render_frame_seconds histogram
+tigas_render_frame_seconds_bucket{le="+Inf",stage="queue"} 3.0
+tigas_render_frame_seconds_count{stage="queue"} 3.0
+tigas_render_frame_seconds_sum{stage="queue"} 0.5
+# HELP tigas_render_viewers Viewers
+# TYPE tigas_render_viewers gauge
+tigas_render_viewers{edge="0"} 2.0
 """
     merged = merging.metrics([Part("a", text.encode()), Part("b", text.encode())], []).decode()
     for device in "ab":
-        assert f'tigas_requests_total{{device="{device}",outcome="frame"}} 3.0' in merged
-        assert f'tigas_frame_seconds_bucket{{device="{device}",le="+Inf",stage="queue"}} 3.0' in merged
-    assert merged.count("tigas_viewers{") == 1
-    assert merged.count("# TYPE tigas_frame_seconds histogram") == 1
+        assert f'tigas_render_requests_total{{device="{device}",outcome="frame"}} 3.0' in merged
+        assert f'tigas_render_frame_seconds_bucket{{device="{device}",le="+Inf",stage="queue"}} 3.0' in merged
+    assert merged.count("tigas_render_viewers{") == 1
+    assert merged.count("# TYPE tigas_render_frame_seconds histogram") == 1

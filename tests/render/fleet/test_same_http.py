@@ -8,6 +8,7 @@ from collections.abc import Iterator
 import httpx
 import pytest
 
+from tests.prometheus import Figures
 from tests.render.fleet.fleet import ASK, Fleet, serving
 from tests.render.scenes import plys
 from tigas_render.scenes.ply import write_ply
@@ -81,10 +82,15 @@ def test_answers_are_the_same(
 
 def test_metrics_come_from_the_engine_and_tell_of_every_edge(both: tuple[Fleet, Fleet]) -> None:
     _, fleet = both
-    httpx.post(f"{fleet.url}/render", content=ASK)
-    text = httpx.get(f"{fleet.url}/metrics").text
-    assert re.search(r'tigas_requests_total\{(device="[^"]*",)?outcome="frame"\} [1-9]', text)
-    assert all(f'tigas_viewers{{edge="{number}"}}' in text for number in range(2))
+    before = Figures(httpx.get(f"{fleet.url}/metrics").text)
+    with httpx.Client() as viewer:
+        sizes = [len(viewer.post(f"{fleet.url}/render", content=ASK).content) for _ in range(5)]
+    told = Figures(httpx.get(f"{fleet.url}/metrics").text)
+    for name, more in (("tigas_render_frames_total", 5), ("tigas_render_frame_bytes_total", sum(sizes))):
+        assert told(name, transport="http1") - before(name, transport="http1") == more
+    assert told("tigas_render_requests_total", outcome="frame") == told("tigas_render_frames_total")
+    assert told("tigas_build_info", service="render") == told("process_start_time_seconds") // 1e9, "not each engine"
+    assert all(f'tigas_render_viewers{{edge="{number}"}}' in told.text for number in range(2))
 
 
 def _plain(text: str) -> str:

@@ -76,7 +76,9 @@ def gaps(viewers: Sequence[Viewer], since: float) -> float:
 async def frames(http: httpx.AsyncClient) -> Counter[str]:
     """How many each device has made."""
     text = (await http.get("/metrics")).text
-    found = re.findall(r'^tigas_requests_total\{device="([^"]*)",outcome="frame"\} ([0-9.]+)$', text, re.MULTILINE)
+    found = re.findall(
+        r'^tigas_render_requests_total\{device="([^"]*)",outcome="frame"\} ([0-9.]+)$', text, re.MULTILINE
+    )
     return Counter({name: int(float(number)) for name, number in found})
 
 
@@ -108,15 +110,15 @@ async def test_what_each_engine_knows_reads_as_one(fleet: Fleet) -> None:
         assert (await http.get("/config.json")).json()["certificate_sha256"]
 
         async def all_edges_have_told() -> bool:
-            return 'tigas_viewers{edge="1"}' in (await http.get("/metrics")).text
+            return 'tigas_render_viewers{edge="1"}' in (await http.get("/metrics")).text
 
         await asking_until(all_edges_have_told)
         text = (await http.get("/metrics")).text
     for name in NAMES:
-        assert f'tigas_device_up{{device="{name}"}} 1.0' in text
+        assert f'tigas_render_device_up{{device="{name}"}} 1.0' in text
     for edge in range(2):
-        assert text.count(f'tigas_viewers{{edge="{edge}"}}') == 1
-    assert text.count("# TYPE tigas_requests_total counter") == 1
+        assert text.count(f'tigas_render_viewers{{edge="{edge}"}}') == 1
+    assert text.count("# TYPE tigas_render_requests_total counter") == 1
 
 
 async def test_a_scene_that_nobody_views_is_unloaded_everywhere(fleet: Fleet) -> None:
@@ -174,7 +176,7 @@ def test_a_device_that_cannot_be_used_is_named_and_the_others_serve() -> None:
     with nothing_left(), serving(edges=1, device="instant,cuda:99") as fleet:
         assert httpx.get(f"{fleet.url}/healthz").status_code == 200
         assert httpx.post(f"{fleet.url}/render", content=ASK, timeout=60).status_code == 200
-        assert 'tigas_device_up{device="cuda:99"} 0.0' in httpx.get(f"{fleet.url}/metrics").text
+        assert 'tigas_render_device_up{device="cuda:99"} 0.0' in httpx.get(f"{fleet.url}/metrics").text
         fleet.errors.seek(0)
         line, *_ = fleet.errors.read().splitlines()  # it may have been tried again by now
     assert re.fullmatch(

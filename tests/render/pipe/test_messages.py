@@ -6,7 +6,7 @@ import contextlib
 import math
 import struct
 from collections.abc import Callable
-from typing import Any
+from typing import Any, get_args
 
 import pytest
 from hypothesis import given
@@ -17,7 +17,7 @@ from tigas_common import errors
 from tigas_common.errors import Overloaded, TigasError
 from tigas_common.wire.model import MAX_SIDE
 from tigas_common.wire.render import RenderRequest, ServerTiming, VideoInfo
-from tigas_render.frame import Client, Frame
+from tigas_render.frame import Client, Frame, Transport
 from tigas_render.pipe import messages
 from tigas_render.pipe.framing import PREFIX, BadMessage, Kind
 
@@ -142,9 +142,14 @@ def test_nothing_of_an_error_in_the_engine_itself_is_told() -> None:
     assert (found.status, "secret" in found.detail) == (500, False)
 
 
-@given(numbers, st.text(st.characters(codec="utf-8"), max_size=60), st.text(st.characters(codec="utf-8"), max_size=60))
-def test_the_small_ones_come_out_as_they_went_in(number: int, address: str, session: str) -> None:
-    client = Client(address, session)
+@given(
+    numbers,
+    st.text(st.characters(codec="utf-8"), max_size=60),
+    st.text(st.characters(codec="utf-8"), max_size=60),
+    st.sampled_from(get_args(Transport)),
+)
+def test_the_small_ones_come_out_as_they_went_in(number: int, address: str, session: str, transport: Transport) -> None:
+    client = Client(address, session, transport)
     assert messages.unpack_hello(content(messages.pack_hello(number, client), Kind.HELLO)) == (number, client)
     for kind in (Kind.OPEN, Kind.BYE, Kind.WITHDRAW):
         assert messages.unpack_number(content(messages.pack_number(kind, number), kind)) == number

@@ -65,6 +65,7 @@ async def test_a_frame_on_a_stream() -> None:
         "requests_per_s": None,
     }
     assert body == source.body
+    assert source.requests[0][0].transport == "webtransport"
 
 
 async def test_the_header_says_what_the_margins_are() -> None:

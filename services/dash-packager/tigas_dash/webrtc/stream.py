@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import logging
+from collections.abc import Mapping
 from contextlib import suppress
 
 from aiortc import RTCDataChannel, RTCPeerConnection
@@ -15,6 +16,7 @@ from tigas_common.wire.model import WireModel
 from tigas_common.wire.webrtc import FRAMES, POSES, SentFrame, WebRtcRequest, WebRtcSession
 from tigas_dash.clock import Clock
 from tigas_dash.encoding import RawFrame
+from tigas_dash.metrics import Transport
 from tigas_dash.representation import Representation
 from tigas_dash.source import ViewSource
 from tigas_dash.views import NewestView, first_pose
@@ -34,6 +36,8 @@ CLOSING_S = 5
 class WebRtcStream:
     """A running stream. Made by `WebRtc.make`; `Sessions` runs it."""
 
+    transport: Transport = "webrtc"
+
     def __init__(
         self, name: str, request: WebRtcRequest, size: Representation, source: ViewSource, first: RawFrame,
         connection: RTCPeerConnection, port: UdpPort, clock: Clock,
@@ -43,6 +47,7 @@ class WebRtcStream:
         """When it was last heard of, on the steady clock."""
         self.info: WebRtcSession
         """What its viewer needs to know, once it has begun."""
+        self.rungs = (size.rung,)
         self._request = request
         self._size = size
         self._clock = clock
@@ -102,6 +107,16 @@ class WebRtcStream:
             encoder_failures=0,
             watchers=int(self._connection.connectionState == "connected"),
         )
+
+    @property
+    def sent_bytes(self) -> Mapping[int, int]:
+        """Of datagrams, by rung."""
+        return {self._size.rung: self._lane.sent_bytes}
+
+    @property
+    def behind_s(self) -> float:
+        """For how long its next frame has been due, in seconds."""
+        return self._track.behind_s
 
     async def run(self) -> None:
         """Stream until cancelled, or until the viewer has gone."""

@@ -37,13 +37,18 @@ class ViewTrack(MediaStreamTrack):
         self._number = -1
         self.frames = self.repeated = self.dropped = 0
 
+    @property
+    def behind_s(self) -> float:
+        """For how long its next frame has been due, in seconds; 0 before the first one."""
+        return 0.0 if self._started_at is None else max(0.0, self._clock.now() - self._due)
+
     async def recv(self) -> av.VideoFrame:
         """At the next tick, or later if a newer view is on its way then: that one. Otherwise the last one again."""
         if self._started_at is None:
             self._started_at = self._clock.now()
         else:
             self._sent(self._timestamp, self._shown.pose)
-        await self._clock.sleep_until(self._started_at + (self._number + 1) / self._frame_rate)
+        await self._clock.sleep_until(self._due)
         view = await self._views.after(self._shown, self._clock.now() + PATIENCE_S)
         if view is self._shown and self._views.outdated:
             self.repeated += 1
@@ -56,6 +61,12 @@ class ViewTrack(MediaStreamTrack):
         frame = _picture(view)
         frame.pts, frame.time_base = self._timestamp, Fraction(1, RTP_RATE)
         return frame
+
+    @property
+    def _due(self) -> float:
+        """When the next frame is, on the steady clock."""
+        assert self._started_at is not None
+        return self._started_at + (self._number + 1) / self._frame_rate
 
     @property
     def _timestamp(self) -> int:

@@ -119,6 +119,7 @@ class Lane(StunProtocol):
         self._heard = heard
         self.first_rtp_timestamp: int | None = None
         """Of the first RTP packet that was sent: SRTP leaves headers legible (RFC 3711, 3.1)."""
+        self.sent_bytes = 0
         self.connection_made(_Share(self))
 
     def received(self, data: bytes, peer: Peer) -> None:
@@ -131,6 +132,7 @@ class Lane(StunProtocol):
         """Send a datagram from the port."""
         if self.first_rtp_timestamp is None and _is_rtp(data):
             (self.first_rtp_timestamp,) = struct.unpack_from("!I", data, 4)
+        self.sent_bytes += len(data)
         self._port.sendto(data, peer)
 
     def leave(self) -> None:

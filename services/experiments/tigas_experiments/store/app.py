@@ -17,6 +17,7 @@ from starlette.types import ASGIApp
 
 from tigas_common.errors import BodyTooLarge, InvalidRequest
 from tigas_common.front_door import front_door
+from tigas_common.metrics import CountedRequests, metrics_route, new_registry
 from tigas_common.openapi import openapi
 from tigas_common.origins import OriginCheck, OriginPolicy
 from tigas_common.parsing import parse
@@ -51,6 +52,7 @@ from tigas_experiments.store.archive import archive
 from tigas_experiments.store.errors import storage_explained
 from tigas_experiments.store.experiments import MAX_PLAN_BYTES, Experiments
 from tigas_experiments.store.materialisations import Materialisations
+from tigas_experiments.store.metrics import StoreMetrics
 from tigas_experiments.store.movements import Movements
 from tigas_experiments.store.offload import Offload
 from tigas_experiments.store.reports import Reports
@@ -62,6 +64,7 @@ from tigas_experiments.store.sample_uploads import (
     uploaded,
 )
 from tigas_experiments.store.samples import list_samples, picture
+from tigas_experiments.store.turns import Turns
 from tigas_experiments.store.upload import check_limit, keep_interrupted, keep_upload
 from tigas_experiments.store.workspace import Workspace
 
@@ -88,12 +91,15 @@ class Store:
     machine: Machine
     offload: Offload
     materialisations: Materialisations
-    one_at_a_time: asyncio.Lock = field(default_factory=asyncio.Lock)
+    checks: Turns = field(default_factory=Turns)
     """Runs are checked in turn: a long one takes much memory."""
 
 
 def create_app(store: Store, policy: OriginPolicy) -> ASGIApp:
     """The application over a store."""
+    queues = {"check": store.checks, "report": store.reports.turns, "materialise": store.materialisations.turns}
+    figures = StoreMetrics(store.experiments.results, queues)
+    registry = new_registry("store", figures)
     app = Starlette(
         routes=[
             front_door("Experiment store"),
@@ -117,11 +123,13 @@ def create_app(store: Store, policy: OriginPolicy) -> ASGIApp:
             Route("/movements", movements),
             Route("/movements/{name}", movement),
             Route("/healthz", healthz),
+            metrics_route(registry),
         ],
         exception_handlers=EXCEPTION_HANDLERS,
     )
     app.state.store = store
-    return OriginCheck(app, policy)
+    app.state.metrics = figures
+    return CountedRequests(OriginCheck(app, policy), app.routes, registry)
 
 
 async def experiments(request: Request) -> ModelResponse[ExperimentList]:
@@ -155,10 +163,11 @@ async def add_run(request: Request) -> ModelResponse[RunRow]:
         body = folder / "body.json"
         await _receive(request, body, MAX_BYTES)
         run = folder / "run"
-        async with store.one_at_a_time:
+        async with store.checks:
             limit = check_limit(body.stat().st_size)
             summary = await store.offload(keep_upload, body, run, tuple(store.load), store.machine, limit=limit)
         row = await asyncio.to_thread(store.experiments.add_run, name, run, summary)
+        _metrics(request).runs += 1
     return created_response(row, f"/experiments/{quote(name)}")
 
 
@@ -265,6 +274,7 @@ async def _receive(request: Request, path: Path, limit: int) -> None:
             if part is None:
                 return
             size += len(part)
+            _metrics(request).received_bytes += len(part)
             if size > limit:
                 raise too_large
             await asyncio.to_thread(file.write, part)
@@ -282,6 +292,11 @@ def _run(request: Request) -> Path:
 
 def _page_run(request: Request) -> Path:
     return _store(request).experiments.page_run(request.path_params["id"], request.path_params["run"])
+
+
+def _metrics(request: Request) -> StoreMetrics:
+    figures: StoreMetrics = request.app.state.metrics
+    return figures
 
 
 def _store(request: Request) -> Store:

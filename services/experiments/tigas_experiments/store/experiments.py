@@ -49,7 +49,8 @@ class Experiments:
     """All experiments in a directory."""
 
     def __init__(self, results: Path, workspace: Workspace) -> None:
-        self._results = results.resolve()
+        self.results = results.resolve()
+        """Where they are."""
         self._workspace = workspace
 
     def all(self) -> ExperimentList:
@@ -87,7 +88,7 @@ class Experiments:
 
     def find(self, experiment: str) -> tuple[Path, ExperimentRecord]:
         """Its folder and what is said there. Raises UnknownExperiment."""
-        folder = self._results / experiment
+        folder = self.results / experiment
         # Compared as a name, since as a path it could lead anywhere.
         if folder.name != experiment or not _is_folder(folder):
             raise UnknownExperiment(f"There is no experiment {experiment[:100]!r}.")
@@ -124,12 +125,12 @@ class Experiments:
         with storage_explained(), self._workspace.folder() as folder:
             made = folder / "experiment"
             write_experiment(made, record)
-            return _placed(made, self._results, f"{slug}-{created:%Y%m%d-%H%M%S}")
+            return _placed(made, self.results, f"{slug}-{created:%Y%m%d-%H%M%S}")
 
     def _read(self) -> Iterator[tuple[Path, ExperimentRecord]]:
         """Folders and records of those that can be read."""
         with storage_explained():
-            folders = [path for path in self._results.iterdir() if _is_folder(path)]
+            folders = [path for path in self.results.iterdir() if _is_folder(path)]
         for folder in folders:
             try:
                 yield folder, read_experiment(folder)

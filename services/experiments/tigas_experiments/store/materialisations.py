@@ -17,6 +17,7 @@ from tigas_experiments.samples.materialise import alone, materialise, sampled_ru
 from tigas_experiments.samples.renderer import Renderer, RendererAway
 from tigas_experiments.store.errors import ExperimentInUse, NoSamples, storage_explained
 from tigas_experiments.store.experiments import Experiments
+from tigas_experiments.store.turns import Turns
 
 logger = logging.getLogger(__name__)
 
@@ -42,7 +43,7 @@ class Materialisations:
         self._experiments = experiments
         self._render = render
         self._jobs: dict[str, _Job] = {}
-        self._one_at_a_time = asyncio.Lock()
+        self.turns = Turns()
 
     @classmethod
     @asynccontextmanager
@@ -105,7 +106,7 @@ class Materialisations:
 
     async def _work(self, job: _Job, runs: list[Path]) -> None:
         try:
-            async with self._one_at_a_time, Renderer.at(self._render) as renderer:
+            async with self.turns, Renderer.at(self._render) as renderer:
                 job.problem = await _materialise_all(job, runs, renderer)
         except RendererAway as error:
             job.problem = str(error)

@@ -12,6 +12,7 @@ from tigas_common.files import read_regular
 from tigas_experiments.store.errors import NothingToReport, UnknownExperiment, storage_explained
 from tigas_experiments.store.experiments import Experiments, made_runs, version
 from tigas_experiments.store.offload import Offload
+from tigas_experiments.store.turns import Turns
 from tigas_experiments.store.workspace import Workspace
 
 REPORT = "report.html"
@@ -27,7 +28,7 @@ class Reports:
         self._experiments = experiments
         self._workspace = workspace
         self._offload = offload
-        self._one_at_a_time = asyncio.Lock()
+        self.turns = Turns()
         self._made: dict[str, Versions] = {}
         """Of which runs the report in an experiment's folder is."""
 
@@ -36,7 +37,7 @@ class Reports:
 
         Raises UnknownExperiment, NothingToReport and DiskFull.
         """
-        async with self._one_at_a_time:
+        async with self.turns:
             folder, _ = await asyncio.to_thread(self._experiments.find, experiment)
             runs = await asyncio.to_thread(made_runs, folder)
             if not runs:

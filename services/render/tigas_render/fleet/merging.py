@@ -88,10 +88,12 @@ class _Metrics(Collector):
         yield from self._devices()
 
     def _devices(self) -> Iterator[Metric]:
-        up = GaugeMetricFamily("tigas_device_up", "Whether its engine runs", labels=["device"])
-        shares = GaugeMetricFamily("tigas_device_utilisation", "Share of the time at work, 0 to 1", labels=["device"])
+        up = GaugeMetricFamily("tigas_render_device_up", "Whether its engine runs", labels=["device"])
+        shares = GaugeMetricFamily(
+            "tigas_render_device_utilisation_ratio", "Share of the time at work, 0 to 1", labels=["device"]
+        )
         ages = GaugeMetricFamily(
-            "tigas_device_queue_age_seconds", "How long a client waits for its turn", labels=["device"]
+            "tigas_render_device_queue_age_seconds", "How long a client waits for its turn", labels=["device"]
         )
         for engine in self._engines:
             up.add_metric([engine.name], engine.pipe.is_connected)

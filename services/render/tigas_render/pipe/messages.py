@@ -23,14 +23,17 @@ from tigas_common.errors import (
     problem,
 )
 from tigas_common.wire.render import AnswerFormat, RenderRequest, ServerTiming, VideoInfo, VideoRequest
-from tigas_render.frame import Client, Frame
+from tigas_render.frame import Client, Frame, Transport
 from tigas_render.pipe.framing import BadMessage, Kind, framed
 
 _FORMATS: Final[tuple[AnswerFormat, ...]] = get_args(AnswerFormat)
 _NUMBER_OF: Final = {format: number for number, format in enumerate(_FORMATS)}
+_TRANSPORTS: Final[tuple[Transport, ...]] = get_args(Transport)
 _NUMBER: Final = struct.Struct("<I")
 _OFFSET: Final = struct.Struct("<Q")
 _STATE: Final = struct.Struct("<dd")
+_HELLO: Final = struct.Struct("<IBB")
+"""A session's number, its transport's, and the length of its address, which follows; the rest is its name."""
 
 # -- a request ---------------------------------------------------------------------------------------------------------
 
@@ -208,17 +211,20 @@ def unpack_failure(content: bytes) -> tuple[int, TigasError]:
 def pack_hello(session: int, client: Client) -> bytes:
     """Introduces a session: requests name it by its number."""
     address = client.address.encode()
-    content = _NUMBER.pack(session) + bytes((len(address),)) + address + client.session.encode()
-    return framed(Kind.HELLO, content)
+    head = _HELLO.pack(session, _TRANSPORTS.index(client.transport), len(address))
+    return framed(Kind.HELLO, head + address + client.session.encode())
 
 
 def unpack_hello(content: bytes) -> tuple[int, Client]:
     """A session's number, and who it is."""
-    end = _NUMBER.size + 1 + (content[_NUMBER.size] if len(content) > _NUMBER.size else 0)
+    number, transport, length = _unpacked(_HELLO, content, at_least=True)
+    end = _HELLO.size + length
     if len(content) < end:
         raise BadMessage("A session's introduction is too short.")
-    address, session = content[_NUMBER.size + 1 : end], content[end:]
-    return _NUMBER.unpack_from(content)[0], Client(_text(address), _text(session))
+    if transport >= len(_TRANSPORTS):
+        raise BadMessage("A session has a transport that does not exist.")
+    address, session = content[_HELLO.size : end], content[end:]
+    return number, Client(_text(address), _text(session), _TRANSPORTS[transport])
 
 
 def pack_number(kind: Kind, number: int) -> bytes:

@@ -166,7 +166,7 @@ class EdgeLink(Link):
         if number in self._sessions or len(self._sessions) >= MOST_SESSIONS:
             raise BadMessage("A session was introduced twice, or there are too many.")
         # the same name may come from another edge, or from this one before it was started again
-        self._sessions[number] = Client(client.address, f"{self._connection} {client.session}")
+        self._sessions[number] = client._replace(session=f"{self._connection} {client.session}")
 
     def _bye(self, content: bytes) -> None:
         client = self._sessions.pop(messages.unpack_number(content), None)

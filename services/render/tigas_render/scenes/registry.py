@@ -97,7 +97,8 @@ class SceneRegistry:
         self._prepare = prepare
         self._builtin = builtin
         self._own_ladders = own_ladders
-        self._budget = memory_budget
+        self.budget = memory_budget
+        """Bytes that scenes may take together."""
         self._idle_s = idle_s
         self._clock = clock
         self._entries = {id: _Entry(source) for id, source in self._offered(builtin).items()}
@@ -135,6 +136,14 @@ class SceneRegistry:
     def infos(self) -> list[SceneInfo]:
         """Every scene, by id."""
         return [self._info(entry) for entry in self._entries.values()]
+
+    def memory(self) -> dict[str, int]:
+        """What scenes take, or are about to, in bytes, by id; those that are in use, but no longer offered, too."""
+        taken: dict[str, int] = {}
+        for entry in (*self._entries.values(), *self._retired):
+            if entry.reserved:
+                taken[entry.source.id] = taken.get(entry.source.id, 0) + entry.reserved
+        return taken
 
     def info(self, scene_id: str) -> SceneInfo:
         """One scene. Raises UnknownScene."""
@@ -260,13 +269,13 @@ class SceneRegistry:
 
     def _make_room(self, entry: _Entry, needed: int) -> None:
         """Reserve `needed` bytes for an entry; the least recently used of the scenes that nobody uses go first."""
-        if needed > self._budget:
+        if needed > self.budget:
             raise BrokenScene(
                 f"{entry.source.name} takes {needed / 1e6:.1f} MB in memory, and all scenes together may take"
-                f" {self._budget / 1e6:.1f} MB."
+                f" {self.budget / 1e6:.1f} MB."
             )
         others = {other for other in (*self._entries.values(), *self._retired) if other is not entry}
-        excess = sum(other.reserved for other in others) + needed - self._budget
+        excess = sum(other.reserved for other in others) + needed - self.budget
         victims = sorted((o for o in others if o.loaded and not o.users), key=lambda other: other.last_used)
         if sum(other.reserved for other in victims) < excess:
             raise NoRoom(

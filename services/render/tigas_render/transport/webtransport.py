@@ -61,7 +61,7 @@ class WebTransportSession:
 
     def __init__(self, outlet: Outlet, datagrams: DatagramOutlet, address: str, make_handler: SessionFactory) -> None:
         """address: the client's."""
-        self.handler = make_handler(Client(address, f"session {next(_numbers)}"), datagrams)
+        self.handler = make_handler(Client(address, f"session {next(_numbers)}", "webtransport"), datagrams)
         self._outlet = outlet
         self._datagrams = datagrams
 

@@ -1,0 +1,134 @@
+"""What every service tells Prometheus at `/metrics`: its build, its process, and the HTTP requests that it answers.
+
+A service adds collectors of its own. They look at its state when somebody asks, so that a frame costs an addition at
+most; labels are names that the service knows, never what a request says.
+"""
+
+from __future__ import annotations
+
+import platform
+import time
+from collections.abc import Iterable, Iterator
+from importlib.metadata import version
+
+from prometheus_client import (
+    CONTENT_TYPE_LATEST,
+    CollectorRegistry,
+    Counter,
+    Gauge,
+    Histogram,
+    ProcessCollector,
+    disable_created_metrics,
+    generate_latest,
+)
+from prometheus_client.core import GaugeMetricFamily, Metric
+from prometheus_client.registry import Collector
+from starlette.requests import Request
+from starlette.responses import Response
+from starlette.routing import BaseRoute, Route
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+from tigas_common.commit import this_commit
+from tigas_common.web import NO_STORE
+
+METHODS = frozenset({"DELETE", "GET", "HEAD", "OPTIONS", "POST", "PUT"})
+OTHER = "other"
+"""The label of a path that no route has, of an unusual method, and of scenes beyond the first MOST_SCENES."""
+MOST_SCENES = 200
+"""So many scenes have figures of their own: files may come and go for as long as a service runs."""
+RESPONSE_BUCKETS = (0.005, 0.02, 0.1, 0.5, 2, 10)
+"""Seconds."""
+
+disable_created_metrics()  # type: ignore[no-untyped-call]  # a time series for each counter, which Prometheus' own functions make no use of
+
+
+def new_registry(service: str, *collectors: Collector) -> CollectorRegistry:
+    """A registry with these collectors, and with the build and the process of a service."""
+    registry = CollectorRegistry()
+    ProcessCollector(registry=registry)
+    for collector in (_Build(service), *collectors):
+        registry.register(collector)
+    return registry
+
+
+def metrics_route(registry: CollectorRegistry) -> Route:
+    """The route that shows a registry."""
+
+    async def metrics(request: Request) -> Response:
+        """Figures for Prometheus, in its text format."""
+        return Response(generate_latest(registry), media_type=CONTENT_TYPE_LATEST, headers=NO_STORE)
+
+    return Route("/metrics", metrics)
+
+
+class SceneNames:
+    """Names of scenes as labels, which are bounded in number."""
+
+    def __init__(self) -> None:
+        self._known: set[str] = set()
+
+    def label(self, scene: str) -> str:
+        """What to call a scene that exists."""
+        if scene not in self._known:
+            if len(self._known) >= MOST_SCENES:
+                return OTHER
+            self._known.add(scene)
+        return scene
+
+
+class CountedRequests:
+    """ASGI middleware around a whole application: counts HTTP requests by the route that answered them."""
+
+    def __init__(
+        self, app: ASGIApp, routes: Iterable[BaseRoute], registry: CollectorRegistry, besides: str | None = None
+    ) -> None:
+        """routes: the application's; besides: a path that is counted elsewhere."""
+        self._app = app
+        self._besides = besides
+        self._paths: dict[object, str] = {
+            route.endpoint: route.path_format for route in routes if isinstance(route, Route)
+        }
+        self._answered = Counter(
+            "tigas_http_requests", "HTTP requests that were answered", ["route", "method", "status"], registry=registry
+        )
+        self._in_flight = Gauge(
+            "tigas_http_requests_in_flight", "HTTP requests whose answers are not complete", registry=registry
+        )
+        self._seconds = Histogram(
+            "tigas_http_response_seconds",
+            "Time until an answer begins",
+            ["route"],
+            buckets=RESPONSE_BUCKETS,
+            registry=registry,
+        )
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        if scope["type"] != "http" or scope["path"] == self._besides:
+            return await self._app(scope, receive, send)
+        began = time.monotonic()
+
+        async def counting(message: Message) -> None:
+            if message["type"] == "http.response.start":
+                route = self._paths.get(scope.get("endpoint"), OTHER)
+                method = scope["method"] if scope["method"] in METHODS else OTHER
+                self._answered.labels(route, method, str(message["status"])).inc()
+                self._seconds.labels(route).observe(time.monotonic() - began)
+            await send(message)
+
+        with self._in_flight.track_inprogress():
+            return await self._app(scope, receive, counting)
+
+
+class _Build(Collector):
+    def __init__(self, service: str) -> None:
+        self._labels = {
+            "service": service,
+            "version": version("tigas"),
+            "commit": this_commit() or "unknown",
+            "python": platform.python_version(),
+        }
+
+    def collect(self) -> Iterator[Metric]:
+        build = GaugeMetricFamily("tigas_build_info", "Always 1: the labels say what runs", labels=[*self._labels])
+        build.add_metric([*self._labels.values()], 1)
+        yield build
