@@ -16,7 +16,7 @@ from tigas_common.errors import InvalidRequest
 from tigas_common.peers import ARRIVED, client_network
 from tigas_common.web import EXCEPTION_HANDLERS, NO_STORE, Body, takes
 from tigas_common.wire.render import RenderRequest
-from tigas_render.frame import Client, Frame, FrameSource
+from tigas_render.frame import Client, Frame, FrameSource, Transport
 from tigas_render.frame_response import FrameResponse, Lending
 from tigas_render.transport.http_viewers import HttpViewers
 from tigas_render.transport.request_rate import RequestRate
@@ -97,7 +97,8 @@ def _viewer(request: Request) -> str:
 
 
 def _client(request: Request) -> Client:
-    peer, transport = request.client, "http3" if request.scope["http_version"] == "3" else "http1"
+    peer = request.client
+    transport: Transport = "http3" if request.scope["http_version"] == "3" else "http1"
     if peer is None:
         return Client("unknown", "unknown", transport)
     return Client(client_network(peer.host), f"{peer.host}:{peer.port}", transport)
