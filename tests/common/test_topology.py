@@ -10,7 +10,19 @@ from typing import Any
 import pytest
 import yaml
 
-from tigas_common.topology import DASH, PAGE, PAGE_HTTPS, SHAPER, STORE, WEBRTC, WEBTRANSPORT, Port, page_services
+from tigas_common.topology import (
+    DASH,
+    PAGE,
+    PAGE_HTTPS,
+    SHAPER,
+    STORE,
+    WEBRTC,
+    WEBTRANSPORT,
+    Port,
+    ServiceName,
+    page_services,
+    reached,
+)
 
 ROOT = Path(__file__).parents[2]
 COMPOSE: dict[str, Any] = yaml.safe_load((ROOT / "compose.yaml").read_text())["services"]
@@ -45,6 +57,30 @@ def test_compose_publishes_ports_of_the_shaper_alone_and_its_api_on_this_host_on
 def test_compose_tells_the_services_where_the_others_are() -> None:
     assert COMPOSE["render"]["environment"]["TIGAS_RENDER_SERVICES"] == page_services(shaped=True)
     assert COMPOSE["dash-packager"]["environment"]["TIGAS_DASH_RENDER"] == f"http://{address('render')}:{PAGE.number}"
+
+
+HERE: dict[ServiceName, str] = {"dash": "http://127.0.0.1:8081"}
+NEAR: dict[ServiceName, str] = {"dash": "http://172.30.2.11:8081"}
+
+
+@pytest.mark.parametrize(
+    ("page", "services", "upstreams", "url"),
+    [
+        ("http://localhost:8080", {"dash": ":8081"}, HERE, "http://localhost:8081"),
+        ("http://[::1]:8080", {"dash": ":8081"}, HERE, "http://[::1]:8081"),
+        ("http://lab:8080", {"dash": ":8081"}, NEAR, "http://lab:8081"),
+        ("http://lab:8080", {"dash": ":8081"}, HERE, "http://lab:8080/services/dash"),
+        ("https://lab:8443", {"dash": ":8081"}, NEAR, "https://lab:8443/services/dash"),
+        ("https://localhost:8443", {"dash": ":8081"}, HERE, "https://localhost:8443/services/dash"),
+        ("https://lab:8443", {"dash": "https://dash.example"}, HERE, "https://dash.example"),
+        ("https://lab:8443", {"dash": ":8081"}, {}, "http://lab:8081"),
+        ("http://localhost:8080", {}, HERE, "http://localhost:8080/services/dash"),
+    ],
+)
+def test_a_page_is_told_a_url_that_it_gets_through_by(
+    page: str, services: dict[str, str], upstreams: dict[ServiceName, str], url: str
+) -> None:
+    assert reached(page, services, upstreams) == {"dash": url}
 
 
 @pytest.mark.parametrize(

@@ -50,5 +50,5 @@ async def test_scenes_have_ladders_of_their_own_unless_the_settings_name_one_for
     settings = load_settings(RenderSettings, {"scenes": tmp_path, "cache": tmp_path / "cache"})
     async with RenderService.open(settings, FakeRasterizer()) as service:
         ladder = (await service.info("hall")).ladder
-        assert service.config("localhost").ladder[0].name == of_the_server
+        assert service.config("http://localhost:8080").ladder[0].name == of_the_server
         assert (ladder and ladder[0].name) == of_the_scene

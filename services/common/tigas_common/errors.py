@@ -98,6 +98,24 @@ class AskedTooOften(TigasError):
     status, type, title = 429, "asked-too-often", "You ask too often"
 
 
+class UnknownService(TigasError):
+    """Nothing is handed on under this name."""
+
+    status, type, title = 404, "unknown-service", "There is no such service"
+
+
+class ServiceAway(TigasError):
+    """The service that this is handed on to does not answer."""
+
+    status, type, title = 502, "service-away", "Another service is away"
+
+
+class ServiceSilent(TigasError):
+    """The service that this is handed on to takes too long."""
+
+    status, type, title = 504, "service-silent", "Another service does not answer in time"
+
+
 class OutOfDeviceMemory(TigasError):
     """The device that renders has too little free memory, even after scenes that nobody uses were unloaded."""
 

@@ -3,10 +3,18 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
+from urllib.parse import urlsplit
 
 from tigas_common.address import Address, bracketed
+from tigas_common.hosts import is_loopback
+
+ServiceName = Literal["dash", "shaper", "store"]
+"""What the page calls the services beside the render service."""
+SERVICES_PATH = "/services"
+"""Below it, and a service's name, the render service hands on what it is asked."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,6 +56,10 @@ SERVICES_VARIABLE = "TIGAS_RENDER_SERVICES"
 """The environment variable that holds the render service's setting `services`."""
 
 
+UPSTREAMS_VARIABLE = "TIGAS_RENDER_UPSTREAMS"
+"""The same of its setting `upstreams`."""
+
+
 def page_services(*, shaped: bool) -> str:
     """The render service's setting `services` in JSON: the others on the page's own host, the shaper if `shaped`."""
     services = {"dash": DASH, **({"shaper": SHAPER} if shaped else {}), "store": STORE}
@@ -57,3 +69,24 @@ def page_services(*, shaped: bool) -> str:
 def fitted(url: str, host: str) -> str:
     """A service's URL, as a page is told it that was opened under `host`; `:PORT` alone is a port of that host."""
     return f"http://{bracketed(host)}{url}" if url.startswith(":") else url
+
+
+def reached(page: str, services: Mapping[str, str], upstreams: Mapping[ServiceName, str]) -> dict[str, str]:
+    """Every service's URL for a page of this origin: its own, if the page gets there, or else below the page's.
+
+    services: as `fitted` has them. upstreams: those that are handed on to, by URLs that other machines need not reach.
+    """
+    own = urlsplit(page)
+    host = own.hostname or "localhost"
+
+    def direct(name: str, url: str) -> bool:
+        upstream = upstreams.get(name)  # type: ignore[call-overload]
+        if upstream is None:
+            return True
+        if own.scheme == "https" and not url.startswith("https:"):
+            return False
+        elsewhere = is_loopback(urlsplit(upstream).hostname or "") and not is_loopback(host)
+        return not (url.startswith(":") and elsewhere)
+
+    found = {name: fitted(url, host) for name, url in services.items() if direct(name, url)}
+    return {name: f"{page}{SERVICES_PATH}/{name}" for name in upstreams} | found

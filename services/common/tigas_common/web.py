@@ -151,6 +151,11 @@ async def on_error(request: Request, error: Exception) -> Response:
     """Every failure, as problem+json; those that nobody foresaw are logged."""
     if not isinstance(error, TigasError):
         logger.error("%s %s failed", request.method, request.url.path, exc_info=error)
+    return error_response(error)
+
+
+def error_response(error: Exception) -> Response:
+    """A failure as problem+json, which says when to try again if the error does."""
     retry_after_s = error.retry_after_s if isinstance(error, Overloaded) else None
     headers = None if retry_after_s is None else {"Retry-After": str(math.ceil(retry_after_s))}
     return problem_response(problem(error), headers)

@@ -45,6 +45,8 @@ if TYPE_CHECKING:
 
 MAX_OFFER = 2 * MAX_SDP
 """The longest body with an offer, in bytes: JSON escapes the ends of lines."""
+TIME_FROM_MANIFEST = "../../time"
+"""The path of `time` from a manifest's, whatever origin and path it is reached under."""
 STREAM_ENDED = 4001
 """The pose socket's close code when the stream has ended."""
 UNKNOWN_SESSION = 4004
@@ -124,7 +126,7 @@ async def end_session(request: Request) -> Response:
 async def manifest(request: Request) -> Response:
     """The MPD."""
     published = _sessions(request).clock.wall_now()
-    body = _session(request).media.manifest(str(request.url_for("time")), published)
+    body = _session(request).media.manifest(TIME_FROM_MANIFEST, published)
     return Response(body, media_type="application/dash+xml", headers=NO_STORE)
 
 

@@ -151,7 +151,7 @@ async def config(request: Request) -> ModelResponse[ServerConfig]:
 
 async def own_load(request: Request) -> ModelResponse[HostLoad]:
     """How busy the service is, for whoever decides where viewers go."""
-    return json_response(_service(request).host_load(request.url.hostname or "localhost"))
+    return json_response(_service(request).host_load(_origin(request)))
 
 
 async def healthz(request: Request) -> Response:
@@ -191,7 +191,12 @@ def _page_policy(config: ServerConfig) -> str:
 
 
 def _config(request: Request) -> ServerConfig:
-    return _service(request).config(request.url.hostname or "localhost")
+    return _service(request).config(_origin(request))
+
+
+def _origin(request: Request) -> str:
+    """The page's, as it was asked for."""
+    return f"{request.url.scheme}://{request.url.netloc}"
 
 
 def _service(request: Request) -> RenderService:

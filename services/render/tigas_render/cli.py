@@ -79,6 +79,15 @@ def render(
     idle_minutes: Annotated[
         float | None, typer.Option(help="Unload scenes that were unused for this long.", show_default="15")
     ] = None,
+    upstreams: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--upstream",
+            metavar="NAME=URL",
+            help="Hand on what is asked under /services/NAME to dash, store or shaper, for pages that do not reach it: "
+            "over HTTPS, or on other machines. Repeatable.",
+        ),
+    ] = None,
     allow_hosts: AllowHosts = None,
     allow_origins: AllowOrigins = None,
 ) -> None:

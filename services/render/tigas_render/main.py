@@ -24,6 +24,7 @@ from tigas_render.service import RenderService
 from tigas_render.settings import RenderSettings
 from tigas_render.transport.frames import render_session
 from tigas_render.transport.server import Http3Server
+from tigas_render.upstreams import Upstreams
 
 SWITCH_S = 0.0001
 """How often Python's threads take turns, in seconds: at the default, 5 ms, a busy event loop makes each frame late."""
@@ -39,7 +40,9 @@ async def serve(settings: RenderSettings) -> None:
         keeper = await stack.enter_async_context(CertificateKeeper.running(settings))
         keeper.on_renewal(service.show)
         await stack.enter_async_context(service.measured())
-        app = create_app(service)
+        app = await stack.enter_async_context(
+            Upstreams.around(create_app(service), settings.upstreams, service.origins)
+        )
         if settings.quic:
             with explained(settings.quic, "--quic"):
                 server = await stack.enter_async_context(
@@ -63,10 +66,11 @@ async def serve(settings: RenderSettings) -> None:
             keeper.on_renewal(lambda certificate: certificate.load_into(tls))
             with explained(settings.https, "--https"):
                 service.https_port = await stack.enter_async_context(
-                    serve_http(app, settings.https, settings.http_limits, tls)
+                    serve_http(app, settings.https, settings.http_limits, tls, websockets=True)
                 )
         with explained(settings.http, "--http"):
-            port = await stack.enter_async_context(serve_http(app, settings.http, settings.http_limits))
+            serving = serve_http(app, settings.http, settings.http_limits, websockets=True)
+            port = await stack.enter_async_context(serving)
         say("\n".join(announcement(service, port, (service.device,))))
         await until_stopped_or_lost(until_stopped(), service.engine)
 

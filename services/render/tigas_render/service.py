@@ -8,6 +8,7 @@ import time
 from collections.abc import AsyncIterator, Iterator
 from contextlib import asynccontextmanager, contextmanager
 from importlib.metadata import version
+from urllib.parse import urlsplit
 
 from tigas_common.address import bracketed
 from tigas_common.certificate import Certificate
@@ -15,7 +16,7 @@ from tigas_common.commit import this_commit
 from tigas_common.errors import BrokenScene, DeviceLost, Overloaded
 from tigas_common.hosts import is_loopback
 from tigas_common.origins import OriginPolicy
-from tigas_common.topology import fitted
+from tigas_common.topology import reached
 from tigas_common.wire.cluster import HostLoad
 from tigas_common.wire.render import RenderRequest, SceneInfo, ServerConfig, StillFormat, Training
 from tigas_render.downloads.cache import DownloadCache
@@ -126,8 +127,9 @@ class RenderService(FrameSource):
             self.loop_load.tick()
             self.loads.heard(0, self.loop_load.state)
 
-    def config(self, host: str) -> ServerConfig:
-        """What a page that was opened under `host` needs to know."""
+    def config(self, page: str) -> ServerConfig:
+        """What a page of this origin needs to know."""
+        host = urlsplit(page).hostname or "localhost"
         # QUIC does not fall back from ::1 to 127.0.0.1, so a browser must not choose between them.
         quic_host = "127.0.0.1" if host == "localhost" else host
         quic_port = self.quic_port if self._reaches_quic(host) else None
@@ -140,14 +142,14 @@ class RenderService(FrameSource):
             certificate_sha256=self.certificate.sha256 if quic_port and self.certificate else None,
             webtransport_url=f"https://{bracketed(quic_host)}:{quic_port}/render" if quic_port else None,
             https_url=f"https://{bracketed(host)}:{self.https_port}/" if self.https_port else None,
-            services={name: fitted(url, host) for name, url in self.settings.services.items()},
+            services=reached(page, self.settings.services, self.settings.upstreams),
             retry_after_s=self.loads.full(),
         )
 
-    def host_load(self, host: str) -> HostLoad:
-        """How busy this host is, for whoever knows it as `host` and decides where viewers go."""
+    def host_load(self, page: str) -> HostLoad:
+        """How busy this host is, for whoever knows it under this origin and decides where viewers go."""
         return HostLoad(
-            config=self.config(host),
+            config=self.config(page),
             viewers=self.loads.viewers,
             utilisation=self.loads.utilisation,
             queue_age_s=self.loads.queue_age_s,

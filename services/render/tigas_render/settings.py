@@ -11,7 +11,7 @@ from pydantic_settings import NoDecode, SettingsConfigDict
 
 from tigas_common.address import Address
 from tigas_common.settings import Listen, ListenOrOff, ServiceSettings
-from tigas_common.topology import PAGE, PAGE_HTTPS, WEBTRANSPORT
+from tigas_common.topology import PAGE, PAGE_HTTPS, WEBTRANSPORT, ServiceName
 from tigas_common.wire.render import DEFAULT_LADDER, LadderName, Rung
 from tigas_render.cache import cache_directory
 from tigas_render.encode.video_chains import VIDEO_ENCODERS
@@ -36,6 +36,16 @@ def _edges(value: Any) -> Any:
     raise ValueError(f"{str(value)[:100]!r} is neither auto nor a number from 1 to {MAX_EDGES}")
 
 
+def _named_urls(value: Any) -> Any:
+    """From the command line they come as NAME=URL."""
+    if not isinstance(value, list):
+        return value
+    if wrong := [each for each in value if "=" not in each]:
+        raise ValueError(f"{wrong[0][:100]!r} is not NAME=URL, such as dash=http://127.0.0.1:8081")
+    return dict(each.split("=", 1) for each in value)
+
+
+Upstream = Annotated[str, Field(pattern=r"^http://(\[[0-9A-Fa-f:.]+\]|[0-9A-Za-z._-]+)(:[0-9]{1,5})?/?$")]
 _DEVICE = "(cpu|cuda:[0-9]{1,3}|instant(:[0-9]{1,7}(:[1-9][0-9]{0,4})?)?)"
 Edges = Annotated[int | None, NoDecode, BeforeValidator(_edges)]
 
@@ -85,6 +95,9 @@ class RenderSettings(ServiceSettings):
     """What files of scenes for download may take in the cache directory, in gigabytes; 0: none are offered."""
     services: dict[str, str] = Field(default_factory=dict)
     """Base URLs of other services for the page, by name; a bare `:PORT` means the page's own host."""
+    upstreams: Annotated[dict[ServiceName, Upstream], BeforeValidator(_named_urls)] = Field(default_factory=dict)
+    """Base URLs by which this service reaches others, by name: it hands on what is asked below `/services/NAME/`. Pages
+    use that where they do not reach the service directly, and where `services` does not name it."""
 
     @property
     def default_ladder(self) -> tuple[Rung, ...]:

@@ -44,6 +44,7 @@ from tigas_render.transport.relay import Relay
 from tigas_render.transport.request_rate import RequestRate
 from tigas_render.transport.server import Http3Server
 from tigas_render.transport.share import Share
+from tigas_render.upstreams import Upstreams
 
 TELL_TICKS = 10
 """How often engines hear of this edge's load: a second."""
@@ -91,7 +92,9 @@ async def edge(channel: Channel, start: Start, news: AsyncIterator[Message]) -> 
         rest: ASGIApp = proxies[0]
         if isinstance(frames, Engines):
             rest = United(frames, dict(zip(start.devices, proxies, strict=True)), origins)
-        app = _by_path(posted, rest)
+        app = await stack.enter_async_context(
+            Upstreams.around(_by_path(posted, rest), settings.upstreams, origins, start.edges)
+        )
         if start.quic:
             server = Http3Server(
                 app,
@@ -108,8 +111,10 @@ async def edge(channel: Channel, start: Start, news: AsyncIterator[Message]) -> 
         if start.https is not None:
             tls = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
             certificate.load_into(tls)
-            await stack.enter_async_context(serve_listener(app, _inherited(start.https), http_limits, tls))
-        await stack.enter_async_context(serve_listener(app, _inherited(start.http), http_limits))
+            await stack.enter_async_context(
+                serve_listener(app, _inherited(start.https), http_limits, tls, websockets=True)
+            )
+        await stack.enter_async_context(serve_listener(app, _inherited(start.http), http_limits, websockets=True))
         channel.send(Ready())
         await until_told(news, heard)
 

@@ -9,10 +9,10 @@ from starlette.requests import Request
 from starlette.types import Receive, Scope, Send
 
 from tigas_common.errors import Overloaded, TigasError
-from tigas_common.origins import OriginCheck, OriginPolicy
+from tigas_common.origins import OriginPolicy
 from tigas_common.parsing import MAX_BODY
-from tigas_common.proxy import ask, hand_back, headers_of
-from tigas_common.web import on_error, read_body
+from tigas_common.proxy import ask, hand_back, headers_of, refuse
+from tigas_common.web import read_body
 
 MAX_CONNECTIONS = 256
 AWAY = "The renderer is starting; try again in a second."
@@ -47,9 +47,3 @@ class EngineProxy:
             return await ask(self._transport, "http://engine/", scope, body)
         except httpx.TransportError as error:
             raise Overloaded(AWAY, RETRY_S) from error
-
-
-async def refuse(error: TigasError, origins: OriginPolicy, scope: Scope, receive: Receive, send: Send) -> None:
-    """Answer with an error of our own, as far as the page that asked may read it."""
-    refusal = await on_error(Request(scope), error)
-    await OriginCheck(refusal, origins)(scope, receive, send)

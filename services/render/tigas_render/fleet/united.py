@@ -12,10 +12,10 @@ from starlette.types import Receive, Scope, Send
 from tigas_common.errors import Overloaded, TigasError
 from tigas_common.origins import OriginPolicy
 from tigas_common.parsing import MAX_BODY
-from tigas_common.proxy import hand_back, headers_of
+from tigas_common.proxy import hand_back, headers_of, refuse
 from tigas_common.web import read_body
 from tigas_render.fleet import merging
-from tigas_render.fleet.proxy import AWAY, RETRY_S, EngineProxy, refuse
+from tigas_render.fleet.proxy import AWAY, RETRY_S, EngineProxy
 from tigas_render.pipe.engines import Engine, Engines
 
 CANNOT = (422, 503)
