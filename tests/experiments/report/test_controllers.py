@@ -3,11 +3,18 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
+from itertools import combinations
 from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
 
 from tigas_common.wire.run import Configuration, Mode
 from tigas_experiments.report.controllers import (
     FIXED_COLOUR,
+    FIXED_DASHES,
     KNOWN_LOOKS,
     OTHER_COLOURS,
     Controller,
@@ -15,12 +22,25 @@ from tigas_experiments.report.controllers import (
     looks,
 )
 
+LINES = {"-": "solid", "--": "dashed", ":": "dotted", "-.": "double"}
+"""How the page calls them: as the style of a border."""
 IN_THE_PAGE = Path(__file__).parents[3] / "web/src/experiment/looks.json"
+PAGES = ("#ffffff", "#181b21")
+"""What is drawn on, in both themes."""
+TO_XYZ = np.array([[0.4124, 0.3576, 0.1805], [0.2126, 0.7152, 0.0722], [0.0193, 0.1192, 0.9505]])
+SIGHTS = {
+    "usual": np.eye(3),
+    "protanopia": np.array([[0.152, 1.053, -0.205], [0.115, 0.786, 0.099], [-0.004, -0.048, 1.052]]),
+    "deuteranopia": np.array([[0.367, 0.861, -0.228], [0.280, 0.673, 0.047], [-0.012, 0.043, 0.969]]),
+    "tritanopia": np.array([[1.256, -0.077, -0.179], [-0.078, 0.931, 0.148], [0.005, 0.691, 0.304]]),
+}
+"""What becomes of linear sRGB in the eyes of people: Machado, Oliveira and Fernandes (2009), severity 1."""
 
 
-def test_the_page_has_the_colours_of_reports() -> None:
-    colours = {name: look.colour for name, look in KNOWN_LOOKS.items()}
-    expected = {"known": colours, "others": list(OTHER_COLOURS), "fixed": FIXED_COLOUR}
+def test_the_page_has_the_colours_and_lines_of_reports() -> None:
+    known = {name: {"colour": look.colour, "line": LINES[look.dashes]} for name, look in KNOWN_LOOKS.items()}
+    fixed = {"colour": FIXED_COLOUR, "lines": [LINES[dashes] for dashes in FIXED_DASHES]}
+    expected = {"known": known, "others": list(OTHER_COLOURS), "fixed": fixed}
     assert json.loads(IN_THE_PAGE.read_text()) == expected
 
 
@@ -79,3 +99,50 @@ def test_a_controller_looks_the_same_in_every_report() -> None:
     found = looks(some)
     assert found[budget] == looks([budget])[budget]
     assert len({(look.colour, look.dashes, look.marker) for look in found.values()}) == len(found)
+
+
+@pytest.mark.parametrize("seen_as", SIGHTS, ids=list(SIGHTS))
+def test_what_is_done_to_frames_is_told_apart_in_both_themes(seen_as: str) -> None:
+    plain = Controller("stateless", "budget")
+    stages = [
+        plain,
+        replace(plain, motion=("reprojection",)),
+        replace(plain, enhancement="scene"),
+        replace(plain, motion=("reprojection",), enhancement="scene"),
+    ]
+    found = looks([*stages, Controller("stateless", 2), Controller("dash-tuned", None)])
+    seen = [lab(SIGHTS[seen_as] @ linear(look.colour)) for look in found.values()]
+    assert min(float(np.linalg.norm(a - b)) for a, b in combinations(seen, 2)) > 15, "CIELAB; 2 is just noticeable"
+    assert len({found[stage].dashes for stage in stages}) == len(stages)
+    for stage in stages[1:]:
+        for page in PAGES:
+            assert contrast(found[stage].colour, page) > 3, "WCAG 2.2, 1.4.11"
+
+
+def test_what_is_done_to_all_frames_sets_nothing_apart() -> None:
+    plain = [Controller("stateless", "latency"), Controller("stateless", "budget"), Controller("stateless", 2)]
+    turned = [replace(one, motion=("reprojection",)) for one in plain]
+    assert list(looks(turned).values()) == list(looks(plain).values())
+    both = looks([*plain, *turned])
+    assert len({(look.colour, look.dashes) for look in both.values()}) == len(both)
+    assert len({(look.colour, look.marker) for look in both.values()}) == len(both)
+
+
+def linear(colour: str) -> NDArray[np.float64]:
+    """Linear sRGB of #rrggbb."""
+    values = np.array([int(colour[i : i + 2], 16) / 255 for i in (1, 3, 5)])
+    return np.where(values <= 0.04045, values / 12.92, ((values + 0.055) / 1.055) ** 2.4)
+
+
+def lab(colour: NDArray[np.float64]) -> NDArray[np.float64]:
+    """CIELAB under D65 of linear sRGB."""
+    white = np.array([0.95047, 1, 1.08883])
+    xyz = TO_XYZ @ np.clip(colour, 0, 1) / white
+    x, y, z = np.where(xyz > 0.008856, np.cbrt(xyz), 7.787 * xyz + 16 / 116)
+    return np.array([116 * y - 16, 500 * (x - y), 200 * (y - z)])
+
+
+def contrast(a: str, b: str) -> float:
+    """WCAG's ratio."""
+    dark, light = sorted(float(TO_XYZ[1] @ linear(colour)) for colour in (a, b))
+    return (light + 0.05) / (dark + 0.05)

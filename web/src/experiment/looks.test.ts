@@ -18,5 +18,5 @@ test("each condition has one look, whatever it is compared with", () => {
 });
 
 test("what is as dark as the text in a report is as light as the text in a dark page", () => {
-  expect(looksOf([{ mode: "dash-edge", profile: "budget" }])).toEqual([{ colour: "var(--text)", line: "solid" }]);
+  expect(looksOf([{ mode: "dash-edge", profile: "budget" }])).toEqual([{ colour: "var(--text)", line: "dashed" }]);
 });

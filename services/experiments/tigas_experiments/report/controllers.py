@@ -4,8 +4,9 @@ and one look throughout.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 from tigas_common.wire.dash import RepresentationRequest
@@ -47,12 +48,20 @@ KNOWN_LOOKS = {
     "dash-tuned": Look("#009e73", "--", "P"),
     "dash-edge": Look("#1c2430", "--", "*"),  # the text's colour, which is another one in the dark
     "webrtc": Look("#117733", "--", "p"),
-    "local-ply": Look("#332288", "-.", "h"),
-    "local-compressed": Look("#661100", "-.", "d"),
+    "local-ply": Look("#8844dd", "-.", "h"),
+    "local-compressed": Look("#885588", "-.", "d"),
 }
 """Okabe and Ito's colours, which people with colour blindness tell apart."""
 OTHER_COLOURS = ("#999933", "#882255", "#44aa99", "#ddcc77")
 FIXED_COLOUR = "#7b8490"
+USUAL = "budget"
+"""The page's own choice, which is compared with itself most often."""
+STAGES = {
+    (True, False): Look("#dd0044", "--", "<"),
+    (False, True): Look("#bb66ff", ":", ">"),
+    (True, True): Look("#7733ff", "-.", "8"),
+}
+"""Of what is done to a controller's frames: whether they are turned to the view, and whether they are enhanced."""
 FIXED_DASHES: tuple[LineStyle, ...] = (":", "-.", "--", "-")
 
 
@@ -88,6 +97,11 @@ class Controller:
     def plain(self) -> bool:
         """Whether frames were shown as they came."""
         return self.enhancement is None and not self.motion
+
+    @property
+    def bare(self) -> Controller:
+        """The same, with frames shown as they come."""
+        return replace(self, enhancement=None, motion=())
 
     @property
     def name(self) -> str:
@@ -145,23 +159,37 @@ def in_order(controllers: Iterable[Controller]) -> list[Controller]:
 
 
 def looks(controllers: Iterable[Controller]) -> dict[Controller, Look]:
-    """One for each; the known ones' are the same in every report."""
+    """One for each; the known ones' are the same in every report. What is done to frames shows only where a controller
+    is compared with itself without it, or with something else done."""
+    ordered = in_order(controllers)
+    variants = Counter(controller.bare for controller in ordered)
     found: dict[Controller, Look] = {}
     others = 0
-    for controller in in_order(controllers):
-        known = KNOWN_LOOKS.get(controller.name) if not isinstance(controller.profile, int) else None
-        if known is not None:
-            found[controller] = known
-        elif controller.mode == "stateless" and isinstance(controller.profile, int) and controller.plain:
-            rung = controller.profile
-            found[controller] = Look(FIXED_COLOUR, FIXED_DASHES[rung % len(FIXED_DASHES)], MARKERS[rung % len(MARKERS)])
-        elif controller.representation is not None:
-            place = sum(each.mode == controller.mode and each.fixed for each in found)
-            colour = KNOWN_LOOKS[controller.mode].colour
-            found[controller] = Look(colour, FIXED_DASHES[place % len(FIXED_DASHES)], MARKERS[place % len(MARKERS)])
-        else:
-            found[controller] = Look(
-                OTHER_COLOURS[others % len(OTHER_COLOURS)], "-", MARKERS[-1 - others % len(MARKERS)]
-            )
+    for controller in ordered:
+        look = _usual(controller, place=sum(each.mode == controller.mode and each.fixed for each in found))
+        if look is not None and not controller.plain and variants[controller.bare] > 1:
+            look = _set_apart(look, controller)
+        if look is None or look in found.values():
+            look = Look(OTHER_COLOURS[others % len(OTHER_COLOURS)], "-", MARKERS[-1 - others % len(MARKERS)])
             others += 1
+        found[controller] = look
     return found
+
+
+def _usual(controller: Controller, place: int) -> Look | None:
+    """Whatever is done to its frames; None: it has none. `place`: how many fixed ones of its mode came before it."""
+    if controller.representation is not None:
+        colour = KNOWN_LOOKS[controller.mode].colour
+        return Look(colour, FIXED_DASHES[place % len(FIXED_DASHES)], MARKERS[place % len(MARKERS)])
+    if isinstance(controller.profile, int):
+        rung = controller.profile
+        look = Look(FIXED_COLOUR, FIXED_DASHES[rung % len(FIXED_DASHES)], MARKERS[rung % len(MARKERS)])
+        return look if controller.mode == "stateless" else None
+    return KNOWN_LOOKS.get(controller.bare.name)
+
+
+def _set_apart(look: Look, controller: Controller) -> Look:
+    """By dashes and marker, and the usual controller by colours of its own."""
+    stage = STAGES[bool(controller.motion), controller.enhancement is not None]
+    colour = stage.colour if controller.bare.name == USUAL else look.colour
+    return Look(colour, ":" if stage.dashes == look.dashes else stage.dashes, stage.marker)
