@@ -8,7 +8,7 @@ from contextlib import asynccontextmanager
 import httpx
 from starlette.applications import Starlette
 from starlette.requests import Request
-from starlette.responses import JSONResponse, RedirectResponse, Response
+from starlette.responses import RedirectResponse, Response
 from starlette.routing import Route
 from starlette.types import ASGIApp, Receive, Scope, Send
 
@@ -19,12 +19,22 @@ from tigas_cluster.metrics import DirectorMetrics
 from tigas_cluster.scenes import list_scenes
 from tigas_cluster.scenes import unload as unload_everywhere
 from tigas_common.address import bracketed
+from tigas_common.described import JSON, PICTURES, described
 from tigas_common.errors import InvalidRequest, Overloaded
 from tigas_common.metrics import CountedRequests, metrics_route, new_registry
+from tigas_common.openapi import openapi
 from tigas_common.origins import OriginCheck, OriginPolicy
 from tigas_common.topology import fitted
-from tigas_common.web import EXCEPTION_HANDLERS, NO_STORE, healthy, json_response, read_message
-from tigas_common.wire.render import RenderRequest, ServerConfig
+from tigas_common.web import (
+    EXCEPTION_HANDLERS,
+    NO_STORE,
+    ModelResponse,
+    healthy,
+    json_response,
+    list_response,
+    read_message,
+)
+from tigas_common.wire.render import RenderRequest, SceneInfo, ServerConfig
 
 MAX_NAME = 256
 """The longest name of a scene or a host that is asked about."""
@@ -50,8 +60,9 @@ async def create_director(
     registry = new_registry("director", director.metrics)
     app = Starlette(
         routes=[
+            openapi("Cluster director"),
             Route("/config.json", config),
-            Route("/render", _Render(proxy), methods=["POST"]),
+            Route("/render", _Render(proxy), name="render", methods=["POST"]),
             Route("/scenes", scenes),
             Route("/scenes/{id}/unload", unload, methods=["POST"]),
             Route("/healthz", healthz),
@@ -111,18 +122,30 @@ class Director:
         return host.load.config.model_copy(update=changes)
 
 
-async def config(request: Request) -> Response:
-    """What the page needs to know: `?scene=` which it shows, and of its host's name either `&at=`, while all is well,
-    `&silent=`, if it hears nothing of it, or `&lost=`, if it could not get in there.
-    """
+@described(
+    query={
+        "scene": "Which it shows.",
+        "at": "Its host's name, while all is well.",
+        "silent": "Its host's name, if it hears nothing of it.",
+        "lost": "Its host's name, if it could not get in there.",
+    }
+)
+async def config(request: Request) -> ModelResponse[ServerConfig]:
+    """What the page needs to know, and which host serves its scene."""
     director = _director(request)
     scene = _named(request, "scene") or ""
     host = await director.place(scene, **{why: _named(request, why) for why in ("at", "silent", "lost")})
     return json_response(director.config(host, request.url.hostname or "localhost"))
 
 
+@described(
+    query={"host": "The host's name: hand the request on to it."},
+    takes=RenderRequest,
+    gives=PICTURES,
+    also={307: "The frame is at the scene's host."},
+)
 class _Render:
-    """A frame is at the scene's host, where programs are sent that know of nothing but this address.
+    """One frame: it is at the scene's host, where programs are sent that know of nothing but this address.
 
     With `?host=` it is handed on, for pages over HTTPS without WebTransport: browsers keep them from hosts over HTTP.
     """
@@ -139,13 +162,15 @@ class _Render:
         return await RedirectResponse(f"{host.render_url}/render", 307)(scope, receive, send)
 
 
-async def scenes(request: Request) -> Response:
-    """The scenes of all hosts; `?scan=1` has each look at its models directory again first."""
+@described(query={"scan": "`1`: each host looks at its models directory again first."})
+async def scenes(request: Request) -> ModelResponse[list[SceneInfo]]:
+    """The scenes of all hosts."""
     hosts = _director(request).fleet.hosts()
     found = await list_scenes(request.app.state.client, hosts, scan=bool(request.query_params.get("scan")))
-    return JSONResponse([info.model_dump() for info in found], headers=NO_STORE)
+    return list_response(found)
 
 
+@described(gives=SceneInfo)
 async def unload(request: Request) -> Response:
     """Unload a scene that nobody views, on every host."""
     hosts = _director(request).fleet.hosts()
@@ -153,6 +178,7 @@ async def unload(request: Request) -> Response:
     return Response(answer.content, answer.status_code, NO_STORE, answer.headers.get("content-type"))
 
 
+@described(gives=(JSON,))
 async def healthz(request: Request) -> Response:
     """Whether there is a host."""
     if not _director(request).fleet.hosts():

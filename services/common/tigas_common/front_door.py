@@ -9,12 +9,14 @@ from starlette.requests import Request
 from starlette.responses import PlainTextResponse, Response
 from starlette.routing import Route
 
+from tigas_common.described import TEXT, described
 from tigas_common.web import NO_STORE
 
 
 def front_door(name: str) -> Route:
     """The route that tells of the others, each with the first line of its docstring."""
 
+    @described(gives=(TEXT,))
     async def listing(request: Request) -> Response:
         """What can be asked of this service."""
         lines = [f"{name}, TIGAS {version('tigas')}", ""]

@@ -29,6 +29,7 @@ from starlette.routing import BaseRoute, Route
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from tigas_common.commit import this_commit
+from tigas_common.described import TEXT, described
 from tigas_common.web import NO_STORE
 
 METHODS = frozenset({"DELETE", "GET", "HEAD", "OPTIONS", "POST", "PUT"})
@@ -54,6 +55,7 @@ def new_registry(service: str, *collectors: Collector) -> CollectorRegistry:
 def metrics_route(registry: CollectorRegistry) -> Route:
     """The route that shows a registry."""
 
+    @described(gives=(TEXT,))
     async def metrics(request: Request) -> Response:
         """Figures for Prometheus, in its text format."""
         return Response(generate_latest(registry), media_type=CONTENT_TYPE_LATEST, headers=NO_STORE)

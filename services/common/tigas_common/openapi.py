@@ -13,6 +13,7 @@ from starlette.requests import Request
 from starlette.responses import JSONResponse, Response
 from starlette.routing import BaseRoute, Route
 
+from tigas_common.described import JSON, described, description
 from tigas_common.web import NO_STORE, ModelResponse
 from tigas_common.wire.render import Problem
 
@@ -27,6 +28,7 @@ PROBLEM: Schema = (Problem, "serialization")
 def openapi(name: str) -> Route:
     """The route that describes the others of its application."""
 
+    @described(gives=(JSON,))
     async def openapi(request: Request) -> Response:
         """This service's requests and answers, as OpenAPI 3.1."""
         return JSONResponse(describe(name, request.app.routes), headers=NO_STORE)
@@ -53,15 +55,18 @@ def describe(name: str, routes: Iterable[BaseRoute]) -> dict[str, Any]:
 
 def _operation(route: Route, method: str, references: dict[Any, dict[str, Any]]) -> dict[str, Any]:
     summary, _, rest = (inspect.getdoc(route.endpoint) or "").partition("\n")
+    said = description(route.endpoint)
+    text = {"type": "string"}
     operation: dict[str, Any] = {
         "operationId": f"{method.lower()}_{route.name}",
         "summary": summary,
         "parameters": [
-            {"name": parameter, "in": "path", "required": True, "schema": {"type": "string"}}
-            for parameter in route.param_convertors
+            *({"name": name, "in": "path", "required": True, "schema": text} for name in route.param_convertors),
+            *({"name": name, "in": "query", "description": what, "schema": text} for name, what in said.query.items()),
         ],
         "responses": {
             "2XX": {"description": "It is done."},
+            **{str(status): {"description": what} for status, what in said.also.items()},
             "default": {
                 "description": "Why it is not.",
                 "content": {"application/problem+json": {"schema": references[PROBLEM]}},
@@ -71,13 +76,16 @@ def _operation(route: Route, method: str, references: dict[Any, dict[str, Any]])
     if rest.strip():
         operation["description"] = rest.strip()
     if taken := _taken(route):
-        schema = references[taken, "validation"]
-        operation["requestBody"] = {"required": True, "content": {"application/json": {"schema": schema}}}
+        operation["requestBody"] = {"required": True, "content": {JSON: {"schema": references[taken, "validation"]}}}
+    elif isinstance(said.takes, tuple) and said.takes:
+        operation["requestBody"] = {"required": True, "content": {media: {} for media in said.takes}}
     if given := _given(route):
         model, is_list = given
         schema = references[model, "serialization"]
         schema = {"type": "array", "items": schema} if is_list else schema
-        operation["responses"]["2XX"]["content"] = {"application/json": {"schema": schema}}
+        operation["responses"]["2XX"]["content"] = {JSON: {"schema": schema}}
+    elif isinstance(said.gives, tuple) and said.gives:
+        operation["responses"]["2XX"]["content"] = {media: {} for media in said.gives}
     return operation
 
 
@@ -94,12 +102,16 @@ def _models(route: Route) -> Iterator[Schema]:
 
 def _taken(route: Route) -> type[BaseModel] | None:
     """What its body is, if that is a message."""
-    return getattr(route.endpoint, "taken", None)
+    said = description(route.endpoint).takes
+    return said if isinstance(said, type) else getattr(route.endpoint, "taken", None)
 
 
 def _given(route: Route) -> tuple[type[BaseModel], bool] | None:
     """What it answers with, if that is a model, or, as is said too, a list of it."""
-    answer = get_type_hints(route.endpoint).get("return")
+    said = description(route.endpoint).gives
+    if isinstance(said, type):
+        return said, False
+    answer = get_type_hints(route.endpoint).get("return") if inspect.isroutine(route.endpoint) else None
     if get_origin(answer) is not ModelResponse:
         return None
     (given,) = get_args(answer)

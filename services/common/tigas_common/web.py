@@ -14,6 +14,7 @@ from starlette.exceptions import HTTPException
 from starlette.requests import ClientDisconnect, Request
 from starlette.responses import JSONResponse, Response
 
+from tigas_common.described import JSON, described
 from tigas_common.errors import BodyTooLarge, InvalidRequest, Overloaded, RequestTimeout, TigasError, problem
 from tigas_common.parsing import MAX_BODY, Message, legible, parse
 from tigas_common.patience import Patience
@@ -126,6 +127,7 @@ def takes(kind: type[Message], limit: int = MAX_BODY) -> Callable[[BodyEndpoint[
     return taking
 
 
+@described(gives=(JSON,))
 async def healthz(request: Request) -> Response:
     """That the service runs: the route of one that can do its work whenever it answers."""
     return healthy()

@@ -14,6 +14,7 @@ from starlette.routing import Route, WebSocketRoute
 from starlette.types import ASGIApp
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
+from tigas_common.described import TEXT, described
 from tigas_common.errors import TigasError, problem
 from tigas_common.extras import install_command
 from tigas_common.front_door import front_door
@@ -123,6 +124,7 @@ async def end_session(request: Request) -> Response:
     return Response(status_code=204)
 
 
+@described(gives=("application/dash+xml",))
 async def manifest(request: Request) -> Response:
     """The MPD."""
     published = _sessions(request).clock.wall_now()
@@ -130,12 +132,14 @@ async def manifest(request: Request) -> Response:
     return Response(body, media_type="application/dash+xml", headers=NO_STORE)
 
 
+@described(gives=("video/mp4",))
 async def init_segment(request: Request) -> Response:
     """A representation's CMAF header."""
     header = _session(request).media.header(request.path_params["representation"])
     return Response(header, media_type="video/mp4", headers=NO_STORE)
 
 
+@described(gives=("video/iso.segment",))
 async def media_segment(request: Request) -> Response:
     """A segment, as far as it is there and then as it grows; one that is about to begin is waited for."""
     session, representation = _session(request), request.path_params["representation"]
@@ -164,6 +168,7 @@ async def _counted(chunks: AsyncIterator[bytes], sent_bytes: Counter[int], rung:
         yield chunk
 
 
+@described(gives=(TEXT,))
 async def time(request: Request) -> Response:
     """The stream's wall-clock time, as xs:dateTime."""
     return PlainTextResponse(iso(_sessions(request).clock.wall_now()), headers=NO_STORE)

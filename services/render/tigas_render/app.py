@@ -13,6 +13,7 @@ from starlette.responses import Response
 from starlette.routing import Route
 from starlette.types import ASGIApp, Scope
 
+from tigas_common.described import BYTES, JSON, PICTURES, described
 from tigas_common.errors import problem
 from tigas_common.metrics import CountedRequests, metrics_route, new_registry
 from tigas_common.openapi import openapi
@@ -35,6 +36,7 @@ from tigas_render.service import RenderService
 
 STATIC = Path(__file__).parent / "static"
 """Where the web client's build lies."""
+HAS_IT_ALREADY = {304: "The client has it already, as its `If-None-Match` says."}
 
 
 def create_app(service: RenderService) -> ASGIApp:
@@ -71,8 +73,9 @@ def create_app(service: RenderService) -> ASGIApp:
     return CountedRequests(OriginCheck(app, service.origins), app.routes, registry, besides=PATH)
 
 
+@described(query={"scan": "`1`: look at the models directory again first."})
 async def scenes(request: Request) -> ModelResponse[list[SceneInfo]]:
-    """All scenes; `?scan=1` looks at the models directory again first."""
+    """All scenes."""
     service = _service(request)
     if request.query_params.get("scan"):
         await service.registry.scan()
@@ -98,12 +101,14 @@ async def unload(request: Request) -> ModelResponse[SceneInfo]:
     return json_response(await service.info(id))
 
 
+@described(gives=PICTURES)
 async def preview(request: Request) -> Response:
     """A scene's thumbnail, rendered if the scene brings none."""
     image = await _service(request).preview(request.path_params["id"])
     return Response(image.body, media_type=image.media_type, headers={"Cache-Control": "max-age=60"})
 
 
+@described(gives=(BYTES,), also=HAS_IT_ALREADY)
 async def download(request: Request) -> Response:
     """A scene's Gaussians as a file, which is made when it is first asked for."""
     service = _service(request)
@@ -132,6 +137,7 @@ async def stop_training(request: Request) -> ModelResponse[Training]:
     return json_response(await service.training(id))
 
 
+@described(gives=(BYTES,), also=HAS_IT_ALREADY)
 async def weights(request: Request) -> Response:
     """The weights of a scene's own networks."""
     service = _service(request)
@@ -139,6 +145,7 @@ async def weights(request: Request) -> Response:
     return _tagged(request, await asyncio.to_thread(service.shelf.content, source))
 
 
+@described(gives=(BYTES,), also=HAS_IT_ALREADY)
 async def general_weights(request: Request) -> Response:
     """The weights of the networks for any scene."""
     return _tagged(request, await asyncio.to_thread(_service(request).shelf.general))
@@ -154,6 +161,7 @@ async def own_load(request: Request) -> ModelResponse[HostLoad]:
     return json_response(_service(request).host_load(_origin(request)))
 
 
+@described(gives=(JSON,))
 async def healthz(request: Request) -> Response:
     """Whether the service can render; after its device was lost it answers until it has stopped."""
     lost = _service(request).engine.device_lost

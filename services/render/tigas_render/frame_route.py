@@ -12,6 +12,7 @@ from starlette.requests import Request
 from starlette.responses import Response
 from starlette.routing import Route
 
+from tigas_common.described import PICTURES, described
 from tigas_common.errors import InvalidRequest
 from tigas_common.peers import ARRIVED, client_network
 from tigas_common.web import EXCEPTION_HANDLERS, NO_STORE, Body, takes
@@ -45,6 +46,7 @@ def frames_app(frames: HttpFrames) -> Starlette:
     return app
 
 
+@described(gives=PICTURES)
 @takes(RenderRequest)
 async def render(request: Request, body: Body[RenderRequest]) -> Response:
     """One frame."""

@@ -15,6 +15,7 @@ from starlette.responses import Response, StreamingResponse
 from starlette.routing import Route
 from starlette.types import ASGIApp, Receive, Scope, Send
 
+from tigas_common.described import BYTES, JSON, described
 from tigas_common.errors import Overloaded
 from tigas_common.front_door import front_door
 from tigas_common.metrics import CountedRequests, metrics_route, new_registry
@@ -78,8 +79,9 @@ async def traces(request: Request) -> ModelResponse[TraceList]:
     return json_response(TraceList(traces=tuple(await asyncio.to_thread(_shaper(request).library.summaries))))
 
 
+@described(query={"name": "The file's name."}, takes=(BYTES,))
 async def upload(request: Request) -> ModelResponse[TraceSummary]:
-    """Keep a trace in any format that can be imported; `?name=` is the file's name."""
+    """Keep a trace in any format that can be imported."""
     state = request.app.state
     if state.uploading >= MAX_UPLOADING:
         raise Overloaded(f"{MAX_UPLOADING} traces are being uploaded already; try again later.")
@@ -155,6 +157,7 @@ async def status(request: Request) -> ModelResponse[ShaperStatus]:
     return _status(request)
 
 
+@described(gives=("text/event-stream",))
 async def events(request: Request) -> Response:
     """The link about five times a second, as server-sent events: each one's data is a ShaperStatus."""
     return _Events(_events(request), media_type="text/event-stream", headers=NO_STORE)
@@ -179,6 +182,7 @@ async def _events(request: Request) -> AsyncIterator[str]:
         yield f"data: {seen.model_dump_json()}\n\n"
 
 
+@described(gives=(JSON,))
 async def healthz(request: Request) -> Response:
     """Whether the link works."""
     closed = _shaper(request).closed

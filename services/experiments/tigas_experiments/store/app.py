@@ -15,6 +15,7 @@ from starlette.responses import Response, StreamingResponse
 from starlette.routing import Route
 from starlette.types import ASGIApp
 
+from tigas_common.described import PICTURES, described
 from tigas_common.errors import BodyTooLarge, InvalidRequest
 from tigas_common.front_door import front_door
 from tigas_common.metrics import CountedRequests, metrics_route, new_registry
@@ -37,10 +38,12 @@ from tigas_common.wire.store import (
     Experiment,
     ExperimentCreated,
     ExperimentList,
+    ExperimentRequest,
     InterruptedRun,
     Materialisation,
     MovementList,
     RunRow,
+    RunUpload,
     SampleIndex,
     SampleList,
     UploadedSamples,
@@ -137,6 +140,7 @@ async def experiments(request: Request) -> ModelResponse[ExperimentList]:
     return json_response(await asyncio.to_thread(_store(request).experiments.all))
 
 
+@described(takes=ExperimentRequest)
 async def create(request: Request) -> ModelResponse[ExperimentCreated]:
     """Begin an experiment."""
     body = await read_body(request, MAX_PLAN_BYTES)
@@ -155,6 +159,7 @@ async def remove(request: Request) -> Response:
     return Response(status_code=204)
 
 
+@described(takes=RunUpload)
 async def add_run(request: Request) -> ModelResponse[RunRow]:
     """Keep a run that has ended."""
     store, name = _store(request), request.path_params["id"]
@@ -176,6 +181,7 @@ async def samples(request: Request) -> ModelResponse[SampleList]:
     return json_response(await asyncio.to_thread(lambda: list_samples(_run(request))))
 
 
+@described(gives=PICTURES)
 async def sample(request: Request) -> Response:
     """A picture of a sample."""
     data, media_type = await asyncio.to_thread(lambda: picture(_run(request), request.path_params["name"]))
@@ -215,6 +221,7 @@ async def uploaded_samples(request: Request) -> ModelResponse[UploadedSamples]:
     return json_response(await asyncio.to_thread(lambda: uploaded(_page_run(request))))
 
 
+@described(takes=PICTURES)
 async def add_picture(request: Request) -> Response:
     """Keep a picture of a sample."""
     store, name = _store(request), request.path_params["name"]
@@ -226,6 +233,7 @@ async def add_picture(request: Request) -> Response:
     return Response(status_code=204)
 
 
+@described(takes=SampleIndex)
 async def complete_samples(request: Request) -> Response:
     """Say which samples there are: all of their pictures came before."""
     store, body = _store(request), await read_body(request, MAX_INDEX_BYTES)
@@ -235,6 +243,7 @@ async def complete_samples(request: Request) -> Response:
     return Response(status_code=204)
 
 
+@described(gives=("application/zip",))
 async def download(request: Request) -> Response:
     """An experiment's folder as a ZIP."""
     name = request.path_params["id"]
@@ -243,6 +252,7 @@ async def download(request: Request) -> Response:
     return StreamingResponse(_archived(folder), media_type="application/zip", headers=NO_STORE | headers)
 
 
+@described(gives=("text/html",))
 async def report(request: Request) -> Response:
     """An experiment's report, newly made if runs came or went."""
     html = await _store(request).reports.html(request.path_params["id"])
@@ -254,6 +264,7 @@ async def movements(request: Request) -> ModelResponse[MovementList]:
     return json_response(await asyncio.to_thread(_store(request).movements.all))
 
 
+@described(gives=("text/csv",))
 async def movement(request: Request) -> Response:
     """A movement trace's file."""
     text = await asyncio.to_thread(_store(request).movements.text, request.path_params["name"])
