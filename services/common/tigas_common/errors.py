@@ -41,6 +41,18 @@ class BodyTooLarge(TigasError):
     status, type, title = 413, "body-too-large", "The request is too large"
 
 
+class TooCostly(TigasError):
+    """To check what was sent took more memory or time than anything sensible of its size."""
+
+    status, type, title = 422, "too-costly", "It takes too much to check"
+
+
+class DiskFull(TigasError):
+    """Nothing more can be kept."""
+
+    status, type, title = 507, "disk-full", "The disk is full"
+
+
 class UnknownScene(TigasError):
     """No scene has this id."""
 

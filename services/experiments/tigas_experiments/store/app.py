@@ -19,6 +19,7 @@ from tigas_common.described import PICTURES, described
 from tigas_common.errors import BodyTooLarge, InvalidRequest
 from tigas_common.front_door import front_door
 from tigas_common.metrics import CountedRequests, metrics_route, new_registry
+from tigas_common.offload import Offload
 from tigas_common.openapi import openapi
 from tigas_common.origins import OriginCheck, OriginPolicy
 from tigas_common.parsing import parse
@@ -57,7 +58,6 @@ from tigas_experiments.store.experiments import MAX_PLAN_BYTES, Experiments
 from tigas_experiments.store.materialisations import Materialisations
 from tigas_experiments.store.metrics import StoreMetrics
 from tigas_experiments.store.movements import Movements
-from tigas_experiments.store.offload import Offload
 from tigas_experiments.store.reports import Reports
 from tigas_experiments.store.sample_uploads import (
     MAX_INDEX_BYTES,

@@ -6,7 +6,7 @@ import errno
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from tigas_common.errors import TigasError
+from tigas_common.errors import DiskFull, TigasError
 
 
 class UnknownExperiment(TigasError):
@@ -55,18 +55,6 @@ class SamplesComplete(TigasError):
     """The run's samples are all there, and are not changed any more."""
 
     status, type, title = 409, "samples-complete", "The run's samples are complete"
-
-
-class TooCostly(TigasError):
-    """To check what was sent took more memory or time than anything sensible of its size."""
-
-    status, type, title = 422, "too-costly", "It takes too much to check"
-
-
-class DiskFull(TigasError):
-    """Nothing more can be kept."""
-
-    status, type, title = 507, "disk-full", "The disk is full"
 
 
 class StorageFailed(TigasError):

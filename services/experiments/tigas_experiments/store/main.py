@@ -7,6 +7,7 @@ from contextlib import AsyncExitStack
 
 from tigas_common.address import say_if_open
 from tigas_common.memory import keep_together
+from tigas_common.offload import offload_to_process
 from tigas_common.origins import OriginPolicy
 from tigas_common.runner import explained, serve_http, until_stopped
 from tigas_experiments.records.load import EVERY_S, watching_load
@@ -15,7 +16,6 @@ from tigas_experiments.store.app import Store, create_app
 from tigas_experiments.store.experiments import Experiments
 from tigas_experiments.store.materialisations import Materialisations
 from tigas_experiments.store.movements import Movements
-from tigas_experiments.store.offload import offload_to_process
 from tigas_experiments.store.reports import Reports
 from tigas_experiments.store.settings import StoreSettings
 from tigas_experiments.store.workspace import Workspace

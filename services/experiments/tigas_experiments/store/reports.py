@@ -9,9 +9,9 @@ from pathlib import Path
 
 from tigas_common.errors import StartError
 from tigas_common.files import read_regular
+from tigas_common.offload import Offload
 from tigas_experiments.store.errors import NothingToReport, UnknownExperiment, storage_explained
 from tigas_experiments.store.experiments import Experiments, made_runs, version
-from tigas_experiments.store.offload import Offload
 from tigas_experiments.store.turns import Turns
 from tigas_experiments.store.workspace import Workspace
 

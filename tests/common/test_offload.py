@@ -10,12 +10,11 @@ from collections.abc import Callable
 
 import pytest
 
-from tigas_common.errors import InvalidRequest, Overloaded
+from tigas_common.errors import InvalidRequest, Overloaded, TooCostly
+from tigas_common.offload import offload_to_process
 from tigas_common.parsing import parse
 from tigas_common.wire.store import ExperimentRequest
-from tigas_experiments.store.errors import TooCostly
-from tigas_experiments.store.limits import Limit
-from tigas_experiments.store.offload import offload_to_process
+from tigas_common.work_limits import Limit
 
 pytestmark = pytest.mark.anyio
 

@@ -1,4 +1,4 @@
-"""Hands heavy work to another process: to check a long run, or to draw a report, takes a processor for seconds.
+"""Hands heavy work to another process: to check a large file, or to draw a report, takes a processor for seconds.
 
 Python lets one thread compute at a time, so here it would stop the service. anyio keeps the worker process for the next
 piece of work and ends it with the service.
@@ -11,10 +11,9 @@ from typing import Protocol, TypeVar, TypeVarTuple
 
 from anyio import BrokenWorkerProcess, to_process
 
-from tigas_common.errors import Overloaded
+from tigas_common.errors import Overloaded, TooCostly
 from tigas_common.memory import give_back
-from tigas_experiments.store.errors import TooCostly
-from tigas_experiments.store.limits import Limit, limited
+from tigas_common.work_limits import Limit, limited
 
 T = TypeVar("T")
 Ts = TypeVarTuple("Ts")
