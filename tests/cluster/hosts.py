@@ -27,6 +27,7 @@ def load(
         https_url="https://192.0.2.1:8443/",
         services={"dash": "http://192.0.2.1:8081"},
         retry_after_s=full,
+        max_upload_bytes=1_000_000,
     )
     return HostLoad(config=config, viewers=viewers, utilisation=0.1, queue_age_s=queue_age_s, scenes=scenes)
 

@@ -47,6 +47,7 @@ async def test_what_is_the_directors_own_is_at_its_own_address(client: httpx.Asy
     config = (await client.get("/config.json")).json()
     assert config["https_url"] == "https://localhost:8443/"
     assert config["services"] == {"dash": "http://localhost:8081", "store": "http://store.test:8091"}
+    assert config["max_upload_bytes"] is None, "what one host keeps, the others lack"
 
 
 async def test_a_viewer_stays_where_it_is_while_that_is_well(client: httpx.AsyncClient, fleet: FakeFleet) -> None:

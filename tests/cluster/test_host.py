@@ -51,6 +51,7 @@ def test_says_where_it_is_and_starts_its_service_again(monkeypatch: pytest.Monke
     with running("--device", "instant") as host:
         url = url_of(host)
         assert httpx.get(f"{url}/api/load", headers={"Host": "host.example.org"}).status_code == 200
+        assert httpx.delete(f"{url}/scenes/courtyard").json()["type"] == "tigas:scenes-fixed"
         assert host.facts["viewer_address"] == "host.example.org"
         assert host.facts["said"] == ["1 scene ready on instant."]
         killed = service()

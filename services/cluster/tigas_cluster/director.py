@@ -119,6 +119,7 @@ class Director:
         https_url = f"https://{bracketed(page_host)}:{self.https_port}/" if self.https_port else None
         services = {name: fitted(url, page_host) for name, url in self.services.items()}
         changes = {"host": host.name, "render_url": host.render_url, "https_url": https_url, "services": services}
+        changes["max_upload_bytes"] = None  # what one host keeps, the others lack
         return host.load.config.model_copy(update=changes)
 
 

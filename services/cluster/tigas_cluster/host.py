@@ -56,7 +56,8 @@ class Host:
         everywhere = address if is_loopback(address) else "::" if ":" in address else "0.0.0.0"
         http, quic = Address(everywhere, http_port), Address(everywhere, quic_port)
         named = () if is_address(self._viewer_address) else ("--allow-host", self._viewer_address)
-        self._command = with_parent(tigas("render", "--http", str(http), "--quic", str(quic), *named, *options))
+        fixed = ("--no-edit-scenes",)  # what one host keeps, the others lack
+        self._command = with_parent(tigas("render", "--http", str(http), "--quic", str(quic), *fixed, *named, *options))
         self._since = time.time()
         self._render = _Render()
         self._failure: str | None = None

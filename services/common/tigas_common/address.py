@@ -80,10 +80,13 @@ def say_if_open(addresses: Iterable[Address]) -> None:
 
 def warning_if_open(addresses: Iterable[Address]) -> str | None:
     """The line, if there is one to print."""
-    opened = [str(address) for address in addresses if not address.is_loopback]
-    if not opened or ISOLATED in os.environ:
-        return None
-    return f"Open to the network on {' and '.join(opened)}: whoever reaches this machine can use this service."
+    opened = " and ".join(map(str, reached_by_others(addresses)))
+    return f"Open to the network on {opened}: whoever reaches this machine can use this service." if opened else None
+
+
+def reached_by_others(addresses: Iterable[Address]) -> list[Address]:
+    """Those of a service's addresses that others than this machine reach."""
+    return [] if ISOLATED in os.environ else [address for address in addresses if not address.is_loopback]
 
 
 def bracketed(host: str) -> str:

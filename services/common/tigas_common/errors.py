@@ -53,6 +53,12 @@ class DiskFull(TigasError):
     status, type, title = 507, "disk-full", "The disk is full"
 
 
+class StorageFailed(TigasError):
+    """The system does not let us read or write what is to be kept."""
+
+    status, type, title = 500, "storage-failed", "The disk failed"
+
+
 class UnknownScene(TigasError):
     """No scene has this id."""
 

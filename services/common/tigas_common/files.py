@@ -4,9 +4,17 @@ from __future__ import annotations
 
 import errno
 import os
+import shutil
 import stat
+from collections.abc import Iterator
+from contextlib import contextmanager
 from io import BufferedReader
 from pathlib import Path
+
+from tigas_common.errors import DiskFull, StorageFailed
+
+SPARE_BYTES = 1 << 30
+"""Of a disk, that large files leave."""
 
 
 def open_regular(path: Path, *, follow: bool = True) -> BufferedReader:
@@ -29,6 +37,23 @@ def read_regular(path: Path, limit: int, *, follow: bool = True) -> bytes:
         if size > limit:
             raise OSError(errno.EFBIG, os.strerror(errno.EFBIG), str(path))
         return file.read(size)  # memory for all that it asks for is taken at once
+
+
+def check_room(directory: Path, needed: int) -> None:
+    """Whether a directory's disk takes so many bytes more, and keeps some. Raises OSError."""
+    if needed > shutil.disk_usage(directory).free - SPARE_BYTES:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(directory))
+
+
+@contextmanager
+def storage_explained(what: str) -> Iterator[None]:
+    """Turns the system's errors into DiskFull and StorageFailed; `what` is kept."""
+    try:
+        yield
+    except OSError as error:
+        if error.errno in (errno.ENOSPC, errno.EDQUOT):
+            raise DiskFull(f"The disk that holds the {what} is full.") from None
+        raise StorageFailed(f"The disk that holds the {what} refused: {error.strerror or error}.") from error
 
 
 def _open(path: str, flags: int) -> int:

@@ -6,7 +6,10 @@ piece of work and ends it with the service.
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
 from typing import Protocol, TypeVar, TypeVarTuple
 
 from anyio import BrokenWorkerProcess, to_process
@@ -14,6 +17,9 @@ from anyio import BrokenWorkerProcess, to_process
 from tigas_common.errors import Overloaded, TooCostly
 from tigas_common.memory import give_back
 from tigas_common.work_limits import Limit, limited
+
+NICE = 10
+"""The priority of work with a limit: frames go first."""
 
 T = TypeVar("T")
 Ts = TypeVarTuple("Ts")
@@ -47,6 +53,9 @@ async def offload_to_process(function: Callable[[*Ts], T], *arguments: *Ts, limi
 
 
 def _within(limit: Limit, function: Callable[[*Ts], T], *arguments: *Ts) -> T:
+    os.setpriority(os.PRIO_PROCESS, 0, NICE)
+    with suppress(OSError):  # what else the system ends when memory is short, it chooses by itself
+        Path("/proc/self/oom_score_adj").write_text("1000")
     try:
         with limited(limit):
             return function(*arguments)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import hashlib
 from pathlib import Path
-from urllib.parse import urlsplit
+from urllib.parse import quote, urlsplit
 
 from starlette.applications import Starlette
 from starlette.requests import Request
@@ -20,19 +20,23 @@ from tigas_common.openapi import openapi
 from tigas_common.origins import OriginCheck
 from tigas_common.web import (
     EXCEPTION_HANDLERS,
+    Body,
     ModelResponse,
+    created_response,
     has_already,
     healthy,
     json_response,
     list_response,
     page_policy,
     problem_response,
+    takes,
 )
 from tigas_common.wire.cluster import HostLoad
-from tigas_common.wire.render import SceneInfo, ServerConfig, Training
+from tigas_common.wire.render import AddedScene, SceneInfo, SceneName, ServerConfig, Training
 from tigas_render.compressed_files import CompressedFiles
 from tigas_render.frame_route import FRAMES, PATH, HttpFrames
 from tigas_render.service import RenderService
+from tigas_render.uploads.routes import UPLOADS
 
 STATIC = Path(__file__).parent / "static"
 """Where the web client's build lies."""
@@ -48,6 +52,8 @@ def create_app(service: RenderService) -> ASGIApp:
             FRAMES,
             Route("/scenes", scenes),
             Route("/scenes/{id}", scene),
+            Route("/scenes/{id}", remove, methods=["DELETE"]),
+            Route("/scenes/{id}/rename", rename, methods=["POST"]),
             Route("/scenes/{id}/load", load, methods=["POST"]),
             Route("/scenes/{id}/unload", unload, methods=["POST"]),
             Route("/scenes/{id}/preview", preview),
@@ -57,6 +63,8 @@ def create_app(service: RenderService) -> ASGIApp:
             Route("/scenes/{id}/enhance", stop_training, methods=["DELETE"]),
             Route("/scenes/{id}/enhance.safetensors", weights),
             Route("/enhance/general.safetensors", general_weights),
+            *UPLOADS,
+            Route("/uploads/{id}/scene", add, methods=["POST"]),
             Route("/config.json", config),
             Route("/api/load", own_load),
             Route("/healthz", healthz),
@@ -65,6 +73,7 @@ def create_app(service: RenderService) -> ASGIApp:
         exception_handlers=EXCEPTION_HANDLERS,
     )
     app.state.service = service
+    app.state.settings = service.settings
     app.state.frames = HttpFrames(service, service.http_viewers, service.rate)
     if STATIC.is_dir():
         # Not a mount: that would match before a wrong method of the routes above is noticed.
@@ -85,6 +94,26 @@ async def scenes(request: Request) -> ModelResponse[list[SceneInfo]]:
 async def scene(request: Request) -> ModelResponse[SceneInfo]:
     """One scene."""
     return json_response(await _service(request).info(request.path_params["id"]))
+
+
+async def remove(request: Request) -> Response:
+    """Delete a scene's file or folder."""
+    await _service(request).library.remove(request.path_params["id"])
+    return Response(status_code=204)
+
+
+@takes(SceneName)
+async def rename(request: Request, body: Body[SceneName]) -> ModelResponse[SceneInfo]:
+    """Give a scene another name, which is its id, too."""
+    service, name = _service(request), (await body.read()).name
+    await service.library.rename(request.path_params["id"], name)
+    return json_response(await service.info(name))
+
+
+async def add(request: Request) -> ModelResponse[AddedScene]:
+    """Make an upload that is whole a scene, once its file has been checked."""
+    id = await _service(request).library.add(request.path_params["id"])
+    return created_response(AddedScene(id=id), f"/scenes/{quote(id)}")
 
 
 async def load(request: Request) -> ModelResponse[SceneInfo]:

@@ -88,6 +88,14 @@ def render(
             "over HTTPS, or on other machines. Repeatable.",
         ),
     ] = None,
+    edit_scenes: Annotated[
+        bool | None,
+        typer.Option(
+            "--edit-scenes/--no-edit-scenes",
+            help="Let pages add, rename and delete scenes.",
+            show_default="if only this machine reaches the service",
+        ),
+    ] = None,
     allow_hosts: AllowHosts = None,
     allow_origins: AllowOrigins = None,
 ) -> None:

@@ -26,6 +26,7 @@ from tigas_render.engine import Engine
 from tigas_render.enhance.shelf import Shelf
 from tigas_render.enhance.trainer import Trainer
 from tigas_render.frame import Answered, Client, Frame, FrameSource, Withdraw
+from tigas_render.library import Library
 from tigas_render.metrics import EngineMetrics
 from tigas_render.preview import Preview, PreviewCache, preview_camera
 from tigas_render.raster.base import Rasterizer
@@ -91,6 +92,7 @@ class RenderService(FrameSource):
         self.trainer = Trainer(rasterizer.device)
         self.downloads = DownloadCache(settings.cache / "downloads", int(settings.downloads_gb * 1e9))
         self.readers = Readers()
+        self.library = Library(settings, self.registry)
         self._previews = PreviewCache(settings.cache, self._render_preview)
 
     @classmethod
@@ -144,6 +146,7 @@ class RenderService(FrameSource):
             https_url=f"https://{bracketed(host)}:{self.https_port}/" if self.https_port else None,
             services=reached(page, self.settings.services, self.settings.upstreams),
             retry_after_s=self.loads.full(),
+            max_upload_bytes=self.library.max_upload_bytes,
         )
 
     def host_load(self, page: str) -> HostLoad:
@@ -237,5 +240,6 @@ class RenderService(FrameSource):
             try:
                 self.engine.videos.forget_idle()
                 self.registry.evict_idle(time.monotonic())
+                await asyncio.to_thread(self.library.tidy)
             except Exception:  # it is tried again the next time
                 logger.exception("Housekeeping failed")

@@ -9,7 +9,7 @@ from typing import Annotated, Any, ClassVar, Literal
 from pydantic import BeforeValidator, Discriminator, Field, Tag
 from pydantic_settings import NoDecode, SettingsConfigDict
 
-from tigas_common.address import Address
+from tigas_common.address import Address, reached_by_others
 from tigas_common.settings import Listen, ListenOrOff, ServiceSettings
 from tigas_common.topology import PAGE, PAGE_HTTPS, WEBTRANSPORT, ServiceName
 from tigas_common.wire.render import DEFAULT_LADDER, LadderName, Rung
@@ -93,6 +93,8 @@ class RenderSettings(ServiceSettings):
     """The cache directory of rendered previews, and of what scenes are downloaded as."""
     downloads_gb: float = Field(default=8.0, ge=0, le=100_000)
     """What files of scenes for download may take in the cache directory, in gigabytes; 0: none are offered."""
+    edit_scenes: bool | None = None
+    """Whether pages may add, rename and delete scenes; None: if nobody but this machine reaches the service."""
     services: dict[str, str] = Field(default_factory=dict)
     """Base URLs of other services for the page, by name; a bare `:PORT` means the page's own host."""
     upstreams: Annotated[dict[ServiceName, Upstream], BeforeValidator(_named_urls)] = Field(default_factory=dict)
@@ -108,3 +110,10 @@ class RenderSettings(ServiceSettings):
     def addresses(self) -> list[Address]:
         """All that the service listens on."""
         return [address for address in (self.http, self.https, self.quic) if address]
+
+    @property
+    def pages_edit_scenes(self) -> bool:
+        """What `edit_scenes` comes to. Another name or page that is allowed tells of a proxy in front."""
+        if self.edit_scenes is not None:
+            return self.edit_scenes
+        return not (reached_by_others(self.addresses) or self.allow_hosts or self.allow_origins)

@@ -11,6 +11,7 @@ import pytest
 from tests.prometheus import Figures
 from tests.render.fleet.fleet import ASK, Fleet, serving
 from tests.render.scenes import plys
+from tests.render.uploads.client import TUS, part
 from tigas_render.scenes.ply import write_ply
 
 EVIL = {"Origin": "https://evil.example"}
@@ -41,6 +42,19 @@ REQUESTS: list[tuple[str, str, dict[str, str], bytes]] = [
     ("OPTIONS", "/scenes", {"Origin": "http://localhost:1", "Access-Control-Request-Method": "GET"}, b""),
     ("GET", "/enhance/general.safetensors", {}, b""),
     ("GET", "/scenes/courtyard/enhance", {}, b""),
+    ("DELETE", "/scenes/courtyard", {}, b""),
+    ("DELETE", "/scenes/nowhere", EVIL, b""),
+    ("POST", "/scenes/nowhere/rename", {}, b'{"name": "a"}'),
+    ("POST", "/scenes/courtyard/rename", {}, b"{}"),
+    ("OPTIONS", "/uploads", {}, b""),
+    ("POST", "/uploads", {}, b""),
+    ("GET", "/uploads", {}, b""),
+    ("PATCH", "/uploads/x", {}, b"x" * 20_000),
+    ("PATCH", "/uploads/x", {**part(0), "Origin": "http://localhost:1"}, b"x" * 20_000),
+    ("PATCH", "/uploads/x", {**part(0), **EVIL}, b"x"),
+    ("HEAD", "/uploads/x", TUS, b""),
+    ("GET", "/uploads/x", {}, b""),
+    ("POST", "/uploads/x/scene", {}, b""),
     ("GET", "/scenes/cloud/download/ply", {}, b""),
     ("HEAD", "/scenes/cloud/download/ply", {}, b""),
     ("GET", "/scenes/cloud/download/ply", {"Range": "bytes=100-199", "Origin": "http://localhost:1"}, b""),

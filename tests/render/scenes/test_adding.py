@@ -79,7 +79,7 @@ def test_a_scene_is_fetched(tmp_path: Path, site: str) -> None:
         ("letter.ply", None, "is no scene"),
         ("short.ply", None, "is truncated"),
         ("there.ply", None, "There is a scene there already"),
-        ("good.ply", "../../etc", "cannot be a scene's id"),
+        ("good.ply", "../../etc", "cannot be a scene's name"),
     ],
 )
 def test_what_cannot_be_added_leaves_nothing(tmp_path: Path, site: str, path: str, id: str | None, words: str) -> None:

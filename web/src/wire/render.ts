@@ -115,6 +115,7 @@ export interface SceneInfo {
   background: [number, number, number];
   enhance?: ("scene" | "general") | null;
   ladder?: Rung[] | null;
+  builtin?: boolean;
   downloads?: SceneDownload[];
 }
 /**
@@ -171,6 +172,7 @@ export interface ServerConfig {
   retry_after_s?: number | null;
   host?: string | null;
   render_url?: string | null;
+  max_upload_bytes?: number | null;
   formats?: ("jpeg" | "webp")[];
 }
 /**

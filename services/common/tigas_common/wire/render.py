@@ -275,8 +275,22 @@ class SceneInfo(WireModel):
     """Whose networks can enhance its frames: its own, trained on this very file, or those for any scene."""
     ladder: Entries[Rung] | None = None
     """What profiles count in where the scene has a ladder of its own; null: in the server's."""
+    builtin: bool = False
+    """Whether it is part of the service, which can neither rename nor delete it."""
     downloads: Entries[SceneDownload] = ()
     """As what it can be downloaded, to be rendered elsewhere; none if it is broken or the server offers none."""
+
+
+class SceneName(WireModel):
+    """What a scene is to be called from now on."""
+
+    name: str = Field(max_length=200)
+
+
+class AddedScene(WireModel):
+    """What an upload has become."""
+
+    id: str
 
 
 class Training(WireModel):
@@ -314,5 +328,7 @@ class ServerConfig(WireModel):
     """In a cluster, the name of the host that serves the scene which was asked about; null: there is only this one."""
     render_url: str | None = None
     """Base URL for `POST /render`; null: the page's own origin."""
+    max_upload_bytes: int | None = None
+    """The largest file that a page may add as a scene; null: it may add, rename and delete none."""
     formats: Entries[StillFormat] = ("jpeg",)
     """What to ask for pictures as. Others are answered, too, but cost this server more than they are worth."""

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import errno
-from collections.abc import Iterator
-from contextlib import contextmanager
+from functools import partial
 
-from tigas_common.errors import DiskFull, TigasError
+from tigas_common import files
+from tigas_common.errors import TigasError
 
 
 class UnknownExperiment(TigasError):
@@ -57,18 +56,5 @@ class SamplesComplete(TigasError):
     status, type, title = 409, "samples-complete", "The run's samples are complete"
 
 
-class StorageFailed(TigasError):
-    """The results cannot be read or written."""
-
-    status, type, title = 500, "storage-failed", "The results cannot be read or written"
-
-
-@contextmanager
-def storage_explained() -> Iterator[None]:
-    """Turns the system's errors into DiskFull and StorageFailed."""
-    try:
-        yield
-    except OSError as error:
-        if error.errno in (errno.ENOSPC, errno.EDQUOT):
-            raise DiskFull("The disk that holds the results is full; nothing was kept.") from None
-        raise StorageFailed(f"The store's disk refused: {error.strerror or error}.") from error
+storage_explained = partial(files.storage_explained, "results")
+"""Turns the system's errors into DiskFull and StorageFailed."""

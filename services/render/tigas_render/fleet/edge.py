@@ -12,6 +12,7 @@ from collections.abc import AsyncIterator
 from contextlib import AsyncExitStack
 
 from pydantic import TypeAdapter
+from starlette.routing import Match
 from starlette.types import ASGIApp, Receive, Scope, Send
 
 from tigas_common.certificate import Certificate
@@ -44,6 +45,7 @@ from tigas_render.transport.relay import Relay
 from tigas_render.transport.request_rate import RequestRate
 from tigas_render.transport.server import Http3Server
 from tigas_render.transport.share import Share
+from tigas_render.uploads.parts_route import PART, uploads_app
 from tigas_render.upstreams import Upstreams
 
 TELL_TICKS = 10
@@ -92,8 +94,9 @@ async def edge(channel: Channel, start: Start, news: AsyncIterator[Message]) -> 
         rest: ASGIApp = proxies[0]
         if isinstance(frames, Engines):
             rest = United(frames, dict(zip(start.devices, proxies, strict=True)), origins)
+        parts = OriginCheck(uploads_app(settings), origins)
         app = await stack.enter_async_context(
-            Upstreams.around(_by_path(posted, rest), settings.upstreams, origins, start.edges)
+            Upstreams.around(_by_path(posted, parts, rest), settings.upstreams, origins, start.edges)
         )
         if start.quic:
             server = Http3Server(
@@ -135,11 +138,12 @@ async def _measure(load: Load, engines: PipeClient | Engines) -> None:
             engines.tell(_STATE.dump_json(load.state))
 
 
-def _by_path(frames: ASGIApp, rest: ASGIApp) -> ASGIApp:
-    """Frames are this process's own business; everything else is the engine's."""
+def _by_path(frames: ASGIApp, parts: ASGIApp, rest: ASGIApp) -> ASGIApp:
+    """Frames, and what uploads consist of, are this process's own business; everything else is the engine's."""
 
     async def app(scope: Scope, receive: Receive, send: Send) -> None:
-        await (frames if scope["path"] == PATH else rest)(scope, receive, send)
+        chosen = frames if scope["path"] == PATH else parts if PART.matches(scope)[0] is Match.FULL else rest
+        await chosen(scope, receive, send)
 
     return app
 

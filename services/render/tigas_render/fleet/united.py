@@ -61,6 +61,8 @@ class United:
                 return await self._merged(scope, body, merging.training, by_all=True)
             case "POST", ["scenes", _, "unload"]:
                 return await self._merged(scope, body, merging.scene, by_all=True)
+            case ("DELETE", ["scenes", _]) | ("POST", ["scenes", _, "rename"] | ["uploads", _, "scene"]):
+                return await self._change(scope, body)
             case "POST", ["scenes", scene, "enhance"]:
                 return await self._first(await self._trainers(scope, scene), scope, body)
             case _, ["scenes", scene, "load" | "preview"] | ["scenes", scene, "download", _]:
@@ -113,6 +115,13 @@ class United:
             return _with_body(refusals[0], refusals[0].content)
         content = merge([merging.Part(name, answer.content) for name, answer in done.items()])
         return _with_body(next(iter(done.values())), content)
+
+    async def _change(self, scope: Scope, body: bytes) -> httpx.Response:
+        """What one does to the models directory, at which the others look again then."""
+        answer = await self._first(self._reachable(), scope, body)
+        if answer.is_success:
+            await self._all({**scope, "method": "GET", "raw_path": b"/scenes", "query_string": b"scan=1"}, b"")
+        return answer
 
     async def _trainers(self, scope: Scope, scene: str) -> Sequence[Engine]:
         """Whom to ask to train a scene's networks: who does already knows that, else the scene's own engine."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import errno
 import os
 import shutil
 import tempfile
@@ -14,9 +13,9 @@ from urllib.parse import unquote, urlsplit
 
 import httpx
 
-from tigas_common.errors import TigasError
-from tigas_common.files import open_regular
-from tigas_render.scenes.directory import SAFE_NAME, scan_directory, scene_file, scene_id
+from tigas_common.errors import BrokenScene, TigasError
+from tigas_common.files import check_room, open_regular
+from tigas_render.scenes.directory import SAFE_NAME, scene_file, scene_id, scene_paths
 from tigas_render.scenes.scene_file import SceneFile
 from tigas_render.scenes.sog_files import META
 
@@ -26,8 +25,6 @@ Listener = Callable[[float], None]
 COPY_BYTES = 1 << 20
 TIMEOUT_S = 30.0
 AS_IT_IS = {"Accept-Encoding": "identity"}
-SPARE_BYTES = 1 << 30
-"""Of the disk, that a download leaves."""
 ENDINGS = {"PLY": ".ply", "compressed PLY": ".compressed.ply", ".splat": ".splat"}
 """By format; all versions of SPZ are .spz, and SOG is one file from now on."""
 
@@ -47,24 +44,51 @@ def add_scene(source: str, directory: Path, id: str | None, listener: Listener) 
     url = urlsplit(source)
     remote = url.scheme in ("http", "https")
     id = id or (scene_id(Path(unquote(url.path))) if remote else _local_id(Path(source).resolve()))
-    if not SAFE_NAME.fullmatch(id):
-        raise NotAdded(f"{id[:100]!r} cannot be a scene's id; name one with --id: letters, digits, blanks, _.()+-")
     directory.mkdir(parents=True, exist_ok=True)
-    if id in scan_directory(directory):
-        raise NotAdded(f"There is a scene {id} already; name another id with --id.")
+    check_free(directory, id)
     with _part(directory, id) as part:
         if remote:
             _fetch(source, part, listener)
-            file = scene_file(part)
         else:
-            file = scene_file(Path(source))
-            _copy(file, part)
-            file = scene_file(part)
-        file.load()
-        path = directory / f"{id}{_ending(file)}"
-        path.open("x").close()  # so that it goes over no file that came meanwhile
-        part.replace(path)
-    return id, scene_file(path)
+            _copy(scene_file(Path(source)), part)
+        return id, keep(part, directory, id)
+
+
+def check_free(directory: Path, id: str) -> None:
+    """Whether a scene can be called so. Raises NotAdded."""
+    if not SAFE_NAME.fullmatch(id):
+        raise NotAdded(f"{id[:100]!r} cannot be a scene's name: that has letters, digits, blanks and _.()+- alone.")
+    if id in scene_paths(directory):
+        raise NotAdded(f"There is a scene {id} already; choose another name.")
+
+
+def keep(part: Path, directory: Path, id: str) -> SceneFile:
+    """Read all of a file on the directory's own disk, and make it a scene there. Raises as `add_scene` does."""
+    file = scene_file(part)
+    file.load()
+    check_free(directory, id)
+    path = directory / f"{id}{_ending(file)}"
+    path.open("x").close()  # so that it goes over no file that came meanwhile
+    part.replace(path)
+    return scene_file(path)
+
+
+def keep_upload(part: Path, directory: Path, id: str, memory: int) -> None:
+    """The same for a file from a stranger, in a process of its own, which may be ended.
+
+    memory: what a scene may take, in bytes. Raises NotAdded, BrokenScene, and MemoryError.
+    """
+    try:
+        needed = scene_file(part).tensor_bytes
+        if needed > memory:
+            raise BrokenScene(
+                f"{id} takes {needed / 1e6:.1f} MB in memory, and all scenes together may take {memory / 1e6:.1f} MB."
+            )
+        keep(part, directory, id)
+    except OSError as error:
+        raise NotAdded(f"{id} could not be kept: {error.strerror or error}.") from None
+    except RuntimeError as error:  # PyTorch's for a lack of memory
+        raise MemoryError from error
 
 
 def _local_id(path: Path) -> str:
@@ -109,12 +133,10 @@ def _fetch(url: str, part: Path, listener: Listener) -> None:
             if answer.status_code != 200:
                 raise NotAdded(f"{url} answers with {answer.status_code} {answer.reason_phrase}.")
             size = int(answer.headers.get("Content-Length") or 0)
-            room = shutil.disk_usage(part.parent).free - SPARE_BYTES
             got = 0
             for content in answer.iter_raw(COPY_BYTES):
+                check_room(part.parent, max(len(content), size - got))
                 got += len(content)
-                if max(got, size) > room:
-                    raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(part.parent))
                 target.write(content)
                 if size:
                     listener(got / size)

@@ -4,7 +4,7 @@ Files that end like scenes (`formats.ENDINGS`) are taken for them; what they are
 holds one, or the meta.json of a SOG scene with its images, or what INRIA's training writes: the
 `point_cloud/iteration_N/point_cloud.ply` with the highest N, which goes before any other file, as the `input.ply`
 beside it is no 3DGS scene. It may hold a `preview.jpg` or `preview.png`, a `scene.json`, and a `ladder.json`. A file by
-itself is a scene by its name without the ending.
+itself is a scene by its name without the ending. What is hidden (`.name`) is no scene.
 
 Symbolic links are followed, also out of the directory, so that models may lie on another disk: whoever can write links
 here could as well write files, and clients name scenes by id only, never by path.
@@ -37,26 +37,31 @@ SAFE_NAME = re.compile(r"\w[\w .()+-]{0,127}")
 
 def scan_directory(directory: Path) -> dict[str, SceneSource]:
     """Every scene of a models directory by id, broken ones included. A directory that cannot be read has none."""
+    paths = scene_paths(directory)
+    return {id: read_folder(path) if _is_folder(path) else read_single(path) for id, path in sorted(paths.items())}
+
+
+def scene_paths(directory: Path) -> dict[str, Path]:
+    """The folder or the file of each scene, by id."""
     try:
-        paths = list(directory.iterdir())
+        entries = [path for path in directory.iterdir() if not path.name.startswith(".")]
     except OSError as error:
         _log.warning("The models directory %s cannot be read: %s", directory, error.strerror or error)
         return {}
-    sources: dict[str, SceneSource] = {}
-    for path in sorted(paths, key=_rank):
+    paths: dict[str, Path] = {}
+    for path in sorted(entries, key=_rank):
         folder = _is_folder(path)
         id = path.name if folder else scene_id(path)
         if not folder and not _is_scene_file(path):
             continue
         if not SAFE_NAME.fullmatch(id):
             what = "folder" if folder else "file"
-            words = "its name is hidden or has characters that an id may not have"
-            _log.warning("Skipped the %s %r: %s", what, path.name, words)
-        elif id in sources:
+            _log.warning("Skipped the %s %r: its name has characters that an id may not have", what, path.name)
+        elif id in paths:
             _log.warning("Skipped the file %s: there is another scene %s", path.name, id)
         else:
-            sources[id] = read_folder(path) if folder else read_single(path)
-    return dict(sorted(sources.items()))
+            paths[id] = path
+    return paths
 
 
 def _rank(path: Path) -> tuple[bool, int, str]:

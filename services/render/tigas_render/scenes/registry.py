@@ -309,6 +309,10 @@ class SceneRegistry:
         except KeyError:
             raise UnknownScene(f"There is no scene {scene_id[:100]!r}.") from None
 
+    def _is_builtin(self, source: SceneSource) -> bool:
+        builtin = self._builtin.get(source.id)
+        return builtin is not None and builtin.version == source.version
+
     def _info(self, entry: _Entry) -> SceneInfo:
         source, loaded = entry.source, entry.loaded
         return SceneInfo(
@@ -327,6 +331,7 @@ class SceneRegistry:
             camera=entry.camera,
             background=source.metadata.background,
             ladder=source.ladder,
+            builtin=self._is_builtin(source),
         )
 
 

@@ -1,0 +1,1 @@
+"""Files that pages bring, in parts, to become scenes."""

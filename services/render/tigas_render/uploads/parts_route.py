@@ -1,0 +1,106 @@
+"""Parts of uploads over HTTP, as tus 1.0 has them (https://tus.io/protocols/resumable-upload): what broke off goes on.
+
+The one request with a large body, which is taken by whichever process speaks with the client; `routes` has the rest.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import re
+from collections.abc import AsyncIterator, Awaitable, Callable
+from functools import wraps
+
+from starlette.applications import Starlette
+from starlette.requests import ClientDisconnect, Request
+from starlette.responses import Response
+from starlette.routing import Route
+
+from tigas_common.errors import InvalidRequest, TigasError
+from tigas_common.web import EXCEPTION_HANDLERS, NO_STORE, on_error
+from tigas_render.settings import RenderSettings
+from tigas_render.uploads.permission import open_uploads
+
+PATH = "/uploads"
+VERSION = "1.0.0"
+CONTENT = "application/offset+octet-stream"
+WRITE_BYTES = 1 << 20
+"""What is written at a time."""
+
+Endpoint = Callable[[Request], Awaitable[Response]]
+
+
+class OtherVersion(TigasError):
+    """The client does not speak tus 1.0."""
+
+    status, type, title = 412, "other-tus-version", "This is not tus 1.0"
+
+
+class NotAPart(TigasError):
+    """A body that does not say that it is a part of an upload."""
+
+    status, type, title = 415, "not-a-part", "This is no part of an upload"
+
+
+def uploads_app(settings: RenderSettings) -> Starlette:
+    """An application that takes parts, and nothing else."""
+    app = Starlette(routes=[PART], exception_handlers=EXCEPTION_HANDLERS)
+    app.state.settings = settings
+    return app
+
+
+def tus(endpoint: Endpoint) -> Endpoint:
+    """Checks the version, and says it in every answer."""
+
+    @wraps(endpoint)
+    async def answer(request: Request) -> Response:
+        try:
+            said = request.headers.get("tus-resumable", "")
+            if said != VERSION and request.method != "OPTIONS":
+                raise OtherVersion(f"Tus-Resumable: this service speaks {VERSION}, and not {said[:20]!r}.")
+            response = await endpoint(request)
+        except TigasError as error:
+            response = await on_error(request, error)
+        response.headers.update({"Tus-Resumable": VERSION, "Tus-Version": VERSION, **NO_STORE})
+        return response
+
+    return answer
+
+
+@tus
+async def append(request: Request) -> Response:
+    """The next part of an upload. What comes of it is kept, wherever it breaks off."""
+    uploads, id = open_uploads(request.app.state.settings), request.path_params["id"]
+    if request.headers.get("content-type") != CONTENT:
+        raise NotAPart(f"Content-Type: a part of an upload is {CONTENT}.")
+    offset = number_of(request, "upload-offset")
+    await asyncio.to_thread(uploads.append, id, offset, b"")
+    async for part in _parts(request):
+        await asyncio.to_thread(uploads.append, id, offset, part)
+        offset += len(part)
+    return Response(status_code=204, headers={"Upload-Offset": str(offset)})
+
+
+async def _parts(request: Request) -> AsyncIterator[bytes]:
+    """The body in pieces to be written; it ends where the client leaves."""
+    waiting = bytearray()
+    try:
+        async for part in request.stream():
+            waiting += part
+            if len(waiting) >= WRITE_BYTES:
+                yield bytes(waiting)
+                waiting.clear()
+    except ClientDisconnect:
+        pass
+    if waiting:
+        yield bytes(waiting)
+
+
+def number_of(request: Request, header: str) -> int:
+    text = request.headers.get(header, "")
+    if not re.fullmatch("[0-9]{1,18}", text):
+        raise InvalidRequest(f"{header.title()}: {text[:30]!r} is no number of bytes.")
+    return int(text)
+
+
+PART = Route(f"{PATH}/{{id}}", append, methods=["PATCH"])
+"""For an application whose `state.settings` are RenderSettings."""

@@ -1,0 +1,77 @@
+"""Uploads over HTTP, as tus 1.0 has them: begun, asked about, given up. `parts_route` takes what they consist of."""
+
+from __future__ import annotations
+
+import asyncio
+import base64
+from pathlib import Path
+
+from starlette.requests import Request
+from starlette.responses import Response
+from starlette.routing import Route
+
+from tigas_common.errors import InvalidRequest
+from tigas_render.scenes.adding import check_free
+from tigas_render.scenes.directory import scene_id
+from tigas_render.uploads.parts_route import PART, PATH, number_of, tus
+from tigas_render.uploads.permission import open_uploads
+
+EXTENSIONS = "creation,termination"
+MOST_NAME = 255
+
+
+@tus
+async def about(request: Request) -> Response:
+    """What uploads may be, as tus' headers."""
+    limit = open_uploads(request.app.state.settings).limit
+    return Response(status_code=204, headers={"Tus-Extension": EXTENSIONS, "Tus-Max-Size": str(limit)})
+
+
+@tus
+async def create(request: Request) -> Response:
+    """Begin to upload a scene's file (tus 1.0), whose name is `filename` in Upload-Metadata."""
+    uploads = open_uploads(request.app.state.settings)
+    name, length = _file_name(request), number_of(request, "upload-length")
+    scene = scene_id(Path(name)) if Path(name).name == name else name
+    await asyncio.to_thread(check_free, uploads.models, scene)
+    upload = await asyncio.to_thread(uploads.create, scene, length)
+    # relative, so that it is right behind a proxy that serves this under another path
+    return Response(status_code=201, headers={"Location": f"uploads/{upload.id}"})
+
+
+@tus
+async def progress(request: Request) -> Response:
+    """How much of an upload is here."""
+    uploads = open_uploads(request.app.state.settings)
+    upload = await asyncio.to_thread(uploads.get, request.path_params["id"])
+    return Response(headers={"Upload-Offset": str(upload.offset), "Upload-Length": str(upload.length)})
+
+
+@tus
+async def discard(request: Request) -> Response:
+    """Give an upload up."""
+    uploads = open_uploads(request.app.state.settings)
+    await asyncio.to_thread(uploads.discard, request.path_params["id"])
+    return Response(status_code=204)
+
+
+def _file_name(request: Request) -> str:
+    pairs = [pair.split() for pair in request.headers.get("upload-metadata", "").split(",")]
+    try:
+        [encoded] = [pair[1] for pair in pairs if len(pair) == 2 and pair[0] == "filename"]
+        name = base64.b64decode(encoded, validate=True).decode()
+    except ValueError:
+        raise InvalidRequest("Upload-Metadata: there has to be a filename, in base64.") from None
+    if not 0 < len(name) <= MOST_NAME:
+        raise InvalidRequest(f"Upload-Metadata: a filename has 1 to {MOST_NAME} characters.")
+    return name
+
+
+UPLOADS = (
+    Route(PATH, about, methods=["OPTIONS"]),
+    Route(PATH, create, methods=["POST"]),
+    Route(f"{PATH}/{{id}}", progress, methods=["HEAD"]),
+    PART,
+    Route(f"{PATH}/{{id}}", discard, methods=["DELETE"]),
+)
+"""For an application whose `state.settings` are RenderSettings."""

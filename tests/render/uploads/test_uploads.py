@@ -1,0 +1,344 @@
+"""Files that come over HTTP become scenes, whole and checked or not at all."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import os
+from collections.abc import AsyncIterator, Callable
+from contextlib import asynccontextmanager
+from pathlib import Path
+from typing import Any, TypeVar, TypeVarTuple
+
+import httpx
+import pytest
+
+from tests.render.fakes import FakeRasterizer
+from tests.render.scenes import made_up, plys
+from tests.render.uploads.client import TUS, begin, part, upload
+from tigas_common.address import Address
+from tigas_common.http_limits import HttpLimits
+from tigas_common.offload import Offload, offload_to_process
+from tigas_common.runner import serve_http
+from tigas_common.work_limits import Limit
+from tigas_render.app import create_app
+from tigas_render.library import Library
+from tigas_render.service import RenderService
+from tigas_render.settings import RenderSettings
+from tigas_render.uploads import parts
+from tigas_render.uploads.parts import FOLDER, IDLE_S, MOST, Uploads
+
+pytestmark = pytest.mark.anyio
+
+SHELL = (made_up.FILES / "shell-3.spz").read_bytes()
+
+
+@pytest.fixture
+def models(tmp_path: Path) -> Path:
+    directory = tmp_path / "models"
+    plys.write(directory / "attic.ply", plys.binary_ply())
+    return directory
+
+
+def settings_for(models: Path | None, **changes: Any) -> RenderSettings:
+    return RenderSettings(scenes=models, cache=Path("/nonexistent"), **changes)
+
+
+T = TypeVar("T")
+Ts = TypeVarTuple("Ts")
+
+
+async def in_a_thread(function: Callable[[*Ts], T], *arguments: *Ts, limit: Limit | None = None) -> T:
+    """Stands in for a process of its own, which takes seconds to start."""
+    return await asyncio.to_thread(function, *arguments)
+
+
+@asynccontextmanager
+async def serving(settings: RenderSettings, offload: Offload = in_a_thread) -> AsyncIterator[httpx.AsyncClient]:
+    """A client of a service, over a socket."""
+    async with RenderService.open(settings, FakeRasterizer()) as service:
+        service.library = Library(settings, service.registry, offload)
+        async with (
+            serve_http(create_app(service), Address("127.0.0.1", 0), HttpLimits()) as port,
+            httpx.AsyncClient(base_url=f"http://127.0.0.1:{port}", timeout=60) as client,
+        ):
+            yield client
+
+
+@pytest.fixture
+async def client(models: Path) -> AsyncIterator[httpx.AsyncClient]:
+    async with serving(settings_for(models)) as client:
+        yield client
+
+
+def left(models: Path) -> list[str]:
+    """What is there beside scenes."""
+    return [path.name for path in (models / FOLDER).iterdir()] if (models / FOLDER).exists() else []
+
+
+def names(models: Path) -> list[str]:
+    return sorted(path.name for path in models.iterdir())
+
+
+async def ids(client: httpx.AsyncClient) -> list[str]:
+    return [scene["id"] for scene in (await client.get("/scenes")).json()]
+
+
+async def test_a_file_becomes_a_scene_whatever_its_name_ends_in(client: httpx.AsyncClient, models: Path) -> None:
+    added = await upload(client, "my shell.zip", SHELL)
+    assert (added.status_code, added.json(), added.headers["location"]) == (
+        201,
+        {"id": "my shell"},
+        "/scenes/my%20shell",
+    )
+    assert await ids(client) == ["attic", "courtyard", "my shell"]
+    assert (models / "my shell.spz").read_bytes() == SHELL
+    info = (await client.get("/scenes/my%20shell")).json()
+    assert (info["state"], info["gaussians"], info["builtin"]) == ("unloaded", made_up.COUNT, False)
+
+
+async def test_who_did_not_hear_that_it_was_added_asks_again(client: httpx.AsyncClient) -> None:
+    at = "/" + (await client.post("/uploads", headers=begin("shell.spz", len(SHELL)))).headers["location"]
+    await client.patch(at, headers=part(0), content=SHELL)
+    answers = await asyncio.gather(*(client.post(f"{at}/scene") for _ in range(3)))
+    assert [answer.status_code for answer in (*answers, await client.post(f"{at}/scene"))] == [201] * 4
+
+
+async def test_an_upload_goes_on_where_its_connection_was_closed(client: httpx.AsyncClient, models: Path) -> None:
+    content = plys.binary_ply(40_000)
+    at = "/" + (await client.post("/uploads", headers=begin("big.ply", len(content)))).headers["location"]
+
+    async def offset() -> int:
+        return int((await client.head(at, headers=TUS)).headers["upload-offset"])
+
+    _, writer = await asyncio.open_connection(client.base_url.host, client.base_url.port)
+    lines = (f"{name}: {value}\r\n" for name, value in {**part(0), "Content-Length": len(content)}.items())
+    writer.write(f"PATCH {at} HTTP/1.1\r\nHost: localhost\r\n{''.join(lines)}\r\n".encode() + content[:1_500_000])
+    async with asyncio.timeout(20):
+        while await offset() == 0:  # noqa: ASYNC110 - only asking tells
+            await asyncio.sleep(0.01)
+        writer.close()
+        early = await client.post(f"{at}/scene")
+        assert (early.status_code, early.json()["type"]) == (409, "tigas:wrong-offset")
+        late = await client.patch(at, headers=part(500), content=content[500:])
+        assert (late.status_code, late.json()["type"]) == (409, "tigas:wrong-offset")
+        sent = late
+        while sent.status_code != 204:  # what the closed connection had brought is still being written
+            begins = await offset()
+            sent = await client.patch(at, headers=part(begins), content=content[begins:])
+    assert begins > 1_000_000
+    assert sent.headers["upload-offset"] == str(len(content))
+    assert (await client.post(f"{at}/scene")).status_code == 201
+    assert (models / "big.ply").read_bytes() == content
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "words"),
+    [
+        ("letter.ply", b"Dear reader, " * 10, "letter is no scene"),
+        ("short.ply", plys.binary_ply()[:-4], "short is truncated"),
+        ("empty.splat", b"", "empty"),
+        ("bomb.spz", SHELL[:40] + os.urandom(4000), "bomb"),
+    ],
+)
+async def test_what_is_no_scene_is_refused_in_a_sentence_and_leaves_nothing(
+    client: httpx.AsyncClient, models: Path, name: str, content: bytes, words: str
+) -> None:
+    refused = await upload(client, name, content)
+    assert (refused.status_code, refused.json()["type"]) == (422, "tigas:broken-scene")
+    assert words in refused.json()["detail"]
+    assert (await ids(client), left(models)) == (["attic", "courtyard"], [])
+
+
+async def test_a_file_that_promises_more_than_scenes_may_take_is_not_read(models: Path) -> None:
+    async with serving(settings_for(models, memory_gb=len(SHELL) / 1e9)) as client:
+        refused = await upload(client, "vast.spz", SHELL)
+        assert refused.status_code == 422
+        assert "MB in memory, and all scenes together may take 0.0 MB" in refused.json()["detail"]
+    assert left(models) == []
+
+
+async def test_a_file_that_takes_too_much_to_check_ends_nothing_but_its_own_process(
+    models: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    async with serving(settings_for(models), offload_to_process) as client:
+        assert (await upload(client, "good.spz", SHELL)).status_code == 201
+        monkeypatch.setattr("tigas_render.library.CHECK_MEMORY", 1_000_000 - 8_000_000_000)
+        refused = await upload(client, "hostile.ply", plys.binary_ply(40_000))
+        assert (refused.status_code, refused.json()["type"]) == (422, "tigas:too-costly")
+        assert await ids(client) == ["attic", "courtyard", "good"]
+    assert len(left(models)) == 1, "what the good one has become"
+
+
+@pytest.mark.parametrize(
+    "name", ["../../evil.ply", "/etc/passwd", "a/b.ply", "..", ".hidden.ply", "x\n.ply", "a\\b.ply"]
+)
+async def test_a_name_leads_nowhere_else(client: httpx.AsyncClient, models: Path, name: str) -> None:
+    refused = await client.post("/uploads", headers=begin(name, 10))
+    assert (refused.status_code, refused.json()["type"]) == (422, "tigas:scene-not-added")
+    assert "cannot be a scene's name" in refused.json()["detail"]
+    assert left(models) == []
+
+
+@pytest.mark.parametrize("id", ["..%2F..%2Fattic", "0" * 32, "x", "%2e%2e"])
+async def test_an_upload_is_named_by_nothing_but_its_own_id(client: httpx.AsyncClient, models: Path, id: str) -> None:
+    for answer in (
+        await client.head(f"/uploads/{id}", headers=TUS),
+        await client.patch(f"/uploads/{id}", headers=part(0), content=b"x"),
+        await client.delete(f"/uploads/{id}", headers=TUS),
+        await client.post(f"/uploads/{id}/scene"),
+    ):
+        assert answer.status_code in (404, 405), answer.request
+    assert names(models) == ["attic.ply"]
+
+
+async def test_of_two_uploads_with_one_name_one_becomes_the_scene(client: httpx.AsyncClient, models: Path) -> None:
+    places = [
+        "/" + (await client.post("/uploads", headers=begin("shell.spz", len(SHELL)))).headers["location"]
+        for _ in range(2)
+    ]
+    for at in places:
+        await client.patch(at, headers=part(0), content=SHELL)
+    answers = await asyncio.gather(*(client.post(f"{at}/scene") for at in places))
+    assert sorted(answer.status_code for answer in answers) == [201, 422]
+    assert "There is a scene shell already" in next(each for each in answers if each.status_code == 422).text
+    again = await client.post("/uploads", headers=begin("shell.sog", 10))
+    assert "There is a scene shell already" in again.json()["detail"]
+    assert names(models) == [FOLDER, "attic.ply", "shell.spz"]
+
+
+async def test_what_is_too_large_is_refused_before_it_comes_and_while_it_does(client: httpx.AsyncClient) -> None:
+    refused = await client.post("/uploads", headers=begin("vast.ply", 8_000_000_001))
+    assert (refused.status_code, refused.json()["type"]) == (413, "tigas:body-too-large")
+    assert "up to 8 GB" in refused.json()["detail"]
+    assert (await client.options("/uploads")).headers["tus-max-size"] == "8000000000"
+    at = "/" + (await client.post("/uploads", headers=begin("short.ply", 10))).headers["location"]
+    more = await client.patch(at, headers=part(0), content=b"x" * 11)
+    assert more.status_code == 413
+    assert (await client.head(at, headers=TUS)).headers["upload-offset"] == "0"
+
+
+@pytest.mark.parametrize(
+    ("headers", "status"),
+    [
+        ({**begin("a.ply", 5), "Tus-Resumable": "0.2"}, 412),
+        ({**begin("a.ply", 5), "Upload-Length": "-5"}, 400),
+        ({**begin("a.ply", 5), "Upload-Length": "9" * 30}, 400),
+        ({**begin("a.ply", 5), "Upload-Metadata": "filename !!!"}, 400),
+        ({**begin("a.ply", 5), "Upload-Metadata": "name YQ=="}, 400),
+        ({**begin("a.ply", 5), "Origin": "https://evil.example"}, 403),
+        ({**begin("a.ply", 5), "Host": "evil.example"}, 421),
+        (begin("a" * 256, 5), 400),
+    ],
+)
+async def test_what_is_no_upload_is_said(
+    client: httpx.AsyncClient, models: Path, headers: dict[str, str], status: int
+) -> None:
+    refused = await client.post("/uploads", headers=headers)
+    assert (refused.status_code, refused.json()["status"]) == (status, status)
+    assert left(models) == []
+
+
+async def test_the_disk_keeps_a_reserve(client: httpx.AsyncClient, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("tigas_common.files.SPARE_BYTES", 1 << 60)
+    refused = await client.post("/uploads", headers=begin("a.ply", 5))
+    assert (refused.status_code, refused.json()["detail"]) == (507, "The disk that holds the models is full.")
+
+
+async def test_there_are_so_many_at_a_time_until_one_is_given_up(client: httpx.AsyncClient) -> None:
+    places = [(await client.post("/uploads", headers=begin("a.ply", 5))).headers["location"] for _ in range(MOST)]
+    refused = await client.post("/uploads", headers=begin("a.ply", 5))
+    assert (refused.status_code, refused.headers["retry-after"]) == (503, "60")
+    assert (await client.delete(f"/{places[0]}", headers=TUS)).status_code == 204
+    assert (await client.post("/uploads", headers=begin("a.ply", 5))).status_code == 201
+
+
+def test_what_nobody_goes_on_with_is_removed(models: Path) -> None:
+    now = [parts.time.time()]
+    uploads = Uploads(models, 1000, clock=lambda: now[0])
+    kept, dropped = uploads.create("kept", 10), uploads.create("dropped", 10)
+    now[0] += IDLE_S - 5
+    os.utime(kept.path, (now[0], now[0]))
+    now[0] += 10
+    uploads.expire()
+    assert left(models) == [kept.id]
+    assert kept.id != dropped.id
+
+
+@pytest.mark.parametrize(
+    ("changes", "editable"),
+    [
+        ({}, True),
+        ({"lan": True}, False),
+        ({"http": "0.0.0.0:0"}, False),
+        ({"quic": "[::]:0"}, False),
+        ({"allow_hosts": ("tigas.example.org",)}, False),
+        ({"edit_scenes": False}, False),
+        ({"lan": True, "edit_scenes": True}, True),
+    ],
+)
+async def test_only_loopback_lets_pages_change_scenes_unless_it_is_told_to(
+    models: Path, changes: dict[str, Any], editable: bool
+) -> None:
+    async with serving(settings_for(models, **changes)) as client:
+        config = (await client.get("/config.json")).json()
+        assert config["max_upload_bytes"] == (8_000_000_000 if editable else None)
+        answers = [
+            await client.post("/uploads", headers=begin("a.ply", 5)),
+            await client.patch(f"/uploads/{'0' * 32}", headers=part(0), content=b"x"),
+            await client.post("/scenes/attic/rename", json={"name": "loft"}),
+            await client.delete("/scenes/attic" if editable is False else "/scenes/loft"),
+        ]
+    refusals = [answer for answer in answers if answer.status_code == 403]
+    assert len(refusals) == (0 if editable else 4)
+    assert all("--edit-scenes lets them" in answer.json()["detail"] for answer in refusals)
+    assert (models / "attic.ply").exists() is not editable
+
+
+async def test_without_a_directory_there_is_nothing_to_change() -> None:
+    async with serving(settings_for(None)) as client:
+        assert (await client.get("/config.json")).json()["max_upload_bytes"] is None
+        refused = await client.post("/uploads", headers=begin("a.ply", 5))
+    assert refused.json()["detail"] == "This service has no models directory; it has to be started with --scenes."
+
+
+async def test_a_scene_is_renamed_and_deleted(client: httpx.AsyncClient, models: Path) -> None:
+    plys.write(models / "hall" / "scene.ply", plys.binary_ply())
+    (models / "hall" / "scene.json").write_text(json.dumps({"name": "The hall", "background": [0, 0, 1]}))
+    await client.get("/scenes?scan=1")
+    loft = await client.post("/scenes/attic/rename", json={"name": "loft"})
+    assert (loft.json()["id"], loft.json()["name"]) == ("loft", "loft")
+    foyer = await client.post("/scenes/hall/rename", json={"name": "Foyer"})
+    assert (foyer.json()["id"], foyer.json()["name"], foyer.json()["background"]) == ("Foyer", "Foyer", [0, 0, 1])
+    assert await ids(client) == ["Foyer", "courtyard", "loft"]
+    for id in ("Foyer", "loft"):
+        assert (await client.delete(f"/scenes/{id}")).status_code == 204
+    assert (await client.get("/scenes/loft")).json()["detail"] == "There is no scene 'loft'."
+    assert (await ids(client), names(models)) == (["courtyard"], [])
+
+
+@pytest.mark.parametrize("name", ["../up", "", "a/b", "hall", ".x", "x" * 300])
+async def test_what_cannot_be_a_name_changes_nothing(client: httpx.AsyncClient, models: Path, name: str) -> None:
+    plys.write(models / "hall" / "scene.ply", plys.binary_ply())
+    refused = await client.post("/scenes/attic/rename", json={"name": name})
+    assert refused.status_code in (400, 422)
+    assert names(models) == ["attic.ply", "hall"]
+
+
+async def test_the_built_in_scene_stays(client: httpx.AsyncClient) -> None:
+    for answer in (
+        await client.delete("/scenes/courtyard"),
+        await client.post("/scenes/courtyard/rename", json={"name": "yard"}),
+    ):
+        assert (answer.status_code, answer.json()["type"]) == (409, "tigas:built-in-scene")
+        assert "is part of TIGAS" in answer.json()["detail"]
+    assert (await client.get("/scenes/courtyard")).json()["builtin"] is True
+
+
+async def test_of_a_link_only_the_link_is_deleted(client: httpx.AsyncClient, models: Path, tmp_path: Path) -> None:
+    elsewhere = plys.write(tmp_path / "disk" / "far" / "scene.ply", plys.binary_ply())
+    (models / "far").symlink_to(elsewhere.parent)
+    await client.get("/scenes?scan=1")
+    assert (await client.delete("/scenes/far")).status_code == 204
+    assert elsewhere.exists()
+    assert "far" not in await ids(client)
