@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import json
 import os
+import time
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
 from pathlib import Path
@@ -25,7 +26,6 @@ from tigas_render.app import create_app
 from tigas_render.library import Library
 from tigas_render.service import RenderService
 from tigas_render.settings import RenderSettings
-from tigas_render.uploads import parts
 from tigas_render.uploads.parts import FOLDER, IDLE_S, MOST, Uploads
 
 pytestmark = pytest.mark.anyio
@@ -254,7 +254,7 @@ async def test_there_are_so_many_at_a_time_until_one_is_given_up(client: httpx.A
 
 
 def test_what_nobody_goes_on_with_is_removed(models: Path) -> None:
-    now = [parts.time.time()]
+    now = [time.time()]
     uploads = Uploads(models, 1000, clock=lambda: now[0])
     kept, dropped = uploads.create("kept", 10), uploads.create("dropped", 10)
     now[0] += IDLE_S - 5

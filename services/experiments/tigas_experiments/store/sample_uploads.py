@@ -8,11 +8,11 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-from tigas_common.errors import BodyTooLarge, InvalidRequest
+from tigas_common.errors import BodyTooLarge, InvalidRequest, StorageFailed
 from tigas_common.wire.recording import Sample
 from tigas_common.wire.store import MOST_SAMPLES, SampleIndex, UploadedFile, UploadedSamples
 from tigas_experiments.records.samples import ENHANCED, FOLDER, INDEX, JPEG, write_samples
-from tigas_experiments.store.errors import SamplesComplete, StorageFailed
+from tigas_experiments.store.errors import SamplesComplete
 from tigas_experiments.store.workspace import to_disk
 
 MAX_INDEX_BYTES = 16_000_000
