@@ -91,6 +91,7 @@ class Sessions:
         task = asyncio.create_task(session.run(), name=session.name)
         task.add_done_callback(self._ended)
         self._running[session.name] = session, task
+        await asyncio.sleep(0)  # a task that is cancelled before it has begun never cleans up
         return session
 
     def get(self, name: str) -> Stream:

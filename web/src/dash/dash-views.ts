@@ -26,8 +26,6 @@ export function overDash({ base, scene, plan, stamp }: DashSource): OpenViews {
       stamp,
     };
     const session = await openSession(base, request, signal);
-    if (signal.aborted) void endSession(base, session);
-    signal.throwIfAborted();
     const { told, failed } = events;
     const poses = openPoseSocket(
       base,

@@ -56,6 +56,17 @@ test("a secure page is told why it cannot have the stream, and that another try 
   expect(asked).toHaveBeenCalledTimes(2);
 });
 
+test("a stream that nobody wants any more when its name is heard is ended", async () => {
+  const asked = answer(() => Response.json({ id: "a1" }));
+  const leaving = new AbortController();
+  const opening = openSession("http://packager", REQUEST, leaving.signal);
+  leaving.abort();
+  await expect(opening).rejects.toMatchObject({ name: "AbortError" });
+  expect(asked.mock.lastCall).toMatchObject(["http://packager/sessions/a1", { method: "DELETE" }]);
+  await expect(openSession("http://packager", REQUEST, leaving.signal)).rejects.toMatchObject({ name: "AbortError" });
+  expect(asked).toHaveBeenCalledTimes(2);
+});
+
 test("a session is ended even while the page goes away, and nobody minds if that fails", async () => {
   const asked = answer(() => Promise.reject(new TypeError("Failed to fetch")));
   await endSession("http://packager", { id: "a1" });

@@ -10,28 +10,41 @@ const OPEN_TIMEOUT = 60_000;
 const END_TIMEOUT = 5000;
 
 export function openSession(base: string, request: SessionRequest, signal: AbortSignal): Promise<SessionInfo> {
-  return open("dash", `${base}/sessions`, request, signal);
+  return open("dash", base, "sessions", request, signal);
 }
 
 /** The same over WebRTC: an offer out, its answer back. */
 export function openWebRtc(base: string, request: WebRtcRequest, signal: AbortSignal): Promise<WebRtcSession> {
-  return open("webrtc", `${base}/webrtc`, request, signal);
+  return open("webrtc", base, "webrtc", request, signal);
 }
 
-async function open<Opened>(kind: StreamKind, url: string, request: unknown, signal: AbortSignal): Promise<Opened> {
+/** Nobody else can end a stream whose name was never heard: one that is no longer wanted is waited for, and ended. */
+async function open<Opened extends Pick<SessionInfo, "id">>(
+  kind: StreamKind,
+  base: string,
+  path: string,
+  request: unknown,
+  signal: AbortSignal,
+): Promise<Opened> {
   const name = STREAM_NAMES[kind];
-  if (mixedContent(url, location.href)) {
+  if (mixedContent(base, location.href)) {
     throw new ApiError(
       `Browsers do not let a secure page open a ${name} stream over plain HTTP: open this page over http:// to see it.`,
       false,
     );
   }
+  signal.throwIfAborted();
   let response: Response;
   try {
-    const limit = AbortSignal.any([signal, AbortSignal.timeout(OPEN_TIMEOUT)]);
+    const limit = AbortSignal.timeout(OPEN_TIMEOUT);
     // Plain text needs no preflight, which would be one more round trip.
-    response = await fetch(url, { method: "POST", body: JSON.stringify(request), signal: limit });
-    if (response.ok) return (await response.json()) as Opened;
+    response = await fetch(`${base}/${path}`, { method: "POST", body: JSON.stringify(request), signal: limit });
+    if (response.ok) {
+      const opened = (await response.json()) as Opened;
+      if (signal.aborted) void endSession(base, opened);
+      signal.throwIfAborted();
+      return opened;
+    }
   } catch (error) {
     if (signal.aborted) throw error;
     throw new ApiError(`The packager of ${name} streams does not answer.`, true);
