@@ -82,6 +82,8 @@ ENTRYPOINT []
 FROM service AS dash-packager
 COPY --from=build /opt/tigas /opt/tigas
 ENV TIGAS_DASH_HTTP=0.0.0.0:8081 HEALTH_URL=http://127.0.0.1:8081/healthz
+ARG TIGAS_COMMIT=
+ENV TIGAS_COMMIT=${TIGAS_COMMIT}
 USER tigas
 EXPOSE 8081 8081/udp
 ENTRYPOINT ["tigas", "dash"]
@@ -109,5 +111,7 @@ RUN apt-get update -qq && apt-get install -y -qq --no-install-recommends iproute
 COPY --from=build /opt/tigas /opt/tigas
 COPY traces/network /traces
 ENV TIGAS_SHAPER_TRACES=/traces TIGAS_SHAPER_HTTP=0.0.0.0:8090 HEALTH_URL=http://127.0.0.1:8090/healthz
+ARG TIGAS_COMMIT=
+ENV TIGAS_COMMIT=${TIGAS_COMMIT}
 EXPOSE 8090
 ENTRYPOINT ["tigas", "shaper"]

@@ -108,7 +108,7 @@ lint-web: .venv/.ready web/node_modules/.ready
 
 lint-compose:
 	@echo "== compose.yaml, compose.cluster.yaml"
-	@if docker compose version >/dev/null 2>&1; then docker compose config -q && docker compose -f compose.cluster.yaml config -q; else echo "not checked: Docker or its Compose plugin is missing"; fi
+	@if docker compose version >/dev/null 2>&1; then docker compose --profile monitoring config -q && docker compose -f compose.cluster.yaml config -q; else echo "not checked: Docker or its Compose plugin is missing"; fi
 
 format: .venv/.ready web/node_modules/.ready
 	@$(VENV)/ruff check --fix . ; $(VENV)/ruff format .
