@@ -82,7 +82,7 @@ async def _measure(
             async with watching_load() as load, watching_link(link) as seen:
                 if link is not None:
                     await link.play()
-                recording = await _record(page, configuration, setup.points)
+                recording = await recorded(page, configuration, setup.points)
                 await page.check()
         writer.recording(recording)
         if not await alive(setup.target):  # a page whose frames stop coming plays on to the end
@@ -146,7 +146,8 @@ def page_settings(configuration: Configuration) -> dict[str, Any]:
     }
 
 
-async def _record(page: Viewer, configuration: Configuration, points: Sequence[Point]) -> Recording:
+async def recorded(page: Viewer, configuration: Configuration, points: Sequence[Point]) -> Recording:
+    """Play a run's movement in a page that is prepared for it. Raises RunFailed and BrokenRecording."""
     duration_ms = configuration.duration_s * 1000
     plan = {
         "points": points,
