@@ -40,9 +40,9 @@ help:
 
 demo: .venv/.ready $(STATIC)
 	@$(if $(SCENES),mkdir -p $(SCENES))
-	@if [ -z '$(ARGS)' ] && $(VENV)/tigas lab check; then \
+	@if $(VENV)/tigas lab check $(ARGS); then \
 		echo "== behind a shaped link: replay traces from the page's network panel"; \
-		exec $(VENV)/tigas lab up --traces traces/network $(if $(SCENES),--scenes $(SCENES)); \
+		exec $(VENV)/tigas lab up --traces traces/network $(if $(SCENES),--scenes $(SCENES)) $(ARGS); \
 	else \
 		echo "== without the shaped link; everything else works"; \
 		exec $(VENV)/tigas demo -- $(if $(SCENES),--scenes $(SCENES)) $(ARGS); \

@@ -56,6 +56,11 @@ def test_compose_publishes_ports_of_the_shaper_alone_and_its_api_on_this_host_on
 
 def test_compose_tells_the_services_where_the_others_are() -> None:
     assert COMPOSE["render"]["environment"]["TIGAS_RENDER_SERVICES"] == page_services(shaped=True)
+    handed_on = {
+        "dash": f"http://{address('dash-packager')}:{DASH.number}",
+        "store": f"http://{address('store')}:{STORE.number}",
+    }
+    assert json.loads(COMPOSE["render"]["environment"]["TIGAS_RENDER_UPSTREAMS"]) == handed_on
     assert COMPOSE["dash-packager"]["environment"]["TIGAS_DASH_RENDER"] == f"http://{address('render')}:{PAGE.number}"
 
 

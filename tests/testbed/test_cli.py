@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import json
 import os
 import signal
+import ssl
 import subprocess
+import time
 from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
-from urllib.request import urlopen
+from urllib.request import Request, urlopen
 
 import pytest
 
@@ -16,12 +19,14 @@ from tests.testbed.inside import wait_until
 from tigas_common.capabilities import CAP_NET_ADMIN, CAP_SYS_NICE
 from tigas_common.errors import StartError
 from tigas_common.processes import tigas
-from tigas_common.topology import DASH, PAGE, SHAPER, STORE
+from tigas_common.topology import DASH, PAGE, PAGE_HTTPS, PAGE_ORIGINS, SHAPER, STORE
 from tigas_testbed.namespaces import ROLES, Lab, Role
 from tigas_testbed.services import NAME
 from tigas_testbed.user import NOBODY
 
 LAB = Lab(NAME)
+DELAY_MS = 150
+"""One way."""
 
 
 def serves(port: int = PAGE.number) -> bool:
@@ -31,6 +36,24 @@ def serves(port: int = PAGE.number) -> bool:
             return bool(answer.status == 200)
     except OSError:
         return False
+
+
+def set_link(**setting: float) -> None:
+    """Hold a constant link."""
+    asking = Request(
+        f"http://localhost:{SHAPER.number}/link", json.dumps(setting).encode(), {"Origin": PAGE_ORIGINS[0]}
+    )
+    with urlopen(asking, timeout=10):
+        pass
+
+
+def asked_over_https(service: str) -> float:
+    """How long a service's health takes through the page's origin, in seconds."""
+    start = time.monotonic()
+    url = f"https://localhost:{PAGE_HTTPS.number}/services/{service}/healthz"
+    with urlopen(url, timeout=20, context=ssl._create_unverified_context()) as answer:
+        assert answer.status == 200
+    return time.monotonic() - start
 
 
 def left() -> list[str]:
@@ -50,7 +73,8 @@ def up(tmp_path: Path) -> Iterator[subprocess.Popen[bytes]]:
         pytest.skip(f"a lab is in use on this machine: {error}")
     if serves():
         pytest.skip("something else serves localhost:8080 on this machine")
-    process = subprocess.Popen(tigas("lab", "up"), env=os.environ | {"TIGAS_STORE_RESULTS": str(tmp_path / "results")})
+    argv = tigas("lab", "up", "--https", f"127.0.0.1:{PAGE_HTTPS.number}")
+    process = subprocess.Popen(argv, env=os.environ | {"TIGAS_STORE_RESULTS": str(tmp_path / "results")})
     try:
         wait_until(lambda: process.poll() is None and serves(), 90)
         yield process
@@ -67,6 +91,9 @@ def test_a_lab_comes_up_for_this_machine_and_goes_even_after_a_kill(
     assert "access@" in subprocess.run(exec_client, check=True, capture_output=True, text=True).stdout
     wait_until(lambda: all(map(serves, (DASH.number, SHAPER.number, STORE.number))), 20)
     assert (tmp_path / "results").is_dir()
+    set_link(down_kbps=10_000, up_kbps=10_000, delay_ms=DELAY_MS)
+    for service in ("dash", "store", "shaper"):
+        assert asked_over_https(service) > 2 * DELAY_MS / 1000, "it did not cross the link"
     second = subprocess.run(tigas("lab", "up"), capture_output=True, text=True)
     assert (second.returncode, second.stderr) == (1, "The lab is already up; `tigas lab down` ends it.\n")
     pids = [pid for role in ROLES for pid in LAB.processes(role)]

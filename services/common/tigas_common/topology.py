@@ -66,6 +66,13 @@ def page_services(*, shaped: bool) -> str:
     return json.dumps({name: f":{port.number}" for name, port in services.items()})
 
 
+def upstreams(*, shaper_host: str | None = None) -> str:
+    """Its setting `upstreams` in JSON: packager and store beside it, and the shaper, if there is one, on its host."""
+    beside = {"dash": DASH.loopback, "store": STORE.loopback}
+    shaper = {} if shaper_host is None else {"shaper": Address(shaper_host, SHAPER.number)}
+    return json.dumps({name: f"http://{address}" for name, address in (beside | shaper).items()})
+
+
 def fitted(url: str, host: str) -> str:
     """A service's URL, as a page is told it that was opened under `host`; `:PORT` alone is a port of that host."""
     return f"http://{bracketed(host)}{url}" if url.startswith(":") else url

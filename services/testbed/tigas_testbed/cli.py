@@ -12,9 +12,20 @@ from typing import Annotated
 
 import typer
 
+from tigas_common.address import Address
 from tigas_common.cli import in_a_sentence
 from tigas_common.errors import StartError
 from tigas_common.extras import require
+
+_Https = Annotated[
+    Address | None,
+    typer.Option(
+        parser=Address.parse,
+        metavar="HOST:PORT",
+        help="The page over HTTPS, too, on 127.0.0.1, behind the same link.",
+        show_default="off",
+    ),
+]
 
 lab = typer.Typer(help="Run everything on this machine in network namespaces, without Docker.", no_args_is_help=True)
 
@@ -30,6 +41,7 @@ def up(
             metavar="scene|paper", help="Quality levels: each scene's own, or the paper's.", show_default="scene"
         ),
     ] = None,
+    https: _Https = None,
 ) -> None:
     """Start the services behind the shaped link until Ctrl+C. The page is at http://localhost:8080."""
     from tigas_testbed.services import run_lab
@@ -37,15 +49,24 @@ def up(
     stop = _told_to_stop()
     with in_a_sentence(StartError, subprocess.CalledProcessError):
         require("dash", "render", "shaper", "store")
-        run_lab(scenes=scenes, traces=traces, trace=trace, ladder=ladder, stop=stop)
+        run_lab(scenes=scenes, traces=traces, trace=trace, ladder=ladder, https=https, stop=stop)
 
 
-@lab.command("check")
-def check() -> None:
-    """Check whether this machine can run the lab: prints one sentence and exits with 1 if it cannot."""
+@lab.command("check", context_settings={"ignore_unknown_options": True})
+def check(
+    more: Annotated[
+        list[str] | None, typer.Argument(help="Options of the render service, as `tigas demo` takes.")
+    ] = None,
+    https: _Https = None,
+) -> None:
+    """Check whether this machine can run the lab, with these options: prints one sentence and exits with 1 if not."""
     from tigas_testbed.namespaces import check_rights
+    from tigas_testbed.services import https_port
 
     with in_a_sentence(StartError, subprocess.CalledProcessError):
+        if more:
+            raise StartError(f"The lab takes no {more[0]}.")
+        https_port(https)
         check_rights()
 
 
