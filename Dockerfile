@@ -16,31 +16,43 @@ RUN --mount=type=secret,id=ca,target=/run/ca.crt --mount=type=cache,target=/root
 COPY web ./
 RUN npm run --silent build
 
+FROM ${PYTHON_IMAGE} AS wheel
+ENV PIP_DISABLE_PIP_VERSION_CHECK=1 PIP_ROOT_USER_ACTION=ignore
+WORKDIR /src
+COPY locks/build.txt locks/
+RUN --mount=type=secret,id=ca,target=/run/ca.crt --mount=type=cache,target=/root/.cache/pip \
+    if [ -s /run/ca.crt ]; then export PIP_CERT=/run/ca.crt; fi; \
+    pip install -q --require-hashes -r locks/build.txt
+COPY pyproject.toml README.md LICENSE ./
+COPY services services
+RUN pip wheel -q --no-deps --no-build-isolation --wheel-dir /wheel .
+
+# An environment with what a service runs with and no more: neither pip nor what builds the wheel, and no tests.
 FROM ${PYTHON_IMAGE} AS build
 ENV PIP_DISABLE_PIP_VERSION_CHECK=1
-RUN python -m venv /opt/tigas
+RUN python -m venv --without-pip /opt/tigas
 WORKDIR /src
-COPY constraints.txt pyproject.toml README.md LICENSE ./
+COPY constraints.txt ./
 COPY locks locks
-# Dependencies first, so that a change in our code does not reinstall them: what the lock has, whose files are checked, and
-# PyTorch. Our packages' folders must exist.
-RUN python -c "import pathlib, tomllib; packages = tomllib.load(open('pyproject.toml', 'rb'))['tool']['hatch']['build']['targets']['wheel']['packages']; [pathlib.Path(each).mkdir(parents=True) for each in packages]"
+# Dependencies first, so that a change in our code does not reinstall them: PyTorch, and what the lock has, whose files are
+# checked.
 ARG EXTRA
 # PyTorch (for the CPU by default) from its own index, which has little else.
 ARG TORCH_INDEX=https://download.pytorch.org/whl/cpu
 RUN --mount=type=secret,id=ca,target=/run/ca.crt --mount=type=cache,target=/root/.cache/pip \
     --mount=type=bind,from=wheels,target=/wheels \
     if [ -s /run/ca.crt ]; then export PIP_CERT=/run/ca.crt; fi; \
+    install="pip --python /opt/tigas/bin/python install -q"; \
     case ${EXTRA:?which extra of pyproject.toml? compose.yaml says it} in render*|gpu*) \
         if ls /wheels/torch-*.whl >/dev/null 2>&1; then index="--find-links /wheels"; else index="--index-url ${TORCH_INDEX}"; fi; \
-        /opt/tigas/bin/pip install -q -c constraints.txt ${index} --no-deps torch || exit 1;; \
+        ${install} -c constraints.txt ${index} --no-deps torch || exit 1;; \
     esac; \
-    for extra in $(echo ${EXTRA} | tr , ' '); do /opt/tigas/bin/pip install -q --require-hashes -r locks/${extra}.txt || exit 1; done; \
-    /opt/tigas/bin/pip install -q -c constraints.txt --no-build-isolation ".[${EXTRA}]"
-COPY services services
+    for extra in $(echo ${EXTRA} | tr , ' '); do ${install} --require-hashes -r locks/${extra}.txt || exit 1; done; \
+    find /opt/tigas/lib -type d -name tests -prune -exec rm -r {} +
 RUN --mount=type=secret,id=ca,target=/run/ca.crt --mount=type=cache,target=/root/.cache/pip \
+    --mount=type=bind,from=wheel,source=/wheel,target=/wheel \
     if [ -s /run/ca.crt ]; then export PIP_CERT=/run/ca.crt; fi; \
-    /opt/tigas/bin/pip install -q --no-deps --no-build-isolation --force-reinstall .
+    pip --python /opt/tigas/bin/python install -q -c constraints.txt "$(echo /wheel/*.whl)[${EXTRA}]"
 
 FROM build AS build-with-page
 RUN --mount=type=bind,from=page,source=/src/services/render/tigas_render/static,target=/page \
@@ -107,7 +119,7 @@ ENTRYPOINT ["tigas", "store"]
 # the capability that this needs (NET_ADMIN).
 FROM service AS shaper
 RUN apt-get update -qq && apt-get install -y -qq --no-install-recommends iproute2 nftables ethtool >/dev/null \
-    && rm -rf /var/lib/apt/lists/*
+    && rm -rf /var/lib/apt/lists/* /var/cache/apt/*
 COPY --from=build /opt/tigas /opt/tigas
 COPY traces/network /traces
 ENV TIGAS_SHAPER_TRACES=/traces TIGAS_SHAPER_HTTP=0.0.0.0:8090 HEALTH_URL=http://127.0.0.1:8090/healthz

@@ -1,7 +1,7 @@
 # Newcomers need only two commands: `make demo` and `make test`.
 SHELL := /bin/bash
 .DEFAULT_GOAL := help
-.PHONY: help demo gpu test test-web-units test-python test-pages test-timed-pages chromium test-slow test-compose fuzz lint lint-python lint-web lint-compose lock format bench compare bench-gpu bench-hostile bench-load release clean
+.PHONY: help demo gpu test test-web-units test-python test-pages test-timed-pages chromium test-slow test-compose fuzz lint lint-python lint-web lint-compose lock format bench compare bench-gpu bench-hostile bench-load release images clean
 
 PYTHON ?= python3
 # PyTorch's package index. Without an NVIDIA GPU, save gigabytes with
@@ -34,7 +34,7 @@ help:
 	@echo "make gpu           install GPU support for NVIDIA, as in: make gpu demo"
 	@echo "make bench-gpu     measure GPU rendering (needs a GPU)"
 	@echo "make lock          write the locks after a change of pyproject.toml or constraints.txt"
-	@echo "make release       build wheel and source archive with the page in them, and lists of all that they need (SBOM), into dist/"
+	@echo "make release       build wheel and source archive with the page in them, and lists of all that they need (SBOM), into dist/, and images"
 	@echo "make format        format the code and fix what can be fixed automatically"
 	@echo "make clean         remove installed dependencies, build outputs and caches"
 
@@ -167,17 +167,25 @@ $(STATIC): web/node_modules/.ready $(shell find web/src web/public web/index.htm
 	@cd web && npm run --silent build
 	@touch $@
 
-# What the images install, and what the page has in it.
-SBOM_EXTRAS := cluster dash gpu render shaper store
-SBOM := PYTHONWARNINGS=ignore $(VENV)/uv tool run --quiet --from cyclonedx-bom==7.5.0 cyclonedx-py requirements --pyproject pyproject.toml --output-reproducible
+# What the images install, by extra: their locks, and PyTorch, which is in none, where they have it; and what the page has in it.
+SBOM_EXTRAS := cluster gpu render shaper store webrtc
+SBOM := PYTHONWARNINGS=ignore $(VENV)/uv tool run --quiet --from cyclonedx-bom==7.5.0 cyclonedx-py requirements - --pyproject pyproject.toml --output-reproducible
+TORCH_EXTRAS := gpu render
+VERSION = $(shell $(VENV)/python -c 'import tomllib; print(tomllib.load(open("pyproject.toml", "rb"))["project"]["version"])')
 
 release: .venv/.ready $(STATIC)
 	@rm -rf dist
 	@$(VENV)/uv build --quiet --out-dir dist
-	@for extra in $(SBOM_EXTRAS); do $(SBOM) locks/$$extra.txt -o dist/tigas-$$extra.cdx.json || exit 1; done
+	@set -o pipefail; $(foreach extra,$(SBOM_EXTRAS),{ cat locks/$(extra).txt; $(if $(filter $(extra),$(TORCH_EXTRAS)),grep ^torch== constraints.txt;) } | $(SBOM) -o dist/tigas-$(extra).cdx.json &&) true
 	@cd web && npm sbom --package-lock-only --omit dev --sbom-format cyclonedx >../dist/tigas-page.cdx.json
-	@$(VENV)/python -m pytest -m slow tests/test_release.py
+	@$(VENV)/python -m pytest tests/test_release.py
 	@ls dist
+	@if docker info >/dev/null 2>&1 && docker compose version >/dev/null 2>&1; then $(MAKE) --no-print-directory images; else echo "The images are not built: Docker or its Compose plugin is missing, or does not run."; fi
+
+images:
+	@TIGAS_COMMIT=$$(git describe --always --dirty --abbrev=12 --exclude='*') docker compose --project-name tigas build
+	@for service in $$(docker compose config --services); do docker tag tigas-$$service tigas-$$service:$(VERSION); done
+	@docker image ls --filter 'reference=tigas-*:$(VERSION)'
 
 clean:
 	rm -rf .venv dist web/node_modules services/render/tigas_render/static .mypy_cache .ruff_cache .pytest_cache

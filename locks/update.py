@@ -1,4 +1,4 @@
-"""Writes the locks: for each extra of pyproject.toml, all packages in their versions, with their files' digests.
+"""Writes the locks: for each extra of pyproject.toml, and for building the wheel, all packages with their digests.
 
 `make lock` runs it after a change of pyproject.toml or constraints.txt. PyTorch is in none of the locks, because each
 of its indexes has other files of a version, and the CUDA packages that PyPI's asks for are in that of `gpu` alone.
@@ -18,6 +18,8 @@ from pathlib import Path
 ROOT = Path(__file__).parents[1]
 EXTRAS = ("dev", "gpu", "render", "cluster", "webrtc", "store", "shaper")
 """What `make` and the images install."""
+BUILD = "build"
+"""The lock of what builds the wheel; that of `dev` has it, too."""
 PYTHON = "3.11"
 """The oldest; the locks hold for newer ones and for every platform."""
 PYTORCH = ("torch",)
@@ -40,20 +42,21 @@ def header() -> str:
 
 
 def stale() -> list[str]:
-    """The extras whose lock was made from something else."""
+    """The locks that were made from something else."""
     first = header()
-    return [
-        extra for extra in EXTRAS if not (lock(extra).is_file() and lock(extra).read_text().startswith(f"{first}\n"))
-    ]
+    locks = ((name, lock(name)) for name in (*EXTRAS, BUILD))
+    return [name for name, path in locks if not (path.is_file() and path.read_text().startswith(f"{first}\n"))]
 
 
 def resolved(extra: str) -> str:
     """Requirements with hashes, as uv finds them on PyPI."""
     build = (*tomllib.loads((ROOT / "pyproject.toml").read_text())["build-system"]["requires"], "editables")
     options = ("--universal", "--generate-hashes", "--no-annotate", "--no-header", "--quiet")
-    wanted = ("--python-version", PYTHON, "--constraint", "constraints.txt", "--extra", extra, "pyproject.toml", "-")
-    argv = (sys.executable, "-m", "uv", "pip", "compile", *options, *wanted)
-    return subprocess.run(argv, cwd=ROOT, input="\n".join(build), check=True, stdout=subprocess.PIPE, text=True).stdout
+    pinned = ("--python-version", PYTHON, "--constraint", "constraints.txt")
+    project = () if extra == BUILD else ("--extra", extra, "pyproject.toml")
+    argv = (sys.executable, "-m", "uv", "pip", "compile", *options, *pinned, *project, "-")
+    more = "\n".join(build) if extra in (BUILD, "dev") else ""
+    return subprocess.run(argv, cwd=ROOT, input=more, check=True, stdout=subprocess.PIPE, text=True).stdout
 
 
 def kept(requirements: str, extra: str) -> Iterator[str]:
@@ -66,7 +69,7 @@ def kept(requirements: str, extra: str) -> Iterator[str]:
 
 def main() -> None:
     """Write all of them."""
-    for extra in EXTRAS:
+    for extra in (*EXTRAS, BUILD):
         lock(extra).write_text(f"{header()}\n{''.join(kept(resolved(extra), extra))}")
 
 

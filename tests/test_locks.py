@@ -9,7 +9,7 @@ import pytest
 from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 
-from locks.update import EXTRAS, ROOT, kept, lock, stale
+from locks.update import BUILD, EXTRAS, ROOT, kept, lock, stale
 
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
 LINES = [line for line in (ROOT / "constraints.txt").read_text().splitlines() if not line.startswith("#")]
@@ -48,12 +48,18 @@ def test_a_lock_has_all_that_is_asked_for_in_the_pinned_version_but_pytorch(extr
     assert {name: version for name, version in versions.items() if PINS.get(name, version) != version} == {}
 
 
-@pytest.mark.parametrize("extra", EXTRAS)
-def test_every_file_that_is_installed_has_a_digest(extra: str) -> None:
-    requirements = re.split(r"^(?=[\w-])", lock(extra).read_text().partition("\n")[2], flags=re.MULTILINE)
-    assert len(requirements) > 20
+@pytest.mark.parametrize("name", [*EXTRAS, BUILD])
+def test_every_file_that_is_installed_has_a_digest(name: str) -> None:
+    requirements = re.split(r"^(?=[\w-])", lock(name).read_text().partition("\n")[2], flags=re.MULTILINE)
+    assert len(requirements) > (20 if name in EXTRAS else 4)
     for requirement in filter(None, requirements):
         assert re.fullmatch(r"\S+==\S+( ; [^\\\n]+)? \\\n(    --hash=sha256:[0-9a-f]{64}( \\)?\n)+", requirement)
+
+
+@pytest.mark.parametrize("extra", sorted({*EXTRAS} - {"dev"}))
+def test_an_image_has_nothing_that_builds_the_wheel(extra: str) -> None:
+    assert not {"hatchling", "editables", "trove-classifiers"} & locked(extra).keys()
+    assert {"hatchling", "editables"} <= locked(BUILD).keys() & locked("dev").keys()
 
 
 def test_without_gpu_there_is_no_cuda() -> None:

@@ -13,9 +13,8 @@ from zipfile import ZipFile
 
 import pytest
 
+from locks.update import EXTRAS
 from tigas_render.app import STATIC
-
-pytestmark = pytest.mark.slow
 
 ROOT = Path(__file__).parents[1]
 PAGE = "tigas_render/static/index.html"
@@ -78,3 +77,12 @@ def test_the_client_runs_from_the_wheel_alone(run: Run) -> None:
     program = "import tigas\ntry: tigas.Client('http://127.0.0.1:9').scenes()\nexcept tigas.Unreachable as e: print(e)"
     said = run("python", "-W", "error", "-c", program)
     assert said.stdout.startswith("The render service at http://127.0.0.1:9 does not answer"), said.stderr
+
+
+def test_there_is_an_sbom_of_what_each_image_installs() -> None:
+    composed = "".join(path.read_text() for path in ROOT.glob("compose*.yaml"))
+    installed = {extra for listed in re.findall(r'EXTRA: "?([\w,]+)', composed) for extra in listed.split(",")}
+    described = re.search(r"^SBOM_EXTRAS := (.+)$", (ROOT / "Makefile").read_text(), re.MULTILINE)
+    assert described
+    assert set(described[1].split()) == installed
+    assert installed <= set(EXTRAS), "without a lock"
