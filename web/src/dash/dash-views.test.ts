@@ -1,5 +1,4 @@
 import { beforeEach, expect, test, vi } from "vitest";
-import { deferred } from "../async/deferred";
 import type { Camera } from "../stream/camera-feed";
 import { endSession, openSession } from "../stream/packager";
 import type { FrameShown, SessionInfo } from "../wire/dash";
@@ -26,13 +25,11 @@ const SESSION = {
 const VIDEO = {} as HTMLVideoElement;
 const events = { told: vi.fn(), received: vi.fn(), failed: vi.fn() };
 const player = { player: "dash.js 5", latency: () => 0.1, aim: () => undefined, dispose: vi.fn() };
-let visit: AbortController;
 let announce: (frame: FrameShown) => void;
 let hangUp: () => void;
 
 beforeEach(() => {
   vi.resetAllMocks();
-  visit = new AbortController();
   vi.mocked(openSession).mockResolvedValue(SESSION);
   vi.mocked(openPoseSocket).mockImplementation((_, __, onFrame, onClose) => {
     announce = onFrame;
@@ -45,7 +42,7 @@ beforeEach(() => {
 function open(representation: DashPlan["representation"] = null) {
   const plan: DashPlan = { setup: tuned(30), player: "dash.js", adaptive: true, representation };
   const source = { base: "http://packager", scene: "courtyard", plan, stamp: false };
-  return overDash(source)(VIDEO, {} as Camera, events, visit.signal);
+  return overDash(source)(VIDEO, {} as Camera, events, new AbortController().signal);
 }
 
 test("the packager is asked for a single representation, or left to choose them", async () => {
@@ -74,17 +71,6 @@ test("a socket that closes interrupts the stream, and who leaves ends it", async
   stream.dispose();
   expect(player.dispose).toHaveBeenCalledOnce();
   expect(endSession).toHaveBeenCalledWith("http://packager", SESSION);
-});
-
-test("a stream that nobody waits for any longer is ended as soon as it is known", async () => {
-  const opening = deferred<SessionInfo>();
-  vi.mocked(openSession).mockReturnValue(opening.promise);
-  const opened = open();
-  visit.abort(new Error("left"));
-  opening.resolve(SESSION);
-  await expect(opened).rejects.toThrow("left");
-  expect(endSession).toHaveBeenCalledWith("http://packager", SESSION);
-  expect(playStream).not.toHaveBeenCalled();
 });
 
 test("a stream that this browser cannot play is ended", async () => {
