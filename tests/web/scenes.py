@@ -32,7 +32,12 @@ def write_scenes(directory: Path) -> None:
     (small / "scene.json").write_text(json.dumps({"name": "Pebbles", "camera": camera}))
 
 
-def _pebbles(count: int = 2000) -> str:
+def write_antialiased_scene(directory: Path) -> None:
+    """Put the scene `sand` there: grains that are smaller than pixels, trained with Mip-Splatting's filter."""
+    (directory / "sand.ply").write_text(_pebbles(20_000, log_scale=-4.5, comment="SplatRenderMode: mip"))
+
+
+def _pebbles(count: int = 2000, *, log_scale: float = -1.6, comment: str = "a test's scene") -> str:
     """Coloured pebbles all around the origin, so that every movement changes the picture."""
     rng = random.Random(7)
     rows = []
@@ -41,6 +46,7 @@ def _pebbles(count: int = 2000) -> str:
         distance = rng.uniform(3, 6) / math.hypot(x, y, z)
         position = (x * distance, y * distance, z * distance)
         color = ((rng.random() - 0.5) / SH_BAND_0 for _ in range(3))
-        rows.append(" ".join(f"{v:.4f}" for v in (*position, -1.6, -1.6, -1.6, 1, 0, 0, 0, 6, *color)))
-    header = ["ply", "format ascii 1.0", f"element vertex {count}", *(f"property float {p}" for p in PROPERTIES)]
+        rows.append(" ".join(f"{v:.4f}" for v in (*position, *[log_scale] * 3, 1, 0, 0, 0, 6, *color)))
+    kind = ["ply", "format ascii 1.0", f"comment {comment}"]
+    header = [*kind, f"element vertex {count}", *(f"property float {p}" for p in PROPERTIES)]
     return "\n".join([*header, "end_header", *rows, ""])

@@ -6,15 +6,19 @@ import base64
 import io
 import json
 import math
+from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pytest
 from numpy.typing import NDArray
 from PIL import Image
 from playwright.sync_api import Page, ViewportSize, expect
 
 from tests.web.conftest import OpenPage
 from tests.web.modes import with_settings
+from tests.web.scenes import write_antialiased_scene
 from tests.web.server import RenderServer
 from tests.web.stage import SCENE, wait_for_frames, wait_until_settled
 from tigas_common.wire.recording import Recording
@@ -64,6 +68,26 @@ def test_a_downloaded_scene_is_drawn_as_the_server_draws_it(open_page: OpenPage,
     page.keyboard.press("ArrowRight", delay=300)
     wait_until_settled(page)
     assert psnr(drawn, shown(page)) < ANOTHER_DB
+
+
+@pytest.fixture
+def sand(tmp_path: Path) -> Iterator[RenderServer]:
+    """A render service with an antialiased scene."""
+    write_antialiased_scene(tmp_path)
+    with RenderServer("--scenes", str(tmp_path)) as running:
+        yield running
+
+
+def test_an_antialiased_scene_is_drawn_with_its_filter(sand: RenderServer, open_page: OpenPage) -> None:
+    chosen = with_settings(sand.url, **ALONE, controller="fixed", profile=0, webp=False, mode="local")
+    page = open_page("#/scene/sand", url=sand.url, viewport=SMALL, **chosen)
+    wait_until_complete(page)
+    page.wait_for_function("() => tigas.state().ready")
+    drawn = shown(page)
+    page.evaluate("tigas.settings({ mode: 'stateless' })")
+    wait_for_frames(page)
+    wait_until_settled(page)
+    assert psnr(drawn, shown(page)) > ALIKE_DB
 
 
 def test_a_scene_that_is_too_large_for_the_browser_leaves_the_other_modes(open_page: OpenPage) -> None:

@@ -260,6 +260,7 @@ export class LocalPlayer {
       return await create({
         canvas,
         background: scene.background,
+        antialiased: scene.antialiased ?? false,
         onLost: () => this.#failed(new Impossible(LOST)),
       });
     } catch {

@@ -30,6 +30,8 @@ export interface RendererOptions {
   readonly canvas: HTMLCanvasElement;
   /** Of the scene: sRGB, 0 to 1. */
   readonly background: readonly [number, number, number];
+  /** Whether what a pixel widens is to be as much fainter (Mip-Splatting's 2D filter). */
+  readonly antialiased: boolean;
   /** The graphics processor is gone: nothing is drawn any more. */
   readonly onLost: () => void;
 }
@@ -82,7 +84,7 @@ export class Renderer {
   /** A scene is in the picture. */
   #visible = false;
 
-  constructor(device: GraphicsDevice, { canvas, background, onLost }: RendererOptions) {
+  constructor(device: GraphicsDevice, { canvas, background, antialiased, onLost }: RendererOptions) {
     this.#canvas = canvas;
     this.backend = device.isWebGPU ? "WebGPU" : "WebGL 2";
     device.maxPixelRatio = 1; // the size is given in the screen's pixels
@@ -95,6 +97,7 @@ export class Renderer {
     this.#app.autoRender = false;
     const gsplat = this.#app.scene.gsplat;
     gsplat.minPixelSize = 0; // small Gaussians are drawn, as by the server
+    gsplat.antiAlias = antialiased;
     gsplat.colorUpdateAngle = COLOUR_ANGLE;
     this.#camera = new Entity("camera", this.#app);
     this.#scene = new Entity("scene", this.#app);

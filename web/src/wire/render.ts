@@ -100,6 +100,7 @@ export interface SceneInfo {
   file_bytes: number;
   file_sha256?: string | null;
   format?: string | null;
+  antialiased?: boolean;
   memory_bytes: number;
   preview: string;
   /**

@@ -263,6 +263,8 @@ class SceneInfo(WireModel):
     """In hexadecimal digits; null until the file was loaded once, and without a file."""
     format: str | None = Field(default=None, max_length=100)
     """Of the file, for people: `PLY`, `SPZ 4`; null if it cannot be read, and without a file."""
+    antialiased: bool = False
+    """Whether its Gaussians are to be drawn with Mip-Splatting's 2D filter, as far as the file says."""
     memory_bytes: int
     """What it takes in memory now; 0 unless loaded."""
     preview: str

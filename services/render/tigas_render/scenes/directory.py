@@ -126,6 +126,7 @@ def _read(id: str, find: Callable[[], Path], folder: Path | None) -> SceneSource
         sh_degree=file.sh_degree,
         file_bytes=file.file_bytes,
         format=file.format,
+        antialiased=file.antialiased,
         digest=lambda: _sha256(file.files),
         memory_bytes=file.tensor_bytes,
         folder=folder,

@@ -325,6 +325,7 @@ class SceneRegistry:
             file_bytes=source.file_bytes,
             file_sha256=entry.sha256,
             format=source.format,
+            antialiased=source.antialiased,
             memory_bytes=loaded.prepared.nbytes if loaded else 0,
             preview=f"/scenes/{quote(source.id)}/preview",
             up=source.metadata.up,

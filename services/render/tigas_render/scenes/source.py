@@ -28,6 +28,8 @@ class SceneSource:
     file_bytes: int = 0
     format: str | None = None
     """Of the file, for people."""
+    antialiased: bool = False
+    """Whether it was trained with Mip-Splatting's 2D filter, as far as the file says."""
     digest: Callable[[], str] | None = None
     """The SHA-256 of the file, or one for all of several, in hexadecimal digits; None without any. Raises OSError."""
     memory_bytes: int = 0
