@@ -64,6 +64,12 @@ def test_a_phone_shows_everything_without_scrolling_sideways(open_page: OpenPage
         page.set_viewport_size({"width": width, "height": height})
         assert page.evaluate("document.documentElement.scrollHeight") <= height
         assert page.locator(".title, [role=toolbar], .hud, .pad, .rise").evaluate_all(OVERLAPPING) == []
+    page.get_by_role("button", name="Close settings").tap()
+    page.evaluate("tigas.settings({ hudDetails: true })")
+    for width, height in (360, 640), (640, 360), (390, 844), (844, 390):
+        page.set_viewport_size({"width": width, "height": height})
+        assert page.locator(".title, [role=toolbar], .hud, .pad, .rise").evaluate_all(OVERLAPPING) == []
+        assert page.locator("h1").evaluate("title => title.scrollWidth <= title.clientWidth"), "the title is cut"
 
 
 def test_fingers_look_around_pinch_and_walk(open_page: OpenPage) -> None:

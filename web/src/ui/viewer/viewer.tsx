@@ -140,10 +140,10 @@ export function Viewer({ sceneId, stamp, asked, unknown }: Props) {
           <div class="pane" ref={right} />
         </div>
         <Toolbar name={name} actions={actions} mode={mode} hud={hud} sidebar={sidebarOpen} />
-        {live && hud && phase !== "failed" && isPerView(mode) && (
+        {live && entered && hud && phase !== "failed" && isPerView(mode) && (
           <Hud session={live} wide={wide} linkNote={linkNote(asked, unknown)} />
         )}
-        {live && hud && phase !== "failed" && !isPerView(mode) && <SideFigures session={live} />}
+        {live && entered && hud && phase !== "failed" && !isPerView(mode) && <SideFigures session={live} />}
         {live && <MovePad input={live.input} />}
         {live && <MovementStatus deck={live.movement} />}
         {live && <StageMessage session={live} />}
