@@ -121,8 +121,8 @@ def _made_with(results: Results) -> list[str]:
     )
     saturated = sum(run.saturated for run in results.runs)
     return [
-        f"{len(records)} runs of {lengths} at {viewports}, commit {commits}, {processors} processors, in",
-        f"{saturated} of them (\\*) the bottleneck. Means over the blocks that all modes have. **Bold**: the best;",
+        f"{len(records)} runs of {lengths} at {viewports}, commit {commits}, {processors} processors, the",
+        f"bottleneck in {saturated} runs (\\*). Means over the blocks that all modes have. **Bold**: the best;",
         f"*italics*: no difference from the best is shown; neither with fewer than {LEAST_BLOCKS} blocks.",
     ]
 
