@@ -284,6 +284,13 @@ async def test_a_foreign_page_opens_no_socket(front_policy: OriginPolicy, tmp_pa
             assert own.close_code == 4004, "there is no such session"
 
 
+async def test_a_page_that_this_service_refuses_asks_no_other(front: httpx.AsyncClient) -> None:
+    """Even if that one has no rules."""
+    for headers, status in ((EVIL, 403), (REBOUND, 421), (IMAGE, 403)):
+        assert (await front.get("/services/dash/told", headers=headers)).status_code == status
+    assert await refusal(socket(front, "/services/dash/echo", EVIL["Origin"])) == 403
+
+
 async def test_a_service_that_is_away_is_named(service: Behind) -> None:
     async with serving(service.app()) as url:
         pass  # its port is free from now on, and nobody listens there

@@ -37,7 +37,7 @@ class EncoderUnavailable(TigasError):
 
 
 class WebRtcUnavailable(TigasError):
-    """The packager was installed without what WebRTC needs."""
+    """The packager was installed without what WebRTC needs, or is on loopback and the viewer is not."""
 
     status, type, title = 503, "webrtc-unavailable", "The packager has no WebRTC"
 

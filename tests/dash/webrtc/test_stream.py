@@ -178,3 +178,12 @@ async def test_a_packager_without_webrtc_says_so() -> None:
         answer = await packager.http.post("/webrtc", json={})
     assert (answer.status_code, answer.json()["type"]) == (503, "tigas:webrtc-unavailable")
     assert install_command("webrtc") in answer.json()["detail"]
+
+
+async def test_a_viewer_elsewhere_hears_that_the_port_is_for_this_machine_alone(packager: Packager) -> None:
+    """Its offer comes through the render service, and media would not."""
+    offer = webrtc_request(await offer_of_nobody())
+    answer = await packager.http.post("/webrtc", json=offer, headers={"Host": "192.0.2.7:8443"})
+    assert (answer.status_code, answer.json()["type"]) == (503, "tigas:webrtc-unavailable")
+    assert answer.json()["detail"].endswith("--http 0.0.0.0:8081 opens it.")
+    assert (await packager.http.get("/sessions")).json() == [], "it takes nobody's place"

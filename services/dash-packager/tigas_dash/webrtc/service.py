@@ -7,8 +7,10 @@ from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 
 from tigas_common.address import Address
+from tigas_common.hosts import is_loopback
 from tigas_common.wire.webrtc import WebRtcRequest
 from tigas_dash.clock import Clock
+from tigas_dash.errors import WebRtcUnavailable
 from tigas_dash.representation import single_size
 from tigas_dash.source import FIRST_FRAME_S, RenderClient, ViewSource
 from tigas_dash.views import first_pose
@@ -20,8 +22,10 @@ from tigas_dash.webrtc.udp_port import UdpPort
 class WebRtc:
     """What all streams over WebRTC share; `running` opens it."""
 
-    def __init__(self, client: RenderClient, port: UdpPort, clock: Clock) -> None:
+    def __init__(self, client: RenderClient, port: UdpPort, clock: Clock, *, on_loopback: bool) -> None:
+        """on_loopback: only this machine reaches the port, although a render service hands on what others ask."""
         self._client = client
+        self._on_loopback = on_loopback
         self._port = port
         self._clock = clock
 
@@ -31,7 +35,7 @@ class WebRtc:
         """Listens for as long as the context lasts. Raises OSError."""
         widen_bitrates()
         async with UdpPort().running(address) as port:
-            yield cls(client, port, clock)
+            yield cls(client, port, clock, on_loopback=address.is_loopback)
 
     @property
     def port_number(self) -> int:
@@ -41,8 +45,13 @@ class WebRtc:
     async def make(self, request: WebRtcRequest, host: str) -> WebRtcStream:
         """A stream that is not yet run, once its first frame is rendered; its viewer asked for this service at `host`.
 
-        Raises InvalidRequest, RenderUnavailable and RenderProblem.
+        Raises InvalidRequest, RenderUnavailable, RenderProblem, and WebRtcUnavailable for a viewer on another machine
+        that cannot reach the port.
         """
+        if self._on_loopback and not is_loopback(host):
+            raise WebRtcUnavailable(
+                "This packager sends WebRTC to its own machine alone; --http 0.0.0.0:8081 opens it."
+            )
         async with taken(request.sdp) as connection:
             size = single_size(request, await self._client.ladder(request.scene), request.rung)
             source = ViewSource(self._client, request, size)
