@@ -16,7 +16,7 @@ export function plotDistribution(
     scales: { x: LATENCY_SCALE, y: { range: (_, __, max) => [0, Math.max(20, max ?? 0)] } },
     axes: [
       { ...LATENCY_AXIS_BELOW, size: 24, grid: { show: false } },
-      { values: percent, size: 36, space: 28, grid: colours.grid },
+      { values: percent, size: 42, space: 28, grid: colours.grid },
     ],
     series: columns
       .peek()

@@ -97,8 +97,8 @@ export function MovementChoice({ list: { listed, silence }, chosen, onChoose, on
     <>
       <Select label="Movement" value={known ? (chosen ?? "") : ""} onValue={onChoose} note={silence ?? undefined}>
         {!known && (
-          <option value="" disabled>
-            {listed.length > 0 ? "Choose one" : "Open a file"}
+          <option value="" disabled selected>
+            {listed.length > 0 ? "Choose one" : "None yet"}
           </option>
         )}
         {listed.map(({ key, name, duration }) => (

@@ -11,7 +11,7 @@ const CHOICES = { mode: MODES, left: SIDE_MODES, right: SIDE_MODES } as const;
 export function linkNote(asked: Asked, unknown: readonly string[] = []): string | null {
   const { at, reprojection, prediction, restore: _, upscale: __, ...others } = asked;
   if (unknown.length > 0) {
-    return `The link names “${unknown.join("”, “")}”, which is nothing here; it may name ${ASKABLE.join(", ")}.`;
+    return `The link names “${unknown.join("”, “")}”, which means nothing here; it may name ${ASKABLE.join(", ")}.`;
   }
   if (reprojection !== undefined && reprojection !== "on" && reprojection !== "off") {
     return `The link sets reprojection to “${reprojection}”: it is either on or off.`;
@@ -20,13 +20,13 @@ export function linkNote(asked: Asked, unknown: readonly string[] = []): string 
     return `The link names a prediction that does not exist, “${prediction}”; choose one of ${PREDICTOR_NAMES.join(", ")}.`;
   }
   if (at !== undefined && linkedPose(asked) === null) {
-    return "The link's place is not one: “at” has seven numbers, x, y, z and a quaternion.";
+    return "The link's place cannot be read: “at” takes seven numbers, x, y, z and a quaternion.";
   }
   for (const name of ["mode", "left", "right"] as const) {
     const value = asked[name];
     const values: readonly string[] = CHOICES[name];
     if (value !== undefined && !values.includes(value)) {
-      return `The link sets ${name} to “${value}”, which there is not; choose one of ${values.join(", ")}.`;
+      return `The link sets ${name} to “${value}”, which does not exist; choose one of ${values.join(", ")}.`;
     }
   }
   const wrong = LINKED.find((name) => name in others && settingOf(name, asked[name] ?? "") === undefined);

@@ -116,7 +116,7 @@ function WebRtc() {
           </Segment>
         ))}
       </Segments>
-      <p class="muted small">A video whose bit rate follows what the browser thinks that the link carries.</p>
+      <p class="muted small">A video whose bit rate follows the browser’s estimate of the link.</p>
     </>
   );
 }

@@ -188,11 +188,11 @@ test("both sides are given one resolution or one bit rate, and of a download it 
   settings.value = { ...DEFAULT_SETTINGS, mode: "side-by-side", right: "local-ply" };
   session.right.value = fakeSide("right");
   show();
-  await user.selectOptions(screen.getByRole("combobox", { name: "Equal" }), "Resolution");
+  await user.selectOptions(screen.getByRole("combobox", { name: "Held equal" }), "Resolution");
   await user.selectOptions(screen.getByRole("combobox", { name: "Rung" }), "640 × 360, Medium-Low");
   expect(settings.value).toMatchObject({ lock: "resolution", lockRung: 2 });
   expect(screen.getByText(/A download knows neither/)).toBeTruthy();
-  await user.selectOptions(screen.getByRole("combobox", { name: "Equal" }), "Bit rate");
+  await user.selectOptions(screen.getByRole("combobox", { name: "Held equal" }), "Bit rate");
   const rate = screen.getByRole("spinbutton", { name: /At most/ });
   await user.clear(rate);
   await user.type(rate, "1500{Tab}");

@@ -35,7 +35,7 @@ export function SidesPanel() {
             ))}
           </Choice>
         ))}
-        <Choice label="Equal" value={lock} onValue={(value) => changeSettings({ lock: value as SideLock })}>
+        <Choice label="Held equal" value={lock} onValue={(value) => changeSettings({ lock: value as SideLock })}>
           {LOCKS.map((each) => (
             <option key={each} value={each}>
               {LOCK_NAMES[each]}

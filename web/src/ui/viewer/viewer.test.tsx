@@ -340,16 +340,16 @@ test.each([
   [
     { left: "magic" },
     undefined,
-    /^The link sets left to “magic”, which there is not; choose one of stateless, video, /,
+    /^The link sets left to “magic”, which does not exist; choose one of stateless, video, /,
   ],
   [
     { prediction: "magic" },
     undefined,
     /^The link names a prediction that does not exist, “magic”; choose one of off, velocity, /,
   ],
-  [{ at: "here" }, undefined, /^The link's place is not one/],
+  [{ at: "here" }, undefined, /^The link's place cannot be read/],
   [{ profile: "-2" }, undefined, "The link sets profile to “-2”, which it cannot be."],
-  [{}, ["predicton"], /^The link names “predicton”, which is nothing here; it may name at, mode, /],
+  [{}, ["predicton"], /^The link names “predicton”, which means nothing here; it may name at, mode, /],
 ])("a URL with %o and %o says what makes no sense in it", (asked, unknown, sentence) => {
   render(<Viewer sceneId="courtyard" stamp={false} asked={asked} unknown={unknown} />);
   expect(screen.getByText(sentence)).toBeTruthy();
