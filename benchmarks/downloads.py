@@ -78,7 +78,7 @@ def main(
 
 def source(name: str, gaussians: Gaussians, view: View) -> SceneSource:
     """The scene as the service offers it."""
-    return SceneSource(name, SceneMetadata(camera=start(view)), "1", lambda: gaussians)
+    return SceneSource(name, SceneMetadata(camera=start(view)), "1", lambda _: gaussians.batches())
 
 
 def start(view: View) -> StartCamera:

@@ -26,7 +26,7 @@ from tigas_common.pose import Intrinsics, Pose
 from tigas_common.wire.render import DEFAULT_LADDER, FrameFormat, RenderRequest
 from tigas_render.engine import Engine
 from tigas_render.frame import Client, Frame
-from tigas_render.gaussians import Gaussians
+from tigas_render.gaussians import Batches
 from tigas_render.main import SWITCH_S
 from tigas_render.metrics import EngineMetrics
 from tigas_render.pipe import messages
@@ -98,7 +98,7 @@ class Instant(Rasterizer):
     frames_in_flight = 6
     image = Picture(bytes(FRAME_BYTES))
 
-    def prepare(self, gaussians: Gaussians) -> PreparedScene:
+    def pack(self, scene: Batches) -> PreparedScene:
         raise NotImplementedError
 
     def render(

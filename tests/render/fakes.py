@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from tigas_common.errors import UnknownScene
 from tigas_common.wire.render import FrameFormat, RenderRequest, Rung
 from tigas_render.encode.depth_segment import coded
-from tigas_render.gaussians import Gaussians
+from tigas_render.gaussians import Batches
 from tigas_render.raster.base import Camera, Image, Pause, PreparedScene, Rasterizer
 from tigas_render.raster.calls import Call, CallError, Calls
 from tigas_render.raster.lanes import FetchedImage, Job, LaneRasterizer
@@ -87,7 +87,7 @@ class FakeRasterizer(Rasterizer):
         """What is rendered."""
         return FakeImage(width, height, text=f"{width}x{height}")
 
-    def prepare(self, gaussians: Gaussians) -> PreparedScene:
+    def pack(self, scene: Batches) -> PreparedScene:
         if self.error is not None:
             raise self.error
         return FakeScene()

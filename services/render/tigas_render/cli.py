@@ -138,23 +138,24 @@ def info(path: Annotated[Path, _SCENE]) -> None:
 
     from tigas_render.scenes.directory import scene_file
     from tigas_render.scenes.metadata import DEFAULT_UP
-    from tigas_render.scenes.start_camera import derive_camera
+    from tigas_render.scenes.survey import Survey
 
-    with in_a_sentence(TigasError, OSError):
+    survey = Survey()
+    with in_a_sentence(TigasError, OSError), _bar(f"reading {path}") as listener:
         file = scene_file(path)
-        gaussians = file.load()
-    camera = derive_camera(gaussians.means, gaussians.opacities, gaussians.scales, DEFAULT_UP)
-    low, high = gaussians.means.amin(0).tolist(), gaussians.means.amax(0).tolist()
+        for _ in survey.watch(file.open(listener)).parts:
+            pass
+    camera, sample = survey.camera(DEFAULT_UP), survey.sample
     table = Table(show_header=False, box=None)
     table.add_row("format", f"{file.format}, {file.file_bytes / 1e6:.1f} MB")
-    table.add_row("Gaussians", f"{len(gaussians):,}")
-    table.add_row("SH degree", str(gaussians.sh_degree))
-    table.add_row("trained", "antialiased" if gaussians.antialiased else "as 3DGS")
-    table.add_row("memory", f"{gaussians.nbytes / 1e6:.1f} MB")
-    for axis, start, end in zip("xyz", low, high, strict=True):
+    table.add_row("Gaussians", f"{survey.count:,}")
+    table.add_row("SH degree", str(file.sh_degree))
+    table.add_row("trained", "antialiased" if file.antialiased else "as 3DGS")
+    table.add_row("memory", f"{file.packed_bytes / 1e6:.1f} MB")
+    for axis, start, end in zip("xyz", survey.low, survey.high, strict=True):
         table.add_row(axis, f"{start:.3f} … {end:.3f}")
-    table.add_row("median opacity", f"{gaussians.opacities.median():.3f}")
-    table.add_row("median scale", f"{gaussians.scales.median():.4g}")
+    table.add_row("median opacity", f"{sample.opacities.median():.3f}")
+    table.add_row("median scale", f"{sample.scales.median():.4g}")
     table.add_row("start camera", _point(camera.position) + " → " + _point(camera.look_at))
     make_console().print(table)
 
@@ -198,14 +199,15 @@ def preview(
     from tigas_render.raster.devices import create_rasterizer
     from tigas_render.scenes.directory import scene_file
     from tigas_render.scenes.metadata import DEFAULT_UP
-    from tigas_render.scenes.start_camera import derive_camera
+    from tigas_render.scenes.survey import Survey
 
+    survey = Survey()
     with in_a_sentence(TigasError, OSError):
-        gaussians = scene_file(path).load()
-        start = derive_camera(gaussians.means, gaussians.opacities, gaussians.scales, DEFAULT_UP)
-        rasterizer = create_rasterizer("auto")
-        camera = preview_camera(start, DEFAULT_UP, width, height)
-        with rasterizer.render(rasterizer.prepare(gaussians), camera) as picture:
+        file, rasterizer = scene_file(path), create_rasterizer("auto")
+        with _bar(f"reading {path}") as listener:
+            scene = rasterizer.pack(survey.watch(file.open(listener)))
+        camera = preview_camera(survey.camera(DEFAULT_UP), DEFAULT_UP, width, height)
+        with rasterizer.render(scene, camera) as picture:
             image.write_bytes(picture.encode("png" if image.suffix.lower() == ".png" else "jpeg", 90))
     print(image)
 
@@ -245,7 +247,8 @@ def _bar(what: str) -> Iterator[Callable[[float], None]]:
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
     columns = (BarColumn(), TextColumn("{task.percentage:.0f} %"), TimeElapsedColumn(), TextColumn(what, markup=False))
-    with Progress(*columns, console=make_console(stderr=True), transient=True) as bar:
+    console = make_console(stderr=True)
+    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
         task = bar.add_task("", total=1.0)
         yield lambda done: bar.update(task, completed=done)
 

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import itertools
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 
+import numpy as np
 import torch
 
 
@@ -36,4 +39,36 @@ class Gaussians:
     @property
     def nbytes(self) -> int:
         """Bytes that the tensors take."""
-        return sum(t.nbytes for t in (self.means, self.scales, self.quaternions, self.opacities, self.sh))
+        return sum(t.nbytes for t in self.tensors)
+
+    @property
+    def tensors(self) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor, torch.Tensor, torch.Tensor]:
+        """Means, scales, quaternions, opacities and coefficients."""
+        return self.means, self.scales, self.quaternions, self.opacities, self.sh
+
+    def batches(self) -> Batches:
+        """All of them as one batch."""
+        return Batches(len(self), iter((self,)))
+
+
+@dataclass(frozen=True, slots=True)
+class Batches:
+    """A scene while it is read, some Gaussians at a time, so that nobody has to hold all of them."""
+
+    most: int
+    """Gaussians that there are, or a few more: some may turn out not to be drawable."""
+    parts: Iterator[Gaussians]
+    """At least one, all of the same SH degree. Raises what reading them raises."""
+
+    def gathered(self) -> Gaussians:
+        """All of them."""
+        first = next(self.parts)
+        if len(first) == self.most:
+            return first
+        whole = [np.empty((self.most, *tensor.shape[1:]), np.float32) for tensor in first.tensors]
+        count = 0
+        for part in itertools.chain((first,), self.parts):
+            for array, rows in zip(whole, part.tensors, strict=True):
+                array[count : count + len(rows)] = rows.numpy()
+            count += len(part)
+        return Gaussians(*(torch.from_numpy(array[:count]) for array in whole), antialiased=first.antialiased)

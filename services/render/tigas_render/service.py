@@ -59,7 +59,7 @@ class RenderService(FrameSource):
         metrics = EngineMetrics()
         self.registry = SceneRegistry(
             settings.scenes,
-            rasterizer.prepare,
+            rasterizer.pack,
             own_ladders=settings.ladder == "scene",
             memory_budget=int(settings.memory_gb * 1e9),
             idle_s=60 * settings.idle_minutes,
@@ -108,6 +108,7 @@ class RenderService(FrameSource):
             finally:
                 housekeeping.cancel()
                 await service.trainer.close()
+        service.registry.close()
 
     def show(self, certificate: Certificate) -> None:
         """Tell pages of this certificate from now on."""

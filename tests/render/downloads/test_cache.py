@@ -20,7 +20,7 @@ from tigas_render.scenes.source import SceneSource
 
 pytestmark = pytest.mark.anyio
 
-SOURCE = SceneSource("garden", SceneMetadata(), "1", lambda: plys.gaussians(10))
+SOURCE = SceneSource("garden", SceneMetadata(), "1", lambda _: plys.gaussians(10).batches())
 SIZE = 1000
 
 

@@ -7,8 +7,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from tests.render.scenes import plys
-from tigas_render.gaussians import Gaussians
+from tigas_render.gaussians import Batches
 from tigas_render.raster.base import PreparedScene
+from tigas_render.scenes.columns import Listener
 from tigas_render.scenes.metadata import SceneMetadata
 from tigas_render.scenes.registry import SceneRegistry
 from tigas_render.scenes.source import SceneSource
@@ -38,14 +39,14 @@ class Bench:
     builtin: dict[str, SceneSource] = field(default_factory=dict)
 
     def add(self, id: str, count: int = 100, estimate: int | None = None) -> None:
-        def open() -> Gaussians:
+        def open(listener: Listener) -> Batches:
             self.opened.append(id)
             self.started.release()
             if id in self.gates:
                 assert self.gates[id].wait(10)
             if id in self.errors:
                 raise self.errors[id]
-            return plys.gaussians(count)
+            return plys.gaussians(count).batches()
 
         size = count if estimate is None else estimate
         self.builtin[id] = SceneSource(id, SceneMetadata(), "1", open, sh_degree=0, memory_bytes=size)
@@ -53,7 +54,7 @@ class Bench:
     def registry(self, directory: Path | None = None, *, own_ladders: bool = True) -> SceneRegistry:
         return SceneRegistry(
             directory,
-            lambda gaussians: Packed(len(gaussians)),
+            lambda scene: Packed(len(scene.gathered())),
             builtin=self.builtin,
             own_ladders=own_ladders,
             memory_budget=self.budget,

@@ -157,9 +157,7 @@ def test_a_file_by_itself_is_a_scene_by_its_name(tmp_path: Path, caplog: pytest.
         "Skipped the file 'new%20line.sog': its name has characters that an id may not have",
         "Skipped the file garden.spz: there is another scene garden",
     ]
-    loaded = sources["garden"].open
-    assert loaded is not None
-    assert len(loaded()) == 3
+    assert len(sources["garden"].load()) == 3
 
 
 def test_a_folder_of_images_is_a_scene_whose_images_count(tmp_path: Path) -> None:

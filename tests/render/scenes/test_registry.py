@@ -7,6 +7,8 @@ import contextlib
 import hashlib
 import os
 import threading
+from collections.abc import Iterator
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -16,10 +18,13 @@ from tests.render.scenes import plys
 from tests.render.scenes.registry_bench import Bench
 from tigas_common.errors import BrokenScene, Overloaded, SceneInUse, TigasError, UnknownScene
 from tigas_common.wire.render import StartCamera
+from tigas_render.gaussians import Batches, Gaussians
 from tigas_render.raster.base import PreparedScene
+from tigas_render.scenes.columns import Listener
 from tigas_render.scenes.metadata import SceneMetadata
 from tigas_render.scenes.ply import write_ply
 from tigas_render.scenes.registry import SceneRegistry
+from tigas_render.scenes.source import SceneSource
 
 pytestmark = pytest.mark.anyio
 
@@ -223,6 +228,81 @@ async def test_nobody_unloads_what_another_waits_for(bench: Bench) -> None:
     bench.gates["a"].set()
     await waiting
     assert states(registry)["a"] == "loaded"
+
+
+@dataclass
+class Slow:
+    """Reads a scene in two parts, and waits between them until it may go on."""
+
+    half: threading.Event = field(default_factory=threading.Event)
+    go_on: threading.Event = field(default_factory=threading.Event)
+    closed: threading.Event = field(default_factory=threading.Event)
+
+    def open(self, listener: Listener) -> Batches:
+        return Batches(200, self._parts(listener))
+
+    def _parts(self, listener: Listener) -> Iterator[Gaussians]:
+        try:
+            yield plys.gaussians(100)
+            listener(0.5)
+            self.half.set()
+            assert self.go_on.wait(10)
+            listener(0.75)
+            yield plys.gaussians(100)
+            listener(1)
+        finally:
+            self.closed.set()
+
+    async def half_way(self) -> None:
+        assert await asyncio.to_thread(self.half.wait, 10)
+
+
+def slow(bench: Bench) -> Slow:
+    """A scene `slow`."""
+    reading = Slow()
+    bench.builtin["slow"] = SceneSource("slow", SceneMetadata(), "1", reading.open, sh_degree=0, memory_bytes=200)
+    return reading
+
+
+async def test_how_much_of_a_loading_scene_was_read_is_told(bench: Bench) -> None:
+    reading, registry = slow(bench), bench.registry()
+    assert registry.info("slow").progress is None
+    loading = asyncio.create_task(registry.load("slow"))
+    await reading.half_way()
+    assert (registry.info("slow").state, registry.info("slow").progress) == ("loading", 0.5)
+    reading.go_on.set()
+    await loading
+    info = registry.info("slow")
+    assert (info.state, info.progress, info.gaussians) == ("loaded", None, 200)
+
+
+async def test_unloading_ends_a_load_that_nobody_waits_for(bench: Bench) -> None:
+    reading, registry = slow(bench), bench.registry()
+    waiting = asyncio.create_task(registry.load("slow"))
+    await reading.half_way()
+    waiting.cancel()
+    with contextlib.suppress(asyncio.CancelledError):
+        await waiting
+    registry.unload("slow")
+    late = asyncio.create_task(registry.load("slow"))  # comes before the reader has noticed
+    await asyncio.sleep(0)
+    reading.go_on.set()
+    await late
+    assert registry.info("slow").state == "loaded"
+    registry.unload("slow")
+
+    again = slow(bench)
+    registry = bench.registry()
+    loading = asyncio.create_task(registry.use("slow").enter())
+    await again.half_way()
+    loading.cancel()
+    with contextlib.suppress(asyncio.CancelledError):
+        await loading
+    registry.close()
+    again.go_on.set()
+    await asyncio.gather(*(task for task in asyncio.all_tasks() if task.get_name() == "load slow"))
+    assert registry.info("slow").state == "unloaded"
+    assert again.closed.is_set(), "what was open is closed"
 
 
 async def test_unload_while_loading_unloads_afterwards(bench: Bench) -> None:

@@ -8,7 +8,7 @@ import pytest
 
 from tests.render.scenes.registry_bench import Bench, Packed
 from tigas_common.errors import OutOfDeviceMemory
-from tigas_render.gaussians import Gaussians
+from tigas_render.gaussians import Batches
 from tigas_render.raster.base import PreparedScene
 
 pytestmark = pytest.mark.anyio
@@ -44,15 +44,15 @@ async def test_what_did_not_fit_is_gone_before_it_is_tried_again(bench: Bench) -
     await registry.load("old")
     half: list[weakref.ref[Packed]] = []
 
-    def prepare(gaussians: Gaussians) -> PreparedScene:
-        packed = Packed(len(gaussians))
+    def pack(scene: Batches) -> PreparedScene:
+        packed = Packed(len(scene.gathered()))
         if not half:
             half.append(weakref.ref(packed))
             raise OutOfDeviceMemory("full")
         assert half[0]() is None, "the first attempt still holds its memory"
         return packed
 
-    registry._prepare = prepare
+    registry._pack = pack
     await registry.load("new")
     assert registry.info("new").state == "loaded"
 

@@ -4,7 +4,7 @@ import { afterEach, beforeEach, expect, test, vi } from "vitest";
 import { PAPER_LADDER } from "../abr/ladder";
 import { deferred } from "../async/deferred";
 import { ApiError } from "../http/problem";
-import { fetchConfig, loadScene } from "../state/api";
+import { fetchConfig, fetchScene, loadScene } from "../state/api";
 import { changeSettings, config, ladder, settings } from "../state/app";
 import { COURTYARD, serverConfig } from "../state/fake-server";
 import { DEFAULT_SETTINGS } from "../state/settings";
@@ -134,6 +134,20 @@ test("says that the scene loads for as long as it does", async () => {
   vi.mocked(loadScene).mockReturnValue(new Promise(() => undefined));
   await visit();
   expect(phase()).toEqual({ kind: "loading" });
+});
+
+test("says how much of the scene is loaded, until it is", async () => {
+  let loaded = (_: typeof COURTYARD) => {};
+  vi.mocked(loadScene).mockReturnValue(new Promise((resolve) => (loaded = resolve)));
+  vi.mocked(fetchScene).mockResolvedValue({ ...COURTYARD, state: "loading", progress: 0.25 });
+  await visit();
+  await vi.advanceTimersByTimeAsync(600);
+  expect(phase()).toEqual({ kind: "loading", progress: 0.25 });
+  loaded(COURTYARD);
+  await settle();
+  await vi.advanceTimersByTimeAsync(2000);
+  expect(phase()).toEqual({ kind: "playing" });
+  expect(fetchScene).toHaveBeenCalledTimes(2);
 });
 
 test("a scene that cannot be had is said in the server's words, and can be tried again", async () => {

@@ -8,7 +8,7 @@ import { ApiError } from "../http/problem";
 import { StageInput } from "../input/stage-input";
 import { MovementDeck } from "../movement/movement-deck";
 import { pointAt } from "../reproject/point-at";
-import { fetchConfig, loadScene } from "../state/api";
+import { fetchConfig, fetchScene, loadScene } from "../state/api";
 import { config, ladder, sceneLadder, settings } from "../state/app";
 import { isPerView, isStreamed } from "../state/settings";
 import { type Place, settingsAt } from "../state/sides";
@@ -28,11 +28,14 @@ import { Side } from "./side";
 /** How the visit stands; `failed` waits for the person. */
 export type Phase =
   | { readonly kind: "connecting" }
-  | { readonly kind: "loading" }
+  | { readonly kind: "loading"; readonly progress?: number }
   | { readonly kind: "playing" }
   | { readonly kind: "lost"; readonly message: string }
   | { readonly kind: "full" }
   | { readonly kind: "failed"; readonly message: string };
+
+/** While a scene is loading, the server is asked this often how far it is, in milliseconds. */
+const PROGRESS_EVERY = 500;
 
 /** Where a visit is shown: what takes the person's input, with a pane for each picture. */
 export interface Stage {
@@ -355,9 +358,22 @@ export class ViewerSession {
     return this.#loading;
   }
 
+  /** Says how far loading is, as long as it takes. */
+  async #followLoading(signal: AbortSignal): Promise<void> {
+    for (;;) {
+      await sleep(PROGRESS_EVERY, signal);
+      const progress = (await fetchScene(this.#sceneId).catch(() => null))?.progress ?? undefined;
+      if (this.phase.peek().kind !== "loading") return;
+      if (progress !== undefined) this.phase.value = { kind: "loading", progress };
+    }
+  }
+
   async #play(connected: Connected, signal: AbortSignal): Promise<void> {
     const entering = this.scene.value === null;
-    if (entering) this.phase.value = { kind: "loading" };
+    if (entering) {
+      this.phase.value = { kind: "loading" };
+      this.#followLoading(signal).catch(() => undefined); // it has ended
+    }
     let scene: SceneInfo;
     try {
       scene = await this.#load(signal);

@@ -95,6 +95,7 @@ export interface SceneInfo {
   name: string;
   state: "unloaded" | "loading" | "loaded" | "broken";
   error: string | null;
+  progress?: number | null;
   gaussians: number | null;
   sh_degree: number | null;
   file_bytes: number;

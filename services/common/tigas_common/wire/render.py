@@ -256,6 +256,8 @@ class SceneInfo(WireModel):
     state: Literal["unloaded", "loading", "loaded", "broken"]
     error: str | None
     """One sentence, when the state is `broken`."""
+    progress: Unit | None = None
+    """How much of it has been read, while the state is `loading`."""
     gaussians: int | None
     sh_degree: int | None
     file_bytes: int

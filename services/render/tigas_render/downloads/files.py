@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 from pathlib import Path
 
-from tigas_common.errors import BrokenScene
 from tigas_common.wire.render import DownloadForm, SceneDownload
 from tigas_render.downloads.compressed_ply import write_compressed_ply
 from tigas_render.downloads.order import Order
@@ -24,9 +23,7 @@ def make(source: SceneSource, form: DownloadForm, path: Path) -> SceneDownload:
 
     Raises BrokenScene, and OSError if it cannot be written.
     """
-    if source.open is None:
-        raise BrokenScene(source.error or f"{source.name} cannot be loaded.")
-    gaussians = source.open()
+    gaussians = source.load()
     metadata = source.metadata
     camera = metadata.camera or derive_camera(gaussians.means, gaussians.opacities, gaussians.scales, metadata.up)
     order = Order.of(gaussians, camera.position)

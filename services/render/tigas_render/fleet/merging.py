@@ -111,4 +111,6 @@ def _together(infos: Sequence[SceneInfo]) -> SceneInfo:
         for name in ("gaussians", "sh_degree", "camera", "file_sha256")
         if getattr(best, name) is None
     }
+    if best.state == "loading":
+        known["progress"] = max(info.progress or 0 for info in infos)
     return best.model_copy(update={**known, "memory_bytes": sum(info.memory_bytes for info in infos)})

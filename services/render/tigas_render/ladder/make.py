@@ -55,8 +55,7 @@ def place_of(source: SceneSource) -> Path:
 
 def make(source: SceneSource, rasterizer: Rasterizer, listener: Listener, *, rungs: int, views: int) -> Made:
     """Measure a scene and choose its rungs. Raises StartError and BrokenScene."""
-    assert source.open is not None
-    gaussians, metadata = source.open(), source.metadata
+    gaussians, metadata = source.load(), source.metadata
     camera = metadata.camera or derive_camera(gaussians.means, gaussians.opacities, gaussians.scales, metadata.up)
     prepared = rasterizer.prepare(gaussians)
     del gaussians

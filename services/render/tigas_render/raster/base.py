@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from tigas_common.pose import Intrinsics, Pose
 from tigas_common.wire.render import FrameFormat
 from tigas_render.encode.depth_segment import CodedDepth
-from tigas_render.gaussians import Gaussians
+from tigas_render.gaussians import Batches, Gaussians
 
 NEAR_PLANE = 0.01
 """Gaussians whose centre is nearer than this to the camera's plane, or behind it, are not drawn (scene units)."""
@@ -120,8 +120,15 @@ class Rasterizer(ABC):
         return self.device
 
     @abstractmethod
+    def pack(self, scene: Batches) -> PreparedScene:
+        """Pack a scene for rendering while it is read. Safe to call from any thread; no frame waits for it.
+
+        Raises what reading raises.
+        """
+
     def prepare(self, gaussians: Gaussians) -> PreparedScene:
-        """Pack a scene for rendering; the tensors are not needed afterwards. Safe to call from any thread."""
+        """Pack a scene that is in memory, as `pack`; the tensors are not needed afterwards."""
+        return self.pack(gaussians.batches())
 
     @abstractmethod
     def render(

@@ -17,14 +17,20 @@ def morton_codes(points: torch.Tensor) -> torch.Tensor:
     """
     if len(points) == 0:
         return torch.zeros(0, dtype=torch.int64, device=points.device)
-    some = points[:: max(1, len(points) // MAX_SAMPLE)]
-    low, high = torch.quantile(some, torch.tensor([0.01, 0.99], device=points.device), dim=0)
-    cells = (points - low) * (0.5 / (high - low).max().clamp_min(1e-30)) + 0.25
+    low, scale = morton_grid(points)
+    cells = (points - low) * scale + 0.25
     grid = (cells.nan_to_num().clamp(0, 1) * (2**BITS - 1)).to(torch.int64)
     codes = torch.zeros_like(grid[:, 0])
     for axis in range(3):
         codes |= _spread(grid[:, axis]) << axis
     return codes
+
+
+def morton_grid(points: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
+    """Where the grid of points [N, 3] lies: a point's place in it, 0 to 1, is (point - low) · scale + 1/4."""
+    some = points[:: max(1, len(points) // MAX_SAMPLE)]
+    low, high = torch.quantile(some, torch.tensor([0.01, 0.99], device=points.device), dim=0)
+    return low, 0.5 / (high - low).max().clamp_min(1e-30)
 
 
 def _spread(values: torch.Tensor) -> torch.Tensor:

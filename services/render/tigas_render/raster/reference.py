@@ -17,7 +17,7 @@ import torch
 
 from tigas_common.pose import Intrinsics
 from tigas_common.wire.render import FrameFormat
-from tigas_render.gaussians import Gaussians
+from tigas_render.gaussians import Batches, Gaussians
 from tigas_render.raster.base import (
     ALPHA_MAX,
     ALPHA_MIN,
@@ -55,9 +55,9 @@ class ReferenceRasterizer(Rasterizer):
 
     device = "reference"
 
-    def prepare(self, gaussians: Gaussians) -> ReferenceScene:
+    def pack(self, scene: Batches) -> ReferenceScene:
         """Nothing to pack."""
-        return ReferenceScene(gaussians)
+        return ReferenceScene(scene.gathered())
 
     def render(
         self,

@@ -65,7 +65,7 @@ def check_free(directory: Path, id: str) -> None:
 def keep(part: Path, directory: Path, id: str) -> SceneFile:
     """Read all of a file on the directory's own disk, and make it a scene there. Raises as `add_scene` does."""
     file = scene_file(part)
-    file.load()
+    file.check()
     check_free(directory, id)
     path = directory / f"{id}{_ending(file)}"
     path.open("x").close()  # so that it goes over no file that came meanwhile
@@ -79,7 +79,7 @@ def keep_upload(part: Path, directory: Path, id: str, memory: int) -> None:
     memory: what a scene may take, in bytes. Raises NotAdded, BrokenScene, and MemoryError.
     """
     try:
-        needed = scene_file(part).tensor_bytes
+        needed = scene_file(part).packed_bytes
         if needed > memory:
             raise BrokenScene(
                 f"{id} takes {needed / 1e6:.1f} MB in memory, and all scenes together may take {memory / 1e6:.1f} MB."

@@ -1,9 +1,9 @@
-"""The arrays that a scene's file is decoded into, in blocks, until they are Gaussians."""
+"""The arrays that a scene's file is decoded into, a block at a time, until they are Gaussians."""
 
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +15,7 @@ from tigas_common.errors import BrokenScene
 from tigas_render.gaussians import Gaussians
 
 BLOCK = 4096
-"""Gaussians that are converted at a time, so that nothing but the arrays grows with the scene."""
+"""Gaussians that are read at a time, so that memory for them does not grow with the scene."""
 FARTHEST = 1e9
 """Scene units: no camera goes farther, and squares of larger standard deviations overflow."""
 C0 = 0.28209479177387814
@@ -24,13 +24,15 @@ C0 = 0.28209479177387814
 _log = logging.getLogger(__name__)
 
 Floats = NDArray[np.floating[Any]]
+Listener = Callable[[float], None]
+"""Hears how much of something long is done, from 0 to 1; what it raises, ends that."""
 
 
 class Columns:
-    """Room for a scene's Gaussians, as float32 in NumPy: PyTorch splits even small operations over threads that then
+    """Room for a block of Gaussians, as float32 in NumPy: PyTorch splits even small operations over threads that then
     wait for each other on a busy machine.
 
-    Whoever decodes a file writes every row of every array, in whatever order the file has them.
+    Whoever decodes a file writes every row of every array.
     """
 
     def __init__(self, count: int, sh_degree: int) -> None:
@@ -46,38 +48,47 @@ class Columns:
     def __len__(self) -> int:
         return len(self.means)
 
-    def blocks(self) -> Iterator[slice]:
-        """The rows, BLOCK at a time."""
-        for start in range(0, len(self), BLOCK):
-            yield slice(start, min(start + BLOCK, len(self)))
-
-    def gaussians(self, path: Path, *, antialiased: bool = False) -> Gaussians:
+    def gaussians(self, *, antialiased: bool) -> Gaussians:
         """What can be drawn of it: Gaussians that are not finite, lie or reach beyond FARTHEST, or have no rotation are
-        dropped with a warning, in place. Raises BrokenScene if nothing is left.
+        left out.
         """
+        usable = self._usable()
+        rows: NDArray[np.bool_] | slice = slice(None) if usable.all() else usable
         arrays = (self.means, self.scales, self.quaternions, self.opacities, self.sh)
-        kept = 0
-        for block in self.blocks():
-            usable = self._usable(block)
-            end = kept + int(usable.sum())
-            if end < block.stop:
-                for array in arrays:
-                    array[kept:end] = array[block][usable]
-            kept = end
-        if kept == 0:
-            raise BrokenScene(f"{path.name} has no Gaussian whose attributes are finite and within 10⁹.")
-        if kept < len(self):
-            dropped = len(self) - kept
-            _log.warning("%s: dropped %d of %d Gaussians that are not finite, or beyond 10⁹", path, dropped, len(self))
-        return Gaussians(*(torch.from_numpy(array[:kept]) for array in arrays), antialiased=antialiased)
+        return Gaussians(*(torch.from_numpy(array[rows]) for array in arrays), antialiased=antialiased)
 
-    def _usable(self, block: slice) -> NDArray[np.bool_]:
-        usable = np.isfinite(self.quaternions[block]).all(1) & np.isfinite(self.opacities[block])
-        usable &= np.isfinite(self.sh[block]).all((1, 2))
+    def _usable(self) -> NDArray[np.bool_]:
+        usable = np.isfinite(self.quaternions).all(1) & np.isfinite(self.opacities)
+        usable &= np.isfinite(self.sh).all((1, 2))
         with np.errstate(invalid="ignore"):
-            usable &= (np.abs(self.means[block]) <= FARTHEST).all(1)
-            usable &= ((self.scales[block] >= 0) & (self.scales[block] <= FARTHEST)).all(1)
+            usable &= (np.abs(self.means) <= FARTHEST).all(1)
+            usable &= ((self.scales >= 0) & (self.scales <= FARTHEST)).all(1)
         return usable
+
+
+def blocks(count: int, listener: Listener) -> Iterator[slice]:
+    """So many rows, BLOCK at a time; the listener hears of each once it is done."""
+    for start in range(0, count, BLOCK):
+        stop = min(start + BLOCK, count)
+        yield slice(start, stop)
+        listener(stop / count)
+
+
+def drawable(path: Path, decoded: Iterable[Columns], *, antialiased: bool) -> Iterator[Gaussians]:
+    """What can be drawn of the blocks of a file (`Columns.gaussians`), with a warning about what cannot.
+
+    Raises BrokenScene if that is nothing.
+    """
+    count = kept = 0
+    for columns in decoded:
+        gaussians = columns.gaussians(antialiased=antialiased)
+        count, kept = count + len(columns), kept + len(gaussians)
+        if len(gaussians):
+            yield gaussians
+    if kept == 0:
+        raise BrokenScene(f"{path.name} has no Gaussian whose attributes are finite and within 10⁹.")
+    if kept < count:
+        _log.warning("%s: dropped %d of %d Gaussians that are not finite, or beyond 10⁹", path, count - kept, count)
 
 
 def normalised(quaternions: Floats) -> Floats:

@@ -21,8 +21,7 @@ from numpy.typing import NDArray
 
 from tigas_common.errors import BrokenScene
 from tigas_common.files import open_regular
-from tigas_render.gaussians import Gaussians
-from tigas_render.scenes.columns import BLOCK, C0, Columns, Floats, with_largest
+from tigas_render.scenes.columns import BLOCK, C0, Columns, Floats, Listener, blocks, with_largest
 from tigas_render.scenes.ply import rest_names
 from tigas_render.scenes.ply_header import REST_COUNTS, Layout, has_lists, read_layout, says_antialiased, size_problem
 from tigas_render.scenes.scene_file import SceneFile, unreadable
@@ -79,7 +78,7 @@ def read_compressed_ply(path: Path) -> SceneFile:
         tables.vertices.count,
         tables.sh_degree,
         tables.file_bytes,
-        partial(_load, path),
+        partial(_decode, path),
         tables.antialiased,
     )
 
@@ -138,40 +137,41 @@ def _has_colours(chunk: np.dtype[np.void]) -> bool:
     return any(name in RANGES[12:] for name in chunk.names or ())
 
 
-def _load(path: Path) -> Gaussians:
+def _decode(path: Path, listener: Listener) -> Iterator[Columns]:
     tables = _read_tables(path)
-    columns = Columns(tables.vertices.count, tables.sh_degree)
     rest = rest_names(tables.sh_degree)
     try:
         with open_regular(path) as file:
-            for block in columns.blocks():
+            for block in blocks(tables.vertices.count, listener):
                 if os.fstat(file.fileno()).st_size != tables.file_bytes:
                     raise BrokenScene(f"{path.name} changed while it was being read; load it again.")
                 first, last = block.start // CHUNK, math.ceil(block.stop / CHUNK)
                 chunks = tables.chunks.rows(file, first, last)
-                _fill(columns, block, tables.vertices.rows(file, block.start, block.stop), chunks)
+                columns = _columns(tables.vertices.rows(file, block.start, block.stop), chunks, tables.sh_degree)
                 if tables.coefficients is not None:
                     rows = tables.coefficients.rows(file, block.start, block.stop)
-                    columns.sh[block, 1:] = _coefficients(rows, rest)
+                    columns.sh[:, 1:] = _coefficients(rows, rest)
+                yield columns
     except OSError as error:
         raise unreadable(path, error) from None
-    return columns.gaussians(path, antialiased=tables.antialiased)
 
 
-def _fill(columns: Columns, rows: slice, vertices: _Rows, chunks: _Rows) -> None:
+def _columns(vertices: _Rows, chunks: _Rows, sh_degree: int) -> Columns:
     assert BLOCK % CHUNK == 0  # so that a block begins with a chunk
+    columns = Columns(len(vertices), sh_degree)
     chunk = np.arange(len(vertices)) // CHUNK
     colour = _shares(vertices["packed_color"], (8, 8, 8, 8))
     rotation = vertices["packed_rotation"]
     with np.errstate(all="ignore"):  # what overflows is dropped
-        columns.means[rows] = _within(_shares(vertices["packed_position"], (11, 10, 11)), chunks, POSITION, chunk)
-        columns.scales[rows] = np.exp(_within(_shares(vertices["packed_scale"], (11, 10, 11)), chunks, SCALE, chunk))
+        columns.means[:] = _within(_shares(vertices["packed_position"], (11, 10, 11)), chunks, POSITION, chunk)
+        columns.scales[:] = np.exp(_within(_shares(vertices["packed_scale"], (11, 10, 11)), chunks, SCALE, chunk))
         hue = colour[:, :3]
         if _has_colours(chunks.dtype):
             hue = _within(hue, chunks, COLOUR, chunk)
-        columns.sh[rows, 0] = (hue - 0.5) / C0
-    columns.opacities[rows] = colour[:, 3]
-    columns.quaternions[rows] = with_largest((_shares(rotation, (10, 10, 10)) - 0.5) * math.sqrt(2), rotation >> 30)
+        columns.sh[:, 0] = (hue - 0.5) / C0
+    columns.opacities[:] = colour[:, 3]
+    columns.quaternions[:] = with_largest((_shares(rotation, (10, 10, 10)) - 0.5) * math.sqrt(2), rotation >> 30)
+    return columns
 
 
 def _shares(words: NDArray[np.uint32], bits: Sequence[int]) -> Floats:

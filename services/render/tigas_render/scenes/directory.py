@@ -21,7 +21,7 @@ from pathlib import Path
 
 from tigas_common.errors import BrokenScene
 from tigas_common.wire.render import Rung
-from tigas_render.scenes.formats import ENDINGS, ending_rank, load_scene, read_scene_file
+from tigas_render.scenes.formats import ENDINGS, ending_rank, open_scene, read_scene_file
 from tigas_render.scenes.ladder import FILE as LADDER_FILE
 from tigas_render.scenes.ladder import BrokenLadder, read_ladder
 from tigas_render.scenes.metadata import SceneMetadata, read_metadata
@@ -121,14 +121,14 @@ def _read(id: str, find: Callable[[], Path], folder: Path | None) -> SceneSource
         id,
         metadata,
         version,
-        open=lambda: load_scene(path),
+        open=lambda listener: open_scene(path, listener),
         gaussians=file.count,
         sh_degree=file.sh_degree,
         file_bytes=file.file_bytes,
         format=file.format,
         antialiased=file.antialiased,
         digest=lambda: _sha256(file.files),
-        memory_bytes=file.tensor_bytes,
+        memory_bytes=file.packed_bytes,
         folder=folder,
         preview=preview,
         ladder=None if folder is None else _ladder(folder),

@@ -5,7 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 from tigas_common.errors import BrokenScene
-from tigas_render.gaussians import Gaussians
+from tigas_render.gaussians import Batches, Gaussians
+from tigas_render.scenes.columns import Listener
 from tigas_render.scenes.compressed_ply import is_compressed, read_compressed_ply
 from tigas_render.scenes.ply import read_ply
 from tigas_render.scenes.ply_header import MAX_HEADER
@@ -41,6 +42,11 @@ def read_scene_file(path: Path) -> SceneFile:
     if looks_like_splat(start, file_bytes):
         return read_splat(path)
     raise BrokenScene(f"{path.name} is no scene: it is neither PLY, SPZ, SOG nor .splat.")
+
+
+def open_scene(path: Path, listener: Listener) -> Batches:
+    """A scene to be read, whatever its format. Raises BrokenScene, with one sentence, as reading it may."""
+    return read_scene_file(path).open(listener)
 
 
 def load_scene(path: Path) -> Gaussians:

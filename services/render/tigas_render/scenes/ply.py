@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from tigas_common.errors import BrokenScene
 from tigas_common.files import open_regular
 from tigas_render.gaussians import Gaussians
-from tigas_render.scenes.columns import BLOCK, Columns, Floats, normalised
+from tigas_render.scenes.columns import BLOCK, Columns, Floats, Listener, blocks, normalised
 from tigas_render.scenes.ply_header import MAX_HEADER, REQUIRED, PlyHeader, read_header
 from tigas_render.scenes.scene_file import SceneFile, unreadable
 
@@ -31,25 +31,27 @@ def read_ply(path: Path) -> SceneFile:
     """What the file holds. Raises BrokenScene, with one sentence, if it is not an INRIA 3DGS PLY."""
     header = read_header(path)
     return SceneFile(
-        "PLY", (path,), header.count, header.sh_degree, header.file_bytes, partial(load_ply, path), header.antialiased
+        "PLY", (path,), header.count, header.sh_degree, header.file_bytes, partial(_decode, path), header.antialiased
     )
 
 
 def load_ply(path: Path) -> Gaussians:
-    """Load a scene; Gaussians that cannot be drawn are dropped with a warning (`Columns.gaussians`).
+    """Load a scene; Gaussians that cannot be drawn are dropped with a warning (`columns.drawable`).
 
     Memory beyond the tensors themselves is a few megabytes, whatever the scene's size.
     Raises BrokenScene, with one sentence, if the file is not a complete INRIA 3DGS PLY.
     """
+    return read_ply(path).load()
+
+
+def _decode(path: Path, listener: Listener) -> Iterator[Columns]:
     header = read_header(path)
-    columns = Columns(header.count, header.sh_degree)
     try:
-        blocks = _ascii_blocks(path, header) if header.ascii else _binary_blocks(path, header)
-        for rows, block in zip(columns.blocks(), blocks, strict=True):
-            _fill(columns, rows, block, header.sh_degree)
+        decoded = _ascii_blocks(path, header) if header.ascii else _binary_blocks(path, header)
+        for _, block in zip(blocks(header.count, listener), decoded, strict=True):
+            yield _columns(block, header.sh_degree)
     except OSError as error:
         raise unreadable(path, error) from None
-    return columns.gaussians(path, antialiased=header.antialiased)
 
 
 def write_ply(
@@ -140,18 +142,20 @@ def _text_error(error: Exception, start: int) -> str:
     return f"{first} (counted from vertex {start})" if start else first
 
 
-def _fill(columns: Columns, rows: slice, block: _Block, sh_degree: int) -> None:
+def _columns(block: _Block, sh_degree: int) -> Columns:
     """Decode a block; a Gaussian with a value that is not finite gets an opacity that drops it."""
+    columns = Columns(len(block), sh_degree)
     with np.errstate(all="ignore"):
         values = _values(block, REQUIRED)
         opacities = 1 / (1 + np.exp(-values[:, 6]))
-        columns.means[rows] = values[:, 0:3]
-        columns.scales[rows] = np.exp(values[:, 7:10])
-        columns.quaternions[rows] = normalised(values[:, 10:14])
-        columns.opacities[rows] = np.where(np.isfinite(values).all(1), opacities, np.nan)
-        columns.sh[rows, 0] = values[:, 3:6]
+        columns.means[:] = values[:, 0:3]
+        columns.scales[:] = np.exp(values[:, 7:10])
+        columns.quaternions[:] = normalised(values[:, 10:14])
+        columns.opacities[:] = np.where(np.isfinite(values).all(1), opacities, np.nan)
+        columns.sh[:, 0] = values[:, 3:6]
         rest = _values(block, rest_names(sh_degree)).reshape(len(block), 3, -1 if sh_degree else 0)
-    columns.sh[rows, 1:] = rest.transpose(0, 2, 1)
+    columns.sh[:, 1:] = rest.transpose(0, 2, 1)
+    return columns
 
 
 def _values(block: _Block, names: Sequence[str]) -> Floats:

@@ -14,15 +14,15 @@ from pathlib import Path
 from types import TracebackType
 from urllib.parse import quote
 
-from tigas_common.errors import BrokenScene, NoRoom, SceneInUse, TigasError, UnknownScene
+from tigas_common.errors import BrokenScene, NoRoom, Overloaded, SceneInUse, TigasError, UnknownScene
 from tigas_common.wire.render import Rung, SceneInfo, StartCamera
 from tigas_render.device_memory import with_room
-from tigas_render.gaussians import Gaussians
+from tigas_render.gaussians import Batches
 from tigas_render.raster.base import PreparedScene
 from tigas_render.scenes.demo import DEMO_SOURCE
 from tigas_render.scenes.directory import scan_directory
 from tigas_render.scenes.source import SceneSource
-from tigas_render.scenes.start_camera import derive_camera
+from tigas_render.scenes.survey import Survey
 
 _log = logging.getLogger(__name__)
 
@@ -53,6 +53,10 @@ class LoadedScene:
         return self.source.ladder
 
 
+class LoadingEnded(Overloaded):
+    """Loading a scene was given up."""
+
+
 class _Entry:
     """A scene's changing state."""
 
@@ -71,21 +75,28 @@ class _Entry:
         self.last_viewed = -math.inf
         self.leaving = False
         """To be unloaded as soon as nobody uses it."""
+        self.progress = 0.0
+        """How much of it has been read, from 0 to 1, while it is loading."""
+
+    def hear(self, progress: float) -> None:
+        """Note how far loading is, in a worker thread. Raises LoadingEnded if nobody wants the scene any more."""
+        self.progress = progress
+        if self.leaving and not self.users:
+            raise LoadingEnded(f"{self.source.name} was unloaded while it was loading.")
 
 
 class SceneRegistry:
     """Loads scenes on first use and keeps them while there is memory and interest.
 
-    `prepare` packs Gaussians for the rasteriser, in a worker thread; without `own_ladders`, scenes are offered without
-    the ladders that they bring along; `memory_budget` (bytes) is what prepared scenes
-    may take together; a scene unused for `idle_s` seconds is evicted when `evict_idle` is next called; `clock` tells
-    seconds.
+    `pack` packs a scene for the rasteriser while it is read, in a worker thread; without `own_ladders`, scenes are
+    offered without the ladders that they bring along; `memory_budget` (bytes) is what prepared scenes may take
+    together; a scene unused for `idle_s` seconds is evicted when `evict_idle` is next called; `clock` tells seconds.
     """
 
     def __init__(
         self,
         directory: Path | None,
-        prepare: Callable[[Gaussians], PreparedScene],
+        pack: Callable[[Batches], PreparedScene],
         *,
         builtin: Mapping[str, SceneSource] = BUILTIN,
         own_ladders: bool = True,
@@ -94,7 +105,7 @@ class SceneRegistry:
         clock: Callable[[], float],
     ) -> None:
         self._directory = directory
-        self._prepare = prepare
+        self._pack = pack
         self._builtin = builtin
         self._own_ladders = own_ladders
         self.budget = memory_budget
@@ -174,7 +185,7 @@ class SceneRegistry:
             entry.last_viewed = self._clock()
 
     def unload(self, scene_id: str) -> None:
-        """Give a scene's memory back, as soon as it is loaded if that is under way.
+        """Give a scene's memory back; if it is loading, that ends soon.
 
         Raises SceneInUse, since no viewer may take a scene from another, and UnknownScene.
         """
@@ -204,6 +215,11 @@ class SceneRegistry:
                 _log.info("Unloaded %s: unused for %.0f s", entry.source.id, now - entry.last_used)
                 self._drop(entry)
 
+    def close(self) -> None:
+        """End what is loading."""
+        for entry in (*self._entries.values(), *self._retired):
+            entry.leaving = True
+
     async def _acquire(self, scene_id: str) -> tuple[_Entry, LoadedScene]:
         entry = self._entry(scene_id)
         entry.users += 1
@@ -222,6 +238,8 @@ class SceneRegistry:
             entry.loading = asyncio.create_task(self._load(entry), name=f"load {entry.source.id}")
         # shielded: whoever gives up waiting must not take the scene away from the others
         error = await asyncio.shield(entry.loading)
+        if isinstance(error, LoadingEnded):
+            return  # somebody unloaded it before this user came
         if error is not None:
             raise type(error)(error.detail)
 
@@ -232,10 +250,10 @@ class SceneRegistry:
 
     async def _load(self, entry: _Entry) -> TigasError | None:
         """Load an entry; what went wrong is returned, as nobody may be left to catch it."""
-        source = entry.source
+        source, entry.progress = entry.source, 0.0
         try:
             self._make_room(entry, source.memory_bytes)
-            loaded = await with_room(lambda: asyncio.to_thread(self._read, source), self.evict)
+            loaded = await with_room(lambda: asyncio.to_thread(self._read, entry, source), self.evict)
             self._make_room(entry, loaded.prepared.nbytes)
             if source.digest is not None:
                 entry.sha256 = await asyncio.to_thread(source.digest)
@@ -258,14 +276,12 @@ class SceneRegistry:
             entry.loading = None
             self._drop_if_leaving(entry)
 
-    def _read(self, source: SceneSource) -> LoadedScene:
+    def _read(self, entry: _Entry, source: SceneSource) -> LoadedScene:
         """In a worker thread: from the file to what the rasteriser takes."""
-        if source.open is None:
-            raise BrokenScene(source.error or f"{source.name} cannot be loaded.")
-        gaussians = source.open()
-        metadata = source.metadata
-        camera = metadata.camera or derive_camera(gaussians.means, gaussians.opacities, gaussians.scales, metadata.up)
-        return LoadedScene(source, self._prepare(gaussians), len(gaussians), camera)
+        survey = Survey()
+        prepared = self._pack(survey.watch(source.read(entry.hear)))
+        camera = source.metadata.camera or survey.camera(source.metadata.up)
+        return LoadedScene(source, prepared, survey.count, camera)
 
     def _make_room(self, entry: _Entry, needed: int) -> None:
         """Reserve `needed` bytes for an entry; the least recently used of the scenes that nobody uses go first."""
@@ -320,6 +336,7 @@ class SceneRegistry:
             name=source.name,
             state="loaded" if loaded else "loading" if entry.loading else "broken" if entry.error else "unloaded",
             error=entry.error,
+            progress=entry.progress if entry.loading else None,
             gaussians=loaded.gaussians if loaded else source.gaussians,
             sh_degree=source.sh_degree,
             file_bytes=source.file_bytes,

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
 from tigas_common.errors import BrokenScene
 from tigas_common.files import open_regular
-from tigas_render.gaussians import Gaussians
+from tigas_render.gaussians import Batches, Gaussians
+from tigas_render.scenes.columns import Columns, Listener, drawable
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,15 +26,28 @@ class SceneFile:
     sh_degree: int
     """0 to 3."""
     file_bytes: int
-    load: Callable[[], Gaussians]
-    """Reads them. Raises BrokenScene. Beyond the tensors it takes a few megabytes, unless its module says otherwise."""
+    decode: Callable[[Listener], Iterator[Columns]]
+    """Reads them from first to last. Raises BrokenScene. It takes a few megabytes, unless its module says otherwise."""
     antialiased: bool = False
     """Whether it was trained with Mip-Splatting's 2D filter, as far as the file says."""
 
+    def open(self, listener: Listener) -> Batches:
+        """Its Gaussians, to be read; the listener hears how many are. Reading raises BrokenScene."""
+        return Batches(self.count, drawable(self.files[0], self.decode(listener), antialiased=self.antialiased))
+
+    def check(self) -> None:
+        """Read all of it, and keep nothing. Raises BrokenScene."""
+        for _ in self.open(lambda _: None).parts:
+            pass
+
+    def load(self) -> Gaussians:
+        """All of its Gaussians. Raises BrokenScene."""
+        return self.open(lambda _: None).gathered()
+
     @property
-    def tensor_bytes(self) -> int:
-        """Bytes of the tensors that the scene is loaded into (float32)."""
-        return 4 * self.count * (3 + 3 + 4 + 1 + 3 * (self.sh_degree + 1) ** 2)
+    def packed_bytes(self) -> int:
+        """Bytes that it takes when it is loaded, about: rasterisers keep coefficients in half precision."""
+        return self.count * (40 + 6 * (self.sh_degree + 1) ** 2)
 
 
 def read_start(path: Path, limit: int) -> tuple[bytes, int]:

@@ -1,14 +1,15 @@
 """Reads SOG scenes of PlayCanvas: about a twentieth of a PLY's bytes, as lossless WebP images and a meta.json.
 
 The format, version 2: https://developer.playcanvas.com/user-manual/gaussian-splatting/formats/sog/. Each Gaussian is
-the same pixel of several images, row by row. An image is decoded at a time, with some 16 bytes a pixel.
+the same pixel of several images, row by row. They are decoded one after the other, which takes some 24 bytes a
+Gaussian, and kept, with 17 to 19, while Gaussians are made of them.
 """
 
 from __future__ import annotations
 
 import io
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from functools import partial
 from pathlib import Path
 
@@ -17,8 +18,7 @@ from numpy.typing import NDArray
 from PIL import Image, WebPImagePlugin
 
 from tigas_common.errors import BrokenScene
-from tigas_render.gaussians import Gaussians
-from tigas_render.scenes.columns import Columns, with_largest
+from tigas_render.scenes.columns import Columns, Listener, blocks, with_largest
 from tigas_render.scenes.scene_file import SceneFile, check_packed_count
 from tigas_render.scenes.sog_files import META, Bundle, Folder, SogFiles
 from tigas_render.scenes.sog_meta import MAX_META, PALETTE_WIDTH, Palette, SogMeta, parse_meta
@@ -30,7 +30,12 @@ LOSSLESS, EXTENDED = b"VP8L", b"VP8X"
 FIRST_TAG = 252
 """The fourth byte of a rotation, less this, says which part is the largest."""
 
+IMAGES_SHARE = 0.5
+"""Of the time that reading takes, about: what decoding the images does."""
+
 _Pixels = NDArray[np.uint8]
+_Decoder = Callable[[Columns, slice], None]
+"""Writes an attribute of some rows."""
 
 
 def read_sog(path: Path, *, bundled: bool) -> SceneFile:
@@ -49,7 +54,7 @@ def read_sog(path: Path, *, bundled: bool) -> SceneFile:
         meta.count,
         meta.sh_degree,
         file_bytes,
-        partial(_load, path, bundled),
+        partial(_decode, path, bundled),
         meta.antialias,
     )
 
@@ -58,21 +63,23 @@ def _opened(path: Path, bundled: bool) -> SogFiles:
     return Bundle(path) if bundled else Folder(path)
 
 
-def _load(path: Path, bundled: bool) -> Gaussians:
+def _decode(path: Path, bundled: bool, listener: Listener) -> Iterator[Columns]:
     file = read_sog(path, bundled=bundled)
     with _opened(path, bundled) as files:
         meta = parse_meta(path.name, files.read(META, MAX_META))
         if (meta.count, meta.sh_degree) != (file.count, file.sh_degree):
             raise BrokenScene(f"{path.name} changed while it was being read; load it again.")
-        columns = Columns(meta.count, meta.sh_degree)
-        reader = _Images(files, meta.count, min(file.file_bytes, MOST_IMAGE_BYTES))
-        _means(columns, meta, reader)
-        _scales(columns, meta, reader)
-        _quaternions(columns, meta, reader)
-        _colours(columns, meta, reader)
-        if meta.shN:
-            _coefficients(columns, meta.shN, reader)
-    return columns.gaussians(path, antialiased=meta.antialias)
+        images = _Images(files, meta.count, min(file.file_bytes, MOST_IMAGE_BYTES))
+        parts = _parts(meta, images)
+        decoders = []
+        for done, part in enumerate(parts, 1):
+            decoders.append(part())
+            listener(IMAGES_SHARE * done / len(parts))
+    for rows in blocks(meta.count, lambda share: listener(IMAGES_SHARE + (1 - IMAGES_SHARE) * share)):
+        columns = Columns(rows.stop - rows.start, meta.sh_degree)
+        for decode in decoders:
+            decode(columns, rows)
+        yield columns
 
 
 class _Images:
@@ -84,10 +91,10 @@ class _Images:
         self._limit = limit
 
     def of_gaussians(self, name: str, channels: int) -> _Pixels:
-        """[count, channels]."""
+        """[count, channels], with nothing else in memory."""
         most = 2 * self._count + SPARE_PIXELS
         pixels = self._decode(name, channels, lambda width, height: self._count <= width * height <= most)
-        return pixels.reshape(-1, pixels.shape[2])[: self._count, :channels]
+        return np.ascontiguousarray(pixels.reshape(-1, pixels.shape[2])[: self._count, :channels])
 
     def of_palette(self, name: str, palette: Palette) -> _Pixels:
         """[palette.count, palette.coefficients, 3]."""
@@ -107,7 +114,7 @@ class _Images:
                 if image.size != size:
                     raise BrokenScene(f"{name} contradicts itself about its size.")
                 image.load()
-                pixels = np.asarray(image if image.mode == "RGBA" or channels == 3 else image.convert("RGBA"))
+                pixels = np.asarray(image if image.mode == "RGBA" or channels <= 3 else image.convert("RGBA"))
         except (OSError, SyntaxError, ValueError, EOFError, Image.DecompressionBombError) as error:
             raise BrokenScene(f"{name} cannot be decoded: {str(error).rstrip('.')}.") from None
         return pixels
@@ -125,49 +132,71 @@ def _webp_size(content: bytes) -> tuple[int, int] | None:
     return None
 
 
-def _means(columns: Columns, meta: SogMeta, images: _Images) -> None:
-    low, high = meta.means.files
-    columns.means[:] = images.of_gaussians(low, 3)
-    upper = images.of_gaussians(high, 3)
+def _parts(meta: SogMeta, images: _Images) -> list[Callable[[], _Decoder]]:
+    """What decodes the images of each attribute, and gives what writes it for some rows."""
+    parts: list[Callable[[], _Decoder]]
+    parts = [partial(part, meta, images) for part in (_means, _scales, _quaternions, _colours)]
+    if meta.shN:
+        parts.append(partial(_coefficients, meta.shN, images))
+    return parts
+
+
+def _means(meta: SogMeta, images: _Images) -> _Decoder:
+    lower, upper = (images.of_gaussians(name, 3) for name in meta.means.files)
     start, end = np.array(meta.means.mins), np.array(meta.means.maxs)
-    for rows in columns.blocks():
-        shares = (columns.means[rows] + 256.0 * upper[rows]) / 65535
+
+    def decode(columns: Columns, rows: slice) -> None:
+        shares = (lower[rows] + np.float32(256) * upper[rows]) / 65535.0
         logarithms = start + (end - start) * shares
         with np.errstate(over="ignore"):  # what overflows is dropped
-            columns.means[rows] = np.sign(logarithms) * np.expm1(np.abs(logarithms))
+            columns.means[:] = np.sign(logarithms) * np.expm1(np.abs(logarithms))
+
+    return decode
 
 
-def _scales(columns: Columns, meta: SogMeta, images: _Images) -> None:
+def _scales(meta: SogMeta, images: _Images) -> _Decoder:
     with np.errstate(over="ignore"):
         scales = np.exp(np.array(meta.scales.codebook, np.float32))
     pixels = images.of_gaussians(meta.scales.files[0], 3)
-    for rows in columns.blocks():
-        columns.scales[rows] = scales[pixels[rows]]
+
+    def decode(columns: Columns, rows: slice) -> None:
+        columns.scales[:] = scales[pixels[rows]]
+
+    return decode
 
 
-def _quaternions(columns: Columns, meta: SogMeta, images: _Images) -> None:
+def _quaternions(meta: SogMeta, images: _Images) -> _Decoder:
     pixels = images.of_gaussians(meta.quats.files[0], 4)
-    for rows in columns.blocks():
+
+    def decode(columns: Columns, rows: slice) -> None:
         tags = pixels[rows, 3]
         others = (pixels[rows, :3] / 255 * 2 - 1) / math.sqrt(2)
         quaternions = with_largest(others, np.maximum(tags, FIRST_TAG) - FIRST_TAG)
-        columns.quaternions[rows] = np.where(tags[:, None] >= FIRST_TAG, quaternions, (1, 0, 0, 0))
+        columns.quaternions[:] = np.where(tags[:, None] >= FIRST_TAG, quaternions, (1, 0, 0, 0))
+
+    return decode
 
 
-def _colours(columns: Columns, meta: SogMeta, images: _Images) -> None:
+def _colours(meta: SogMeta, images: _Images) -> _Decoder:
     colours = np.array(meta.sh0.codebook, np.float32)
     pixels = images.of_gaussians(meta.sh0.files[0], 4)
-    for rows in columns.blocks():
-        columns.sh[rows, 0] = colours[pixels[rows, :3]]
-        columns.opacities[rows] = pixels[rows, 3] / np.float32(255)
+
+    def decode(columns: Columns, rows: slice) -> None:
+        columns.sh[:, 0] = colours[pixels[rows, :3]]
+        columns.opacities[:] = pixels[rows, 3] / np.float32(255)
+
+    return decode
 
 
-def _coefficients(columns: Columns, palette: Palette, images: _Images) -> None:
+def _coefficients(palette: Palette, images: _Images) -> _Decoder:
     centroids, labels = palette.files
     entries = np.array(palette.codebook, np.float32)[images.of_palette(centroids, palette)]
-    pixels = images.of_gaussians(labels, 3)
-    for rows in columns.blocks():
+    pixels = images.of_gaussians(labels, 2)
+
+    def decode(columns: Columns, rows: slice) -> None:
         chosen = pixels[rows, 0] + 256 * pixels[rows, 1].astype(np.int64)
         if (chosen >= palette.count).any():
             raise BrokenScene(f"{labels} chooses entry {chosen.max()} of a palette of {palette.count}.")
-        columns.sh[rows, 1:] = entries[chosen]
+        columns.sh[:, 1:] = entries[chosen]
+
+    return decode

@@ -6,8 +6,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
+from tigas_common.errors import BrokenScene
 from tigas_common.wire.render import Rung
-from tigas_render.gaussians import Gaussians
+from tigas_render.gaussians import Batches, Gaussians
+from tigas_render.scenes.columns import Listener
 from tigas_render.scenes.metadata import SceneMetadata
 
 
@@ -19,8 +21,9 @@ class SceneSource:
     metadata: SceneMetadata
     version: str
     """Changes when the Gaussians may have changed."""
-    open: Callable[[], Gaussians] | None
-    """Loads the Gaussians; None if the scene is broken. Raises BrokenScene."""
+    open: Callable[[Listener], Batches] | None
+    """Begins to read the Gaussians, which the listener hears of; None if the scene is broken. Raises BrokenScene, as
+    reading may."""
     error: str | None = None
     """One sentence, if the scene is broken."""
     gaussians: int | None = None
@@ -45,3 +48,13 @@ class SceneSource:
     def name(self) -> str:
         """For people."""
         return self.metadata.name or self.id
+
+    def read(self, listener: Listener) -> Batches:
+        """Begin to read the Gaussians. Raises BrokenScene, as reading may."""
+        if self.open is None:
+            raise BrokenScene(self.error or f"{self.name} cannot be loaded.")
+        return self.open(listener)
+
+    def load(self) -> Gaussians:
+        """All Gaussians. Raises BrokenScene."""
+        return self.read(lambda _: None).gathered()

@@ -7,6 +7,7 @@ as four bytes, then a quaternion w, x, y, z as four bytes, 128 for 0.
 from __future__ import annotations
 
 import os
+from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
 
@@ -15,8 +16,7 @@ from numpy.typing import NDArray
 
 from tigas_common.errors import BrokenScene
 from tigas_common.files import open_regular
-from tigas_render.gaussians import Gaussians
-from tigas_render.scenes.columns import C0, FARTHEST, Columns, Floats, normalised
+from tigas_render.scenes.columns import C0, FARTHEST, Columns, Floats, Listener, blocks, normalised
 from tigas_render.scenes.scene_file import SceneFile, read_start, unreadable
 
 RECORD = np.dtype([("position", "<f4", 3), ("scale", "<f4", 3), ("colour", "u1", 4), ("rotation", "u1", 4)])
@@ -44,25 +44,25 @@ def read_splat(path: Path) -> SceneFile:
     if file_bytes == 0 or file_bytes % RECORD.itemsize:
         raise BrokenScene(f"{path.name} is no .splat: {file_bytes} bytes are not a multiple of {RECORD.itemsize}.")
     count = file_bytes // RECORD.itemsize
-    return SceneFile(".splat", (path,), count, 0, file_bytes, partial(_load, path, count))
+    return SceneFile(".splat", (path,), count, 0, file_bytes, partial(_decode, path, count))
 
 
-def _load(path: Path, count: int) -> Gaussians:
-    columns = Columns(count, 0)
+def _decode(path: Path, count: int, listener: Listener) -> Iterator[Columns]:
     try:
         with open_regular(path) as file:
-            for block in columns.blocks():
+            for rows in blocks(count, listener):
                 if os.fstat(file.fileno()).st_size != count * RECORD.itemsize:
                     raise BrokenScene(f"{path.name} changed while it was being read; load it again.")
-                records = np.memmap(file, RECORD, "r", block.start * RECORD.itemsize, (block.stop - block.start,))
-                columns.means[block] = records["position"]
-                columns.scales[block] = records["scale"]
-                columns.quaternions[block] = normalised(_quaternions(records))
-                columns.opacities[block] = records["colour"][:, 3] / np.float32(255)
-                columns.sh[block, 0] = (records["colour"][:, :3] / np.float32(255) - 0.5) / C0
+                records = np.memmap(file, RECORD, "r", rows.start * RECORD.itemsize, (rows.stop - rows.start,))
+                columns = Columns(len(records), 0)
+                columns.means[:] = records["position"]
+                columns.scales[:] = records["scale"]
+                columns.quaternions[:] = normalised(_quaternions(records))
+                columns.opacities[:] = records["colour"][:, 3] / np.float32(255)
+                columns.sh[:, 0] = (records["colour"][:, :3] / np.float32(255) - 0.5) / C0
+                yield columns
     except OSError as error:
         raise unreadable(path, error) from None
-    return columns.gaussians(path)
 
 
 def _quaternions(records: _Records) -> Floats:

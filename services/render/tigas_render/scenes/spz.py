@@ -4,11 +4,15 @@ The format (https://github.com/nianticlabs/spz): versions 2 and 3 are one gzip s
 version 4 has a header of 32 bytes and a table before one Zstandard stream a column. Positions have 24 bits in fixed
 point, scales (logarithms) and colours 8, quaternions 24 or 32. The axes are those of the file that it was made from,
 as with the tools that write it: nothing in the file names them.
+
+No column is kept in memory: all are unpacked side by side, each from its own place. Of a gzip stream, what lies before
+that place has to be unpacked for each of them.
 """
 
 from __future__ import annotations
 
 import io
+import os
 import struct
 import zlib
 from collections.abc import Iterator
@@ -16,7 +20,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 import zstandard
@@ -24,9 +28,11 @@ from numpy.typing import NDArray
 
 from tigas_common.errors import BrokenScene
 from tigas_common.files import open_regular
-from tigas_render.gaussians import Gaussians
-from tigas_render.scenes.columns import Columns, Floats, normalised, with_largest
+from tigas_render.scenes.columns import Columns, Floats, Listener, blocks, normalised, with_largest
 from tigas_render.scenes.scene_file import SceneFile, check_packed_count, unreadable
+
+if TYPE_CHECKING:
+    from _typeshed import WriteableBuffer
 
 MAGIC = b"NGSP"
 GZIP = b"\x1f\x8b"
@@ -45,6 +51,22 @@ _Bytes = NDArray[np.uint8]
 
 class _Stream(Protocol):
     def read(self, size: int, /) -> bytes: ...
+
+
+class _At(io.RawIOBase):
+    """A file from some place on, whoever else reads it."""
+
+    def __init__(self, file: io.BufferedReader, at: int) -> None:
+        self._file = file
+        self._at = at
+
+    def readable(self) -> bool:
+        return True
+
+    def readinto(self, buffer: WriteableBuffer, /) -> int:
+        count = os.preadv(self._file.fileno(), [buffer], self._at)
+        self._at += count
+        return count
 
 
 class _Inflated:
@@ -100,29 +122,43 @@ def read_spz(path: Path) -> SceneFile:
         header.count,
         header.sh_degree,
         file_bytes,
-        partial(_load, path),
+        partial(_decode, path),
         header.antialiased,
     )
 
 
-def _load(path: Path) -> Gaussians:
+def _decode(path: Path, listener: Listener) -> Iterator[Columns]:
     with _opened(path) as file:
         file_bytes = file.seek(0, io.SEEK_END)
         file.seek(0)
-        stream = _unpacked(file)
-        header = _read_header(path.name, stream)
+        header = _read_header(path.name, _unpacked(file))
         check_packed_count(path.name, header.count, file_bytes)
-        columns = Columns(header.count, header.sh_degree)
-        starts = _streams(path.name, file, header, file_bytes) if header.version == 4 else None
-        for i, width in enumerate(header.widths):
-            if width and starts is not None:
-                file.seek(starts[i])
-                stream = zstandard.ZstdDecompressor().stream_reader(file, closefd=False)
-            for block in columns.blocks() if width else ():
-                rows = block.stop - block.start
-                content = _exactly(path.name, stream, rows * width)
-                _fill(columns, block, i, np.frombuffer(content, np.uint8).reshape(rows, width), header)
-    return columns.gaussians(path, antialiased=header.antialiased)
+        streams = _column_streams(path.name, file, header, file_bytes)
+        for block in blocks(header.count, listener):
+            rows = block.stop - block.start
+            columns = Columns(rows, header.sh_degree)
+            for i, stream in streams.items():
+                width = header.widths[i]
+                content = np.frombuffer(_exactly(path.name, stream, rows * width), np.uint8)
+                _fill(columns, i, content.reshape(rows, width), header)
+            yield columns
+
+
+def _column_streams(name: str, file: io.BufferedReader, header: _Header, file_bytes: int) -> dict[int, _Stream]:
+    """Of each column with something in it, by number: what gives its bytes."""
+    numbers = [i for i, width in enumerate(header.widths) if width]
+    if header.version == 4:
+        starts = _streams(name, file, header, file_bytes)
+        unpacker = zstandard.ZstdDecompressor
+        return {i: unpacker().stream_reader(_from(file, at)) for i, at in zip(numbers, starts, strict=True)}
+    streams: dict[int, _Stream] = {}
+    skipped = _HEADER.size
+    for i in numbers:
+        streams[i] = _Inflated(_from(file, 0))
+        for start in range(0, skipped, PACKED_BYTES):
+            _exactly(name, streams[i], min(PACKED_BYTES, skipped - start))
+        skipped += header.widths[i] * header.count
+    return streams
 
 
 @contextmanager
@@ -134,6 +170,10 @@ def _opened(path: Path) -> Iterator[io.BufferedReader]:
         raise BrokenScene(f"{path.name} is damaged: {str(error).rstrip('.')}.") from None
     except OSError as error:
         raise unreadable(path, error) from None
+
+
+def _from(file: io.BufferedReader, at: int) -> io.BufferedReader:
+    return io.BufferedReader(_At(file, at), PACKED_BYTES)
 
 
 def _unpacked(file: io.BufferedReader) -> _Stream:
@@ -191,22 +231,22 @@ def _exactly(name: str, stream: _Stream, size: int) -> bytes:
     return b"".join(parts)
 
 
-def _fill(columns: Columns, rows: slice, column: int, content: _Bytes, header: _Header) -> None:
-    """Decode some rows [rows, width] of the column with this number."""
+def _fill(columns: Columns, column: int, content: _Bytes, header: _Header) -> None:
+    """Decode the rows [rows, width] of the column with this number."""
     if column == 0:
         wide = content.reshape(-1, 3, 3).astype(np.int32)
         fixed = wide[..., 0] | wide[..., 1] << 8 | wide[..., 2] << 16
-        columns.means[rows] = np.where(fixed >= 1 << 23, fixed - (1 << 24), fixed) / 2.0**header.fractional_bits
+        columns.means[:] = np.where(fixed >= 1 << 23, fixed - (1 << 24), fixed) / 2.0**header.fractional_bits
     elif column == 1:
-        columns.opacities[rows] = content[:, 0] / np.float32(255)
+        columns.opacities[:] = content[:, 0] / np.float32(255)
     elif column == 2:
-        columns.sh[rows, 0] = (content / np.float32(255) - 0.5) / COLOUR_SCALE
+        columns.sh[:, 0] = (content / np.float32(255) - 0.5) / COLOUR_SCALE
     elif column == 3:
-        columns.scales[rows] = np.exp(content / np.float32(16) - 10)
+        columns.scales[:] = np.exp(content / np.float32(16) - 10)
     elif column == 4:
-        columns.quaternions[rows] = _first_three(content) if header.version == 2 else _smallest_three(content)
+        columns.quaternions[:] = _first_three(content) if header.version == 2 else _smallest_three(content)
     else:
-        columns.sh[rows, 1:] = (content.reshape(len(content), -1, 3).astype(np.float32) - 128) / 128
+        columns.sh[:, 1:] = (content.reshape(len(content), -1, 3).astype(np.float32) - 128) / 128
 
 
 def _first_three(content: _Bytes) -> Floats:

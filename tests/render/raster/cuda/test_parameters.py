@@ -34,7 +34,7 @@ def test_parameters_are_laid_out_as_the_kernels_read_them() -> None:
 
 
 def test_the_shortest_focal_length_has_limits_that_the_kernels_can_hold() -> None:
-    scene = pack(cloud(10, 0), torch.device("cpu"))
+    scene = pack(cloud(10, 0).batches(), torch.device("cpu"))
     shortest = Camera(Pose((0.0, 0.0, 0.0), LEVEL), Intrinsics(1e-300, 1e-300, 640.0, 360.0, 1280, 720))
     frame = ctypes.create_string_buffer(LAYOUT.size)
     write_frame(frame, scene, shortest, tile_layout(1280, 720, scene.padded), "jpeg", (0,) * 18, 0)
@@ -44,7 +44,7 @@ def test_the_shortest_focal_length_has_limits_that_the_kernels_can_hold() -> Non
 
 
 def test_the_kernels_learn_how_much_larger_the_picture_is_shown() -> None:
-    scene = pack(cloud(10, 0), torch.device("cpu"))
+    scene = pack(cloud(10, 0).batches(), torch.device("cpu"))
     frame = ctypes.create_string_buffer(LAYOUT.size)
     view = camera(640, 360, display_scale=2)
     write_frame(frame, scene, view, tile_layout(640, 360, scene.padded), "jpeg", (0,) * 18, 0)
@@ -53,7 +53,7 @@ def test_the_kernels_learn_how_much_larger_the_picture_is_shown() -> None:
 
 
 def test_the_kernels_learn_of_antialiased_training() -> None:
-    scene = pack(dataclasses.replace(cloud(10, 0), antialiased=True), torch.device("cpu"))
+    scene = pack(dataclasses.replace(cloud(10, 0), antialiased=True).batches(), torch.device("cpu"))
     frame = ctypes.create_string_buffer(LAYOUT.size)
     write_frame(frame, scene, camera(640, 360), tile_layout(640, 360, scene.padded), "jpeg", (0,) * 18, 0)
     assert LAYOUT.unpack(frame.raw)[-9:-7] == pytest.approx((0, DILATION))

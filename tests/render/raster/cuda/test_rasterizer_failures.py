@@ -18,7 +18,7 @@ from tigas_render.raster.cuda.scene import pack
 if TYPE_CHECKING:
     from tigas_render.raster.cuda.rasterizer import CudaImage, CudaRasterizer
 
-SCENE = pack(cloud(1000, 0), torch.device("cpu"))
+SCENE = pack(cloud(1000, 0).batches(), torch.device("cpu"))
 MEGABYTE = 1 << 20
 
 

@@ -13,7 +13,7 @@ def test_a_packed_scene_is_whole_chunks_without_what_cannot_be_drawn() -> None:
     gaussians = cloud(1000, 3)
     gaussians.opacities[:100] = 0.001
     gaussians.means[100] = float("nan")
-    scene = pack(gaussians, torch.device("cpu"))
+    scene = pack(gaussians.batches(), torch.device("cpu"))
     drawable = int((gaussians.opacities >= 1 / 255).sum()) - int(gaussians.opacities[100] >= 1 / 255)
     assert scene.padded % CHUNK == 0
     assert int((scene.shapes[:, 3] != 0).sum()) == drawable
@@ -23,7 +23,7 @@ def test_a_packed_scene_is_whole_chunks_without_what_cannot_be_drawn() -> None:
 
 def test_scales_survive_packing_to_a_tenth_of_a_percent() -> None:
     gaussians = cloud(500, 0, size=0.01)
-    scene = pack(gaussians, torch.device("cpu"))
+    scene = pack(gaussians.batches(), torch.device("cpu"))
     codes = scene.shapes[:, :3].to(torch.int32) & 0xFFFF
     unpacked = torch.exp2(scene.scale_low + scene.scale_step * codes).sum(1).sort().values[-400:]
     original = gaussians.scales[gaussians.opacities >= 1 / 255].sum(1).sort().values[-400:]
@@ -31,7 +31,7 @@ def test_scales_survive_packing_to_a_tenth_of_a_percent() -> None:
 
 
 def test_chunks_bounds_hold_their_means() -> None:
-    scene = pack(cloud(2000, 0), torch.device("cpu"))
+    scene = pack(cloud(2000, 0).batches(), torch.device("cpu"))
     points = scene.means.T[:1800].clone()
     centres = scene.bounds[:, None, :3].repeat(1, CHUNK, 1).reshape(-1, 3)[:1800]
     radii = scene.bounds[:, None, 3].repeat(1, CHUNK).reshape(-1)[:1800]
@@ -49,6 +49,6 @@ def test_degrees_without_coefficients_are_not_kept() -> None:
 
 def test_nothing_packs_to_one_chunk_of_padding() -> None:
     nothing = Gaussians(torch.zeros(0, 3), torch.zeros(0, 3), torch.zeros(0, 4), torch.zeros(0), torch.zeros(0, 1, 3))
-    scene = pack(nothing, torch.device("cpu"))
+    scene = pack(nothing.batches(), torch.device("cpu"))
     assert scene.padded == CHUNK
     assert not scene.shapes.any()

@@ -68,6 +68,18 @@ test("a scene is loaded and unloaded, and says so meanwhile", async () => {
   expect(unloadScene).toHaveBeenCalledWith("pebbles");
 });
 
+test("a scene that is loading shows how far it is, again and again", async () => {
+  vi.useFakeTimers();
+  const loading = (progress: number) => [{ ...PEBBLES, state: "loading", progress } as const];
+  vi.mocked(fetchScenes).mockResolvedValueOnce(loading(0.25)).mockResolvedValue(loading(0.75));
+  render(<Dashboard />);
+  await vi.advanceTimersByTimeAsync(10);
+  const bar = screen.getByLabelText<HTMLProgressElement>("Loading Pebbles");
+  expect(bar.value).toBe(0.25);
+  await vi.advanceTimersByTimeAsync(1100);
+  expect(bar.value).toBe(0.75);
+});
+
 test("a server that does not answer is said once, and asked until it does", async () => {
   vi.useFakeTimers();
   vi.mocked(fetchScenes).mockRejectedValueOnce(new ApiError("The server does not answer.", true));

@@ -14,7 +14,7 @@ import { whatIsNew } from "./news";
 import { SceneCard, SkeletonCard } from "./scene-card";
 
 /** While a scene loads or the server is away, the list is read again this often, in milliseconds. */
-const REFRESH_EVERY = 2000;
+const REFRESH_EVERY = 1000;
 
 export function Dashboard() {
   const filter = useSignal("");

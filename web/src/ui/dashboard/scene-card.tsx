@@ -28,6 +28,9 @@ export function SceneCard({ scene }: { scene: SceneInfo }) {
           {STATES[scene.state]}
           {scene.state === "loaded" && <span class="muted"> · {bytes(scene.memory_bytes)}</span>}
         </span>
+        {scene.state === "loading" && (
+          <progress max={1} value={scene.progress ?? 0} aria-label={`Loading ${scene.name}`} />
+        )}
         <LoadButton scene={scene} />
       </div>
     </li>

@@ -14,11 +14,15 @@ import { noPackager } from "./names";
 
 export function StageMessage({ session }: { session: ViewerSession }) {
   const phase = session.phase.value;
-  const { message, kind } = { message: null, ...phase };
+  const { message, progress, kind } = { message: null, progress: undefined, ...phase };
   return (
     <div class="stage-message" role="status">
-      {(kind === "connecting" || kind === "loading") && (
-        <Waiting>{kind === "loading" ? "Loading the scene…" : "Connecting…"}</Waiting>
+      {kind === "connecting" && <Waiting>Connecting…</Waiting>}
+      {kind === "loading" && (
+        <Waiting>
+          Loading the scene…
+          {progress !== undefined && <progress max={1} value={progress} aria-label="Loading" />}
+        </Waiting>
       )}
       {kind === "full" && <Waiting>The server is full. The scene opens by itself as soon as there is room.</Waiting>}
       {kind === "lost" && <Lost>{message}</Lost>}
@@ -91,7 +95,7 @@ function Local({ local, session }: { local: LocalPlayer | null; session: ViewerS
   return phase.kind === "failed" ? <Failed>{phase.message}</Failed> : null;
 }
 
-function Waiting({ children }: { children: string }) {
+function Waiting({ children }: { children: ComponentChildren }) {
   return (
     <p class="floating message">
       <span class="spinner">

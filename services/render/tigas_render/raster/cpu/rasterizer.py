@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from tigas_common.pose import Intrinsics, Pose
 from tigas_common.wire.render import FrameFormat
-from tigas_render.gaussians import Gaussians
+from tigas_render.gaussians import Batches, Gaussians
 from tigas_render.raster.base import Camera, Pause, PreparedScene, Rasterizer, one_gaussian
 from tigas_render.raster.cpu import layout as L
 from tigas_render.raster.cpu.binning import AHEAD, DIGIT, DIGITS, fill_lists, place_lists, sort_lists
@@ -72,9 +72,12 @@ class CpuRasterizer(Rasterizer):
         self._pool = FramebufferPool()
         self._turn = np.zeros(1, np.int64)
 
-    def prepare(self, gaussians: Gaussians) -> CpuScene:
+    def pack(self, scene: Batches) -> CpuScene:
         """Pack a scene; see `scene.pack`."""
-        return pack(gaussians)
+        return pack(scene)
+
+    def prepare(self, gaussians: Gaussians) -> CpuScene:
+        return pack(gaussians.batches())
 
     def render(
         self,

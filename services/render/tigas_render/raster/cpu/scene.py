@@ -3,18 +3,18 @@
 # mypy: disable-error-code="no-untyped-def,no-untyped-call,call-arg,var-annotated"
 from __future__ import annotations
 
+import itertools
+import math
 from dataclasses import dataclass
 
 import numpy as np
-import torch
-from numba import prange
 from numpy.typing import NDArray
 
-from tigas_render.gaussians import Gaussians
+from tigas_render.gaussians import Batches
 from tigas_render.raster.base import ALPHA_MIN, BASIS_CONSTANTS, PreparedScene
 from tigas_render.raster.cpu import layout as L
 from tigas_render.raster.cpu.kernel import kernel
-from tigas_render.raster.morton import morton_codes
+from tigas_render.raster.cpu.order import sort_by_place
 
 Floats = NDArray[np.float32]
 HALF_MAX = 65504.0
@@ -43,57 +43,99 @@ class CpuScene(PreparedScene):
         return self.geometry.nbytes + self.sh.nbytes + self.bounds.nbytes
 
 
-def pack(gaussians: Gaussians) -> CpuScene:
-    """Pack a scene. Gaussians that are too transparent to be drawn, or nowhere, are left out."""
-    means, scales, quaternions, opacities, sh = (
-        np.ascontiguousarray(tensor.detach().cpu().numpy(), np.float32)
-        for tensor in (gaussians.means, gaussians.scales, gaussians.quaternions, gaussians.opacities, gaussians.sh)
-    )
-    drawable = np.flatnonzero((opacities >= ALPHA_MIN) & np.isfinite(means).all(axis=1))
-    codes = morton_codes(torch.from_numpy(means[drawable])).numpy()
-    order = drawable[np.argsort(codes, kind="stable")]
-    chunks = -(-len(order) // L.CHUNK)
-    geometry = np.zeros((chunks, L.GEOMETRY, L.CHUNK), np.float32)
-    packed_sh = np.zeros((chunks * L.CHUNK // L.LANES, sh.shape[1] * 3, L.LANES), np.float16)
+def pack(scene: Batches) -> CpuScene:
+    """Pack a scene. Gaussians that are too transparent to be drawn, or nowhere, are left out.
+
+    Memory beyond the packed scene is that of a batch, and 8 bytes a Gaussian. One core does it all, so that frames of
+    other scenes have the others.
+    """
+    first = next(scene.parts)
+    chunks, coefficients = -(-scene.most // L.CHUNK), first.sh.shape[1]
+    # Gaussian by Gaussian, until they are in order; of what is not written, the system gives no memory
+    rows = np.empty((chunks * L.CHUNK, L.GEOMETRY), np.float32)
+    sh = np.empty((chunks * L.CHUNK, coefficients * 3), np.float16)
+    constants = np.array(BASIS_CONSTANTS[:coefficients], np.float32)[:, None]
+    count = 0
+    for part in itertools.chain((first,), scene.parts):
+        means, scales, quaternions, opacities, colours = (
+            np.ascontiguousarray(tensor.detach().cpu().numpy(), np.float32) for tensor in part.tensors
+        )
+        drawable = np.flatnonzero((opacities >= ALPHA_MIN) & np.isfinite(means).all(axis=1))
+        end = count + len(drawable)
+        describe(drawable, means, scales, quaternions, opacities, rows[count:end])
+        halves = (colours[drawable] * constants).clip(-HALF_MAX, HALF_MAX).astype(np.float16)
+        sh[count:end] = halves.reshape(len(drawable), coefficients * 3)
+        count = end
+    chunks = -(-count // L.CHUNK)
+    rows, sh = rows[: chunks * L.CHUNK], sh[: chunks * L.CHUNK]
+    rows[count:], sh[count:] = 0, 0
+    rows[count:, L.LOG_ALPHA] = -2
+    sort_by_place(rows[:count], sh[:count])
     bounds = np.zeros((chunks, L.BOUNDS))
-    constants = np.array(BASIS_CONSTANTS[: sh.shape[1]], np.float32)
-    halves = (sh * constants[:, None]).clip(-HALF_MAX, HALF_MAX).astype(np.float16)
-    flat_sh = halves.view(np.uint16).reshape(len(sh), sh.shape[1] * 3)
-    _pack(order, means, scales, quaternions, opacities, flat_sh, geometry, packed_sh.view(np.uint16), bounds)
-    return CpuScene(geometry, packed_sh, bounds, gaussians.antialiased)
+    lay_out(rows, sh.view(np.uint16), count, bounds)
+    geometry = rows.reshape(chunks, L.GEOMETRY, L.CHUNK)
+    return CpuScene(geometry, sh.reshape(-1, coefficients * 3, L.LANES), bounds, first.antialiased)
 
 
-@kernel(parallel=True)
-def _pack(order, means, scales, quaternions, opacities, sh, geometry, packed_sh, bounds):
-    """Fill geometry, packed_sh and bounds from the Gaussians order[...]: Σ = R S Sᵀ Rᵀ, as in 3DGS."""
-    for chunk in prange(geometry.shape[0]):
-        into = geometry[chunk]
-        into[L.LOG_ALPHA, :] = np.float32(-2)
-        low, high = np.full(3, np.inf), np.full(3, -np.inf)
-        largest = 0.0
-        for lane in range(min(L.CHUNK, order.shape[0] - chunk * L.CHUNK)):
-            i = order[chunk * L.CHUNK + lane]
-            for axis in range(3):
-                into[L.MEAN_X + axis, lane] = means[i, axis]
-                low[axis] = min(low[axis], np.float64(means[i, axis]))
-                high[axis] = max(high[axis], np.float64(means[i, axis]))
-                largest = max(largest, np.float64(scales[i, axis]))
-            w, x, y, z = quaternions[i]
-            sx, sy, sz = scales[i]
-            m00, m01, m02 = (1 - 2 * (y * y + z * z)) * sx, 2 * (x * y - w * z) * sy, 2 * (x * z + w * y) * sz
-            m10, m11, m12 = 2 * (x * y + w * z) * sx, (1 - 2 * (x * x + z * z)) * sy, 2 * (y * z - w * x) * sz
-            m20, m21, m22 = 2 * (x * z - w * y) * sx, 2 * (y * z + w * x) * sy, (1 - 2 * (x * x + y * y)) * sz
-            into[L.COV_XX, lane] = m00 * m00 + m01 * m01 + m02 * m02
-            into[L.COV_XY, lane] = m00 * m10 + m01 * m11 + m02 * m12
-            into[L.COV_XZ, lane] = m00 * m20 + m01 * m21 + m02 * m22
-            into[L.COV_YY, lane] = m10 * m10 + m11 * m11 + m12 * m12
-            into[L.COV_YZ, lane] = m10 * m20 + m11 * m21 + m12 * m22
-            into[L.COV_ZZ, lane] = m20 * m20 + m21 * m21 + m22 * m22
-            into[L.LOG_ALPHA, lane] = np.log2(np.float64(opacities[i])) * L.ALPHA_SCALE
-            group = (chunk * L.CHUNK + lane) // L.LANES
-            for coefficient in range(sh.shape[1]):
-                packed_sh[group, coefficient, lane % L.LANES] = sh[i, coefficient]
+@kernel()
+def describe(chosen, means, scales, quaternions, opacities, rows):
+    """Fill rows [len(chosen), GEOMETRY] from the Gaussians chosen[...]: Σ = R S Sᵀ Rᵀ, as in 3DGS."""
+    for number in range(chosen.shape[0]):
+        i = chosen[number]
+        into = rows[number]
         for axis in range(3):
-            bounds[chunk, L.BOUND_LOW + axis] = low[axis]
-            bounds[chunk, L.BOUND_HIGH + axis] = high[axis]
-        bounds[chunk, L.BOUND_SCALE] = largest
+            into[L.MEAN_X + axis] = means[i, axis]
+        w, x, y, z = quaternions[i]
+        sx, sy, sz = scales[i]
+        m00, m01, m02 = (1 - 2 * (y * y + z * z)) * sx, 2 * (x * y - w * z) * sy, 2 * (x * z + w * y) * sz
+        m10, m11, m12 = 2 * (x * y + w * z) * sx, (1 - 2 * (x * x + z * z)) * sy, 2 * (y * z - w * x) * sz
+        m20, m21, m22 = 2 * (x * z - w * y) * sx, 2 * (y * z + w * x) * sy, (1 - 2 * (x * x + y * y)) * sz
+        into[L.COV_XX] = m00 * m00 + m01 * m01 + m02 * m02
+        into[L.COV_XY] = m00 * m10 + m01 * m11 + m02 * m12
+        into[L.COV_XZ] = m00 * m20 + m01 * m21 + m02 * m22
+        into[L.COV_YY] = m10 * m10 + m11 * m11 + m12 * m12
+        into[L.COV_YZ] = m10 * m20 + m11 * m21 + m12 * m22
+        into[L.COV_ZZ] = m20 * m20 + m21 * m21 + m22 * m22
+        into[L.LOG_ALPHA] = np.log2(np.float64(opacities[i])) * L.ALPHA_SCALE
+
+
+@kernel()
+def lay_out(rows, sh, count, bounds):
+    """Lay out each chunk of rows [chunks · CHUNK, GEOMETRY] and sh [chunks · CHUNK, 3 · K] as CpuScene has it, in
+    place, and fill its bounds; the first `count` are Gaussians.
+    """
+    geometry = np.empty((L.GEOMETRY, L.CHUNK), np.float32)
+    group = np.empty((sh.shape[1], L.LANES), np.uint16)
+    for chunk in range(bounds.shape[0]):
+        start, end = chunk * L.CHUNK, (chunk + 1) * L.CHUNK
+        find_bounds(rows[start : min(end, count)], bounds[chunk])
+        for lane in range(L.CHUNK):
+            for field in range(L.GEOMETRY):
+                geometry[field, lane] = rows[start + lane, field]
+        rows[start:end].reshape(-1)[:] = geometry.reshape(-1)
+        for first in range(start, end, L.LANES):
+            for lane in range(L.LANES):
+                for number in range(sh.shape[1]):
+                    group[number, lane] = sh[first + lane, number]
+            sh[first : first + L.LANES].reshape(-1)[:] = group.reshape(-1)
+
+
+@kernel()
+def find_bounds(rows, bounds):
+    """Fill bounds [BOUNDS] from rows [N, GEOMETRY]. The greatest deviation is no greater than the square root of its
+    covariance's Frobenius norm.
+    """
+    low, high = np.full(3, np.inf), np.full(3, -np.inf)
+    largest = 0.0
+    for i in range(rows.shape[0]):
+        squares = 0.0
+        for field in range(L.COV_XX, L.LOG_ALPHA):
+            off_diagonal = field == L.COV_XY or field == L.COV_XZ or field == L.COV_YZ
+            squares += (2 if off_diagonal else 1) * np.float64(rows[i, field]) ** 2
+        largest = max(largest, math.sqrt(math.sqrt(squares)))
+        for axis in range(3):
+            low[axis] = min(low[axis], np.float64(rows[i, L.MEAN_X + axis]))
+            high[axis] = max(high[axis], np.float64(rows[i, L.MEAN_X + axis]))
+    bounds[L.BOUND_LOW : L.BOUND_LOW + 3] = low
+    bounds[L.BOUND_HIGH : L.BOUND_HIGH + 3] = high
+    bounds[L.BOUND_SCALE] = largest

@@ -19,7 +19,7 @@ from tigas_common.errors import DeviceLost, OutOfDeviceMemory
 from tigas_common.pose import Intrinsics, Pose
 from tigas_common.wire.render import FrameFormat
 from tigas_render.encode.png import encode_png
-from tigas_render.gaussians import Gaussians
+from tigas_render.gaussians import Batches, Gaussians
 from tigas_render.raster.base import Camera, Image, Pause, PreparedScene, one_gaussian
 from tigas_render.raster.calls import Calls
 from tigas_render.raster.cuda.compiler import load_kernels
@@ -71,13 +71,16 @@ class CudaRasterizer(LaneRasterizer):
     def hardware(self) -> str:
         return torch.cuda.get_device_name(self._device)
 
-    def prepare(self, gaussians: Gaussians) -> CudaScene:
+    def pack(self, scene: Batches) -> CudaScene:
         """Pack a scene; see `scene.pack`. Raises OutOfDeviceMemory and DeviceLost."""
         with self.explained():
             self._make_room()
-            scene = pack(gaussians, self._device)
+            packed = pack(scene, self._device)
             torch.cuda.current_stream(self._device).synchronize()  # frames read it from other streams
-            return scene
+            return packed
+
+    def prepare(self, gaussians: Gaussians) -> CudaScene:
+        return self.pack(gaussians.batches())
 
     def render(
         self,

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass
 
 import torch
 
-from tigas_render.gaussians import Gaussians
+from tigas_render.gaussians import Batches, Gaussians
 from tigas_render.raster.base import ALPHA_MIN, BASIS_CONSTANTS, PreparedScene
 from tigas_render.raster.morton import morton_codes
 
@@ -46,11 +47,10 @@ class CudaScene(PreparedScene):
         return sum(t.nbytes for t in (self.means, self.shapes, self.sh, self.bounds))
 
 
-def pack(gaussians: Gaussians, device: torch.device) -> CudaScene:
+def pack(scene: Batches, device: torch.device) -> CudaScene:
     """Pack a scene on a device. Gaussians that are too transparent to be drawn or not finite are left out."""
-    means, scales, quaternions, opacities = (
-        t.detach().to(device) for t in (gaussians.means, gaussians.scales, gaussians.quaternions, gaussians.opacities)
-    )
+    gaussians = _on_device(scene, device)
+    means, scales, quaternions, opacities, _ = gaussians.tensors
     sh = gaussians.sh[:, : coefficients_in_use(gaussians.sh)]
     finite = torch.cat([means, scales, quaternions], 1).isfinite().all(1) & (opacities >= ALPHA_MIN)
     keep = finite.nonzero().squeeze(1)
@@ -84,6 +84,21 @@ def pack(gaussians: Gaussians, device: torch.device) -> CudaScene:
     )
 
 
+def _on_device(scene: Batches, device: torch.device) -> Gaussians:
+    """All Gaussians, with coefficients in half precision; the host holds a batch at a time."""
+    first = next(scene.parts)
+    whole = [
+        torch.empty(scene.most, *t.shape[1:], dtype=torch.float16 if t is first.sh else t.dtype, device=device)
+        for t in first.tensors
+    ]
+    count = 0
+    for part in itertools.chain((first,), scene.parts):
+        for tensor, rows in zip(whole, part.tensors, strict=True):
+            tensor[count : count + len(rows)] = rows.detach().to(device)
+        count += len(part)
+    return Gaussians(*(tensor[:count] for tensor in whole), antialiased=first.antialiased)
+
+
 def coefficients_in_use(sh: torch.Tensor) -> int:
     """(degree + 1)² of the highest degree that has a coefficient other than zero. sh: [N, K, 3]."""
     for degree in (3, 2, 1):
@@ -104,7 +119,7 @@ def _pack_sh(sh: torch.Tensor, keep: torch.Tensor, padding: int) -> torch.Tensor
     constants = torch.tensor(BASIS_CONSTANTS[: sh.shape[1]], device=keep.device)
     packed = torch.zeros(-(-numbers // 4) * 4, len(keep) + padding, dtype=torch.float16, device=keep.device)
     for coefficient in range(sh.shape[1]):  # one at a time: the whole in float32 may not fit beside the rest
-        values = sh[:, coefficient].detach().to(keep.device)[keep] * constants[coefficient]
+        values = sh[:, coefficient][keep].float() * constants[coefficient]
         packed[3 * coefficient : 3 * coefficient + 3, : len(keep)] = values.nan_to_num().clamp(-6e4, 6e4).T
     return packed.reshape(-1, 4, packed.shape[1]).transpose(1, 2).contiguous()
 

@@ -1,0 +1,50 @@
+"""What is learned of a scene while its Gaussians pass by on their way to the rasteriser."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from tigas_common.wire.model import Point
+from tigas_common.wire.render import StartCamera
+from tigas_render.gaussians import Batches, Gaussians
+from tigas_render.scenes.start_camera import SAMPLE, derive_camera
+
+
+class Survey:
+    """Of one scene; complete once all its Gaussians were read."""
+
+    def __init__(self) -> None:
+        self.count = 0
+        """Gaussians that can be drawn."""
+        self.low: NDArray[np.float32] = np.full(3, np.inf, np.float32)
+        self.high: NDArray[np.float32] = np.full(3, -np.inf, np.float32)
+        """The least and greatest of their centres, [3]."""
+        self._some: list[Gaussians] = []
+
+    def watch(self, scene: Batches) -> Batches:
+        """The same, watched."""
+        return Batches(scene.most, self._watched(scene))
+
+    def _watched(self, scene: Batches) -> Iterator[Gaussians]:
+        step = max(1, scene.most // SAMPLE)
+        for part in scene.parts:
+            means = part.means.numpy()
+            self.low, self.high = np.minimum(self.low, means.min(0)), np.maximum(self.high, means.max(0))
+            self._some.append(Gaussians(*(tensor[-self.count % step :: step].clone() for tensor in part.tensors)))
+            self.count += len(part)
+            yield part
+
+    @property
+    def sample(self) -> Gaussians:
+        """Some SAMPLE Gaussians, spread evenly over the file."""
+        columns = zip(*(some.tensors for some in self._some), strict=True)
+        return Gaussians(*(torch.cat(parts) for parts in columns))
+
+    def camera(self, up: Point) -> StartCamera:
+        """See `derive_camera`."""
+        sample = self.sample
+        return derive_camera(sample.means, sample.opacities, sample.scales, up)
