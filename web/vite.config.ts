@@ -14,7 +14,9 @@ export default defineConfig({
   },
   worker: { format: "es" },
   server: {
-    proxy: Object.fromEntries(["/config.json", "/healthz", "/render", "/scenes"].map((path) => [path, SERVER])),
+    proxy: Object.fromEntries(
+      ["/config.json", "/healthz", "/render", "/scenes", "/uploads"].map((path) => [path, SERVER]),
+    ),
   },
   test: {
     environment: "node",

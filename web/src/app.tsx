@@ -7,10 +7,11 @@ import { ExperimentList } from "./ui/experiment/experiment-list";
 import { SamplesPage } from "./ui/experiment/samples-page";
 import { useLeavingWarning } from "./ui/use-leaving-warning";
 import { Viewer } from "./ui/viewer/viewer";
+import { isUploading } from "./uploads/uploads";
 
 export function App() {
   const current = route.value;
-  useLeavingWarning(experimentAtRisk.value || unsaved.value.size > 0);
+  useLeavingWarning(experimentAtRisk.value || unsaved.value.size > 0 || isUploading.value);
   if (current.page === "experiments") return <ExperimentList />;
   if (current.page === "samples") return <SamplesPage key={current.experiment} id={current.experiment} />;
   return current.page === "viewer" ? (

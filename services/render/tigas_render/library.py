@@ -17,7 +17,7 @@ from tigas_render.scenes.adding import keep_upload
 from tigas_render.scenes.changing import remove_scene, rename_scene
 from tigas_render.scenes.registry import SceneRegistry
 from tigas_render.settings import RenderSettings
-from tigas_render.uploads.parts import MODELS, Upload, Uploads, WrongOffset
+from tigas_render.uploads.parts import MODELS, Uploads, WrongOffset
 from tigas_render.uploads.permission import ScenesFixed, open_uploads
 
 _log = logging.getLogger(__name__)
@@ -45,7 +45,7 @@ class Library:
         self._registry = registry
         self._offload = offload
         self._checks = asyncio.Semaphore(1)  # each may take as much memory as the largest scene
-        self._adding: dict[str, asyncio.Task[None]] = {}
+        self._adding: dict[str, asyncio.Task[str]] = {}
 
     @property
     def max_upload_bytes(self) -> int | None:
@@ -61,17 +61,11 @@ class Library:
         Raises ScenesFixed, UnknownUpload, WrongOffset, BrokenScene, NotAdded, TooCostly, DiskFull and StorageFailed.
         """
         uploads = open_uploads(self._settings)
-        upload = await asyncio.to_thread(uploads.get, upload_id)
-        if upload.added:
-            return upload.scene
-        if upload.offset < upload.length:
-            raise WrongOffset(f"The upload has {upload.offset} of {upload.length} bytes.")
         adding = self._adding.get(upload_id)
         if adding is None:
-            adding = self._adding[upload_id] = asyncio.create_task(self._add(uploads, upload))
+            adding = self._adding[upload_id] = asyncio.create_task(self._add(uploads, upload_id))
             adding.add_done_callback(lambda _: self._adding.pop(upload_id))
-        await asyncio.shield(adding)  # whoever leaves may come back and ask
-        return upload.scene
+        return await asyncio.shield(adding)  # whoever leaves may come back and ask
 
     async def remove(self, scene_id: str) -> None:
         """Remove a scene for good. Raises ScenesFixed, UnknownScene, BuiltIn, DiskFull and StorageFailed."""
@@ -94,7 +88,12 @@ class Library:
             await asyncio.to_thread(change, models, scene_id)
         await self._registry.scan()
 
-    async def _add(self, uploads: Uploads, upload: Upload) -> None:
+    async def _add(self, uploads: Uploads, upload_id: str) -> str:
+        upload = await asyncio.to_thread(uploads.get, upload_id)
+        if upload.added:
+            return upload.scene
+        if upload.offset < upload.length:
+            raise WrongOffset(f"The upload has {upload.offset} of {upload.length} bytes.")
         limit = Limit(memory=uploads.limit + CHECK_MEMORY, cpu_s=CHECK_CPU_S)
         try:
             async with self._checks:
@@ -108,3 +107,4 @@ class Library:
         _log.info("%s was uploaded: %.1f MB", upload.scene, upload.length / 1e6)
         await asyncio.to_thread(uploads.note_added, upload)
         await self._registry.scan()
+        return upload.scene

@@ -12,18 +12,18 @@ export class ApiError extends Error {
   }
 }
 
-/** The problem of a failed response; one is made up if the answer came from something else than our server. */
+/** The problem of a failed response. */
 export async function readProblem(response: Response): Promise<Problem> {
+  return problemOf(response.status, await response.text().catch(() => ""));
+}
+
+/** The problem that an answer's body tells of; one is made up if it came from something else than our server. */
+export function problemOf(status: number, body: string): Problem {
   try {
-    const problem = (await response.json()) as Problem;
+    const problem = JSON.parse(body) as Problem;
     if (typeof problem?.detail === "string" && typeof problem.type === "string") return problem;
   } catch {
     // not JSON: a proxy's page, or nothing at all
   }
-  return {
-    type: "about:blank",
-    title: response.statusText,
-    status: response.status,
-    detail: `The server answered with status ${response.status}.`,
-  };
+  return { type: "about:blank", title: "", status, detail: `The server answered with status ${status}.` };
 }

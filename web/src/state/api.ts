@@ -1,6 +1,6 @@
 /** The service's JSON endpoints. Every failure is an ApiError with one sentence to show. */
 import { ApiError, readProblem } from "../http/problem";
-import type { SceneInfo, ServerConfig, Training } from "../wire/render";
+import type { AddedScene, SceneInfo, ServerConfig, Training } from "../wire/render";
 
 const TIMEOUT = 5000;
 
@@ -28,6 +28,22 @@ export function unloadScene(id: string): Promise<SceneInfo> {
   return call<SceneInfo>(`scenes/${encodeURIComponent(id)}/unload`, { method: "POST" }, withTimeout());
 }
 
+/** Deletes a scene on the server's disk. */
+export function deleteScene(id: string): Promise<void> {
+  return call<void>(`scenes/${encodeURIComponent(id)}`, { method: "DELETE" }, withTimeout());
+}
+
+/** The scene under its new name, which is its id, too. */
+export function renameScene(id: string, name: string): Promise<SceneInfo> {
+  const init = { method: "POST", body: JSON.stringify({ name }) };
+  return call<SceneInfo>(`scenes/${encodeURIComponent(id)}/rename`, init, withTimeout());
+}
+
+/** Makes the upload at this URL a scene, however long it takes to check it. */
+export function addUploaded(url: string, signal?: AbortSignal): Promise<AddedScene> {
+  return call<AddedScene>(`${url}/scene`, { method: "POST" }, signal);
+}
+
 export function fetchScene(id: string): Promise<SceneInfo> {
   return call<SceneInfo>(`scenes/${encodeURIComponent(id)}`, {}, withTimeout());
 }
@@ -41,7 +57,7 @@ async function call<T>(path: string, init: RequestInit, signal?: AbortSignal): P
   let response: Response;
   try {
     response = await fetch(path, { ...init, cache: "no-store", ...(signal && { signal }) });
-    if (response.ok) return (await response.json()) as T;
+    if (response.ok) return (response.status === 204 ? undefined : await response.json()) as T;
   } catch (error) {
     if (signal?.aborted && !isTimeout(signal.reason)) throw error;
     throw new ApiError("The server does not answer.", true);

@@ -10,6 +10,7 @@ export interface Wire {
   SceneInfo: SceneInfo;
   ServerConfig: ServerConfig;
   Training: Training;
+  AddedScene: AddedScene;
 }
 /**
  * One view to render. The pose is either Euler angles and `translation`, or `position` and `quaternion`.
@@ -185,4 +186,10 @@ export interface Training {
   progress?: number;
   stage?: string;
   problem?: string | null;
+}
+/**
+ * What an upload has become.
+ */
+export interface AddedScene {
+  id: string;
 }

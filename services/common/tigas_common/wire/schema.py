@@ -44,7 +44,14 @@ def schemas() -> dict[str, dict[str, Any]]:
             "Wire",
             "All messages between client and server.",
             requests=[render.RenderRequest],
-            answers=[render.FrameHeader, render.Problem, render.SceneInfo, render.ServerConfig, render.Training],
+            answers=[
+                render.FrameHeader,
+                render.Problem,
+                render.SceneInfo,
+                render.ServerConfig,
+                render.Training,
+                render.AddedScene,
+            ],
         ),
         "dash": messages_schema(
             "DashWire",

@@ -16,6 +16,7 @@ import httpx
 from tigas_common.errors import BrokenScene, TigasError
 from tigas_common.files import check_room, open_regular
 from tigas_render.scenes.directory import SAFE_NAME, scene_file, scene_id, scene_paths
+from tigas_render.scenes.registry import BUILTIN
 from tigas_render.scenes.scene_file import SceneFile
 from tigas_render.scenes.sog_files import META
 
@@ -58,7 +59,7 @@ def check_free(directory: Path, id: str) -> None:
     """Whether a scene can be called so. Raises NotAdded."""
     if not SAFE_NAME.fullmatch(id):
         raise NotAdded(f"{id[:100]!r} cannot be a scene's name: that has letters, digits, blanks and _.()+- alone.")
-    if id in scene_paths(directory):
+    if id in BUILTIN or id in scene_paths(directory):
         raise NotAdded(f"There is a scene {id} already; choose another name.")
 
 

@@ -3,7 +3,7 @@ import { cleanup, render, screen, waitFor, within } from "@testing-library/preac
 import userEvent from "@testing-library/user-event";
 import { afterEach, beforeEach, expect, test, vi } from "vitest";
 import { ApiError } from "../../http/problem";
-import { fetchConfig, fetchScenes, loadScene, unloadScene } from "../../state/api";
+import { deleteScene, fetchConfig, fetchScenes, loadScene, renameScene, unloadScene } from "../../state/api";
 import { config, scenes, scenesError } from "../../state/app";
 import { COURTYARD, serverConfig } from "../../state/fake-server";
 import { Dashboard } from "./dashboard";
@@ -111,4 +111,36 @@ test.each([
   render(<Dashboard />);
   await card("Pebbles");
   expect(screen.queryByRole("link", { name: "Experiments" }) !== null).toBe(offered);
+});
+
+test("scenes are changed only where the server lets the page, and never the built-in one", async () => {
+  vi.mocked(fetchScenes).mockResolvedValue([{ ...COURTYARD, builtin: true }, PEBBLES]);
+  render(<Dashboard />);
+  await card("Pebbles");
+  expect(screen.queryByRole("button", { name: /Rename|Delete|Add/ })).toBeNull();
+  config.value = { ...serverConfig(), max_upload_bytes: 1000 };
+  expect(await screen.findByRole("button", { name: "Add scenes" })).toBeTruthy();
+  expect(screen.getAllByRole("button", { name: /Rename|Delete/ })).toHaveLength(2);
+});
+
+test("a question stays with a sentence if the server refuses, and goes once it is done", async () => {
+  const user = userEvent.setup();
+  vi.mocked(fetchConfig).mockResolvedValue({ ...serverConfig(), max_upload_bytes: 1000 });
+  vi.mocked(renameScene).mockRejectedValueOnce(new ApiError("There is a scene torn already.", false));
+  vi.mocked(deleteScene).mockResolvedValue();
+  render(<Dashboard />);
+  await card("Pebbles");
+  await user.click(screen.getByRole("button", { name: "Rename: Pebbles" }));
+  const field = await screen.findByRole("textbox", { name: "New name" });
+  await user.clear(field);
+  await user.type(field, " torn {Enter}");
+  expect((await screen.findByRole("alert")).textContent).toBe("There is a scene torn already.");
+  expect(renameScene).toHaveBeenCalledWith("pebbles", "torn");
+  await user.click(screen.getByRole("button", { name: "Cancel" }));
+  await user.click(screen.getByRole("button", { name: "Delete: Pebbles" }));
+  vi.mocked(fetchScenes).mockResolvedValue([COURTYARD]);
+  await user.click(await screen.findByRole("button", { name: "Delete" }));
+  await waitFor(() => expect(screen.queryByRole("heading", { name: "Pebbles" })).toBeNull());
+  expect(deleteScene).toHaveBeenCalledWith("pebbles");
+  expect(screen.queryByRole("dialog")).toBeNull();
 });

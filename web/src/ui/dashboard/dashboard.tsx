@@ -1,17 +1,22 @@
 /** All scenes of the server: look for one, load it, open it. */
 import { useSignal } from "@preact/signals";
-import { RefreshCw, Search } from "lucide";
+import { RefreshCw, Search, Upload } from "lucide";
 import { useEffect, useRef } from "preact/hooks";
 import { config, refreshScenes, scenes, scenesError } from "../../state/app";
 import { EXPERIMENTS } from "../../state/route";
+import { addFiles, uploads } from "../../uploads/uploads";
+import type { SceneInfo } from "../../wire/render";
 import { Icon } from "../icon";
 import { IconButton } from "../icon-button";
 import { InsecureHint } from "../insecure-hint";
 import { TopBar } from "../top-bar";
+import { DropZone } from "./drop-zone";
 import { NoMatch, NoScenes } from "./empty";
 import { filterScenes } from "./filter";
 import { whatIsNew } from "./news";
+import { DeleteQuestion, RenameQuestion } from "./questions";
 import { SceneCard, SkeletonCard } from "./scene-card";
+import { UploadCard } from "./upload-card";
 
 /** While a scene loads or the server is away, the list is read again this often, in milliseconds. */
 const REFRESH_EVERY = 1000;
@@ -20,7 +25,9 @@ export function Dashboard() {
   const filter = useSignal("");
   const scanning = useSignal(false);
   const news = useSignal("");
+  const question = useSignal<{ readonly kind: "rename" | "delete"; readonly scene: SceneInfo } | null>(null);
   const search = useRef<HTMLInputElement>(null);
+  const files = useRef<HTMLInputElement>(null);
 
   useEffect(() => {
     document.title = "Scenes · TIGAS";
@@ -47,6 +54,18 @@ export function Dashboard() {
     await refreshScenes({ scan: true });
     scanning.value = false;
     news.value = before && scenes.value && !scenesError.value ? whatIsNew(before, scenes.value) : "";
+  };
+
+  const limit = config.value?.max_upload_bytes ?? null;
+  const add = (chosen: Iterable<File>) => limit !== null && addFiles([...chosen], limit);
+  const ask = (kind: "rename" | "delete", scene: SceneInfo) => {
+    if (limit === null || scene.builtin) return null;
+    return () => {
+      question.value = { kind, scene };
+    };
+  };
+  const answered = () => {
+    question.value = null;
   };
 
   const all = scenes.value;
@@ -80,6 +99,24 @@ export function Dashboard() {
               />
               <kbd>/</kbd>
             </label>
+            {limit !== null && (
+              <>
+                <button type="button" class="button with-icon" onClick={() => files.current?.click()}>
+                  <Icon of={Upload} size={16} /> Add scenes
+                </button>
+                <input
+                  ref={files}
+                  type="file"
+                  hidden
+                  multiple
+                  aria-label="Files of scenes"
+                  onChange={({ currentTarget }) => {
+                    add(currentTarget.files ?? []);
+                    currentTarget.value = ""; // so that the same file can be chosen again
+                  }}
+                />
+              </>
+            )}
             <IconButton
               icon={RefreshCw}
               label="Look for new scenes"
@@ -95,20 +132,37 @@ export function Dashboard() {
             {scenesError.value}
           </p>
         )}
+        {uploads.value.length > 0 && (
+          <ul class="scene-grid uploads" aria-label="Uploads">
+            {uploads.value.map((upload) => (
+              <UploadCard key={upload.number} upload={upload} />
+            ))}
+          </ul>
+        )}
         {found?.length === 0 ? (
           all?.length === 0 ? (
-            <NoScenes />
+            <NoScenes editable={limit !== null} />
           ) : (
             <NoMatch filter={filter.value} />
           )
         ) : (
           <ul class="scene-grid" aria-busy={all === null}>
             {found
-              ? found.map((scene) => <SceneCard key={scene.id} scene={scene} />)
+              ? found.map((scene) => (
+                  <SceneCard
+                    key={scene.id}
+                    scene={scene}
+                    onRename={ask("rename", scene)}
+                    onDelete={ask("delete", scene)}
+                  />
+                ))
               : [0, 1, 2].map((place) => <SkeletonCard key={place} />)}
           </ul>
         )}
       </main>
+      <DropZone allowed={limit !== null} onFiles={add} />
+      {question.value?.kind === "rename" && <RenameQuestion scene={question.value.scene} onClose={answered} />}
+      {question.value?.kind === "delete" && <DeleteQuestion scene={question.value.scene} onClose={answered} />}
       <footer class="muted">{config.value && `TIGAS ${config.value.version}`}</footer>
     </div>
   );

@@ -2,12 +2,15 @@
 import { Box, SearchX } from "lucide";
 import { Icon } from "../icon";
 
-export function NoScenes() {
+export function NoScenes({ editable }: { editable: boolean }) {
   return (
     <section class="empty">
       <Icon of={Box} size={36} />
       <h2>No scenes yet</h2>
-      <p>Put scenes into the server's models directory, then look for new scenes.</p>
+      <p>
+        {editable && "Drop files of scenes here. Or put "}
+        {!editable && "Put "}scenes into the server's models directory, then look for new scenes.
+      </p>
       <pre>
         <code>{`models/
   kitchen.spz         3D Gaussian Splatting: PLY, compressed PLY, SOG, SPZ or .splat

@@ -1,11 +1,12 @@
 /** One scene in the list: its picture, what is known of it, and whether it is in memory. */
 import { useSignal } from "@preact/signals";
-import { ImageOff } from "lucide";
+import { ImageOff, Pencil, Trash2 } from "lucide";
 import { setSceneLoaded } from "../../state/app";
 import { sceneHash } from "../../state/route";
 import type { SceneInfo } from "../../wire/render";
 import { bytes, count } from "../format";
 import { Icon } from "../icon";
+import { IconButton } from "../icon-button";
 
 const STATES: Record<SceneInfo["state"], string> = {
   unloaded: "Not loaded",
@@ -14,7 +15,14 @@ const STATES: Record<SceneInfo["state"], string> = {
   broken: "Broken",
 };
 
-export function SceneCard({ scene }: { scene: SceneInfo }) {
+interface Props {
+  readonly scene: SceneInfo;
+  /** Null where scenes cannot be changed. */
+  readonly onRename: (() => void) | null;
+  readonly onDelete: (() => void) | null;
+}
+
+export function SceneCard({ scene, onRename, onDelete }: Props) {
   const broken = scene.state === "broken";
   return (
     <li class="card" data-scene={scene.id} data-state={scene.state}>
@@ -31,7 +39,11 @@ export function SceneCard({ scene }: { scene: SceneInfo }) {
         {scene.state === "loading" && (
           <progress max={1} value={scene.progress ?? 0} aria-label={`Loading ${scene.name}`} />
         )}
-        <LoadButton scene={scene} />
+        <div class="card-buttons">
+          {onRename && <IconButton icon={Pencil} label={`Rename: ${scene.name}`} onClick={onRename} />}
+          {onDelete && <IconButton icon={Trash2} label={`Delete: ${scene.name}`} onClick={onDelete} />}
+          <LoadButton scene={scene} />
+        </div>
       </div>
     </li>
   );

@@ -1,0 +1,48 @@
+/** A file that is becoming a scene: how far it is, or why it is none. */
+import type { SceneUpload } from "../../uploads/scene-upload";
+import { dismiss } from "../../uploads/uploads";
+import { bytes } from "../format";
+
+export function UploadCard({ upload }: { upload: SceneUpload }) {
+  const { file } = upload;
+  const state = upload.state.value;
+  const failed = state.kind === "failed";
+  return (
+    <li class="card" data-upload={state.kind}>
+      <div class="card-body">
+        <h2>{file.name}</h2>
+        {failed ? (
+          <p class="card-error" role="alert">
+            {state.message}
+          </p>
+        ) : (
+          <>
+            <progress
+              aria-label={`Upload of ${file.name}`}
+              max={file.size}
+              {...(state.kind !== "checking" && { value: state.kind === "sending" ? state.sent : 0 })}
+            />
+            <p class="muted facts">
+              {state.kind === "waiting" && "Waiting"}
+              {state.kind === "sending" && `${bytes(state.sent)} of ${bytes(file.size)}`}
+              {state.kind === "checking" && "Checking…"}
+            </p>
+          </>
+        )}
+      </div>
+      <div class="card-foot">
+        <span class="state" data-state={failed ? "broken" : "loading"}>
+          {failed ? "Not added" : "Uploading"}
+        </span>
+        <button
+          type="button"
+          class="quiet-button"
+          aria-label={`${failed ? "Dismiss" : "Cancel"}: ${file.name}`}
+          onClick={() => dismiss(upload)}
+        >
+          {failed ? "Dismiss" : "Cancel"}
+        </button>
+      </div>
+    </li>
+  );
+}
