@@ -163,7 +163,7 @@ async def test_a_file_that_takes_too_much_to_check_ends_nothing_but_its_own_proc
 ) -> None:
     async with serving(settings_for(models), offload_to_process) as client:
         assert (await upload(client, "good.spz", SHELL)).status_code == 201
-        monkeypatch.setattr("tigas_render.library.CHECK_MEMORY", 1_000_000 - 8_000_000_000)
+        monkeypatch.setattr("tigas_render.library.CHECK_MEMORY", -8_100_000_000)  # less than it has already
         refused = await upload(client, "hostile.ply", plys.binary_ply(40_000))
         assert (refused.status_code, refused.json()["type"]) == (422, "tigas:too-costly")
         assert await ids(client) == ["attic", "courtyard", "good"]
