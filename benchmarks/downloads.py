@@ -92,8 +92,7 @@ def reader(form: DownloadForm, path: Path) -> Callable[[int | None], Gaussians]:
     if form == "compressed":
         return lambda count: read_compressed_ply(path, count)
     whole = load_ply(path)
-    columns = (whole.means, whole.scales, whole.quaternions, whole.opacities, whole.sh)
-    return lambda count: Gaussians(*(column[:count] for column in columns))
+    return lambda count: Gaussians(*(array[:count] for array in whole.arrays))
 
 
 def pictures(rasterizer: CpuRasterizer, gaussians: Gaussians, view: View) -> Pictures:

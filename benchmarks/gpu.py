@@ -18,6 +18,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -118,17 +119,12 @@ def load_scenes(folder: Path) -> dict[str, tuple[Gaussians, View]]:
 
 def densified(gaussians: Gaussians) -> Gaussians:
     """Each Gaussian COPIES times, moved by 0.7 of its deviations, and as much smaller as keeps the scene's look."""
-    repeat = {
-        name: getattr(gaussians, name).repeat_interleave(COPIES, 0)
-        for name in ("means", "scales", "quaternions", "opacities", "sh")
-    }
     from tigas_render.raster.reference import _rotation_matrices
 
-    random = torch.Generator().manual_seed(0)
-    moved = 0.7 * torch.randn(repeat["means"].shape, generator=random) * repeat["scales"]
-    repeat["means"] = repeat["means"] + torch.einsum("nij,nj->ni", _rotation_matrices(repeat["quaternions"]), moved)
-    repeat["scales"] = repeat["scales"] * COPIES**-0.33
-    return Gaussians(**{name: tensor.contiguous() for name, tensor in repeat.items()})
+    means, scales, quaternions, opacities, sh = (array.repeat(COPIES, 0) for array in gaussians.arrays)
+    moved = np.float32(0.7) * np.random.default_rng(0).standard_normal(means.shape, np.float32) * scales
+    means += np.einsum("nij,nj->ni", _rotation_matrices(torch.from_numpy(quaternions)).numpy(), moved)
+    return Gaussians(means, scales * np.float32(COPIES**-0.33), quaternions, opacities, sh)
 
 
 # --- accuracy ---
@@ -146,13 +142,11 @@ def accuracy(rasterizer: CudaRasterizer, scenes: dict[str, tuple[Gaussians, View
     demo, view = scenes["courtyard"]
     cpu = CpuRasterizer()
     for degree in range(4):
-        sh = torch.zeros(len(demo), (degree + 1) ** 2, 3)
+        sh = np.zeros((len(demo), (degree + 1) ** 2, 3), np.float32)
         sh[:, : demo.sh.shape[1]] = demo.sh[:, : sh.shape[1]]
         if degree > demo.sh_degree:
-            sh[:, demo.sh.shape[1] :] = 0.1 * torch.randn(
-                sh[:, demo.sh.shape[1] :].shape, generator=torch.Generator().manual_seed(degree)
-            )
-        shaded = Gaussians(demo.means, demo.scales, demo.quaternions, demo.opacities, sh)
+            sh[:, demo.sh.shape[1] :] = np.random.default_rng(degree).normal(0, 0.1, sh[:, demo.sh.shape[1] :].shape)
+        shaded = replace(demo, sh=sh)
         camera = view.camera(1280, 720)
         agreement = psnr(*(pixels(r, r.prepare(shaded), camera) for r in (rasterizer, cpu)))
         print(f"  courtyard, SH degree {degree}: against the CPU rasteriser {agreement:.1f}")
@@ -209,7 +203,8 @@ def gsplat_latency(gaussians: Gaussians, view: View) -> float:
     matrix = torch.eye(4)
     matrix[:3, :3], matrix[:3, 3] = rotation, -rotation @ torch.tensor(camera.pose.position)
     tensors = [
-        t.cuda() for t in (gaussians.means, gaussians.quaternions, gaussians.scales, gaussians.opacities, gaussians.sh)
+        torch.from_numpy(array).cuda()
+        for array in (gaussians.means, gaussians.quaternions, gaussians.scales, gaussians.opacities, gaussians.sh)
     ]
     intrinsics = torch.tensor([[k.fx, 0, k.cx], [0, k.fy, k.cy], [0, 0, 1]]).cuda()
 

@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import torch
 from numpy.typing import NDArray
 
 from tigas_render.gaussians import Gaussians
@@ -52,7 +51,7 @@ def read_compressed_ply(path: Path, first: int | None = None) -> Gaussians:
         sh = np.concatenate((sh, (bytes_ * (8 / 255) - 4).reshape(len(rows), 3, -1).transpose(0, 2, 1)), axis=1)
     opacities = _unpacked(vertices["packed_color"], (8, 8, 8, 8))[:, 3]
     arrays = (positions, np.exp(scales), _rotations(vertices["packed_rotation"]), opacities, sh)
-    return Gaussians(*(torch.from_numpy(np.ascontiguousarray(array, np.float32)) for array in arrays))
+    return Gaussians(*(np.ascontiguousarray(array, np.float32) for array in arrays))
 
 
 def _unpacked(words: NDArray[Any], bits: tuple[int, ...]) -> NDArray[np.float64]:

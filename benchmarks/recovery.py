@@ -29,6 +29,7 @@ import psutil
 import torch
 import typer
 
+from tests.render.arrays import gaussians_of
 from tigas_common.cli import in_a_sentence
 from tigas_common.commit import this_commit
 from tigas_common.errors import StartError
@@ -91,7 +92,7 @@ def scene() -> Gaussians:
     """Coloured blobs in all directions."""
     chance = torch.Generator().manual_seed(1)
     directions = torch.nn.functional.normalize(torch.randn(GAUSSIANS, 3, generator=chance), dim=1)
-    return Gaussians(
+    return gaussians_of(
         means=directions * (3 + 3 * torch.rand(GAUSSIANS, 1, generator=chance)),
         scales=0.03 + 0.2 * torch.rand(GAUSSIANS, 3, generator=chance),
         quaternions=torch.nn.functional.normalize(torch.randn(GAUSSIANS, 4, generator=chance), dim=1),

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import io
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
-import torch
 from numpy.typing import NDArray
 from PIL import Image
 
@@ -63,9 +62,7 @@ class DepthScene:
 
     def __init__(self, rasterizer: CpuRasterizer, gaussians: Gaussians) -> None:
         count = len(gaussians)
-        plain = Gaussians(
-            gaussians.means, gaussians.scales, gaussians.quaternions, gaussians.opacities, torch.zeros(count, 1, 3)
-        )
+        plain = replace(gaussians, sh=np.zeros((count, 1, 3), np.float32))
         self._rasterizer = rasterizer
         self._scene = rasterizer.prepare(plain)
 

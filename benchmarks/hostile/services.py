@@ -17,7 +17,6 @@ from typing import Literal, Self
 import httpx
 import numpy as np
 import psutil
-import torch
 
 from tigas_common.processes import end, tigas
 from tigas_render.gaussians import Gaussians
@@ -118,7 +117,7 @@ def write_scene(path: Path) -> None:
         random.uniform(0.2, 0.95, GAUSSIANS),
         random.normal(0.0, 0.8, (GAUSSIANS, 1, 3)),
     )
-    write_ply(path, Gaussians(*(torch.from_numpy(array).float().contiguous() for array in arrays)))
+    write_ply(path, Gaussians(*(np.ascontiguousarray(array, np.float32) for array in arrays)))
 
 
 def _commands(ports: Ports, folder: Path, device: str) -> dict[Name, list[str]]:

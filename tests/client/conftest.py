@@ -10,14 +10,13 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 import pytest
-import torch
 
+from tests.render.arrays import gaussians_of
 from tigas_common.address import Address
 from tigas_common.certificate import Certificate
 from tigas_common.http_limits import HttpLimits
 from tigas_common.runner import serve_http
 from tigas_render.app import create_app
-from tigas_render.gaussians import Gaussians
 from tigas_render.raster.devices import create_rasterizer
 from tigas_render.scenes.ply import write_ply
 from tigas_render.service import RenderService
@@ -31,12 +30,12 @@ CAMERA = {"position": [0, 0, 0], "look_at": [0, 0, 3]}
 def write_wall(models: Path) -> None:
     """One large red Gaussian, three units in front of the start camera."""
     (models / "wall").mkdir(parents=True)
-    wall = Gaussians(
-        means=torch.tensor([[0.0, 0.0, 3.0]]),
-        scales=torch.full((1, 3), 5.0),
-        quaternions=torch.tensor([[1.0, 0.0, 0.0, 0.0]]),
-        opacities=torch.tensor([0.999]),
-        sh=torch.tensor([[[1.7, -1.7, -1.7]]]),
+    wall = gaussians_of(
+        means=[[0.0, 0.0, 3.0]],
+        scales=[[5.0, 5.0, 5.0]],
+        quaternions=[[1.0, 0.0, 0.0, 0.0]],
+        opacities=[0.999],
+        sh=[[[1.7, -1.7, -1.7]]],
     )
     write_ply(models / "wall" / "wall.ply", wall)
     (models / "wall" / "scene.json").write_text(json.dumps({"camera": CAMERA, "background": [0, 0, 1]}))

@@ -14,11 +14,11 @@ from typing import Any
 import httpx
 import numpy as np
 import pytest
-import torch
 from PIL import Image
 
 from tests.common.test_weights import NETWORK, made
 from tests.prometheus import figures
+from tests.render.arrays import gaussians_of
 from tests.render.fakes import FakeRasterizer, render_request
 from tigas_common.errors import DeviceLost
 from tigas_common.weights import FILE, write_weights
@@ -35,12 +35,12 @@ pytestmark = pytest.mark.anyio
 
 def red_wall() -> Gaussians:
     """One large red Gaussian, three units in front of the origin."""
-    return Gaussians(
-        means=torch.tensor([[0.0, 0.0, 3.0]]),
-        scales=torch.full((1, 3), 5.0),
-        quaternions=torch.tensor([[1.0, 0.0, 0.0, 0.0]]),
-        opacities=torch.tensor([0.999]),
-        sh=torch.tensor([[[1.7, -1.7, -1.7]]]),
+    return gaussians_of(
+        means=[[0.0, 0.0, 3.0]],
+        scales=[[5.0, 5.0, 5.0]],
+        quaternions=[[1.0, 0.0, 0.0, 0.0]],
+        opacities=[0.999],
+        sh=[[[1.7, -1.7, -1.7]]],
     )
 
 

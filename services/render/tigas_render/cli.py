@@ -134,6 +134,7 @@ def render(
 @scene.command("info")
 def info(path: Annotated[Path, _SCENE]) -> None:
     """Print what a scene's file contains."""
+    import numpy as np
     from rich.table import Table
 
     from tigas_render.scenes.directory import scene_file
@@ -154,8 +155,8 @@ def info(path: Annotated[Path, _SCENE]) -> None:
     table.add_row("memory", f"{file.packed_bytes / 1e6:.1f} MB")
     for axis, start, end in zip("xyz", survey.low, survey.high, strict=True):
         table.add_row(axis, f"{start:.3f} … {end:.3f}")
-    table.add_row("median opacity", f"{sample.opacities.median():.3f}")
-    table.add_row("median scale", f"{sample.scales.median():.4g}")
+    table.add_row("median opacity", f"{np.median(sample.opacities):.3f}")
+    table.add_row("median scale", f"{np.median(sample.scales):.4g}")
     table.add_row("start camera", _point(camera.position) + " → " + _point(camera.look_at))
     make_console().print(table)
 

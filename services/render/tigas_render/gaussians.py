@@ -8,28 +8,30 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
-import torch
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float32]
 
 
 @dataclass(frozen=True, slots=True)
 class Gaussians:
-    """N Gaussians with activations applied; float32, contiguous, all on one device."""
+    """N Gaussians with activations applied; contiguous, in the host's memory."""
 
-    means: torch.Tensor
+    means: Floats
     """[N, 3] centres, in scene units."""
-    scales: torch.Tensor
+    scales: Floats
     """[N, 3] standard deviations along the Gaussian's own axes, in scene units."""
-    quaternions: torch.Tensor
+    quaternions: Floats
     """[N, 4] unit quaternions w, x, y, z: the Gaussian's own axes to the scene."""
-    opacities: torch.Tensor
+    opacities: Floats
     """[N] in [0, 1]."""
-    sh: torch.Tensor
+    sh: Floats
     """[N, K, 3] spherical-harmonic coefficients of the colour, K = (degree + 1)²."""
     antialiased: bool = field(default=False, kw_only=True)
     """Whether they were trained with Mip-Splatting's 2D filter, and so have to be drawn with it."""
 
     def __len__(self) -> int:
-        return self.means.shape[0]
+        return len(self.means)
 
     @property
     def sh_degree(self) -> int:
@@ -37,14 +39,14 @@ class Gaussians:
         return math.isqrt(self.sh.shape[1]) - 1
 
     @property
-    def nbytes(self) -> int:
-        """Bytes that the tensors take."""
-        return sum(t.nbytes for t in self.tensors)
+    def arrays(self) -> tuple[Floats, Floats, Floats, Floats, Floats]:
+        """Means, scales, quaternions, opacities and SH coefficients."""
+        return self.means, self.scales, self.quaternions, self.opacities, self.sh
 
     @property
-    def tensors(self) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor, torch.Tensor, torch.Tensor]:
-        """Means, scales, quaternions, opacities and coefficients."""
-        return self.means, self.scales, self.quaternions, self.opacities, self.sh
+    def nbytes(self) -> int:
+        """Bytes that the arrays take."""
+        return sum(array.nbytes for array in self.arrays)
 
     def batches(self) -> Batches:
         """All of them as one batch."""
@@ -65,10 +67,10 @@ class Batches:
         first = next(self.parts)
         if len(first) == self.most:
             return first
-        whole = [np.empty((self.most, *tensor.shape[1:]), np.float32) for tensor in first.tensors]
+        whole = [np.empty((self.most, *array.shape[1:]), np.float32) for array in first.arrays]
         count = 0
         for part in itertools.chain((first,), self.parts):
-            for array, rows in zip(whole, part.tensors, strict=True):
-                array[count : count + len(rows)] = rows.numpy()
+            for array, rows in zip(whole, part.arrays, strict=True):
+                array[count : count + len(rows)] = rows
             count += len(part)
-        return Gaussians(*(torch.from_numpy(array[:count]) for array in whole), antialiased=first.antialiased)
+        return Gaussians(*(array[:count] for array in whole), antialiased=first.antialiased)

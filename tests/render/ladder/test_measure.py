@@ -7,6 +7,7 @@ from itertools import islice
 import pytest
 import torch
 
+from tests.render.arrays import gaussians_of
 from tigas_common.errors import StartError
 from tigas_common.pose import Pose
 from tigas_common.standpoints import Place
@@ -21,7 +22,7 @@ AWAY = Pose.look_at((0.0, 0.0, -4.0), (0.0, 0.0, -9.0), (0.0, -1.0, 0.0))
 
 def cloud(number: int = 400) -> Gaussians:
     chance = torch.Generator().manual_seed(5)
-    return Gaussians(
+    return gaussians_of(
         means=torch.rand(number, 3, generator=chance) * 4 - 2,
         scales=torch.full((number, 3), 0.12),
         quaternions=torch.tensor([[1.0, 0.0, 0.0, 0.0]]).repeat(number, 1),

@@ -8,23 +8,22 @@ from collections.abc import Iterator
 
 import numpy as np
 import pytest
-import torch
 from numpy.typing import NDArray
 
+from tests.render.arrays import gaussians_of
 from tests.render.raster.views import balls, camera, pixels
-from tigas_render.gaussians import Gaussians
 from tigas_render.raster.base import DILATION, Camera, Rasterizer
 from tigas_render.raster.cpu import CpuRasterizer
 from tigas_render.raster.reference import ReferenceRasterizer, render_float
 
 WIDTH, HEIGHT = 192, 96
 """Of the display, in pixels."""
-WIRE = Gaussians(
-    means=torch.tensor([[0.0, 0.0, 0.0]]),
-    scales=torch.tensor([[0.001, 3.0, 0.001]]),
-    quaternions=torch.tensor([[1.0, 0.0, 0.0, 0.0]]),
-    opacities=torch.tensor([0.95]),
-    sh=torch.full((1, 1, 3), 0.5 / 0.28209479177387814),
+WIRE = gaussians_of(
+    means=[[0.0, 0.0, 0.0]],
+    scales=[[0.001, 3.0, 0.001]],
+    quaternions=[[1.0, 0.0, 0.0, 0.0]],
+    opacities=[0.95],
+    sh=np.full((1, 1, 3), 0.5 / 0.28209479177387814),
 )
 """A bright, upright line, far thinner than a pixel."""
 

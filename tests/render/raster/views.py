@@ -10,6 +10,7 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
+from tests.render.arrays import gaussians_of
 from tigas_common.pose import Intrinsics, Matrix3, Pose, Vector3
 from tigas_render.gaussians import Gaussians
 from tigas_render.raster.base import Camera, Image
@@ -26,7 +27,7 @@ def cloud(count: int, degree: int, seed: int = 0, size: float = 0.05) -> Gaussia
     def normal(*shape: int) -> torch.Tensor:
         return torch.randn(*shape, generator=random)
 
-    return Gaussians(
+    return gaussians_of(
         means=normal(count, 3),
         scales=size * torch.exp(0.8 * normal(count, 3)),
         quaternions=torch.nn.functional.normalize(normal(count, 4), dim=1),
@@ -38,12 +39,12 @@ def cloud(count: int, degree: int, seed: int = 0, size: float = 0.05) -> Gaussia
 def balls(*centres: tuple[float, float, float], size: float, opacity: float, colours: list[list[float]]) -> Gaussians:
     """Round Gaussians of one size and given colours."""
     count = len(centres)
-    return Gaussians(
-        means=torch.tensor(centres, dtype=torch.float32),
-        scales=torch.full((count, 3), size),
-        quaternions=torch.tensor([[1.0, 0.0, 0.0, 0.0]]).repeat(count, 1),
-        opacities=torch.full((count,), opacity),
-        sh=((torch.tensor(colours) - 0.5) / 0.28209479177387814)[:, None, :],
+    return gaussians_of(
+        means=centres,
+        scales=np.full((count, 3), size),
+        quaternions=[[1.0, 0.0, 0.0, 0.0]] * count,
+        opacities=np.full(count, opacity),
+        sh=((np.array(colours) - 0.5) / 0.28209479177387814)[:, None, :],
     )
 
 

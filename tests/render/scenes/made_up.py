@@ -6,8 +6,8 @@ import math
 from pathlib import Path
 
 import numpy as np
-import torch
 
+from tests.render.arrays import gaussians_of
 from tigas_render.gaussians import Gaussians
 
 COUNT = 300
@@ -29,4 +29,4 @@ def shell(sh_degree: int = 1) -> Gaussians:
     for k in range(1, sh.shape[1]):
         sh[:, k] = 0.2 * np.sin(k + means)
     opacities = 0.55 + 0.4 * np.cos(3 * turn) ** 2
-    return Gaussians(*(torch.from_numpy(array).float() for array in (means, scales, quaternions, opacities, sh)))
+    return gaussians_of(means, scales, quaternions, opacities, sh)

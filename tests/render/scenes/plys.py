@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import torch
 
+from tests.render.arrays import gaussians_of
 from tigas_render.gaussians import Gaussians
 
 NAMES = (
@@ -49,7 +50,7 @@ def gaussians(count: int, sh_degree: int = 0, seed: int = 0) -> Gaussians:
     """Random Gaussians."""
     random = torch.Generator().manual_seed(seed)
     quaternions = torch.randn(count, 4, generator=random)
-    return Gaussians(
+    return gaussians_of(
         means=torch.randn(count, 3, generator=random),
         scales=torch.rand(count, 3, generator=random) + 0.01,
         quaternions=quaternions / quaternions.norm(dim=1, keepdim=True),

@@ -4,36 +4,50 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
 import pytest
-import torch
 
 from tests.shared_data import reference_scene_ply
 from tigas_common.pose import Pose
 from tigas_common.wire.model import Point
 from tigas_common.wire.render import StartCamera
+from tigas_render.gaussians import Floats
 from tigas_render.scenes.ply import load_ply
 from tigas_render.scenes.start_camera import derive_camera
 
 UP: Point = (0.0, -1.0, 0.0)
 
 
-def derive(means: torch.Tensor, up: Point = UP) -> StartCamera:
-    return derive_camera(means, torch.full((len(means),), 0.9), torch.full((len(means), 3), 0.01), up)
+def derive(means: Floats, up: Point = UP) -> StartCamera:
+    return derive_uniform(means, 0.9, 0.01, up)
 
 
-def on_box(half: tuple[float, float, float], count: int = 20_000) -> torch.Tensor:
+def derive_uniform(means: Floats, opacity: float, scale: float, up: Point = UP) -> StartCamera:
+    opacities, scales = np.full(len(means), opacity, np.float32), np.full((len(means), 3), scale, np.float32)
+    return derive_camera(means, opacities, scales, up)
+
+
+def floats(*rows: list[float]) -> Floats:
+    return np.array(rows, np.float32)
+
+
+def normal(seed: int, count: int = 20_000) -> Floats:
+    return np.random.default_rng(seed).standard_normal((count, 3), np.float32)
+
+
+def on_box(half: tuple[float, float, float], count: int = 20_000) -> Floats:
     """[N, 3] points on the six faces of a box about the origin."""
-    random = torch.Generator().manual_seed(1)
-    points = torch.rand(count, 3, generator=random) * 2 - 1
-    axis = torch.randint(0, 3, (count,), generator=random)
-    points[torch.arange(count), axis] = points[torch.arange(count), axis].sign()
-    return points * torch.tensor(half)
+    random = np.random.default_rng(1)
+    points = random.random((count, 3), np.float32) * 2 - 1
+    axis = random.integers(0, 3, count)
+    points[np.arange(count), axis] = np.sign(points[np.arange(count), axis])
+    return points * np.array(half, np.float32)
 
 
-def picture(camera: StartCamera, points: torch.Tensor, up: Point = UP) -> tuple[torch.Tensor, torch.Tensor]:
+def picture(camera: StartCamera, points: Floats, up: Point = UP) -> tuple[Floats, Floats]:
     """Tangents right and down [N, 2], and depths [N], of points as the camera sees them."""
-    rotation = torch.tensor(Pose.look_at(camera.position, camera.look_at, up).rotation)
-    seen = (points - torch.tensor(camera.position)) @ rotation
+    rotation = np.array(Pose.look_at(camera.position, camera.look_at, up).rotation)
+    seen = (points - np.array(camera.position)) @ rotation
     return seen[:, :2] / seen[:, 2:], seen[:, 2]
 
 
@@ -42,35 +56,35 @@ def picture(camera: StartCamera, points: torch.Tensor, up: Point = UP) -> tuple[
 def test_an_object_fits_into_the_picture_seen_from_a_little_above(
     half: tuple[float, float, float], centre: tuple[float, float, float]
 ) -> None:
-    points = on_box(half) + torch.tensor(centre)
+    points = on_box(half) + np.array(centre, np.float32)
     camera = derive(points)
     tangents, depth = picture(camera, points)
     assert depth.min() > 0
-    assert tangents[:, 1].abs().max() < math.tan(math.radians(30))
-    assert tangents[:, 0].abs().max() < math.tan(math.radians(30)) * 16 / 9
-    assert tangents.abs().max() > 0.2  # and does not get lost in it
+    assert np.abs(tangents[:, 1]).max() < math.tan(math.radians(30))
+    assert np.abs(tangents[:, 0]).max() < math.tan(math.radians(30)) * 16 / 9
+    assert np.abs(tangents).max() > 0.2  # and does not get lost in it
     assert camera.position[1] < centre[1]  # y points down
 
 
 def test_stray_gaussians_do_not_push_the_camera_away() -> None:
     points = on_box((0.5, 0.5, 0.5))
-    strays = torch.randn(100, 3, generator=torch.Generator().manual_seed(2)) * 50
-    near, far = (derive(torch.cat(parts)) for parts in ((points,), (points, strays)))
+    strays = normal(2, 100) * 50
+    near, far = (derive(np.concatenate(parts)) for parts in ((points,), (points, strays)))
     assert math.dist(far.position, far.look_at) < 1.2 * math.dist(near.position, near.look_at)
 
 
 def test_the_side_with_the_most_to_see_is_the_front() -> None:
     points = on_box((0.5, 0.5, 0.5))
-    detail = torch.rand(20_000, 3, generator=torch.Generator().manual_seed(3)) - 0.5
+    detail = np.random.default_rng(3).random((20_000, 3), np.float32) - 0.5
     detail[:, 0] = 0.5  # three times as many Gaussians on the face at +x
-    camera = derive(torch.cat((points, detail)))
+    camera = derive(np.concatenate((points, detail)))
     assert camera.position[0] > 1
     assert abs(camera.position[2]) < camera.position[0]
 
 
 def test_without_a_better_side_the_camera_looks_along_z() -> None:
-    ball = torch.randn(20_000, 3, generator=torch.Generator().manual_seed(4))
-    ball /= ball.norm(dim=1, keepdim=True)
+    ball = normal(4)
+    ball /= np.linalg.norm(ball, axis=1, keepdims=True)
     camera = derive(ball)
     assert camera.position[2] < -1
     assert abs(camera.position[0]) < 0.1
@@ -85,37 +99,37 @@ def test_a_room_is_seen_from_inside() -> None:
 
 def test_a_landscape_with_far_background_is_seen_from_inside() -> None:
     ground = on_box((1.0, 0.02, 1.0))
-    dome = torch.randn(20_000, 3, generator=torch.Generator().manual_seed(5))
-    dome = 30 * dome / dome.norm(dim=1, keepdim=True)
-    camera = derive(torch.cat((ground, dome)))
+    dome = normal(5)
+    dome *= 30 / np.linalg.norm(dome, axis=1, keepdims=True)
+    camera = derive(np.concatenate((ground, dome)))
     assert math.hypot(*camera.position) < 30
 
 
 def test_any_up_will_do() -> None:
     upright = on_box((0.3, 1.0, 0.3))
-    lying = upright[:, [0, 2, 1]] * torch.tensor([1.0, 1.0, -1.0])  # what was up is now +z
+    lying = upright[:, [0, 2, 1]] * np.array([1.0, 1.0, -1.0], np.float32)  # what was up is now +z
     camera = derive(lying, (0.0, 0.0, 2.0))
     assert camera.position[2] > 0.2
     tangents, depth = picture(camera, lying, (0.0, 0.0, 2.0))
     assert depth.min() > 0
-    assert tangents[:, 1].abs().max() < math.tan(math.radians(30))
+    assert np.abs(tangents[:, 1]).max() < math.tan(math.radians(30))
 
 
 @pytest.mark.parametrize(
     "means",
     [
-        torch.zeros(1, 3),
-        torch.full((3, 3), 1e6),
-        torch.tensor([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]]),
-        torch.linspace(0, 1, 100)[:, None] * torch.tensor([0.0, 1.0, 0.0]),
-        torch.linspace(-1e9, 1e9, 100)[:, None] * torch.ones(3),
-        torch.full((2, 3), 1e-30),
+        floats([0, 0, 0]),
+        floats(*[[1e6, 1e6, 1e6]] * 3),
+        floats([0, 0, 0], [1, 0, 0]),
+        floats(*([0, y, 0] for y in np.linspace(0, 1, 100))),
+        floats(*([x, x, x] for x in np.linspace(-1e9, 1e9, 100))),
+        floats(*[[1e-30, 1e-30, 1e-30]] * 2),
     ],
     ids=["one point", "one place", "two points", "a vertical line", "enormous", "tiny"],
 )
 @pytest.mark.parametrize("opacity", [0.0, 0.001, 1.0])
-def test_degenerate_scenes_get_a_camera_too(means: torch.Tensor, opacity: float) -> None:
-    camera = derive_camera(means, torch.full((len(means),), opacity), torch.zeros(len(means), 3), UP)
+def test_degenerate_scenes_get_a_camera_too(means: Floats, opacity: float) -> None:
+    camera = derive_uniform(means, opacity, 0)
     assert all(map(math.isfinite, (*camera.position, *camera.look_at)))
     assert camera.position != camera.look_at
     Pose.look_at(camera.position, camera.look_at, UP)
@@ -123,7 +137,7 @@ def test_degenerate_scenes_get_a_camera_too(means: torch.Tensor, opacity: float)
 
 @pytest.mark.parametrize("scale", [1e9, math.exp(88), 3e38])
 def test_a_gaussian_larger_than_any_coordinate_does_not_push_the_camera_away(scale: float) -> None:
-    camera = derive_camera(torch.randn(9, 3), torch.ones(9), torch.full((9, 3), scale), UP)
+    camera = derive_uniform(normal(6, 9), 1, scale)
     assert camera.position != camera.look_at
 
 

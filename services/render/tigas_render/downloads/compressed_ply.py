@@ -31,7 +31,7 @@ def write_compressed_ply(
 
     comments: for the header.
 
-    Memory beyond the tensors themselves is a few megabytes and 16 bytes a Gaussian. Raises OSError.
+    Memory beyond the arrays themselves is a few megabytes and 16 bytes a Gaussian. Raises OSError.
     """
     rest = rest_names(gaussians.sh_degree)
     elements = [
@@ -54,12 +54,12 @@ def write_compressed_ply(
 
 def _pack(gaussians: Gaussians, block: NDArray[np.int64]) -> tuple[Floats, NDArray[np.uint32]]:
     """A block's ranges [chunks, 18] and words [len(block), 4]."""
-    scales = gaussians.scales.numpy()[block].clip(np.finfo(np.float32).tiny)
-    positions, position_ranges = _in_chunk(gaussians.means.numpy()[block])
+    scales = gaussians.scales[block].clip(np.finfo(np.float32).tiny)
+    positions, position_ranges = _in_chunk(gaussians.means[block])
     sizes, size_ranges = _in_chunk(np.log(scales).clip(-LOG_SCALE_LIMIT, LOG_SCALE_LIMIT))
-    hues, hue_ranges = _in_chunk(gaussians.sh[:, 0].numpy()[block] * C0 + 0.5)
-    opacities = gaussians.opacities.numpy()[block, None]
-    largest, others = _rotations(gaussians.quaternions.numpy()[block])
+    hues, hue_ranges = _in_chunk(gaussians.sh[:, 0][block] * C0 + 0.5)
+    opacities = gaussians.opacities[block, None]
+    largest, others = _rotations(gaussians.quaternions[block])
     words = (
         _packed(positions, (11, 10, 11)),
         _packed(others, (10, 10, 10)) | largest << 30,
@@ -88,7 +88,7 @@ def _rotations(quaternions: Floats) -> tuple[NDArray[np.uint32], Floats]:
 
 def _coefficients(gaussians: Gaussians, block: NDArray[np.int64]) -> NDArray[np.uint8]:
     """All but the first, [len(block), 3, K − 1]."""
-    rest = gaussians.sh.numpy()[block, 1:].transpose(0, 2, 1)
+    rest = gaussians.sh[block, 1:].transpose(0, 2, 1)
     # 0 lies just between two steps: the sides that it goes to alternate, so that it does not become a colour everywhere
     side = 1e-4 * np.where(np.indices(rest.shape).sum(0) % 2, 1, -1)
     return _whole(rest / SH_RANGE + 0.5 + side, 8).astype(np.uint8)

@@ -61,7 +61,7 @@ class Order:
 
     def with_neighbours_together(self, gaussians: Gaussians) -> Self:
         """The same parts; between their ends, neighbours in space are neighbours in the file."""
-        codes = morton_codes(gaussians.means.cpu()).numpy()
+        codes = morton_codes(gaussians.means)
         ends = (0, *(part.count for part in self.parts), len(self.indices))
         runs = (self.indices[start:end] for start, end in pairwise(ends))
         return replace(self, indices=np.concatenate([run[np.argsort(codes[run], kind="stable")] for run in runs]))
@@ -69,11 +69,11 @@ class Order:
 
 def _importance(gaussians: Gaussians, viewpoint: Point) -> NDArray[np.float64]:
     """[N], above 0. Viewers walk, so nothing counts as nearer than half the median distance."""
-    means = gaussians.means.cpu().numpy().astype(np.float64)
-    scales = np.sort(gaussians.scales.cpu().numpy().astype(np.float64), axis=1)
+    means = gaussians.means.astype(np.float64)
+    scales = np.sort(gaussians.scales.astype(np.float64), axis=1)
     squared = ((means - viewpoint) ** 2).sum(1)
     tiny = np.finfo(np.float64).tiny
     near = max(float(np.median(squared)) / 4, tiny)
-    covered = gaussians.opacities.cpu().numpy() * scales[:, 2] * scales[:, 1] / np.maximum(squared, near)
+    covered = gaussians.opacities * scales[:, 2] * scales[:, 1] / np.maximum(squared, near)
     importance: NDArray[np.float64] = np.maximum(covered, tiny)
     return importance

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
-import torch
 from numpy.typing import NDArray
 
 from tigas_common.pose import Intrinsics, Pose
@@ -127,7 +126,7 @@ class Rasterizer(ABC):
         """
 
     def prepare(self, gaussians: Gaussians) -> PreparedScene:
-        """Pack a scene that is in memory, as `pack`; the tensors are not needed afterwards."""
+        """Pack a scene that is in memory, as `pack`; the arrays are not needed afterwards."""
         return self.pack(gaussians.batches())
 
     @abstractmethod
@@ -190,9 +189,9 @@ def derivative_limits(k: Intrinsics) -> tuple[float, float, float, float]:
 def one_gaussian() -> Gaussians:
     """The smallest scene, to warm up with."""
     return Gaussians(
-        means=torch.tensor([[0.0, 0.0, 1.0]]),
-        scales=torch.full((1, 3), 0.1),
-        quaternions=torch.tensor([[1.0, 0.0, 0.0, 0.0]]),
-        opacities=torch.full((1,), 0.5),
-        sh=torch.zeros(1, 1, 3),
+        means=np.array([[0, 0, 1]], np.float32),
+        scales=np.full((1, 3), 0.1, np.float32),
+        quaternions=np.array([[1, 0, 0, 0]], np.float32),
+        opacities=np.full(1, 0.5, np.float32),
+        sh=np.zeros((1, 1, 3), np.float32),
     )

@@ -13,7 +13,7 @@ from tigas_render.raster.instant import NAME, InstantRasterizer
 
 logger = logging.getLogger(__name__)
 
-GPU_PACKAGES = ("cuda.core", "cuda.pathfinder")
+GPU_PACKAGES = ("torch", "cuda.core", "cuda.pathfinder")
 """What the extra `gpu` installs."""
 
 
@@ -49,17 +49,19 @@ def create_rasterizer(device: str, cache: Path | None = None) -> Rasterizer:
 
 def why_no_cuda() -> str | None:
     """One sentence on what keeps this machine from rendering on a GPU; None if nothing does."""
-    import torch
+    try:
+        complete = all(find_spec(package) for package in GPU_PACKAGES)
+    except ModuleNotFoundError:
+        complete = False
+    if not complete:
+        return "The packages for GPUs are missing: make gpu."
+    import torch  # takes seconds, so only where there may be a GPU
 
     if torch.version.cuda is None:
         return "The installed PyTorch is built without CUDA."
     if not torch.cuda.is_available():
         return "PyTorch finds no NVIDIA GPU and driver on this machine."
-    try:
-        complete = all(find_spec(package) for package in GPU_PACKAGES)
-    except ModuleNotFoundError:
-        complete = False
-    return None if complete else "The packages for GPUs are missing: make gpu."
+    return None
 
 
 def _index(device: str) -> int:

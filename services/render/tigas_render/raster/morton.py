@@ -2,38 +2,44 @@
 
 from __future__ import annotations
 
-import torch
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    import torch
 
 BITS = 20
 """Of each axis; three axes fill 60 of 64."""
 MAX_SAMPLE = 100_000
 """Points, about, that the grid's extent is estimated from."""
 
+Integers = TypeVar("Integers", NDArray[np.int64], "torch.Tensor")
 
-def morton_codes(points: torch.Tensor) -> torch.Tensor:
-    """The Z-order codes int64 [N] of points [N, 3].
 
-    The grid spans the middle 98 % of each axis, so that a few points far away do not make it coarse.
-    """
-    if len(points) == 0:
-        return torch.zeros(0, dtype=torch.int64, device=points.device)
-    low, scale = morton_grid(points)
-    cells = (points - low) * scale + 0.25
-    grid = (cells.nan_to_num().clamp(0, 1) * (2**BITS - 1)).to(torch.int64)
-    codes = torch.zeros_like(grid[:, 0])
-    for axis in range(3):
-        codes |= _spread(grid[:, axis]) << axis
+def morton_codes(points: NDArray[np.floating[Any]]) -> NDArray[np.int64]:
+    """The Z-order codes [N] of finite points [N, 3]."""
+    codes = np.zeros(len(points), np.int64)
+    if len(points):
+        low, scale = morton_grid(points)
+        for axis in range(3):
+            places = (points[:, axis].astype(np.float64) - low[axis]) * scale + 0.25
+            codes |= spread((places.clip(0, 1) * (2**BITS - 1)).astype(np.int64)) << axis
     return codes
 
 
-def morton_grid(points: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
-    """Where the grid of points [N, 3] lies: a point's place in it, 0 to 1, is (point - low) · scale + 1/4."""
-    some = points[:: max(1, len(points) // MAX_SAMPLE)]
-    low, high = torch.quantile(some, torch.tensor([0.01, 0.99], device=points.device), dim=0)
-    return low, 0.5 / (high - low).max().clamp_min(1e-30)
+def morton_grid(points: NDArray[np.floating[Any]]) -> tuple[NDArray[np.float64], float]:
+    """Where the grid of points [N, 3] lies, N > 0: a point's place in it, 0 to 1, is (point - low) · scale + 1/4.
+
+    Half of its width is the middle 98 % of the widest axis, so that a few points far away do not make it coarse.
+    """
+    some = points[:: max(1, len(points) // MAX_SAMPLE)].astype(np.float64)
+    low, high = np.quantile(some, (0.01, 0.99), axis=0)
+    return low, 0.5 / max(float((high - low).max()), 1e-30)
 
 
-def _spread(values: torch.Tensor) -> torch.Tensor:
+def spread(values: Integers) -> Integers:
     """Put two zero bits between the lowest BITS bits of each value."""
     for shift, mask in (
         (32, 0x1F00000000FFFF),

@@ -40,13 +40,13 @@ DEPTH_CHUNK = 256
 
 @dataclass(frozen=True, slots=True)
 class ReferenceScene(PreparedScene):
-    """The tensors as they were given."""
+    """The arrays as they were given."""
 
     gaussians: Gaussians
 
     @property
     def nbytes(self) -> int:
-        """Bytes of the tensors."""
+        """Bytes of the arrays."""
         return self.gaussians.nbytes
 
 
@@ -91,16 +91,16 @@ class _Splats:
     depths: torch.Tensor  # [M]
 
 
-def render_float(gaussians: Gaussians, camera: Camera) -> torch.Tensor:
-    """The picture before rounding, float32 [H, W, 3]."""
-    splats = _project(gaussians, camera)
-    background = torch.tensor(camera.background, dtype=torch.float32, device=gaussians.means.device)
+def render_float(gaussians: Gaussians, camera: Camera, device: str = "cpu") -> torch.Tensor:
+    """The picture before rounding, float32 [H, W, 3], made on PyTorch's `device`."""
+    splats = _project(gaussians, camera, device)
+    background = torch.tensor(camera.background, dtype=torch.float32, device=device)
     return _draw(splats, splats.colours, background, camera.intrinsics)
 
 
-def depth_float(gaussians: Gaussians, camera: Camera) -> torch.Tensor:
+def depth_float(gaussians: Gaussians, camera: Camera, device: str = "cpu") -> torch.Tensor:
     """What the Gaussians' weights add up to at each pixel, float32 [2, H, W]: divided by z, and alone."""
-    splats = _project(gaussians, camera)
+    splats = _project(gaussians, camera, device)
     values = torch.stack([1 / splats.depths, torch.ones_like(splats.depths)], 1)
     return _draw(splats, values, values.new_zeros(2), camera.intrinsics).permute(2, 0, 1)
 
@@ -131,23 +131,24 @@ def _draw(splats: _Splats, values: torch.Tensor, background: torch.Tensor, intri
     return picture
 
 
-def _project(gaussians: Gaussians, camera: Camera) -> _Splats:
+def _project(gaussians: Gaussians, camera: Camera, device: str) -> _Splats:
     """EWA projection; drops what cannot be seen and sorts the rest by depth."""
-    device, k = gaussians.means.device, camera.intrinsics
+    k = camera.intrinsics
+    means, scales, quaternions, opacities, sh = (torch.from_numpy(array).to(device) for array in gaussians.arrays)
     rotation = torch.tensor(camera.pose.rotation, dtype=torch.float32, device=device).T  # world to camera
-    from_camera = gaussians.means - torch.tensor(camera.pose.position, dtype=torch.float32, device=device)  # [N, 3]
+    from_camera = means - torch.tensor(camera.pose.position, dtype=torch.float32, device=device)  # [N, 3]
     points = from_camera @ rotation.T
-    keep = torch.nonzero((points[:, 2] >= NEAR_PLANE) & (gaussians.opacities >= ALPHA_MIN)).squeeze(1)
+    keep = torch.nonzero((points[:, 2] >= NEAR_PLANE) & (opacities >= ALPHA_MIN)).squeeze(1)
     keep = keep[torch.argsort(points[keep, 2], stable=True)]
     points = points[keep]
 
     x, y, z = points.unbind(1)
-    axes = _rotation_matrices(gaussians.quaternions[keep]) * gaussians.scales[keep, None, :]
+    axes = _rotation_matrices(quaternions[keep]) * scales[keep, None, :]
     jacobian = _jacobian(points, camera.viewport)  # [M, 2, 3]
     half = jacobian @ rotation @ axes  # [M, 2, 3]: a square root of the projected covariance
     covariance = half @ half.mT
     dilation, low_pass = footprint(camera.display_scale, gaussians.antialiased)
-    opacities = gaussians.opacities[keep] * _compensation(covariance, dilation, low_pass)
+    opacities = opacities[keep] * _compensation(covariance, dilation, low_pass)
     covariance = covariance + (dilation + low_pass) * torch.eye(2, device=device)
     cxx, cxy, cyy = covariance[:, 0, 0], covariance[:, 0, 1], covariance[:, 1, 1]
     determinant = cxx * cyy - cxy * cxy
@@ -156,7 +157,7 @@ def _project(gaussians: Gaussians, camera: Camera) -> _Splats:
         centres=torch.stack([k.fx * x / z + k.cx, k.fy * y / z + k.cy], 1),
         conics=torch.stack([cyy, -cxy, cxx], 1) / determinant[:, None],
         extents=reach[:, None] * torch.stack([cxx, cyy], 1).sqrt(),
-        colours=colours(gaussians.sh[keep], torch.nn.functional.normalize(from_camera[keep], dim=1)),
+        colours=colours(sh[keep], torch.nn.functional.normalize(from_camera[keep], dim=1)),
         opacities=opacities,
         depths=z,
     )

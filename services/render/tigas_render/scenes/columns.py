@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import torch
 from numpy.typing import NDArray
 
 from tigas_common.errors import BrokenScene
@@ -29,8 +28,7 @@ Listener = Callable[[float], None]
 
 
 class Columns:
-    """Room for a block of Gaussians, as float32 in NumPy: PyTorch splits even small operations over threads that then
-    wait for each other on a busy machine.
+    """Room for a block of Gaussians, as float32.
 
     Whoever decodes a file writes every row of every array.
     """
@@ -55,7 +53,7 @@ class Columns:
         usable = self._usable()
         rows: NDArray[np.bool_] | slice = slice(None) if usable.all() else usable
         arrays = (self.means, self.scales, self.quaternions, self.opacities, self.sh)
-        return Gaussians(*(torch.from_numpy(array[rows]) for array in arrays), antialiased=antialiased)
+        return Gaussians(*(array[rows] for array in arrays), antialiased=antialiased)
 
     def _usable(self) -> NDArray[np.bool_]:
         usable = np.isfinite(self.quaternions).all(1) & np.isfinite(self.opacities)

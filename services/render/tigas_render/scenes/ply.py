@@ -38,7 +38,7 @@ def read_ply(path: Path) -> SceneFile:
 def load_ply(path: Path) -> Gaussians:
     """Load a scene; Gaussians that cannot be drawn are dropped with a warning (`columns.drawable`).
 
-    Memory beyond the tensors themselves is a few megabytes, whatever the scene's size.
+    Memory beyond the arrays themselves is a few megabytes, whatever the scene's size.
     Raises BrokenScene, with one sentence, if the file is not a complete INRIA 3DGS PLY.
     """
     return read_ply(path).load()
@@ -61,15 +61,12 @@ def write_ply(
 
     order: which Gaussians to write, in which order, as indices [M]; all as they are if left out.
     comments: for the header.
-    Memory beyond the tensors themselves is a few megabytes. Raises OSError.
+    Memory beyond the arrays themselves is a few megabytes. Raises OSError.
     """
     degree = gaussians.sh_degree
     names = ("x", "y", "z", "f_dc_0", "f_dc_1", "f_dc_2", *rest_names(degree), *REQUIRED[6:])
     order = np.arange(len(gaussians)) if order is None else order
-    means, scales, quaternions, opacities, sh = (
-        tensor.cpu().numpy()
-        for tensor in (gaussians.means, gaussians.scales, gaussians.quaternions, gaussians.opacities, gaussians.sh)
-    )
+    means, scales, quaternions, opacities, sh = gaussians.arrays
     with path.open("wb") as file:
         file.write(ply_header([("vertex", len(order), "float", names)], comments))
         for start in range(0, len(order), BLOCK):

@@ -10,13 +10,17 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-import torch
+import numpy as np
+from numpy.typing import NDArray
 
 from tigas_common.wire.model import Point
 from tigas_common.wire.render import StartCamera
+from tigas_render.gaussians import Floats
+
+Doubles = NDArray[np.float64]
 
 SAMPLE = 10_000
-"""Gaussians that are looked at, spread evenly over the file; from 32,768 numbers on, PyTorch starts threads."""
+"""Gaussians that are looked at, about, spread evenly over the file."""
 SOLID = 0.5
 """Opacity from which on a Gaussian hides what is behind it."""
 AZIMUTHS = 16
@@ -30,17 +34,17 @@ FRONT_BIAS = 0.12
 """How much a view along +z is preferred: where capturing tools put the front, and azimuth 0 of the protocol."""
 
 
-def derive_camera(means: torch.Tensor, opacities: torch.Tensor, scales: torch.Tensor, up: Point) -> StartCamera:
+def derive_camera(means: Floats, opacities: Floats, scales: Floats, up: Point) -> StartCamera:
     """Where to start in a scene of means [N, 3], opacities [N] and scales [N, 3] (standard deviations).
 
     `up` points up in the scene; it need not have length one.
     """
     points, radii = _sample(means, opacities, scales)
-    frame = _level_frame(up).to(points)
+    frame = _level_frame(up)
     points = points @ frame.T  # [S, 3]: right, down, forward
-    low, high = torch.quantile(points, points.new_tensor([0.015, 0.985]), dim=0)
+    low, high = np.quantile(points, (0.015, 0.985), axis=0)
     centre, half = (low + high) / 2, (high - low) / 2
-    size = max(float(half.norm()), 3 * float(radii.median()), 1e-3 * float(centre.norm()), 1e-6)
+    size = max(_length(half), 3 * float(np.median(radii)), 1e-3 * _length(centre), 1e-6)
     stand = _place_inside(points)
     if stand is None:
         position, target = _outside(points, centre, half, size)
@@ -49,35 +53,33 @@ def derive_camera(means: torch.Tensor, opacities: torch.Tensor, scales: torch.Te
     return StartCamera(position=_point(position @ frame), look_at=_point(target @ frame))
 
 
-def _sample(means: torch.Tensor, opacities: torch.Tensor, scales: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
-    """Up to SAMPLE solid Gaussians' centres [S, 3] and radii [S], in double precision on the CPU."""
+def _sample(means: Floats, opacities: Floats, scales: Floats) -> tuple[Doubles, Doubles]:
+    """Up to SAMPLE solid Gaussians' centres [S, 3] and radii [S], in double precision."""
     step = max(1, len(means) // SAMPLE)
-    means, opacities, scales = means[::step].cpu(), opacities[::step].cpu(), scales[::step].cpu()
+    means, opacities, scales = means[::step], opacities[::step], scales[::step]
     solid = opacities >= min(SOLID, float(opacities.max()))
     # the protocol's coordinates end at 1e9, and the camera stands outside
-    return means[solid].double().clamp(-1e8, 1e8), scales[solid].double().amax(1).clamp(max=1e8)
+    return means[solid].astype(np.float64).clip(-1e8, 1e8), scales[solid].astype(np.float64).max(1).clip(max=1e8)
 
 
-def _level_frame(up: Point) -> torch.Tensor:
+def _level_frame(up: Point) -> Doubles:
     """[3, 3] rows: right, down and forward, with forward as near to +z as a level direction can be."""
-    down = -torch.tensor(up, dtype=torch.float64)
-    down = down / down.norm()
-    ahead = torch.tensor([0.0, 0.0, 1.0] if abs(down[2]) < 0.9 else [0.0, 1.0, 0.0], dtype=torch.float64)
+    down = -np.array(up, np.float64)
+    down /= _length(down)
+    ahead = np.array([0.0, 0.0, 1.0] if abs(down[2]) < 0.9 else [0.0, 1.0, 0.0])
     forward = ahead - down * (ahead @ down)
-    forward = forward / forward.norm()
-    return torch.stack((torch.linalg.cross(down, forward), down, forward))
+    forward /= _length(forward)
+    return np.stack((np.cross(down, forward), down, forward))
 
 
-def _outside(
-    points: torch.Tensor, centre: torch.Tensor, half: torch.Tensor, size: float
-) -> tuple[torch.Tensor, torch.Tensor]:
+def _outside(points: Doubles, centre: Doubles, half: Doubles, size: float) -> tuple[Doubles, Doubles]:
     """A place from which the whole object fits into the picture, on the side where most of it can be seen."""
     reach = float(half[[0, 2]].max())
     distance = MARGIN * max(float(half[1]) / TAN_Y, reach / TAN_X, size / 4) + reach
     best, best_score = centre, -1.0
     for k in range(AZIMUTHS):
         azimuth = 2 * math.pi * k / AZIMUTHS
-        back = points.new_tensor(
+        back = np.array(
             [
                 -math.sin(azimuth) * math.cos(ELEVATION),
                 -math.sin(ELEVATION),
@@ -91,20 +93,20 @@ def _outside(
     return best, centre
 
 
-def _place_inside(points: torch.Tensor) -> torch.Tensor | None:
+def _place_inside(points: Doubles) -> Doubles | None:
     """Where to stand in a capture that surrounds the viewer; None if it is none.
 
     Nearly everywhere in the middle of such a capture, something is seen in every direction above the horizon. That is
     true of the hollow inside of an object as well, but an object neither has the far outliers of a room or a landscape
     (seen through windows, or as background) nor a room's size in metres.
     """
-    low, high, far_low, far_high = torch.quantile(points, points.new_tensor([0.1, 0.9, 0.005, 0.995]), dim=0)
+    low, high, far_low, far_high = np.quantile(points, (0.1, 0.9, 0.005, 0.995), axis=0)
     centre, half = (low + high) / 2, (high - low) / 2
-    size = float(half.norm())
-    if size == 0 or (float((far_high - far_low).norm()) / 2 < FAR * size and size < ROOM):
+    size = _length(half)
+    if size == 0 or (_length(far_high - far_low) / 2 < FAR * size and size < ROOM):
         return None
     steps = (-0.5, -0.25, 0.0, 0.25, 0.5)
-    places: list[torch.Tensor] = [centre + half * points.new_tensor([x, 0.0, z]) for z in steps for x in steps]
+    places: list[Doubles] = [centre + half * np.array([x, 0.0, z]) for z in steps for x in steps]
     views = [_seen(points, place) for place in places]
     if sorted(view.enclosure for view in views)[len(views) // 2] < 0.95:
         return None
@@ -112,21 +114,20 @@ def _place_inside(points: torch.Tensor) -> torch.Tensor | None:
     return places[best]
 
 
-def _widest_view(points: torch.Tensor, stand: torch.Tensor) -> torch.Tensor:
+def _widest_view(points: Doubles, stand: Doubles) -> Doubles:
     """What to look at from inside: the direction in which most is seen, at eye level."""
     to = points - stand
-    azimuth = torch.atan2(to[:, 0], to[:, 2])
-    level = to[:, 1].abs() < TAN_Y * to[:, [0, 2]].norm(dim=1)
+    azimuth = np.arctan2(to[:, 0], to[:, 2])
+    across = np.hypot(to[:, 0], to[:, 2])
+    level = np.abs(to[:, 1]) < TAN_Y * across
     best, best_score = 0.0, -1.0
     for k in range(AZIMUTHS):
         turn = 2 * math.pi * k / AZIMUTHS
-        ahead = torch.cos(azimuth - turn) > math.cos(math.radians(42))
-        far = to[ahead & level][:, [0, 2]].norm(dim=1).sum()
-        score = float(far) * (1 + FRONT_BIAS * math.cos(turn))
+        ahead = np.cos(azimuth - turn) > math.cos(math.radians(42))
+        score = float(across[ahead & level].sum()) * (1 + FRONT_BIAS * math.cos(turn))
         if score > best_score + 1e-9:
             best, best_score = turn, score
-    ahead_of: torch.Tensor = points.new_tensor([math.sin(best), 0.0, math.cos(best)])
-    target: torch.Tensor = stand + to.norm(dim=1).median() * ahead_of
+    target: Doubles = stand + np.median(_lengths(to)) * np.array([math.sin(best), 0.0, math.cos(best)])
     return target
 
 
@@ -142,25 +143,34 @@ class _View:
     """Distance to the nearest points."""
 
 
-def _seen(points: torch.Tensor, position: torch.Tensor) -> _View:
+def _seen(points: Doubles, position: Doubles) -> _View:
     """A panorama of 96 × 48 directions from `position`, with a depth buffer."""
     columns, rows = 96, 48
     to = points - position
-    distance = to.norm(dim=1).clamp_min(1e-12)
-    column = ((torch.atan2(to[:, 0], to[:, 2]) / (2 * math.pi) + 0.5) * columns).long().clamp(0, columns - 1)
-    row = ((torch.asin((to[:, 1] / distance).clamp(-1, 1)) / math.pi + 0.5) * rows).long().clamp(0, rows - 1)
+    distance = _lengths(to).clip(min=1e-12)
+    column = ((np.arctan2(to[:, 0], to[:, 2]) / (2 * math.pi) + 0.5) * columns).astype(np.int64).clip(0, columns - 1)
+    row = ((np.arcsin((to[:, 1] / distance).clip(-1, 1)) / math.pi + 0.5) * rows).astype(np.int64).clip(0, rows - 1)
     cell = row * columns + column
-    nearest = torch.full((rows * columns,), math.inf, dtype=distance.dtype)
-    nearest.scatter_reduce_(0, cell, distance, "amin")
+    nearest = np.full(rows * columns, math.inf)
+    np.minimum.at(nearest, cell, distance)
     # a cell is wider than most Gaussians, so what lies a little behind its nearest one is next to it
-    seen = float((distance <= 1.05 * nearest[cell]).double().mean())
-    covered = nearest.isfinite().view(rows, columns)
+    seen = float(np.mean(distance <= 1.05 * nearest[cell]))
+    covered = np.isfinite(nearest).reshape(rows, columns)
     # pooled to 24 columns: captures are sparse far away
-    above = covered[rows // 2 - 8 : rows // 2].view(2, 4, 24, 4).any(3).any(1)
+    above = covered[rows // 2 - 8 : rows // 2].reshape(2, 4, 24, 4).any((1, 3))
     k = min(len(points), max(1, len(points) // 500))
-    return _View(seen, float(above.double().mean()), float(distance.kthvalue(k).values))
+    return _View(seen, float(above.mean()), float(np.partition(distance, k - 1)[k - 1]))
 
 
-def _point(vector: torch.Tensor) -> Point:
+def _length(vector: Doubles) -> float:
+    return float(np.linalg.norm(vector))
+
+
+def _lengths(vectors: Doubles) -> Doubles:
+    lengths: Doubles = np.linalg.norm(vectors, axis=1)
+    return lengths
+
+
+def _point(vector: Doubles) -> Point:
     x, y, z = (float(value) for value in vector)
     return (x, y, z)

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
-import torch
 from numpy.typing import NDArray
 
 from tigas_common.wire.model import Point
@@ -32,17 +31,17 @@ class Survey:
     def _watched(self, scene: Batches) -> Iterator[Gaussians]:
         step = max(1, scene.most // SAMPLE)
         for part in scene.parts:
-            means = part.means.numpy()
-            self.low, self.high = np.minimum(self.low, means.min(0)), np.maximum(self.high, means.max(0))
-            self._some.append(Gaussians(*(tensor[-self.count % step :: step].clone() for tensor in part.tensors)))
+            self.low = np.minimum(self.low, part.means.min(0))
+            self.high = np.maximum(self.high, part.means.max(0))
+            self._some.append(Gaussians(*(array[-self.count % step :: step].copy() for array in part.arrays)))
             self.count += len(part)
             yield part
 
     @property
     def sample(self) -> Gaussians:
         """Some SAMPLE Gaussians, spread evenly over the file."""
-        columns = zip(*(some.tensors for some in self._some), strict=True)
-        return Gaussians(*(torch.cat(parts) for parts in columns))
+        columns = zip(*(some.arrays for some in self._some), strict=True)
+        return Gaussians(*(np.concatenate(parts) for parts in columns))
 
     def camera(self, up: Point) -> StartCamera:
         """See `derive_camera`."""

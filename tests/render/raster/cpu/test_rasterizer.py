@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import tracemalloc
+from dataclasses import replace
 
 import numpy as np
 import pytest
-import torch
 
 from tests.render.raster.views import balls, camera, cloud, pixels
 from tigas_common.pose import Pose
-from tigas_render.gaussians import Gaussians
 from tigas_render.raster.cpu import CpuRasterizer
 
 
@@ -93,12 +92,7 @@ def test_frames_after_the_first_allocate_nothing_that_grows() -> None:
 def test_a_prepared_scene_tells_its_size_and_leaves_out_what_is_invisible() -> None:
     rasterizer = CpuRasterizer()
     gaussians = cloud(1024, 3)
-    visible = Gaussians(
-        gaussians.means, gaussians.scales, gaussians.quaternions, torch.full((1024,), 0.5), gaussians.sh
-    )
-    hidden = Gaussians(
-        gaussians.means, gaussians.scales, gaussians.quaternions, torch.full((1024,), 0.003), gaussians.sh
-    )
+    visible, hidden = (replace(gaussians, opacities=np.full(1024, each, np.float32)) for each in (0.5, 0.003))
     assert rasterizer.prepare(visible).nbytes >= 1024 * (10 * 4 + 48 * 2)
     assert rasterizer.prepare(hidden).nbytes == 0
 

@@ -6,16 +6,17 @@ import dataclasses
 import math
 from typing import Any
 
+import numpy as np
 import pytest
-import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.render.raster.views import LEVEL, balls, camera, cloud, pixels
 from tigas_common.pose import Intrinsics, Pose
-from tigas_render.gaussians import Gaussians
+from tigas_render.gaussians import Floats, Gaussians
 from tigas_render.raster.base import Camera
 from tigas_render.raster.cpu import CpuRasterizer
+from tigas_render.scenes.columns import normalised
 
 FAST = CpuRasterizer()
 BLUE = (0.0, 0.0, 1.0)
@@ -30,15 +31,15 @@ centre = st.one_of(st.sampled_from([-1e6, 0.0, 1e6]), st.floats(-1e6, 1e6))
 def hostile_gaussians(draw: st.DrawFn) -> Gaussians:
     count = draw(st.integers(1, 6))
 
-    def values(each: st.SearchStrategy[float], columns: int) -> torch.Tensor:
+    def values(each: st.SearchStrategy[float], columns: int) -> Floats:
         size = count * columns
         numbers = draw(st.lists(each, min_size=size, max_size=size))
-        return torch.tensor(numbers, dtype=torch.float32).reshape(count, columns)
+        return np.array(numbers, np.float32).reshape(count, columns)
 
     return Gaussians(
         means=values(coordinate, 3),
         scales=values(magnitude, 3),
-        quaternions=torch.nn.functional.normalize(values(coordinate.map(lambda x: x % 7 + 1e-3), 4), dim=1),
+        quaternions=normalised(values(coordinate.map(lambda x: x % 7 + 1e-3), 4)).astype(np.float32),
         opacities=values(st.sampled_from([0.0, 1 / 255, 0.5, 1.0]), 1)[:, 0],
         sh=values(coordinate, 12).reshape(count, 4, 3),
     )
@@ -57,16 +58,16 @@ def test_any_numbers_give_a_picture(
 @pytest.mark.parametrize(
     "replaced",
     [
-        {"means": torch.full((1, 3), math.nan)},
-        {"means": torch.full((1, 3), math.inf)},
-        {"scales": torch.full((1, 3), math.nan)},
-        {"scales": torch.full((1, 3), 1e30)},
-        {"quaternions": torch.full((1, 4), math.nan)},
-        {"opacities": torch.full((1,), math.nan)},
-        {"opacities": torch.zeros(1)},
-        {"means": torch.zeros(1, 3)},
-        {"means": torch.tensor([[0.0, 0.0, 0.009 - 4]])},
-        {"means": torch.tensor([[0.0, 0.0, -1e9]])},
+        {"means": np.full((1, 3), math.nan, np.float32)},
+        {"means": np.full((1, 3), math.inf, np.float32)},
+        {"scales": np.full((1, 3), math.nan, np.float32)},
+        {"scales": np.full((1, 3), 1e30, np.float32)},
+        {"quaternions": np.full((1, 4), math.nan, np.float32)},
+        {"opacities": np.full(1, math.nan, np.float32)},
+        {"opacities": np.zeros(1, np.float32)},
+        {"means": np.zeros((1, 3), np.float32)},
+        {"means": np.array([[0.0, 0.0, 0.009 - 4]], np.float32)},
+        {"means": np.array([[0.0, 0.0, -1e9]], np.float32)},
     ],
     ids=str,
 )
@@ -80,10 +81,7 @@ def test_what_cannot_be_drawn_leaves_the_background(replaced: dict[str, Any]) ->
 
 
 def test_a_scene_without_gaussians_is_its_background() -> None:
-    nothing = cloud(1, 2)
-    nothing = Gaussians(
-        nothing.means[:0], nothing.scales[:0], nothing.quaternions[:0], nothing.opacities[:0], nothing.sh[:0]
-    )
+    nothing = Gaussians(*(array[:0] for array in cloud(1, 2).arrays))
     scene = FAST.prepare(nothing)
     assert scene.nbytes == 0
     assert (pixels(FAST.render(scene, camera(70, 50, background=BLUE))) == (0, 0, 255)).all()

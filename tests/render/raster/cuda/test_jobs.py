@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
-import torch
 from PIL import Image as PillowImage
 
 from tests.render.raster.views import camera, cloud
@@ -114,7 +113,7 @@ def test_a_coded_depth_is_as_the_host_would_code_it(
 
 
 def test_a_depth_of_nothing_is_black(rasterizer: CudaRasterizer, lanes: Lanes) -> None:
-    nothing = Gaussians(torch.zeros(0, 3), torch.zeros(0, 3), torch.zeros(0, 4), torch.zeros(0), torch.zeros(0, 1, 3))
+    nothing = Gaussians(*(array[:0] for array in cloud(1, 0).arrays))
     (image,) = made(rasterizer, lanes, [(rasterizer.prepare(nothing), camera(320, 200), "jpeg")], depth=True)
     assert image.coded_depth is not None
     assert image.coded_depth.nearest == 0

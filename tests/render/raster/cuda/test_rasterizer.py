@@ -50,18 +50,8 @@ def decoded(image: bytes) -> Pixels:
     return np.asarray(PillowImage.open(io.BytesIO(image)).convert("RGB"))
 
 
-def on_gpu(gaussians: Gaussians) -> Gaussians:
-    return Gaussians(
-        gaussians.means.cuda(),
-        gaussians.scales.cuda(),
-        gaussians.quaternions.cuda(),
-        gaussians.opacities.cuda(),
-        gaussians.sh.cuda(),
-    )
-
-
 def reference(gaussians: Gaussians, view: Camera) -> Pixels:
-    return (render_float(on_gpu(gaussians), view).clamp(0, 1) * 255 + 0.5).to(torch.uint8).cpu().numpy()
+    return (render_float(gaussians, view, "cuda").clamp(0, 1) * 255 + 0.5).to(torch.uint8).cpu().numpy()
 
 
 @pytest.mark.parametrize("degree", [0, 1, 2, 3])
@@ -76,7 +66,7 @@ def test_a_picture_that_is_shown_larger_is_drawn_as_the_reference_draws_it(
     rasterizer: CudaRasterizer, size: float, display_scale: float
 ) -> None:
     gaussians = cloud(5_000, 1, size=size)
-    needles = dataclasses.replace(gaussians, scales=gaussians.scales * torch.tensor([4.0, 0.01, 0.01]))
+    needles = dataclasses.replace(gaussians, scales=gaussians.scales * np.array([4.0, 0.01, 0.01], np.float32))
     view = camera(320, 180, background=(0.2, 0.4, 0.6), display_scale=display_scale)
     for scene in (gaussians, needles):
         assert psnr(draw(rasterizer, scene, view), reference(scene, view)) >= 50
@@ -145,7 +135,7 @@ def test_depth_is_the_references_of_the_same_coarse_view(
     view = camera(width, height, Pose.from_euler(20, 10, 30, place), background=(0.2, 0.5, 0.9))
     depth = depth_of(rasterizer, gaussians, view)
     assert depth.shape == depth_size(width, height)[::-1]
-    means = depth_float(on_gpu(gaussians), coarse(view)).permute(1, 2, 0)
+    means = depth_float(gaussians, coarse(view), "cuda").permute(1, 2, 0)
     expected = inverse_depth(means.cpu().numpy())
     edge = (depth == 0) != (expected == 0)  # as good as no opacity, just enough in one of them
     assert edge.mean() <= 0.005
@@ -187,7 +177,7 @@ def test_depth_is_whole_after_lists_have_outgrown_their_buffer(
 def test_where_nothing_is_depth_is_infinite_whatever_the_frame_before_had(rasterizer: CudaRasterizer) -> None:
     view = camera(640, 360)
     assert depth_of(rasterizer, cloud(3_000, 0, size=0.15), view).max() > 0.1
-    nothing = Gaussians(torch.zeros(0, 3), torch.zeros(0, 3), torch.zeros(0, 4), torch.zeros(0), torch.zeros(0, 1, 3))
+    nothing = Gaussians(*(array[:0] for array in cloud(1, 0).arrays))
     assert (depth_of(rasterizer, nothing, view) == 0).all()
 
 
@@ -254,7 +244,7 @@ def test_views_of_several_scenes_in_flight_do_not_mix(rasterizer: CudaRasterizer
 
 
 def test_nothing_to_draw_is_the_background(rasterizer: CudaRasterizer) -> None:
-    nothing = Gaussians(torch.zeros(0, 3), torch.zeros(0, 3), torch.zeros(0, 4), torch.zeros(0), torch.zeros(0, 1, 3))
+    nothing = Gaussians(*(array[:0] for array in cloud(1, 0).arrays))
     assert (draw(rasterizer, nothing, camera(50, 40, background=(1.0, 0.0, 0.2))) == (255, 0, 51)).all()
 
 

@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import numpy as np
-import torch
 from numpy.typing import NDArray
 
 from tigas_render.raster.cpu import layout as L
@@ -21,11 +20,11 @@ def sort_by_place(rows: NDArray[np.float32], sh: NDArray[np.float16]) -> None:
     """
     if len(rows) == 0:
         return
-    low, scale = morton_grid(torch.from_numpy(rows[:, L.MEAN_X : L.MEAN_X + 3]))
+    low, scale = morton_grid(rows[:, L.MEAN_X : L.MEAN_X + 3])
     index_bits = len(rows).bit_length()
     axis_bits = min(BITS, (64 - index_bits) // 3)
     keys = np.empty(len(rows), np.uint64)
-    fill_keys(rows, low.double().numpy(), float(scale), axis_bits, index_bits, keys)
+    fill_keys(rows, low, scale, axis_bits, index_bits, keys)
     keys.sort()
     keys &= np.uint64((1 << index_bits) - 1)
     reorder(keys.view(np.int64), rows, sh.view(np.uint16))

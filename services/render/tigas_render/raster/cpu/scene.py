@@ -58,7 +58,7 @@ def pack(scene: Batches) -> CpuScene:
     count = 0
     for part in itertools.chain((first,), scene.parts):
         means, scales, quaternions, opacities, colours = (
-            np.ascontiguousarray(tensor.detach().cpu().numpy(), np.float32) for tensor in part.tensors
+            np.ascontiguousarray(array, np.float32) for array in part.arrays
         )
         drawable = np.flatnonzero((opacities >= ALPHA_MIN) & np.isfinite(means).all(axis=1))
         end = count + len(drawable)

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import torch
 
-from tigas_render.gaussians import Batches, Gaussians
+from tigas_render.gaussians import Batches
 from tigas_render.raster.base import ALPHA_MIN, BASIS_CONSTANTS, PreparedScene
-from tigas_render.raster.morton import morton_codes
+from tigas_render.raster.morton import BITS, MAX_SAMPLE, morton_grid, spread
 
 CHUNK = 256
 """Gaussians that are culled together; `frame.cuh` says the same."""
@@ -49,12 +49,11 @@ class CudaScene(PreparedScene):
 
 def pack(scene: Batches, device: torch.device) -> CudaScene:
     """Pack a scene on a device. Gaussians that are too transparent to be drawn or not finite are left out."""
-    gaussians = _on_device(scene, device)
-    means, scales, quaternions, opacities, _ = gaussians.tensors
-    sh = gaussians.sh[:, : coefficients_in_use(gaussians.sh)]
+    (means, scales, quaternions, opacities, sh), antialiased = _on_device(scene, device)
+    sh = sh[:, : coefficients_in_use(sh)]
     finite = torch.cat([means, scales, quaternions], 1).isfinite().all(1) & (opacities >= ALPHA_MIN)
     keep = finite.nonzero().squeeze(1)
-    keep = keep[torch.argsort(morton_codes(means[keep]), stable=True)]
+    keep = keep[torch.argsort(_morton_codes(means[keep]), stable=True)]
     padding = -len(keep) % CHUNK if len(keep) else CHUNK
 
     means = _padded(means[keep], padding)
@@ -80,23 +79,38 @@ def pack(scene: Batches, device: torch.device) -> CudaScene:
         coefficients=sh.shape[1],
         scale_low=low,
         scale_step=step,
-        antialiased=gaussians.antialiased,
+        antialiased=antialiased,
     )
 
 
-def _on_device(scene: Batches, device: torch.device) -> Gaussians:
-    """All Gaussians, with coefficients in half precision; the host holds a batch at a time."""
+def _on_device(scene: Batches, device: torch.device) -> tuple[list[torch.Tensor], bool]:
+    """Means, scales, quaternions, opacities, and coefficients in half precision, and whether they were trained
+    antialiased; the host holds a batch at a time.
+    """
     first = next(scene.parts)
     whole = [
-        torch.empty(scene.most, *t.shape[1:], dtype=torch.float16 if t is first.sh else t.dtype, device=device)
-        for t in first.tensors
+        torch.empty(
+            scene.most, *each.shape[1:], dtype=torch.float16 if each is first.sh else torch.float32, device=device
+        )
+        for each in first.arrays
     ]
     count = 0
     for part in itertools.chain((first,), scene.parts):
-        for tensor, rows in zip(whole, part.tensors, strict=True):
-            tensor[count : count + len(rows)] = rows.detach().to(device)
+        for tensor, rows in zip(whole, part.arrays, strict=True):
+            tensor[count : count + len(rows)] = torch.from_numpy(rows).to(device)
         count += len(part)
-    return Gaussians(*(tensor[:count] for tensor in whole), antialiased=first.antialiased)
+    return [tensor[:count] for tensor in whole], first.antialiased
+
+
+def _morton_codes(points: torch.Tensor) -> torch.Tensor:
+    """The Z-order codes [N] of finite points [N, 3]; twin: `morton.morton_codes`."""
+    codes = torch.zeros(len(points), dtype=torch.int64, device=points.device)
+    if len(points):
+        low, scale = morton_grid(points[:: max(1, len(points) // MAX_SAMPLE)].cpu().numpy())
+        for axis in range(3):
+            places = (points[:, axis].double() - float(low[axis])) * scale + 0.25
+            codes |= spread((places.clamp(0, 1) * (2**BITS - 1)).long()) << axis
+    return codes
 
 
 def coefficients_in_use(sh: torch.Tensor) -> int:

@@ -6,7 +6,6 @@ Everything is computed in linear RGB, then tone-mapped, as the Gaussians' colour
 from __future__ import annotations
 
 import numpy as np
-import torch
 
 from tigas_render.gaussians import Gaussians
 from tigas_render.scenes.demo import layout
@@ -188,11 +187,11 @@ def to_gaussians(surfels: Surfels, colour: Floats, tilt: Floats) -> Gaussians:
     sh[:, 2] = tilt[:, 2] / SH_C1
     sh[:, 3] = -tilt[:, 0] / SH_C1
     return Gaussians(
-        means=torch.from_numpy(np.ascontiguousarray(surfels.positions)),
-        scales=torch.from_numpy(np.ascontiguousarray(surfels.sizes)),
-        quaternions=torch.from_numpy(_quaternions(surfels.frames)),
-        opacities=torch.from_numpy(np.ascontiguousarray(surfels.opacity)),
-        sh=torch.from_numpy(sh),
+        means=np.ascontiguousarray(surfels.positions),
+        scales=np.ascontiguousarray(surfels.sizes),
+        quaternions=_quaternions(surfels.frames),
+        opacities=np.ascontiguousarray(surfels.opacity),
+        sh=sh,
     )
 
 
