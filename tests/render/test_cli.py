@@ -160,7 +160,7 @@ def test_an_empty_directory_is_explained_and_the_demo_is_served(tmp_path: Path) 
     [
         (("--scenes", "/nowhere/at/all"), "does not exist"),
         (("--scenes", __file__), "does not exist|not a directory"),
-        (("--device", "cuda"), "without CUDA|no NVIDIA GPU"),
+        (("--device", "cuda"), "without CUDA|no NVIDIA GPU|packages for GPUs are missing"),
         (("--device", "abacus"), "device"),
         (("--http", "8080"), "HOST:PORT"),
         (("--memory-gb", "-1"), "memory_gb"),

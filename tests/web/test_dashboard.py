@@ -24,7 +24,7 @@ def test_shows_each_scene_with_its_picture(open_page: OpenPage) -> None:
 def test_a_broken_scene_says_what_is_wrong_and_does_not_hide_the_others(open_page: OpenPage) -> None:
     page = open_page(expected_errors="422")
     broken = page.locator("[data-scene=broken-garden]")
-    broken.get_by_role("button").click()
+    broken.get_by_role("button", name="Try again").click()
     expect(broken.locator(".card-error")).to_contain_text(".")
     expect(page.locator("[data-scene=pebbles]")).to_be_visible()
 

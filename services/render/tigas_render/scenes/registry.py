@@ -14,7 +14,7 @@ from pathlib import Path
 from types import TracebackType
 from urllib.parse import quote
 
-from tigas_common.errors import BrokenScene, NoRoom, Overloaded, SceneInUse, TigasError, UnknownScene
+from tigas_common.errors import BrokenScene, NoRoom, OutOfDeviceMemory, Overloaded, SceneInUse, TigasError, UnknownScene
 from tigas_common.wire.render import Rung, SceneInfo, StartCamera
 from tigas_render.device_memory import with_room
 from tigas_render.gaussians import Batches
@@ -279,7 +279,10 @@ class SceneRegistry:
     def _read(self, entry: _Entry, source: SceneSource) -> LoadedScene:
         """In a worker thread: from the file to what the rasteriser takes."""
         survey = Survey()
-        prepared = self._pack(survey.watch(source.read(entry.hear)))
+        try:
+            prepared = self._pack(survey.watch(source.read(entry.hear)))
+        except OutOfDeviceMemory as error:
+            raise error.with_traceback(None)  # it would hold what was allocated until then
         camera = source.metadata.camera or survey.camera(source.metadata.up)
         return LoadedScene(source, prepared, survey.count, camera)
 
