@@ -282,7 +282,7 @@ class SceneRegistry:
         try:
             prepared = self._pack(survey.watch(source.read(entry.hear)))
         except OutOfDeviceMemory as error:
-            raise error.with_traceback(None)  # it would hold what was allocated until then
+            raise error.with_traceback(None) from None  # it would hold what was allocated until then
         camera = source.metadata.camera or survey.camera(source.metadata.up)
         return LoadedScene(source, prepared, survey.count, camera)
 
