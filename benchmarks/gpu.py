@@ -52,8 +52,8 @@ SOURCES = {
 RUNGS = ((1280, 720), (960, 540), (640, 360), (320, 180))
 QUALITY = 90
 REPEATS = 300
-COPIES = 6
-"""How many times the densified scene repeats each Gaussian."""
+COPIES = (6, 24)
+"""How many times the densified scenes repeat each Gaussian."""
 
 
 def main() -> None:
@@ -77,7 +77,7 @@ def main() -> None:
     accuracy(rasterizer, scenes)
     if "flowers" in scenes:
         gaussians, view = scenes["flowers"]
-        scenes[f"flowers x {COPIES}"] = densified(gaussians), view
+        scenes |= {f"flowers x {copies}": (densified(gaussians, copies), view) for copies in COPIES}
     print(f"\nPose to JPEG bytes on the host, ms, quality {QUALITY}")
     prepared = {name: rasterizer.prepare(gaussians) for name, (gaussians, _) in scenes.items()}
     own = latencies(rasterizer, prepared, {name: view for name, (_, view) in scenes.items()})
@@ -117,14 +117,14 @@ def load_scenes(folder: Path) -> dict[str, tuple[Gaussians, View]]:
     return scenes
 
 
-def densified(gaussians: Gaussians) -> Gaussians:
-    """Each Gaussian COPIES times, moved by 0.7 of its deviations, and as much smaller as keeps the scene's look."""
+def densified(gaussians: Gaussians, copies: int) -> Gaussians:
+    """Each Gaussian `copies` times, moved by 0.7 of its deviations, and as much smaller as keeps the scene's look."""
     from tigas_render.raster.reference import _rotation_matrices
 
-    means, scales, quaternions, opacities, sh = (array.repeat(COPIES, 0) for array in gaussians.arrays)
+    means, scales, quaternions, opacities, sh = (array.repeat(copies, 0) for array in gaussians.arrays)
     moved = np.float32(0.7) * np.random.default_rng(0).standard_normal(means.shape, np.float32) * scales
     means += np.einsum("nij,nj->ni", _rotation_matrices(torch.from_numpy(quaternions)).numpy(), moved)
-    return Gaussians(means, scales * np.float32(COPIES**-0.33), quaternions, opacities, sh)
+    return Gaussians(means, scales * np.float32(copies**-0.33), quaternions, opacities, sh)
 
 
 # --- accuracy ---

@@ -212,7 +212,7 @@ async def _both_engines(url: str) -> None:
     async with httpx.AsyncClient(trust_env=False) as http:
         for _ in range(round(START_S / POLL_S)):
             answer = await http.get(f"{url}/metrics")
-            if len(re.findall(r"^tigas_device_up\{[^}]*\} 1", answer.text, re.MULTILINE)) == 2:
+            if len(re.findall(r"^tigas_render_device_up\{[^}]*\} 1", answer.text, re.MULTILINE)) == 2:
                 return
             await asyncio.sleep(POLL_S)
     raise RunFailed(f"The killed engine was not back within {START_S:g} s.")
