@@ -154,8 +154,9 @@ def table(runs: Sequence[Run]) -> Iterator[str]:
 async def run_all(folder: Path, blocks: int, seed: int) -> list[Run]:
     """All runs, one after another. Raises StartError."""
     chance, runs = random.Random(seed), list[Run]()
-    async with open_environment(None, folder, None, Inputs(folder), ladder="paper") as environment:
-        for block in range(blocks):
+    for block in range(blocks):
+        # Services of its own: an engine that ends more often than four times a minute is left alone for a while.
+        async with open_environment(None, folder, None, Inputs(folder), ladder="paper") as environment:
             for rtt in chance.sample(RTTS_MS, len(RTTS_MS)):
                 for mode in chance.sample(MODES, len(MODES)):
                     configuration = Configuration(
