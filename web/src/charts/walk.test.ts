@@ -72,17 +72,41 @@ test("a side that showed nothing has no figures", () => {
     one.presented(0, { latencies: [20] });
     one.sample([NO_FIGURES, null], now);
   }
-  expect(one.last.value?.sides).toMatchObject([{ latency: { p50: 20 } }, null]);
+  expect(one.last.value?.sides).toMatchObject([{ latency: { p50: 20 } }, "nothing"]);
 });
 
-test("a side that began anew meanwhile has none, however much it has shown since", () => {
+test("a walk counts from the first picture of a side that comes while it goes on", () => {
+  const one = recorder();
+  for (let now = 250; now <= 12_000; now += 250) {
+    const moved = Math.min(now, 9000);
+    one.sampled(moved, moved);
+    one.presented(0, { latencies: [20] });
+    const stateless = { ...NO_FIGURES, shown: moved, newViews: moved };
+    // Not opened, then opened, and played from the third second on.
+    const stream = now < 1000 ? null : { ...NO_FIGURES, shown: Math.max(0, moved - 3000) };
+    if (stream?.shown) one.presented(1, { latencies: [150] });
+    one.sample([stateless, stream && { ...stream, newViews: stream.shown }], now);
+  }
+  expect(one.last.value).toMatchObject({
+    duration: 5500,
+    sides: [
+      { latency: { p50: 20 }, newViewsPerSecond: 1000 },
+      { latency: { p50: 150 }, newViewsPerSecond: 1000 },
+    ],
+  });
+});
+
+test.each([
+  ["at once", (now: number) => (now < 3000 ? 9_000_000 + now : now - 3000)],
+  ["after a while in which there is none", (now: number) => (now < 3000 ? 500 : now < 4000 ? null : now - 4000)],
+])("a side that begins anew %s has no figures, however much it has shown since", (_, shownAt) => {
   const one = recorder();
   for (let now = 1000; now <= 8000; now += 250) {
     const moved = Math.min(now, 5000);
     one.sampled(moved, moved);
     one.presented(0, { latencies: [20] });
-    const bytes = now < 3000 ? 9_000_000 + now : now;
-    one.sample([{ ...NO_FIGURES, shown: now, bytes }], now);
+    const shown = shownAt(now);
+    one.sample([shown === null ? null : { ...NO_FIGURES, shown }], now);
   }
-  expect(one.last.value?.sides).toEqual([null]);
+  expect(one.last.value?.sides).toEqual(["restarted"]);
 });

@@ -21,11 +21,14 @@ export interface WalkedSide {
   readonly stalled: number;
 }
 
+/** It showed nothing of the walk; or it began anew meanwhile, as another stream, so that its counts are not the walk's. */
+export type Unmeasured = "nothing" | "restarted";
+
 export interface Walk {
   /** How long the camera moved, in milliseconds. */
   readonly duration: number;
-  /** From left to right; null for one that showed nothing, or began anew meanwhile. */
-  readonly sides: readonly (WalkedSide | null)[];
+  /** From left to right. */
+  readonly sides: readonly (WalkedSide | Unmeasured)[];
 }
 
 /** What has come from the walk that goes on. */
@@ -33,6 +36,10 @@ interface Going {
   readonly from: number;
   readonly before: SideFigures;
   readonly latencies: readonly number[][];
+  /** Sides that began anew, by number. */
+  readonly restarted: Set<number>;
+  /** The last sample. */
+  latest: SideFigures;
   movedAt: number;
   /** When the camera moved last: a stream goes on sending while it stands still. */
   moved: SideFigures;
@@ -71,7 +78,17 @@ export class WalkRecorder {
     const going = this.#going;
     if (going === null) {
       if (now - this.#movedAt < STILL_AFTER) this.#going = begun(figures, this.#movedAt);
-    } else if (this.#movedAt > going.movedAt) {
+      return;
+    }
+    const { latest, restarted } = going;
+    going.latest = figures;
+    for (const side of figures.keys()) if (pictures(figures, side) < pictures(latest, side)) restarted.add(side);
+    const arrives = (side: number) =>
+      pictures(latest, side) === 0 && pictures(figures, side) > 0 && !restarted.has(side);
+    const moving = this.#movedAt > going.movedAt;
+    if (moving && [...figures.keys()].some(arrives)) {
+      this.#going = null; // what it can be compared by begins here
+    } else if (moving) {
       going.movedAt = this.#movedAt;
       going.moved = figures;
     } else if (now - going.movedAt >= STILL_AFTER) {
@@ -82,18 +99,24 @@ export class WalkRecorder {
 }
 
 function begun(figures: SideFigures, movedAt: number): Going {
-  return { from: movedAt, movedAt, before: figures, moved: figures, latencies: figures.map(() => []) };
+  const latencies = figures.map(() => []);
+  return { from: movedAt, movedAt, before: figures, moved: figures, latest: figures, latencies, restarted: new Set() };
+}
+
+/** How many a side has shown so far. */
+function pictures(figures: SideFigures, side: number): number {
+  return figures[side]?.shown ?? 0;
 }
 
 /** `after`: once all that was on its way has been shown. */
-function ended({ from, movedAt, before, moved, latencies }: Going, after: SideFigures): Walk {
+function ended({ from, movedAt, before, moved, latencies, restarted }: Going, after: SideFigures): Walk {
   const duration = movedAt - from;
-  const sides = latencies.map((times, side): WalkedSide | null => {
+  const sides = latencies.map((times, side): WalkedSide | Unmeasured => {
+    if (restarted.has(side)) return "restarted";
     const sorted = times.toSorted((a, b) => a - b);
     const percentile = (rank: number) => sorted[Math.ceil(rank * sorted.length) - 1] ?? 0;
     const [first, last, shown] = [before[side], moved[side], after[side]];
-    if (!first || !last || !shown || sorted.length === 0) return null;
-    if (shown.shown < first.shown || last.bytes < first.bytes) return null; // it counts from zero again
+    if (!first || !last || !shown || sorted.length === 0) return "nothing";
     return {
       inputs: sorted.length,
       latency: { p50: percentile(0.5), p95: percentile(0.95) },

@@ -72,7 +72,7 @@ test("a walk is held against ground truth once it has ended, and nothing is aske
   const kept = sides[0]?.picture.mock.calls.length ?? 0;
   expect(kept).toBeGreaterThan(3);
   await frames(3);
-  expect(comparison.walks.last.value?.sides.map((side) => side?.latency.p50)).toEqual([20, 120]);
+  expect(comparison.walks.last.value?.sides).toMatchObject([{ latency: { p50: 20 } }, { latency: { p50: 120 } }]);
   expect(comparison.quality.value).toMatchObject({ psnr: [30, 20], problem: null });
   expect(sides[0]?.picture).toHaveBeenCalledTimes(kept); // at rest nothing is kept
 });

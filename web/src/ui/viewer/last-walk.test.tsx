@@ -1,7 +1,7 @@
 // @vitest-environment happy-dom
 import { cleanup, render, screen } from "@testing-library/preact";
 import { afterEach, expect, test } from "vitest";
-import type { Walk, WalkedSide } from "../../charts/walk";
+import type { Unmeasured, Walk, WalkedSide } from "../../charts/walk";
 import { LastWalk, verdict } from "./last-walk";
 
 afterEach(cleanup);
@@ -17,13 +17,13 @@ const SIDE: WalkedSide = {
 const UNSCORED = { psnr: [], moments: 0, problem: null };
 const LOCAL = [false, false];
 const NAMES = ["Stateless", "DASH, tuned"];
-type Changes = Partial<WalkedSide> | null;
+type Changes = Partial<WalkedSide> | Unmeasured;
 const walk = ({ left = {}, right = {} }: { left?: Changes; right?: Changes }): Walk => ({
   duration: 12_300,
-  sides: [left, right].map((changes) => changes && { ...SIDE, ...changes }),
+  sides: [left, right].map((changes) => (typeof changes === "string" ? changes : { ...SIDE, ...changes })),
 });
 
-test.each([
+test.each<[{ left?: Changes; right?: Changes }, string]>([
   [
     { right: { latency: { p50: 738, p95: 900 }, newViewsPerSecond: 24.8, bandwidth: 3_000_000 } },
     "Stateless followed you 690 ms sooner than DASH, tuned: 48 against 25 new views a second, for 10 Mbit/s against 3 Mbit/s.",
@@ -40,8 +40,13 @@ test.each([
     { right: { inputs: 12, latency: { p50: 30, p95: 40 }, newViewsPerSecond: 0.3, bandwidth: 500_000 } },
     "Stateless followed you, and DASH, tuned hardly did: 48 against 0.3 new views a second, for 10 Mbit/s against 500 kbit/s.",
   ],
-  [{ right: null }, "Only Stateless showed anything of this walk."],
-  [{ left: null, right: null }, "Neither side showed anything of this walk."],
+  [{ right: "nothing" }, "Only Stateless showed anything of this walk."],
+  [{ left: "nothing", right: "nothing" }, "Neither side showed anything of this walk."],
+  [{ right: "restarted" }, "DASH, tuned began anew during this walk: walk again to compare."],
+  [
+    { left: "restarted", right: "restarted" },
+    "Stateless and DASH, tuned began anew during this walk: walk again to compare.",
+  ],
 ])("the verdict is one sentence: %j", (changes, sentence) => {
   expect(verdict(walk(changes), NAMES, UNSCORED)).toBe(sentence);
 });

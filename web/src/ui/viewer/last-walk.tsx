@@ -1,6 +1,6 @@
 /** Side by side: what each side made of the last walk, and that in one sentence. It stays until the next walk has ended. */
 import type { ComponentChildren } from "preact";
-import type { Walk, WalkedSide } from "../../charts/walk";
+import type { Unmeasured, Walk, WalkedSide } from "../../charts/walk";
 import { PLACES } from "../../state/sides";
 import type { SeenQuality } from "../../viewer/comparison";
 import { bitrate, bytes } from "../format";
@@ -44,7 +44,7 @@ function Table({ walk: { duration, sides }, names, quality }: Omit<Props, "walk"
     <Row label={label}>
       {sides.map((of, i) => (
         <td key={PLACES[i]} data-side={PLACES[i]}>
-          {of === null ? "–" : cell(of)}
+          {isMeasured(of) ? cell(of) : "–"}
         </td>
       ))}
     </Row>
@@ -97,10 +97,16 @@ function rate(perSecond: number): string {
   return perSecond < 9.95 ? perSecond.toFixed(1) : String(Math.round(perSecond));
 }
 
+function isMeasured(side: WalkedSide | Unmeasured): side is WalkedSide {
+  return typeof side !== "string";
+}
+
 /** Who followed the camera sooner, who was nearer to the truth, and what that took. */
 export function verdict({ sides }: Walk, names: readonly string[], { psnr }: Pick<SeenQuality, "psnr">): string {
+  const restarted = names.filter((_, i) => sides[i] === "restarted");
+  if (restarted.length > 0) return `${restarted.join(" and ")} began anew during this walk: walk again to compare.`;
   const shown = sides
-    .flatMap((of, i) => (of === null ? [] : [{ name: names[i] ?? "", of, psnr: psnr[i] }]))
+    .flatMap((of, i) => (isMeasured(of) ? [{ name: names[i] ?? "", of, psnr: psnr[i] }] : []))
     .toSorted((a, b) => a.of.latency.p50 - b.of.latency.p50);
   const [sooner, later] = shown;
   if (sooner === undefined) return "Neither side showed anything of this walk.";
