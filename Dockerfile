@@ -34,16 +34,15 @@ RUN python -m venv --without-pip /opt/tigas
 WORKDIR /src
 COPY constraints.txt ./
 COPY locks locks
-# Dependencies first, so that a change in our code does not reinstall them: PyTorch, and what the lock has, whose files are
-# checked.
+# Dependencies first, so that a change in our code does not reinstall them: what the locks have, whose files are checked,
+# and for GPUs PyTorch, from its own index, which has little else.
 ARG EXTRA
-# PyTorch (for the CPU by default) from its own index, which has little else.
-ARG TORCH_INDEX=https://download.pytorch.org/whl/cpu
+ARG TORCH_INDEX=https://download.pytorch.org/whl/cu130
 RUN --mount=type=secret,id=ca,target=/run/ca.crt --mount=type=cache,target=/root/.cache/pip \
     --mount=type=bind,from=wheels,target=/wheels \
     if [ -s /run/ca.crt ]; then export PIP_CERT=/run/ca.crt; fi; \
     install="pip --python /opt/tigas/bin/python install -q"; \
-    case ${EXTRA:?which extra of pyproject.toml? compose.yaml says it} in render*|gpu*) \
+    case ${EXTRA:?which extra of pyproject.toml? compose.yaml says it} in *gpu*) \
         if ls /wheels/torch-*.whl >/dev/null 2>&1; then index="--find-links /wheels"; else index="--index-url ${TORCH_INDEX}"; fi; \
         ${install} -c constraints.txt ${index} --no-deps torch || exit 1;; \
     esac; \

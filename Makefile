@@ -167,10 +167,10 @@ $(STATIC): web/node_modules/.ready $(shell find web/src web/public web/index.htm
 	@cd web && npm run --silent build
 	@touch $@
 
-# What the images install, by extra: their locks, and PyTorch, which is in none, where they have it; and what the page has in it.
+# What the images install, by extra: their locks, and PyTorch, which is in none, for those on GPUs; and what the page has in it.
 SBOM_EXTRAS := cluster gpu render shaper store webrtc
 SBOM := PYTHONWARNINGS=ignore $(VENV)/uv tool run --quiet --from cyclonedx-bom==7.5.0 cyclonedx-py requirements - --pyproject pyproject.toml --output-reproducible
-TORCH_EXTRAS := gpu render
+TORCH_EXTRAS := gpu
 VERSION = $(shell $(VENV)/python -c 'import tomllib; print(tomllib.load(open("pyproject.toml", "rb"))["project"]["version"])')
 
 release: .venv/.ready $(STATIC)

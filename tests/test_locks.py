@@ -48,6 +48,14 @@ def test_a_lock_has_all_that_is_asked_for_in_the_pinned_version_but_pytorch(extr
     assert {name: version for name, version in versions.items() if PINS.get(name, version) != version} == {}
 
 
+def test_of_the_images_only_those_for_gpus_have_pytorch() -> None:
+    with_it = {extra for extra in EXTRAS if "torch" in {requirement.name for requirement in asked_for(extra)}}
+    assert with_it == {"dev", "gpu"}
+    described = re.search(r"^TORCH_EXTRAS := (.+)$", (ROOT / "Makefile").read_text(), re.MULTILINE)
+    assert described
+    assert {*described[1].split()} == with_it - {"dev"}
+
+
 @pytest.mark.parametrize("name", [*EXTRAS, BUILD])
 def test_every_file_that_is_installed_has_a_digest(name: str) -> None:
     requirements = re.split(r"^(?=[\w-])", lock(name).read_text().partition("\n")[2], flags=re.MULTILINE)

@@ -52,6 +52,14 @@ def test_the_page_shows_frames_over_webtransport(stack: Stack, page: Page) -> No
     assert picture(page).std() > 10, "the picture is blank"
 
 
+def test_without_pytorch_page_and_command_say_what_training_needs(stack: Stack, page: Page) -> None:
+    walk(page)
+    expect(page.locator(".scene-training")).to_contain_text("Training needs PyTorch")
+    expect(page.locator(".scene-training button")).to_have_count(0)
+    said = stack.inside("render", "tigas enhance train courtyard --out /tmp/networks")
+    assert said == "torch is not installed: pip install 'tigas[enhance]'\n"
+
+
 def test_the_same_walk_as_a_dash_stream(stack: Stack, page: Page) -> None:
     walk(page)
     page.evaluate("tigas.settings({ mode: 'dash' })")

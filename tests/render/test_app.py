@@ -7,6 +7,7 @@ import hashlib
 import io
 import json
 import struct
+import sys
 from collections.abc import AsyncIterator
 from pathlib import Path
 from typing import Any
@@ -21,6 +22,7 @@ from tests.prometheus import figures
 from tests.render.arrays import gaussians_of
 from tests.render.fakes import FakeRasterizer, render_request
 from tigas_common.errors import DeviceLost
+from tigas_common.extras import install_command
 from tigas_common.weights import FILE, write_weights
 from tigas_render.app import STATIC, create_app
 from tigas_render.gaussians import Gaussians
@@ -377,3 +379,20 @@ async def test_training_is_for_scenes_that_there_are(client: httpx.AsyncClient) 
     assert (await client.delete("/scenes/wall/enhance")).json()["state"] == "idle"
     foreign = {"Origin": "https://example.org"}
     assert (await client.post("/scenes/wall/enhance", headers=foreign)).status_code == 403
+    assert (await client.get("/config.json")).json()["why_no_training"] is None
+
+
+async def test_a_service_without_pytorch_says_what_training_needs(
+    models: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "torch", None)  # an ImportError for whoever imports it
+    async with (
+        RenderService.open(RenderSettings(scenes=models, cache=tmp_path), FakeRasterizer()) as service,
+        httpx.AsyncClient(transport=httpx.ASGITransport(create_app(service)), base_url="http://localhost") as client,
+    ):
+        said = (await client.get("/config.json")).json()["why_no_training"]
+        assert f"needs PyTorch, which this server does not have: {install_command('enhance')}" in said
+        refused = await client.post("/scenes/wall/enhance")
+        assert (refused.status_code, refused.json()["type"]) == (501, "tigas:no-training")
+        assert refused.json()["detail"] == said
+        assert (await client.get("/scenes/wall/enhance")).json()["state"] == "idle"

@@ -24,7 +24,7 @@ from tigas_render.downloads.readers import Readers
 from tigas_render.edge_loads import EdgeLoads
 from tigas_render.engine import Engine
 from tigas_render.enhance.shelf import Shelf
-from tigas_render.enhance.trainer import Trainer
+from tigas_render.enhance.trainer import NoTraining, Trainer, why_no_training
 from tigas_render.frame import Answered, Client, Frame, FrameSource, Withdraw
 from tigas_render.library import Library
 from tigas_render.metrics import EngineMetrics
@@ -90,6 +90,7 @@ class RenderService(FrameSource):
         """Where the API is over HTTP/1.1, from this machine, once it is."""
         self.shelf = Shelf(settings.default_ladder, settings.cache)
         self.trainer = Trainer(rasterizer.device)
+        self._why_no_training = why_no_training()
         self.downloads = DownloadCache(settings.cache / "downloads", int(settings.downloads_gb * 1e9))
         self.readers = Readers()
         self.library = Library(settings, self.registry)
@@ -148,6 +149,7 @@ class RenderService(FrameSource):
             services=reached(page, self.settings.services, self.settings.upstreams),
             retry_after_s=self.loads.full(),
             max_upload_bytes=self.library.max_upload_bytes,
+            why_no_training=self._why_no_training,
         )
 
     def host_load(self, page: str) -> HostLoad:
@@ -206,10 +208,15 @@ class RenderService(FrameSource):
         return state.model_copy(update={"problem": await asyncio.to_thread(self.shelf.problem, source)})
 
     def train(self, scene_id: str) -> Training:
-        """Train a scene's networks on its views. Raises UnknownScene, BrokenScene, TrainingRuns, and NoPlace."""
+        """Train a scene's networks on its views.
+
+        Raises UnknownScene, BrokenScene, NoTraining, TrainingRuns and NoPlace.
+        """
         source = self.registry.source(scene_id)
         if source.error is not None:
             raise BrokenScene(source.error)
+        if self._why_no_training is not None:
+            raise NoTraining(self._why_no_training)
         if self.url is None:
             raise Overloaded("The service is starting; try again.")
         return self.trainer.start(scene_id, self.shelf.writable_place(source), self.url)

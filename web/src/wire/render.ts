@@ -177,6 +177,7 @@ export interface ServerConfig {
   render_url?: string | null;
   max_upload_bytes?: number | null;
   formats?: ("jpeg" | "webp")[];
+  why_no_training?: string | null;
 }
 /**
  * How far the training of a scene's networks is.

@@ -336,3 +336,5 @@ class ServerConfig(WireModel):
     """The largest file that a page may add as a scene; null: it may add, rename and delete none."""
     formats: Entries[StillFormat] = ("jpeg",)
     """What to ask for pictures as. Others are answered, too, but cost this server more than they are worth."""
+    why_no_training: str | None = None
+    """One sentence: why scenes' networks cannot be trained here; null if they can."""

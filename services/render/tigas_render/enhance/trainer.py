@@ -13,9 +13,11 @@ import os
 from asyncio.subprocess import PIPE, Process
 from collections.abc import Callable
 from contextlib import suppress
+from importlib.util import find_spec
 from pathlib import Path
 
 from tigas_common.errors import TigasError
+from tigas_common.extras import install_command
 from tigas_common.processes import tigas
 from tigas_common.wire.render import Training
 
@@ -28,10 +30,23 @@ MOST_SAID = 4096
 _log = logging.getLogger(__name__)
 
 
+class NoTraining(TigasError):
+    """What training needs is not installed."""
+
+    status, type, title = 501, "no-training", "Networks cannot be trained here"
+
+
 class TrainingRuns(TigasError):
     """One scene's networks are trained already."""
 
     status, type, title = 409, "training-runs", "Networks are being trained"
+
+
+def why_no_training() -> str | None:
+    """One sentence on what keeps networks from being trained here; None if nothing does."""
+    if find_spec("torch"):
+        return None
+    return f"Training needs PyTorch, which this server does not have: {install_command('enhance')}, or the GPU image."
 
 
 def command(scene_id: str, out: Path, url: str, device: str) -> list[str]:

@@ -4,7 +4,8 @@ import userEvent from "@testing-library/user-event";
 import { afterEach, beforeEach, expect, test, vi } from "vitest";
 import { ApiError } from "../../http/problem";
 import { fetchScene, training } from "../../state/api";
-import { COURTYARD } from "../../state/fake-server";
+import { config } from "../../state/app";
+import { COURTYARD, serverConfig } from "../../state/fake-server";
 import { asSession, type FakeSession, fakeSession } from "../../viewer/fake-session";
 import type { Training } from "../../wire/render";
 import { SceneTraining } from "./scene-training";
@@ -20,6 +21,7 @@ beforeEach(() => {
   vi.resetAllMocks();
   vi.useFakeTimers({ toFake: ["setInterval", "clearInterval"] });
   session = fakeSession();
+  config.value = serverConfig();
   vi.mocked(training).mockResolvedValue(IDLE);
 });
 
@@ -66,6 +68,14 @@ test("the networks of a training that ends are used at once, also where there we
   vi.mocked(training).mockResolvedValue({ ...IDLE, state: "done", progress: 1 });
   await next();
   await vi.waitFor(() => expect(session.renewals).toBe(1));
+});
+
+test("a server that cannot train says why, and offers nothing", async () => {
+  const missing = "Training needs PyTorch, which this server does not have.";
+  config.value = { ...serverConfig(), why_no_training: missing };
+  show();
+  expect(await screen.findByText(missing)).toBeTruthy();
+  expect(screen.queryByRole("button")).toBeNull();
 });
 
 test("what went wrong is said, and another try is offered", async () => {

@@ -1,7 +1,8 @@
-/** A button that has the server train the scene's networks, how far that is, and another one that stops it. */
+/** A button that has the server train the scene's networks, or why it cannot; how far that is, and a button that stops it. */
 import { useSignal } from "@preact/signals";
 import { useCallback, useEffect } from "preact/hooks";
 import { fetchScene, training } from "../../state/api";
+import { config } from "../../state/app";
 import type { ViewerSession } from "../../viewer/session";
 import type { Training } from "../../wire/render";
 
@@ -40,7 +41,6 @@ function Networks({ session, id }: { session: ViewerSession; id: string }) {
     return () => clearInterval(timer);
   }, [running, take]);
   if (state.value === null && problem.value === null) return null;
-  const own = session.scene.value?.enhance === "scene";
   return (
     <div class="scene-training" data-training={state.value?.state}>
       {running ? (
@@ -52,9 +52,7 @@ function Networks({ session, id }: { session: ViewerSession; id: string }) {
           </button>
         </>
       ) : (
-        <button type="button" class="quiet-button" onClick={() => void take("POST")}>
-          {own ? "Train the scene’s network again" : "Train the scene’s own network"}
-        </button>
+        <Offer own={session.scene.value?.enhance === "scene"} onClick={() => void take("POST")} />
       )}
       {problem.value !== null && (
         <p class="notice" role="alert">
@@ -62,6 +60,16 @@ function Networks({ session, id }: { session: ViewerSession; id: string }) {
         </p>
       )}
     </div>
+  );
+}
+
+function Offer({ own, onClick }: { own: boolean; onClick: () => void }) {
+  const missing = config.value?.why_no_training;
+  if (missing) return <p class="muted small">{missing}</p>;
+  return (
+    <button type="button" class="quiet-button" onClick={onClick}>
+      {own ? "Train the scene’s network again" : "Train the scene’s own network"}
+    </button>
   );
 }
 
