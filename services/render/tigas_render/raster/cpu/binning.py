@@ -49,7 +49,7 @@ def place_lists(tile_counts, begin, limit, starts):
 def fill_lists(splats, keys, visible, slices, cursors, tiles_x, begin, end, entries, threads, turn):
     """Write the lists of tiles begin … end - 1: entries [total], the depth's bits << 32 | the splat's number.
 
-    Each slice of chunks writes at its own cursors, so the order does not depend on the threads.
+    Each slice of chosen chunks writes at its own cursors, so the order does not depend on the threads.
     """
     low = U(0xFFFFFFFF)
     for _ in prange(threads):
@@ -57,8 +57,8 @@ def fill_lists(splats, keys, visible, slices, cursors, tiles_x, begin, end, entr
             part = fetch_add(turn, 0)
             if part >= slices.shape[0] - 1:
                 break
-            for chunk in range(slices[part], slices[part + 1]):
-                for splat in range(chunk * L.CHUNK, chunk * L.CHUNK + visible[chunk]):
+            for place in range(slices[part], slices[part + 1]):
+                for splat in range(place * L.CHUNK, place * L.CHUNK + visible[place]):
                     if has_corners(keys[splat + AHEAD]):
                         prefetch(splats, (splat + AHEAD) * L.RECORD)
                     entry, box = (keys[splat] & ~low) | U(splat), keys[splat] & low

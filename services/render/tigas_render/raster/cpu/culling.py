@@ -1,4 +1,4 @@
-"""Decides whether a whole chunk is outside the picture, without looking at its Gaussians."""
+"""Decides what is looked at: nodes and chunks that may be in the picture, and at which level of detail."""
 
 # mypy: disable-error-code="no-untyped-def,no-untyped-call,call-arg,var-annotated"
 from __future__ import annotations
@@ -15,8 +15,41 @@ REACH = math.sqrt(2 * math.log(1 / ALPHA_MIN)) * 1.01
 
 
 @kernel()
-def chunk_is_outside(bounds, view):
-    """Whether no Gaussian of a chunk can be drawn; False when in doubt.
+def choose_chunks(chunks, edges, bounds, view, edge_pixels, chosen):
+    """Write into `chosen` what is drawn of each node that may be in the picture; gives the number of chunks.
+
+    chunks, edges, bounds: as `levels.Nodes`. A node is drawn at its coarsest level whose cells, seen from its nearest
+    corner, have edges of at most edge_pixels; 0 for the full detail.
+    """
+    count, focal = 0, max(view[V.FX], view[V.FY])
+    for node in range(bounds.shape[0]):
+        if is_outside(bounds[node], view):
+            continue
+        reach = edge_pixels * nearest_depth(bounds[node], view) / focal
+        level = 0
+        for coarser in range(1, edges.shape[1]):
+            if edges[node, coarser] <= reach:
+                level = coarser
+        for chunk in range(chunks[node, level, 0], chunks[node, level, 1]):
+            chosen[count] = chunk
+            count += 1
+    return count
+
+
+@kernel()
+def nearest_depth(bounds, view):
+    """The depth of a bounding box's nearest corner."""
+    depth = 0.0
+    for axis in range(3):
+        slope = view[6 + axis]
+        corner = bounds[(L.BOUND_LOW if slope > 0 else L.BOUND_HIGH) + axis]
+        depth += slope * (corner - view[V.EYE + axis])
+    return depth
+
+
+@kernel()
+def is_outside(bounds, view):
+    """Whether no Gaussian within some bounds can be drawn; False when in doubt.
 
     The centres lie inside the picture of the bounding box, as long as that is in front of the camera. The projected
     deviation is at most the norm of the projection's derivative times the greatest deviation.

@@ -3,6 +3,8 @@
 # mypy: disable-error-code="no-untyped-def,no-untyped-call,call-arg,var-annotated"
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -13,35 +15,52 @@ from tigas_render.raster.morton import BITS, morton_grid
 U = np.uint64
 
 
-def sort_by_place(rows: NDArray[np.float32], sh: NDArray[np.float16]) -> None:
-    """Sort rows [N, GEOMETRY], and sh [N, M] with them, so that neighbours in space are neighbours in memory.
+class Grid(NamedTuple):
+    """The cells that rows are sorted by; see `morton.morton_grid`."""
+
+    low: NDArray[np.float64]
+    scale: float
+    axis_bits: int
+    """There are 2^axis_bits cells an axis."""
+
+    @property
+    def cell(self) -> float:
+        """A cell's edge, in scene units."""
+        return 1 / (self.scale * ((1 << self.axis_bits) - 1))
+
+
+def sort_by_place(rows: NDArray[np.float32], sh: NDArray[np.float16]) -> Grid:
+    """Sort rows [N, GEOMETRY], and sh [N, M] with them, so that neighbours in space are neighbours in memory. N > 0.
 
     Takes 8 bytes a Gaussian beside them.
     """
-    if len(rows) == 0:
-        return
-    low, scale = morton_grid(rows[:, L.MEAN_X : L.MEAN_X + 3])
     index_bits = len(rows).bit_length()
-    axis_bits = min(BITS, (64 - index_bits) // 3)
+    grid = Grid(*morton_grid(rows[:, L.MEAN_X : L.MEAN_X + 3]), min(BITS, (64 - index_bits) // 3))
     keys = np.empty(len(rows), np.uint64)
-    fill_keys(rows, low, scale, axis_bits, index_bits, keys)
+    fill_keys(rows, *grid, index_bits, keys)
     keys.sort()
     keys &= np.uint64((1 << index_bits) - 1)
     reorder(keys.view(np.int64), rows, sh.view(np.uint16))
+    return grid
 
 
 @kernel()
 def fill_keys(rows, low, scale, axis_bits, index_bits, keys):
-    """Write where each row lies, as its Z-order code (see `morton`), above the row's own number."""
-    most = (1 << axis_bits) - 1
+    """Write where each row lies, as its Z-order code, above the row's own number."""
     for i in range(rows.shape[0]):
-        code = U(0)
-        for axis in range(3):
-            place = (np.float64(rows[i, L.MEAN_X + axis]) - low[axis]) * scale + 0.25
-            cell = U(min(max(place, 0.0), 1.0) * most)
-            for bit in range(axis_bits):
-                code |= (cell >> U(bit) & U(1)) << U(3 * bit + axis)
-        keys[i] = code << U(index_bits) | U(i)
+        keys[i] = code_of(rows[i], low, scale, axis_bits) << U(index_bits) | U(i)
+
+
+@kernel()
+def code_of(row, low, scale, axis_bits):
+    """The Z-order code of a Gaussian's cell (see `morton`)."""
+    most, code = (1 << axis_bits) - 1, U(0)
+    for axis in range(3):
+        place = (np.float64(row[L.MEAN_X + axis]) - low[axis]) * scale + 0.25
+        cell = U(min(max(place, 0.0), 1.0) * most)
+        for bit in range(axis_bits):
+            code |= (cell >> U(bit) & U(1)) << U(3 * bit + axis)
+    return code
 
 
 @kernel()

@@ -11,7 +11,7 @@ from numba import prange
 from tigas_render.raster.base import NEAR_PLANE
 from tigas_render.raster.cpu import layout as L
 from tigas_render.raster.cpu import view as V
-from tigas_render.raster.cpu.culling import chunk_is_outside
+from tigas_render.raster.cpu.culling import is_outside
 from tigas_render.raster.cpu.intrinsics import bits_of, fetch_add, float_of
 from tigas_render.raster.cpu.kernel import kernel
 from tigas_render.raster.cpu.sh import shade
@@ -31,13 +31,13 @@ TWO_THIRDS = np.uint32(0x3F2AAAAB)
 
 
 @kernel(parallel=True)
-def project(geometry, sh, bounds, view, splats, keys, visible, slices, tile_counts, tiles_x, scratch, turn):
-    """Project every chunk, shade what is visible, and count tiles.
+def project(geometry, sh, bounds, chosen, view, splats, keys, visible, slices, tile_counts, tiles_x, scratch, turn):
+    """Project the chosen chunks, shade what is visible, and count tiles.
 
-    geometry, sh: flat packed scene; bounds [chunks, BOUNDS]; view [VIEW].
-    splats: flat [chunks · CHUNK · RECORD], a chunk's visible Gaussians at its own place.
-    keys [chunks · CHUNK + AHEAD]: of each splat, the bits of its depth << 32 | the box of its tiles.
-    visible [chunks]: their number. slices [S + 1]: chunks are handed to threads in these runs.
+    geometry, sh: flat packed scene; bounds [chunks, BOUNDS]; chosen [C]: chunks; view [VIEW].
+    splats: flat [C · CHUNK · RECORD], a chosen chunk's visible Gaussians at its own place.
+    keys [C · CHUNK + AHEAD]: of each splat, the bits of its depth << 32 | the box of its tiles.
+    visible [C]: their number. slices [S + 1]: chosen chunks are handed to threads in these runs.
     tile_counts [S, tiles]: how many splats of a slice touch each tile.
     scratch [threads, USED · CHUNK]; turn [1]: the next slice, 0 at first.
     """
@@ -48,14 +48,15 @@ def project(geometry, sh, bounds, view, splats, keys, visible, slices, tile_coun
             if part >= slices.shape[0] - 1:
                 break
             tile_counts[part, :] = 0
-            for chunk in range(slices[part], slices[part + 1]):
-                visible[chunk] = 0
-                if not chunk_is_outside(bounds[chunk], view):
+            for place in range(slices[part], slices[part + 1]):
+                chunk = chosen[place]
+                visible[place] = 0
+                if not is_outside(bounds[chunk], view):
                     start = U(chunk * L.GEOMETRY * L.CHUNK)
                     project_chunk(geometry, start, view, scratch[thread])
-                    visible[chunk] = keep_visible(
+                    visible[place] = keep_visible(
                         geometry, start, sh, U(chunk * coefficients * 3 * L.CHUNK), coefficients, view,
-                        scratch[thread], splats, keys, chunk * L.CHUNK * L.RECORD, tile_counts[part], tiles_x,
+                        scratch[thread], splats, keys, place * L.CHUNK * L.RECORD, tile_counts[part], tiles_x,
                     )  # fmt: skip
 
 

@@ -1,4 +1,4 @@
-"""Drives the stages of the CPU rasteriser: project, bin, sort, blend."""
+"""Drives the stages of the CPU rasteriser: choose, project, bin, sort, blend."""
 
 from __future__ import annotations
 
@@ -17,7 +17,9 @@ from tigas_render.raster.base import Camera, Pause, PreparedScene, Rasterizer, o
 from tigas_render.raster.cpu import layout as L
 from tigas_render.raster.cpu.binning import AHEAD, DIGIT, DIGITS, fill_lists, place_lists, sort_lists
 from tigas_render.raster.cpu.blend import TILE_FLOATS, blend
+from tigas_render.raster.cpu.culling import choose_chunks
 from tigas_render.raster.cpu.depth import CELL, average_cells
+from tigas_render.raster.cpu.levels import EDGE_PIXELS, MOST_CHUNKS, MOST_EDGE_PIXELS
 from tigas_render.raster.cpu.project import project
 from tigas_render.raster.cpu.scene import CpuScene, pack
 from tigas_render.raster.cpu.view import VIEW, fill_view
@@ -43,6 +45,8 @@ class FrameJob:
     tiles_x: int
     tiles: int
     view: NDArray[np.float64]
+    chosen: NDArray[np.int64]
+    """The chunks that are drawn."""
     slices: NDArray[np.int64]
     splats: NDArray[np.float32]
     keys: NDArray[np.uint64]
@@ -88,9 +92,12 @@ class CpuRasterizer(Rasterizer):
         *,
         depth: bool = False,
     ) -> HostImage:
-        """Render one view into a framebuffer of the pool; closing the image gives it back."""
+        """Render one view into a framebuffer of the pool; closing the image gives it back.
+
+        A large scene is drawn at a level of detail that a picture's pixels can show; a PNG always has all of it.
+        """
         assert isinstance(scene, CpuScene)
-        job = self.start(scene, camera, depth=depth)
+        job = self.start(scene, camera, 0.0 if format == "png" else EDGE_PIXELS, depth=depth)
         self.project(job)
         while job.end < job.tiles:
             self.bin(job)
@@ -126,40 +133,52 @@ class CpuRasterizer(Rasterizer):
 
     # The stages, in their order; benchmarks time them one by one.
 
-    def start(self, scene: CpuScene, camera: Camera, *, depth: bool = False) -> FrameJob:
-        """Lay out the buffers of one frame."""
-        k = camera.intrinsics
+    def start(
+        self, scene: CpuScene, camera: Camera, edge_pixels: float = EDGE_PIXELS, *, depth: bool = False
+    ) -> FrameJob:
+        """Choose what is drawn of a scene, and lay out the buffers of one frame. edge_pixels: see `choose_chunks`."""
+        k, get = camera.intrinsics, self._workspace.get
+        view = get("view", VIEW, np.float64)
+        fill_view(camera, scene.antialiased, view)
+        chosen = self._choose(scene, view, edge_pixels)
         tiles_x, tiles_y = -(-k.width // L.TILE), -(-k.height // L.TILE)
-        chunks = len(scene.bounds)
-        parts = max(1, min(chunks, self._threads * SLICES_PER_THREAD))
+        parts = max(1, min(len(chosen), self._threads * SLICES_PER_THREAD))
         rows, columns = -(-k.height // CELL), -(-k.width // CELL)
-        get = self._workspace.get
         job = FrameJob(
             scene=scene,
             image=self._pool.image(k.width, k.height),
             background=get("background", 3, np.float32),
             tiles_x=tiles_x,
             tiles=tiles_x * tiles_y,
-            view=get("view", VIEW, np.float64),
+            view=view,
+            chosen=chosen,
             slices=get("slices", parts + 1, np.int64),
-            splats=get("splats", chunks * L.CHUNK * L.RECORD, np.float32),
-            keys=get("keys", chunks * L.CHUNK + AHEAD, np.uint64),
-            visible=get("visible", chunks, np.int64),
+            splats=get("splats", len(chosen) * L.CHUNK * L.RECORD, np.float32),
+            keys=get("keys", len(chosen) * L.CHUNK + AHEAD, np.uint64),
+            visible=get("visible", len(chosen), np.int64),
             tile_counts=get("tile_counts", parts * tiles_x * tiles_y, np.int64).reshape(parts, -1),
             starts=get("starts", tiles_x * tiles_y + 1, np.int64),
             cells=get("cells", rows * columns * 2, np.float32).reshape(rows, columns, 2) if depth else None,
         )
         job.background[:] = camera.background
-        fill_view(camera, scene.antialiased, job.view)
-        job.slices[:] = np.arange(parts + 1) * chunks // parts
+        job.slices[:] = np.arange(parts + 1) * len(chosen) // parts
         return job
+
+    def _choose(self, scene: CpuScene, view: NDArray[np.float64], edge_pixels: float) -> NDArray[np.int64]:
+        """The chunks that are drawn; fewer details where they are too many, unless all details are wanted."""
+        nodes, chosen = scene.nodes, self._workspace.get("chosen", len(scene.bounds), np.int64)
+        while True:
+            count = choose_chunks(nodes.chunks, nodes.edges, nodes.bounds, view, edge_pixels, chosen)
+            if count <= MOST_CHUNKS or not 0 < edge_pixels < MOST_EDGE_PIXELS:
+                return chosen[:count]
+            edge_pixels *= 1.2
 
     def project(self, job: FrameJob) -> None:
         """Cull, project, shade, and count the tiles that each Gaussian touches."""
         scene, projected = job.scene, self._per_thread("projected", L.USED * L.CHUNK, np.float32)
         project(
-            scene.geometry.reshape(-1), scene.sh.reshape(-1).view(np.uint16), scene.bounds, job.view, job.splats,
-            job.keys, job.visible, job.slices, job.tile_counts, job.tiles_x, projected, self._turn_from(0),
+            scene.geometry.reshape(-1), scene.sh.reshape(-1).view(np.uint16), scene.bounds, job.chosen, job.view,
+            job.splats, job.keys, job.visible, job.slices, job.tile_counts, job.tiles_x, projected, self._turn_from(0),
         )  # fmt: skip
 
     def bin(self, job: FrameJob) -> None:

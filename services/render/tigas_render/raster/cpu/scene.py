@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import itertools
-import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,6 +13,7 @@ from tigas_render.gaussians import Batches
 from tigas_render.raster.base import ALPHA_MIN, BASIS_CONSTANTS, PreparedScene
 from tigas_render.raster.cpu import layout as L
 from tigas_render.raster.cpu.kernel import kernel
+from tigas_render.raster.cpu.levels import FROM, Nodes, add_levels, bound_nodes, deviation_bound, full_detail, pad, room
 from tigas_render.raster.cpu.order import sort_by_place
 
 Floats = NDArray[np.float32]
@@ -34,13 +34,15 @@ class CpuScene(PreparedScene):
     """
     bounds: NDArray[np.float64]
     """[chunks, BOUNDS]"""
+    nodes: Nodes
+    """Which chunks are drawn from near by, and which from afar."""
     antialiased: bool
     """As Gaussians have it."""
 
     @property
     def nbytes(self) -> int:
         """Bytes of the packed arrays."""
-        return self.geometry.nbytes + self.sh.nbytes + self.bounds.nbytes
+        return self.geometry.nbytes + self.sh.nbytes + self.bounds.nbytes + self.nodes.nbytes
 
 
 def pack(scene: Batches) -> CpuScene:
@@ -50,10 +52,10 @@ def pack(scene: Batches) -> CpuScene:
     other scenes have the others.
     """
     first = next(scene.parts)
-    chunks, coefficients = -(-scene.most // L.CHUNK), first.sh.shape[1]
+    most, coefficients = room(scene.most) * L.CHUNK, first.sh.shape[1]
     # Gaussian by Gaussian, until they are in order; of what is not written, the system gives no memory
-    rows = np.empty((chunks * L.CHUNK, L.GEOMETRY), np.float32)
-    sh = np.empty((chunks * L.CHUNK, coefficients * 3), np.float16)
+    rows = np.empty((most, L.GEOMETRY), np.float32)
+    sh = np.empty((most, coefficients * 3), np.float16)
     constants = np.array(BASIS_CONSTANTS[:coefficients], np.float32)[:, None]
     count = 0
     for part in itertools.chain((first,), scene.parts):
@@ -66,15 +68,18 @@ def pack(scene: Batches) -> CpuScene:
         halves = (colours[drawable] * constants).clip(-HALF_MAX, HALF_MAX).astype(np.float16)
         sh[count:end] = halves.reshape(len(drawable), coefficients * 3)
         count = end
-    chunks = -(-count // L.CHUNK)
+    nodes, chunks = full_detail(count), -(-count // L.CHUNK)
+    if count:
+        grid = sort_by_place(rows[:count], sh[:count])
+        pad(rows, sh, count, chunks * L.CHUNK)
+        if count >= FROM:
+            chunks = add_levels(rows, sh, count, grid, first.antialiased, nodes)
     rows, sh = rows[: chunks * L.CHUNK], sh[: chunks * L.CHUNK]
-    rows[count:], sh[count:] = 0, 0
-    rows[count:, L.LOG_ALPHA] = -2
-    sort_by_place(rows[:count], sh[:count])
     bounds = np.zeros((chunks, L.BOUNDS))
-    lay_out(rows, sh.view(np.uint16), count, bounds)
+    lay_out(rows, sh.view(np.uint16), bounds)
+    bound_nodes(bounds, nodes.chunks, nodes.bounds)
     geometry = rows.reshape(chunks, L.GEOMETRY, L.CHUNK)
-    return CpuScene(geometry, sh.reshape(-1, coefficients * 3, L.LANES), bounds, first.antialiased)
+    return CpuScene(geometry, sh.reshape(-1, coefficients * 3, L.LANES), bounds, nodes, first.antialiased)
 
 
 @kernel()
@@ -100,15 +105,15 @@ def describe(chosen, means, scales, quaternions, opacities, rows):
 
 
 @kernel()
-def lay_out(rows, sh, count, bounds):
+def lay_out(rows, sh, bounds):
     """Lay out each chunk of rows [chunks · CHUNK, GEOMETRY] and sh [chunks · CHUNK, 3 · K] as CpuScene has it, in
-    place, and fill its bounds; the first `count` are Gaussians.
+    place, and fill its bounds.
     """
     geometry = np.empty((L.GEOMETRY, L.CHUNK), np.float32)
     group = np.empty((sh.shape[1], L.LANES), np.uint16)
     for chunk in range(bounds.shape[0]):
         start, end = chunk * L.CHUNK, (chunk + 1) * L.CHUNK
-        find_bounds(rows[start : min(end, count)], bounds[chunk])
+        find_bounds(rows[start:end], bounds[chunk])
         for lane in range(L.CHUNK):
             for field in range(L.GEOMETRY):
                 geometry[field, lane] = rows[start + lane, field]
@@ -122,17 +127,11 @@ def lay_out(rows, sh, count, bounds):
 
 @kernel()
 def find_bounds(rows, bounds):
-    """Fill bounds [BOUNDS] from rows [N, GEOMETRY]. The greatest deviation is no greater than the square root of its
-    covariance's Frobenius norm.
-    """
+    """Fill bounds [BOUNDS] from rows [N, GEOMETRY]."""
     low, high = np.full(3, np.inf), np.full(3, -np.inf)
     largest = 0.0
     for i in range(rows.shape[0]):
-        squares = 0.0
-        for field in range(L.COV_XX, L.LOG_ALPHA):
-            off_diagonal = field == L.COV_XY or field == L.COV_XZ or field == L.COV_YZ
-            squares += (2 if off_diagonal else 1) * np.float64(rows[i, field]) ** 2
-        largest = max(largest, math.sqrt(math.sqrt(squares)))
+        largest = max(largest, deviation_bound(rows[i]))
         for axis in range(3):
             low[axis] = min(low[axis], np.float64(rows[i, L.MEAN_X + axis]))
             high[axis] = max(high[axis], np.float64(rows[i, L.MEAN_X + axis]))
