@@ -133,6 +133,23 @@ test("an offer of the chosen codec is answered, poses go out, and frames are nam
   expect(stream.frame(1.6, presented)).toBeNull();
 });
 
+test("a pose that was lost is sent again, until a frame shows it", async () => {
+  const stream = await open();
+  const sent = FakeConnection.last.channels.poses?.sent ?? [];
+  const sequence = () => sent.map((text) => JSON.parse(text).seq);
+  for (const seq of [6, 7]) stream.send({ seq, position: [0, 0, 0], quaternion: [0, 0, 0, 1] });
+  tell({ rtp_timestamp: 3000, pose: 6 }); // it may be on its way
+  expect(sequence()).toEqual([6, 7]);
+  await vi.advanceTimersByTimeAsync(301);
+  tell({ rtp_timestamp: 6000, pose: 6 });
+  expect(sequence()).toEqual([6, 7, 7]);
+  tell({ rtp_timestamp: 9000, pose: 6 });
+  expect(sequence()).toEqual([6, 7, 7]);
+  await vi.advanceTimersByTimeAsync(301);
+  tell({ rtp_timestamp: 12000, pose: 7 });
+  expect(sequence()).toEqual([6, 7, 7]);
+});
+
 test("bytes are those that came since they were last read", async () => {
   const stream = await open();
   for (const bytes of [1000, 2500]) {

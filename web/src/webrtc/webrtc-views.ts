@@ -3,7 +3,7 @@
 import type { Camera } from "../stream/camera-feed";
 import { endSession, openWebRtc, sessionStatus } from "../stream/packager";
 import { type OpenViews, StreamUnsupported, type ViewEvents, type ViewStream } from "../stream/stream";
-import type { SentFrame, WebRtcRequest, WebRtcSession } from "../wire/dash";
+import type { PoseUpdate, SentFrame, WebRtcRequest, WebRtcSession } from "../wire/dash";
 import { CODEC_NAMES, type WebRtcPlan, type WebRtcSetup } from "./presets";
 import { type ReceiverStats, StatsReader } from "./receiver-stats";
 import { RtpFrames } from "./rtp-frames";
@@ -20,6 +20,8 @@ export interface WebRtcSource {
 const SILENT_FOR = 5000;
 const CONNECTED_WITHIN = 10_000;
 const STATS_EVERY = 250;
+/** A pose that no frame shows after so long is sent again, in milliseconds. */
+const REPEATED_AFTER = 300;
 const INTERRUPTED = "The WebRTC stream was interrupted.";
 
 export function overWebRtc(source: WebRtcSource): OpenViews {
@@ -108,6 +110,8 @@ class WebRtcViews implements ViewStream {
   readonly #reading: ReturnType<typeof setInterval>;
   #silence: ReturnType<typeof setTimeout> | undefined;
   #stats: ReceiverStats | null = null;
+  /** The last pose, and when it was sent. */
+  #sent: { readonly pose: PoseUpdate; readonly at: number } | null = null;
 
   constructor(opened: Opened) {
     this.#opened = opened;
@@ -146,6 +150,7 @@ class WebRtcViews implements ViewStream {
     const { poses } = this.#opened;
     if (poses.readyState !== "open" || poses.bufferedAmount > 0) return false;
     poses.send(JSON.stringify(pose));
+    this.#sent = { pose, at: performance.now() };
     return true;
   };
 
@@ -173,7 +178,11 @@ class WebRtcViews implements ViewStream {
 
   readonly #heard = ({ data }: MessageEvent<string>): void => {
     const message = JSON.parse(data) as SentFrame | { readonly type: string };
-    if ("pose" in message) this.#opened.events.told(this.#numbers.number(message.rtp_timestamp), message.pose);
+    if (!("pose" in message)) return;
+    this.#opened.events.told(this.#numbers.number(message.rtp_timestamp), message.pose);
+    // It was lost, and while the camera rests there is no other that would take its place.
+    const sent = this.#sent;
+    if (sent && message.pose < sent.pose.seq && performance.now() - sent.at > REPEATED_AFTER) this.send(sent.pose);
   };
 
   readonly #interrupted = (): void => this.#opened.events.failed(INTERRUPTED);
