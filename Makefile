@@ -1,7 +1,7 @@
 # Newcomers need only two commands: `make demo` and `make test`.
 SHELL := /bin/bash
 .DEFAULT_GOAL := help
-.PHONY: help demo gpu test test-web-units test-python test-pages test-timed-pages chromium test-slow test-compose fuzz lint lint-python lint-web lint-compose lock format bench compare bench-gpu bench-hostile bench-load release images clean
+.PHONY: help demo gpu test kernels test-web-units test-python test-pages test-timed-pages chromium test-slow test-compose fuzz lint lint-python lint-web lint-compose lock format bench compare bench-gpu bench-hostile bench-load release images clean
 
 PYTHON ?= python3
 # PyTorch's package index. Without an NVIDIA GPU, save gigabytes with
@@ -61,7 +61,14 @@ PYTEST = $(VENV)/python -m pytest --reruns 1
 # `make -k test` goes on to the next group after a failure.
 test: test-web-units test-python test-pages test-timed-pages
 
+test-python: kernels
+
 test-python test-pages test-timed-pages: .venv/.ready $(STATIC) chromium
+
+# Once: otherwise all of the tests' processes would compile them at the same time.
+kernels: .venv/.ready
+	@echo "== CPU rasteriser: kernels"
+	@$(VENV)/python -c "from tigas_render.raster.cpu import CpuRasterizer; CpuRasterizer().warm_up()"
 
 test-web-units: web/node_modules/.ready
 	@echo "== web client: unit tests"

@@ -100,10 +100,10 @@ class Client:
     def _readable(self) -> None:
         try:
             for data, arrived in self._socket.read():
-                if self._is_over:
-                    return
                 self._quic.receive_datagram(data, self._socket.server, time.monotonic())
                 self._handle_events(arrived)
+                if self._is_over:  # the socket is closed, too
+                    return
         except ConnectionError:
             self._lost(None)
         if self._quic.is_over:

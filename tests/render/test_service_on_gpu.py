@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import gc
 import io
 import json
 import os
 import subprocess
 import sys
 from collections.abc import AsyncIterator, Iterator
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -54,6 +56,10 @@ async def client(models: Path, tmp_path: Path) -> AsyncIterator[httpx.AsyncClien
             yield client
 
 
+LITTLE = 4 * 2**20
+"""Bytes."""
+
+
 class Fill:
     """Takes all of the GPU's memory but a little, again and again, until it is released."""
 
@@ -61,9 +67,14 @@ class Fill:
         self._taken: list[torch.Tensor] = []
 
     def __call__(self) -> None:
+        gc.collect()  # another test's service would give its memory back later
         torch.cuda.empty_cache()
         free, _ = torch.cuda.mem_get_info()
-        self._taken.append(torch.empty(max(0, free - 4 * 2**20), dtype=torch.uint8, device="cuda"))
+        sizes = [max(0, free - LITTLE), *(LITTLE << power for power in range(6, -1, -1))]
+        for size in sizes:  # after the first, what is free between PyTorch's own blocks
+            with suppress(torch.cuda.OutOfMemoryError):
+                while size:
+                    self._taken.append(torch.empty(size, dtype=torch.uint8, device="cuda"))
 
     def release(self) -> None:
         """Give everything back."""

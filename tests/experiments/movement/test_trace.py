@@ -123,12 +123,12 @@ def long(count: int) -> str:
     return HEADER + "".join(f"{at},{at / 1000},0,0,0,0,0,1\n" for at in range(count))
 
 
-def test_a_million_rows_are_read_and_the_one_that_is_broken_is_named() -> None:
-    text = long(1_000_000)
+def test_a_long_recording_is_read_and_the_row_that_is_broken_is_named() -> None:
+    text = long(100_000)
     trace = parse(text)
-    assert (len(trace.times_ms), trace.duration_ms) == (1_000_000, 999_999)
-    with pytest.raises(MovementError, match="line 1000002: x is 'far'"):
-        parse(text + "1000000,far,0,0,0,0,0,1\n")
+    assert (len(trace.times_ms), trace.duration_ms) == (100_000, 99_999)
+    with pytest.raises(MovementError, match="line 100002: x is 'far'"):
+        parse(text + "100000,far,0,0,0,0,0,1\n")
 
 
 def test_rows_take_little_more_memory_than_their_numbers() -> None:
