@@ -2,6 +2,7 @@
 import "./styles/tokens.css";
 import "./styles/base.css";
 import "./styles/dashboard.css";
+import "./styles/dialog.css";
 import "./styles/viewer.css";
 import "./styles/fields.css";
 import "./styles/sidebar.css";

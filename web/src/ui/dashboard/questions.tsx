@@ -1,11 +1,9 @@
 /** What is asked before a scene is renamed or deleted. */
 import { useSignal } from "@preact/signals";
-import type { ComponentChildren } from "preact";
-import { useEffect, useRef } from "preact/hooks";
-import { ApiError } from "../../http/problem";
 import { deleteScene, renameScene } from "../../state/api";
 import { refreshScenes } from "../../state/app";
 import type { SceneInfo } from "../../wire/render";
+import { Question } from "../question";
 
 interface Props {
   readonly scene: SceneInfo;
@@ -18,8 +16,9 @@ export function RenameQuestion({ scene, onClose }: Props) {
     <Question
       title={`Rename “${scene.name}”`}
       verb="Rename"
-      onClose={onClose}
       action={() => renameScene(scene.id, name.value.trim())}
+      onDone={() => void refreshScenes()}
+      onClose={onClose}
     >
       <label class="number-field">
         <span>New name</span>
@@ -41,66 +40,17 @@ export function RenameQuestion({ scene, onClose }: Props) {
 
 export function DeleteQuestion({ scene, onClose }: Props) {
   return (
-    <Question title={`Delete “${scene.name}”?`} verb="Delete" onClose={onClose} action={() => deleteScene(scene.id)}>
+    <Question
+      title={`Delete “${scene.name}”?`}
+      verb="Delete"
+      action={() => deleteScene(scene.id)}
+      onDone={() => void refreshScenes()}
+      onClose={onClose}
+    >
       <p>
         Its file, or its folder with everything in it, is deleted from the server's disk. Whoever views it can go no
         further. This cannot be undone.
       </p>
     </Question>
-  );
-}
-
-interface QuestionProps {
-  readonly title: string;
-  readonly verb: string;
-  readonly action: () => Promise<unknown>;
-  readonly onClose: () => void;
-  readonly children: ComponentChildren;
-}
-
-/** A dialog that does something if it is told to, and stays open with a sentence if that fails. */
-function Question({ title, verb, action, onClose, children }: QuestionProps) {
-  const dialog = useRef<HTMLDialogElement>(null);
-  const busy = useSignal(false);
-  const problem = useSignal<string | null>(null);
-  useEffect(() => dialog.current?.showModal(), []);
-  const act = async () => {
-    busy.value = true;
-    try {
-      await action();
-      await refreshScenes();
-      onClose();
-    } catch (error) {
-      if (!(error instanceof ApiError)) throw error;
-      problem.value = error.message;
-    } finally {
-      busy.value = false;
-    }
-  };
-  return (
-    <dialog ref={dialog} class="question" aria-labelledby="question-title" onClose={onClose}>
-      <form
-        onSubmit={(event) => {
-          event.preventDefault();
-          void act();
-        }}
-      >
-        <h2 id="question-title">{title}</h2>
-        {children}
-        {problem.value && (
-          <p class="notice" role="alert">
-            {problem.value}
-          </p>
-        )}
-        <footer>
-          <button type="button" class="button quiet" onClick={onClose}>
-            Cancel
-          </button>
-          <button type="submit" class="button" disabled={busy.value}>
-            {verb}
-          </button>
-        </footer>
-      </form>
-    </dialog>
   );
 }

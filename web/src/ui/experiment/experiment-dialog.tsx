@@ -1,9 +1,7 @@
 /** Experiments in the viewer: the dialogue that sets one up and shows what it found, and what is seen while it runs. */
 
 import { computed, type Signal, signal, useSignal } from "@preact/signals";
-import { X } from "lucide";
-import type { ComponentChildren } from "preact";
-import { useEffect, useRef } from "preact/hooks";
+import { useEffect } from "preact/hooks";
 import { OFF } from "../../enhance/model/enhancer";
 import { conduct } from "../../experiment/conduct";
 import type { Draft } from "../../experiment/draft";
@@ -16,7 +14,7 @@ import { StoreApi } from "../../experiment/store-api";
 import { Shaper } from "../../network/shaper";
 import { config } from "../../state/app";
 import type { ViewerSession } from "../../viewer/session";
-import { IconButton } from "../icon-button";
+import { Dialog } from "../dialog";
 import { download, fileName, save } from "../save";
 import { ExperimentContinue, type UnfinishedExperiment } from "./experiment-continue";
 import type { ExperimentSetup } from "./experiment-form";
@@ -94,40 +92,42 @@ export function ExperimentDialog({ session, runner, open, locked }: Props) {
 
   return (
     <>
-      <Dialog open={open.value} title={shown ? shown.plan.name : "Experiment"} onClose={close}>
-        {experiment.value !== null && (
-          <ExperimentResults
-            experiment={experiment.value}
-            store={store}
-            onExport={() => experiment.value && exportResults(experiment.value, store)}
-            onAgain={() => {
-              experiment.value = null;
-            }}
-          />
-        )}
-        {experiment.value === null && rest !== null && (
-          <ExperimentContinue
-            session={session}
-            store={base}
-            unfinished={rest}
-            onStart={(points) =>
-              void start({ plan: rest.plan, points, locked: true, exportAtEnd: false, resumed: rest })
-            }
-          />
-        )}
-        {experiment.value === null && rest === null && draft.value !== null && (
-          <ExperimentForm
-            session={session}
-            shaper={shaper}
-            store={base}
-            draft={draft.value}
-            onDraft={(filled) => {
-              draft.value = filled;
-            }}
-            onStart={(setup) => void start(setup)}
-          />
-        )}
-      </Dialog>
+      {open.value && (
+        <Dialog title={shown ? shown.plan.name : "Experiment"} kind="experiment" onClose={close}>
+          {experiment.value !== null && (
+            <ExperimentResults
+              experiment={experiment.value}
+              store={store}
+              onExport={() => experiment.value && exportResults(experiment.value, store)}
+              onAgain={() => {
+                experiment.value = null;
+              }}
+            />
+          )}
+          {experiment.value === null && rest !== null && (
+            <ExperimentContinue
+              session={session}
+              store={base}
+              unfinished={rest}
+              onStart={(points) =>
+                void start({ plan: rest.plan, points, locked: true, exportAtEnd: false, resumed: rest })
+              }
+            />
+          )}
+          {experiment.value === null && rest === null && draft.value !== null && (
+            <ExperimentForm
+              session={session}
+              shaper={shaper}
+              store={base}
+              draft={draft.value}
+              onDraft={(filled) => {
+                draft.value = filled;
+              }}
+              onStart={(setup) => void start(setup)}
+            />
+          )}
+        </Dialog>
+      )}
       {experiment.value && <ExperimentProgress experiment={experiment.value} />}
     </>
   );
@@ -159,31 +159,6 @@ function initialDraft({ scene, movement }: ViewerSession): Draft {
     locked: true,
     exportAtEnd: false,
   };
-}
-
-interface DialogProps {
-  readonly open: boolean;
-  readonly title: string;
-  readonly onClose: () => void;
-  readonly children: ComponentChildren;
-}
-
-/** A modal dialogue; what is in it is there only while it is open. */
-function Dialog({ open, title, onClose, children }: DialogProps) {
-  const dialog = useRef<HTMLDialogElement>(null);
-  useEffect(() => {
-    if (open) dialog.current?.showModal();
-    else dialog.current?.close();
-  }, [open]);
-  return (
-    <dialog ref={dialog} class="experiment" aria-labelledby="experiment-title" onClose={onClose}>
-      <header>
-        <h2 id="experiment-title">{title}</h2>
-        <IconButton icon={X} label="Close" onClick={onClose} />
-      </header>
-      {open && children}
-    </dialog>
-  );
 }
 
 /** The shaper, for as long as it is of use. */

@@ -59,6 +59,7 @@ beforeEach(() => {
   vi.stubGlobal("fetch", async (url: string, { method }: RequestInit = {}) => {
     if (method === "DELETE") {
       deleted.push(url);
+      answers["/experiments"] = { experiments: [UNFINISHED, BY_COMMAND] };
       return new Response(null, { status: 204 });
     }
     const answer = answers[url.replace("http://store.test", "")];
@@ -104,16 +105,20 @@ test("a plan of another version cannot be continued, and that is said", async ()
 });
 
 test("one is deleted once a person says yes", async () => {
-  const asked = vi.fn().mockReturnValueOnce(false).mockReturnValueOnce(true);
-  vi.stubGlobal("confirm", asked);
   render(<ExperimentList />);
-  const button = (await row(/^Bus/)).getByRole("button", { name: "Delete Bus" });
-  await userEvent.click(button);
+  const ask = async (answer: string) => {
+    await userEvent.click((await row(/^Bus/)).getByRole("button", { name: "Delete Bus" }));
+    const question = within(await screen.findByRole("dialog", { name: "Delete “Bus”?" }));
+    expect(question.getByText(/^Its 4 runs of Jan 2, 2026, .* cannot be undone/)).toBeTruthy();
+    await userEvent.click(question.getByRole("button", { name: answer }));
+  };
+  await ask("Cancel");
+  await vi.waitFor(() => expect(screen.queryByRole("dialog")).toBeNull());
   expect(deleted).toEqual([]);
-  await userEvent.click(button);
+  await ask("Delete");
   await vi.waitFor(() => expect(screen.queryByRole("row", { name: /^Bus/ })).toBeNull());
   expect(deleted).toEqual(["http://store.test/experiments/e1"]);
-  expect(asked).toHaveBeenCalledWith("Delete “Bus” with all of its runs and samples? This cannot be undone.");
+  expect(screen.queryByRole("dialog")).toBeNull();
 });
 
 test.each<[string, () => void, RegExp]>([

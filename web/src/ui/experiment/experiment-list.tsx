@@ -2,7 +2,7 @@
 
 import { useSignal } from "@preact/signals";
 import { Download, FileText, Images, Play, Trash2 } from "lucide";
-import { useEffect } from "preact/hooks";
+import { useCallback, useEffect } from "preact/hooks";
 import { missingRuns, readPlan } from "../../experiment/plan";
 import { StoreApi } from "../../experiment/store-api";
 import { ApiError } from "../../http/problem";
@@ -11,6 +11,7 @@ import { samplesHash, sceneHash } from "../../state/route";
 import type { ExperimentSummary } from "../../wire/store";
 import { Icon } from "../icon";
 import { IconButton } from "../icon-button";
+import { Question } from "../question";
 import { TopBar } from "../top-bar";
 import { continueExperiment } from "./experiment-dialog";
 import { LocalSamples } from "./local-samples";
@@ -51,6 +52,7 @@ export function ExperimentList() {
 function StoredExperiments({ base }: { base: string }) {
   const list = useSignal<readonly ExperimentSummary[] | null>(null);
   const problem = useSignal<string | null>(null);
+  const unwanted = useSignal<ExperimentSummary | null>(null);
   const store = new StoreApi(base);
   const resume = async (id: string) => {
     try {
@@ -67,27 +69,15 @@ function StoredExperiments({ base }: { base: string }) {
       problem.value = error.message;
     }
   };
-  const remove = async ({ id, name }: ExperimentSummary) => {
-    if (!confirm(`Delete “${name}” with all of its runs and samples? This cannot be undone.`)) return;
+  const look = useCallback(async () => {
     try {
-      await store.remove(id);
+      list.value = await new StoreApi(base).list();
       problem.value = null;
-      list.value = list.value?.filter((one) => one.id !== id) ?? null;
     } catch (error) {
-      if (!(error instanceof ApiError)) throw error;
-      problem.value = error.message;
+      problem.value = error instanceof ApiError ? error.message : "The list cannot be read.";
     }
-  };
-  useEffect(() => {
-    new StoreApi(base).list().then(
-      (found) => {
-        list.value = found;
-      },
-      (error: unknown) => {
-        problem.value = error instanceof ApiError ? error.message : "The list cannot be read.";
-      },
-    );
   }, [base, list, problem]);
+  useEffect(() => void look(), [look]);
   if (list.value === null && problem.value === null) return <p class="muted">Asking the store…</p>;
   if (list.value?.length === 0) return <p>There is none yet. Open a scene and press X to make one.</p>;
   return (
@@ -102,11 +92,52 @@ function StoredExperiments({ base }: { base: string }) {
           store={store}
           list={list.value}
           onContinue={(id) => void resume(id)}
-          onDelete={(experiment) => void remove(experiment)}
+          onDelete={(experiment) => {
+            unwanted.value = experiment;
+          }}
+        />
+      )}
+      {unwanted.value && (
+        <DeleteQuestion
+          store={store}
+          experiment={unwanted.value}
+          onDone={() => void look()}
+          onClose={() => {
+            unwanted.value = null;
+          }}
         />
       )}
     </>
   );
+}
+
+interface DeleteProps {
+  readonly store: StoreApi;
+  readonly experiment: ExperimentSummary;
+  readonly onDone: () => void;
+  readonly onClose: () => void;
+}
+
+function DeleteQuestion({ store, experiment, onDone, onClose }: DeleteProps) {
+  const { id, name, created, runs } = experiment;
+  return (
+    <Question
+      title={`Delete “${name}”?`}
+      verb="Delete"
+      action={() => store.remove(id)}
+      onDone={onDone}
+      onClose={onClose}
+    >
+      <p>
+        Its {runs === 1 ? "run" : `${runs} runs`} of {dateOf(created)} and all of their samples are deleted from the
+        server’s disk. This cannot be undone.
+      </p>
+    </Question>
+  );
+}
+
+function dateOf(created: string): string {
+  return new Date(created).toLocaleString("en", { dateStyle: "medium", timeStyle: "short" });
 }
 
 interface TableProps {
@@ -155,7 +186,7 @@ function Row({ store, experiment, onContinue, onDelete }: RowProps) {
       <th scope="row">
         {name}
         <time class="muted small" dateTime={created}>
-          {new Date(created).toLocaleString("en", { dateStyle: "medium", timeStyle: "short" })}
+          {dateOf(created)}
         </time>
       </th>
       <td>

@@ -45,7 +45,7 @@ export function ExperimentResults({ experiment, store, onExport, onAgain }: Prop
     storing.value = false;
   };
   return (
-    <div class="experiment-results">
+    <div>
       {experiment.cancelled && <p class="notice">It was cancelled; what was finished before is here.</p>}
       {experiment.notice.value && (
         <p class="notice" role="alert">

@@ -1,5 +1,5 @@
 // @vitest-environment happy-dom
-import { cleanup, render, screen } from "@testing-library/preact";
+import { cleanup, render, screen, within } from "@testing-library/preact";
 import userEvent from "@testing-library/user-event";
 import { afterEach, beforeEach, expect, test, vi } from "vitest";
 import { deferred } from "../../async/deferred";
@@ -53,7 +53,15 @@ test("a run is named with how much there is of it, and deleted when a person say
   const [row] = await shown();
   expect(row?.textContent).toContain("Bus, Budget");
   expect(row?.textContent).toContain("31.5 MB");
-  await userEvent.click(screen.getByRole("button", { name: "Delete" }));
+  const ask = async (answer: string) => {
+    await userEvent.click(screen.getByRole("button", { name: "Delete" }));
+    const question = within(await screen.findByRole("dialog", { name: "Delete the samples of “Bus, Budget”?" }));
+    await userEvent.click(question.getByRole("button", { name: answer }));
+  };
+  await ask("Cancel");
+  await vi.waitFor(() => expect(screen.queryByRole("dialog")).toBeNull());
+  expect(runs).toHaveLength(1);
+  await ask("Delete");
   await vi.waitFor(() => expect(screen.queryByRole("row")).toBeNull());
 });
 

@@ -9,6 +9,7 @@ import { ApiError } from "../../http/problem";
 import { listSampledRuns, type SampledRun } from "../../samples/sampled-runs";
 import { bytes } from "../format";
 import { Icon } from "../icon";
+import { Question } from "../question";
 
 interface Props {
   /** Null where there is none. */
@@ -20,6 +21,7 @@ interface Props {
 export function LocalSamples({ store, onUploaded }: Props) {
   const runs = useSignal<readonly SampledRun[]>([]);
   const problem = useSignal<string | null>(null);
+  const unwanted = useSignal<SampledRun | null>(null);
   const look = useCallback(async () => {
     runs.value = await listSampledRuns();
   }, [runs]);
@@ -38,6 +40,9 @@ export function LocalSamples({ store, onUploaded }: Props) {
       problem.value = error instanceof ApiError ? error.message : `The page failed: ${error}`;
     }
     await look();
+  };
+  const answered = () => {
+    unwanted.value = null;
   };
   if (runs.value.length === 0) return null;
   return (
@@ -63,12 +68,38 @@ export function LocalSamples({ store, onUploaded }: Props) {
           </thead>
           <tbody>
             {runs.value.map((run) => (
-              <Row key={run.key} run={run} store={store} onDone={done} />
+              <Row
+                key={run.key}
+                run={run}
+                store={store}
+                onDone={done}
+                onDelete={() => {
+                  unwanted.value = run;
+                }}
+              />
             ))}
           </tbody>
         </table>
       </div>
+      {unwanted.value && <DeleteQuestion run={unwanted.value} onDone={done} onClose={answered} />}
     </section>
+  );
+}
+
+interface DeleteProps extends Pick<RowProps, "run" | "onDone"> {
+  readonly onClose: () => void;
+}
+
+function DeleteQuestion({ run, onDone, onClose }: DeleteProps) {
+  return (
+    <Question
+      title={`Delete the samples of “${nameOf(run)}”?`}
+      verb="Delete"
+      action={() => onDone(deleteSamples(run.key))}
+      onClose={onClose}
+    >
+      <p>No store has them. This cannot be undone.</p>
+    </Question>
   );
 }
 
@@ -76,9 +107,10 @@ interface RowProps {
   readonly run: SampledRun;
   readonly store: StoreApi | null;
   readonly onDone: (work: Promise<void>) => Promise<void>;
+  readonly onDelete: () => void;
 }
 
-function Row({ run, store, onDone }: RowProps) {
+function Row({ run, store, onDone, onDelete }: RowProps) {
   const { key, about, samples, busy } = run;
   const sent = useSignal<number | null>(null);
   const leaving = useRef(new AbortController());
@@ -95,7 +127,7 @@ function Row({ run, store, onDone }: RowProps) {
   return (
     <tr>
       <th scope="row">
-        {about ? `${about.name}, ${labelOf(about.configuration)}` : "Unknown"}
+        {nameOf(run)}
         {about && (
           <time class="muted small" dateTime={new Date(about.started_unix_ms).toISOString()}>
             {new Date(about.started_unix_ms).toLocaleString("en", { dateStyle: "medium", timeStyle: "short" })}
@@ -116,7 +148,7 @@ function Row({ run, store, onDone }: RowProps) {
                 <Icon of={Upload} size={14} /> Upload
               </button>
             )}
-            <button type="button" class="quiet-button with-icon" onClick={() => void onDone(deleteSamples(key))}>
+            <button type="button" class="quiet-button with-icon" onClick={onDelete}>
               <Icon of={Trash2} size={14} /> Delete
             </button>
           </>
@@ -126,6 +158,7 @@ function Row({ run, store, onDone }: RowProps) {
   );
 }
 
-function labelOf(configuration: NonNullable<SampledRun["about"]>["configuration"]): string {
-  return conditionLabel(configuration as PlannedRun); // in a ladder that is not known any more
+function nameOf({ about }: SampledRun): string {
+  if (!about) return "Unknown";
+  return `${about.name}, ${conditionLabel(about.configuration as PlannedRun)}`; // in a ladder that is not known any more
 }

@@ -1,9 +1,6 @@
 /** A short help: every way to move, every key, and what the numbers mean. */
 
-import type { Signal } from "@preact/signals";
-import { X } from "lucide";
-import { useEffect, useRef } from "preact/hooks";
-import { IconButton } from "../icon-button";
+import { Dialog } from "../dialog";
 import { EXPLANATIONS } from "./explanations";
 
 const MOVES: readonly (readonly [string, readonly string[]])[] = [
@@ -44,30 +41,16 @@ const NUMBERS = [
   ["Throughput", EXPLANATIONS.throughput],
 ] as const;
 
-export function HelpDialog({ open }: { open: Signal<boolean> }) {
-  const dialog = useRef<HTMLDialogElement>(null);
-  const shown = open.value;
-  useEffect(() => {
-    if (shown) dialog.current?.showModal();
-    else dialog.current?.close();
-  }, [shown]);
-  const close = () => {
-    open.value = false;
-  };
+export function HelpDialog({ onClose }: { onClose: () => void }) {
   return (
-    <dialog
-      ref={dialog}
-      class="help"
-      aria-labelledby="help-title"
-      onClose={close}
-      onClick={(event) => event.target === event.currentTarget && close()}
-      onKeyDown={(event) => ["h", "?"].includes(event.key.toLowerCase()) && close()}
+    <Dialog
+      title="Getting around"
+      kind="help"
+      light
+      onClose={onClose}
+      onKeyDown={({ key }) => ["h", "?"].includes(key.toLowerCase()) && onClose()}
     >
-      <div class="help-content">
-        <header>
-          <h2 id="help-title">Getting around</h2>
-          <IconButton icon={X} label="Close" onClick={close} />
-        </header>
+      <div>
         <dl class="keys">
           {MOVES.map(([what, keys]) => (
             <div key={what}>
@@ -89,6 +72,6 @@ export function HelpDialog({ open }: { open: Signal<boolean> }) {
           ))}
         </dl>
       </div>
-    </dialog>
+    </Dialog>
   );
 }

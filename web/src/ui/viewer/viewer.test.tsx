@@ -73,11 +73,10 @@ test("keys open help, hide the measurements, open the settings and change the mo
   const user = userEvent.setup();
   show();
   await user.keyboard("h");
-  const help = screen.getByRole("dialog", { name: "Getting around" });
-  expect(help).toHaveProperty("open", true);
+  expect(screen.getByRole("dialog", { name: "Getting around" })).toHaveProperty("open", true);
   await user.keyboard("h");
-  await waitFor(() => expect(help).toHaveProperty("open", false));
-  stage().focus();
+  await waitFor(() => expect(screen.queryByRole("dialog")).toBeNull());
+  expect(document.activeElement).toBe(stage());
   await user.keyboard("i");
   expect(screen.queryByRole("region", { name: "Measurements" })).toBeNull();
   await user.keyboard("i");

@@ -151,7 +151,13 @@ export function Viewer({ sceneId, stamp, asked, unknown }: Props) {
         {live && !sidebarOpen && <WalkVerdict session={live} onOpen={actions.sidebar} />}
       </main>
       {live && sidebarOpen && <Sidebar session={live} onClose={actions.sidebar} onReset={actions.reset} />}
-      <HelpDialog open={help} />
+      {help.value && (
+        <HelpDialog
+          onClose={() => {
+            help.value = false;
+          }}
+        />
+      )}
       {live && runner.value && (
         <ExperimentDialog session={live} runner={runner.value} open={experiment} locked={locked} />
       )}
