@@ -13,7 +13,7 @@ interface Point {
 
 /** Where keys write text or open something. */
 const TYPING = "input:not([type=radio], [type=checkbox]), select, textarea, dialog, [contenteditable]";
-/** Where Space presses something, and where arrows choose something. */
+/** Where Space presses something and Shift goes back with Tab, and where arrows choose something. */
 const PRESSING = "button, a, summary, input";
 const CHOOSING = "input[type=radio]";
 
@@ -95,7 +95,8 @@ export class StageInput {
   #press(event: KeyboardEvent): void {
     const inside = (selector: string) => event.target instanceof Element && event.target.closest(selector) !== null;
     if (inside(TYPING)) return;
-    if (event.code === "Space" && inside(PRESSING)) return;
+    if (event.code === "Tab") this.#keys.releaseAll(); // with Shift, too, which would go on sinking
+    if (["Space", "ShiftLeft", "ShiftRight"].includes(event.code) && inside(PRESSING)) return;
     if (event.code.startsWith("Arrow") && inside(CHOOSING)) return;
     if (this.#keys.press(event)) event.preventDefault(); // the page must not scroll
   }

@@ -1,4 +1,4 @@
-/** What is used by pointer gives the keys back to the camera; who came by keyboard keeps the focus. */
+/** What is used by pointer gives the keys back to the camera; who came by keyboard keeps the focus while there is what has it. */
 import type { RefObject } from "preact";
 import { useEffect } from "preact/hooks";
 
@@ -32,6 +32,7 @@ export function useFocusReturn(root: RefObject<HTMLElement | null>, stage: RefOb
       },
       { signal },
     );
+    addEventListener("keyup", () => document.activeElement === document.body && giveBack(), { signal });
     return () => listening.abort();
   }, [root, stage]);
 }

@@ -91,6 +91,22 @@ test("keys open help, hide the measurements, open the settings and change the mo
   expect(modes).toEqual(["video", "dash", "webrtc", "side-by-side", "local"]);
 });
 
+test("a dialogue gives the focus back to what opened it, and the settings give it to the stage", async () => {
+  const user = userEvent.setup();
+  show();
+  const help = screen.getByRole("button", { name: "Help" });
+  help.focus();
+  await user.keyboard("{Enter}");
+  await user.keyboard("{Enter}"); // on its button to close it, which is first
+  await waitFor(() => expect(screen.queryByRole("dialog")).toBeNull());
+  expect(document.activeElement).toBe(help);
+  await user.keyboard("p");
+  expect(document.activeElement).toBe(help);
+  screen.getByRole("button", { name: "Close settings" }).focus();
+  await user.keyboard("{Enter}");
+  expect(document.activeElement).toBe(stage());
+});
+
 test("fullscreen leaves the settings away until they are asked for, and gives them back at its end", async () => {
   settings.value = { ...DEFAULT_SETTINGS, sidebar: true };
   show();

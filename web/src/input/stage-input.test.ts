@@ -1,0 +1,59 @@
+// @vitest-environment happy-dom
+import { afterEach, beforeEach, expect, test } from "vitest";
+import { StageInput } from "./stage-input";
+
+let input: StageInput;
+
+beforeEach(() => {
+  document.body.innerHTML = `
+    <div id="stage" tabindex="0"></div>
+    <button></button>
+    <a href="#"></a>
+    <select></select>
+    <input type="radio" />
+    <input type="text" />`;
+  const options = { focal: () => ({ fx: 500, fy: 500 }), orbits: () => false, onFocus: () => undefined };
+  input = new StageInput(element("#stage"), options);
+});
+
+afterEach(() => input.dispose());
+
+function element(selector: string): HTMLElement {
+  const found = document.querySelector<HTMLElement>(selector);
+  if (!found) throw new Error(`there is no ${selector}`);
+  return found;
+}
+
+/** Whether the camera moves once a key is pressed, and whether the browser does what it does by itself. */
+function press(code: string, where: string): { moves: boolean; browser: boolean } {
+  const event = new KeyboardEvent("keydown", { code, bubbles: true, cancelable: true });
+  element(where).dispatchEvent(event);
+  const moves = Object.values(input.sample(16).axes).some((axis) => axis !== 0);
+  return { moves, browser: !event.defaultPrevented };
+}
+
+const THE_CAMERA = { moves: true, browser: false };
+const THE_PAGE = { moves: false, browser: true };
+
+test.each([
+  ["KeyW", "#stage", THE_CAMERA],
+  ["ShiftLeft", "#stage", THE_CAMERA],
+  ["Space", "#stage", THE_CAMERA],
+  ["ArrowLeft", "#stage", THE_CAMERA],
+  ["KeyW", "button", THE_CAMERA],
+  ["ArrowLeft", "button", THE_CAMERA],
+  ["Space", "button", THE_PAGE],
+  ["ShiftLeft", "button", THE_PAGE],
+  ["ShiftRight", "a", THE_PAGE],
+  ["ShiftLeft", "input[type=radio]", THE_PAGE],
+  ["ArrowLeft", "input[type=radio]", THE_PAGE],
+  ["KeyW", "input[type=text]", THE_PAGE],
+  ["ArrowDown", "select", THE_PAGE],
+])("%s on %s is heard by %j", (code, where, heard) => {
+  expect(press(code, where)).toEqual(heard);
+});
+
+test("whoever goes back with Shift and Tab does not sink", () => {
+  expect(press("ShiftLeft", "#stage")).toEqual(THE_CAMERA);
+  expect(press("Tab", "#stage")).toEqual(THE_PAGE);
+});
