@@ -66,7 +66,9 @@ async def test_others_have_frames_while_a_scene_is_read_and_packed() -> None:
 
 @pytest.mark.slow
 @pytest.mark.skipif(sys.platform != "linux", reason="resident memory is that of Linux")
-def test_loading_takes_at_most_one_and_a_half_times_what_is_kept() -> None:
-    command = [sys.executable, "-m", "benchmarks.big_scene", "--count", "1000000", "--formats", "ply,spz"]
+@pytest.mark.parametrize(("formats", "degree"), [("ply,spz,sog", "3"), ("sog", "0")])
+def test_loading_takes_at_most_one_and_a_half_times_what_is_kept(formats: str, degree: str) -> None:
+    made_up = ("--count", "1500000", "--degree", degree, "--formats", formats)
+    command = [sys.executable, "-m", "benchmarks.big_scene", *made_up]
     done = subprocess.run(command, capture_output=True, text=True, cwd=Path(__file__).parents[3], check=False)
     assert done.returncode == 0, done.stdout + done.stderr

@@ -10,6 +10,7 @@ from __future__ import annotations
 import io
 import math
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 
@@ -19,13 +20,15 @@ from PIL import Image, WebPImagePlugin
 
 from tigas_common.errors import BrokenScene
 from tigas_render.scenes.columns import Columns, Listener, blocks, with_largest
-from tigas_render.scenes.scene_file import SceneFile, check_packed_count
+from tigas_render.scenes.scene_file import SceneFile, check_packed_count, unreadable
 from tigas_render.scenes.sog_files import META, Bundle, Folder, SogFiles
 from tigas_render.scenes.sog_meta import MAX_META, PALETTE_WIDTH, Palette, SogMeta, parse_meta
 
 SPARE_PIXELS = 1 << 16
 """Beyond as many again as there are Gaussians: images have whole rows, and small scenes may have large ones."""
 MOST_IMAGE_BYTES = 1 << 30
+STRIP_ROWS = 64
+"""Of a decoded image, that are taken out of it at a time."""
 LOSSLESS, EXTENDED = b"VP8L", b"VP8X"
 FIRST_TAG = 252
 """The fourth byte of a rotation, less this, says which part is the largest."""
@@ -54,22 +57,26 @@ def read_sog(path: Path, *, bundled: bool) -> SceneFile:
         meta.count,
         meta.sh_degree,
         file_bytes,
-        partial(_decode, path, bundled),
+        partial(_decode, path, bundled, meta.count, meta.sh_degree, file_bytes),
         meta.antialias,
     )
 
 
 def _opened(path: Path, bundled: bool) -> SogFiles:
-    return Bundle(path) if bundled else Folder(path)
+    try:
+        return Bundle(path) if bundled else Folder(path)
+    except OSError as error:
+        raise unreadable(path, error) from None
 
 
-def _decode(path: Path, bundled: bool, listener: Listener) -> Iterator[Columns]:
-    file = read_sog(path, bundled=bundled)
+def _decode(
+    path: Path, bundled: bool, count: int, sh_degree: int, file_bytes: int, listener: Listener
+) -> Iterator[Columns]:
     with _opened(path, bundled) as files:
         meta = parse_meta(path.name, files.read(META, MAX_META))
-        if (meta.count, meta.sh_degree) != (file.count, file.sh_degree):
+        if (meta.count, meta.sh_degree) != (count, sh_degree):
             raise BrokenScene(f"{path.name} changed while it was being read; load it again.")
-        images = _Images(files, meta.count, min(file.file_bytes, MOST_IMAGE_BYTES))
+        images = _Images(files, count, min(file_bytes, MOST_IMAGE_BYTES))
         parts = _parts(meta, images)
         decoders = []
         for done, part in enumerate(parts, 1):
@@ -91,18 +98,29 @@ class _Images:
         self._limit = limit
 
     def of_gaussians(self, name: str, channels: int) -> _Pixels:
-        """[count, channels], with nothing else in memory."""
+        """[count, channels]."""
+        # before anything is decoded, so that what decoding takes lies behind it and goes back to the system
+        pixels = np.empty((self._count, channels), np.uint8)
         most = 2 * self._count + SPARE_PIXELS
-        pixels = self._decode(name, channels, lambda width, height: self._count <= width * height <= most)
-        return np.ascontiguousarray(pixels.reshape(-1, pixels.shape[2])[: self._count, :channels])
+        with self._decoded(name, lambda width, height: self._count <= width * height <= most) as image:
+            width, height = image.size
+            for top in range(0, height, STRIP_ROWS):
+                strip = image.crop((0, top, width, min(top + STRIP_ROWS, height)))
+                rows = np.asarray(strip if channels <= 3 else strip.convert("RGBA")).reshape(
+                    strip.width * strip.height, -1
+                )
+                into = pixels[top * width : top * width + len(rows)]
+                into[:] = rows[: len(into), :channels]
+        return pixels
 
     def of_palette(self, name: str, palette: Palette) -> _Pixels:
         """[palette.count, palette.coefficients, 3]."""
         size = (PALETTE_WIDTH * palette.coefficients, math.ceil(palette.count / PALETTE_WIDTH))
-        pixels = self._decode(name, 3, lambda width, height: width == size[0] and size[1] <= height <= 1024)
-        return pixels[..., :3].reshape(-1, palette.coefficients, 3)[: palette.count]
+        with self._decoded(name, lambda width, height: width == size[0] and size[1] <= height <= 1024) as image:
+            return np.asarray(image)[..., :3].reshape(-1, palette.coefficients, 3)[: palette.count]
 
-    def _decode(self, name: str, channels: int, fits: Callable[[int, int], bool]) -> _Pixels:
+    @contextmanager
+    def _decoded(self, name: str, fits: Callable[[int, int], bool]) -> Iterator[Image.Image]:
         content = self._files.read(name, self._limit)
         size = _webp_size(content)
         if size is None:
@@ -114,10 +132,9 @@ class _Images:
                 if image.size != size:
                     raise BrokenScene(f"{name} contradicts itself about its size.")
                 image.load()
-                pixels = np.asarray(image if image.mode == "RGBA" or channels <= 3 else image.convert("RGBA"))
+                yield image
         except (OSError, SyntaxError, ValueError, EOFError, Image.DecompressionBombError) as error:
             raise BrokenScene(f"{name} cannot be decoded: {str(error).rstrip('.')}.") from None
-        return pixels
 
 
 def _webp_size(content: bytes) -> tuple[int, int] | None:

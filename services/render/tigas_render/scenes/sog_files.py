@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import os
 import struct
 import zipfile
 import zlib
@@ -59,7 +60,8 @@ class Folder(SogFiles):
         path = self.path if name == META else self.path.with_name(name)
         try:
             with open_regular(path) as file:
-                content = file.read(limit + 1)
+                size = os.fstat(file.fileno()).st_size
+                content = file.read(min(size, limit) + 1)  # memory for all that it asks for is taken at once
         except OSError as error:
             raise BrokenScene(f"{path.name} cannot be read: {error.strerror or error}.") from None
         return _within(path.name, content, limit)
