@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gzip
+import json
 import struct
 import tracemalloc
 import zipfile
@@ -145,6 +146,25 @@ def test_an_spz_says_how_it_was_trained(tmp_path: Path) -> None:
         (tmp_path / "scene.spz").write_bytes(gzip.compress(spz_bytes(made_up.shell(), flags=flags)))
         assert read_scene_file(tmp_path / "scene.spz").antialiased is bool(flags)
         assert load_scene(tmp_path / "scene.spz").antialiased is bool(flags)
+
+
+@pytest.mark.parametrize(
+    ("said", "antialiased"),
+    [
+        ({}, False),
+        ({"antialias": True}, True),
+        ({"model": "antialiased"}, True),
+        ({"model": "2dgs"}, False),
+        ({"model": [1]}, False),
+    ],
+)
+def test_a_sog_says_how_it_was_trained(tmp_path: Path, said: dict[str, object], antialiased: bool) -> None:
+    with zipfile.ZipFile(made_up.FILES / "shell.sog") as bundle:
+        bundle.extractall(tmp_path)
+    meta = tmp_path / "meta.json"
+    meta.write_text(json.dumps({**json.loads(meta.read_text()), **said}))
+    assert read_scene_file(meta).antialiased is antialiased
+    assert load_scene(meta).antialiased is antialiased
 
 
 @pytest.mark.parametrize("name", ["ply", "spz", "splat"])

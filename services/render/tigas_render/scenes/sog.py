@@ -58,7 +58,7 @@ def read_sog(path: Path, *, bundled: bool) -> SceneFile:
         meta.sh_degree,
         file_bytes,
         partial(_decode, path, bundled, meta.count, meta.sh_degree, file_bytes),
-        meta.antialias,
+        meta.antialiased,
     )
 
 

@@ -77,6 +77,7 @@ class SogMeta(_Part):
     version: Literal[2]
     count: int = Field(ge=1, le=MOST_COUNT)
     antialias: bool = False
+    model: object = None
     means: Means
     scales: Coded
     quats: Quaternions
@@ -87,6 +88,11 @@ class SogMeta(_Part):
     def sh_degree(self) -> int:
         """0 to 3."""
         return self.shN.bands if self.shN else 0
+
+    @property
+    def antialiased(self) -> bool:
+        """Whether it was trained so: splat-transform says it as `model` since version 3."""
+        return self.antialias or self.model == "antialiased"
 
     @property
     def names(self) -> tuple[str, ...]:
