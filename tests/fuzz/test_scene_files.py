@@ -19,11 +19,13 @@ from tests.fuzz.json_texts import bodies
 from tests.fuzz.sentences import assert_sentence
 from tests.fuzz.wire_examples import EXAMPLES
 from tests.render.scenes import made_up, plys
+from tests.render.scenes import test_streamed_sog as streamed
 from tests.render.scenes.test_formats import splat_bytes
 from tigas_common.errors import BrokenScene
 from tigas_render.preview import HEIGHT, WIDTH, preview_camera
 from tigas_render.scenes.directory import scan_directory
 from tigas_render.scenes.formats import load_scene
+from tigas_render.scenes.lod_meta import LodMeta
 from tigas_render.scenes.metadata import SceneMetadata
 from tigas_render.scenes.start_camera import derive_camera
 
@@ -97,20 +99,30 @@ def test_any_packed_scene_loads_or_is_broken(content: bytes) -> None:
     assert_loads_or_is_broken(content)
 
 
-def assert_loads_or_is_broken(content: bytes) -> None:
-    """It becomes finite Gaussians that can be looked at, or a sentence, in bounded memory."""
+@effort(40)
+@given(bodies(LodMeta, [streamed.META]))
+def test_any_streamed_scene_loads_or_is_broken(index: bytes) -> None:
     with tempfile.TemporaryDirectory() as folder:
-        path = plys.write(Path(folder, "scene", "scene.ply"), content)
-        tracemalloc.start()
-        try:
-            gaussians = load_scene(path)
-        except BrokenScene as error:
-            assert_sentence(error.detail)
-            return
-        finally:
-            _, peak = tracemalloc.get_traced_memory()
-            tracemalloc.stop()
-            assert peak < MOST_MEMORY + 300 * len(content)
+        assert_file_loads_or_is_broken(streamed.write(Path(folder), index))
+
+
+def assert_loads_or_is_broken(content: bytes) -> None:
+    with tempfile.TemporaryDirectory() as folder:
+        assert_file_loads_or_is_broken(plys.write(Path(folder, "scene", "scene.ply"), content))
+
+
+def assert_file_loads_or_is_broken(path: Path) -> None:
+    """It becomes finite Gaussians that can be looked at, or a sentence, in bounded memory."""
+    tracemalloc.start()
+    try:
+        gaussians = load_scene(path)
+    except BrokenScene as error:
+        assert_sentence(error.detail)
+        return
+    finally:
+        _, peak = tracemalloc.get_traced_memory()
+        tracemalloc.stop()
+        assert peak < MOST_MEMORY + 300 * path.stat().st_size
     assert len(gaussians) > 0
     assert all(np.isfinite(array).all() for array in gaussians.arrays)
     camera = derive_camera(gaussians.means, gaussians.opacities, gaussians.scales, (0.0, -1.0, 0.0))

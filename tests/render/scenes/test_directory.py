@@ -41,7 +41,7 @@ def test_the_last_iteration_of_a_training_goes_before_its_input(tmp_path: Path) 
 
 def test_a_folder_without_a_scene_says_so(tmp_path: Path) -> None:
     (tmp_path / "folder.ply").mkdir()
-    with pytest.raises(BrokenScene, match=r"has no scene in it: no \.ply, \.sog, \.spz, \.splat and no meta\.json"):
+    with pytest.raises(BrokenScene, match=r"has no scene in it: no \.ply, \.sog, \.spz, \.splat, no lod-meta\.json"):
         find_scene_file(tmp_path)
 
 

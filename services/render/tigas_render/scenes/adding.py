@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import shutil
 import tempfile
 import zipfile
@@ -16,9 +15,11 @@ import httpx
 from tigas_common.errors import BrokenScene, TigasError
 from tigas_common.files import check_room, open_regular
 from tigas_render.scenes.directory import SAFE_NAME, scene_file, scene_id, scene_paths
+from tigas_render.scenes.lod_meta import LOD_META
 from tigas_render.scenes.registry import BUILTIN
 from tigas_render.scenes.scene_file import SceneFile
 from tigas_render.scenes.sog_files import META
+from tigas_render.scenes.streamed_sog import FORMAT as STREAMED
 
 Listener = Callable[[float], None]
 """Hears how much of a download is there, from 0 to 1."""
@@ -26,8 +27,8 @@ Listener = Callable[[float], None]
 COPY_BYTES = 1 << 20
 TIMEOUT_S = 30.0
 AS_IT_IS = {"Accept-Encoding": "identity"}
-ENDINGS = {"PLY": ".ply", "compressed PLY": ".compressed.ply", ".splat": ".splat"}
-"""By format; all versions of SPZ are .spz, and SOG is one file from now on."""
+ENDINGS = {"PLY": ".ply", "compressed PLY": ".compressed.ply", ".splat": ".splat", "SOG": ".sog", STREAMED: ""}
+"""By format; all versions of SPZ are .spz, and SOG is one file from now on, unless it is streamed."""
 
 
 class NotAdded(TigasError):
@@ -39,8 +40,9 @@ class NotAdded(TigasError):
 def add_scene(source: str, directory: Path, id: str | None, listener: Listener) -> tuple[str, SceneFile]:
     """Copy a scene's file, or fetch it from an http(s) URL, check that it can be read, and put it into the directory.
 
-    A scene of SOG in a folder becomes one file. Without `id`, the file's name says it. Returns the id, and what the
-    scene's file is. Raises NotAdded, BrokenScene and OSError; then the directory is as it was.
+    A scene of SOG in a folder becomes one file; a streamed one stays a folder, with the files that are read. Without
+    `id`, the file's name says it. Returns the id, and what the scene's file is. Raises NotAdded, BrokenScene and
+    OSError; then the directory is as it was.
     """
     url = urlsplit(source)
     remote = url.scheme in ("http", "https")
@@ -68,9 +70,12 @@ def keep(part: Path, directory: Path, id: str) -> SceneFile:
     file = scene_file(part)
     file.check()
     check_free(directory, id)
-    path = directory / f"{id}{_ending(file)}"
-    path.open("x").close()  # so that it goes over no file that came meanwhile
-    part.replace(path)
+    path = directory / f"{id}{ENDINGS.get(file.format, '.spz')}"
+    if part.is_dir():
+        path.mkdir()
+    else:
+        path.open("x").close()
+    part.replace(path)  # over what is ours, and nothing that came meanwhile
     return scene_file(path)
 
 
@@ -93,36 +98,38 @@ def keep_upload(part: Path, directory: Path, id: str, memory: int) -> None:
 
 
 def _local_id(path: Path) -> str:
-    if path.name == META:
+    if path.name in (META, LOD_META):
         return path.parent.name
     return path.name if path.is_dir() else scene_id(path)
 
 
-def _ending(file: SceneFile) -> str:
-    return ENDINGS.get(file.format) or (".sog" if file.format == "SOG" else ".spz")
-
-
 @contextmanager
 def _part(directory: Path, id: str) -> Iterator[Path]:
-    """A file that no scan takes for a scene, and that goes away."""
-    handle, name = tempfile.mkstemp(suffix=".part", prefix=f"{id}.", dir=directory)
-    os.close(handle)
-    path = Path(name)
-    path.chmod(0o644)
+    """Where a file or a folder may be made that no scan takes for a scene; what is left there goes away."""
+    hidden = Path(tempfile.mkdtemp(prefix=f".{id}.", dir=directory))
     try:
-        yield path
+        yield hidden / id
     finally:
-        path.unlink(missing_ok=True)
+        shutil.rmtree(hidden, ignore_errors=True)
 
 
 def _copy(file: SceneFile, part: Path) -> None:
-    if len(file.files) == 1:
-        with open_regular(file.files[0]) as source, part.open("wb") as target:
-            shutil.copyfileobj(source, target, COPY_BYTES)
-        return
-    with zipfile.ZipFile(part, "w") as bundle:
+    first = file.files[0]
+    if file.format == STREAMED:
         for path in file.files:
-            bundle.write(path, path.name)
+            _copy_file(path, part / path.relative_to(first.parent))
+    elif len(file.files) == 1:
+        _copy_file(first, part)
+    else:
+        with zipfile.ZipFile(part, "w") as bundle:
+            for path in file.files:
+                bundle.write(path, path.name)
+
+
+def _copy_file(path: Path, target: Path) -> None:
+    target.parent.mkdir(parents=True, exist_ok=True)
+    with open_regular(path) as source, target.open("wb") as copy:
+        shutil.copyfileobj(source, copy, COPY_BYTES)
 
 
 def _fetch(url: str, part: Path, listener: Listener) -> None:

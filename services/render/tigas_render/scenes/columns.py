@@ -46,6 +46,14 @@ class Columns:
     def __len__(self) -> int:
         return len(self.means)
 
+    def only(self, rows: NDArray[np.bool_], sh_degree: int) -> Columns:
+        """Some of the rows, with the coefficients of a degree that is no lower; those that there are not are 0."""
+        some = Columns(int(np.count_nonzero(rows)), sh_degree)
+        some.means[:], some.scales[:] = self.means[rows], self.scales[rows]
+        some.quaternions[:], some.opacities[:] = self.quaternions[rows], self.opacities[rows]
+        some.sh[:, : self.sh.shape[1]], some.sh[:, self.sh.shape[1] :] = self.sh[rows], 0
+        return some
+
     def gaussians(self, *, antialiased: bool) -> Gaussians:
         """What can be drawn of it: Gaussians that are not finite, lie or reach beyond FARTHEST, or have no rotation are
         left out.

@@ -1,10 +1,10 @@
 """What lies in a models directory: a folder a scene, or a scene's file by itself, read without loading any Gaussians.
 
 Files that end like scenes (`formats.ENDINGS`) are taken for them; what they are, their content says. A scene's folder
-holds one, or the meta.json of a SOG scene with its images, or what INRIA's training writes: the
-`point_cloud/iteration_N/point_cloud.ply` with the highest N, which goes before any other file, as the `input.ply`
-beside it is no 3DGS scene. It may hold a `preview.jpg` or `preview.png`, a `scene.json`, and a `ladder.json`. A file by
-itself is a scene by its name without the ending. What is hidden (`.name`) is no scene.
+holds one, or the meta.json of a SOG scene with its images, or the lod-meta.json of a streamed one with its folders, or
+what INRIA's training writes: the `point_cloud/iteration_N/point_cloud.ply` with the highest N, which goes before any
+other file, as the `input.ply` beside it is no 3DGS scene. It may hold a `preview.jpg` or `preview.png`, a `scene.json`,
+and a `ladder.json`. A file by itself is a scene by its name without the ending. What is hidden (`.name`) is no scene.
 
 Symbolic links are followed, also out of the directory, so that models may lie on another disk: whoever can write links
 here could as well write files, and clients name scenes by id only, never by path.
@@ -24,6 +24,7 @@ from tigas_common.wire.render import Rung
 from tigas_render.scenes.formats import ENDINGS, ending_rank, open_scene, read_scene_file
 from tigas_render.scenes.ladder import FILE as LADDER_FILE
 from tigas_render.scenes.ladder import BrokenLadder, read_ladder
+from tigas_render.scenes.lod_meta import LOD_META
 from tigas_render.scenes.metadata import SceneMetadata, read_metadata
 from tigas_render.scenes.scene_file import SceneFile
 from tigas_render.scenes.sog_files import META
@@ -177,10 +178,10 @@ def find_scene_file(folder: Path) -> Path:
     if iterations:
         return max(iterations)[1]
     files = sorted((path for path in folder.iterdir() if _is_scene_file(path)), key=_rank)
-    if not files and (folder / META).is_file():
-        return folder / META
+    files = files or [path for path in (folder / LOD_META, folder / META) if path.is_file()]
     if not files:
-        raise BrokenScene(f"The folder {folder.name} has no scene in it: no {', '.join(ENDINGS)} and no {META} of SOG.")
+        endings = ", ".join(ENDINGS)
+        raise BrokenScene(f"The folder {folder.name} has no scene in it: no {endings}, no {LOD_META} or {META} of SOG.")
     if len(files) > 1:
         _log.warning("%s has %d files that may be the scene; %s is used", folder.name, len(files), files[0].name)
     return files[0]

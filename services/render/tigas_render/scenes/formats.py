@@ -8,6 +8,7 @@ from tigas_common.errors import BrokenScene
 from tigas_render.gaussians import Batches, Gaussians
 from tigas_render.scenes.columns import Listener
 from tigas_render.scenes.compressed_ply import is_compressed, read_compressed_ply
+from tigas_render.scenes.lod_meta import LOD_META
 from tigas_render.scenes.ply import read_ply
 from tigas_render.scenes.ply_header import MAX_HEADER
 from tigas_render.scenes.scene_file import SceneFile, read_start
@@ -15,6 +16,7 @@ from tigas_render.scenes.sog import read_sog
 from tigas_render.scenes.sog_files import META, ZIP
 from tigas_render.scenes.splat import looks_like_splat, read_splat
 from tigas_render.scenes.spz import GZIP, MAGIC, read_spz
+from tigas_render.scenes.streamed_sog import read_streamed_sog
 
 ENDINGS = (".ply", ".sog", ".spz", ".splat")
 """Of files that are taken for scenes, and then looked into; of several beside each other, the first ending counts."""
@@ -27,7 +29,10 @@ def ending_rank(path: Path) -> int:
 
 
 def read_scene_file(path: Path) -> SceneFile:
-    """What a file holds; a SOG scene of several files is its meta.json. Raises BrokenScene, with one sentence."""
+    """What a file holds; a SOG scene of several files is its meta.json, a streamed one its lod-meta.json.
+
+    Raises BrokenScene, with one sentence.
+    """
     start, file_bytes = read_start(path, MAX_HEADER)
     if not start:
         raise BrokenScene(f"{path.name} is empty.")
@@ -37,6 +42,8 @@ def read_scene_file(path: Path) -> SceneFile:
         return read_spz(path)
     if start.startswith(ZIP):
         return read_sog(path, bundled=True)
+    if path.name == LOD_META:
+        return read_streamed_sog(path)
     if path.name == META or start.lstrip().startswith(b"{"):
         return read_sog(path, bundled=False)
     if looks_like_splat(start, file_bytes):

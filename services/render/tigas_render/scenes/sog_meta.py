@@ -21,7 +21,7 @@ MOST_COUNT = 1 << 27
 PALETTE_WIDTH = 64
 """Entries of the palette in a row of its image."""
 
-_PLAIN_NAME = re.compile(r"[\w-][\w .-]{0,99}", re.ASCII)
+PLAIN_NAME = re.compile(r"[\w-][\w .-]{0,99}", re.ASCII)
 
 Triple = tuple[FiniteFloat, FiniteFloat, FiniteFloat]
 Codebook = Annotated[Entries[FiniteFloat], Field(min_length=256, max_length=256)]
@@ -103,7 +103,7 @@ class SogMeta(_Part):
     @model_validator(mode="after")
     def _check_names(self) -> Self:
         for name in self.names:
-            if not _PLAIN_NAME.fullmatch(name):
+            if not PLAIN_NAME.fullmatch(name):
                 raise ValueError(f"{name[:40]!r} is no plain name of a file beside it")
         return self
 
