@@ -3,15 +3,17 @@
     python -m benchmarks.video walk.csv [more.csv …] [--scene NAME=PLY …] [--cameras cameras.json] [--plot FILE.svg]
 
 Renders a stretch of each movement in each scene at every size, and encodes it as JPEGs of several qualities and as
-videos of several bit rates, for each of x264's presets; every picture is compared with its own render before any
-compression. Times are processor time of one thread. Prints Markdown; docs/video.md has the results.
+videos of several bit rates, for each of x264's presets, and by VP9 and AV1 as fast as they can; every picture is
+compared with its own render before any compression. Times are processor time. Prints Markdown;
+docs/video.md has the results.
 """
 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from fractions import Fraction
 from pathlib import Path
 from typing import Annotated
 
@@ -27,7 +29,7 @@ from benchmarks.formats.report import at_picture, bjontegaard, psnr
 from benchmarks.reprojection import scene_info, walked
 from benchmarks.views import centred_lens, chosen
 from tigas_common.pose import Pose
-from tigas_render.encode.h264 import PRESET, H264Encoder, Preset
+from tigas_render.encode.h264 import FRAMES_PER_S, PRESET, H264Encoder, Preset
 from tigas_render.encode.jpeg import encode_jpeg
 from tigas_render.encode.yuv420p import KB, KR, encode_yuv420p
 from tigas_render.raster.base import Camera, PreparedScene
@@ -39,6 +41,11 @@ DISPLAY = 1280
 QUALITIES = (10, 35, 65, 90)
 BITS_PER_PIXEL = (0.025, 0.06, 0.15, 0.4, 1.0)
 PRESETS: tuple[Preset, ...] = ("ultrafast", "superfast", "veryfast")
+OTHERS: Mapping[str, tuple[str, Mapping[str, str]]] = {
+    "VP9": ("libvpx-vp9", {"deadline": "realtime", "cpu-used": "8", "lag-in-frames": "0", "row-mt": "0"}),
+    "AV1": ("libsvtav1", {"preset": "12", "svtav1-params": "pred-struct=1:rc=2:lp=1:lookahead=0"}),
+}
+"""Other encoders, and what is the fastest that they have for a picture at a time."""
 SETTLED = 10
 """Frames before which nothing is counted: a walk does not begin every second."""
 NEAR_DB = 0.3
@@ -110,6 +117,37 @@ def video(
     return run
 
 
+def other_video(pictures: Sequence[Picture], bits: float, name: str, options: Mapping[str, str]) -> Run:
+    """All pictures as one video by another encoder, at a constant rate."""
+    height, width = pictures[0].shape[:2]
+    encoder = av.CodecContext.create(name, "w")
+    assert isinstance(encoder, av.VideoCodecContext)
+    encoder.width, encoder.height, encoder.pix_fmt = width, height, "yuv420p"
+    encoder.time_base, encoder.framerate = Fraction(1, FRAMES_PER_S), Fraction(FRAMES_PER_S)
+    encoder.bit_rate = round(bits * FRAMES_PER_S)
+    encoder.gop_size, encoder.thread_count = 2**20, 1
+    rate = str(encoder.bit_rate)
+    encoder.options = {**options, "minrate": rate, "maxrate": rate, "bufsize": str(encoder.bit_rate // 4)}
+    decoder = av.CodecContext.create("vp9" if name == "libvpx-vp9" else "libdav1d", "r")
+    assert isinstance(decoder, av.VideoCodecContext)
+    decoder.thread_count = 1
+    decoder.options = {} if name == "libvpx-vp9" else {"max_frame_delay": "1"}
+    run = []
+    for number, picture in enumerate(pictures):
+
+        def encode(number: int = number, picture: Picture = picture) -> bytes:
+            rows = np.frombuffer(encode_yuv420p(picture), np.uint8).reshape(height * 3 // 2, width)
+            frame = av.VideoFrame.from_ndarray(rows, format="yuv420p")
+            frame.pts, frame.time_base = number, encoder.time_base
+            (packet,) = encoder.encode(frame)
+            return bytes(packet)
+
+        body, ms = _timed(encode)
+        (frame,) = decoder.decode(av.Packet(body))
+        run.append(Coded(len(body), _error(_shown(frame), picture), ms))
+    return run
+
+
 def sample(codec: str, width: int, quality: float, runs: Sequence[Run]) -> Sample:
     """What runs have in common: mean size and time, PSNR of the mean error."""
     frames = [frame for run in runs for frame in run[SETTLED:]]
@@ -124,8 +162,13 @@ def curves(size: tuple[int, int], walks: Sequence[Sequence[Picture]]) -> dict[st
     width, pixels = size[0], size[0] * size[1]
     found = {"JPEG": [sample("JPEG", width, quality, [jpegs(one, quality) for one in walks]) for quality in QUALITIES]}
     for preset in PRESETS:
-        found[preset] = [
+        found[f"H.264 {preset}"] = [
             sample(preset, width, rate, [video(one, rate * pixels, preset) for one in walks]) for rate in BITS_PER_PIXEL
+        ]
+    for name, (encoder, options) in OTHERS.items():
+        found[name] = [
+            sample(name, width, rate, [other_video(one, rate * pixels, encoder, options) for one in walks])
+            for rate in BITS_PER_PIXEL
         ]
     return {name: sorted(one, key=psnr) for name, one in found.items()}
 
@@ -142,7 +185,7 @@ def rate_table(found: dict[tuple[int, int], dict[str, list[Sample]]]) -> Iterato
                 cells = [f"JPEG q{quality}, {jpeg.psnr_db:.1f} dB", f"{size / 1000:.2f}", "", ""]
                 if name != "JPEG":
                     whole = -bjontegaard(codecs["JPEG"], curve, psnr)
-                    cells = [f"H.264 {name}", f"{size / 1000:.2f}", f"{1 - size / jpeg.size:.0%}", f"{whole:.0%}"]
+                    cells = [name, f"{size / 1000:.2f}", f"{1 - size / jpeg.size:.0%}", f"{whole:.0%}"]
                 cells += [f"{ms:.2f}", f"{1000 / 60 / ms:.0f}"]
                 yield f"| {width}×{height} | {' | '.join(cells)} |"
 
@@ -185,8 +228,7 @@ def plot(found: dict[tuple[int, int], dict[str, list[Sample]]], file: Path) -> N
     figure, axes = plt.subplots(1, len(found), figsize=(4 * len(found), 3.4), layout="constrained")
     for axis, ((width, height), codecs) in zip(np.atleast_1d(axes), found.items(), strict=True):
         for name, curve in codecs.items():
-            label = name if name == "JPEG" else f"H.264 {name}"
-            axis.plot([one.size / 1000 for one in curve], [one.psnr_db for one in curve], marker=".", label=label)
+            axis.plot([one.size / 1000 for one in curve], [one.psnr_db for one in curve], marker=".", label=name)
         axis.set(title=f"{width}×{height}", xlabel="kB a frame", xscale="log")
         axis.grid(alpha=0.3)
     np.atleast_1d(axes)[0].set_ylabel("PSNR, dB")
@@ -221,7 +263,7 @@ def main(
         found[size] = curves(size, walks)
         for quality in SIZES[size]:
             wanted = _of_quality(found[size]["JPEG"], quality).psnr_db
-            bits = 8 * at_picture(found[size][PRESET], psnr, wanted)[0]
+            bits = 8 * at_picture(found[size][f"H.264 {PRESET}"], psnr, wanted)[0]
             breaks += break_table(size, walks, bits)
         memory.append(f"{size[0]}×{size[1]}: {memory_mb(size, walks[0], bits):.1f} MB")
     for line in rate_table(found):
@@ -261,9 +303,9 @@ def _shown(frame: av.VideoFrame) -> Picture:
 
 
 def _timed(encode: Callable[[], bytes]) -> tuple[bytes, float]:
-    start = time.thread_time()
+    start = time.process_time()
     body = encode()
-    return body, 1000 * (time.thread_time() - start)
+    return body, 1000 * (time.process_time() - start)
 
 
 def _error(shown: Picture, truth: Picture) -> float:
