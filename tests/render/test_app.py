@@ -287,7 +287,15 @@ async def test_the_page_learns_its_ladder_and_urls(client: httpx.AsyncClient) ->
     assert config["device"] == "cpu"
     assert config["formats"] == ["jpeg", "webp"]
     assert config["webtransport_url"] is None  # this application is not served over QUIC
+    assert config["has_scene"] is None
     assert (await client.get("/healthz")).json() == {"status": "ok"}
+
+
+@pytest.mark.parametrize(("scene", "there"), [("wall", True), ("broken", True), ("attic", False), ("", False)])
+async def test_whoever_shows_a_scene_hears_whether_it_is_still_there(
+    client: httpx.AsyncClient, scene: str, there: bool
+) -> None:
+    assert (await client.get("/config.json", params={"scene": scene})).json()["has_scene"] is there
 
 
 @pytest.mark.parametrize("call", ["POST /render", "POST /scenes/courtyard/load", "GET /scenes/courtyard/preview"])

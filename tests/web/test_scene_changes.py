@@ -71,7 +71,8 @@ def test_a_dropped_file_becomes_a_scene_that_is_renamed_and_deleted(
     question.get_by_role("button", name="Delete").click()
     expect(renamed).to_have_count(0)
     assert not list(models.glob("*hell*"))
-    viewer.keyboard.press("ArrowLeft", delay=300)
+    expect(viewer.get_by_text("Sea shell was deleted or renamed on the server.")).to_be_visible()
+    viewer.get_by_role("button", name="Try again").click()
     expect(viewer.get_by_text("There is no scene 'Sea shell'.")).to_be_visible()
 
 

@@ -180,9 +180,12 @@ async def general_weights(request: Request) -> Response:
     return _tagged(request, await asyncio.to_thread(_service(request).shelf.general))
 
 
+@described(query={"scene": "Which it shows: `has_scene` says whether that is still there."})
 async def config(request: Request) -> ModelResponse[ServerConfig]:
     """What the page needs to know, fitted to the address that it was opened under."""
-    return json_response(_config(request))
+    scene = request.query_params.get("scene")
+    has_scene = None if scene is None else _service(request).registry.has(scene)
+    return json_response(_config(request).model_copy(update={"has_scene": has_scene}))
 
 
 async def own_load(request: Request) -> ModelResponse[HostLoad]:

@@ -225,6 +225,13 @@ test.each<[string, Partial<PlannedRun>, () => void]>([
     },
   ],
   [
+    "Garden was deleted or renamed on the server.",
+    {},
+    () => {
+      session.phase.value = { kind: "failed", message: "Garden was deleted or renamed on the server." };
+    },
+  ],
+  [
     "The DASH stream was lost during the run.",
     { mode: "dash-tuned" },
     () => {

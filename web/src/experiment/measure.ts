@@ -145,7 +145,9 @@ function watchForTrouble(
   const before = lens();
   const trouble = (): string | null => {
     const stream = session.stream.value?.phase.value;
-    if (session.phase.value.kind !== "playing") return "The connection was lost during the run.";
+    const { value: phase } = session.phase;
+    if (phase.kind === "failed") return phase.message;
+    if (phase.kind !== "playing") return "The connection was lost during the run.";
     const enhanced = session.enhancement.status.value;
     if (enhanced.kind === "failed") return `Enhancement was given up during the run. ${enhanced.message}`;
     const turned = session.unturned.value;

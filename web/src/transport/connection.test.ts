@@ -2,7 +2,7 @@ import { beforeEach, describe, expect, test, vi } from "vitest";
 import { deferred } from "../async/deferred";
 import type { ServerConfig } from "../wire/render";
 import { type ConnectionState, maintainConnection } from "./connection";
-import { CHECK_EVERY, LOOK_ELSEWHERE_EVERY, LOOK_EVERY } from "./ending";
+import { ASK_DIRECTOR_EVERY, CHECK_EVERY, LOOK_ELSEWHERE_EVERY, LOOK_EVERY } from "./ending";
 import { FakeTransport, turn } from "./fake";
 import type { HostReport } from "./host-report";
 import { RequestProblem } from "./transport";
@@ -66,12 +66,12 @@ function start(): Promise<void> {
       onSilence: (silent) => silence.push(silent),
       now: () => now,
       sleep: async (milliseconds, signal) => {
-        const checking = [CHECK_EVERY, LOOK_EVERY, LOOK_ELSEWHERE_EVERY].includes(milliseconds);
-        if (!checking) waits.push(milliseconds);
+        const checking = [CHECK_EVERY, ASK_DIRECTOR_EVERY].includes(milliseconds);
+        if (!checking && ![LOOK_EVERY, LOOK_ELSEWHERE_EVERY].includes(milliseconds)) waits.push(milliseconds);
         if (milliseconds < 100 || full.length > 0) return;
         const { promise, resolve, reject } = deferred<void>();
         signal.addEventListener("abort", () => reject(signal.reason));
-        (milliseconds === CHECK_EVERY ? checks : looks).push(() => resolve());
+        (checking ? checks : looks).push(() => resolve());
         await promise;
       },
       retry: { minTimeout: 1, maxTimeout: 2 },

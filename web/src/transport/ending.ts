@@ -3,8 +3,10 @@ import type { ServerConfig } from "../wire/render";
 import { type HostReport, hostReport, sentElsewhere } from "./host-report";
 import type { WatchedTransport } from "./watched";
 
-/** How often an open connection is checked, in milliseconds: a server that died says nothing. */
-export const CHECK_EVERY = 3000;
+/** How often an open connection is checked, in milliseconds: a server that died says nothing, nor one whose scene was deleted. */
+export const CHECK_EVERY = 2000;
+/** In a cluster, whose director answers the pages of all hosts. */
+export const ASK_DIRECTOR_EVERY = 3000;
 /** How often it is asked whether the server has fallen silent, in milliseconds. */
 export const LOOK_EVERY = 250;
 /** In a cluster this is asked more often: nobody waits for a host that is gone. */
@@ -55,7 +57,7 @@ export async function ending(
   };
   const check = async (): Promise<Ending> => {
     for (;;) {
-      await sleep(CHECK_EVERY, until);
+      await sleep(clustered ? ASK_DIRECTOR_EVERY : CHECK_EVERY, until);
       const end = await examine("at");
       if (end !== null) return end;
     }

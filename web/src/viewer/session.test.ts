@@ -9,7 +9,7 @@ import { changeSettings, config, ladder, settings } from "../state/app";
 import { COURTYARD, serverConfig } from "../state/fake-server";
 import { DEFAULT_SETTINGS } from "../state/settings";
 import { connect } from "../transport/connect";
-import { CHECK_EVERY } from "../transport/ending";
+import { ASK_DIRECTOR_EVERY, CHECK_EVERY } from "../transport/ending";
 import { FakeTransport, settle } from "../transport/fake";
 import { RequestProblem } from "../transport/transport";
 import { ViewerSession } from "./session";
@@ -158,6 +158,31 @@ test("a scene that cannot be had is said in the server's words, and can be tried
   session.retry();
   await settle();
   expect(phase()).toEqual({ kind: "playing" });
+});
+
+test("whoever stands still hears that the scene was deleted, and can come back once it is there again", async () => {
+  changeSettings({ mode: "side-by-side", left: "stateless", right: "stateless" });
+  await visit();
+  await drawn(5);
+  vi.mocked(fetchConfig).mockImplementation(async () => ({ ...serverConfig(SERVICES), has_scene: false }));
+  vi.mocked(loadScene).mockRejectedValue(new ApiError("There is no scene 'courtyard'.", false));
+  await vi.advanceTimersByTimeAsync(CHECK_EVERY);
+  expect(phase()).toEqual({ kind: "failed", message: "Courtyard was deleted or renamed on the server." });
+  const before = requests();
+  session.rig.drive((at) => ({ position: [at / 1000, 0, 0], quaternion: [0, 0, 0, 1] }));
+  await drawn(5);
+  expect(requests()).toBe(before);
+  session.rig.drive(null);
+  session.retry();
+  await settle();
+  expect(phase()).toEqual({ kind: "failed", message: "There is no scene 'courtyard'." });
+  vi.mocked(fetchConfig).mockImplementation(async () => ({ ...serverConfig(SERVICES), has_scene: true }));
+  vi.mocked(loadScene).mockResolvedValue(COURTYARD);
+  session.retry();
+  await settle();
+  await drawn(5);
+  expect(phase()).toEqual({ kind: "playing" });
+  expect(requests()).toBeGreaterThan(before);
 });
 
 test("a lost server is announced, and the visit goes on with the same pose when it is back", async () => {
@@ -335,7 +360,7 @@ test("another host of a cluster takes over once it has the scene, and what is sh
   const { promise: loaded, resolve } = deferred<typeof COURTYARD>();
   vi.mocked(loadScene).mockReturnValue(loaded);
   vi.mocked(fetchConfig).mockImplementation(async () => atHost("west"));
-  await vi.advanceTimersByTimeAsync(CHECK_EVERY);
+  await vi.advanceTimersByTimeAsync(ASK_DIRECTOR_EVERY);
   expect(vi.mocked(fetchConfig).mock.lastCall?.[1]).toEqual({ scene: "courtyard", at: "east" });
   expect(vi.mocked(loadScene).mock.lastCall).toEqual(["courtyard", expect.anything(), "west"]);
   expect(transports.map(({ closed }) => closed)).toEqual([false]);

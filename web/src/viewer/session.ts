@@ -309,6 +309,7 @@ export class ViewerSession {
         {
           fetchConfig: async (signal, report) => {
             config.value = await fetchConfig(signal, { scene: this.#sceneId, ...report });
+            if (config.value.has_scene === false) untracked(() => this.#gone());
             return config.value;
           },
           connect: async (server, signal) => {
@@ -340,6 +341,15 @@ export class ViewerSession {
     else if (state.status === "lost") this.phase.value = { kind: "lost", message: state.reason };
     else if (state.status === "full") this.phase.value = { kind: "full" };
     else void this.#play(state, signal);
+  }
+
+  /** Somebody has deleted or renamed the scene: a camera that rests asks for nothing, and would never hear of it. */
+  #gone(): void {
+    const scene = this.scene.peek();
+    if (scene === null || this.phase.peek().kind !== "playing") return;
+    for (const side of this.#sides) side.attach(null);
+    this.#loading = undefined;
+    this.phase.value = { kind: "failed", message: `${scene.name} was deleted or renamed on the server.` };
   }
 
   /** Asks for the scene at another host than before, or as `#load`. */

@@ -176,6 +176,7 @@ export interface ServerConfig {
   host?: string | null;
   render_url?: string | null;
   max_upload_bytes?: number | null;
+  has_scene?: boolean | null;
   formats?: ("jpeg" | "webp")[];
   why_no_training?: string | null;
 }

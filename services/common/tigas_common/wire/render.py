@@ -334,6 +334,8 @@ class ServerConfig(WireModel):
     """Base URL for `POST /render`; null: the page's own origin."""
     max_upload_bytes: int | None = None
     """The largest file that a page may add as a scene; null: it may add, rename and delete none."""
+    has_scene: bool | None = None
+    """Whether there is the scene that was asked about; null if none was, and in a cluster."""
     formats: Entries[StillFormat] = ("jpeg",)
     """What to ask for pictures as. Others are answered, too, but cost this server more than they are worth."""
     why_no_training: str | None = None

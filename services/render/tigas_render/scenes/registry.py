@@ -156,6 +156,10 @@ class SceneRegistry:
                 taken[entry.source.id] = taken.get(entry.source.id, 0) + entry.reserved
         return taken
 
+    def has(self, scene_id: str) -> bool:
+        """Whether a scene is on offer, broken or not."""
+        return scene_id in self._entries
+
     def info(self, scene_id: str) -> SceneInfo:
         """One scene. Raises UnknownScene."""
         return self._info(self._entry(scene_id))
