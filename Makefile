@@ -7,8 +7,8 @@ PYTHON ?= python3
 # PyTorch's package index. Without an NVIDIA GPU, save gigabytes with
 #   make demo TORCH_INDEX=https://download.pytorch.org/whl/cpu
 TORCH_INDEX ?=
-# The models directory. The built-in demo scene is always available.
-SCENES ?= models
+# Another models directory than models/. The built-in demo scene is always available.
+SCENES ?=
 
 # What `make compare` measures: make compare NETWORKS="5mbit,80ms-rtt my-trace.csv" ARGS="--duration 20"
 NETWORKS ?= 20mbit,20ms-rtt traces/network/4g-bus.csv
@@ -39,7 +39,6 @@ help:
 	@echo "make clean         remove installed dependencies, build outputs and caches"
 
 demo: .venv/.ready $(STATIC)
-	@$(if $(SCENES),mkdir -p $(SCENES))
 	@if $(VENV)/tigas lab check $(ARGS); then \
 		echo "== behind a shaped link: replay traces from the page's network panel"; \
 		exec $(VENV)/tigas lab up --traces traces/network $(if $(SCENES),--scenes $(SCENES)) $(ARGS); \
@@ -125,7 +124,7 @@ lock: .venv/.ready
 	@$(VENV)/python -m locks.update
 
 compare: .venv/.ready $(STATIC)
-	@$(VENV)/tigas compare $(foreach network,$(NETWORKS),--network $(network)) --profile budget --profile 2 $(if $(wildcard $(SCENES)),--scenes $(SCENES)) $(ARGS)
+	@$(VENV)/tigas compare $(foreach network,$(NETWORKS),--network $(network)) --profile budget --profile 2 $(if $(SCENES),--scenes $(SCENES)) $(ARGS)
 
 bench: .venv/.ready $(STATIC)
 	@$(VENV)/python -m benchmarks.raster

@@ -26,6 +26,8 @@ from tigas_render.settings import RenderSettings
 
 ROOT = Path(__file__).parents[2]
 TIGAS = str(Path(sys.executable).parent / "tigas")
+INSTANT = ("--device", "instant", "--edges", "1")
+"""Starts at once, and renders nothing."""
 
 
 def tigas(*arguments: str, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
@@ -34,10 +36,12 @@ def tigas(*arguments: str, cwd: Path | None = None) -> subprocess.CompletedProce
 
 
 @contextlib.contextmanager
-def serving(*arguments: str, program: Sequence[str] = (TIGAS,)) -> Iterator[tuple[subprocess.Popen[str], str]]:
+def serving(
+    *arguments: str, program: Sequence[str] = (TIGAS,), cwd: Path = ROOT
+) -> Iterator[tuple[subprocess.Popen[str], str]]:
     """A server on free ports and what it printed until it was ready."""
     command = [*program, "render", "--http", "127.0.0.1:0", "--quic", "127.0.0.1:0", *arguments]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, cwd=ROOT) as process:
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, cwd=cwd) as process:
         try:
             assert process.stdout is not None
             printed = ""
@@ -156,9 +160,31 @@ def test_an_empty_directory_is_explained_and_the_demo_is_served(tmp_path: Path) 
 
 
 @pytest.mark.parametrize(
+    ("arguments", "folder"),
+    [((), "models"), (("--scenes", "models"), "models"), (("--scenes", "mine", "--edit-scenes"), "mine")],
+    ids=["by default", "named as the default", "to be filled by pages"],
+)
+def test_the_first_start_makes_the_directory_that_pages_add_scenes_to(
+    tmp_path: Path, arguments: tuple[str, ...], folder: str
+) -> None:
+    with serving(*INSTANT, *arguments, cwd=tmp_path) as (_, printed):
+        assert f"{folder} has no scenes yet" in printed
+        assert httpx.get(url_in(printed) + "config.json").json()["max_upload_bytes"]
+    assert [path.name for path in tmp_path.iterdir()] == [folder]
+
+
+def test_where_no_directory_can_be_made_the_demo_is_served() -> None:
+    with serving(*INSTANT, cwd=Path("/proc")) as (_, printed):
+        assert "has no scenes yet" not in printed
+        assert [scene["id"] for scene in httpx.get(url_in(printed) + "scenes").json()] == ["courtyard"]
+        assert httpx.get(url_in(printed) + "config.json").json()["max_upload_bytes"] is None
+
+
+@pytest.mark.parametrize(
     ("arguments", "says"),
     [
         (("--scenes", "/nowhere/at/all"), "does not exist"),
+        (("--scenes", "/nowhere/at/all", "--edit-scenes"), "does not exist"),
         (("--scenes", __file__), "does not exist|not a directory"),
         (("--device", "cuda"), "without CUDA|no NVIDIA GPU|packages for GPUs are missing"),
         (("--device", "abacus"), "device"),

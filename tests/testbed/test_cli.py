@@ -6,6 +6,7 @@ import json
 import os
 import signal
 import ssl
+import stat
 import subprocess
 import time
 from collections.abc import Iterator
@@ -13,8 +14,11 @@ from contextlib import suppress
 from pathlib import Path
 from urllib.request import Request, urlopen
 
+import httpx
 import pytest
 
+from tests.render.scenes import made_up
+from tests.render.uploads.client import begin, part
 from tests.testbed.inside import wait_until
 from tigas_common.capabilities import CAP_NET_ADMIN, CAP_SYS_NICE
 from tigas_common.errors import StartError
@@ -65,7 +69,7 @@ def left() -> list[str]:
 
 @pytest.fixture
 def up(tmp_path: Path) -> Iterator[subprocess.Popen[bytes]]:
-    """A lab, once its page is served. Experiments are in `results`."""
+    """A lab, once its page is served. Its directories are the test's own."""
     try:
         with LAB.up():
             pass
@@ -73,8 +77,9 @@ def up(tmp_path: Path) -> Iterator[subprocess.Popen[bytes]]:
         pytest.skip(f"a lab is in use on this machine: {error}")
     if serves():
         pytest.skip("something else serves localhost:8080 on this machine")
+    tmp_path.chmod(0o755)  # the services' user is another one
     argv = tigas("lab", "up", "--https", f"127.0.0.1:{PAGE_HTTPS.number}")
-    process = subprocess.Popen(argv, env=os.environ | {"TIGAS_STORE_RESULTS": str(tmp_path / "results")})
+    process = subprocess.Popen(argv, cwd=tmp_path)
     try:
         wait_until(lambda: process.poll() is None and serves(), 90)
         yield process
@@ -133,6 +138,22 @@ def test_services_are_nobody_in_particular_and_have_no_rights(up: subprocess.Pop
     up.terminate()
     assert up.wait(20) == 0
     assert (tmp_path / "results/.store").stat().st_uid == 0, "results are the caller's"
+
+
+def test_a_scene_that_a_page_adds_is_the_callers_afterwards(up: subprocess.Popen[bytes], tmp_path: Path) -> None:
+    shell = (made_up.FILES / "shell-3.spz").read_bytes()
+    with httpx.Client(base_url=PAGE_ORIGINS[0], timeout=60) as client:
+        assert client.get("/config.json").json()["max_upload_bytes"], "scenes can be added"
+        at = "/" + client.post("/uploads", headers=begin("shell.spz", len(shell))).headers["location"]
+        assert client.patch(at, headers=part(0), content=shell).status_code == 204
+        assert client.post(f"{at}/scene").status_code == 201
+    models, scene = tmp_path / "models", tmp_path / "models/shell.spz"
+    assert (models.stat().st_uid, scene.stat().st_uid) == (NOBODY, NOBODY)
+    assert models.stat().st_mode & stat.S_IWOTH == 0
+    up.terminate()
+    assert up.wait(20) == 0
+    assert scene.read_bytes() == shell
+    assert (models.stat().st_uid, scene.stat().st_uid, scene.stat().st_mode & 0o777) == (0, 0, 0o644)
 
 
 def test_services_that_die_come_back(up: subprocess.Popen[bytes]) -> None:

@@ -46,6 +46,15 @@ def test_a_folder_is_given_with_what_root_and_nobody_left_in_it(tmp_path: Path) 
     assert elsewhere.stat().st_uid == 0, "a link is given, not what it leads to"
 
 
+def test_a_file_that_has_another_name_stays_whose_it_is(tmp_path: Path) -> None:
+    models, scene = tmp_path / "models", tmp_path / "garden.ply"
+    models.mkdir()
+    scene.touch()
+    (models / "garden.ply").hardlink_to(scene)
+    ALICE.give(models)
+    assert (models.stat().st_uid, scene.stat().st_uid) == (ALICE.uid, 0)
+
+
 def test_who_has_no_home_gets_one_that_they_may_write_to(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("tigas_testbed.user.CACHE", tmp_path)
     home = Path(ALICE.environment()["HOME"])

@@ -23,6 +23,8 @@ from tigas_common.http_limits import HttpLimits
 
 FILE_VARIABLE = "TIGAS_CONFIG"
 """Names the settings file; without it, `tigas.toml` in the working directory is read if it is there."""
+MODELS = Path("models")
+"""The models directory, unless another is named: in the working directory, where it is made if it is missing."""
 
 
 def _address(value: Any) -> Any:

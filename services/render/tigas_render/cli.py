@@ -12,7 +12,7 @@ import typer
 
 from tigas_common.cli import AllowHosts, AllowOrigins, in_a_sentence, log_to_stdout
 from tigas_common.errors import StartError, TigasError
-from tigas_common.settings import load_settings
+from tigas_common.settings import MODELS, load_settings
 from tigas_common.terminal import make_console
 from tigas_common.topology import PAGE, WEBTRANSPORT
 
@@ -25,7 +25,9 @@ _SCENE = typer.Argument(metavar="SCENE", help="A scene's file (PLY, compressed P
 
 
 def render(
-    scenes: Annotated[Path | None, typer.Option(help="Models directory: a folder or a file per scene.")] = None,
+    scenes: Annotated[
+        Path | None, typer.Option(help="Models directory: a folder or a file per scene.", show_default=str(MODELS))
+    ] = None,
     lan: Annotated[
         bool | None,
         typer.Option("--lan", help="Serve other devices on the network, too, over HTTPS as well.", show_default="off"),
@@ -164,7 +166,7 @@ def info(path: Annotated[Path, _SCENE]) -> None:
 @scene.command("add")
 def add(
     source: Annotated[str, typer.Argument(metavar="FILE|URL", help="A scene's file or folder, or its address.")],
-    scenes: Annotated[Path, typer.Option(help="Models directory.")] = Path("models"),
+    scenes: Annotated[Path, typer.Option(help="Models directory.")] = MODELS,
     id: Annotated[str | None, typer.Option(help="What the scene is called.", show_default="the file's name")] = None,
 ) -> None:
     """Check a scene, and put it into the models directory."""

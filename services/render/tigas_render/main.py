@@ -7,13 +7,13 @@ import os
 import ssl
 import sys
 from collections.abc import AsyncIterator, Callable, Coroutine, Sequence
-from contextlib import AsyncExitStack, asynccontextmanager
-from pathlib import Path
+from contextlib import AsyncExitStack, asynccontextmanager, suppress
 
 from tigas_common.address import Address, warning_if_open
 from tigas_common.errors import StartError, TigasError
 from tigas_common.memory import keep_together
 from tigas_common.runner import explained, serve_http, until_stopped
+from tigas_common.settings import MODELS
 from tigas_common.terminal import printable
 from tigas_render.app import STATIC, create_app
 from tigas_render.cache import kept_key
@@ -84,7 +84,7 @@ def say(line: str) -> None:
 async def opened(settings: RenderSettings, say: Callable[[str], None]) -> AsyncIterator[RenderService]:
     """The service without anything that serves it, and the process fit for it. Raises StartError."""
     keep_together()
-    _check_directory(settings.scenes)
+    _prepare_directory(settings)
     try:
         rasterizer = create_rasterizer(settings.device, settings.cache)
     except ValueError as error:
@@ -110,9 +110,17 @@ async def until_stopped_or_lost(stop: Coroutine[None, None, None], engine: Engin
         raise StartError(engine.device_lost.result().detail)
 
 
-def _check_directory(scenes: Path | None) -> None:
-    if scenes is None:
-        return
+def _prepare_directory(settings: RenderSettings) -> None:
+    """Make the models directory if it is the default, or if pages are told to fill it: else its name may be mistyped.
+
+    Where the default cannot be made, the built-in scenes are all there is. Raises StartError.
+    """
+    scenes = settings.scenes
+    if scenes == MODELS or settings.edit_scenes:
+        with suppress(OSError):
+            scenes.mkdir(exist_ok=True)
+        if scenes == MODELS and not scenes.exists():
+            return
     if not scenes.is_dir():
         raise StartError(f"The models directory {scenes} does not exist; create it, or choose another with --scenes.")
     if not os.access(scenes, os.R_OK | os.X_OK):
@@ -133,8 +141,8 @@ def announcement(service: RenderService, http_port: int, devices: Sequence[str])
             lines.append(printable(f"  {scene.id} is left out: {scene.error}"))
     usable = sum(scene.state != "broken" for scene in scenes)
     lines.append(f"{usable} {'scene' if usable == 1 else 'scenes'} ready on {', '.join(devices)}.")
-    if service.settings.scenes is not None and len(scenes) == 1:
-        folder = service.settings.scenes
+    folder = service.settings.scenes
+    if folder.is_dir() and len(scenes) == 1:
         lines.append(f"{folder} has no scenes yet: put a .ply, .sog, .spz or .splat there, or use `tigas scene add`.")
     if not STATIC.is_dir():
         lines.append("Only the API is available, because the page is not built: run `npm ci && npm run build` in web/.")

@@ -10,7 +10,7 @@ from pydantic import BeforeValidator, Discriminator, Field, Tag
 from pydantic_settings import NoDecode, SettingsConfigDict
 
 from tigas_common.address import Address, reached_by_others
-from tigas_common.settings import Listen, ListenOrOff, ServiceSettings
+from tigas_common.settings import MODELS, Listen, ListenOrOff, ServiceSettings
 from tigas_common.topology import PAGE, PAGE_HTTPS, WEBTRANSPORT, ServiceName
 from tigas_common.wire.render import DEFAULT_LADDER, LadderName, Rung
 from tigas_render.cache import cache_directory
@@ -56,7 +56,7 @@ class RenderSettings(ServiceSettings):
     model_config = SettingsConfigDict(env_prefix="TIGAS_RENDER_", extra="forbid", frozen=True)
     table: ClassVar[str] = "render"
 
-    scenes: Path | None = None
+    scenes: Path = MODELS
     """The models directory."""
     lan: bool = False
     """Whether other devices on the network are served, too, where the addresses below are left as they are."""

@@ -16,6 +16,7 @@ from tigas_common.address import Address
 from tigas_common.cli import in_a_sentence
 from tigas_common.errors import StartError
 from tigas_common.extras import require
+from tigas_common.settings import MODELS
 
 _Https = Annotated[
     Address | None,
@@ -32,7 +33,7 @@ lab = typer.Typer(help="Run everything on this machine in network namespaces, wi
 
 @lab.command("up")
 def up(
-    scenes: Annotated[Path | None, typer.Option(help="Models directory.")] = None,
+    scenes: Annotated[Path | None, typer.Option(help="Models directory.", show_default=str(MODELS))] = None,
     traces: Annotated[Path | None, typer.Option(help="Directory of network traces.")] = None,
     trace: Annotated[str | None, typer.Option(help="Trace to play at start-up.")] = None,
     ladder: Annotated[

@@ -19,7 +19,7 @@ from tigas_common.commit import VARIABLE, this_commit
 from tigas_common.errors import StartError
 from tigas_common.hosts import host_of
 from tigas_common.processes import Service, keep_running, tigas
-from tigas_common.settings import ServiceSettings, load_settings
+from tigas_common.settings import MODELS, ServiceSettings, load_settings
 from tigas_common.topology import (
     DASH,
     PAGE,
@@ -90,6 +90,15 @@ class _StoreSettings(ServiceSettings):
     results: Path = Path("results")
 
 
+class _RenderSettings(ServiceSettings):
+    """The same of the render service's, for the lab."""
+
+    model_config = SettingsConfigDict(env_prefix="TIGAS_RENDER_", extra="ignore", frozen=True)
+    table: ClassVar[str] = "render"
+
+    scenes: Path = MODELS
+
+
 @dataclass(frozen=True, slots=True)
 class Runner:
     """Runs services in a lab as an ordinary user."""
@@ -153,16 +162,19 @@ def run_lab(
     secure = https_port(https)
     check_rights()
     results = load_settings(_StoreSettings, {}).results
+    models = scenes or load_settings(_RenderSettings, {}).scenes
+    lent = (results, *((models,) if models == MODELS else ()))  # a directory that was named stays whose it is
     caller, user = User.caller(os.environ), User.of_services(os.environ, Path.cwd())
     options = [*(("--traces", str(traces)) if traces else ()), *(("--trace", trace) if trace else ())]
     page = {
         SERVICES_VARIABLE: page_services(shaped=True),
         UPSTREAMS_VARIABLE: upstreams(shaper_host=GATEWAY_SERVICE_ADDRESS),
     }
-    render = render_command(scenes, ladder, secure)
+    render = render_command(models, ladder, secure)
     with Lab(NAME).up((*PORTS, *((secure,) if secure else ())), host=True) as lab:
-        user.give(results)
-        needed = [each for each in (scenes, traces, results) if each is not None and each.is_dir()]
+        for folder in lent:
+            user.give(folder)
+        needed = [each for each in (models, traces, results) if each is not None and each.is_dir()]
         runner = Runner(lab, user, needed, {VARIABLE: this_commit() or ""})  # git does not tell everybody
         try:
             keep_running(
@@ -175,7 +187,8 @@ def run_lab(
                 stop,
             )
         finally:
-            caller.give(results)
+            for folder in lent:
+                caller.give(folder)
 
 
 def run_demo(render_options: Sequence[str], stop: threading.Event) -> None:

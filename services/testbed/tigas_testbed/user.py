@@ -52,7 +52,8 @@ class User:
         return {"HOME": str(home), "USER": name, "LOGNAME": name}
 
     def give(self, folder: Path) -> None:
-        """Make them the owner of a folder, which is made if it is missing, and of all in it that is root's or nobody's.
+        """Make them the owner of a folder, which is made if it is missing, and of all in it that is root's or nobody's,
+        except for files that have another name, which may be elsewhere.
 
         Raises StartError.
         """
@@ -60,7 +61,9 @@ class User:
             folder.mkdir(parents=True, exist_ok=True)
             for _, folders, files, parent in os.fwalk(folder):  # by descriptors: nobody can put a link in the way
                 for name in (".", *folders, *files):
-                    if os.stat(name, dir_fd=parent, follow_symlinks=False).st_uid in (0, NOBODY):
+                    state = os.stat(name, dir_fd=parent, follow_symlinks=False)
+                    has_one_name = stat.S_ISDIR(state.st_mode) or state.st_nlink == 1
+                    if has_one_name and state.st_uid in (0, NOBODY):
                         os.chown(name, self.uid, self.gid, dir_fd=parent, follow_symlinks=False)
         except OSError as error:
             raise StartError(f"{folder} cannot be given to user {self.uid}: {error.strerror or error}.") from None

@@ -40,7 +40,7 @@ def models(tmp_path: Path) -> Path:
     return directory
 
 
-def settings_for(models: Path | None, **changes: Any) -> RenderSettings:
+def settings_for(models: Path, **changes: Any) -> RenderSettings:
     return RenderSettings(scenes=models, cache=Path("/nonexistent"), **changes)
 
 
@@ -295,11 +295,11 @@ async def test_only_loopback_lets_pages_change_scenes_unless_it_is_told_to(
     assert (models / "attic.ply").exists() is not editable
 
 
-async def test_without_a_directory_there_is_nothing_to_change() -> None:
-    async with serving(settings_for(None)) as client:
+async def test_without_a_directory_there_is_nothing_to_change(tmp_path: Path) -> None:
+    async with serving(settings_for(tmp_path / "missing")) as client:
         assert (await client.get("/config.json")).json()["max_upload_bytes"] is None
         refused = await client.post("/uploads", headers=begin("a.ply", 5))
-    assert refused.json()["detail"] == "This service has no models directory; it has to be started with --scenes."
+    assert refused.json()["detail"] == "The service may not write to its models directory."
 
 
 async def test_a_scene_is_renamed_and_deleted(client: httpx.AsyncClient, models: Path) -> None:

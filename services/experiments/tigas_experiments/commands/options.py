@@ -9,8 +9,10 @@ from typing import Annotated
 
 import typer
 
+from tigas_common.settings import MODELS
+
 Url = Annotated[str | None, typer.Option(help="Measure running services at this URL instead of starting the lab.")]
-Scenes = Annotated[Path | None, typer.Option(help="The lab's models directory.")]
+Scenes = Annotated[Path | None, typer.Option(help="The lab's models directory.", show_default=str(MODELS))]
 Traces = Annotated[Path | None, typer.Option(help="The lab's directory of network traces.")]
 
 

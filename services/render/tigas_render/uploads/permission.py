@@ -19,8 +19,6 @@ def open_uploads(settings: RenderSettings) -> Uploads:
     """The uploads to the models directory, if pages may change it. Raises ScenesFixed."""
     if not settings.pages_edit_scenes:
         raise ScenesFixed("Pages may not change this service's scenes; outside a cluster, --edit-scenes lets them.")
-    if settings.scenes is None:
-        raise ScenesFixed("This service has no models directory; it has to be started with --scenes.")
     if not os.access(settings.scenes, os.W_OK | os.X_OK):
         raise ScenesFixed("The service may not write to its models directory.")
     return Uploads(settings.scenes, limit=int(settings.memory_gb * 1e9))
