@@ -183,6 +183,7 @@ def test_a_field_that_makes_no_sense_is_named_and_nothing_is_started(
     dialog = page.locator("dialog.experiment")
     dialog.get_by_label("Movement file of the experiment").set_input_files(file)
     expect(dialog.get_by_role("combobox", name="Movement")).to_have_value("file/walk.csv")
+    expect(dialog.get_by_role("button", name="Start"), "it has to be looked for").to_be_in_viewport(ratio=1)
     dialog.get_by_role("textbox", name=field).fill(typed)
     dialog.get_by_role("button", name="Start").click()
     expect(dialog.get_by_role("alert")).to_have_text(sentence)

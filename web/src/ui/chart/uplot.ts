@@ -82,15 +82,20 @@ export function filled({ swatch }: Colours, i: number, stepped: boolean): uPlot.
   };
 }
 
+/** Those of the ticks that the axis reaches: uPlot would draw others beside it, and half of their labels. */
+function reached(ticks: readonly number[]): uPlot.Axis.Splits {
+  return (_, __, min, max) => ticks.filter((at) => at >= min && at <= max);
+}
+
 /** Latencies on a logarithmic axis. */
 export const LATENCY_AXIS: uPlot.Axis = {
-  splits: () => TICKS,
+  splits: reached(TICKS),
   filter: (_, splits) => splits,
   values: (_, splits) => splits.map((at) => (at < 1000 ? `${at} ms` : `${at / 1000} s`)),
 };
 
 /** The same from left to right. */
-export const LATENCY_AXIS_BELOW: uPlot.Axis = { ...LATENCY_AXIS, splits: () => FEW_TICKS };
+export const LATENCY_AXIS_BELOW: uPlot.Axis = { ...LATENCY_AXIS, splits: reached(FEW_TICKS) };
 
 /** Shares, in percent. */
 export const percent: uPlot.Axis.Values = (_, splits) => splits.map((share) => `${share} %`);

@@ -79,7 +79,8 @@ function StoredExperiments({ base }: { base: string }) {
   }, [base, list, problem]);
   useEffect(() => void look(), [look]);
   if (list.value === null && problem.value === null) return <p class="muted">Asking the store…</p>;
-  if (list.value?.length === 0) return <p>There is none yet. Open a scene and press X to make one.</p>;
+  if (list.value?.length === 0)
+    return <p>There is none yet. To make one, open a scene and choose Experiment at its top, or press X.</p>;
   return (
     <>
       {problem.value && (
