@@ -150,7 +150,7 @@ def test_what_fails_or_is_cancelled(storeless: tuple[str, FakeShaper], open_page
     page.get_by_role("link", name="Back to all scenes").click()
     page.get_by_role("link", name="Pebbles").first.click()
     page.get_by_role("toolbar").get_by_role("button", name="Experiment").click()
-    expect(dialog.get_by_role("button", name="Discard, and begin anew"), "a visit lost results").to_be_visible()
+    expect(dialog.get_by_role("button", name="Discard and start over"), "a visit lost results").to_be_visible()
     with page.expect_download() as download:
         dialog.get_by_role("button", name="Save as JSON").click()
     expect(dialog.get_by_role("button", name="New experiment")).to_be_visible()

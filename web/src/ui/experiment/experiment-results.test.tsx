@@ -128,7 +128,7 @@ test("without a store the runs are saved as one file, and are lost otherwise", a
   show([{ ...COMPLETE, unstored: {} as RunUpload }]);
   await userEvent.click(screen.getByRole("button", { name: "Save as JSON" }));
   expect(onExport).toHaveBeenCalledOnce();
-  await userEvent.click(screen.getByRole("button", { name: "Discard, and begin anew" }));
+  await userEvent.click(screen.getByRole("button", { name: "Discard and start over" }));
   expect(onAgain).toHaveBeenCalledOnce();
   expect(screen.queryByRole("link", { name: "Report" })).toBeNull();
   expect(screen.queryByRole("button", { name: "Store again" })).toBeNull();

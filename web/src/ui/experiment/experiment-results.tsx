@@ -63,7 +63,7 @@ export function ExperimentResults({ experiment, store, onExport, onAgain }: Prop
       {!running && (
         <footer>
           <button type="button" class="button quiet" onClick={onAgain}>
-            {experiment.unsaved.value ? "Discard, and begin anew" : "New experiment"}
+            {experiment.unsaved.value ? "Discard and start over" : "New experiment"}
           </button>
           {store && results.some(({ unstored }) => unstored !== null) && (
             <button type="button" class="button quiet" disabled={storing.value} onClick={() => void storeAgain()}>

@@ -42,10 +42,10 @@ test.each<[{ left?: Changes; right?: Changes }, string]>([
   ],
   [{ right: "nothing" }, "Only Stateless showed anything of this walk."],
   [{ left: "nothing", right: "nothing" }, "Neither side showed anything of this walk."],
-  [{ right: "restarted" }, "DASH, tuned began anew during this walk: walk again to compare."],
+  [{ right: "restarted" }, "DASH, tuned restarted during this walk; walk again to compare."],
   [
     { left: "restarted", right: "restarted" },
-    "Stateless and DASH, tuned began anew during this walk: walk again to compare.",
+    "Stateless and DASH, tuned restarted during this walk; walk again to compare.",
   ],
 ])("the verdict is one sentence: %j", (changes, sentence) => {
   expect(verdict(walk(changes), NAMES, UNSCORED)).toBe(sentence);

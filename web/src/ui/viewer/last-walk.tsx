@@ -104,7 +104,7 @@ function isMeasured(side: WalkedSide | Unmeasured): side is WalkedSide {
 /** Who followed the camera sooner, who was nearer to the truth, and what that took. */
 export function verdict({ sides }: Walk, names: readonly string[], { psnr }: Pick<SeenQuality, "psnr">): string {
   const restarted = names.filter((_, i) => sides[i] === "restarted");
-  if (restarted.length > 0) return `${restarted.join(" and ")} began anew during this walk: walk again to compare.`;
+  if (restarted.length > 0) return `${restarted.join(" and ")} restarted during this walk; walk again to compare.`;
   const shown = sides
     .flatMap((of, i) => (isMeasured(of) ? [{ name: names[i] ?? "", of, psnr: psnr[i] }] : []))
     .toSorted((a, b) => a.of.latency.p50 - b.of.latency.p50);
