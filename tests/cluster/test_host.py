@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 from collections.abc import Iterator
+from pathlib import Path
 
 import httpx
 import psutil
@@ -46,14 +47,17 @@ def url_of(host: Host) -> str:
     return url
 
 
-def test_says_where_it_is_and_starts_its_service_again(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_says_where_it_is_and_starts_its_service_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)  # where there are no models
     monkeypatch.setenv("TIGAS_CLUSTER_VIEWER_ADDRESS", "host.example.org")
     with running("--device", "instant") as host:
         url = url_of(host)
         assert httpx.get(f"{url}/api/load", headers={"Host": "host.example.org"}).status_code == 200
         assert httpx.delete(f"{url}/scenes/courtyard").json()["type"] == "tigas:scenes-fixed"
         assert host.facts["viewer_address"] == "host.example.org"
-        assert host.facts["said"] == ["1 scene ready on instant."]
+        ready, empty = host.facts["said"]
+        assert ready == "1 scene ready on instant."
+        assert empty.startswith("models has no scenes yet")
         killed = service()
         killed.kill()
         wait_until(lambda: host.facts["url"] not in (None, url), 30)
