@@ -23,7 +23,7 @@ STATIC := services/render/tigas_render/static/index.html
 help:
 	@echo "make demo          install dependencies, start the demo and print its URL"
 	@echo "make test          install dependencies and run all tests, including browser tests, except slow and container tests"
-	@echo "make test-slow     run the tests that take long and guard what changes seldom (about 5 minutes)"
+	@echo "make test-slow     run the tests that take long and guard what changes seldom (about 8 minutes)"
 	@echo "make test-compose  start the containers, test them over the shaped link and remove them"
 	@echo "make fuzz          try EXAMPLES=1000 random inputs in each fuzzer (about 20 minutes)"
 	@echo "make compare       compare one JPEG per pose with low-latency DASH over a shaped link, into results/ (about 10 minutes, needs root)"

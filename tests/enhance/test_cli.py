@@ -111,6 +111,7 @@ def test_networks_are_trained_and_those_of_another_scene_file_are_not_evaluated(
     assert "a scene whose file has changed since" in said
 
 
+@pytest.mark.slow
 def test_a_training_that_is_killed_leaves_the_weights_that_there_were(options: list[str], tmp_path: Path) -> None:
     file = tmp_path / "garden" / FILE
     file.write_bytes(b"the old ones")

@@ -87,6 +87,7 @@ def test_side_by_side_both_follow_it(open_page: OpenPage, viewer_url: str) -> No
         assert_turned(run, side)
 
 
+@pytest.mark.slow
 def test_a_lost_graphics_processor_leaves_the_stream_as_it_comes(open_page: OpenPage, viewer_url: str) -> None:
     page = open_page(
         SCENE,

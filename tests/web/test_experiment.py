@@ -193,6 +193,7 @@ def test_a_field_that_makes_no_sense_is_named_and_nothing_is_started(
     expect(dialog.get_by_text(sentence), "it is being mended").to_have_count(0)
 
 
+@pytest.mark.slow
 def test_an_experiment_whose_page_was_closed_is_incomplete_and_gets_the_run_that_is_missing(
     open_page: OpenPage, lab: PageLab
 ) -> None:

@@ -58,6 +58,7 @@ def wait_until_played(page: Page, run: str) -> None:
     expect(progress).to_contain_text("Plays the movement")
 
 
+@pytest.mark.slow
 def test_somebody_else_at_the_link_and_a_hidden_page_spoil_a_run(open_page: OpenPage, lab: PageLab) -> None:
     page = open_page(SCENE, url=lab.url)
     begun(page, name="Disturbed", network="stairs")

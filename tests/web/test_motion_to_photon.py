@@ -23,7 +23,12 @@ VIDEO_FRAME_MS = 1000 / 30
 
 @pytest.mark.parametrize(
     ("mode", "preset"),
-    [("stateless", "tuned"), ("dash", "tuned"), ("dash", "edge"), pytest.param("webrtc", "", marks=pytest.mark.slow)],
+    [
+        ("stateless", "tuned"),
+        ("dash", "tuned"),
+        pytest.param("dash", "edge", marks=pytest.mark.slow),
+        pytest.param("webrtc", "", marks=pytest.mark.slow),
+    ],
 )
 def test_the_reported_latency_is_what_the_screen_shows(
     open_page: OpenPage, viewer_url: str, mode: str, preset: str

@@ -166,6 +166,7 @@ def test_a_run_that_finds_no_room_goes_on_without_samples(open_page: OpenPage, l
     assert (run.record.status, run.samples()) == ("complete", [])
 
 
+@pytest.mark.slow
 def test_a_disk_that_fills_up_ends_sampling_and_neither_the_run_nor_what_was_kept(
     open_page: OpenPage, lab: PageLab
 ) -> None:

@@ -65,10 +65,13 @@ def test_pictures_show_the_poses_that_they_are_said_to_show(services: Services, 
     print([(a, b) for a, b in zip(said, numbers, strict=True)])
     assert len(said) == 20, "one for each tick of the clock"
     following = {a.pose: b.pose for a, b in pairwise(recording.frames)}
+    early = 0
     for pose, number in zip(said, numbers, strict=True):
         assert number is not None
-        # A busy browser shows frames of a video without telling of each.
-        assert pose <= number <= following.get(pose, pose), "a picture is of its frame, or of one before the next"
+        # A busy browser shows frames of a video without telling of each, and may tell of one just before it shows it.
+        assert number <= following.get(pose, pose), "a picture is of its frame, or of one before the next"
+        early += number < pose
+    assert early <= 1
     if settings["mode"] == "stateless":
         assert numbers == said
         check_replies(recording)

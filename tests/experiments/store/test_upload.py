@@ -311,6 +311,7 @@ async def test_a_disk_without_any_room_is_told_and_reads_on(small_disk: Path) ->
         assert (await store.http.delete(f"/experiments/{experiment}")).status_code == 204
 
 
+@pytest.mark.slow
 async def test_a_store_that_is_killed_in_mid_upload_leaves_no_half_run(tmp_path: Path) -> None:
     results = tmp_path / "results"
     with Store("--results", str(results)) as store:

@@ -63,7 +63,11 @@ REQUESTS: list[tuple[str, str, dict[str, str], bytes]] = [
 ]
 
 
-@pytest.fixture(scope="module", params=["instant:5000", "instant:5000,instant:5000"])
+TWO = pytest.param("instant:5000,instant:5000", marks=pytest.mark.slow)
+"""Devices."""
+
+
+@pytest.fixture(scope="module", params=["instant:5000", TWO])
 def both(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Fleet, Fleet]]:
     """A single process and a fleet, with one device or with two, that have a small scene and share a cache."""
     scenes = tmp_path_factory.mktemp("scenes")
