@@ -26,7 +26,7 @@ FROM = 1 << 20
 """Scenes of so many Gaussians have levels: two cores draw smaller ones as they are."""
 LEVELS = 3
 COARSER = 2
-"""A level has at most a half of the Gaussians of the one before, so many times over."""
+"""A level has at most 1 / 2^COARSER of the Gaussians of the one before."""
 NODE = 16
 """Chunks of a node's full detail."""
 COARSE_CHUNKS = sum(NODE >> (COARSER * level) for level in range(1, LEVELS))
@@ -92,15 +92,15 @@ def add_levels(
                 break
             finer, finer_sh = rows[begin:end], sh[begin:end].view(np.uint16)
             measure(finer, *grid, codes, sizes)
-            halvings = cells_for(most, codes[: len(finer)], sizes, grid.cell, grid.axis_bits)
-            if halvings < 0:
+            doublings = cells_for(most, codes[: len(finer)], sizes, grid.cell, grid.axis_bits)
+            if doublings < 0:
                 break
-            edge = grid.cell * 2.0**halvings
+            edge = grid.cell * 2.0**doublings
             # As wide as pixels where the level begins to be used. The filter of a scene that was trained antialiased
             # costs opacity, so that what it covers stays the same.
             blur = 0.0 if antialiased else DILATION * (edge / EDGE_PIXELS) ** 2
             first, begin = end_of_all, end_of_all * L.CHUNK
-            number = merge(finer, finer_sh, codes, sizes, 3 * halvings, edge, blur, rows[begin:], colours)
+            number = merge(finer, finer_sh, codes, sizes, 3 * doublings, edge, blur, rows[begin:], colours)
             sh[begin : begin + number] = colours[:number]
             end, end_of_all = begin + number, first - (-number // L.CHUNK)
             pad(rows, sh, end, end_of_all * L.CHUNK)
@@ -145,12 +145,12 @@ def measure(rows, low, scale, axis_bits, codes, sizes):
 
 @kernel()
 def cells_for(most, codes, sizes, cell, axis_bits):
-    """How often cells have to be doubled, each way, until `merge` leaves at most `most` Gaussians; -1 if never.
+    """How often a cell's edge has to be doubled until `merge` leaves at most `most` Gaussians; -1 if it never does.
 
     cell: the edge of the grid's own cells.
     """
-    for halvings in range(axis_bits + 1):
-        edge, shift = cell * 2.0**halvings, U(3 * halvings)
+    for doublings in range(axis_bits + 1):
+        edge, shift = cell * 2.0**doublings, U(3 * doublings)
         count, is_first = 0, True
         for i in range(codes.shape[0]):
             if i > 0 and codes[i] >> shift != codes[i - 1] >> shift:
@@ -161,7 +161,7 @@ def cells_for(most, codes, sizes, cell, axis_bits):
                 count += 1
                 is_first = False
         if count <= most:
-            return halvings
+            return doublings
     return -1
 
 
