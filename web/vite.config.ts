@@ -1,4 +1,5 @@
-import { defineConfig } from "vitest/config";
+/// <reference types="vitest/config" />
+import { defineConfig } from "vite";
 import { compress } from "./scripts/compress.mjs";
 
 const SERVER = "http://localhost:8080";

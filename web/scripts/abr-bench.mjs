@@ -1,4 +1,4 @@
-// Compares controllers in the simulator over many different trace segments (docs/abr.md): paired differences with intervals.
+// Compares controllers in the simulator over many different trace segments (docs/adaptation.md): paired differences with intervals.
 import { readFileSync, writeFileSync } from "node:fs";
 import { basename } from "node:path";
 import { parseArgs } from "node:util";
@@ -15,7 +15,7 @@ const USAGE = `npm run abr-bench -- [options] TRACE.csv...
   --jitter MS         each way, beside the round trip [0]
   --render MS, --render-best MS, --scale X, --batch MS   as abr-sim has them
   --movement FILE     a movement whose turns the camera makes, a part for each segment; may be repeated [made-up turns]
-  --ladder FILE       a scene's ladder.json (docs/ladder.md) [the paper's]
+  --ladder FILE       a scene's ladder.json (docs/adaptation.md) [the paper's]
   --way WAY           how the page shows a frame that is older than the view: stale, rotation, depth, or predicted,
                       which is with depth, too [predicted]
   --seed N            [1]

@@ -1,4 +1,4 @@
-// Runs controllers over network traces in the simulator (docs/abr.md) and prints a table; --json and --plot write files.
+// Runs controllers over network traces in the simulator (docs/adaptation.md) and prints a table; --json and --plot write files.
 import { readFileSync, writeFileSync } from "node:fs";
 import { basename, resolve } from "node:path";
 import { fileURLToPath } from "node:url";
@@ -15,9 +15,8 @@ const USAGE = `npm run abr-sim -- [options] TRACE.csv...
   --render MS         the server's time for a frame [11, the paper's RTX 2060 Super]
   --render-best MS    for one of the best rung, where the server takes longer for more pixels [as --render]
   --scale X           frames are so many times as large as the ladder says [1]
-  --ladder FILE       a scene's ladder.json (docs/ladder.md) [the paper's]
+  --ladder FILE       a scene's ladder.json (docs/adaptation.md) [the paper's]
   --batch MS          the page hears of what has arrived every so many milliseconds [at once]
-  --measured FILE     server, frame sizes and page as they were in a real visit, in place of the paper's (docs/abr.md)
   --way WAY           how the page shows a frame that is older than the view: stale, rotation, depth, or predicted,
                       which is with depth, too [predicted]
   --seed N            [1]
@@ -48,7 +47,6 @@ async function main() {
       "render-best": { type: "string" },
       scale: { type: "string" },
       batch: { type: "string" },
-      measured: { type: "string" },
       ladder: { type: "string" },
       way: { type: "string", default: "predicted" },
       seed: { type: "string", default: "1" },
@@ -66,7 +64,6 @@ async function main() {
     { table, overTraces },
     { PAPER_LADDER },
     { PaperEndpoints },
-    { MeasuredEndpoints },
     { INTERACTIVE },
     { WAYS },
   ] = await Promise.all(
@@ -77,7 +74,6 @@ async function main() {
       "simulator/report",
       "abr/ladder",
       "simulator/endpoints",
-      "simulator/measured",
       "experiment/figures",
       "abr/controller",
     ].map((name) => load(source(name))),
@@ -91,11 +87,6 @@ async function main() {
     ...(values.scale !== undefined && { scale: number("--scale", values.scale) }),
     ...(values.batch !== undefined && { batch: number("--batch", values.batch) }),
   };
-  const measured = values.measured === undefined ? undefined : readFileSync(values.measured, "utf8");
-  const endpoints = () =>
-    measured === undefined
-      ? new PaperEndpoints(ladder, seed + 2, paper)
-      : MeasuredEndpoints.parse(measured, ladder.length);
   const factories = await Promise.all(
     values.controller.map(async (name) =>
       name.endsWith(".ts")
@@ -115,7 +106,7 @@ async function main() {
           ladder,
           duration: values.seconds === undefined ? trace.duration : number("--seconds", values.seconds) * 1000,
           roundTrip,
-          endpoints: endpoints(),
+          endpoints: new PaperEndpoints(ladder, seed + 2, paper),
           way: values.way,
           seed,
         });

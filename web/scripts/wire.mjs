@@ -1,35 +1,81 @@
-// Regenerates the TypeScript of the Python wire types; with --check it only says whether it is up to date.
+// Regenerates from the Python wire types their TypeScript and their tables in docs/protocol.md; with --check it only says whether
+// they are up to date.
 import { execFileSync } from "node:child_process";
 import { existsSync, readFileSync, writeFileSync } from "node:fs";
 import { fileURLToPath } from "node:url";
 import { compile } from "json-schema-to-typescript";
 
-/** `src/wire/NAME.ts` is generated from `wire/NAME.py`, whose schema `tigas_common.wire.schema` prints. */
+/** `src/wire/NAME.ts` is generated from `wire/NAME.py`, whose schema or constants `tigas_common.wire.schema` prints. */
 const NAMES = ["render", "dash", "shaper", "store"];
 
 const venv = fileURLToPath(new URL("../../.venv/bin/python", import.meta.url));
 const python = process.env.PYTHON ?? (existsSync(venv) ? venv : "python3");
 
 for (const name of NAMES) {
-  const source = `services/common/tigas_common/wire/${name}.py`;
-  const file = `src/wire/${name}.ts`;
-  const target = fileURLToPath(new URL(`../${file}`, import.meta.url));
-  const generated = await compile(readSchema(name), name, {
+  const generated = await compile(schemaOf(name), name, {
     additionalProperties: false,
-    bannerComment: `// Generated from ${source} by \`npm run wire\`. Do not edit.`,
+    bannerComment: banner(`services/common/tigas_common/wire/${name}.py`),
   });
+  keep(`web/src/wire/${name}.ts`, generated.replace(/export interface Messages {.*?\n}\n/s, ""));
+}
+for (const [name, constants] of Object.entries(JSON.parse(print("constants")))) {
+  const lines = Object.entries(constants).map(([constant, value]) => `export const ${constant} = ${literal(value)};\n`);
+  keep(`web/src/wire/${name}.ts`, `${banner(`services/common/tigas_common/wire/${name}.py`)}\n\n${lines.join("")}`);
+}
+const tables = JSON.parse(print("tables"));
+const protocol = "docs/protocol.md";
+keep(
+  protocol,
+  readFileSync(pathOf(protocol), "utf8").replaceAll(
+    /(<!-- fields of (\w+) -->\n).*?(<!-- end -->)/gs,
+    (_, begin, model, end) => `${begin}${tables[model]}\n${end}`,
+  ),
+);
+
+function keep(file, generated) {
+  const target = pathOf(file);
   if (!process.argv.includes("--check")) {
     writeFileSync(target, generated);
   } else if (!existsSync(target) || readFileSync(target, "utf8") !== generated) {
-    process.stderr.write(`web/${file} does not match ${source}: run \`npm run wire\` and commit the result.\n`);
+    process.stderr.write(`${file} does not match the Python wire types: run \`npm run wire\` and commit the result.\n`);
     process.exitCode = 1;
   }
 }
 
+/** A constant, of a literal type. */
+function literal(value) {
+  return value !== null && typeof value === "object" ? `${formatted(value)} as const` : JSON.stringify(value);
+}
+
+/** JSON as Biome formats TypeScript: on one line if it fits. */
+function formatted(value, indent = "") {
+  if (value === null || typeof value !== "object") return JSON.stringify(value);
+  const inner = `${indent}  `;
+  const key = (name) => (/^\w+$/.test(name) ? name : JSON.stringify(name));
+  const entries = Array.isArray(value)
+    ? value.map((entry) => formatted(entry, inner))
+    : Object.entries(value).map(([name, entry]) => `${key(name)}: ${formatted(entry, inner)}`);
+  const [open, close] = Array.isArray(value) ? ["[", "]"] : ["{ ", " }"];
+  const line = `${open}${entries.join(", ")}${close}`;
+  if (line.length < 90) return line;
+  return `${open.trim()}\n${entries.map((entry) => `${inner}${entry},\n`).join("")}${indent}${close.trim()}`;
+}
+
+function banner(source) {
+  return `// Generated from ${source} by \`npm run wire\`. Do not edit.`;
+}
+
+function pathOf(file) {
+  return fileURLToPath(new URL(`../../${file}`, import.meta.url));
+}
+
+function print(name) {
+  return execFileSync(python, ["-m", "tigas_common.wire.schema", name], { encoding: "utf8" });
+}
+
 // Pydantic writes draft 2020-12, the generator reads draft 4: a tuple's members are called `items` there.
-function readSchema(name) {
-  const json = execFileSync(python, ["-m", "tigas_common.wire.schema", name], { encoding: "utf8" });
-  return JSON.parse(json, (_, value) =>
+function schemaOf(name) {
+  return JSON.parse(print(name), (_, value) =>
     value?.prefixItems ? { ...value, items: value.prefixItems, prefixItems: undefined } : value,
   );
 }

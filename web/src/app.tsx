@@ -1,6 +1,7 @@
 /** The page: the list of scenes, the list of experiments, or the viewer, as the URL says. */
 import { unsaved } from "./movement/movement-deck";
-import { route } from "./state/app";
+import { outdated, route } from "./state/app";
+import type { Route } from "./state/route";
 import { Dashboard } from "./ui/dashboard/dashboard";
 import { experimentAtRisk } from "./ui/experiment/experiment-dialog";
 import { ExperimentList } from "./ui/experiment/experiment-list";
@@ -12,16 +13,26 @@ import { isUploading } from "./uploads/uploads";
 export function App() {
   const current = route.value;
   useLeavingWarning(experimentAtRisk.value || unsaved.value.size > 0 || isUploading.value);
+  return (
+    <>
+      {outdated.value && (
+        <p class="notice outdated" role="alert">
+          TIGAS was updated on the server.{" "}
+          <button type="button" onClick={() => location.reload()}>
+            Reload
+          </button>
+        </p>
+      )}
+      <Page current={current} />
+    </>
+  );
+}
+
+function Page({ current }: { readonly current: Route }) {
   if (current.page === "experiments") return <ExperimentList />;
   if (current.page === "samples") return <SamplesPage key={current.experiment} id={current.experiment} />;
   return current.page === "viewer" ? (
-    <Viewer
-      key={current.scene}
-      sceneId={current.scene}
-      stamp={current.stamp}
-      asked={current.asked}
-      unknown={current.unknown}
-    />
+    <Viewer key={current.scene} sceneId={current.scene} asked={current.asked} unknown={current.unknown} />
   ) : (
     <Dashboard />
   );

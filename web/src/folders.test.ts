@@ -6,7 +6,7 @@ import { expect, test } from "vitest";
 /** The page's files by their paths, such as `./view/rig.ts`. */
 const SOURCES = import.meta.glob<string>("./**/*.{ts,tsx}", { query: "?raw", import: "default", eager: true });
 
-/** What a file imports, exports from elsewhere, or loads on demand, as paths without an ending. */
+/** Static, re-exported and dynamic imports of a file, as paths without an extension. */
 function importsOf(path: string, source: string): string[] {
   const { module } = parseSync(path, source);
   return [
@@ -20,7 +20,7 @@ function importsOf(path: string, source: string): string[] {
     .map((request) => new URL(request, `file:/${path}`).pathname.slice(1));
 }
 
-/** The cycles of folders, which `folderOf` tells of a path. */
+/** The cycles of folders; `folderOf` maps a path to its folder. */
 function cycles(folderOf: (path: string) => string, sources: Readonly<Record<string, string>> = SOURCES): string[][] {
   const graph = new Graph();
   for (const [path, source] of Object.entries(sources)) {

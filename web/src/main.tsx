@@ -13,6 +13,7 @@ import "./styles/comparison.css";
 import "./styles/experiment.css";
 import "./styles/samples.css";
 import "./styles/sides.css";
+import "./async/abort-any";
 import { render } from "preact";
 import { App } from "./app";
 import { start } from "./state/app";

@@ -1,5 +1,8 @@
 import { beforeEach, describe, expect, test } from "vitest";
+import courtyard from "../../../services/render/tigas_render/scenes/demo/ladder.json";
+import type { Rung } from "../wire/render";
 import { BudgetController } from "./budget";
+import { WAYS, type Way } from "./controller";
 import { type ObservationOptions, observation } from "./fake-observation";
 import { PAPER_LADDER } from "./ladder";
 import { seeded } from "./random";
@@ -20,17 +23,17 @@ interface Link {
   /** Milliseconds in the server, by rung. */
   readonly servers?: readonly number[];
   readonly refresh?: number;
-  /** What is read of a throughput of so many bits per second by frames of so many bytes. */
+  /** Feeds the throughput estimate with frames of a given size on a link of a given rate. */
   readonly read?: (throughput: number, bytes: number) => number;
 }
 
-/** Frames for so many milliseconds, one with each animation frame: a round trip, the server, and their transmission. */
-function hear(duration: number, options: ObservationOptions & Link): number {
+/** Frames for this many milliseconds, one per animation frame: round trip, server and transmission. */
+function hear(duration: number, options: ObservationOptions & Link, sizes: readonly number[] = BYTES): number {
   const { trip = 20, queue = 0, throughput = 20e6, servers = [10, 10, 10, 10], refresh = AT_60_HZ, ...rest } = options;
   const { read = (rate) => rate, ...told } = rest;
   for (const until = now + duration; now < until; now += refresh) {
     const profile = subject.decide(now);
-    const bytes = told.bytes ?? BYTES[profile] ?? 0;
+    const bytes = told.bytes ?? sizes[profile] ?? 0;
     const server = servers[profile] ?? 0;
     const response = trip + server + queue + (throughput === null ? 0 : (bytes * 8000) / throughput);
     const heard = throughput === null ? null : read(throughput, bytes);
@@ -73,6 +76,13 @@ test("frames that wait on the link although none should take it down, whatever t
   expect(subject.decide(now)).toBe(1);
   hear(300, { throughput: 40e6, queue: 80 });
   expect(subject.decide(now)).toBeGreaterThan(1);
+});
+
+test("frames that wait although they hardly take the link wait for something else, such as a busy page", () => {
+  hear(3000, { throughput: 2000e6 });
+  expect(subject.decide(now)).toBe(0);
+  hear(300, { throughput: 2000e6, queue: 80 });
+  expect(subject.decide(now)).toBe(0);
 });
 
 test("an upgrade that had to be taken back makes the next one wait longer", () => {
@@ -165,6 +175,36 @@ describe("a slow renderer", () => {
 
   test("that takes the same for all rungs stops none of them", () => {
     expect(hear(5000, { throughput: 500e6, servers: [40, 40, 40, 40] })).toBe(0);
+  });
+
+  describe("with the demo scene's ladder", () => {
+    const LADDER: readonly Rung[] = courtyard.rungs;
+    const SIZES = LADDER.map(({ expected_kb }) => expected_kb * 1000);
+    /** Lines of the picture after 20 s, with a renderer of the given times for an empty frame and for the best rung. */
+    const lines = (throughput: number, least: number, best: number, way: Way = "stale") => {
+      subject = new BudgetController({ ladder: LADDER });
+      const pixels = ({ width, height }: Rung) => (width * height) / (1280 * 720);
+      const servers = LADDER.map((rung) => least + (best - least) * pixels(rung));
+      return LADDER[hear(20_000, { throughput, servers, way }, SIZES)]?.height ?? 0;
+    };
+
+    test.each([
+      [24, 200],
+      [60, 250],
+      [100, 300],
+    ])("does not give up the picture for time that no rung saves: %i to %i ms, 100 Mbit/s", (least, best) => {
+      for (const way of WAYS) expect(lines(100e6, least, best, way)).toBeGreaterThanOrEqual(270);
+    });
+
+    test("is asked for small pictures where those are fast", () => {
+      expect(lines(100e6, 0, 300)).toBeLessThanOrEqual(234);
+      expect(lines(100e6, 0, 100)).toBeGreaterThan(lines(100e6, 0, 300));
+    });
+
+    test.each([1, 60])("gets no large pictures over a thin link: %i ms for any", (server) => {
+      expect(lines(1e6, server, server)).toBeLessThanOrEqual(198);
+      expect(lines(1e6, server, server)).toBeLessThan(lines(20e6, server, server));
+    });
   });
 });
 

@@ -1,19 +1,22 @@
 /**
- * Our own controller, *Budget*: what a frame may cost in time for each doubling of its bytes. It takes the rung with the least
+ * Our own controller, *Budget*: it prices a doubling of a frame's bytes in milliseconds and takes the rung with the
+ * least
  *
  *     cost(ℓ) = server(ℓ) + link(ℓ) + interval(ℓ) + price · log₂(E(0) / E(ℓ))
  *     link(ℓ) = j + (S(k) / r − j) · S(ℓ) / S(k)
  *     interval(ℓ) = max(f, link(ℓ), stage(ℓ))
  *
- * `E` is what the ladder expects of a rung's bytes, `S` what its frames take, `k` the rung in use, `r` the link's throughput, `stage`
- * what frames take in the server's slowest stage, `f` an animation frame. The interval counts because what is longer than an
- * animation frame makes the next ones wait. Jitter `j` makes a frame's packets come apart by as much whether they are two or twenty:
- * it must not be scaled with a frame's size. What is alike for all rungs, such as the round trip, decides nothing.
+ * `E` is the size of a rung's frames expected by the ladder, `S` their estimated size, `k` the rung in use, `r` the
+ * throughput of the link, `stage` the time in the server's slowest stage and `f` an animation frame. The interval
+ * counts because a frame that takes longer than an animation frame delays the next ones. Jitter `j` spreads the packets
+ * of a frame equally whether there are two or twenty, so it is not scaled with the frame's size. Terms equal for all
+ * rungs, such as the round trip, are left out.
  *
- * It begins with a rung whose frames fit into QUIC's first window and, for BEGINNING, goes up with the first frame of each rung,
- * unless one has to be taken back. From then on it goes down at once and as far as needed, and up when that has been possible
- * for a while; an upgrade that had to be taken back soon makes the next one wait twice as long. Upwards, bytes grow by at most STEP
- * at a time: of much larger frames, what was seen says little. Where frames wait on the link although none should, it goes down, too.
+ * It starts with a rung whose frames fit into QUIC's first window. During BEGINNING it goes up with the first frame of
+ * each rung, unless an upgrade has to be reverted. After that it goes down at once and as far as needed, and up once
+ * that has been possible for a while; reverting an upgrade early doubles the wait before the next one. An upgrade
+ * multiplies bytes by at most STEP, because past frames predict little about much larger ones. It also goes down when
+ * frames queue on the link, unless its frames are too small to be the cause.
  */
 import type { Rung } from "../wire/render";
 import {
@@ -29,35 +32,41 @@ import { LinkDelay } from "./link-delay";
 import { ServerTimes } from "./server-times";
 import { FrameSizes } from "./sizes";
 
-/** Milliseconds that a picture of twice the bytes is worth: more where the page hides how late it is (docs/abr.md). */
+/** Milliseconds that a picture of twice the bytes is worth: more where the page hides how late it is (docs/adaptation.md). */
 const PRICE: Readonly<Record<Way, number>> = { stale: 10, rotation: 20, depth: 20, predicted: 40 };
 /**
- * Where pictures are shown as they came and each takes the server longer than this, in milliseconds, even at the last rung, they are old
- * anyway: their error grows with the square root of their age (docs/reprojection.md), so that another millisecond matters less.
+ * No rung avoids the server time of the last rung; the longer that is, the less a few milliseconds matter. Beyond this
+ * many milliseconds, the price moves from the usual one towards MOST_PRICE.
  */
 const SLOW_SERVER = 12;
-/** Another rung must cost so much less, as a share of the price. */
+const MOST_PRICE = 45;
+/** Minimum saving of another rung, as a share of the price. */
 const BETTER = 0.3;
-/** Frames that wait for more than so many animation frames have a queue before them. */
+/** Frames that wait for more animation frames than this are queued. */
 const QUEUE = 2;
-/** Jitter makes up at most this much of what frames seem to take on the link. */
+/** Frames that take the link less than this share of an animation frame are no queue there, even if it is ten times as slow as it seems. */
+const LIGHT = 0.1;
+/** Largest share of a frame's link time that is attributed to jitter. */
 const MOST_JITTER = 0.75;
-/** A rung is judged by its own frames: it is not left before so many have come, or have kept the link so many milliseconds, but upwards in the beginning. */
+/**
+ * Each rung is judged by its own frames: it is left only after this many frames or milliseconds on the link, except
+ * upwards in the beginning.
+ */
 const JUDGED = 5;
 const LONG = 500;
-/** What QUIC sends before the first acknowledgement (RFC 9002, section 7.2), less a fifth for margins, depth and headers. In kB. */
+/** QUIC's initial window (RFC 9002, section 7.2) in kB, less a fifth for margins, depth and headers. */
 const FIRST_WINDOW = 0.8 * 14.72;
-/** An upgrade multiplies bytes by at most so much, unless it is to the neighbour. */
+/** Largest factor by which an upgrade multiplies bytes, unless it is to the neighbour. */
 const STEP = 3;
-/** It takes QUIC several round trips to find out what the link carries: so many milliseconds are the beginning at most. */
+/** Longest duration of the beginning, in milliseconds: QUIC needs several round trips to find the link's capacity. */
 const BEGINNING = 2000;
-/** An upgrade waits until it has been possible for so long, in milliseconds; at most MAX_HOLD after failures. */
+/** An upgrade must have been possible for this long, in milliseconds; MAX_HOLD is the limit after failures. */
 const MIN_HOLD = 500;
 const MAX_HOLD = 8000;
 /** An upgrade that is taken back within this many milliseconds has failed. */
 const PROVEN = 1000;
 
-/** What a frame of a rung costs, in milliseconds. */
+/** Cost of a frame of a rung, in milliseconds. */
 type Cost = (rung: number) => number;
 
 export class BudgetController implements Controller {
@@ -97,20 +106,21 @@ export class BudgetController implements Controller {
     if (throughput === null) return;
     this.#begunAt ??= at;
     if (at - this.#begunAt > BEGINNING) this.#beginning = false;
+    const transmission = (arrival.bytes * 8000) / throughput;
     if (arrival.sentAt > this.#changedAt) {
-      // What was asked for before the last change says nothing of what came of it.
+      // Frames requested before the last change say nothing about its effect.
       const network = responseTime(observation) - serverTime(observation);
-      this.#delay.observe(Math.max(0, network - (arrival.bytes * 8000) / throughput), at);
+      this.#delay.observe(Math.max(0, network - transmission), at);
     }
     const price = this.#price(way);
-    const long = (arrival.bytes * 8000 * this.#delay.frames) / throughput > LONG;
-    this.#choose(this.#costs(throughput, price), BETTER * price, long, at);
+    this.#choose(this.#costs(throughput, price), BETTER * price, transmission, at);
   }
 
   /** Milliseconds that a picture of twice the bytes is worth. */
   #price(way: Way): number {
     const { stage } = this.#server.expected(this.#rungs.length - 1);
-    return PRICE[way] * (way === "stale" ? Math.sqrt(Math.max(1, stage / SLOW_SERVER)) : 1);
+    const share = Math.min(1, SLOW_SERVER / stage);
+    return share * PRICE[way] + (1 - share) * MOST_PRICE;
   }
 
   #costs(throughput: number, price: number): Cost {
@@ -125,17 +135,18 @@ export class BudgetController implements Controller {
     };
   }
 
-  #choose(cost: Cost, margin: number, long: boolean, now: number): void {
+  #choose(cost: Cost, margin: number, transmission: number, now: number): void {
     const reachable = this.#rungs.slice(this.#reach());
     const best = reachable.reduce((least, rung) => (cost(rung) < cost(least) ? rung : least), this.#rung);
     const better = cost(best) < cost(this.#rung) - margin;
     const { frames, queue } = this.#delay;
-    const judged = frames >= JUDGED || long;
-    const queued = judged && queue > QUEUE * this.#clock.interval;
-    if (queued && this.#rung === this.#rungs.length - 1) {
-      this.#delay.forget(); // no rung of ours makes it: the way has become longer
-    } else if (queued || (judged && better && best > this.#rung)) {
-      this.#change(Math.max(best, queued ? this.#rung + 1 : 0), now);
+    const judged = frames >= JUDGED || transmission * frames > LONG;
+    const waiting = judged && queue > QUEUE * this.#clock.interval;
+    const ours = this.#rung < this.#rungs.length - 1 && transmission > LIGHT * this.#clock.interval;
+    if (waiting && !ours) {
+      this.#delay.forget(); // no rung makes it shorter: the way has become longer, or the page is busy
+    } else if (waiting || (judged && better && best > this.#rung)) {
+      this.#change(Math.max(best, waiting ? this.#rung + 1 : 0), now);
       const failed = now - this.#upgradedAt < PROVEN;
       if (failed) this.#beginning = false;
       this.#hold = failed ? Math.min(MAX_HOLD, 2 * this.#hold) : Math.max(MIN_HOLD, this.#hold / 2);
@@ -164,7 +175,7 @@ export class BudgetController implements Controller {
   }
 }
 
-/** The best one whose frames come in a single round trip, whatever the link carries. */
+/** The best rung with frames that fit into a single round trip on any link. */
 function firstRung(ladder: readonly Rung[]): number {
   const first = ladder.findIndex(({ expected_kb }) => expected_kb <= FIRST_WINDOW);
   return first < 0 ? ladder.length - 1 : first;

@@ -1,12 +1,15 @@
-/** Chooses the profile of each frame. Pure: time comes in with what is observed, chance with the context. */
+/** Chooses the profile of each frame. Pure: time is part of each observation, randomness part of the context. */
 import type { Arrival } from "../transport/transport";
 import type { Rung, ServerTiming } from "../wire/render";
 
-/** How the page shows a frame that is older than the view: as it came, turned, turned and moved by its depth, or that of a predicted pose. */
+/**
+ * How the page shows a frame older than the view: unchanged, rotated, warped by its depth, or rendered for a predicted
+ * pose.
+ */
 export const WAYS = ["stale", "rotation", "depth", "predicted"] as const;
 export type Way = (typeof WAYS)[number];
 
-/** What became of one frame. */
+/** Outcome of one frame. */
 export interface Observation {
   /** The rung that it was rendered at; null where the server does not say. */
   readonly profile: number | null;
@@ -22,21 +25,21 @@ export interface Observation {
   readonly turning: number;
   /** How the page shows a frame that is older than the view. */
   readonly way: Way;
-  /** When it was heard of, on the page's clock, in milliseconds. */
+  /** Time of the observation on the page's clock, in milliseconds. */
   readonly at: number;
 }
 
 export interface Controller {
   /**
-   * The ladder's rung for the next frame, 0 the best. Asked once per animation frame, whose time on the page's clock `now` is in
-   * milliseconds; an answer commits to nothing.
+   * The ladder's rung for the next frame; 0 is the best. Called once per animation frame with its time `now` on the
+   * page's clock in milliseconds; the answer commits to nothing.
    */
   decide(now: number): number;
   /** Once per frame that came, in the order in which they came. */
   observe(observation: Observation): void;
 }
 
-/** What a controller is made of. */
+/** Inputs of a controller's constructor. */
 export interface ControllerContext {
   /** The server's rungs, the best first; at least one. */
   readonly ladder: readonly Rung[];

@@ -32,7 +32,7 @@ interface FactoryMaker {
 
 const DURATION = 0.5;
 
-/** dash.js looks at the page that it is in as soon as it is loaded, and leaves its factories there. */
+/** dash.js inspects the page when it loads and leaves its factories there. */
 async function load(): Promise<FactoryMaker> {
   const page: { skipAutoCreate: boolean; FactoryMaker?: FactoryMaker } = { skipAutoCreate: true };
   vi.stubGlobal("window", globalThis);
@@ -56,7 +56,7 @@ class Player {
   segment: Segment = { throughput: Number.NaN, buffer: 0, latency: 0 };
   #requests = 0;
 
-  /** `unit`: bits in what the manifest's `bandwidth` counts; 1 as in dash.js. */
+  /** `unit`: bits per unit of the manifest's `bandwidth`; 1 as in dash.js. */
   constructor(bitrates: readonly number[], unit = 1) {
     this.representations = bitrates.map((bitrate, i) => ({
       id: String(i),
@@ -124,7 +124,7 @@ export class DashLolp {
   readonly #rule: Rule;
   readonly #safety: number;
   #neurons: readonly Neuron[] = [];
-  /** What the selector found last; -1 if nothing. */
+  /** The selector's last result; -1 if it found nothing. */
   weights: readonly number[] | -1 = -1;
 
   private constructor(maker: FactoryMaker, bitrates: readonly number[], safety: number) {

@@ -1,4 +1,4 @@
-/** LoL+ and L2A step by step against dash.js's own; each deviation that is meant is a test of its own. */
+/** LoL+ and L2A step by step against dash.js's own; each intended deviation has its own test. */
 import { afterEach, describe, expect, test, vi } from "vitest";
 import { DashL2a, DashLolp, type Segment } from "./dashjs-rules";
 import { observation } from "./fake-observation";
@@ -28,18 +28,18 @@ function* walk(count: number, seed: number, least = 1e6): Generator<{ throughput
   }
 }
 
-/** A frame as large as the ladder says: our controllers' bitrates stay what dash.js's are. */
+/** A frame of the size in the ladder, so that our bitrates equal those of dash.js. */
 function frame(rung: number, throughput: number, response: number) {
   const bytes = (PAPER_LADDER[rung]?.expected_kb ?? 0) * 1000;
   return observation({ profile: rung, bytes, throughput, response });
 }
 
-/** The same frame as dash.js hears of it, where the least response so far was LEAST. */
+/** The same frame as seen by dash.js, with LEAST as the minimum response. */
 function segment(throughput: number, response: number): Segment {
   return { throughput, buffer: TARGET_LATENCY - 0.015 * (response - LEAST), latency: 0.015 * response };
 }
 
-/** The greatest difference of two states, as a share of what is greater than 1. */
+/** The greatest difference of two states, relative for values above 1. */
 function apart(ours: readonly number[], theirs: readonly number[]): number {
   if (ours.length !== theirs.length) return Number.NaN;
   return Math.max(

@@ -1,4 +1,4 @@
-/** Observations for tests: a frame of so many bytes, on a link and a server as told. */
+/** Observations for tests: a frame of a given size on a given link and server. */
 import type { Observation, Way } from "./controller";
 
 export interface ObservationOptions {

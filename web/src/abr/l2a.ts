@@ -1,10 +1,11 @@
 /**
- * L2A-LL, "Learn to adapt" (Karagkioules, Mekuria, Griffioen, Wagenaar: "Online learning for low-latency adaptive streaming",
- * MMSys 2020): online convex optimisation over a probability distribution w of the bitrates. Each segment takes one step of
- * gradient descent on the Lagrangian, whose multiplier Q keeps account of how far the buffer is from where it should be, and
- * projects w back on the simplex; the bitrate nearest to the expectation under w is chosen. Constants and the four
- * refinements (start-up by throughput, a sign for bitrates that the link does not carry, one step up at a time, a new Q after
- * an overestimate) are those of the authors' contribution to dash.js. segments.ts says how frames stand for segments.
+ * L2A-LL, "Learn to adapt" (Karagkioules, Mekuria, Griffioen, Wagenaar: "Online learning for low-latency adaptive
+ * streaming", MMSys 2020): online convex optimisation over a probability distribution w of the bitrates. Each segment
+ * takes one step of gradient descent on the Lagrangian, whose multiplier Q tracks the deviation of the buffer from its
+ * target, and projects w back on the simplex; the bitrate nearest to the expectation under w is chosen. The constants
+ * and the four refinements (start-up by throughput, a sign for bitrates above the link's capacity, one step up at a
+ * time, a new Q after an overestimate) are from the authors' contribution to dash.js. segments.ts maps frames to
+ * segments.
  */
 import type { Controller, ControllerContext, Observation } from "./controller";
 import { bitrates, FrameBuffer, SAFETY, SEGMENT } from "./segments";
@@ -37,7 +38,7 @@ export function initialState(count: number, choice: number): LearnerState {
   return { w: Array.from({ length: count }, (_, i) => (i === choice ? 1 : 0)), q: VL, choice };
 }
 
-/** One segment: what was learned, all bitrates (ascending) and the last segment's throughput, in the same unit. */
+/** One segment: the learned state, all bitrates (ascending) and the last segment's throughput, in the same unit. */
 export function step(before: LearnerState, rates: readonly number[], throughput: number): LearnerState {
   const load = rates.map((rate) => rate / throughput);
   const gain = (SEGMENT / (2 * ALPHA)) * (before.q + VL);
@@ -90,7 +91,7 @@ export class L2aController implements Controller {
   }
 }
 
-/** Of this frame alone, in bits per second; null if it came too fast to tell. */
+/** Throughput of this frame alone, in bits per second; null if it arrived too fast to measure. */
 function lastThroughput({ arrival }: Observation): number | null {
   const duration = arrival.lastByteAt - arrival.firstByteAt;
   return duration < MIN_DURATION || arrival.sharedBytes === 0 ? null : (arrival.sharedBytes * 8000) / duration;

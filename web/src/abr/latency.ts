@@ -1,11 +1,11 @@
 /**
  * The paper's controller, *Latency*: the completion time of a frame of rung ℓ is T(ℓ) = S(ℓ) / r, with S(ℓ) the rung's
- * expected size and r the throughput. One rung up if the next one's T is at most T_TARGET; one rung down if the current one's
- * T is above T_MARGIN; either only when HOLD frames in a row agree, except that a fast turn goes down at once.
+ * expected size and r the throughput. One rung up if the next one's T is at most T_TARGET; one rung down if the current
+ * one's T is above T_MARGIN; either only when HOLD frames in a row agree, except that a fast turn goes down at once.
  *
- * The paper leaves open what Δt is in r = S / Δt: it is "the download duration", of a request whose "start/end times" are
- * recorded. Both readings are here. *Per request* takes the words as they stand, from asking to the last byte, so that round
- * trip, server and waiting count; *per transfer* takes first to last byte, so that the link alone counts.
+ * The paper leaves Δt in r = S / Δt open: it is "the download duration" of a request whose "start/end times" are
+ * recorded. Both readings are implemented. *Per request* is literal, from the request to the last byte, and includes
+ * round trip, server and waiting; *per transfer* is from the first to the last byte and measures only the link.
  */
 import { type Controller, type ControllerContext, type Observation, responseTime } from "./controller";
 import { FrameSizes } from "./sizes";
@@ -20,7 +20,7 @@ const HOLD = 3;
 /** A faster turn is rapid panning, in degrees a second; the paper gives no number. */
 export const RAPID_PANNING = 90;
 
-/** Hears of every frame; says the throughput in bits per second, or null while it is unknown. */
+/** Observes every frame and returns the throughput in bits per second, or null while it is unknown. */
 export type ThroughputReading = (observation: Observation) => number | null;
 
 /** A frame's own bytes over the time from asking for it to its last byte: the average of the last five. */
@@ -33,7 +33,7 @@ export function perRequest(): ThroughputReading {
   };
 }
 
-/** What all requests received between a frame's first and last byte: the page's own estimate (throughput.ts). */
+/** Bytes received by all requests between a frame's first and last byte: the page's own estimate (throughput.ts). */
 export function perTransfer(): ThroughputReading {
   return ({ throughput }) => throughput;
 }

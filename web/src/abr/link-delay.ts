@@ -1,17 +1,17 @@
 /**
- * What frames spend outside the server beyond their own transmission: the way there and back, jitter, and the queue on the link.
- * The queue is by how much the average is above the least that it was lately; jitter is what RFC 3550 calls interarrival jitter,
- * the average of how much it changes from frame to frame. All in milliseconds.
+ * Time that frames spend outside the server beyond their own transmission: propagation both ways, jitter and queueing
+ * on the link. The queue is the average delay above the recent minimum; jitter is the interarrival jitter of RFC 3550,
+ * the average change from frame to frame. All in milliseconds.
  */
 import { RecentMinimum } from "./recent-minimum";
 
-/** The least is that of so many milliseconds. */
+/** Window of the minimum, in milliseconds. */
 const SPAN = 10_000;
 /** Weight of the newest frame in the average. */
 const ALPHA = 0.3;
 /** As RFC 3550 has it. */
 const JITTER_ALPHA = 1 / 16;
-/** An average of fewer frames is none. */
+/** Minimum number of frames in an average. */
 const ENOUGH = 5;
 
 export class LinkDelay {
@@ -21,7 +21,7 @@ export class LinkDelay {
   #last: number | undefined;
   #queue = 0;
   jitter = 0;
-  /** How many were heard of since the last restart. */
+  /** Number of frames observed since the last restart. */
   frames = 0;
 
   observe(delay: number, at: number): void {
@@ -42,7 +42,7 @@ export class LinkDelay {
     this.#queue = 0;
   }
 
-  /** What is now is how it is from now on. */
+  /** Takes the present delay as the new minimum. */
   forget(): void {
     this.#least = new RecentMinimum(SPAN);
     this.restart();

@@ -8,7 +8,7 @@ import { SEGMENT } from "./segments";
 export const MIN_BUFFER = 0.3;
 /** Latencies up to this are penalised mildly. */
 const COMFORTABLE_LATENCY = 1.1;
-/** What a weight may be. */
+/** Allowed values of a weight. */
 const OPTIONS = [0.2, 0.4, 0.6, 0.8, 1];
 const LEAST_REBUFFERING = 1e-5;
 
@@ -37,17 +37,17 @@ export function nextBuffer(buffer: number, download: number): number {
 
 export interface WeightSearch {
   readonly rates: readonly number[];
-  /** What the map has learned of each rate's latency. */
+  /** The map's learned latency of each rate. */
   readonly latencies: readonly number[];
   readonly throughput: number;
   readonly buffer: number;
 }
 
 /**
- * The weights with which some neuron promises the highest QoE; null if all leave the buffer low. The published bound
- * of the latency, the target and what it has changed by, is none in dash.js: it takes each latency for a change from zero. The
- * published search goes through all 5⁴ vectors; its QoE depends on two of the four weights, and the first best wins, so the
- * other two are always the first option.
+ * The weights with which some neuron promises the highest QoE; null if all leave the buffer low. dash.js lacks the
+ * published bound of the latency, the target plus its change, and takes each latency for a change from zero. The
+ * published search goes through all 5⁴ vectors; its QoE depends on two of the four weights, and the first best wins, so
+ * the other two are always the first option.
  */
 export function bestWeights(question: WeightSearch): Weights | null {
   const { rates, latencies, throughput, buffer } = question;

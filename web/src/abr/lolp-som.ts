@@ -1,6 +1,7 @@
 /**
- * LoL+'s self-organising map: one neuron a bitrate, with four features (throughput, latency, rebuffering, switch). A neuron
- * and those near it are drawn to what happened with the learning rate 0.01 and a Gaussian neighbourhood of width 0.1.
+ * LoL+'s self-organising map: one neuron per bitrate, with four features (throughput, latency, rebuffering, switch). A
+ * neuron and its neighbours are drawn towards each sample with the learning rate 0.01 and a Gaussian neighbourhood of
+ * width 0.1.
  */
 export type Features = readonly [number, number, number, number];
 
@@ -26,8 +27,8 @@ export class SelfOrganisingMap {
   }
 
   /**
-   * Draws a neuron, and others as much as they are near to it, to a point; one after the other as in dash.js, so that those
-   * behind the neuron see it where it has come to.
+   * Draws a neuron and its neighbours to a point, one after the other as in dash.js, so that later neighbours see the
+   * neuron's new position.
    */
   learn(neuron: number, point: Features): void {
     for (const [i, features] of this.#neurons.entries()) {

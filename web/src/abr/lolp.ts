@@ -1,9 +1,10 @@
 /**
- * LoL+ (Bentaleb, Akcay, Lim, Begen, Zimmermann: "Catching the moment with LoL+ in Twitch-like low-latency live streaming
- * platforms", IEEE Transactions on Multimedia 2021): a self-organising map with a neuron a bitrate, of which the one nearest
- * to what is wanted (all of the throughput, no latency, no rebuffering, no switch) is chosen, with weights that promise the
- * highest QoE. What happened is learned by the neuron in use, what is wanted by the chosen one. Constants are those of the
- * authors' contribution to dash.js. segments.ts says how frames stand for segments. There is no playback speed to control.
+ * LoL+ (Bentaleb, Akcay, Lim, Begen, Zimmermann: "Catching the moment with LoL+ in Twitch-like low-latency live
+ * streaming platforms", IEEE Transactions on Multimedia 2021): a self-organising map with a neuron per bitrate. It
+ * chooses the neuron nearest to the goal (all of the throughput, no latency, no rebuffering, no switch), with weights
+ * that promise the highest QoE. The neuron in use learns from measurements, the chosen one from the goal. The constants
+ * are from the authors' contribution to dash.js. segments.ts maps frames to segments. There is no playback speed to
+ * control.
  */
 import type { Controller, ControllerContext, Observation } from "./controller";
 import { bestWeights, downloadTime, MIN_BUFFER, nextBuffer } from "./lolp-qoe";
@@ -40,7 +41,7 @@ export class LolpController implements Controller {
     return this.#count - 1 - this.#current;
   }
 
-  /** What the map has learned, the neuron of the lowest bitrate first, and the features' weights. */
+  /** Learned neurons, that of the lowest bitrate first, and the weights of the features. */
   get learned(): { readonly neurons: readonly Features[]; readonly weights: Features } {
     return { neurons: this.#map.neurons, weights: this.#weights };
   }
@@ -67,7 +68,7 @@ export class LolpController implements Controller {
     this.#current = winner;
   }
 
-  /** The buffer is low: the highest bitrate below the current one that the link carries, if there is one. */
+  /** The buffer is low: the highest bitrate below the current one that fits the link, if any. */
   #shiftDown(rates: readonly number[], throughput: number): void {
     const lower = rates.slice(0, this.#current).findLastIndex((rate) => rate < throughput);
     if (lower >= 0) this.#current = lower;

@@ -1,11 +1,11 @@
 /**
- * Which rungs a controller may choose from. More pixels than are displayed would be thrown away, so no rung is offered that is
+ * The rungs that a controller may choose from. Pixels beyond the display's are wasted, so no rung is offered that is
  * larger than the smallest one that covers the picture.
  */
 import type { Rung } from "../wire/render";
 import type { Controller, ControllerFactory } from "./controller";
 
-/** The first rung of the ladder that is offered for a picture of so many device pixels; those before it are too large. */
+/** The first rung of the ladder offered for a picture of this many device pixels; earlier ones are too large. */
 export function firstOffered(ladder: readonly Rung[], pixels: number): number {
   const sizes = ladder.map(({ width, height }) => width * height);
   const covering = Math.min(...sizes.filter((size) => size >= pixels));
@@ -15,7 +15,7 @@ export function firstOffered(ladder: readonly Rung[], pixels: number): number {
   );
 }
 
-/** A controller that knows only the rungs from `first` on; it is asked and told in numbers of the whole ladder. */
+/** A controller restricted to the rungs from `first` on; its interface uses the indices of the whole ladder. */
 export function offering(
   create: ControllerFactory,
   { ladder, random }: Parameters<ControllerFactory>[0],

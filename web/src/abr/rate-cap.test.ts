@@ -1,7 +1,10 @@
 import { expect, test } from "vitest";
 import { RateCap } from "./rate-cap";
 
-/** Frames of these sizes in turn that come `delay` animation frames after they were asked for, over so many seconds: bytes. */
+/**
+ * Bytes of frames of these sizes in turn, received `delay` animation frames after their requests, over this many
+ * seconds.
+ */
 function received(
   kbps: number | null,
   sizes: readonly number[],

@@ -1,22 +1,22 @@
 /**
- * Asks for no more than so many bits a second, in the long run. A frame counts as large as those of late when it is asked for, and as
- * large as it is when it has come, so that requests are spread evenly and what was too much is waited for.
+ * Limits the long-term rate of requested bytes. A frame counts with the recent average size when it is requested and
+ * with its true size once it has arrived, so requests are spread evenly and any excess is waited out.
  */
 
 /** How much the newest frame counts in the usual size. */
 const NEWEST = 0.2;
-/** The first frames count as if so many milliseconds lay between them. */
+/** Assumed interval between the first frames, in milliseconds. */
 const GUESSED_APART = 50;
 /** More are never under way: those before them will not come. */
 const MOST = 64;
 
 export class RateCap {
-  /** Bytes that are ahead of the rate; what was saved up is less than nothing. */
+  /** Bytes ahead of the rate; negative when there are savings. */
   #ahead = 0;
   /** Of a frame, in bytes; 0 until one has come. */
   #usual = 0;
   #guess = 0;
-  /** What those counted that have not come. */
+  /** Bytes counted for frames that have not arrived. */
   readonly #charged: number[] = [];
   #at = 0;
 
@@ -25,7 +25,7 @@ export class RateCap {
     const elapsed = now - this.#at;
     this.#at = now;
     this.#guess = ((kbps ?? 0) * GUESSED_APART) / 8;
-    // What was not made use of is saved up for one frame: they are asked for once per animation frame, which may be a little late.
+    // Unused rate is saved for one frame: requests go out once per animation frame, which may be slightly late.
     this.#ahead = kbps === null ? 0 : Math.max(-this.#usual, this.#ahead - (kbps * elapsed) / 8);
     return this.#ahead <= 0;
   }
@@ -38,13 +38,13 @@ export class RateCap {
     if (this.#charged.length > MOST) this.#charged.shift();
   }
 
-  /** One that was asked for has come; those that never do have counted all the same. */
+  /** A requested frame has arrived; frames that never arrive have been counted all the same. */
   came(bytes: number): void {
     this.#ahead += bytes - (this.#charged.shift() ?? 0);
     this.#usual = this.#usual === 0 ? bytes : this.#usual + NEWEST * (bytes - this.#usual);
   }
 
-  /** So many bytes came besides. */
+  /** Counts other bytes received. */
   besides(bytes: number): void {
     this.#ahead += bytes;
   }

@@ -1,7 +1,7 @@
 /**
- * All controllers that adapt, by the name that settings and experiments know them by.
+ * All adaptive controllers, by their names in settings and experiments.
  *
- * To add your own: write a class with `decide()` and `observe()` in a file of its own beside this one, and add a line here.
+ * To add a controller, write a class with `decide()` and `observe()` in a new file in this folder and add a line here.
  * The viewer, `npm run abr-sim` and experiments then offer it.
  */
 import { BudgetController } from "./budget";

@@ -1,13 +1,14 @@
 /**
- * Frames as the segments of low-latency video, for controllers that were published for those.
+ * Maps frames to the segments of low-latency video, for controllers published for segments.
  *
- * A segment is a frame interval: the bitrate of a rung is a frame's bytes over the interval. The published constants are for a
- * target latency of 1.5 s and segments of half a second; here the target is 100 ms and the interval 33 ms, which is the same
- * but for a clock that runs 15 times as fast. So all times are multiplied by 15, and every published constant holds as it is.
+ * A segment is a frame interval: the bitrate of a rung is a frame's bytes over the interval. The published constants
+ * assume a target latency of 1.5 s and segments of half a second; here the target is 100 ms and the interval 33 ms,
+ * which is the same on a clock that runs 15 times as fast. All times are therefore multiplied by 15, and every
+ * published constant stays unchanged.
  *
- * What plays the part of the buffer is how much of the target is left of a frame's response beyond the least response lately.
- * A player's buffer does not know how far the server is, either: it fills and drains by how much later a segment comes than
- * those before it. Measured from zero, a round trip of 100 ms would leave an empty buffer for ever.
+ * The remaining share of the target, after a frame's response beyond the recent minimum, stands in for the buffer. A
+ * player's buffer does not know the distance to the server either: it fills and drains by the delay of a segment
+ * relative to earlier ones. Measured from zero, a round trip of 100 ms would leave the buffer empty forever.
  */
 import { type Observation, responseTime } from "./controller";
 import { RecentMinimum } from "./recent-minimum";
@@ -21,7 +22,7 @@ export const TARGET_LATENCY = 1.5;
 export const SEGMENT = (1000 / 30) * SECONDS_PER_MS;
 /** dash.js trusts this much of the measured throughput. */
 export const SAFETY = 0.9;
-/** The least response is that of so many milliseconds. */
+/** Window of the minimum response, in milliseconds. */
 const LEAST_SPAN = 10_000;
 
 /** The bitrates of all rungs, in bits per second of our own clock, the lowest first. */
@@ -37,7 +38,7 @@ export function latencyOf(observation: Pick<Observation, "arrival">): number {
 export class FrameBuffer {
   readonly #least = new RecentMinimum(LEAST_SPAN);
 
-  /** What a frame leaves of the target latency, in seconds of the published clock; never less than nothing. */
+  /** Remaining target latency after a frame, in seconds of the published clock; at least 0. */
   level(observation: Pick<Observation, "arrival" | "at">): number {
     const least = this.#least.add(latencyOf(observation), observation.at);
     return Math.max(0, TARGET_LATENCY - (latencyOf(observation) - least));

@@ -1,8 +1,8 @@
 /**
- * How many bytes a frame of each rung takes: what the ladder expects, refined by what comes.
+ * Bytes of a frame of each rung: the ladder's expectation, refined by measurement.
  *
- * A rung that was seen has the moving average of its own frames. One that was not is scaled as the nearest rung that was
- * seen: a scene that is rich in detail, or a window smaller than the rung, changes all rungs alike.
+ * A rung in use has the moving average of its own frames. Others are scaled like the nearest measured rung: a detailed
+ * scene, or a window smaller than the rung, changes all rungs alike.
  */
 import type { Rung } from "../wire/render";
 
@@ -29,7 +29,7 @@ export class FrameSizes {
     return this.#seen[rung] ?? this.#ladderBytes(rung) * this.#scaleNear(rung);
   }
 
-  /** What the nearest rung that was seen takes, compared with what the ladder expects of it. */
+  /** Ratio of measured to expected bytes of the nearest measured rung. */
   #scaleNear(rung: number): number {
     for (let distance = 1; distance < this.#seen.length; distance++) {
       for (const near of [rung + distance, rung - distance]) {

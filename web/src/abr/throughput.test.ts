@@ -3,7 +3,7 @@ import { Receiver } from "../transport/reception";
 import { ThroughputEstimator } from "./throughput";
 
 const sample = (bytes: number, ms: number) => ({ firstByteAt: 0, lastByteAt: ms, sharedBytes: bytes, bytes });
-/** A frame whose bytes came all at once. */
+/** A frame received in one piece. */
 const piece = (bytes: number) => ({ firstByteAt: 0, lastByteAt: 0, sharedBytes: 0, bytes });
 
 test("unknown before the first frame", () => {
@@ -17,7 +17,7 @@ test("the moving average of the last five, the newest with weight 0.3", () => {
 });
 
 test("several frames in flight do not make the link look slower", () => {
-  // A link of 1000 bytes per millisecond, whose packets belong to four frames in turn.
+  // A link of 1000 bytes per millisecond, with packets of four frames in turn.
   let now = 0;
   const receiver = new Receiver(() => now);
   const frames = Array.from({ length: 4 }, () => receiver.begin());

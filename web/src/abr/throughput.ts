@@ -1,20 +1,20 @@
 /**
- * How fast the link delivers, in bits per second: the exponential moving average (α = 0.3) of the last five measurements.
+ * Throughput of the link in bits per second: the exponential moving average (α = 0.3) of the last five measurements.
  *
- * One measurement is what came in between a frame's first and last byte. With several frames in flight their bytes share the
- * link, so the bytes of all of them count: a frame's own bytes alone would make the link look slower than it is.
+ * A measurement counts all bytes received between a frame's first and last byte. Frames in flight share the link, so a
+ * frame's own bytes alone would underestimate it.
  *
- * Small frames say little one by one: two packets that are half a millisecond apart are heard of at once, or in two pieces
- * some milliseconds apart. Over several frames the error evens out, if those that came at once count with what they had beyond
- * a packet, and so bytes and durations are added up until there is enough.
+ * Single small frames are unreliable: two packets half a millisecond apart may be delivered together, or milliseconds
+ * apart. The error evens out over several frames, provided that frames delivered at once count with their bytes beyond
+ * one packet. Bytes and durations are therefore summed until there are enough.
  *
- * Frames of a packet leave nothing to measure, and neither does a link that is fast enough. Such a link delivers a frame in
- * less than MIN_DURATION: a lower bound, which counts where nothing higher is known. Without it, whoever begins with small
- * frames would never learn that larger ones would do.
+ * Frames of one packet leave nothing to measure, and neither does a very fast link, which delivers a frame in less than
+ * MIN_DURATION. Such a frame gives a lower bound, used where nothing higher is known. Without it, a controller that
+ * starts with small frames would never learn that larger ones fit.
  */
 import type { Arrival } from "../transport/transport";
 
-/** So many frames without a long enough measurement are forgotten. */
+/** Frames without a long enough measurement are dropped after this many. */
 const TOGETHER = 30;
 /** How many measurements of a frame each make an estimate. */
 const SAMPLES = 5;

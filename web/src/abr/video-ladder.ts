@@ -1,11 +1,11 @@
 /**
- * The ladder of the mode `video`: what a controller chooses from there. Its steps are bit rates, each with the largest size of the
- * server's ladder whose pixels get enough bits of it. A step is a rung like any other, so controllers that know sizes and bytes of
- * frames serve both modes.
+ * The ladder of the mode `video`. Its steps are bit rates, each with the largest size of the server's ladder whose
+ * pixels get enough bits. A step is a rung like any other, so controllers that know sizes and bytes of frames serve
+ * both modes.
  */
 import type { Rung, VideoRequest } from "../wire/render";
 
-/** What a request says of its video. The same object for the same step: views are compared by it. */
+/** The video parameters of a request. The same object for the same step, because views are compared by identity. */
 export type VideoSetting = Readonly<Required<Omit<VideoRequest, "key">>>;
 
 export interface VideoStep extends Rung {
@@ -14,18 +14,18 @@ export interface VideoStep extends Rung {
   readonly video: VideoSetting;
 }
 
-/** The bit rate is meant for so many frames a second, so that each takes its share of it, however many come. */
+/** Frame rate assumed by the bit rate; each frame gets its share at any actual frame rate. */
 const FRAMES_PER_S = 60;
 /** Bits of the largest size's pixels at the best step: little is left to gain, also where few frames come and each shows much that is new. */
 const BEST = 0.16;
-/** With fewer bits for its pixels, a size gives way to the next smaller one: about a JPEG of quality 35 (docs/video.md), and the last step. */
+/** With fewer bits for its pixels, a size gives way to the next smaller one: about a JPEG of quality 35 (docs/adaptation.md), and the last step. */
 const LEAST = 0.04;
 /** Each step's share of the bytes of the one before. */
 const APART = 0.7;
 /** In kbit/s: the server takes no lower rate. */
 const LOWEST = 10;
 
-/** The best first, as the server's ladder, of whose rungs from `first` on it has the sizes; none without rungs. */
+/** Steps, best first, with the sizes of the server's ladder from rung `first` on; empty without rungs. */
 export function videoLadder(ladder: readonly Rung[], first = 0): readonly VideoStep[] {
   const rungs = ladder.map((size, rung) => ({ ...size, rung, pixels: size.width * size.height }));
   const sizes = rungs.slice(first);
@@ -53,7 +53,7 @@ export function stepOfBitrate(ladder: readonly Rung[], bitrate_kbps: number): re
   return [{ ...like, expected_kb: bitrate_kbps / 8 / FRAMES_PER_S, video }];
 }
 
-/** The best step of a rung's size that there is, or of the next smaller one: what stands for a rung that a person chose. */
+/** The best step of a rung's size, or of the next smaller one: stands in for a rung chosen by the user. */
 export function stepOfRung(steps: readonly VideoStep[], { width, height }: Pick<Rung, "width" | "height">): number {
   const first = steps.findIndex((step) => step.width * step.height <= width * height);
   return first < 0 ? Math.max(0, steps.length - 1) : first;

@@ -1,4 +1,4 @@
-/** A promise that somebody else settles (Promise.withResolvers, which not every browser has). */
+/** A promise settled from outside (Promise.withResolvers, which not every browser has). */
 export interface Deferred<T> {
   readonly promise: Promise<T>;
   readonly resolve: (value: T) => void;

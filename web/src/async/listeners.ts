@@ -1,8 +1,8 @@
-/** Those who hear of something, each until it has heard enough. */
+/** Subscribers of an event. */
 export class Listeners<T extends unknown[]> {
   readonly #all = new Set<(...news: T) => void>();
 
-  /** Hear of it, until the function that this returns is called. */
+  /** Subscribes; returns a function that unsubscribes. */
   readonly add = (listener: (...news: T) => void): (() => void) => {
     this.#all.add(listener);
     return () => this.#all.delete(listener);

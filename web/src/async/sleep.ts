@@ -1,4 +1,4 @@
-/** Waits for so many milliseconds; rejects with the reason of a signal that is aborted. */
+/** Waits for this many milliseconds; rejects with the signal's reason if aborted. */
 export function sleep(milliseconds: number, signal: AbortSignal): Promise<void> {
   return new Promise((resolve, reject) => {
     signal.throwIfAborted();

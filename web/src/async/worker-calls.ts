@@ -10,7 +10,7 @@ export type WorkerAnswer<Value> =
   | { readonly id: number; readonly value: Value }
   | { readonly id: number; readonly error: { readonly name: string; readonly message: string } };
 
-/** In the worker: what to send back once the work is done. */
+/** In the worker: the reply, sent once the work is done. */
 export async function answerTo<Value>(id: number, work: Promise<Value>): Promise<WorkerAnswer<Value>> {
   try {
     return { id, value: await work };
@@ -31,7 +31,7 @@ export class WorkerCalls<Request, Value> {
   #nextId = 0;
   #failed: Error | undefined;
 
-  /** `unwanted` gets what comes after all calls were given up. */
+  /** `unwanted` gets replies that arrive after all calls were cancelled. */
   constructor(worker: CalledWorker, unwanted: (value: Value) => void = () => undefined) {
     this.#worker = worker;
     this.#unwanted = unwanted;

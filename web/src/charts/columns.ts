@@ -12,7 +12,7 @@ export function noColumns(quantities: number): Columns {
   return [[], ...Array.from({ length: quantities }, () => [])];
 }
 
-/** The columns with one sample more, without what is older than the span. */
+/** The columns with an additional sample, without those older than the span. */
 export function append(columns: Columns, time: number, values: Column): Columns {
   const [times, ...series] = columns;
   const last = times.at(-1);

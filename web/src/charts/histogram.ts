@@ -1,4 +1,6 @@
-/** How latencies are distributed, over bins that are equally wide on a logarithmic axis: 40 ms and 2 s fit beside each other. */
+/**
+ * Distribution of latencies, in bins of equal width on a logarithmic axis, so that 40 ms and 2 s fit into one chart.
+ */
 
 /** The axis, in milliseconds. */
 export const LATENCY_RANGE_MS = [10, 5000] as const;
@@ -11,7 +13,7 @@ export const LATENCY_BINS_MS: readonly number[] = Array.from(
   (_, i) => LATENCY_RANGE_MS[0] * 10 ** (i / BINS_PER_DECADE),
 );
 
-/** Percent of the values in each bin; what is off the axis counts at its end. All null without values. */
+/** Percent of the values in each bin; values outside the axis count in the outermost bins. All null without values. */
 export function histogram(values: readonly number[]): readonly (number | null)[] {
   if (values.length === 0) return LATENCY_BINS_MS.map(() => null);
   const counts = LATENCY_BINS_MS.map(() => 0);

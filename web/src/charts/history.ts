@@ -1,4 +1,6 @@
-/** The last minute of the pictures on the stage, in the columns that the charts draw. It hears frames as they are presented. */
+/**
+ * The last minute of the pictures on the stage, in the columns of the charts. Observes frames as they are presented.
+ */
 import { type Signal, signal } from "@preact/signals";
 import type { Figures } from "../view/meter";
 import type { PresentedFrame } from "../view/presented";
@@ -6,7 +8,7 @@ import { TimeWindow } from "../view/window";
 import { append, type Columns, noColumns, SPAN_S } from "./columns";
 import { histogram, LATENCY_BINS_MS } from "./histogram";
 
-/** What the meter of each picture says at present, from left to right; null where nothing is there. */
+/** Present figures of each picture's meter, from left to right; null without a picture. */
 export type SideFigures = readonly (Figures | null)[];
 
 const MBIT = 1e6;
@@ -26,7 +28,7 @@ export class ComparisonHistory {
   readonly buffered: Signal<Columns>;
   readonly #latencies: readonly TimeWindow[];
 
-  /** Of so many pictures. */
+  /** For this many pictures. */
   constructor(sides: number) {
     this.#latencies = Array.from({ length: sides }, () => new TimeWindow(SPAN_S * 1000));
     this.latency = signal<Columns>([LATENCY_BINS_MS, ...this.#latencies.map(() => histogram([]))]);

@@ -1,6 +1,8 @@
 import { expect, test } from "vitest";
-import { NO_FIGURES } from "../view/meter";
+import { NO_FIGURES as NOTHING } from "../view/meter";
 import { WalkRecorder } from "./walk";
+
+const NO_FIGURES = { ...NOTHING, contentAge: 50 };
 
 /** Walks from `from` to `to` and is looked at for two seconds more; the left side shows 40 new views a second, and the right one 20. */
 function walk(recorder: WalkRecorder, from: number, to: number): void {
@@ -10,9 +12,9 @@ function walk(recorder: WalkRecorder, from: number, to: number): void {
     recorder.presented(0, { latencies: [20, 40] });
     recorder.presented(1, { latencies: [700] });
     const figures = { ...NO_FIGURES, newViews: moved * 0.04, bytes: now * 1000 };
-    // Later, and what it sends while the camera stands still is not the walk's.
+    // Frames sent later, while the camera stands still, are not part of the walk.
     const newViews = Math.max(from, now - 1000) * 0.02;
-    const dash = { ...figures, newViews, bytes: now * 250, stalls: { count: 1, time: moved / 10 } };
+    const dash = { ...figures, contentAge: 800, newViews, bytes: now * 250, stalls: { count: 1, time: moved / 10 } };
     recorder.sample([figures, dash], now);
   }
 }
@@ -32,6 +34,7 @@ test("a walk is what happened while the camera moved, and stays", () => {
     sides: [
       {
         inputs: 96,
+        contentAge: 50,
         latency: { p50: 20, p95: 40 },
         newViewsPerSecond: 40,
         bandwidth: 8_000_000,
@@ -40,6 +43,7 @@ test("a walk is what happened while the camera moved, and stays", () => {
       },
       {
         inputs: 48,
+        contentAge: 800,
         latency: { p50: 700, p95: 700 },
         newViewsPerSecond: 22,
         bandwidth: 2_000_000,
@@ -48,7 +52,7 @@ test("a walk is what happened while the camera moved, and stays", () => {
       },
     ],
   });
-  walk(one, 20_000, 21_000); // too short to tell anything
+  walk(one, 20_000, 21_000); // too short to count
   expect(one.last.value).toBe(seen);
   walk(one, 30_000, 34_000);
   expect(one.last.value?.duration).toBe(4000);

@@ -1,27 +1,37 @@
-/** The last walk, and what each side made of it: from the camera's first movement until it has stood still for a while. */
+/**
+ * The last walk and each side's figures for it: from the camera's first movement until it has stood still for some
+ * time.
+ */
 import { signal } from "@preact/signals";
 import type { PresentedFrame } from "../view/presented";
+import { nearestRank } from "../view/window";
 import type { SideFigures } from "./history";
 
-/** Whoever has not moved for so long has ended the walk: frames on their way have come by then (ms). */
+/** Standing still for this long ends a walk; frames in flight have arrived by then (ms). */
 const STILL_AFTER = 2000;
 /** Shorter ones say little (ms). */
 const SHORTEST = 3000;
 
 export interface WalkedSide {
-  /** How many changes of the pose it has answered. */
+  /** Pose changes that it answered. */
   readonly inputs: number;
+  /** Age of the pixels on the screen: median while the camera moved, in milliseconds. */
+  readonly contentAge: number;
   /** Motion to photon, or the view's latency where pictures are turned: median and 95th percentile, in milliseconds. */
   readonly latency: { readonly p50: number; readonly p95: number };
+  /** 0 if all that it showed was turned from a picture of before. */
   readonly newViewsPerSecond: number;
-  /** Bits a second. */
+  /** Bits per second. */
   readonly bandwidth: number;
   readonly bytes: number;
   /** How long the picture stood still, in milliseconds. */
   readonly stalled: number;
 }
 
-/** It showed nothing of the walk; or it began anew meanwhile, as another stream, so that its counts are not the walk's. */
+/**
+ * The side showed nothing of the walk, or was restarted during it (another stream), so its counts do not cover the
+ * walk.
+ */
 export type Unmeasured = "nothing" | "restarted";
 
 export interface Walk {
@@ -31,17 +41,18 @@ export interface Walk {
   readonly sides: readonly (WalkedSide | Unmeasured)[];
 }
 
-/** What has come from the walk that goes on. */
+/** The walk in progress. */
 interface Going {
   readonly from: number;
   readonly before: SideFigures;
   readonly latencies: readonly number[][];
+  readonly contentAges: readonly number[][];
   /** Sides that began anew, by number. */
   readonly restarted: Set<number>;
   /** The last sample. */
   latest: SideFigures;
   movedAt: number;
-  /** When the camera moved last: a stream goes on sending while it stands still. */
+  /** Time of the last movement: a stream continues to send frames afterwards. */
   moved: SideFigures;
 }
 
@@ -52,7 +63,7 @@ export class WalkRecorder {
   #movedAt = Number.NEGATIVE_INFINITY;
   #going: Going | null = null;
 
-  /** Somebody walks, or has just done so. */
+  /** A walk is in progress or has just ended. */
   get walking(): boolean {
     return this.#going !== null;
   }
@@ -87,10 +98,12 @@ export class WalkRecorder {
       pictures(latest, side) === 0 && pictures(figures, side) > 0 && !restarted.has(side);
     const moving = this.#movedAt > going.movedAt;
     if (moving && [...figures.keys()].some(arrives)) {
-      this.#going = null; // what it can be compared by begins here
+      this.#going = null; // the comparable part starts here
     } else if (moving) {
       going.movedAt = this.#movedAt;
       going.moved = figures;
+      for (const [side, of] of figures.entries())
+        if (of?.contentAge != null) going.contentAges[side]?.push(of.contentAge);
     } else if (now - going.movedAt >= STILL_AFTER) {
       this.#going = null;
       if (going.movedAt - going.from >= SHORTEST) this.last.value = ended(going, figures);
@@ -99,8 +112,8 @@ export class WalkRecorder {
 }
 
 function begun(figures: SideFigures, movedAt: number): Going {
-  const latencies = figures.map(() => []);
-  return { from: movedAt, movedAt, before: figures, moved: figures, latest: figures, latencies, restarted: new Set() };
+  const perSide = { latencies: figures.map(() => []), contentAges: figures.map(() => []) };
+  return { from: movedAt, movedAt, before: figures, moved: figures, latest: figures, ...perSide, restarted: new Set() };
 }
 
 /** How many a side has shown so far. */
@@ -109,17 +122,18 @@ function pictures(figures: SideFigures, side: number): number {
 }
 
 /** `after`: once all that was on its way has been shown. */
-function ended({ from, movedAt, before, moved, latencies, restarted }: Going, after: SideFigures): Walk {
+function ended({ from, movedAt, before, moved, latencies, contentAges, restarted }: Going, after: SideFigures): Walk {
   const duration = movedAt - from;
   const sides = latencies.map((times, side): WalkedSide | Unmeasured => {
     if (restarted.has(side)) return "restarted";
-    const sorted = times.toSorted((a, b) => a - b);
-    const percentile = (rank: number) => sorted[Math.ceil(rank * sorted.length) - 1] ?? 0;
+    const contentAge = nearestRank(contentAges[side] ?? [], 0.5);
+    const [p50, p95] = [nearestRank(times, 0.5), nearestRank(times, 0.95)];
     const [first, last, shown] = [before[side], moved[side], after[side]];
-    if (!first || !last || !shown || sorted.length === 0) return "nothing";
+    if (!first || !last || !shown || p50 === null || p95 === null || contentAge === null) return "nothing";
     return {
-      inputs: sorted.length,
-      latency: { p50: percentile(0.5), p95: percentile(0.95) },
+      inputs: times.length,
+      contentAge,
+      latency: { p50, p95 },
       newViewsPerSecond: ((shown.newViews - first.newViews) * 1000) / duration,
       bandwidth: ((last.bytes - first.bytes) * 8000) / duration,
       bytes: last.bytes - first.bytes,

@@ -41,7 +41,7 @@ beforeEach(() => {
 
 function open(representation: DashPlan["representation"] = null) {
   const plan: DashPlan = { setup: tuned(30), player: "dash.js", adaptive: true, representation };
-  const source = { base: "http://packager", scene: "courtyard", plan, stamp: false };
+  const source = { base: "http://packager", scene: "courtyard", plan };
   return overDash(source)(VIDEO, {} as Camera, events, new AbortController().signal);
 }
 

@@ -1,5 +1,6 @@
 /** A stream over DASH: a session of the packager's, the socket that moves its camera, and the player of its manifest. */
 
+import { ApiError } from "../http/problem";
 import { endSession, openSession, sessionStatus } from "../stream/packager";
 import type { OpenViews } from "../stream/stream";
 import type { SessionRequest } from "../wire/dash";
@@ -11,19 +12,20 @@ export interface DashSource {
   readonly base: string;
   readonly scene: string;
   readonly plan: DashPlan;
-  readonly stamp: boolean;
 }
 
-export function overDash({ base, scene, plan, stamp }: DashSource): OpenViews {
+export function overDash({ base, scene, plan }: DashSource): OpenViews {
   return async (video, view, events, signal) => {
-    const { playStream } = plan.player === "mse" ? await import("./mse-stream") : await import("./dashjs-stream");
-    // Unless there is to be only one, the representations are the packager's choice: it knows the ladder and the viewport.
+    const player = plan.player === "mse" ? import("./mse-stream") : import("./dashjs-stream");
+    const { playStream } = await player.catch(() => {
+      throw new ApiError("The player could not be loaded from the server. Reload the page.", false);
+    });
+    // Unless a single representation is requested, the packager chooses them: it knows the ladder and the viewport.
     const request: SessionRequest = {
       scene,
       ...view,
       ...plan.setup,
       ...(plan.representation && { representations: [plan.representation] }),
-      stamp,
     };
     const session = await openSession(base, request, signal);
     const { told, failed } = events;

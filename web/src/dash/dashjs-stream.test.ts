@@ -2,7 +2,10 @@
 import { beforeEach, expect, test, vi } from "vitest";
 import { playStream } from "./dashjs-stream";
 
-/** What of dash.js matters here: a player that waits until its video can play, as `VideoModel.setPlaybackRate` of 5.2 does. */
+/**
+ * The relevant part of dash.js: a player that waits until its video can play, as `VideoModel.setPlaybackRate` of 5.2
+ * does.
+ */
 const players = vi.hoisted(() => [] as { element: HTMLVideoElement | null; rates: number }[]);
 vi.mock("dashjs", () => {
   const create = () => {

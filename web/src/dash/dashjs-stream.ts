@@ -15,7 +15,7 @@ export const playStream: PlayStream = (video, manifest, events) => {
   player.updateSettings({
     debug: { logLevel: 0 },
     streaming: {
-      lastBitrateCachingInfo: { enabled: false }, // what an earlier stream had says nothing of this one
+      lastBitrateCachingInfo: { enabled: false }, // figures of an earlier stream do not apply
       lastMediaSettingsCachingInfo: { enabled: false },
     },
   });
@@ -48,8 +48,9 @@ export const playStream: PlayStream = (video, manifest, events) => {
 };
 
 /**
- * Ends what listens to the video from now on, once the function that this returns is called. dash.js leaves a listener behind that
- * fails: to set the playback rate it waits until the video can play (`VideoModel`), which may be in the next player's time.
+ * Returns a function that removes all listeners added to the video from now on. dash.js leaves a failing listener
+ * behind: it waits until the video can play to set the playback rate (`VideoModel`), which may happen during the next
+ * player's lifetime.
  */
 function listeningAsLongAs(video: HTMLVideoElement): () => void {
   const visit = new AbortController();

@@ -10,13 +10,13 @@ beforeEach(() => {
   rate.begin();
 });
 
-/** A box of so many bytes, header included. */
+/** A box of this many bytes, header included. */
 function box(type: string, size: number): number[] {
   const header = [size >>> 24, (size >>> 16) & 255, (size >>> 8) & 255, size & 255];
   return [...header, ...new TextEncoder().encode(type), ...new Array<number>(size - 8).fill(7)];
 }
 
-/** A chunk of so many bytes. */
+/** A chunk of this many bytes. */
 function chunk(size: number): Uint8Array {
   return Uint8Array.from([...box("styp", 16), ...box("moof", 84), ...box("mdat", size - 100)]);
 }

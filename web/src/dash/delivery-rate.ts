@@ -1,7 +1,7 @@
 /**
- * How fast the link delivers. A live stream comes as fast as it is made, so that a segment's bytes by its time tell of the
- * stream; a chunk is sent at once, so that its own bytes by their own time tell of the link. One that is there at once took no time
- * that can be measured: such a link is faster than anything that is offered.
+ * Delivery rate of the link. A live stream arrives at the rate of its encoder, so bytes over time of a segment measure
+ * the stream; a chunk is sent at once, so its bytes over its time measure the link. The time of a chunk that arrives in
+ * one piece cannot be measured: such a link is faster than any representation.
  */
 import { TimeWindow } from "../view/window";
 
@@ -14,12 +14,12 @@ const MDAT = 0x6d646174;
 export class DeliveryRate {
   /** Bits a second of each chunk. */
   readonly #rates = new TimeWindow(SPAN);
-  /** The present box's header, as far as it has come. */
+  /** Received part of the present box's header. */
   #header: number[] = [];
-  /** What is still to come of the present box. */
+  /** Missing bytes of the present box. */
   #left = 0;
   #type = 0;
-  /** The present chunk: when its first bytes came, and how many came later. */
+  /** The present chunk: the time of its first bytes, and the number of later ones. */
   #chunk: { readonly since: number; later: number } | undefined;
 
   /** A segment begins. */
@@ -29,7 +29,7 @@ export class DeliveryRate {
     this.#chunk = undefined;
   }
 
-  /** The next bytes of the segment came. */
+  /** Takes the next bytes of the segment. */
   received(bytes: Uint8Array, at: number): void {
     for (let next = 0; next < bytes.length; ) {
       this.#chunk ??= { since: at, later: 0 };
@@ -47,7 +47,7 @@ export class DeliveryRate {
     }
   }
 
-  /** Bits a second, half of the last chunks came faster; infinite if they came at once, null if there were none. */
+  /** Median bits per second of the last chunks; infinite if they arrived in one piece, null without any. */
   bitsPerSecond(now: number): number | null {
     return this.#rates.percentile(0.5, now);
   }
@@ -67,10 +67,13 @@ export class DeliveryRate {
   }
 }
 
-/** What a representation may have of the measured rate. */
+/** Share of the measured rate that a representation may use. */
 const SHARE = 0.8;
 
-/** The best whose bitrate fits well into the rate; the lowest while the rate is unknown. Lowest first. */
+/**
+ * The best representation whose bitrate fits the rate with a margin; the lowest while the rate is unknown. Lowest
+ * first.
+ */
 export function affordable<T extends { readonly bandwidth: number }>(
   offered: readonly [T, ...T[]],
   rate: number | null,

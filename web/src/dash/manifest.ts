@@ -1,4 +1,4 @@
-/** What the bare player reads in an MPD: representations, and numbered segments of equal length. */
+/** The parts of an MPD used by the bare player: representations, and numbered segments of equal length. */
 
 export interface Representation {
   readonly id: string;
@@ -13,17 +13,17 @@ export interface Manifest {
   /** A segment's duration, in seconds. */
   readonly segment: number;
   readonly firstNumber: number;
-  /** Where the server tells the time (UTCTiming). */
+  /** URL of the server's clock (UTCTiming). */
   readonly timeUrl: string;
-  /** What the manifest asks players to hold, in milliseconds. */
+  /** Target latency of the manifest, in milliseconds. */
   readonly target: number;
-  /** The lowest bitrate first; at least one. */
+  /** Lowest bitrate first; never empty. */
   readonly representations: readonly [Representation, ...Representation[]];
   headerUrl(representation: Representation): string;
   segmentUrl(representation: Representation, number: number): string;
 }
 
-/** Reads an MPD that came from `url`. Throws if something is missing that the player needs. */
+/** Parses an MPD loaded from `url`. Throws if a required part is missing. */
 export function readManifest(xml: string, url: string): Manifest {
   const mpd = new DOMParser().parseFromString(xml, "application/xml");
   const all = (name: string) => [...mpd.getElementsByTagName(name)];

@@ -1,10 +1,10 @@
 import { beforeEach, expect, test, vi } from "vitest";
 import { MediaBuffer } from "./media-buffer";
 
-/** A SourceBuffer that finishes what it does when it is told to. */
+/** A SourceBuffer that completes its operations on demand. */
 class FakeSource extends EventTarget {
   updating = false;
-  /** What it was asked for, in its order. */
+  /** Its operations, in order. */
   readonly asked: string[] = [];
   ranges: [start: number, end: number][] = [];
   /** Takes no more. */
@@ -132,7 +132,7 @@ test("a source that has left is not looked at, whatever still comes", () => {
   append(1);
   leaving.abort();
   source.removed = true;
-  source.finish(); // what it worked on when it left
+  source.finish(); // the operation in progress when it was closed
   source.dispatchEvent(new Event("error"));
   append(2);
   expect(buffer.end).toBeNull();

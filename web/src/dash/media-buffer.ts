@@ -1,6 +1,6 @@
-/** A SourceBuffer that takes bytes at any time, and forgets what was played. */
+/** A SourceBuffer that accepts bytes at any time and removes played media. */
 
-/** What was played this long ago is forgotten, in seconds; somewhat more is kept, so that it is seldom done. */
+/** Played media older than this many seconds is removed; some more is kept to make removals rare. */
 const KEPT = 5;
 const FORGET_EVERY = 5;
 
@@ -17,9 +17,9 @@ export interface MediaBufferOptions {
 
 export class MediaBuffer {
   readonly #options: MediaBufferOptions;
-  /** What waits until the source takes more; it works on one thing at a time. */
+  /** Operations queued until the source is ready; it handles one at a time. */
   #waiting: Uint8Array<ArrayBuffer>[] = [];
-  /** The source is full: what was played is being removed. */
+  /** The source is full: played media is being removed. */
   #full = false;
   /** The source may hold half a box. */
   #interrupted = false;
@@ -41,13 +41,13 @@ export class MediaBuffer {
     this.#next();
   }
 
-  /** The stream goes on with another segment, in the middle of one: drops what waits. */
+  /** Continues with another segment before the present one is complete: drops queued bytes. */
   interrupt(): void {
     this.#waiting = [];
     this.#interrupted = true;
   }
 
-  /** The end of what has come, in seconds; null if nothing has, or the source has left. */
+  /** End of the buffered media in seconds; null if empty or closed. */
   get end(): number | null {
     if (this.#options.signal.aborted) return null;
     const { buffered } = this.#options.source;

@@ -1,4 +1,4 @@
-/** This browser has nothing that could play DASH. */
+/** This browser cannot play DASH. */
 import { StreamUnsupported } from "../stream/stream";
 
 export class NoMediaSource extends StreamUnsupported {

@@ -14,7 +14,7 @@ const MPD = `<?xml version="1.0" encoding="utf-8"?>
   <UTCTiming value="http://packager/time" />
 </MPD>`;
 
-/** All that a browser has to play with, as far as it is used. */
+/** The parts of a browser needed for playback. */
 class FakeVideo extends EventTarget {
   src = "";
   currentTime = 0;
@@ -31,7 +31,7 @@ class FakeVideo extends EventTarget {
 class FakeSource extends EventTarget {
   updating = false;
   readonly mime: string;
-  /** The end of what it has. */
+  /** The end of the buffer. */
   end: number | undefined;
   constructor(mime: string) {
     super();
@@ -43,7 +43,7 @@ class FakeSource extends EventTarget {
   appendBuffer(): void {
     this.updating = true;
   }
-  /** What it took is there now. */
+  /** Completes an append. */
   has(end: number): void {
     this.updating = false;
     this.end = end;
@@ -102,7 +102,7 @@ async function play(): Promise<void> {
 
 test("it begins just before the end of what has come, and goes on at the manifest's target", async () => {
   await play();
-  expect(source.mime).toBe('video/mp4; codecs="avc1.42c01e"'); // who decodes the best decodes all
+  expect(source.mime).toBe('video/mp4; codecs="avc1.42c01e"'); // a decoder of the best representation can decode them all
   expect(media.duration).toBe(Number.POSITIVE_INFINITY);
   expect(stream.latency()).toBeNull();
   expect(video.play).not.toHaveBeenCalled();

@@ -1,6 +1,6 @@
 /**
- * The bare player: plays a stream of one frame per chunk on Media Source Extensions with next to nothing in its buffer. Half of
- * dash.js's latency, for want of all that dash.js has besides: it knows the one kind of manifest that our packager writes.
+ * The bare player: plays a stream of one frame per chunk on Media Source Extensions with a nearly empty buffer. It has
+ * half the latency of dash.js and few of its features: it reads only the manifests written by our packager.
  */
 import { sleep } from "../async/sleep";
 import { type PlayStream, StreamEnded, type StreamEvents } from "../stream/stream";
@@ -11,9 +11,9 @@ import { MARGIN, Pace } from "./pace";
 import { fetched, SegmentFeed } from "./segment-feed";
 import { ServerClock } from "./server-clock";
 
-/** How often the pace is looked at, beside each time that something comes, in milliseconds. */
+/** Interval of adjusting the pace in addition to each received chunk, in milliseconds. */
 const LOOK_EVERY = 50;
-/** How often the server is asked for the time at the start, and then how often, in milliseconds. */
+/** Intervals of reading the server's clock, at the start and later, in milliseconds. */
 const FIRST_LOOKS = 3;
 const TIME_EVERY = 30_000;
 
@@ -37,7 +37,7 @@ class MsePlayer {
   #manifest: Manifest | undefined;
   #buffer: MediaBuffer | undefined;
   #started = false;
-  /** Seconds; the manifest's, until another one is asked for. */
+  /** Seconds; the manifest's until changed. */
   #target: number | undefined;
 
   constructor(video: HTMLVideoElement, url: string, events: StreamEvents) {
@@ -98,7 +98,7 @@ class MsePlayer {
     await opened;
     URL.revokeObjectURL(url);
     media.duration = Number.POSITIVE_INFINITY; // live: browsers then buffer as little as they can
-    const { codecs } = representations.at(-1) ?? representations[0]; // who decodes the best decodes all
+    const { codecs } = representations.at(-1) ?? representations[0]; // a decoder of the best representation can decode them all
     return new MediaBuffer({
       source: media.addSourceBuffer(`video/mp4; codecs="${codecs}"`),
       signal,
@@ -136,7 +136,7 @@ class MsePlayer {
   async #keepTime(signal: AbortSignal): Promise<void> {
     for (;;) {
       await sleep(TIME_EVERY, signal);
-      await this.#askTime(signal).catch(() => undefined); // the stream itself will say what is wrong
+      await this.#askTime(signal).catch(() => undefined); // the stream itself reports the problem
     }
   }
 

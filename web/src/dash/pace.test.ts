@@ -7,7 +7,7 @@ beforeEach(() => {
   pace = new Pace();
 });
 
-/** What it does at so many milliseconds behind a live edge that is at 10 s, with a target of 60 ms; all came until `end`. */
+/** The pace this many milliseconds behind a live edge at 10 s, with a target of 60 ms and a buffer up to `end`. */
 function at(behind: number, end = 10, live = 10) {
   return pace.next({ position: live - behind / 1000, end, live, target: 0.06 });
 }

@@ -1,10 +1,10 @@
 /** Keeps playback at a latency: a little faster, a little slower, or a jump. Pure. */
 
-/** Behind the end of what has come, in seconds: where playback starts, and the least to run ahead of it. */
+/** Distance behind the end of the buffer in seconds: at the start of playback, and the minimum. */
 export const MARGIN = 0.02;
 /** Closer to the target than this is on it, in seconds. */
 const NEAR = 0.015;
-/** Further behind than this is not made up for by playing faster, in seconds. */
+/** Delays beyond this many seconds are not caught up by playing faster. */
 const FAR = 0.25;
 /** A jump decodes all frames since the last keyframe: a machine that cannot keep up must not do it all the time. In seconds. */
 const JUMP_EVERY = 2;
@@ -14,11 +14,11 @@ const SLOWER = 0.95;
 export interface Playback {
   /** On the media timeline, all in seconds. */
   readonly position: number;
-  /** The end of what has come. */
+  /** End of the buffer. */
   readonly end: number;
   /** Where the server is. */
   readonly live: number;
-  /** What to keep between `position` and `live`. */
+  /** Distance to keep between `position` and `live`. */
   readonly target: number;
 }
 
@@ -38,7 +38,7 @@ export class Pace {
     if (behind > NEAR) this.#rate = FASTER;
     else if (behind < -NEAR) this.#rate = SLOWER;
     else if (this.#rate > 1 ? behind < 0 : behind > 0) this.#rate = 1; // it has crossed the target
-    if (this.#rate > 1 && ahead <= MARGIN) this.#rate = 1; // there is nothing to hurry to
+    if (this.#rate > 1 && ahead <= MARGIN) this.#rate = 1; // the buffer has run dry
     return { rate: this.#rate };
   }
 }

@@ -1,4 +1,4 @@
-/** The socket that moves the camera of a stream over DASH, and says what its frames show. */
+/** The socket that moves the camera of a DASH stream and reports the pose of its frames. */
 import type { FrameShown, PoseUpdate, SessionInfo } from "../wire/dash";
 
 export interface PoseSocket {
@@ -7,7 +7,7 @@ export interface PoseSocket {
   close(): void;
 }
 
-/** Opens the pose socket; `onFrame` hears which pose each frame shows, `onClose` why there will be no more. */
+/** Opens the pose socket; `onFrame` receives the pose of each frame, `onClose` the reason of a close. */
 export function openPoseSocket(
   base: string,
   { poses }: SessionInfo,

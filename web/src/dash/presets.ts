@@ -1,7 +1,7 @@
-/** How the DASH stream is set up, and who plays it. */
+/** Presets of the DASH stream and its player. */
 import type { RepresentationRequest, SessionRequest } from "../wire/dash";
 
-/** What decides a stream's latency. */
+/** Parameters that determine a stream's latency. */
 export type DashSetup = Required<
   Pick<SessionRequest, "segment_s" | "frames_per_chunk" | "target_latency_ms" | "frame_rate">
 >;
@@ -12,7 +12,7 @@ export interface DashPlan {
   readonly player: "dash.js" | "mse";
   /** The only representation that the stream has; null: the packager's own choice, of which the player chooses. */
   readonly representation: RepresentationRequest | null;
-  /** Whether stalls raise the target (`latency-target.ts`); otherwise it stays as it is. */
+  /** Whether stalls raise the target (`latency-target.ts`); otherwise it is constant. */
   readonly adaptive: boolean;
 }
 
@@ -28,9 +28,9 @@ export interface DashSettings {
   readonly dashPreset: Preset;
   /** Frames a second; null: the preset's own. */
   readonly dashFrameRate: FrameRate | null;
-  /** A single representation, of the packager's own bit rate unless it is said; null: all. */
+  /** A single representation, with the packager's bit rate by default; null: all. */
   readonly dashRepresentation: RepresentationRequest | null;
-  /** What the preset "custom" means. */
+  /** Parameters of the preset "custom". */
   readonly dashCustom: DashSetup;
 }
 

@@ -17,11 +17,11 @@ const MANIFEST: Manifest = {
 /** A chunk that is there at once: an `mdat` box of nothing. */
 const CHUNK = Uint8Array.from([0, 0, 0, 8, ...new TextEncoder().encode("mdat")]);
 
-/** What was asked for, in its order. */
+/** Requests, in order. */
 let asked: string[];
 /** Of each segment that was asked for: hands out bytes, or ends it. */
 let segments: Map<string, ReadableStreamDefaultController<Uint8Array>>;
-/** What a request for something is answered with in place of a segment. */
+/** Answers that replace a segment. */
 let answers: Map<string, () => Response>;
 let heard: string[];
 let visit: AbortController;

@@ -1,12 +1,12 @@
-/** Fetches a live stream segment by segment, each while it grows, and always has the next one asked for. */
+/** Fetches a live stream segment by segment, each while it grows, with the next one already requested. */
 import { sleep } from "../async/sleep";
 import { StreamEnded } from "../stream/stream";
 import { affordable, DeliveryRate } from "./delivery-rate";
 import type { Manifest, Representation } from "./manifest";
 
-/** The next segment is asked for so long before it begins, in seconds: the server answers when it does. */
+/** Seconds before its start at which the next segment is requested; the server answers at its start. */
 const LEAD = 0.5;
-/** A request that failed on its way is tried again so often, after so many milliseconds. */
+/** Number of retries of a failed request, and the milliseconds between them. */
 const RETRIES = 4;
 const RETRY_AFTER = 250;
 
@@ -31,7 +31,7 @@ export class SegmentFeed {
   readonly #options: FeedOptions;
   readonly #rate = new DeliveryRate();
   readonly #headers = new Map<string, Uint8Array<ArrayBuffer>>();
-  /** Requests that failed since bytes came. */
+  /** Failed requests since the last received bytes. */
   #failures = 0;
 
   constructor(options: FeedOptions) {
@@ -64,7 +64,7 @@ export class SegmentFeed {
     for (let next = this.#open(number, signal); ; number++) {
       const { representation, body } = await next;
       next = this.#openInTime(number + 1, signal);
-      next.catch(() => undefined); // who awaits it hears of it
+      next.catch(() => undefined); // reported where it is awaited
       if (representation !== shown) onBytes(await this.#header(representation, signal));
       shown = representation;
       this.#rate.begin();
@@ -110,7 +110,7 @@ export class SegmentFeed {
   }
 }
 
-/** An answer that is one. Rejects with StreamEnded if the server has nothing there: its session has ended. */
+/** A successful response. Rejects with StreamEnded if the session has ended. */
 export async function fetched(url: string, signal: AbortSignal): Promise<Response> {
   const response = await fetch(url, { signal, cache: "no-store" });
   if (!response.ok) throw new StreamEnded("The DASH stream has ended.");

@@ -4,7 +4,7 @@ import { ServerClock } from "./server-clock";
 test("the answer that took the shortest way counts", () => {
   const clock = new ServerClock();
   expect(clock.at(0)).toBeNaN();
-  clock.heard(10_300, 0, 400); // 10 100 ahead, if it was heard half-way
+  clock.heard(10_300, 0, 400); // 10 100 ahead, if the answer took half the time
   expect(clock.at(0)).toBe(10_100);
   clock.heard(10_510, 500, 520); // 10 000 ahead
   clock.heard(10_700, 600, 900);

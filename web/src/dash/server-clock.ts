@@ -1,4 +1,4 @@
-/** The server's clock, as the page can know it: of the last answers, the one that took the shortest way. */
+/** The page's estimate of the server's clock: the recent answer with the shortest round trip. */
 
 /** Answers that are remembered: clocks drift apart, if slowly. */
 const REMEMBERED = 8;
@@ -6,7 +6,7 @@ const REMEMBERED = 8;
 export class ServerClock {
   #answers: { readonly roundTrip: number; readonly offset: number }[] = [];
 
-  /** The server said that it was `time`, in Unix milliseconds; asked and heard on the page's clock. */
+  /** Takes the server's `time` in Unix milliseconds, with the times of question and answer on the page's clock. */
   heard(time: number, askedAt: number, heardAt: number): void {
     const answer = { roundTrip: heardAt - askedAt, offset: time - (askedAt + heardAt) / 2 };
     this.#answers = [...this.#answers.slice(1 - REMEMBERED), answer];

@@ -36,7 +36,7 @@ export class Chain {
     this.labels = ladder.map((_, rung) => joined(this.#serving(rung)));
   }
 
-  /** Rejects with an EnhancementError, or with the reason of `signal`; then nothing remains of what was loaded. */
+  /** Rejects with an EnhancementError, or with the reason of `signal`, after releasing everything loaded. */
   static async load(device: GPUDevice, models: readonly Enhancer[], place: Place, signal: AbortSignal): Promise<Chain> {
     const loading = await Promise.allSettled(models.map((model) => loadOne(device, model, place, signal)));
     const loaded = loading.flatMap((one) => (one.status === "fulfilled" ? one.value : []));
@@ -54,7 +54,7 @@ export class Chain {
     return { restore: nameOf("restore"), upscale: nameOf("upscale") };
   }
 
-  /** The texture that decoded pictures of a size come in. */
+  /** Input texture for decoded pictures of a size. */
   input({ width, height }: Size): GPUTexture {
     const key = `${width} ${height}`;
     const { TEXTURE_BINDING, COPY_DST, RENDER_ATTACHMENT } = GPUTextureUsage;
@@ -70,7 +70,10 @@ export class Chain {
     return texture;
   }
 
-  /** It holds what so many sizes need that it is time for a new one: a window that is resized has frames of ever new sizes. */
+  /**
+   * It holds resources for so many sizes that it must be replaced: while a window is resized, each frame has another
+   * size.
+   */
   get crowded(): boolean {
     return this.#inputs.size > MOST_SIZES;
   }

@@ -1,4 +1,4 @@
-/** The page's graphics processor, which nobody asks for before the first model is switched on. */
+/** The page's GPU device, requested when the first model is switched on. */
 import { EnhancementError } from "./model/enhancer";
 
 /** Used where the device has them; models look for them in `device.features`. */

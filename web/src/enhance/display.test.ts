@@ -57,9 +57,9 @@ beforeEach(() => {
     canvas: {
       style: canvas.style,
       getContext: () => ({
-        transferFromImageBitmap: (drawn: Frame["bitmap"]) => {
+        transferFromImageBitmap: (drawn: Frame["bitmap"] | null) => {
           canvas.drawn.push(drawn);
-          Object.assign(drawn, { width: 0, height: 0 }); // its pixels are the canvas's
+          if (drawn) Object.assign(drawn, { width: 0, height: 0 }); // its pixels are the canvas's
         },
       }),
     } as unknown as HTMLCanvasElement,
@@ -98,7 +98,7 @@ async function on(name = "a", run?: Parameters<typeof fakeModel>[2]): Promise<vo
   enhancement.set({ renderer: renderer as unknown as Renderer, chain });
 }
 
-/** The graphics processor has done its work on this frame of its own. */
+/** Completes the GPU's work on this frame. */
 async function done(index: number, ms = 2): Promise<void> {
   renderer.frames.at(index)?.done.resolve(ms);
   await settle();
@@ -116,6 +116,15 @@ test("without a model a frame goes to the canvas, and is on the screen in the ne
   expect(canvas.drawn).toEqual([first.bitmap]);
   expect([animationFrame(), animationFrame()]).toEqual([1, undefined]);
   expect(overlay.shows).toBe(false);
+});
+
+test("a cleared display is blank, and tells of no frame that it had", () => {
+  display.show(frame());
+  display.clear();
+  expect(canvas.drawn.at(-1)).toBeNull();
+  expect(animationFrame()).toBeUndefined();
+  display.show(frame());
+  expect(animationFrame()).toBe(2);
 });
 
 test("a picture's margins lie beyond the pane, and those of a picture that is to replace it do not matter yet", async () => {

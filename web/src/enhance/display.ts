@@ -1,6 +1,6 @@
 /**
- * What shows decoded frames: as they come on one canvas, or enhanced on a second one over it. A canvas that bitmaps are handed to
- * cannot become one of WebGPU's, and while no model is chosen, the second is not there for anyone.
+ * Shows decoded frames: on one canvas without a model, or enhanced on a second canvas over it. A canvas used for
+ * bitmaps cannot become a WebGPU canvas, and the second one does not exist while no model is chosen.
  */
 
 import type { FrameHeader } from "../wire/render";
@@ -22,13 +22,13 @@ export interface Enhanced extends Size {
   readonly copy: () => ImageBitmap;
 }
 
-/** A frame that came on the screen. */
+/** A frame on screen without enhancement. */
 export interface OnScreen<Frame> {
   readonly frame: Frame;
   readonly enhanced: Enhanced | null;
 }
 
-/** What is shown: a bitmap, the rung that it has, and its margins beyond what is to be displayed. */
+/** Input of the display: a bitmap, its rung, and its margins beyond the visible part. */
 interface Decoded {
   readonly bitmap: ImageBitmap;
   readonly header: Pick<FrameHeader, "profile" | "margin_x" | "margin_y">;
@@ -40,7 +40,7 @@ interface Extent {
   readonly down: number;
 }
 
-/** An enhanced picture that came on the overlay; `fresh`: none of its frame was there before. */
+/** An enhanced picture on the overlay; `fresh`: the first picture of its frame. */
 export interface Arrived<Frame> {
   readonly frame: Frame;
   readonly enhanced: Enhanced;
@@ -50,7 +50,7 @@ export interface Arrived<Frame> {
 /** A frame that is being enhanced. */
 interface Pending<Frame> {
   readonly picture: Frame;
-  /** Null: nobody is to hear of it. */
+  /** Null: not reported. */
   frame: Frame | null;
   readonly renderer: Renderer;
   readonly names: ReturnType<Chain["names"]>;
@@ -72,9 +72,9 @@ export interface DisplayOptions {
   readonly size: () => Size;
 }
 
-/** So many frames may be in the making: the next one begins while nobody has heard yet that the last is done. */
+/** Number of frames in progress: the next one starts before the last one is known to be complete. */
 const AT_ONCE = MOST_FRAMES - 1;
-/** A frame that is not done after so many animation frames will not do. */
+/** A frame incomplete after this many animation frames is abandoned. */
 const PATIENCE = 60;
 
 export class Display<Frame extends Decoded> {
@@ -83,21 +83,24 @@ export class Display<Frame extends Decoded> {
   readonly #pace = new Pace();
   #pending: readonly Pending<Frame>[] = [];
   #onScreen: Pending<Frame> | null = null;
-  /** Handed to the canvas for frames as they come, and not told of yet. */
+  /** Drawn to the plain canvas and not reported yet. */
   #raw: Frame | null = null;
   /** Came on the overlay in this animation frame. */
   #arrived: Arrived<Frame> | null = null;
-  /** The newest frame that was enhanced, as it came. */
+  /** The newest enhanced frame, before enhancement. */
   #newest: Frame | null = null;
-  /** The newest frame; its bitmap is the canvas's where it was shown as it came. */
+  /** The newest frame; the canvas owns its bitmap if it was shown without enhancement. */
   #latest: Frame | null = null;
   /** Frames that were shown. */
   #shows = 0;
   /** The picture on the screen is to be enhanced anew. */
   #stale = false;
-  /** Why the models are to be given up in the next animation frame: whoever hears of this one's frame may still copy it. */
+  /** Reason to drop the models in the next animation frame: subscribers may still copy the present one. */
   #verdict: string | null = null;
-  /** A frame is about to be shown as it came; its bitmap is gone afterwards. `fresh`: nothing of it was on the screen before. */
+  /**
+   * A frame is about to be shown without enhancement; its bitmap is invalid afterwards. `fresh`: no picture of it was
+   * shown before.
+   */
   onRaw: (frame: Frame, fresh: boolean) => void = () => undefined;
 
   constructor(options: DisplayOptions) {
@@ -129,7 +132,7 @@ export class Display<Frame extends Decoded> {
     this.#shows++;
     this.#stale = false;
     this.#latest = frame;
-    // What was refined is shown as it came: it has the screen's pixels, or soon will.
+    // Refinements are not enhanced: they have the screen's resolution, or will soon.
     const rung = header.profile ?? null;
     if (rung !== null) this.#options.enhancement.seen({ width: bitmap.width, height: bitmap.height, rung });
     if (rung === null || !this.#enhance(frame, frame)) this.#draw(frame, frame);
@@ -146,18 +149,30 @@ export class Display<Frame extends Decoded> {
     return raw ? { frame: raw, enhanced: null } : enhanced;
   }
 
-  /** The picture that came on the overlay in this animation frame, if one did. */
+  /** The picture shown on the overlay in this animation frame, if any. */
   get arrived(): Arrived<Frame> | null {
     return this.#arrived;
   }
 
-  /** Frames that are not on the screen yet are not to be told of. */
+  /** Frames not on screen yet will not be reported. */
   forget(): void {
     this.#raw = null;
     for (const pending of this.#pending) pending.frame = null;
   }
 
-  /** A copy of what is on the screen, without loss. */
+  /** Clears the display until the next frame. */
+  clear(): void {
+    this.forget();
+    this.#context.transferFromImageBitmap(null);
+    this.#release([...this.#pending, this.#onScreen]);
+    this.#pending = [];
+    this.#onScreen = this.#arrived = this.#latest = null;
+    this.#stale = false;
+    this.#keep(null);
+    this.#options.overlay.hide();
+  }
+
+  /** A lossless copy of the screen. */
   async picture(): Promise<ImageBitmap> {
     const shown = this.#onScreen;
     return shown ? shown.renderer.copy(shown.drawn) : createImageBitmap(this.#options.canvas);
@@ -223,7 +238,7 @@ export class Display<Frame extends Decoded> {
       (ms) => {
         pending.ms = ms;
       },
-      () => undefined, // the device was lost, which `enhancement` hears of
+      () => undefined, // the device was lost, as reported to `enhancement`
     );
     if (chain.crowded) enhancement.renew();
     this.#pending = [...this.#pending, pending];
@@ -232,7 +247,7 @@ export class Display<Frame extends Decoded> {
     return true;
   }
 
-  /** Another model is to enhance what is on the screen, too: a camera that stands still gets no frames. */
+  /** Enhances the present frame with newly chosen models: a resting camera receives no frames. */
   async #enhanceAnew(): Promise<void> {
     this.#stale = false;
     if (this.#newest) {
@@ -254,7 +269,7 @@ export class Display<Frame extends Decoded> {
     return { width: Math.round(width * across), height: Math.round(height * down) };
   }
 
-  /** As it came. A canvas does not take its proportions from the bitmap that it is given, and would show it stretched. */
+  /** Shows a frame without enhancement. A canvas does not adopt the proportions of its bitmap and would stretch it. */
   #draw(picture: Frame, frame: Frame | null): void {
     const { canvas, overlay } = this.#options;
     const { bitmap } = picture;
@@ -301,7 +316,7 @@ function extentOf({ bitmap: { width, height }, header }: Decoded): Extent {
   return { across: times(width, header.margin_x), down: times(height, header.margin_y) };
 }
 
-/** Has margins lie beyond the pane: they are seen as soon as nothing turns pictures any more, and would shrink the view. */
+/** Keeps margins outside the pane: they would otherwise appear once warping stops, and shrink the view. */
 function hideMargins({ style }: HTMLCanvasElement, { across, down }: Extent): void {
   style.scale = `${across} ${down}`;
 }

@@ -1,6 +1,6 @@
 /**
- * The models that are chosen, on a device that works: loaded in the background while those of before go on, started again once
- * after the device was lost, and given up with a sentence where they cannot be used.
+ * The chosen models on a working device: loaded in the background while the previous ones continue, restarted once
+ * after a lost device, and dropped with a sentence if unusable.
  */
 import { type ReadonlySignal, signal } from "@preact/signals";
 import { Chain, type Place } from "./chain";
@@ -13,10 +13,10 @@ export type EnhancementStatus =
   | { readonly kind: "off" }
   | { readonly kind: "starting"; readonly message: string | null }
   | { readonly kind: "on"; readonly labels: Chain["labels"] }
-  /** Off by itself, until something is chosen again. */
+  /** Switched off automatically until the next choice. */
   | { readonly kind: "failed"; readonly message: string };
 
-/** What draws, and through which models. */
+/** The renderer and its models. */
 export interface Active {
   readonly renderer: Renderer;
   readonly chain: Chain;
@@ -42,7 +42,7 @@ export class Enhancement {
   #choice: { readonly models: readonly Enhancer[]; readonly place: Place } | undefined;
   #starting = new AbortController();
   #opened: Promise<Opened> | undefined;
-  /** Whose loss and errors concern us: none that was given up. */
+  /** The active device: losses and errors of others are ignored. */
   #device: GPUDevice | undefined;
   #active: Active | null = null;
   #picture: Picture | undefined;
@@ -63,7 +63,7 @@ export class Enhancement {
     return this.#active;
   }
 
-  /** Enhance by these models as soon as they are ready. */
+  /** Switches to these models once they are ready. */
   choose(models: readonly Enhancer[], place: Place): void {
     this.#retried = false;
     this.#choice = { models, place };
@@ -128,10 +128,10 @@ export class Enhancement {
   async #open(): Promise<Opened> {
     const device = await this.#options.open();
     const mine = () => this.#device === device;
-    if (this.#opened !== undefined) this.#device = device; // it is still wanted
+    if (this.#opened !== undefined) this.#device = device; // it is still the current choice
     void device.lost.then(() => mine() && this.#lost());
     device.addEventListener("uncapturederror", (event) => {
-      event.preventDefault(); // it is told here
+      event.preventDefault(); // reported here
       if (mine()) this.giveUp(`${this.#label()} failed: ${firstLine(event.error.message)}`);
     });
     try {
@@ -164,7 +164,7 @@ export class Enhancement {
     this.#release();
     void opened?.then(
       ({ device }) => device.destroy(),
-      () => undefined, // it was told of
+      () => undefined, // already reported
     );
     this.#status.value = status;
   }

@@ -1,4 +1,4 @@
-/** A device and what draws with it, for tests: nothing is drawn, and the test says when a frame is done. */
+/** A device and renderer for tests: nothing is drawn, and the test completes frames. */
 
 import { PAPER_LADDER } from "../abr/ladder";
 import { type Deferred, deferred } from "../async/deferred";
@@ -90,7 +90,7 @@ export const PLACE: Place = {
 
 export const NO_WORK: Loaded = { run: (_, input) => input, dispose: () => undefined };
 
-/** A model that does nothing, and may fail. */
+/** A model without effect, which may fail. */
 export function fakeModel(name: string, part: Partial<Enhancer> = {}, run?: Loaded["run"]) {
   const model = {
     name,

@@ -15,7 +15,7 @@ export interface Sampling {
   readonly length: number;
 }
 
-/** As CSS does with `object-fit: cover`: the picture fills the display, and what is too much of it is cut off on both sides. */
+/** Like `object-fit: cover` in CSS: the picture fills the display and is cropped on both sides. */
 export function cover(picture: Size, display: Size): { readonly across: Sampling; readonly down: Sampling } {
   const step = Math.min(picture.width / display.width, picture.height / display.height);
   const along = (length: number, displayed: number) => ({ origin: (length - displayed * step) / 2, step, length });

@@ -1,4 +1,4 @@
-/** WebGPU's flags: TypeScript's DOM library has its types, not yet these values. */
+/** WebGPU's flags: TypeScript's DOM library has their types, without the values. */
 declare const GPUTextureUsage: {
   readonly COPY_SRC: number;
   readonly COPY_DST: number;

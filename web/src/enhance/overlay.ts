@@ -1,4 +1,4 @@
-/** A canvas over the element that shows frames as they come: there is none before its first frame is shown, and none after the last. */
+/** A canvas over the element with plain frames: created with its first frame, removed after the last. */
 export class Overlay {
   readonly #below: HTMLElement;
   #canvas: HTMLCanvasElement | undefined;
@@ -7,7 +7,7 @@ export class Overlay {
     this.#below = below;
   }
 
-  /** Made when it is first asked for. */
+  /** Created on first use. */
   get canvas(): HTMLCanvasElement {
     this.#canvas ??= this.#below.ownerDocument.createElement("canvas");
     return this.#canvas;

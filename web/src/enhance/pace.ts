@@ -1,6 +1,7 @@
 /**
- * Whether enhancing a frame takes longer than the display shows one. Single frames say nothing: the first compile shaders, and
- * any may meet other work. So it is the median of the last ones, or of a few where it is far too long.
+ * Whether enhancing takes longer than the display's frame interval. Single frames are unreliable: the first ones
+ * compile shaders, and any may coincide with other work. It uses the median of the last ones, or of a few if they are
+ * far too long.
  */
 import { FrameClock } from "../abr/frame-clock";
 import { median } from "./median";
@@ -8,7 +9,7 @@ import { median } from "./median";
 const FRAMES = 15;
 const FEW = 5;
 const FAR = 3;
-/** The display's rate is known after so many animation frames. */
+/** Number of animation frames after which the display's rate is known. */
 const KNOWN = 31;
 
 export class Pace {
@@ -21,7 +22,7 @@ export class Pace {
   tick(now: number): void {
     this.#clock.tick(now);
     if (++this.#ticks < KNOWN) return;
-    // The shortest that was seen: a graphics processor that has too much to do slows down the animation frames, too.
+    // The shortest interval seen: an overloaded GPU also slows down the animation frames.
     this.#interval = Math.min(this.#interval ?? Number.POSITIVE_INFINITY, this.#clock.interval);
   }
 
@@ -30,7 +31,7 @@ export class Pace {
     return this.#interval ?? this.#clock.interval;
   }
 
-  /** A frame was enhanced, in so many milliseconds. Returns the median of the last ones where that is too long, or else null. */
+  /** Records the milliseconds of a frame. Returns the median of the last ones if that is too long, else null. */
   observe(time: number): number | null {
     this.#times = [...this.#times, time].slice(-FRAMES);
     const usual = median(this.#times);

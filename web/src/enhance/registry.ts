@@ -1,9 +1,9 @@
 /**
  * The models of the enhancement stage.
  *
- * To add one: write a file beside those in `models/` that exports an `Enhancer` (`model/enhancer.ts` says what it must do), and
- * enter it here. The panel and the experiment's dialogue offer it then, and URLs (`?restore=NAME&upscale=NAME`) and experiments'
- * files may name it.
+ * To add a model, write a file in `models/` that exports an `Enhancer` (see `model/enhancer.ts`), and list it here. The
+ * panel and the experiment dialog then offer it, and URLs (`?restore=NAME&upscale=NAME`) and experiment files may name
+ * it.
  */
 import { type Enhancer, KINDS, type Kind, OFF } from "./model/enhancer";
 import { ANIME4K } from "./models/anime4k";

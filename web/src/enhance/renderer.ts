@@ -1,6 +1,6 @@
 /**
- * Takes decoded pictures through the models and the resampler onto a canvas; nothing is read back. A frame that was drawn keeps what
- * the last step needs until it is released, so that a copy of it without loss can be had while newer ones are in the making.
+ * Runs decoded pictures through the models and the resampler onto a canvas, without readback. A drawn frame keeps the
+ * inputs of the last step until it is released, so that it can be copied without loss while newer ones are in progress.
  */
 import type { Chain } from "./chain";
 import { cover, type Size } from "./geometry";
@@ -11,7 +11,7 @@ import { Stopwatch } from "./stopwatch";
 /** Frames that may be drawn and not released. */
 export const MOST_FRAMES = 3;
 
-/** As it came, with its place in the ladder, null for one of no rung. */
+/** The input picture with its index in the ladder, null for a frame without a rung. */
 export interface Picture extends Size {
   readonly rung: number | null;
 }
@@ -63,7 +63,9 @@ export class Renderer {
     }));
   }
 
-  /** Compiles what pictures of a size need, before any of them is awaited. Rejects with an EnhancementError if they cannot be enhanced. */
+  /**
+   * Compiles shaders for pictures of a size ahead of time. Rejects with an EnhancementError if they cannot be enhanced.
+   */
   async warmUp(chain: Chain, { width, height, rung }: Picture): Promise<void> {
     this.#device.pushErrorScope("validation");
     let thrown: unknown;
@@ -80,7 +82,7 @@ export class Renderer {
     await this.#device.queue.onSubmittedWorkDone();
   }
 
-  /** Draws a picture as large as it is displayed. It stays open. Throws an EnhancementError if a model does. */
+  /** Draws a picture at its displayed size. The bitmap stays open. Throws an EnhancementError if a model does. */
   draw(bitmap: ImageBitmap, rung: number | null, chain: Chain, display: Size): Drawn {
     const slot = this.#free.pop();
     if (slot === undefined) throw new Error("too many frames are in the making");
@@ -114,7 +116,7 @@ export class Renderer {
     return drawn;
   }
 
-  /** A copy of a frame as it is displayed, without loss. */
+  /** A lossless copy of a displayed frame. */
   copy(drawn: Drawn): ImageBitmap {
     const slot = this.#slots.get(drawn);
     if (slot === undefined) throw new Error("the frame was released");
@@ -127,7 +129,7 @@ export class Renderer {
     return this.#copies.transferToImageBitmap();
   }
 
-  /** No copy of it will be wanted. */
+  /** Releases a frame, which can no longer be copied. */
   release(drawn: Drawn): void {
     const slot = this.#slots.get(drawn);
     if (slot === undefined) return;

@@ -1,4 +1,4 @@
-/** How long a frame's work takes the graphics processor: by its own clock where it tells of it, else until it says that it is done. */
+/** GPU time of a frame: by timestamp queries where available, else the time until the work is reported as complete. */
 
 const BYTES = 16;
 
@@ -37,7 +37,9 @@ export class Stopwatch {
     encoder.copyBufferToBuffer(this.#resolved, 0, this.#read, 0, BYTES);
   }
 
-  /** In milliseconds, once the work is done; null if the clock says something absurd, as it may after a pause of the processor. */
+  /**
+   * In milliseconds, once the work is done; null if the clock's values are absurd, as after a suspension of the GPU.
+   */
   async read(atMost: number): Promise<number | null> {
     await this.#read.mapAsync(GPUMapMode.READ);
     const [begun = 0n, ended = 0n] = new BigUint64Array(this.#read.getMappedRange());

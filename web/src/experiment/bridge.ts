@@ -2,7 +2,7 @@
 import * as v from "valibot";
 import { readSampledRun, type SampledRun } from "../samples/sampled-runs";
 import { whyFewer } from "../samples/sampler";
-import { LOCAL_FORMS, type Settings } from "../state/settings";
+import type { Settings } from "../state/settings";
 import type { ScenePose } from "../view/camera";
 import type { Recording, Sample } from "../wire/store";
 import type { Runner, RunnerState, RunPlan } from "./runner";
@@ -15,7 +15,7 @@ const Plan = v.object({
   duration_ms: v.pipe(v.number(), v.minValue(1)),
   capture_every_ms: v.pipe(v.number(), v.minValue(0)),
   sample_stride: v.optional(v.pipe(v.number(), v.integer(), v.minValue(0)), 0),
-  download: v.optional(v.nullable(v.picklist(LOCAL_FORMS)), null),
+  download: v.optional(v.boolean(), false),
 });
 
 export interface SampleList {

@@ -1,6 +1,7 @@
 import { expect, test } from "vitest";
 import { type Draft, parseDraft, toggled } from "./draft";
-import { constantLink, type ExperimentPlan, FROM_THE_START, type Network } from "./plan";
+import { experimentPlan } from "./fake-plan";
+import { constantLink, type ExperimentPlan, type Network } from "./plan";
 
 const DRAFT: Draft = {
   name: " bus ",
@@ -31,29 +32,15 @@ const parsed = (more: Partial<Draft> = {}, present: Network | string = PRESENT) 
 
 test("a draft becomes a plan", () => {
   expect(parsed()).toEqual({
-    plan: {
+    plan: experimentPlan({
       name: "bus",
-      scene: "courtyard",
-      movement: "stroll",
       network: { link: null, trace: "4g-bus", rtt_ms: 100 },
-      modes: ["stateless"],
-      profiles: ["latency"],
-      segments: FROM_THE_START,
       repeats: 3,
       duration_s: 20,
       warm_up_s: 3,
-      dash_frame_rate: null,
-      restore: "off",
-      upscale: "off",
-      reprojection: false,
-      prediction: "off",
-      overscan: "auto",
-      depth: true,
-      surround: true,
-      seed: 1,
       shuffled: true,
       sample_stride: 30,
-    },
+    }),
   });
 });
 
@@ -89,9 +76,9 @@ test("different parts are taken of trace and movement, by the seed", () => {
 
 test.each<[Partial<Draft>, string]>([
   [{ segments: "10" }, "The trace has room for 9 parts of 20 s, not for 10."],
-  [{ segments: "0" }, "“Different parts” must be a whole number from 1 to 100."],
+  [{ segments: "0" }, "“Vary the movement” must be a whole number from 1 to 100."],
   [{ seed: "-1" }, "“Seed” must be a whole number from 0 to 4,294,967,295."],
-  [{ stride: "0.5" }, "“Sample every n-th frame” must be a whole number from 0 to 100,000."],
+  [{ stride: "0.5" }, "“Save every n-th frame” must be a whole number from 0 to 100,000."],
   [{ name: "  " }, "The experiment needs a name."],
   [{ name: "x".repeat(101) }, "The name must not be longer than 100 characters."],
   [{ movement: null }, "Choose a movement."],

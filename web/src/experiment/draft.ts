@@ -1,4 +1,4 @@
-/** What a person has filled in to set up an experiment: from a draft to a plan, or a sentence that says what is wrong. Pure. */
+/** The form that sets up an experiment: turns a draft into a plan, or into a sentence on the problem. Pure. */
 import type { FrameRate } from "../dash/presets";
 import type { PredictorName } from "../predict/registry";
 import {
@@ -16,7 +16,7 @@ export interface Draft {
   readonly name: string;
   /** The chosen movement, as the list of movements knows it. */
   readonly movement: string | null;
-  /** Of the shaper; null: the link as it is. */
+  /** Name at the shaper; null: the current link. */
   readonly trace: string | null;
   /** As typed, in milliseconds; empty: the trace's own. */
   readonly rtt: string;
@@ -37,7 +37,7 @@ export interface Draft {
   readonly repeats: string;
   readonly duration: string;
   readonly seed: string;
-  /** Of the mode `stateless`: every so many shown frames, one is sampled; 0 samples none. */
+  /** For the mode `stateless`: every n-th shown frame is sampled; 0 samples none. */
   readonly stride: string;
   /** A person's input is ignored during the runs. */
   readonly locked: boolean;
@@ -49,10 +49,10 @@ export interface Draft {
 const LIMITS = {
   name: 100,
   rtt: { label: "Round trip", unit: "ms", min: 0, max: 120_000, whole: false },
-  segments: { label: "Different parts", unit: "", min: 1, max: MAX_SEGMENTS, whole: true },
+  segments: { label: "Vary the movement", unit: "", min: 1, max: MAX_SEGMENTS, whole: true },
   seed: { label: "Seed", unit: "", min: 0, max: 2 ** 32 - 1, whole: true },
   repeats: { label: "Runs of each", unit: "", min: 1, max: MAX_REPEATS, whole: true },
-  stride: { label: "Sample every n-th frame", unit: "", min: 0, max: 100_000, whole: true },
+  stride: { label: "Save every n-th frame", unit: "", min: 0, max: 100_000, whole: true },
   duration: { label: "Each run lasts", unit: "s", min: 1, max: 7200, whole: false },
 } as const;
 
@@ -65,7 +65,7 @@ export interface Lengths {
   readonly traces: Readonly<Record<string, number>>;
 }
 
-/** `present` is the link as it is, or why it cannot be used as that. */
+/** `present` is the current link, or the reason why it is unusable. */
 export function parseDraft(
   draft: Draft,
   scene: string,

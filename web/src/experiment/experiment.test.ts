@@ -4,32 +4,11 @@ import type { Sampled } from "../samples/sampler";
 import type { Recording, RunUpload } from "../wire/store";
 import { RunFailed } from "./errors";
 import { Experiment, type ExperimentDependencies } from "./experiment";
-import { type ExperimentPlan, FROM_THE_START, type PlannedRun, runsOf, UNSHAPED } from "./plan";
+import { experimentPlan } from "./fake-plan";
+import { type PlannedRun, runsOf } from "./plan";
 import type { StoreApi } from "./store-api";
 
-const PLAN: ExperimentPlan = {
-  name: "two",
-  scene: "courtyard",
-  movement: "stroll",
-  network: UNSHAPED,
-  modes: ["stateless"],
-  profiles: ["latency", "budget"],
-  repeats: 2,
-  segments: FROM_THE_START,
-  dash_frame_rate: null,
-  restore: "off",
-  upscale: "off",
-  reprojection: false,
-  prediction: "off",
-  overscan: "auto",
-  depth: true,
-  surround: true,
-  seed: 1,
-  shuffled: false,
-  duration_s: 10,
-  warm_up_s: 2,
-  sample_stride: 0,
-};
+const PLAN = experimentPlan({ profiles: ["latency", "budget"], repeats: 2 });
 
 function measured(run: PlannedRun): RunUpload {
   const recording: Recording = {
@@ -105,6 +84,15 @@ test("a run that fails is marked with its sentence, and the others go on", async
     ["complete", null],
     ["complete", null],
   ]);
+});
+
+test("a recording that cannot be evaluated fails its run alone", async () => {
+  const measure: ExperimentDependencies["measure"] = async (run, stage, signal) => {
+    const whole = await dependencies.measure(run, stage, signal);
+    return made.length === 1 ? { ...whole, recording: { ...whole.recording, frames: null as never } } : whole;
+  };
+  const { results } = await conducted({ measure });
+  expect(results.value.map(({ status }) => status)).toEqual(["failed", "complete", "complete", "complete"]);
 });
 
 test("cancelling ends the present run, keeps what was finished, and makes no other", async () => {

@@ -1,6 +1,6 @@
 /**
- * One experiment of the page: its runs one after the other, what became of each, and how far it is. A run that fails is marked,
- * and the others go on. What makes a run and what keeps it come in, and so does time.
+ * One experiment of the page: its runs in sequence, their outcomes, and progress. A failed run is marked, and the
+ * others continue. Measuring, storing and time are dependencies.
  */
 
 import { computed, signal } from "@preact/signals";
@@ -20,14 +20,14 @@ export interface Progress {
   readonly run: number;
   readonly of: number;
   readonly planned: PlannedRun;
-  /** What is going on. */
+  /** The present step. */
   readonly stage: string;
   /** When the first run began and the last will have ended, on the page's clock. */
   readonly startedAt: number;
   readonly endsAt: number;
 }
 
-/** What remains of an experiment that the store has. */
+/** The missing part of a stored experiment. */
 export interface ResumedExperiment {
   /** The store's name for it. */
   readonly id: string;
@@ -36,10 +36,10 @@ export interface ResumedExperiment {
 }
 
 export interface ExperimentDependencies {
-  /** Makes a run; rejects with what failed, or with the reason of `signal`. */
+  /** Makes a run; rejects with the failure, or with the reason of `signal`. */
   readonly measure: (run: PlannedRun, stage: (what: string) => void, signal: AbortSignal) => Promise<RunUpload>;
   readonly store: Pick<StoreApi, "create" | "add"> | null;
-  /** What became of the samples of the last run; null if there were to be none. */
+  /** Outcome of the last run's samples; null if none were requested. */
   readonly sampled: () => Sampled | null;
   /** Brings samples to a run of the store; rejects with an ApiError, or with the reason of `signal`. */
   readonly uploadSamples: (
@@ -65,14 +65,14 @@ export class Experiment {
   readonly id = signal<string | null>(null);
   /** Why the store does not keep it, in one sentence. */
   readonly notice = signal<string | null>(null);
-  /** What no store has was saved as a file. */
+  /** Everything not in a store was saved as a file. */
   readonly saved = signal(false);
   /** It would be lost with the page. */
   readonly unsaved = computed(() => !this.saved.value && this.results.value.some(({ unstored }) => unstored !== null));
   readonly #runs: readonly PlannedRun[];
   readonly #dependencies: ExperimentDependencies;
   readonly #cancelled = new AbortController();
-  /** What each run took beside its warm-up and movement, in milliseconds. */
+  /** Time of each run in addition to its warm-up and movement, in milliseconds. */
   readonly #overheads: number[] = [];
 
   /** All runs of the plan, unless some of them were made before. */
@@ -122,7 +122,7 @@ export class Experiment {
     this.progress.value = null;
   }
 
-  /** Offers the store once more what it does not have; rejects never. */
+  /** Uploads everything missing in the store again; never rejects. */
   async store(): Promise<void> {
     await this.#begin();
     for (const [index, result] of this.results.peek().entries()) {
@@ -146,8 +146,11 @@ export class Experiment {
 
   async #make(run: PlannedRun, stage: (what: string) => void): Promise<RunResult> {
     let measured: RunUpload;
+    let shown: Pick<RunResult, "inputLatencies" | "hidden" | "figures">;
     try {
       measured = await this.#dependencies.measure(run, stage, this.#cancelled.signal);
+      const { recording } = measured;
+      shown = { inputLatencies: inputLatencies(recording), hidden: recording.hidden, figures: figures(recording) };
     } catch (error) {
       const nothing = {
         run,
@@ -162,7 +165,6 @@ export class Experiment {
       return { ...nothing, status: "failed", problem: sentence(error) };
     }
     stage("Stores the run");
-    const { recording } = measured;
     const { place, ...stored } = await this.#stored(measured);
     const sampled = this.#dependencies.sampled();
     const key = sampled?.key ?? null;
@@ -170,16 +172,14 @@ export class Experiment {
     return {
       run,
       status: "complete",
-      inputLatencies: inputLatencies(recording),
-      hidden: recording.hidden,
-      figures: figures(recording),
+      ...shown,
       ...stored,
       samplesProblem: sampled && (whyFewer(sampled) ?? (place === null ? HERE_ONLY : null)),
       ...samples,
     };
   }
 
-  /** What is left of samples after they were offered to the store. */
+  /** The remaining samples after an upload to the store. */
   async #uploaded(
     key: string | null,
     place: RunPlace,

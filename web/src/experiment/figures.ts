@@ -1,7 +1,8 @@
 /**
- * The figures of a run that the page shows, with the definitions of `docs/compare.md`: the twin of the store's
- * (`tigas_experiments/records/statistics.py`), for runs that no store keeps. Pure: a recording in, figures out.
+ * The figures of a run that the page shows, with the definitions of `docs/experiments.md`: the twin of the store's
+ * (`tigas_experiments/records/statistics.py`) for runs that no store keeps. The tests of both read `figures.golden.json`. Pure.
  */
+import { AGE_EVERY_MS, INTERACTIVE_MS, USUAL_INTERVAL_MS } from "../wire/figures";
 import type { Recording } from "../wire/store";
 import type { RecordedEvents } from "./recorder";
 
@@ -11,10 +12,10 @@ export interface RunFigures {
   readonly p90: number | null;
   readonly p95: number | null;
   readonly p99: number | null;
-  /** The same until the picture had turned, whatever pixels it was made of. */
+  /** The same until the picture was warped, whatever the age of its pixels. */
   readonly viewP50: number | null;
   readonly viewP95: number | null;
-  /** Of all inputs, those shown within `INTERACTIVE`, 0 to 1; null if nothing moved. */
+  /** Of all inputs, those shown within `INTERACTIVE_MS`, 0 to 1; null if nothing moved. */
   readonly interactive: number | null;
   /** The same, were the limit one frame of the display less, or one more. */
   readonly interactiveFrameLess: number | null;
@@ -23,11 +24,11 @@ export interface RunFigures {
   readonly contentAge: number | null;
   /** Frames a second that show a later pose than all before them: a video repeats pictures. */
   readonly newViewsPerSecond: number;
-  /** Of what was on the screen, weighted by time, in pixels; null without frames. */
+  /** Height on screen, weighted by time, in pixels; null without frames. */
   readonly meanHeight: number | null;
   /** Changes of the ladder's rung. */
   readonly switches: number;
-  /** What the page received of frames or segments, in bits a second; null if it did not count. */
+  /** Received rate of frames or segments, in bits per second; null if not counted. */
   readonly received: number | null;
 }
 
@@ -37,18 +38,11 @@ export interface InputLatency {
   readonly latency: number;
 }
 
-/** The latency that counts as immediate, in milliseconds: between two frames of a 60 Hz display (`docs/compare.md`). */
-export const INTERACTIVE = 108;
-/** Between two frames of a display, where a recording does not say, in milliseconds. */
-const USUAL_INTERVAL = 1000 / 60;
-/** How often the age of what is on the screen is sampled, in milliseconds. */
-const AGE_EVERY = 5;
-
 type Frame = RecordedEvents["frames"][number];
 
 /** The pose that a frame's pixels are of. */
 const content = ({ pose }: Frame) => pose;
-/** The pose that a picture shows, turned or as it came. */
+/** The pose that a picture shows, with or without a warp. */
 const view = ({ pose, view }: Frame) => view ?? pose;
 
 /** For each input, the first frame of its pose or of a later one. */
@@ -77,7 +71,7 @@ export function figures(
   const views = inputLatencies(recording, view).map(({ latency }) => latency);
   const during = frames.filter(({ at }) => at >= 0 && at <= duration_ms);
   const rungs = during.flatMap(({ rung }) => rung ?? []);
-  const interval = recording.display_interval_ms ?? USUAL_INTERVAL;
+  const interval = recording.display_interval_ms ?? USUAL_INTERVAL_MS;
   const within = (limit: number) =>
     latencies.length ? latencies.filter((latency) => latency <= limit).length / latencies.length : null;
   return {
@@ -87,9 +81,9 @@ export function figures(
     p99: percentile(latencies, 0.99),
     viewP50: percentile(views, 0.5),
     viewP95: percentile(views, 0.95),
-    interactive: within(INTERACTIVE),
-    interactiveFrameLess: within(INTERACTIVE - interval),
-    interactiveFrameMore: within(INTERACTIVE + interval),
+    interactive: within(INTERACTIVE_MS),
+    interactiveFrameLess: within(INTERACTIVE_MS - interval),
+    interactiveFrameMore: within(INTERACTIVE_MS + interval),
     contentAge: contentAge(recording, interval),
     newViewsPerSecond: (newViews(during) * 1000) / duration_ms,
     meanHeight: meanHeight(during, duration_ms),
@@ -111,11 +105,11 @@ function contentAge(
   interval: number,
 ): number | null {
   if (inputs.length === 0) return null;
-  const ticks = Math.ceil(duration_ms / AGE_EVERY);
+  const ticks = Math.ceil(duration_ms / AGE_EVERY_MS);
   let shown = -1; // at first, the picture of the time before the run
   let next = 0;
   let sum = 0;
-  for (let at = 0; at < ticks * AGE_EVERY; at += AGE_EVERY) {
+  for (let at = 0; at < ticks * AGE_EVERY_MS; at += AGE_EVERY_MS) {
     for (let frame = frames[next]; frame !== undefined && frame.at <= at; frame = frames[++next]) shown = frame.pose;
     const newer = inputs[firstNewer(inputs, shown)];
     if (newer !== undefined && newer.at <= at) sum += at - newer.at + interval;

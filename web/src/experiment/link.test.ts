@@ -29,7 +29,7 @@ const PLAYING: ShaperStatus = {
 };
 const BUS = { link: null, trace: "bus", rtt_ms: 80 };
 const AS_IT_IS = constantLink(LINK);
-const CHANGED = "Somebody else changed the link during the run.";
+const CHANGED = "The link was changed from outside during the run.";
 
 test.each<[string, Partial<ShaperStatus>, string | null]>([
   ["played on", { position_ms: 12_200 }, null],

@@ -6,7 +6,7 @@ import type { LinkSample } from "../wire/store";
 import { RunFailed } from "./errors";
 import { constantLink, type Network, networkLabel, type PlannedRun, UNSHAPED } from "./plan";
 
-/** What was seen of a link: when (performance.now), and how it was. */
+/** An observation of a link: its time (performance.now), and its state. */
 export type LinkHistory = readonly { readonly at: number; readonly status: ShaperStatus }[];
 
 export interface RunLink {
@@ -18,22 +18,22 @@ export interface RunLink {
   release(): Promise<void>;
 }
 
-/** A trace's position may differ by so much from the time that has passed, in milliseconds. */
+/** Tolerated difference between a trace's position and the elapsed time, in milliseconds. */
 const JUMP = 1000;
 const CONDITIONS = ["down_kbps", "up_kbps", "delay_ms", "jitter_ms", "loss_pct"] as const;
 
-/** The link as it is; or why it cannot be used as that, in one sentence. */
+/** The current link; or the reason why it is unusable, in one sentence. */
 export function presentNetwork(shaper: Shaper | null): Network | string {
   if (shaper === null) return UNSHAPED;
   const status = shaper.status.value;
-  if (status === null) return shaper.connectionError.value ?? "The shaper has not told of its link yet.";
+  if (status === null) return shaper.connectionError.value ?? "The shaper has not reported its link yet.";
   if (status.mode === "playing") {
     return `The trace ${status.trace} plays on the link: choose it as the network, or stop it first.`;
   }
   return constantLink(status.link);
 }
 
-/** A run's network; to the link as it is, nothing is done. */
+/** A run's network; the current link is left unchanged. */
 export function linkFor(shaper: Shaper | null, { network }: Pick<PlannedRun, "network">): RunLink {
   const { link, trace, rtt_ms, offset_s = 0 } = network;
   if (link === null && trace === null) return { hold: async () => {}, play: async () => null, release: async () => {} };
@@ -44,7 +44,7 @@ export function linkFor(shaper: Shaper | null, { network }: Pick<PlannedRun, "ne
     const present = () => {
       const status = shaper.status.peek();
       if (status === null)
-        throw new RunFailed(shaper.connectionError.peek() ?? "The shaper has not told of its link yet.");
+        throw new RunFailed(shaper.connectionError.peek() ?? "The shaper has not reported its link yet.");
       if (isAsked(network, status)) return status;
       throw new RunFailed(`The link is not ${networkLabel(network)} any more, as it was when the experiment began.`);
     };
@@ -66,14 +66,14 @@ export function linkFor(shaper: Shaper | null, { network }: Pick<PlannedRun, "ne
   };
 }
 
-/** What is wrong with the link of a run at one status after another, in one sentence; null if it is what was asked for. */
+/** The fault of a run's link in its successive states, in one sentence; null if it is as requested. */
 export function linkProblem(network: Network, before: ShaperStatus, status: ShaperStatus): string | null {
   if (status.closed !== null) return `The link was closed during the run: ${status.closed}`;
   const undisturbed = isAsked(network, status) && (network.trace === null || goesOn(before, status));
-  return undisturbed ? null : "Somebody else changed the link during the run.";
+  return undisturbed ? null : "The link was changed from outside during the run.";
 }
 
-/** Remembers how the link is until it is told to stop. */
+/** Records the link's state until stopped. */
 export function watchLink(
   shaper: Shaper | null,
   now: () => number,
@@ -86,7 +86,7 @@ export function watchLink(
   return { history, stop };
 }
 
-/** What was seen while a run lasted, on its own clock. */
+/** Observations during a run, on its own clock. */
 export function linkSamples(history: LinkHistory, startedAt: number, endedAt: number): LinkSample[] {
   return history
     .filter(({ at }) => at >= startedAt && at <= endedAt)
@@ -111,7 +111,7 @@ function same(asked: LinkSetting, link: LinkSetting): boolean {
   return CONDITIONS.every((condition) => asked[condition] === link[condition]);
 }
 
-/** Whether a trace, which begins again at its end, has gone on for as long as time has passed. */
+/** Whether a looping trace has advanced by the elapsed time. */
 function goesOn(before: ShaperStatus, { time_ms, position_ms, duration_ms }: ShaperStatus): boolean {
   const ahead = (position_ms ?? 0) - (before.position_ms ?? 0) - (time_ms - before.time_ms);
   const duration = duration_ms ?? 0;

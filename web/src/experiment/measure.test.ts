@@ -56,14 +56,14 @@ const PLAYING = {
 } as ShaperStatus;
 const PROMISED = { complete: true, hidden: false, ended_ms: 10_100, frames: [{}] } as unknown as Recording;
 
-/** What was done, in order. */
+/** Actions, in order. */
 let events: string[];
 let now: number;
 let playedAt: number;
 let ready: boolean;
 let problem: string | null;
 let recording: Recording;
-/** What happens while the movement plays. */
+/** Events during the movement. */
 let meanwhile: () => void;
 let points: readonly TimedPose[];
 let shaper: ReturnType<typeof fakeShaper>;
@@ -247,7 +247,7 @@ test.each<[string, Partial<PlannedRun>, () => void]>([
     },
   ],
   [
-    "Somebody else changed the link during the run.",
+    "The link was changed from outside during the run.",
     {},
     () => {
       shaper.status.value = { ...PLAYING, trace: "train", time_ms: 1100 };
@@ -355,9 +355,7 @@ test("a shaper that refuses fails the run in its own words; one that cannot be g
 test("models that cannot be used fail the run before it plays, with the reason", async () => {
   problem = "There are no weights for this scene.";
   const { outcome } = await measured({ upscale: "bicubic" });
-  expect(outcome).toEqual(
-    new RunFailed("Frames cannot be shown as they are to be. There are no weights for this scene."),
-  );
+  expect(outcome).toEqual(new RunFailed("Frames cannot be shown as configured. There are no weights for this scene."));
   expect(events).not.toContain("play");
 });
 
@@ -383,11 +381,11 @@ test("a download begins when the movement does, and none of it that comes in tim
   const modes: string[] = [];
   meanwhile = () => {
     modes.push(settings.value.mode);
-    changeSettings({ mode: "local", localForm: played.download ?? "compressed" });
+    changeSettings({ mode: "local" });
   };
-  const { outcome } = await measured({ mode: "local-ply" });
-  expect(outcome).toMatchObject({ configuration: { mode: "local-ply" }, recording: { complete: true } });
-  expect([played.download, modes]).toEqual(["ply", ["stateless"]]);
+  const { outcome } = await measured({ mode: "local-compressed" });
+  expect(outcome).toMatchObject({ configuration: { mode: "local-compressed" }, recording: { complete: true } });
+  expect([played.download, modes]).toEqual([true, ["stateless"]]);
 });
 
 test("a scene that this browser cannot draw fails the run, in the viewer's words", async () => {

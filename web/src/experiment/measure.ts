@@ -12,7 +12,7 @@ import type { ShaperStatus } from "../wire/shaper";
 import type { RunUpload } from "../wire/store";
 import { RunFailed } from "./errors";
 import { linkFor, linkProblem, linkSamples, watchLink } from "./link";
-import { downloadOf, isDash, isLocal, isStreamed, type PlannedRun, settingsFor } from "./plan";
+import { isDash, isLocal, isStreamed, type PlannedRun, settingsFor } from "./plan";
 import type { Runner } from "./runner";
 
 export interface MeasurementContext {
@@ -28,13 +28,13 @@ export interface MeasurementContext {
 /** How long the viewer may take to show the first pose, in milliseconds. */
 const READY_WITHIN = 60_000;
 const LOOK_EVERY = 50;
-/** A shaper tells of its link five times a second; one of which nothing was heard for so long has gone. In milliseconds. */
+/** A shaper reports its link five times per second; without a report for this many milliseconds it counts as lost. */
 const SILENCE = 2000;
 const HIDDEN = "The page was hidden, so that not all of the run could be shown.";
 
 /**
- * `stage` hears what is going on. Rejects with a RunFailed or a ShaperError, or with the reason of `signal`.
- * Afterwards the link is the shaper's own again, and the camera stands at the movement's first pose.
+ * `stage` is called with the present step. Rejects with a RunFailed or a ShaperError, or with the reason of `signal`.
+ * Afterwards the link is the shaper's own again, and the camera is at the movement's first pose.
  */
 export async function measure(
   { session, runner, shaper, points, experiment }: MeasurementContext,
@@ -54,11 +54,10 @@ export async function measure(
     await link.hold();
     runner.settings(settingsFor(run));
     runner.seed(run.seed);
-    const download = downloadOf(run.mode);
-    const asked = [
-      settings.peek(),
-      ...(download ? [{ ...settings.peek(), mode: "local", localForm: download } as const] : []),
-    ].map(decisive);
+    const download = isLocal(run.mode);
+    const asked = [settings.peek(), ...(download ? [{ ...settings.peek(), mode: "local" } as const] : [])].map(
+      decisive,
+    );
     await waitUntil(
       () => runner.state().ready,
       READY_WITHIN,
@@ -66,7 +65,7 @@ export async function measure(
       signal,
     );
     const { problem } = runner.state();
-    if (problem !== null) throw new RunFailed(`Frames cannot be shown as they are to be. ${problem}`);
+    if (problem !== null) throw new RunFailed(`Frames cannot be shown as configured. ${problem}`);
     stage("Warms up");
     await sleep(run.warm_up_s * 1000, signal);
     stage("Plays the movement");
@@ -88,8 +87,8 @@ export async function measure(
       if (!recording.complete) {
         throw new RunFailed(recording.hidden ? HIDDEN : "The movement was not played to its end without a pause.");
       }
-      // A scene of which nothing came in time is a result.
-      if (recording.frames.length === 0 && download === null) throw new RunFailed("No frame came during the run.");
+      // A scene that did not arrive in time is a result.
+      if (recording.frames.length === 0 && !download) throw new RunFailed("No frame came during the run.");
       if (played !== null && performance.now() - (watch.history.at(-1)?.at ?? 0) > SILENCE) {
         throw new RunFailed("The shaper fell silent during the run.");
       }
@@ -103,7 +102,7 @@ export async function measure(
         backend: shaper?.status.peek()?.backend ?? null,
       };
     } catch (error) {
-      await runner.discardSamples().catch(() => undefined); // they can be deleted in the list, too
+      await runner.discardSamples().catch(() => undefined); // they can also be deleted in the list
       throw error;
     } finally {
       watch.stop();
@@ -111,7 +110,7 @@ export async function measure(
     }
   } finally {
     runner.stand(first); // until the next run: a person's keys must not move the camera meanwhile
-    // What was measured counts all the same; a link that stays as it is will be told of by the next run.
+    // The measurement counts all the same; the next run reports a link that does not change back.
     await link.release().catch(() => undefined);
   }
 }
@@ -162,7 +161,7 @@ function watchForTrouble(
     const status = shaper?.status.value ?? null;
     if (known === null) return null; // without a shaper
     if (status === null) return shaper?.connectionError.value ?? null;
-    if (status.time_ms <= known.time_ms) return null; // told before the link was as it was asked for
+    if (status.time_ms <= known.time_ms) return null; // reported before the link was as requested
     const said = linkProblem(run.network, known, status);
     known = status;
     return said;
@@ -179,12 +178,12 @@ function from(points: readonly TimedPose[], begin: number): readonly TimedPose[]
   return points.map((point) => ({ ...point, t_ms: point.t_ms - begin }));
 }
 
-/** Of settings, those that decide what is measured, as text. */
+/** The settings that affect the measurement, as text. */
 function decisive(chosen: Settings): string {
   const { transport, mode, controller, profile, refine, restore, upscale, webp } = chosen;
   const { reprojection, prediction, overscan, depth, surround } = chosen;
-  const { dashPreset, dashFrameRate, dashRepresentation, dashCustom, webrtcStream, localForm } = chosen;
-  const opened = [dashPreset, dashFrameRate, dashRepresentation, dashCustom, webrtcStream, localForm];
+  const { dashPreset, dashFrameRate, dashRepresentation, dashCustom, webrtcStream } = chosen;
+  const opened = [dashPreset, dashFrameRate, dashRepresentation, dashCustom, webrtcStream];
   const motion = [reprojection, prediction, overscan, depth, surround];
   return JSON.stringify([transport, mode, controller, profile, refine, restore, upscale, webp, ...opened, ...motion]);
 }

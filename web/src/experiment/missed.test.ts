@@ -1,5 +1,5 @@
 import { expect, test } from "vitest";
-import { displayInterval, missedFrames } from "./missed";
+import { displayInterval, intervalAtRest, missedFrames } from "./missed";
 
 const every = (interval: number, count: number, jitter = 0) =>
   Array.from({ length: count }, (_, i) => i * interval + (i % 2) * jitter);
@@ -14,6 +14,11 @@ test.each([
   ],
 ])("the interval of a display %s", (_, times, interval) => {
   expect(displayInterval(times)).toBe(interval);
+});
+
+test("the interval at rest is the usual one, and unknown with few frames", () => {
+  expect(intervalAtRest([...every(20, 30), 800, 803])).toBe(20);
+  expect(intervalAtRest(every(20, 20))).toBeNull();
 });
 
 test("one animation frame has no interval, nor have two at the same time", () => {

@@ -1,15 +1,15 @@
 import { expect, test } from "vitest";
+import labels from "../../../tests/common/wire/network_labels.golden.json";
 import { DEFAULT_SETTINGS, validSettings } from "../state/settings";
+import { MODES } from "../wire/run";
 import type { RunRow } from "../wire/store";
+import { experimentPlan } from "./fake-plan";
 import {
   conditionLabel,
   constantLink,
-  downloadOf,
-  type ExperimentPlan,
-  FROM_THE_START,
+  isLocal,
   missingRuns,
   networkLabel,
-  RUN_MODES,
   readPlan,
   runsOf,
   settingsFor,
@@ -17,29 +17,16 @@ import {
   UNSHAPED,
 } from "./plan";
 
-const PLAN: ExperimentPlan = {
+const PLAN = experimentPlan({
   name: "bus",
-  scene: "courtyard",
-  movement: "stroll",
   network: { link: null, trace: "4g-bus", rtt_ms: 100 },
   modes: ["stateless", "dash-tuned"],
   profiles: ["latency", "budget", 1],
   repeats: 2,
-  segments: FROM_THE_START,
-  dash_frame_rate: null,
-  restore: "off",
-  upscale: "off",
-  reprojection: false,
-  prediction: "off",
-  overscan: "auto",
-  depth: true,
-  surround: true,
-  seed: 1,
-  shuffled: false,
   duration_s: 20,
   warm_up_s: 3,
   sample_stride: 30,
-};
+});
 
 test("repeats all of them, not each of them, and multiplies only the stateless mode by the controllers", () => {
   const runs = runsOf(PLAN).map((run) => [run.repeat, conditionLabel(run)]);
@@ -137,27 +124,18 @@ test("plans of before have one part and their own order", () => {
 
 const FAST = { down_kbps: 100_000, up_kbps: 50_000 };
 
-test.each([
-  [FAST, "100mbit,50mbit-up"],
-  [{ ...FAST, up_kbps: 10_000, delay_ms: 10 }, "100mbit,20ms-rtt"],
-  [
-    { down_kbps: 512, up_kbps: 0, delay_ms: 12.25, jitter_ms: 2, loss_pct: 0.1 },
-    "0.512mbit,0mbit-up,2ms-jitter,0.1%-loss,24.5ms-rtt",
-  ],
-  [{ down_kbps: 100_000 / 3, up_kbps: 10_000 }, "33.333mbit"],
-])("the constant link %j is called %s", (link, label) => {
-  const network = constantLink(link);
-  expect(network).toEqual({ link: { delay_ms: 0, jitter_ms: 0, loss_pct: 0, ...link }, trace: null, rtt_ms: null });
-  expect(networkLabel(network)).toBe(label);
+test("a constant link has no delay, jitter or loss unless they are given", () => {
+  const link = { ...FAST, delay_ms: 0, jitter_ms: 0, loss_pct: 0 };
+  expect(constantLink(FAST)).toEqual({ link, trace: null, rtt_ms: null });
+  expect(constantLink({ ...FAST, delay_ms: 10 }).link).toEqual({ ...link, delay_ms: 10 });
 });
 
-test.each([
-  [UNSHAPED, "unshaped"],
-  [{ link: null, trace: "4g-bus", rtt_ms: null }, "4g-bus"],
-  [{ link: null, trace: "4g-bus", rtt_ms: 100 }, "4g-bus,100ms-rtt"],
-])("the network %j is called %s", (network, label) => {
-  expect(networkLabel(network)).toBe(label);
-});
+test.each(labels.map(({ label, ...network }) => [label, network] as const))(
+  "a network is called %s",
+  (label, network) => {
+    expect(networkLabel(network)).toBe(label);
+  },
+);
 
 test.each([PLAN, { ...PLAN, network: UNSHAPED }, { ...PLAN, network: constantLink(FAST) }])(
   "a plan is read as it was stored",
@@ -181,7 +159,7 @@ test("what is missing are the runs that are not complete, in the plan's order", 
   expect(missingRuns(PLAN, [...rows, { ...rows[2], status: "complete" } as RunRow])).toEqual([]);
 });
 
-test.each(runsOf({ ...PLAN, modes: RUN_MODES }).map((run) => [conditionLabel(run), run] as const))(
+test.each(runsOf({ ...PLAN, modes: MODES }).map((run) => [conditionLabel(run), run] as const))(
   "%s has settings that exist",
   (_, run) => {
     const settings = settingsFor(run);
@@ -200,12 +178,14 @@ test("a fixed profile has the ladder's name", () => {
   );
 });
 
-test("local runs download the scene in their form, and nothing else is asked of the server", () => {
-  const runs = runsOf({ ...PLAN, modes: ["local-ply", "local-compressed"], repeats: 1 });
-  expect(runs.map(({ mode }) => downloadOf(mode))).toEqual(["ply", "compressed"]);
-  expect(runs.map((run) => settingsFor(run).mode)).toEqual(["stateless", "stateless"]);
-  expect(runs.map((run) => [conditionLabel(run), run.sample_stride])).toEqual([
-    ["Local, PLY", 0],
-    ["Local, compressed", 0],
-  ]);
+test("local runs download the scene, and nothing else is asked of the server", () => {
+  const runs = runsOf({ ...PLAN, modes: ["local-compressed"], repeats: 1 });
+  expect(runs.map(({ mode }) => isLocal(mode))).toEqual([true]);
+  expect(runs.map((run) => settingsFor(run).mode)).toEqual(["stateless"]);
+  expect(runs.map((run) => [conditionLabel(run), run.sample_stride])).toEqual([["Local, compressed", 0]]);
+});
+
+test("earlier runs that downloaded a plain PLY have a name, and are planned no more", () => {
+  expect(conditionLabel({ mode: "local-ply", profile: "budget" })).toBe("Local, PLY");
+  expect(readPlan({ ...PLAN, modes: ["local-ply"] })).toBeNull();
 });

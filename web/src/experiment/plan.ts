@@ -1,61 +1,37 @@
-/** What an experiment of the page is, and the runs that it consists of. Pure. */
+/** The plan of an experiment of the page, and its runs. Pure. */
 import * as v from "valibot";
 import { seeded } from "../abr/random";
 import { CONTROLLER_NAMES, CONTROLLERS, type ControllerName } from "../abr/registry";
 import { FRAME_RATES, type Preset } from "../dash/presets";
 import { OFF } from "../enhance/model/enhancer";
-import type { DownloadForm } from "../local/local-player";
 import { PREDICTOR_NAMES } from "../predict/registry";
 import type { Settings } from "../state/settings";
+import { DASH, LINK_TERMS, LOCAL, MODE_NAMES, MODES, UNSHAPED as NO_LINK, PER_VIEW } from "../wire/run";
 import type { LinkSetting } from "../wire/shaper";
 import type { Configuration, RunRow } from "../wire/store";
 import { type Segment, shuffled } from "./segments";
 
-export const RUN_MODES = [
-  "stateless",
-  "video",
-  "dash-typical",
-  "dash-tuned",
-  "dash-edge",
-  "webrtc",
-  "local-ply",
-  "local-compressed",
-] as const satisfies readonly Configuration["mode"][];
-export type RunMode = Configuration["mode"];
+type AnyMode = Configuration["mode"];
+/** A mode that new runs can have. */
+export type RunMode = (typeof MODES)[number];
 
-export const RUN_MODE_NAMES: Readonly<Record<RunMode, string>> = {
-  stateless: "Stateless",
-  video: "Video",
-  "dash-typical": "DASH, typical",
-  "dash-tuned": "DASH, tuned",
-  "dash-edge": "DASH, edge",
-  webrtc: "WebRTC",
-  "local-ply": "Local, PLY",
-  "local-compressed": "Local, compressed",
-};
-
-/** Those in which the page asks for each view by itself, as a controller chooses. */
-export type PerView = "stateless" | "video";
-export const isPerView = (mode: RunMode): mode is PerView => mode === "stateless" || mode === "video";
+const isOneOf =
+  <T extends AnyMode>(modes: readonly T[]) =>
+  (mode: AnyMode): mode is T =>
+    modes.some((one) => one === mode);
+/** Whether the page requests each view, as chosen by a controller. */
+export const isPerView = isOneOf(PER_VIEW);
+export const isDash = isOneOf(DASH);
+/** Whether a run needs the packager. */
+export const isStreamed = (mode: RunMode) => mode === "webrtc" || isDash(mode);
+/** Whether a run downloads the scene and draws it in this browser. */
+export const isLocal = isOneOf(LOCAL);
 
 const RUN_PRESETS = {
   "dash-typical": "typical",
   "dash-tuned": "tuned",
   "dash-edge": "edge",
-} as const satisfies Partial<Record<RunMode, Preset>>;
-const RUN_FORMS = {
-  "local-ply": "ply",
-  "local-compressed": "compressed",
-} as const satisfies Partial<Record<RunMode, DownloadForm>>;
-
-export const isDash = (mode: RunMode): mode is keyof typeof RUN_PRESETS => mode in RUN_PRESETS;
-/** Whether a run needs the packager. */
-export const isStreamed = (mode: RunMode) => mode === "webrtc" || isDash(mode);
-/** Whether a run draws the scene in this browser. */
-export const isLocal = (mode: RunMode): mode is keyof typeof RUN_FORMS => mode in RUN_FORMS;
-
-/** What a run downloads to draw it in this browser; null in the other modes. */
-export const downloadOf = (mode: RunMode): DownloadForm | null => (isLocal(mode) ? RUN_FORMS[mode] : null);
+} as const satisfies Record<(typeof DASH)[number], Preset>;
 
 /** A controller's name, or a rung of the ladder, which then stays. */
 export type Profile = ControllerName | number;
@@ -72,31 +48,25 @@ const Network = v.object({
   link: v.nullable(Link),
   /** A trace of the shaper's, by name. */
   trace: v.nullable(v.string()),
-  /** Of a trace: in place of its own delay. */
+  /** Replaces a trace's own delay. */
   rtt_ms: v.nullable(v.number()),
 }) satisfies v.GenericSchema<unknown, Configuration["network"]>;
 /** A trace of the shaper's, or the constant link that there is; neither where there is no shaper. */
 export type Network = Readonly<v.InferOutput<typeof Network>>;
 
-/** The link as it is, where there is no shaper. */
+/** The current link, without a shaper. */
 export const UNSHAPED: Network = { link: null, trace: null, rtt_ms: null };
 
 export function constantLink({ down_kbps, up_kbps, delay_ms = 0, jitter_ms = 0, loss_pct = 0 }: LinkSetting): Network {
   return { link: { down_kbps, up_kbps, delay_ms, jitter_ms, loss_pct }, trace: null, rtt_ms: null };
 }
 
-/** A network as `tigas compare --network` reads it, such as `20mbit,20ms-rtt`: what is usual goes unsaid. */
+/** A network in the form of `tigas compare --network`, such as `20mbit,20ms-rtt`; defaults are omitted. */
 export function networkLabel({ link, trace, rtt_ms }: Network): string {
-  if (link === null) return [trace ?? "unshaped", ...(rtt_ms === null ? [] : [`${rtt_ms}ms-rtt`])].join();
-  const parts = [
-    { value: link.down_kbps / 1000, unit: "mbit", usual: null },
-    { value: link.up_kbps / 1000, unit: "mbit-up", usual: 10 },
-    { value: link.jitter_ms, unit: "ms-jitter", usual: 0 },
-    { value: link.loss_pct, unit: "%-loss", usual: 0 },
-    { value: link.delay_ms * 2, unit: "ms-rtt", usual: 0 },
-  ];
-  const said = parts.filter(({ value, usual }) => value !== usual);
-  return said.map(({ value, unit }) => `${Number(value.toFixed(3))}${unit}`).join();
+  if (link === null) return [trace ?? NO_LINK, ...(rtt_ms === null ? [] : [`${rtt_ms}ms-rtt`])].join();
+  const terms = LINK_TERMS.map(({ field, ...term }) => ({ ...term, value: link[field] ?? 0 }));
+  const said = terms.filter(({ value, usual }) => value !== usual);
+  return said.map(({ value, scale, unit }) => `${Number((value / scale).toPrecision(6))}${unit}`).join();
 }
 
 export const MAX_REPEATS = 100;
@@ -109,7 +79,7 @@ const Plan = v.object({
   /** The movement's name. */
   movement: v.string(),
   network: Network,
-  modes: v.pipe(v.array(v.picklist(RUN_MODES)), v.readonly()),
+  modes: v.pipe(v.array(v.picklist(MODES)), v.readonly()),
   /** Of the modes `stateless` and `video`. */
   profiles: v.pipe(v.array(v.union([v.picklist(CONTROLLER_NAMES), v.number()])), v.readonly()),
   /** Runs of each controller, and of each DASH mode. */
@@ -124,10 +94,10 @@ const Plan = v.object({
   /** Of the modes `stateless` and `video`: the models that enhance each frame, by name, or `off`. */
   restore: v.optional(v.string(), OFF),
   upscale: v.optional(v.string(), OFF),
-  /** Whether the newest frame is turned to each animation frame's pose, and what predicts the poses that frames are asked for. */
+  /** Whether the newest frame is warped to each animation frame's pose, and the predictor of the requested poses. */
   reprojection: v.optional(v.boolean(), false),
   prediction: v.optional(v.picklist(PREDICTOR_NAMES), OFF),
-  /** Of reprojection: how much more frames show at each side, and whether they come with a depth, and a surround beside them. */
+  /** For reprojection: the margin of frames at each side, and whether there are depth and a surround. */
   overscan: v.optional(v.union([v.literal("auto"), v.pipe(v.number(), v.minValue(0), v.maxValue(0.5))]), "auto"),
   depth: v.optional(v.boolean(), true),
   surround: v.optional(v.boolean(), true),
@@ -137,12 +107,12 @@ const Plan = v.object({
   shuffled: v.optional(v.boolean(), false),
   duration_s: v.number(),
   warm_up_s: v.number(),
-  /** Of the mode `stateless`: every so many shown frames, one is sampled; 0 samples none. */
+  /** For the mode `stateless`: every n-th shown frame is sampled; 0 samples none. */
   sample_stride: v.optional(v.pipe(v.number(), v.integer(), v.minValue(0)), 0),
 });
 export type ExperimentPlan = Readonly<v.InferOutput<typeof Plan>>;
 
-/** A plan as the store has it; null if it is none of this page's. */
+/** A stored plan; null if this page cannot have made it. */
 export function readPlan(stored: unknown): ExperimentPlan | null {
   const read = v.safeParse(Plan, stored);
   return read.success ? read.output : null;
@@ -150,21 +120,22 @@ export function readPlan(stored: unknown): ExperimentPlan | null {
 
 /** One run: its configuration before it is known how large the stage is. */
 export interface PlannedRun extends Omit<Required<Configuration>, "width" | "height"> {
+  readonly mode: RunMode;
   readonly network: Network & { readonly offset_s?: number };
   readonly profile: Profile;
   readonly prediction: ExperimentPlan["prediction"];
 }
 
-/** What `Configuration` has where no controller chooses: equal runs have equal configurations. */
+/** Values of `Configuration` without a controller: equal runs have equal configurations. */
 const NO_CONTROLLER: Profile = "budget";
-/** What a stream has not. */
+/** Values of `Configuration` for a stream. */
 const OF_A_STREAM = { restore: OFF, upscale: OFF, sample_stride: 0 };
-/** What a run takes beside its warm-up and its movement, before any was made: connecting, the first view, storing. In ms. */
+/** Assumed time of a run in addition to its warm-up and its movement: connecting, the first view, storing. In ms. */
 const OVERHEAD = 5000;
 
 /**
- * All runs, in their order: every segment with every mode and controller once, then all of them again, so that whatever changes in
- * the course of an experiment (another load, another hour) falls on all of them. Within that, the seed shuffles.
+ * All runs, in order: every segment with every mode and controller once, then all of them again, so that changes over
+ * time (another load, another hour) affect all of them. Within that, the order is shuffled by the seed.
  */
 export function runsOf(plan: ExperimentPlan): PlannedRun[] {
   const { scene, movement, network, duration_s, warm_up_s, dash_frame_rate, restore, upscale, seed } = plan;
@@ -212,20 +183,20 @@ export function missingRuns(plan: ExperimentPlan, stored: readonly RunRow[]): Pl
   return runsOf(plan).filter((run) => !made.has(keyOf(run)));
 }
 
-/** What a run compares: its controller, or its way to stream. Rungs have the ladder's names, where it is known. */
+/** Label of a run in the comparison: its controller, or its stream. Rungs have the ladder's names, if known. */
 export function conditionLabel(
-  { mode, profile }: Pick<PlannedRun, "mode" | "profile">,
+  { mode, profile }: Pick<PlannedRun, "profile"> & { readonly mode: AnyMode },
   ladder: readonly { readonly name: string }[] = [],
 ): string {
-  if (!isPerView(mode)) return RUN_MODE_NAMES[mode];
+  if (!isPerView(mode)) return MODE_NAMES[mode];
   const chosen =
     typeof profile === "number"
       ? `Fixed: ${ladder[profile]?.name ?? `profile ${profile}`}`
       : CONTROLLERS[profile].title;
-  return mode === "stateless" ? chosen : `${RUN_MODE_NAMES[mode]}, ${chosen}`;
+  return mode === "stateless" ? chosen : `${MODE_NAMES[mode]}, ${chosen}`;
 }
 
-/** What of a run the viewer's settings say. */
+/** A run's parameters from the viewer's settings. */
 type Decisive =
   | "mode"
   | "profile"
@@ -238,7 +209,7 @@ type Decisive =
   | "depth"
   | "surround";
 
-/** The viewer's settings before a run: nothing beside the picture, and no second request for a view that stands still. */
+/** The viewer's settings before a run: only the picture, and no second request for a resting view. */
 export function settingsFor({
   mode,
   profile,
@@ -253,7 +224,7 @@ export function settingsFor({
 }: Pick<PlannedRun, Decisive>): Partial<Settings> {
   const motion = { reprojection, prediction, overscan, depth, surround };
   const shared = { sidebar: false, hud: false, refine: false, webp: false, restore, upscale, ...motion };
-  if (isLocal(mode)) return { ...shared, mode: "stateless" }; // its download is part of what is recorded
+  if (isLocal(mode)) return { ...shared, mode: "stateless" }; // its download is recorded as well
   if (isDash(mode)) {
     return {
       ...shared,
@@ -268,7 +239,7 @@ export function settingsFor({
   return { ...shared, mode, ...chosen };
 }
 
-/** How long so many runs take, in milliseconds; `overhead` is what they were seen to take beside warm-up and movement. */
+/** Estimated time of runs in milliseconds; `overhead` is their measured time in addition to warm-up and movement. */
 export function timeFor(plan: Pick<ExperimentPlan, "duration_s" | "warm_up_s">, runs: number, overhead = OVERHEAD) {
   return runs * ((plan.duration_s + plan.warm_up_s) * 1000 + overhead);
 }

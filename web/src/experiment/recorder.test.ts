@@ -55,6 +55,15 @@ test("what the page did not sample while it stalled is an input, too, that the n
   expect(recorder.events.inputs[2]?.position).toEqual([60, 0, 0]);
 });
 
+test("a page that is slow all the time misses the display's frames in between", () => {
+  const recorder = recorderFrom({ startedAt: 0, pose: 5, received: 0, captureEvery: 0, atRest: 20 });
+  [0, 60, 120].forEach((at, i) => {
+    recorder.sampled(posed(5 + i), at);
+  });
+  expect([recorder.animationInterval, recorder.displayInterval]).toEqual([60, 20]);
+  expect(recorder.events.inputs.filter(({ missed }) => missed).map(({ at }) => at)).toEqual([20, 40, 80, 100]);
+});
+
 test("a stall misses nothing while the movement stands", () => {
   const movement = (elapsed: number) => walk(Math.min(40, elapsed));
   const recorder = recorderFrom({ startedAt: 0, pose: 5, received: 0, captureEvery: 0, movement });

@@ -1,6 +1,6 @@
 /**
- * What the viewer records during a run, as the store takes it; all times are milliseconds since the run's start. Pure: time comes in
- * with what is recorded.
+ * The viewer's record of a run, in the store's form; all times are milliseconds since the run's start. Pure: time is
+ * part of each event.
  */
 import type { SentRequest } from "../stateless/pipeline";
 import type { Reply } from "../stateless/stateless-player";
@@ -10,7 +10,7 @@ import { type NumberedPose, samePose } from "../view/rig";
 import type { Input, Recording } from "../wire/store";
 import { displayInterval, missedFrames } from "./missed";
 
-/** What happened during a run. */
+/** Events of a run. */
 export type RecordedEvents = Required<
   Pick<Recording, "inputs" | "frames" | "replies" | "requests" | "captures" | "traffic">
 >;
@@ -20,11 +20,13 @@ export interface RecorderStart {
   readonly startedAt: number;
   /** How long the movement lasts. */
   readonly duration: number;
-  /** Where the viewer is to be, so many milliseconds after the start. */
+  /** The viewer's intended pose, this many milliseconds after the start. */
   readonly movement: (elapsed: number) => ScenePose;
+  /** Between two frames of the display, in milliseconds, as the page showed at rest; null: unknown. */
+  readonly atRest?: number | null;
   /** The number of the pose that is on the screen. */
   readonly pose: number;
-  /** Bytes that have come in. */
+  /** Received bytes. */
   readonly received: number;
   /** A picture is kept at each tick of a clock while the movement lasts: so often, and first after `captureOffset`; 0 keeps none. */
   readonly captureEvery: number;
@@ -117,7 +119,7 @@ export class Recorder {
     const { startedAt } = this.#start;
     const { pose, view = null, filled = null, rung } = frame;
     const { width, height } = picture;
-    // A video's frame is told of a moment before it is on the screen.
+    // A video frame is reported shortly before it is on screen.
     const seenAt = Math.max(at, frame.at) - startedAt;
     this.#captures.push({ at: seenAt, shown_at: frame.at - startedAt, pose, view, filled, rung, width, height });
   }
@@ -128,7 +130,7 @@ export class Recorder {
     this.#captures.push({ at: at - this.#start.startedAt, ...nothing, width, height });
   }
 
-  /** So many bytes have come in since the page was opened. */
+  /** Total bytes received since the page was opened. */
   received(bytes: number, at: number): void {
     this.#traffic.push({ at: at - this.#start.startedAt, bytes: bytes - this.#start.received });
   }
@@ -138,12 +140,18 @@ export class Recorder {
     return (this.#sampledAt.at(-1) ?? 0) >= this.#start.duration && this.#shown >= this.#pose;
   }
 
-  /** Between two frames of the display, in milliseconds; null if there were no two. */
-  get displayInterval(): number | null {
+  /** Between two animation frames of the run, in milliseconds; null if there were no two. */
+  get animationInterval(): number | null {
     return displayInterval(this.#sampledAt);
   }
 
-  /** Everything, in the order of time: a video's frames are told of when they are decoded, not when they are shown. */
+  /** Between two frames of the display, in milliseconds: the page may never have kept up with it. Null if unknown. */
+  get displayInterval(): number | null {
+    const known = [this.animationInterval, this.#start.atRest].filter((interval) => interval != null);
+    return known.length > 0 ? Math.min(...known) : null;
+  }
+
+  /** All events in order of time: a video's frames are reported when decoded, not when shown. */
   get events(): RecordedEvents {
     return {
       inputs: [...this.#inputs, ...this.#missed()].sort((a, b) => a.at - b.at),

@@ -1,32 +1,11 @@
 import { expect, test } from "vitest";
 import { LATENCY_BINS_MS } from "../charts/histogram";
+import { experimentPlan } from "./fake-plan";
 import type { RunFigures } from "./figures";
-import { type ExperimentPlan, FROM_THE_START, runsOf, UNSHAPED } from "./plan";
+import { runsOf } from "./plan";
 import { cumulativeDistribution, medianOverTime, type RunResult, summarize, toJson } from "./results";
 
-const PLAN: ExperimentPlan = {
-  name: "two",
-  scene: "courtyard",
-  movement: "stroll",
-  network: UNSHAPED,
-  modes: ["stateless", "dash-typical"],
-  profiles: ["latency"],
-  repeats: 2,
-  segments: FROM_THE_START,
-  dash_frame_rate: null,
-  restore: "off",
-  upscale: "off",
-  reprojection: false,
-  prediction: "off",
-  overscan: "auto",
-  depth: true,
-  surround: true,
-  seed: 1,
-  shuffled: false,
-  duration_s: 10,
-  warm_up_s: 2,
-  sample_stride: 0,
-};
+const PLAN = experimentPlan({ modes: ["stateless", "dash-typical"], repeats: 2 });
 const FIGURES: RunFigures = {
   p50: 40,
   p90: 90,

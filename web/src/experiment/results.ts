@@ -1,4 +1,4 @@
-/** What became of an experiment's runs, and what they say of each controller and mode. Pure. */
+/** Outcomes of an experiment's runs, and figures of each controller and mode. Pure. */
 
 import type { Columns } from "../charts/columns";
 import { LATENCY_BINS_MS } from "../charts/histogram";
@@ -15,13 +15,13 @@ export interface RunResult {
   readonly inputLatencies: readonly InputLatency[];
   /** The page was hidden at some time, so that the browser may have held frames back. */
   readonly hidden: boolean;
-  /** All that was measured, for as long as no store has it. */
+  /** The complete measurement, until a store has it. */
   readonly unstored: RunUpload | null;
   /** The folder of samples that only this browser has; null without. */
   readonly samples: string | null;
-  /** What must be known of them, in one sentence. */
+  /** A notice about them, in one sentence. */
   readonly samplesProblem: string | null;
-  /** The share of its time in which all processors of the store's machine were busy, if that was too often. */
+  /** The share of its time in which the store's machine had hardly any processor time left, if that was too often. */
   readonly saturatedShare?: number | null;
 }
 
@@ -94,7 +94,7 @@ export function medianOverTime(results: readonly RunResult[]): Columns {
   return [bins.map((bin) => ((bin + 0.5) * BIN) / 1000), ...medians];
 }
 
-/** What is downloaded where there is no store: one file with all that was measured and is not stored elsewhere. */
+/** The download without a store: one file with every measurement that is not stored elsewhere. */
 export function toJson(plan: ExperimentPlan, created: string, results: readonly RunResult[]): string {
   const runs = results.map(({ run, status, problem, unstored }) => ({
     status,
@@ -128,6 +128,6 @@ function binOf({ at }: InputLatency): number {
 
 function meanOf(values: readonly (number | null)[]): number | null {
   const known = values.flatMap((value) => value ?? []);
-  // A share of inputs that was never answered has no mean with those that were.
+  // A percentile without an answer has no mean with the others.
   return known.length === 0 || known.length < values.length ? null : known.reduce((a, b) => a + b) / known.length;
 }

@@ -1,6 +1,8 @@
 import { type Signal, signal } from "@preact/signals";
 import { afterEach, beforeEach, expect, test, vi } from "vitest";
 import type { EnhancementStatus } from "../enhance/enhancement";
+import type { TimedPose } from "../movement/playback";
+import { turning } from "../reproject/acceleration";
 import { changeSettings, settings } from "../state/app";
 import { settle } from "../transport/fake";
 import { NO_NUDGE } from "../view/motion";
@@ -100,6 +102,21 @@ test.each([
   await expect(run).resolves.toMatchObject({ complete, hidden: false });
 });
 
+test("the display's interval is that of the page at rest, in later runs, too", async () => {
+  const { position, quaternion } = rig.pose;
+  const points = [0, 4000].map((t_ms) => ({ t_ms, position: [t_ms, 0, 0], quaternion }) as TimedPose);
+  const plan = { points, duration_ms: 200, capture_every_ms: 0, sample_stride: 0 };
+  runner.stand({ position, quaternion });
+  await drawn(...every20(0, 600));
+  for (const start of [1000, 20_000]) {
+    const run = runner.run(plan);
+    await drawn(...Array.from({ length: 100 }, (_, i) => start + 60 * i));
+    const { display_interval_ms, inputs } = await run;
+    expect(display_interval_ms).toBe(20);
+    expect(inputs.filter(({ missed }) => missed).length).toBeGreaterThan(5);
+  }
+});
+
 test("a page that was hidden says so", async () => {
   const { position, quaternion } = rig.pose;
   const run = runner.run({
@@ -154,6 +171,17 @@ test("a stream that is opened anew is waited for, and a view that is there in th
   changeSettings(before);
 });
 
+test("reprojection that a run asks for is not left out for lack of graphics acceleration", () => {
+  const before = settings.value;
+  turning.value = "slow";
+  runner.settings({ mode: "dash", reprojection: false });
+  expect(turning.value).toBe("slow");
+  runner.settings({ reprojection: true });
+  expect(turning.value).toBe("forced");
+  changeSettings(before);
+  turning.value = null;
+});
+
 test("a model that there is not is refused with those that there are", () => {
   expect(() => runner.settings({ upscale: "magic" })).toThrow("no model “magic” to upscale with, only off, ");
   expect(settings.value.upscale).toBe("off");
@@ -167,10 +195,10 @@ test("a download begins with the recording, and until its first picture nothing 
   const { position, quaternion } = rig.pose;
   const points = [{ t_ms: 0, position, quaternion }];
   const before = settings.value;
-  const run = runner.run({ points, duration_ms: 400, capture_every_ms: 100, sample_stride: 0, download: "ply" });
+  const run = runner.run({ points, duration_ms: 400, capture_every_ms: 100, sample_stride: 0, download: true });
   expect(settings.value.mode).toBe("stateless");
   await drawn(0);
-  expect(settings.value).toMatchObject({ mode: "local", localForm: "ply" });
+  expect(settings.value.mode).toBe("local");
   await drawn(...every20(20, 600));
   const { captures } = await run;
   expect(captures.length).toBeGreaterThanOrEqual(4);
@@ -185,12 +213,12 @@ test("a page that stands while it draws a download has played its movement, unle
   const before = settings.value;
   for (const visibilityState of ["visible", "hidden"]) {
     page.visibilityState = visibilityState;
-    const run = runner.run({ points, duration_ms: 3000, capture_every_ms: 0, sample_stride: 0, download: "ply" });
+    const run = runner.run({ points, duration_ms: 3000, capture_every_ms: 0, sample_stride: 0, download: true });
     await drawn(...every20(now, now + 400), ...every20(now + 2400, now + 3600));
     await expect(run).resolves.toMatchObject({ complete: visibilityState === "visible" });
   }
   page.visibilityState = "visible";
-  const held = runner.run({ points, duration_ms: 3000, capture_every_ms: 0, sample_stride: 0, download: "ply" });
+  const held = runner.run({ points, duration_ms: 3000, capture_every_ms: 0, sample_stride: 0, download: true });
   await drawn(...[0, 1000, 2000, 3000, 4000].map((after) => now + after));
   await expect(held, "a page with an animation frame a second").resolves.toMatchObject({ complete: false });
   changeSettings(before);

@@ -1,13 +1,13 @@
 /**
- * Plays a movement in the viewer and records it: scripts (`bridge.ts`) and the experiment dialogue (`experiment.ts`) share it.
- * Whatever a run records stays in the page until the run has ended, so that nothing but the viewer's own traffic crosses the link.
+ * Plays a movement in the viewer and records it, for scripts (`bridge.ts`) and the experiment dialog (`experiment.ts`).
+ * The record stays in the page until the run has ended, so that only the viewer's own traffic crosses the link.
  */
 
 import { effect } from "@preact/signals";
 import { KINDS, OFF } from "../enhance/model/enhancer";
 import { nameProblem } from "../enhance/registry";
-import type { DownloadForm } from "../local/local-player";
 import { poseAt, type TimedPose } from "../movement/playback";
+import { turning } from "../reproject/acceleration";
 import type { About } from "../samples/layout";
 import { removeSampledRun } from "../samples/sampled-runs";
 import { type Sampled, Sampler } from "../samples/sampler";
@@ -18,19 +18,20 @@ import type { ScenePose } from "../view/camera";
 import type { PresentedFrame } from "../view/presented";
 import type { ViewerSession } from "../viewer/session";
 import type { Recording } from "../wire/store";
+import { intervalAtRest } from "./missed";
 import { Recorder } from "./recorder";
 
 export interface RunPlan {
   /** In the order of time, in the scene's own frame. */
   readonly points: readonly TimedPose[];
   readonly duration_ms: number;
-  /** How often what is on the screen is kept; 0 keeps nothing. */
+  /** Interval of keeping the screen's picture; 0 keeps none. */
   readonly capture_every_ms: number;
-  /** Of the mode `stateless`: every so many shown frames, one is sampled; 0 samples none. */
+  /** For the mode `stateless`: every n-th shown frame is sampled; 0 samples none. */
   readonly sample_stride: number;
-  /** The recording begins with the mode `local`, and so with the download of the scene in this form. */
-  readonly download?: DownloadForm | null;
-  /** Whose samples they are; without it, only scripts have a use for them. */
+  /** Whether the recording begins with the mode `local`, and so with the download of the scene. */
+  readonly download?: boolean;
+  /** The run that the samples belong to; absent for scripts. */
   readonly about?: About | null;
 }
 
@@ -47,9 +48,12 @@ export interface RunnerState {
 
 /** When the movement has ended, its last pose is waited for this long, in milliseconds. */
 const DRAIN = 5000;
-/** A camera that stood for so long while the movement went on has missed some of it: hidden pages get no animation frames. In ms. */
+/**
+ * A camera that stood still for this many milliseconds during a movement has missed a part: hidden pages get no
+ * animation frames.
+ */
 const PAUSE = 1000;
-/** Between two frames of any display, in milliseconds: browsers hold a page whose pictures nobody sees back to one a second. */
+/** Longest frame interval of any display, in milliseconds: browsers throttle hidden pages to one frame per second. */
 const SLOWEST_DISPLAY = 100;
 const TRAFFIC_EVERY = 250;
 /** Spreads the seeds' clocks evenly over an interval. */
@@ -61,12 +65,16 @@ export class Runner {
   #pictures: (ImageBitmap | null)[] = [];
   #recorder: Recorder | undefined;
   #shown = 0;
+  /** The display's frame interval in milliseconds, measured at rest; the shortest of the page's lifetime. */
+  #atRest: number | null = null;
+  /** The animation frames since the camera stands. */
+  #stood: number[] = [];
   #newest = -1;
   #frame: PresentedFrame | undefined;
   #running = false;
   #sampler: Sampler | null = null;
   #sampled: Sampled | null = null;
-  /** Why frames were not turned at some time of the last run, as they were to be. */
+  /** Reason why frames of the last run were not warped as configured. */
   #lapse: string | null = null;
 
   constructor(session: ViewerSession) {
@@ -90,6 +98,8 @@ export class Runner {
     const unknown = KINDS.map((kind) => nameProblem(kind, part[kind] ?? OFF)).find((problem) => problem !== null);
     if (unknown) throw new Error(unknown);
     changeSettings(validSettings({ ...before, ...part }));
+    const forces = part.reprojection === true && turning.peek() !== "forced";
+    if (forces) turning.value = "forced"; // requested settings are measured even without graphics acceleration
     this.#lapse = null;
     const now = settings.peek();
     const streamed = [
@@ -99,17 +109,21 @@ export class Runner {
       "dashPreset",
       "dashFrameRate",
       "dashRepresentation",
-      "localForm",
       "webrtcStream",
     ] as const;
     // A stream is opened anew for these; a mode without one may have no reason to ask for another frame.
     const turned = !anyStreamed(now) ? [] : (["reprojection", "overscan"] as const);
-    if ([...streamed, ...turned].some((name) => now[name] !== before[name])) this.#shown = 0; // other frames are waited for
+    const reopened = forces && anyStreamed(now);
+    if (reopened || [...streamed, ...turned].some((name) => now[name] !== before[name])) this.#shown = 0; // wait for other frames
   }
 
   /** Stand at a pose of the scene's own frame until a run begins, or the camera is released. */
   stand({ position, quaternion }: ScenePose): void {
-    this.#session.rig.drive(() => ({ position, quaternion }));
+    this.#stood = [];
+    this.#session.rig.drive((now) => {
+      this.#stood.push(now);
+      return { position, quaternion };
+    });
   }
 
   /** Give the camera back to the person. */
@@ -148,7 +162,7 @@ export class Runner {
     }
   }
 
-  /** A kept picture of the last run, once: whoever takes it closes it. */
+  /** Takes a kept picture of the last run; the recipient closes it. */
   takePicture(index: number): ImageBitmap {
     const picture = this.#pictures[index];
     if (!picture) throw new Error(`there is no picture ${index}`);
@@ -156,7 +170,7 @@ export class Runner {
     return picture;
   }
 
-  /** What became of the samples of the last run; null if there were to be none. */
+  /** Outcome of the last run's samples; null if none were requested. */
   get sampled(): Sampled | null {
     return this.#sampled;
   }
@@ -174,26 +188,29 @@ export class Runner {
   }
 
   async #record(
-    { points, duration_ms, capture_every_ms, download = null }: RunPlan,
+    { points, duration_ms, capture_every_ms, download = false }: RunPlan,
     signal: AbortSignal | undefined,
   ): Promise<Required<Recording>> {
     const { rig } = this.#session;
     const startedAt = await animationFrame();
+    const atRest = intervalAtRest(this.#stood);
+    if (atRest !== null) this.#atRest = Math.min(atRest, this.#atRest ?? atRest);
     this.#sampler?.begin(startedAt);
     const movement = (elapsed: number) => poseAt(points, Math.min(elapsed, duration_ms));
     const recorder = new Recorder({
       startedAt,
       duration: duration_ms,
       movement,
+      atRest: this.#atRest,
       pose: rig.pose.seq,
       received: this.#session.receivedBytes,
       captureEvery: capture_every_ms,
       captureOffset: capture_every_ms * ((this.#session.seed.peek() * GOLDEN) % 1),
     });
     this.#recorder = recorder;
-    if (download !== null) {
-      this.settings({ mode: "local", localForm: download });
-      this.#frame = undefined; // what the mode before has shown is gone
+    if (download) {
+      this.settings({ mode: "local" });
+      this.#frame = undefined; // the previous mode's picture is removed
     }
     let hidden = document.visibilityState === "hidden";
     const onVisibility = () => {
@@ -224,8 +241,8 @@ export class Runner {
       const endedAt = await this.#ended(recorder, movedUntil, signal).finally(noteTarget);
       const played = this.#session.stream.peek()?.playing ?? null;
       // Drawing a scene may take all of the page's time: that is the mode's own doing, and its poses are counted as missed.
-      const animated = (recorder.displayInterval ?? Number.POSITIVE_INFINITY) < SLOWEST_DISPLAY;
-      const unbroken = longestPause < PAUSE || (download !== null && !hidden && animated);
+      const animated = (recorder.animationInterval ?? Number.POSITIVE_INFINITY) < SLOWEST_DISPLAY;
+      const unbroken = longestPause < PAUSE || (download && !hidden && animated);
       return {
         scene: rig.scene?.id ?? "",
         mode: settings.peek().mode,
@@ -267,7 +284,7 @@ export class Runner {
     this.#recorder?.presented(frame);
   }
 
-  /** A copy on the graphics processor, or in memory where there is none: encoding waits until the run has ended. */
+  /** A copy on the GPU, or in memory without one: encoding waits until the run has ended. */
   async #keep(recorder: Recorder, at: number): Promise<void> {
     const frame = this.#frame;
     const { stateless, stream, local, rig } = this.#session;
@@ -284,11 +301,11 @@ export class Runner {
       recorder.captured(frame, at, picture);
       this.#pictures.push(picture);
     } catch {
-      // a picture that cannot be had: the next one will do
+      // a missing picture: the next one will do
     }
   }
 
-  /** Resolves when the last pose is on the screen, or nobody waits for it any longer. */
+  /** Resolves when the last pose is on screen, or the wait times out. */
   async #ended(recorder: Recorder, movedUntil: number, signal?: AbortSignal): Promise<number> {
     let reportedAt = Number.NEGATIVE_INFINITY;
     for (;;) {

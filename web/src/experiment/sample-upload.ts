@@ -1,4 +1,4 @@
-/** Brings a run's samples from this browser to the store. Whoever is cut off goes on where it was: see `docs/samples.md`. */
+/** Uploads a run's samples from this browser to the store, with resumption: see `docs/experiments.md`. */
 import { ApiError } from "../http/problem";
 import { describeSamples } from "../samples/sample-writer";
 import { hold, readSampledRun, removeSampledRun, type SampledRun } from "../samples/sampled-runs";
@@ -21,12 +21,12 @@ interface Upload {
   /** Where the run is; null: where it was said to be before, or a new place if it was never ended. */
   readonly place: RunPlace | null;
   readonly store: SampleStore;
-  /** Hears how many bytes of how many the store has. */
+  /** Progress callback: stored and total bytes. */
   readonly progress: (sent: number, of: number) => void;
   readonly signal: AbortSignal;
 }
 
-/** They are gone from this browser afterwards. Rejects with an ApiError, or with the reason of `signal`. */
+/** Removes them from this browser afterwards. Rejects with an ApiError, or with the reason of `signal`. */
 export function uploadSamples({ key, place, ...how }: Upload): Promise<void> {
   return holding(key, async () => {
     const run = await readSampledRun(key);
@@ -70,7 +70,7 @@ async function send(
   await store.completeSamples(place.experiment, place.run, run.samples);
 }
 
-/** Where the store has the run; one that it does not have gets a place there. */
+/** The run's place in the store, created if missing. */
 async function placeFor({ key, about }: SampledRun, store: SampleStore): Promise<RunPlace> {
   const plan = readPlan(about?.plan);
   if (about === null || plan === null) throw new ApiError("It is not known of which run they are.", false);

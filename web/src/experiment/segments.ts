@@ -1,4 +1,4 @@
-/** Which parts of its trace and movement an experiment plays; the twin of `tigas_experiments/run/segments.py`. Pure. */
+/** The parts of its trace and movement that an experiment plays, chosen as in `tigas_experiments/run/segments.py`. Pure. */
 import { seeded } from "../abr/random";
 
 /** Where a part begins, in seconds. */
@@ -50,7 +50,7 @@ function apart(total: number, length: number, count: number, random: () => numbe
   return gaps.map((gap, place) => milliseconds(place * length + gap));
 }
 
-/** Whole ones, rounded down, so that a part ends before what it is of. */
+/** Whole ones, rounded down, so that a part ends before the whole. */
 function milliseconds(seconds: number): number {
   return Math.floor(seconds * 1000) / 1000;
 }

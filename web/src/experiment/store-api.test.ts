@@ -2,32 +2,10 @@ import { afterEach, beforeEach, expect, test, vi } from "vitest";
 import { ApiError } from "../http/problem";
 import { storeUnreachable } from "../http/reach";
 import type { RunUpload } from "../wire/store";
-import { type ExperimentPlan, FROM_THE_START, UNSHAPED } from "./plan";
+import { experimentPlan } from "./fake-plan";
 import { StoreApi } from "./store-api";
 
-const PLAN: ExperimentPlan = {
-  name: "two",
-  scene: "courtyard",
-  movement: "stroll",
-  network: UNSHAPED,
-  modes: ["stateless", "dash-tuned"],
-  profiles: ["latency", "budget"],
-  repeats: 2,
-  segments: FROM_THE_START,
-  dash_frame_rate: null,
-  restore: "off",
-  upscale: "off",
-  reprojection: false,
-  prediction: "off",
-  overscan: "auto",
-  depth: true,
-  surround: true,
-  seed: 1,
-  shuffled: false,
-  duration_s: 10,
-  warm_up_s: 2,
-  sample_stride: 0,
-};
+const PLAN = experimentPlan({ modes: ["stateless", "dash-tuned"], profiles: ["latency", "budget"], repeats: 2 });
 const store = new StoreApi("http://lab:8091/");
 
 let asked: { url: string; body: unknown }[];

@@ -1,4 +1,4 @@
-/** The store of experiments (`docs/store.md`). Every failure is an ApiError with one sentence to show. */
+/** The store of experiments (`docs/experiments.md`). Every failure is an ApiError with one sentence to show. */
 
 import { ApiError, readProblem } from "../http/problem";
 import { storeUnreachable } from "../http/reach";
@@ -22,7 +22,7 @@ import { type ExperimentPlan, runsOf } from "./plan";
 
 /** The figures of a run take a moment; in milliseconds. */
 const TIMEOUT = 60_000;
-/** A run may be large: so much of it is sent at least, in bytes a millisecond. */
+/** Minimum rate of uploading a run, which may be large, in bytes per millisecond. */
 const SLOWEST = 125;
 
 export class StoreApi {
@@ -85,7 +85,7 @@ export class StoreApi {
     return this.#materialise(id, "POST");
   }
 
-  /** What is there stays. */
+  /** Existing parts are kept. */
   stopMaterialising(id: string): Promise<Materialisation> {
     return this.#materialise(id, "DELETE");
   }
@@ -133,7 +133,7 @@ export class StoreApi {
     return JSON.parse(await answer.text()) as Materialisation;
   }
 
-  /** The answer's body; `bytes` are sent. Rejects with the reason of `cancelled`, too. */
+  /** The response's body; `bytes` are sent. Also rejects with the reason of `cancelled`. */
   async #ask(path: string, request: RequestInit, bytes = 0, cancelled?: AbortSignal): Promise<Blob> {
     const late = AbortSignal.timeout(TIMEOUT + bytes / SLOWEST);
     const signal = cancelled ? AbortSignal.any([cancelled, late]) : late;

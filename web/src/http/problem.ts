@@ -17,7 +17,7 @@ export async function readProblem(response: Response): Promise<Problem> {
   return problemOf(response.status, await response.text().catch(() => ""));
 }
 
-/** The problem that an answer's body tells of; one is made up if it came from something else than our server. */
+/** The problem in a response's body; a generic one if another server sent it. */
 export function problemOf(status: number, body: string): Problem {
   try {
     const problem = JSON.parse(body) as Problem;

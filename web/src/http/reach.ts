@@ -1,8 +1,11 @@
-/** Why a page cannot reach a service that `/config.json` names, as far as its URL tells. */
+/** Reasons why a page cannot reach a service named by `/config.json`, as far as its URL shows. */
 
 const LOOPBACK = /^(localhost|.*\.localhost|127(\.\d+){3}|\[::1\])$/;
 
-/** Whether browsers keep a page at `page` from a service at `base`: a secure page may use plain HTTP on its own machine only. */
+/**
+ * Whether browsers block a page at `page` from a service at `base`: a secure page may use plain HTTP only on the same
+ * machine.
+ */
 export function mixedContent(base: string, page: string): boolean {
   const { protocol, hostname } = new URL(base);
   return new URL(page).protocol === "https:" && protocol === "http:" && !LOOPBACK.test(hostname);
@@ -15,11 +18,11 @@ export function shaperObstacle(base: string, page: string): string | null {
   return "Browsers do not let a secure page use a shaper over plain HTTP: open this page over http:// to change the link.";
 }
 
-/** Why a page at `page` hears nothing of the store at `base`, in one sentence. */
+/** Why a page at `page` gets no answer from the store at `base`, in one sentence. */
 export function storeUnreachable(base: string, page: string): string {
   if (URL.canParse(base) && mixedContent(base, page)) {
     return "Browsers do not let a secure page use a store over plain HTTP: open this page over http:// to use it.";
   }
-  // Browsers do not tell a page that it was refused for its origin.
+  // Browsers do not report a refusal because of the origin.
   return `The store at ${base} does not answer as it should, or does not allow this page.`;
 }

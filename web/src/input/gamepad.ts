@@ -1,4 +1,4 @@
-/** What a gamepad asks for: the left stick walks, the right one turns, triggers rise and sink, bumpers change the speed. Pure. */
+/** Gamepad input: the left stick walks, the right one turns, triggers rise and sink, bumpers change the speed. Pure. */
 import type { Axes } from "../view/motion";
 
 /** The part of a Gamepad that matters; of the standard layout. */
@@ -8,12 +8,12 @@ export interface Pad {
   readonly buttons: readonly { readonly value: number; readonly pressed: boolean }[];
 }
 
-/** Sticks that nobody touches are not quite in the middle. */
+/** Dead zone: released sticks are not exactly centred. */
 const DEAD = 0.15;
 const [SLOWER, FASTER, SINK, RISE] = [4, 5, 6, 7];
 const HASTE = 4;
 
-/** Of all gamepads together; null if nothing is asked. */
+/** Sum over all gamepads; null without input. */
 export function gamepadAxes(pads: readonly (Pad | null)[]): Axes | null {
   const pad = pads.find((one) => one?.mapping === "standard" && asked(one));
   if (!pad) return null;
@@ -34,7 +34,7 @@ function asked({ axes, buttons }: Pad): boolean {
   return axes.some((axis) => live(axis) !== 0) || buttons[SINK]?.value !== buttons[RISE]?.value;
 }
 
-/** From nothing at the edge of what does not count to all at the end. */
+/** Maps the range outside the dead zone to 0 to 1. */
 function live(axis: number): number {
   return Math.sign(axis) * Math.min(1, Math.max(0, Math.abs(axis) - DEAD) / (1 - DEAD));
 }

@@ -19,15 +19,22 @@ describe("dragging", () => {
 
 describe("the wheel", () => {
   test("away from the person goes forward, by as much in every unit", () => {
-    const pixels = wheel({ deltaY: -100, deltaMode: 0 });
+    const pixels = wheel({ ctrlKey: false, deltaY: -100, deltaMode: 0 });
     expect(pixels).toBeGreaterThan(0);
-    expect(wheel({ deltaY: -3, deltaMode: 1 })).toBeCloseTo(pixels, 9);
-    expect(wheel({ deltaY: -1, deltaMode: 2 })).toBeCloseTo(pixels, 9);
-    expect(wheel({ deltaY: 100, deltaMode: 0 })).toBeCloseTo(-pixels, 9);
+    expect(wheel({ ctrlKey: false, deltaY: -3, deltaMode: 1 })).toBeCloseTo(pixels, 9);
+    expect(wheel({ ctrlKey: false, deltaY: -1, deltaMode: 2 })).toBeCloseTo(pixels, 9);
+    expect(wheel({ ctrlKey: false, deltaY: 100, deltaMode: 0 })).toBeCloseTo(-pixels, 9);
+  });
+
+  test("a pinch on a trackpad, which comes in small steps with Ctrl, goes as far as fingers on a screen", () => {
+    const steps = Array.from({ length: 12 }, () => wheel({ ctrlKey: true, deltaY: -6, deltaMode: 0 }));
+    expect(steps.reduce((a, b) => a + b)).toBeGreaterThan(1);
+    const notch = wheel({ ctrlKey: false, deltaY: -100, deltaMode: 0 });
+    expect(wheel({ ctrlKey: true, deltaY: -100, deltaMode: 0 }), "a mouse's wheel with Ctrl").toBe(notch);
   });
 
   test("a wild spin is no teleporter", () => {
-    expect(wheel({ deltaY: -1e9, deltaMode: 0 })).toBeLessThanOrEqual(1);
+    expect(wheel({ ctrlKey: false, deltaY: -1e9, deltaMode: 0 })).toBeLessThanOrEqual(1);
   });
 });
 

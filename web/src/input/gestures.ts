@@ -1,4 +1,4 @@
-/** What mouse, fingers and wheel mean. Pure: positions in CSS pixels come in, nudges for the camera go out. */
+/** Interprets mouse, fingers and wheel: turns positions in CSS pixels into nudges of the camera. Pure. */
 import { NO_NUDGE, type Nudge } from "../view/motion";
 
 interface Point {
@@ -9,16 +9,18 @@ interface Point {
 /** How far a wheel's notch goes, in seconds of walking; browsers report about 100 pixels or 3 lines for one. */
 const NOTCH_SECONDS = 0.2;
 const NOTCH = { 0: 100, 1: 3, 2: 1 } as const;
+/** Browsers report a trackpad's pinch as a wheel event with Ctrl, in pixels smaller than a scroll's by this factor. */
+const TRACKPAD_PINCH = 0.1;
 /** A pinch to twice the size goes forward by this, in seconds of walking. */
 const PINCH_SECONDS = 1.2;
-/** Degrees around what is orbited, from one side of the stage to the other. */
+/** Degrees of orbit across the width of the stage. */
 const ORBIT_DEGREES = 180;
 /** Two fingers that wander across the stage's height go this far, in seconds of walking. */
 const PAN_SECONDS = 2;
 /** However wildly a wheel spins, one event is no teleporter. */
 const MAX_NOTCHES = 5;
 
-/** The picture follows the pointer: what was under it stays under it. `fx`, `fy` are in CSS pixels. */
+/** Look: the point under the pointer stays under it. `fx`, `fy` are in CSS pixels. */
 export function look(from: Point, to: Point, focal: { readonly fx: number; readonly fy: number }): Nudge {
   const degrees = 180 / Math.PI;
   return {
@@ -28,7 +30,7 @@ export function look(from: Point, to: Point, focal: { readonly fx: number; reado
   };
 }
 
-/** About what is looked at: its near side follows the pointer, half around it across the stage. */
+/** Orbit: the near side of the focus follows the pointer, half a turn across the stage. */
 export function orbit(from: Point, to: Point, stageWidth: number): Nudge {
   const perPixel = ORBIT_DEGREES / Math.max(1, stageWidth);
   return { ...NO_NUDGE, orbitRight: (to.x - from.x) * perPixel, orbitUp: (from.y - to.y) * perPixel };
@@ -40,9 +42,10 @@ export function pan(from: Point, to: Point, stageHeight: number): Nudge {
   return { ...NO_NUDGE, right: (from.x - to.x) * perPixel, up: (to.y - from.y) * perPixel };
 }
 
-/** A wheel turned by one event, in seconds of walking: away from the person goes forward. */
-export function wheel({ deltaY, deltaMode }: Pick<WheelEvent, "deltaY" | "deltaMode">): number {
-  const notches = -deltaY / (NOTCH[deltaMode as keyof typeof NOTCH] ?? NOTCH[0]);
+/** One event of a wheel, in seconds of walking: turning it away goes forward, as spreading the fingers on a trackpad does. */
+export function wheel({ deltaY, deltaMode, ctrlKey }: Pick<WheelEvent, "deltaY" | "deltaMode" | "ctrlKey">): number {
+  const notch = NOTCH[deltaMode as keyof typeof NOTCH] ?? NOTCH[0];
+  const notches = -deltaY / (ctrlKey && Math.abs(deltaY) < notch / 2 ? TRACKPAD_PINCH * notch : notch);
   return Math.max(-MAX_NOTCHES, Math.min(MAX_NOTCHES, notches)) * NOTCH_SECONDS;
 }
 

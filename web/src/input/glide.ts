@@ -1,6 +1,6 @@
-/** Spreads the jump of a wheel's notch over a few animation frames. Pure: the time that passed comes in. */
+/** Spreads a wheel notch over several animation frames. Pure: the elapsed time is an argument. */
 
-/** After this many milliseconds about two thirds of what was asked have been given out. */
+/** Time constant in milliseconds, after which about two thirds have been applied. */
 const TIME_CONSTANT = 60;
 /** Less than this many seconds of walking is given out at once: the end of a jump is no endless stream of frames. */
 const LEAST = 0.004;
@@ -12,7 +12,7 @@ export class Glide {
     this.#rest += amount;
   }
 
-  /** What is due after `elapsed` more milliseconds; all of it if `smooth` is not wanted. */
+  /** Amount due after `elapsed` more milliseconds; all of it unless `smooth`. */
   take(elapsed: number, smooth: boolean): number {
     const left = smooth ? this.#rest * Math.exp(-elapsed / TIME_CONSTANT) : 0;
     const due = Math.abs(left) < LEAST ? this.#rest : this.#rest - left;

@@ -1,9 +1,15 @@
-/** Which movement keys are held. Keys are known by their place (`event.code`), so that every layout works. */
+/** The movement keys that are held. Keys are identified by their position (`event.code`), which works on every layout. */
 import type { Axes } from "../view/motion";
 
 type Axis = Exclude<keyof Axes, "haste">;
 
-/** How many times as fast as usual one walks while the key is held. */
+/**
+ * Milliseconds that Shift is held alone before the camera sinks: it is also half of "?", Shift+Tab and screenshot
+ * shortcuts.
+ */
+const SHIFT_ALONE = 200;
+
+/** Factors of the walking speed while these keys are held. */
 const HASTE: Readonly<Record<string, number>> = { KeyC: 4, KeyZ: 1 / 4 };
 
 const BINDINGS: Readonly<Record<string, readonly [Axis, 1 | -1]>> = {
@@ -31,31 +37,49 @@ export interface Key {
 }
 
 export class HeldKeys {
-  readonly #held = new Set<string>();
+  /** Milliseconds for which each key has been held. */
+  readonly #held = new Map<string, number>();
 
-  /** Returns whether the key moves the camera. Shortcuts of the browser or the system are none of ours. */
+  /** Returns whether the key moves the camera. Shortcuts of the browser and the system are left alone. */
   press({ code, ctrlKey, altKey, metaKey }: Key): boolean {
-    if (!(code in BINDINGS || code in HASTE) || ctrlKey || altKey || metaKey) return false;
-    this.#held.add(code);
+    if (isMeta(code)) this.releaseAll();
+    if (!(code in BINDINGS || code in HASTE) || ctrlKey || altKey || metaKey) {
+      if (!isShift(code)) for (const held of this.#held.keys()) if (isShift(held)) this.#held.delete(held);
+      return false;
+    }
+    if (!this.#held.has(code)) this.#held.set(code, 0);
     return true;
   }
 
+  /** macOS reports no keyup for keys that are released while Cmd is held, so Cmd releases them all. */
   release(code: string): void {
-    this.#held.delete(code);
+    if (isMeta(code)) this.releaseAll();
+    else this.#held.delete(code);
   }
 
-  /** The page lost the focus: nothing tells it any more when keys go up. */
+  /** After the page loses the focus it gets no keyup events. */
   releaseAll(): void {
     this.#held.clear();
   }
 
-  get axes(): Axes {
+  /** Keys held `elapsed` milliseconds after the last call. */
+  axes(elapsed: number): Axes {
     const axes = { forward: 0, right: 0, up: 0, turnRight: 0, turnUp: 0 };
-    for (const code of this.#held) {
+    for (const [code, before] of this.#held) {
+      this.#held.set(code, before + elapsed);
       const [axis, sign] = BINDINGS[code] ?? [];
-      if (axis !== undefined && sign !== undefined) axes[axis] = Math.max(-1, Math.min(1, axes[axis] + sign));
+      if (axis === undefined || sign === undefined || (isShift(code) && before + elapsed < SHIFT_ALONE)) continue;
+      axes[axis] = Math.max(-1, Math.min(1, axes[axis] + sign));
     }
-    const haste = [...this.#held].reduce((product, code) => product * (HASTE[code] ?? 1), 1);
+    const haste = [...this.#held.keys()].reduce((product, code) => product * (HASTE[code] ?? 1), 1);
     return haste === 1 ? axes : { ...axes, haste };
   }
+}
+
+function isShift(code: string): boolean {
+  return code === "ShiftLeft" || code === "ShiftRight";
+}
+
+function isMeta(code: string): boolean {
+  return code === "MetaLeft" || code === "MetaRight";
 }

@@ -24,11 +24,11 @@ function element(selector: string): HTMLElement {
   return found;
 }
 
-/** Whether the camera moves once a key is pressed, and whether the browser does what it does by itself. */
+/** Whether the camera moves after a key press, and whether the browser's default action happens. */
 function press(code: string, where: string): { moves: boolean; browser: boolean } {
   const event = new KeyboardEvent("keydown", { code, bubbles: true, cancelable: true });
   element(where).dispatchEvent(event);
-  const moves = Object.values(input.sample(16).axes).some((axis) => axis !== 0);
+  const moves = Object.values(input.sample(1000).axes).some((axis) => axis !== 0);
   return { moves, browser: !event.defaultPrevented };
 }
 
@@ -56,4 +56,23 @@ test.each([
 test("whoever goes back with Shift and Tab does not sink", () => {
   expect(press("ShiftLeft", "#stage")).toEqual(THE_CAMERA);
   expect(press("Tab", "#stage")).toEqual(THE_PAGE);
+});
+
+test("keys held while Cmd is pressed and released do not stick", () => {
+  expect(press("KeyW", "#stage")).toEqual(THE_CAMERA);
+  press("MetaLeft", "#stage");
+  element("#stage").dispatchEvent(new KeyboardEvent("keyup", { code: "MetaLeft", bubbles: true }));
+  expect(Object.values(input.sample(16).axes).every((axis) => axis === 0)).toBe(true);
+});
+
+test("a trackpad's pinch moves the camera instead of zooming the page", () => {
+  const event = new WheelEvent("wheel", { deltaY: -10, ctrlKey: true, cancelable: true });
+  element("#stage").dispatchEvent(event);
+  expect(event.defaultPrevented).toBe(true);
+  expect(input.sample(1000).nudge.forward).toBeGreaterThan(0);
+});
+
+test("mouse look that the browser refuses is not an error", async () => {
+  element("#stage").requestPointerLock = () => Promise.reject(new DOMException("too soon after Esc"));
+  await expect(input.lock()).resolves.toBeUndefined();
 });

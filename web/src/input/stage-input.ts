@@ -1,4 +1,4 @@
-/** Listens to keyboard, mouse, touch, wheel and gamepad, and keeps what they ask for until the next animation frame samples it. */
+/** Input from keyboard, mouse, touch, wheel and gamepad, collected until the next animation frame samples it. */
 import type { InputSample, Nudge } from "../view/motion";
 import { NO_NUDGE } from "../view/motion";
 import { gamepadAxes } from "./gamepad";
@@ -29,7 +29,7 @@ export interface StageInputOptions {
 const [MAIN, MIDDLE, RIGHT] = [0, 1, 2];
 
 export class StageInput {
-  /** What the on-screen pad asks for. */
+  /** Input of the on-screen pad. */
   pad: { readonly forward: number; readonly right: number; readonly up: number } = { forward: 0, right: 0, up: 0 };
   readonly #stage: HTMLElement;
   readonly #options: StageInputOptions;
@@ -60,12 +60,12 @@ export class StageInput {
     stage.addEventListener("wheel", (event) => this.#turnWheel(event), { signal, passive: false });
   }
 
-  /** What was asked since the last sample, `elapsed` milliseconds ago. */
+  /** Input since the last sample, `elapsed` milliseconds ago. */
   sample(elapsed: number): InputSample {
     const glided = this.#glide.take(elapsed, !this.#reducedMotion.matches);
     const nudge = glided === 0 ? this.#nudge : sum(this.#nudge, { ...NO_NUDGE, forward: glided });
     this.#nudge = NO_NUDGE;
-    const keys = this.#keys.axes;
+    const keys = this.#keys.axes(elapsed);
     const gamepad = gamepadAxes(navigator.getGamepads?.() ?? []);
     const haste = (keys.haste ?? 1) * (gamepad?.haste ?? 1);
     return {
@@ -81,10 +81,17 @@ export class StageInput {
     };
   }
 
-  /** Have the mouse look around without a button until Esc, or no longer. */
+  /** Turn mouse look on or off; Esc also ends it. */
   async lock(): Promise<void> {
-    if (this.#locked) document.exitPointerLock();
-    else await this.#stage.requestPointerLock?.();
+    if (this.#locked) {
+      document.exitPointerLock();
+      return;
+    }
+    try {
+      await this.#stage.requestPointerLock?.();
+    } catch {
+      // browsers refuse it for about a second after Esc
+    }
   }
 
   dispose(): void {
@@ -95,7 +102,7 @@ export class StageInput {
   #press(event: KeyboardEvent): void {
     const inside = (selector: string) => event.target instanceof Element && event.target.closest(selector) !== null;
     if (inside(TYPING)) return;
-    if (event.code === "Tab") this.#keys.releaseAll(); // with Shift, too, which would go on sinking
+    if (event.code === "Tab") this.#keys.releaseAll(); // the focus moves on
     if (["Space", "ShiftLeft", "ShiftRight"].includes(event.code) && inside(PRESSING)) return;
     if (event.code.startsWith("Arrow") && inside(CHOOSING)) return;
     if (this.#keys.press(event)) event.preventDefault(); // the page must not scroll
@@ -149,8 +156,7 @@ export class StageInput {
   }
 
   #turnWheel(event: WheelEvent): void {
-    if (event.ctrlKey) return; // the browser's zoom
-    event.preventDefault();
+    event.preventDefault(); // with Ctrl, which is also how browsers report a pinch on a trackpad, the page would zoom
     this.#glide.add(wheel(event));
   }
 }

@@ -6,7 +6,7 @@ const FILE = Uint8Array.from({ length: 1000 }, (_, i) => i % 251);
 
 type Answer = (request: Headers, signal: AbortSignal) => Response | Error;
 
-/** A server that answers one request after another, and what it was asked. */
+/** A server that answers one request after another, with a log of its requests. */
 function server(...answers: Answer[]) {
   const asked: Headers[] = [];
   const request = (async (_: string, { headers, signal }: { headers?: HeadersInit; signal: AbortSignal }) => {
@@ -39,7 +39,7 @@ const fetched = (answers: Answer[], options: Partial<DownloadOptions> = {}) => {
   const onCut = vi.fn();
   const received: number[] = [];
   const file = download({
-    url: () => "scenes/garden/download/ply",
+    url: () => "scenes/garden/download/compressed",
     signal: new AbortController().signal,
     onBytes: (_, count) => received.push(count),
     onCut,

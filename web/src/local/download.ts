@@ -3,15 +3,15 @@ import pRetry from "p-retry";
 import { ApiError, readProblem } from "../http/problem";
 
 export interface DownloadOptions {
-  /** Where it is, whenever it is asked for. */
+  /** Its URL, resolved for each request. */
   readonly url: () => string;
   readonly signal: AbortSignal;
-  /** More of it is there: the file, as long as it will be, and how much of it has come. */
+  /** Progress: the file at its full length, and the number of received bytes. */
   readonly onBytes: (file: Uint8Array<ArrayBuffer>, received: number) => void;
-  /** It was cut off; it goes on by itself. */
+  /** The download was interrupted; it resumes automatically. */
   readonly onCut: (message: string) => void;
   readonly fetch?: typeof fetch;
-  /** Without a byte for so long, it counts as cut off, in milliseconds. */
+  /** A download without a byte for this many milliseconds counts as interrupted. */
   readonly patience?: number;
   /** Before the first retry, in milliseconds. */
   readonly firstRetry?: number;
@@ -22,10 +22,13 @@ const BUSY = [408, 429, 502, 503, 504];
 const PATIENCE = 20_000;
 const FIRST_RETRY = 300;
 
-/** The server ended what it sent before it was whole, or was not reached; it is tried again. */
+/** The server ended its answer early, or was unreachable; the download is retried. */
 class CutOff extends Error {}
 
-/** Resolves with the whole file. Throws ApiError with a sentence if it is not to be had, and what `signal` is aborted with. */
+/**
+ * Resolves with the whole file. Throws ApiError with a sentence if it is unavailable, and the reason of `signal` if
+ * aborted.
+ */
 export async function download(options: DownloadOptions): Promise<Uint8Array<ArrayBuffer>> {
   const { signal, onCut, firstRetry = FIRST_RETRY } = options;
   const file = new PartialFile(options);
@@ -48,14 +51,14 @@ class PartialFile {
   bytes = new Uint8Array(0);
   readonly #options: DownloadOptions;
   #received = 0;
-  /** Of the version that has come so far. */
+  /** Version of the received bytes. */
   #etag: string | null = null;
 
   constructor(options: DownloadOptions) {
     this.#options = options;
   }
 
-  /** Asks for what is missing. */
+  /** Requests the missing bytes. */
   async resume(): Promise<void> {
     const { signal, patience = PATIENCE } = this.#options;
     const attempt = new AbortController();
@@ -76,7 +79,7 @@ class PartialFile {
       if (signal.aborted || error instanceof ApiError) throw error;
     } finally {
       clearTimeout(timer);
-      attempt.abort(); // whatever is still to come is not wanted
+      attempt.abort(); // the remaining bytes are useless
     }
     signal.throwIfAborted();
     if (this.#received < this.bytes.length) throw new CutOff("The download was cut off.");
@@ -98,7 +101,7 @@ class PartialFile {
     throw BUSY.includes(response.status) ? new CutOff(detail) : new ApiError(detail, false);
   }
 
-  /** It goes on where it was cut off, or begins anew: the first time, and where the file has changed meanwhile. */
+  /** Resumes an interrupted download, or starts over: the first time, and if the file has changed. */
   #begin(response: Response): void {
     const [, from, total] = /^bytes (\d+)-\d+\/(\d+)$/.exec(response.headers.get("content-range") ?? "") ?? [];
     const resumed = response.status === 206;

@@ -1,16 +1,10 @@
-/** Files of Gaussians for tests: their bytes count up, so that it shows which of them were kept. */
-
-/** A plain one, of 16 bytes a Gaussian. */
-export function plainPly(gaussians: number): Uint8Array<ArrayBuffer> {
-  return ply([{ name: "vertex", count: gaussians, type: "float", properties: ["x", "y", "z", "opacity"] }]);
-}
-
-/** A compressed one with spherical harmonics of degree 1. */
-export function compressedPly(gaussians: number): Uint8Array<ArrayBuffer> {
+/** A compressed PLY for tests: its bytes count up, so that it shows which of them were kept. */
+export function compressedPly(gaussians: number, shDegree: 0 | 1 = 1): Uint8Array<ArrayBuffer> {
+  const sh = Array.from({ length: 9 }, (_, i) => `f_rest_${i}`);
   return ply([
     { name: "chunk", count: Math.ceil(gaussians / 256), type: "float", properties: ["min_x", "max_x"] },
     { name: "vertex", count: gaussians, type: "uint", properties: ["a", "b", "c", "d"] },
-    { name: "sh", count: gaussians, type: "uchar", properties: Array.from({ length: 9 }, (_, i) => `f_rest_${i}`) },
+    ...(shDegree > 0 ? [{ name: "sh", count: gaussians, type: "uchar", properties: sh } as const] : []),
   ]);
 }
 

@@ -16,8 +16,8 @@ test("without a word about it, Gaussians are drawn as they are", () => {
   expect(growthOf(["ply", "comment first light", "comment first 256 growth"], 256)).toBe(1);
 });
 
-test("scales are logarithms, of Gaussians or of the ends of ranges", () => {
-  expect(["scale_0", "min_scale_x", "max_scale_z"].every((name) => isScale("float", name))).toBe(true);
+test("scales are the ends of ranges", () => {
+  expect(["min_scale_x", "max_scale_z"].every((name) => isScale("float", name))).toBe(true);
   expect([isScale("uint", "scale_0"), isScale("float", "packed_scale"), isScale("float", "x")]).not.toContain(true);
 });
 

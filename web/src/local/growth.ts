@@ -1,8 +1,8 @@
-/** The first Gaussians of a scene, drawn larger than they are: so they close the gaps which those leave that have yet to come. */
+/** Enlarges the first Gaussians of a scene, to close the gaps left by those still to be downloaded. */
 
 const PART = /^comment first (\d+) growth (\d+(?:\.\d+)?)$/;
-/** A scale, or the ends of a range of scales; all are logarithms. */
-const SCALE = /^(min_|max_)?scale_/;
+/** The ends of a range of scales, which are logarithms. */
+const SCALE = /^(min|max)_scale_/;
 
 export function isScale(type: string, name: string): boolean {
   return type === "float" && SCALE.test(name);
@@ -13,7 +13,7 @@ export function partsOf(header: readonly string[]): number[] {
   return header.map((line) => Number(PART.exec(line)?.[1] ?? 0)).filter((count) => count > 0);
 }
 
-/** How many times larger so many of the first Gaussians are best drawn: what the header says of the part that has about as many. */
+/** Best enlargement of this many first Gaussians: the header's value for the part of about that size. */
 export function growthOf(header: readonly string[], gaussians: number): number {
   let [nearest, growth] = [Number.POSITIVE_INFINITY, 1];
   for (const [, count, factor] of header.flatMap((line) => [PART.exec(line) ?? []])) {
@@ -23,7 +23,7 @@ export function growthOf(header: readonly string[], gaussians: number): number {
   return growth;
 }
 
-/** Rows with larger scales, which lie so many bytes into each; the same rows where there are none. */
+/** Rows with larger scales at the given byte offset of each; the same rows for a factor of 1. */
 export function grown(
   rows: Uint8Array<ArrayBuffer>,
   stride: number,

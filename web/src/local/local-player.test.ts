@@ -4,16 +4,16 @@ import { COURTYARD } from "../state/fake-server";
 import { NO_NUDGE } from "../view/motion";
 import type { PresentedFrame } from "../view/presented";
 import { Rig } from "../view/rig";
-import { plainPly } from "./fake-ply";
+import { compressedPly } from "./fake-ply";
 import { type LocalOptions, LocalPlayer, type LocalRenderer } from "./local-player";
 import { readHeader } from "./ply";
 import type { RendererOptions } from "./renderer";
 
 const STILL = { forward: 0, right: 0, up: 0, turnRight: 0, turnUp: 0 };
-const FILE = plainPly(1000);
+const FILE = compressedPly(1000, 0);
 const SIZE = { width: 640, height: 360 };
 
-/** Shows at once what it is given, and draws whenever it is asked. */
+/** A renderer that shows its input at once. */
 class FakeRenderer {
   readonly backend = "WebGL 2";
   readonly shown: number[] = [];
@@ -75,8 +75,7 @@ function start(options: Partial<LocalOptions> = {}): Rig {
     below,
     rig,
     scene: { ...COURTYARD, gaussians: 1000, file_bytes: FILE.length },
-    form: "ply",
-    url: () => "scenes/courtyard/download/ply",
+    url: () => "scenes/courtyard/download/compressed",
     size: () => SIZE,
     onPresented: (frame) => presented.push(frame),
     onReceived: (bytes) => {
@@ -95,7 +94,7 @@ function start(options: Partial<LocalOptions> = {}): Rig {
 }
 
 const canvas = () => document.querySelector("canvas.local");
-/** Until the download has this many bytes of the file's rows, and what follows from it has been done. */
+/** Waits until the download has this many bytes of the file's rows, and for all consequences. */
 async function come(from: number, to: number): Promise<void> {
   const head = FILE.length - 16_000;
   link.enqueue(FILE.slice(from === 0 ? 0 : head + from, head + to));
@@ -135,7 +134,7 @@ test("a first part is drawn long before the whole has come, and both times are t
     gaussians: 1000,
     backend: "WebGL 2",
   });
-  expect(player.played(1200)).toMatchObject({ form: "ply", began_ms: -200, downloaded_bytes: FILE.length });
+  expect(player.played(1200)).toMatchObject({ form: "compressed", began_ms: -200, downloaded_bytes: FILE.length });
 });
 
 test("frames say which pose they show, and latency counts from the first picture on", async () => {
@@ -176,7 +175,16 @@ test("a scene that is too large is not asked for", async () => {
 });
 
 test.each<[string, Partial<LocalOptions>, string]>([
-  ["without graphics", { create: () => Promise.reject(new Error("no context")) }, "neither WebGPU nor WebGL 2"],
+  [
+    "without graphics",
+    { create: () => Promise.reject(Object.assign(new Error(), { name: "NoGraphics" })) },
+    "neither WebGPU nor WebGL 2",
+  ],
+  [
+    "a renderer that fails",
+    { create: () => Promise.reject(new Error("shader error")) },
+    "The scene cannot be drawn here: shader error.",
+  ],
   [
     "a file that cannot be drawn",
     {

@@ -1,4 +1,4 @@
-/** The local mode: downloads the scene and draws it in this browser, from the first part that has come. */
+/** The local mode: downloads the scene and renders it in this browser, starting with the first part. */
 
 import { signal } from "@preact/signals";
 import { deferred } from "../async/deferred";
@@ -16,19 +16,17 @@ import type { Lens, Renderer, RendererOptions } from "./renderer";
 import { fileBytes, roomProblem } from "./room";
 import { nextStep } from "./steps";
 
-export type DownloadForm = PlayedDownload["form"];
-
 export interface LocalStats extends Figures {
-  /** Bytes of the scene's file that have come, and that it has; null until the server has said. */
+  /** Received and total bytes of the scene's file; null until the server has answered. */
   readonly received: number;
   readonly total: number | null;
-  /** Gaussians that are drawn, and that the scene has; null until its header has come. */
+  /** Rendered and total Gaussians; null until the header has arrived. */
   readonly drawn: number;
   readonly gaussians: number | null;
   /** Since the mode was entered, in milliseconds; null until then. */
   readonly firstPictureMs: number | null;
   readonly completeMs: number | null;
-  /** What draws; null until it does. */
+  /** The renderer; null until it works. */
   readonly backend: string | null;
 }
 
@@ -58,16 +56,15 @@ export interface LocalOptions {
   readonly below: HTMLElement;
   readonly rig: Rig;
   readonly scene: SceneInfo;
-  readonly form: DownloadForm;
   /** Where the scene's file is; in a cluster, that changes. */
   readonly url: () => string;
   /** How large the picture is displayed, in the screen's pixels. */
   readonly size: () => Size;
   readonly onPresented: (frame: PresentedFrame) => void;
-  /** Bytes of the scene came in. */
+  /** Bytes of the scene were received. */
   readonly onReceived: (bytes: number) => void;
   readonly now: () => number;
-  /** Of the machine, in GB, as far as the browser tells. */
+  /** The machine's memory in GB, as reported by the browser. */
   readonly memory?: number | undefined;
   readonly create?: (options: RendererOptions) => Promise<LocalRenderer>;
   readonly fetch?: typeof fetch;
@@ -95,19 +92,19 @@ export class LocalPlayer {
   readonly #overlay: Overlay;
   readonly #beganAt: number;
   #renderer: LocalRenderer | null = null;
-  /** As far as it has come; empty when all of it is drawn. */
+  /** The received part; empty once everything is rendered. */
   #file = new Uint8Array(0);
   #total = 0;
   #received = 0;
   #header: PlyHeader | null = null;
-  /** What the renderer has been given. */
+  /** Gaussians handed to the renderer. */
   #given: Prefix | null = null;
-  /** Resolves when more of the file has come. */
+  /** Resolves when more of the file has arrived. */
   #more = deferred<undefined>();
   #firstPictureMs: number | null = null;
   #completeMs: number | null = null;
   #drawn: Drawn | null = null;
-  /** It has not been told of. */
+  /** Not reported yet. */
   #untold = false;
   #publishedAt = 0;
 
@@ -126,10 +123,10 @@ export class LocalPlayer {
     this.#leave();
   }
 
-  /** For records: what was downloaded so far, with times since `startedAt`. */
+  /** For records: the download so far, with times since `startedAt`. */
   played(startedAt: number): PlayedDownload {
     return {
-      form: this.#options.form,
+      form: "compressed",
       renderer: this.#renderer?.backend ?? null,
       began_ms: this.#beganAt - startedAt,
       first_picture_ms: this.#firstPictureMs,
@@ -140,7 +137,7 @@ export class LocalPlayer {
     };
   }
 
-  /** A copy of what is on the screen; null while that is nothing. */
+  /** A copy of the screen; null before the first picture. */
   picture(): Promise<ImageBitmap> | null {
     if (this.#drawn === null || this.#renderer === null) return null;
     const { pose, lens, ...size } = this.#drawn;
@@ -149,7 +146,7 @@ export class LocalPlayer {
     return createImageBitmap(this.#overlay.canvas);
   }
 
-  /** Once per animation frame, first of all: what was drawn in the last one is on the screen by now. */
+  /** Called at the start of each animation frame: the last rendered frame is on screen by now. */
   presented(now: number): void {
     if (this.#drawn === null || !this.#untold) return;
     this.#untold = false;
@@ -160,7 +157,13 @@ export class LocalPlayer {
     this.#meter.presented({ at: now, pose: pose.seq, rung: null, width, height });
   }
 
-  /** Once per animation frame, after the rig was sampled; `moved` is what the rig said. */
+  /** The page was hidden for the last `gap` milliseconds; before anything else of this animation frame. */
+  resumed(gap: number): void {
+    this.#meter.resumed(gap);
+    this.#untold = false;
+  }
+
+  /** Called once per animation frame, after the rig was sampled; `moved` is the rig's result. */
   tick(now: number, moved: boolean): void {
     const { rig, size } = this.#options;
     const { pose } = rig;
@@ -192,11 +195,11 @@ export class LocalPlayer {
   }
 
   async #run(signal: AbortSignal): Promise<void> {
-    const { scene, form, url, memory, onReceived, now } = this.#options;
+    const { scene, url, memory, onReceived, now } = this.#options;
     const gaussians = scene.gaussians ?? 0;
     const shDegree = scene.sh_degree ?? 3;
-    const made = scene.downloads?.find((one) => one.form === form)?.bytes;
-    const bytes = made ?? fileBytes(form, gaussians, shDegree);
+    const made = scene.downloads?.[0]?.bytes;
+    const bytes = made ?? fileBytes(gaussians, shDegree);
     const problem = roomProblem({ gaussians, shDegree, bytes }, memory);
     if (problem !== null) throw new Impossible(problem);
     const whole = download({
@@ -229,7 +232,7 @@ export class LocalPlayer {
     this.#more.resolve(undefined);
   }
 
-  /** Draws more whenever enough of it has come, until all is drawn. */
+  /** Renders more whenever enough has arrived, until everything is rendered. */
   async #draw(signal: AbortSignal): Promise<void> {
     const renderer = await this.#create();
     if (signal.aborted) {
@@ -250,7 +253,7 @@ export class LocalPlayer {
         this.#given = step;
       }
     }
-    this.#file = new Uint8Array(0); // what is drawn is elsewhere
+    this.#file = new Uint8Array(0); // the rendered Gaussians are on the GPU
   }
 
   async #create(): Promise<LocalRenderer> {
@@ -263,8 +266,9 @@ export class LocalPlayer {
         antialiased: scene.antialiased ?? false,
         onLost: () => this.#failed(new Impossible(LOST)),
       });
-    } catch {
-      throw new Impossible(NO_GRAPHICS);
+    } catch (error) {
+      const none = error instanceof Error && error.name === "NoGraphics";
+      throw new Impossible(none ? NO_GRAPHICS : `The scene cannot be drawn here: ${sentence(error)}`);
     }
   }
 

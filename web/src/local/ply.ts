@@ -1,7 +1,7 @@
 /**
- * Prefixes of a PLY whose Gaussians are in the order of their importance: every one of them is a file, and the best picture of its
- * size. A plain one has all of a Gaussian in one row; the compressed one has ranges of 256 Gaussians each, then rows of 16 bytes, then
- * the spherical harmonics, without which it can be drawn, too.
+ * Prefixes of a compressed PLY whose Gaussians are ordered by importance: each prefix is a valid file, and the best
+ * picture of its size. It has ranges of 256 Gaussians each, then rows of 16 bytes, then the spherical harmonics, which
+ * are optional.
  */
 import { grown, growthOf, isScale } from "./growth";
 
@@ -19,18 +19,18 @@ interface PlyElement {
   readonly count: number;
   /** Bytes of one row. */
   readonly stride: number;
-  /** Where in a row its scales lie, in bytes. */
+  /** Byte offset of the scales in a row. */
   readonly scales: readonly number[];
 }
 
-/** What of a file can be drawn. */
+/** The part of a file that can be rendered. */
 export interface Prefix {
   readonly gaussians: number;
   /** All of the file. */
   readonly whole: boolean;
 }
 
-/** The file is none that can be drawn here. */
+/** The file cannot be rendered here. */
 export class BrokenPly extends Error {}
 
 /** Gaussians that share a row of ranges. */
@@ -48,7 +48,7 @@ const SIZES: Readonly<Record<string, number>> = {
   double: 8,
 };
 
-/** The header at the beginning of a file; null while some of it has yet to come. Throws BrokenPly. */
+/** The header at the start of a file; null while it is incomplete. Throws BrokenPly. */
 export function readHeader(file: Uint8Array): PlyHeader | null {
   const text = String.fromCharCode(...file.subarray(0, LONGEST_HEADER));
   const end = text.indexOf(END);
@@ -68,13 +68,13 @@ export function readHeader(file: Uint8Array): PlyHeader | null {
   const vertex = elements.find(({ name }) => name === "vertex");
   const names = elements.map(({ name }) => name).join();
   const valid = elements.every(({ count, stride }) => Number.isSafeInteger(count) && stride > 0);
-  if (!vertex || !valid || !["vertex", "chunk,vertex", "chunk,vertex,sh"].includes(names)) {
+  if (!vertex || !valid || !["chunk,vertex", "chunk,vertex,sh"].includes(names)) {
     throw new BrokenPly("The downloaded scene is not a PLY file of Gaussians.");
   }
   return { lines, bytes: end + END.length, elements, gaussians: vertex.count };
 }
 
-/** What can be drawn when so many bytes of the file have come. */
+/** The part that can be rendered from this many bytes of the file. */
 export function arrived({ bytes, elements, gaussians }: PlyHeader, received: number): Prefix {
   const total = elements.reduce((sum, { count, stride }) => sum + count * stride, bytes);
   if (received >= total) return { gaussians, whole: true };

@@ -30,27 +30,27 @@ export interface RendererOptions {
   readonly canvas: HTMLCanvasElement;
   /** Of the scene: sRGB, 0 to 1. */
   readonly background: readonly [number, number, number];
-  /** Whether what a pixel widens is to be as much fainter (Mip-Splatting's 2D filter). */
+  /** Whether splats widened to a pixel are dimmed accordingly (Mip-Splatting's 2D filter). */
   readonly antialiased: boolean;
-  /** The graphics processor is gone: nothing is drawn any more. */
+  /** The GPU device was lost: rendering has ended. */
   readonly onLost: () => void;
 }
 
-/** What is to be drawn. */
+/** Input of one rendered frame. */
 export interface View {
   readonly pose: ScenePose;
   readonly lens: Lens;
   readonly size: Size;
   /** In milliseconds. */
   readonly now: number;
-  /** Even if nothing has changed. */
+  /** Render even without changes. */
   readonly again?: boolean;
 }
 
 /** As the rasteriser has it, in scene units, and farther than any scene is large. */
 const NEAR = 0.01;
 const FAR = 10_000;
-/** Colours that depend on the direction are made anew when that has changed by so many degrees; PlayCanvas' own choice is 10. */
+/** Degrees of rotation after which view-dependent colours are recomputed; PlayCanvas' default is 10. */
 const COLOUR_ANGLE = 2;
 /** Bytes that are copied at once. */
 const COPIED = 1 << 20;
@@ -64,6 +64,8 @@ export async function createRenderer(options: RendererOptions): Promise<Renderer
     alpha: false,
     stencil: false,
     powerPreference: "high-performance",
+  }).catch(() => {
+    throw Object.assign(new Error("This browser offers neither WebGPU nor WebGL 2."), { name: "NoGraphics" });
   });
   return new Renderer(device, options);
 }
@@ -77,9 +79,9 @@ export class Renderer {
   #asset: Asset | null = null;
   #projection: number[] = [];
   #aim: readonly number[] = [];
-  /** Hears that the newest scene is in the picture, while it is not. */
+  /** Called once the newest scene is in the picture. */
   #pending: (() => void) | null = null;
-  /** The picture has another scene than the last that was told of. */
+  /** The picture shows another scene than the last one reported. */
   #changed = false;
   /** A scene is in the picture. */
   #visible = false;
@@ -112,7 +114,7 @@ export class Renderer {
       calculateProjection: (matrix: Mat4) => matrix.set(this.#projection),
     });
     this.#scene.addComponent("gsplat", {});
-    // What was drawn in another order than the view's is drawn again when it is sorted.
+    // A frame rendered before its splats were sorted is rendered again afterwards.
     this.#app.systems.gsplat?.on("frame:request", () => {
       this.#app.renderNextFrame = true;
     });
@@ -124,10 +126,13 @@ export class Renderer {
     });
     device.on("devicelost", onLost);
     this.#app.start();
-    cancelAnimationFrame(this.#app.frameRequestId); // it draws when it is told to
+    cancelAnimationFrame(this.#app.frameRequestId); // it renders on request
   }
 
-  /** Draws these Gaussians from now on: parts of a PLY file. Resolves when they are in the picture; throws if they cannot be had. */
+  /**
+   * Replaces the Gaussians by parts of a PLY file. Resolves when they are in the picture; throws if they cannot be
+   * loaded.
+   */
   async show(parts: readonly Uint8Array<ArrayBuffer>[]): Promise<void> {
     const file = { url: "scene.ply", filename: "scene.ply", contents: contents(parts) };
     const asset = new Asset("scene", "gsplat", file);
@@ -150,8 +155,8 @@ export class Renderer {
   }
 
   /**
-   * Draws the view from a pose, if that, the lens, the size or the scene is another than before; tells whether it did, and the scene
-   * is in the picture by now.
+   * Renders the view from a pose if the pose, lens, size or scene has changed; returns whether it did, with the scene
+   * in the picture.
    */
   draw({ pose, lens, size, now, again = false }: View): boolean {
     const { width, height } = size;
@@ -178,7 +183,7 @@ export class Renderer {
   }
 }
 
-/** PlayCanvas reads what an asset contains as the answer to a request. It keeps and changes what it reads: it gets copies. */
+/** PlayCanvas reads an asset's contents from a response. It keeps and modifies its input, so it gets copies. */
 function contents(parts: readonly Uint8Array<ArrayBuffer>[]): ArrayBuffer {
   const rest = parts.values();
   let part = new Uint8Array<ArrayBuffer>(new ArrayBuffer(0));

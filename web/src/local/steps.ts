@@ -1,11 +1,11 @@
-/** When the picture is built anew while a scene comes in: seldom enough that it costs little, early enough that something is seen. */
+/** When to rebuild the picture during a download: rarely enough to be cheap, early enough to show something. */
 import { partsOf } from "./growth";
 import type { PlyHeader, Prefix } from "./ply";
 
 /** Of all Gaussians, in files that name no parts. Building one costs as much as its share, so all cost less than twice the last. */
 const SHARES = [0.02, 0.05, 0.1, 0.25, 0.5] as const;
 
-/** What to draw next of what has arrived; null: what is drawn will do until more is there. */
+/** The next part to render of the received one; null: wait for more. */
 export function nextStep(
   { gaussians, lines }: Pick<PlyHeader, "gaussians" | "lines">,
   there: Prefix,

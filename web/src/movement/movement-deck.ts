@@ -1,6 +1,6 @@
 /**
- * Plays movement traces in the viewer and records what a person does, as a tape deck would: one thing at a time. While a
- * movement plays the rig follows it; whoever stops it goes on from where it has brought the camera. Time comes with the samples.
+ * Plays movement traces in the viewer and records the user's movement, like a tape deck: one thing at a time. The rig
+ * follows a playing movement; stopping it continues from the camera's present pose. Time is part of the samples.
  */
 import { computed, effect, type ReadonlySignal, type Signal, signal, untracked } from "@preact/signals";
 import type { NumberedPose, PoseSource, Rig } from "../view/rig";
@@ -15,20 +15,20 @@ export interface NamedMovement {
 
 export type DeckState = "stopped" | "playing" | "paused" | "recording";
 
-/** How often the position is told, in milliseconds: nobody reads faster. */
+/** Update interval of the displayed position, in milliseconds. */
 const TELL_EVERY = 100;
 
-/** The files and recordings of this visit, whatever the scene. */
+/** The files and recordings of this visit, for any scene. */
 export const movements = signal<readonly NamedMovement[]>([]);
-/** Recordings that were not saved yet. */
+/** Unsaved recordings. */
 export const unsaved = signal<ReadonlySet<NamedMovement>>(new Set());
-/** What is in the deck. */
+/** The loaded movement. */
 const chosen = signal<NamedMovement | null>(null);
 
 export class MovementDeck {
   /** At its end, a movement begins again. */
   readonly loop: Signal<boolean> = signal(false);
-  /** Why the last movement that was asked for cannot be had, in one sentence. */
+  /** Reason why the last requested movement is unavailable, in one sentence. */
   readonly problem: Signal<string | null> = signal(null);
   /** Something else moves the camera: a script, or an experiment. */
   readonly busy: ReadonlySignal<boolean>;
@@ -64,7 +64,7 @@ export class MovementDeck {
     return this.#state;
   }
 
-  /** Where the movement is, or how long the recording is, in milliseconds; told now and then. */
+  /** Position of playback, or length of the recording, in milliseconds; updated at intervals. */
   get position(): ReadonlySignal<number> {
     return this.#position;
   }
@@ -73,7 +73,7 @@ export class MovementDeck {
     return chosen;
   }
 
-  /** Inserts what is read, unless another is asked for meanwhile. If it cannot be had, nothing changes but `problem`. */
+  /** Loads a movement, unless another is requested meanwhile. A failure changes only `problem`. */
   async open(read: (signal: AbortSignal) => Promise<NamedMovement>): Promise<void> {
     this.#opening.abort();
     this.#opening = new AbortController();
@@ -83,11 +83,11 @@ export class MovementDeck {
       if (!signal.aborted) this.insert(movement);
     } catch (error) {
       if (signal.aborted) return;
-      this.problem.value = error instanceof MovementError ? error.message : "This movement cannot be had.";
+      this.problem.value = error instanceof MovementError ? error.message : "This movement is not available.";
     }
   }
 
-  /** Stops what plays. */
+  /** Stops playback. */
   insert(movement: NamedMovement): void {
     this.stop();
     this.problem.value = null;
@@ -113,7 +113,7 @@ export class MovementDeck {
     if (!this.#driving) this.#follow("paused");
   }
 
-  /** Ends what plays or is recorded; the camera is the person's, and stays where it is. */
+  /** Ends playback or recording and returns the camera to the user, at its present pose. */
   stop(): void {
     if (this.#state.peek() === "recording") this.#keep();
     if (this.#driving) {
@@ -122,7 +122,7 @@ export class MovementDeck {
     }
   }
 
-  /** Record the camera's poses, whoever moves it, until it is stopped. */
+  /** Records the camera's poses, from any source, until stopped. */
   record(): void {
     if (!this.#rig.scene || this.#state.peek() === "recording") return;
     this.stop();
@@ -131,7 +131,7 @@ export class MovementDeck {
     this.#state.value = "recording";
   }
 
-  /** What was recorded is kept. */
+  /** Ends the recording and keeps it. */
   dispose(): void {
     this.#opening.abort();
     this.stop();
@@ -174,7 +174,7 @@ export class MovementDeck {
     return poseAt(this.#points, this.#at);
   };
 
-  /** Keeps every sample: what stands still between two of them did stand still. */
+  /** Keeps every sample, so that pauses are preserved. */
   #sampled({ position, quaternion }: NumberedPose, at: number): void {
     const { scene } = this.#rig;
     if (this.#state.peek() !== "recording" || !scene) return;
@@ -221,7 +221,7 @@ export class MovementDeck {
   }
 }
 
-/** Puts a file's movement among those of this visit; the same file read again takes the place of the one before. */
+/** Adds a file's movement to those of this visit; reading the same file again replaces its movement. */
 export function addFile(name: string, trace: MovementTrace): NamedMovement {
   const movement: NamedMovement = { name, origin: "file", trace };
   const others = movements.peek().filter((other) => other.name !== name || other.origin !== "file");

@@ -1,4 +1,4 @@
-/** Whatever a person drops on the page as a movement, it is read or refused in a sentence. */
+/** Any file dropped on the page as a movement is read or refused in a sentence. */
 import fc from "fast-check";
 import { expect, test } from "vitest";
 import { EFFORT } from "../fuzz/effort";

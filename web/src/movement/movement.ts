@@ -1,24 +1,23 @@
 /**
- * Movement traces: camera poses with their own time stamps, as CSV; the twin of `tigas_experiments/movement`, which takes
- * and refuses the same texts. `docs/movement.md` describes the format: columns t_ms, x, y, z, qx, qy, qz, qw; camera to world,
+ * Movement traces: camera poses with their own time stamps, as CSV. `tigas_experiments/movement` accepts and
+ * and refuses the same texts. `docs/experiments.md` describes the format: columns t_ms, x, y, z, qx, qy, qz, qw; camera to world,
  * in a levelled frame with OpenCV's axes (y points down, along gravity); lines `# key: value` before the header. Pure.
  */
 import { levelFor, orientation, type ScenePose, startCamera } from "../view/camera";
 import { add, conjugate, multiply, rotate, subtract } from "../view/vector";
+import { ANCHORS, COLUMNS, MAX_COORDINATE, MAX_DURATION_MS, QUATERNION_LENGTHS, UNITS, VIEW_M } from "../wire/movement";
 import type { SceneInfo, StartCamera } from "../wire/render";
 import type { TimedPose } from "./playback";
 
 /** `start`: begins at the origin looking along z, which is the scene's start camera. `scene`: in the scene's levelled frame. */
-export const ANCHORS = ["start", "scene"] as const;
 export type Anchor = (typeof ANCHORS)[number];
-/** Of the positions: metres, or the scene's own. */
-const UNITS = ["m", "scene"] as const;
+/** The unit of positions: metres, or the scene's own. */
 export type Unit = (typeof UNITS)[number];
 
 export interface MovementTrace {
   readonly anchor: Anchor;
   readonly unit: Unit;
-  /** What else the file says of itself, by key. */
+  /** Other metadata of the file, by key. */
   readonly comments: ReadonlyMap<string, string>;
   /** In a levelled frame; times grow from 0, rotations have the length one. Never empty. */
   readonly points: readonly TimedPose[];
@@ -32,15 +31,8 @@ export class MovementError extends Error {}
 /** Less than `tigas` reads, because a page may be on a phone: more than 90 minutes at 90 poses a second. */
 export const MAX_BYTES = 64_000_000;
 export const MAX_POINTS = 500_000;
-const MAX_DURATION = 86_400_000;
-const MAX_COORDINATE = 1e6;
 const MAX_LINE = 10_000;
-/** Of a quaternion: within these it is taken for a rotation whose numbers were rounded or scaled. */
-const LENGTHS = [0.1, 10] as const;
-/** What a scene's start camera looks at counts as so many metres away: a scene does not say how long its unit is. */
-const VIEW_M = 4;
-const COLUMNS = ["t_ms", "x", "y", "z", "qx", "qy", "qz", "qw"] as const;
-/** What people drop on a page that shows scenes. */
+/** Extensions of other files that users drop on the page. */
 const SCENE_FILE = /\.(ply|splat|spz|sog)$/i;
 const NUMBER = /^[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?$/i;
 
@@ -112,7 +104,7 @@ export function placeInScene(
   }));
 }
 
-/** A pose of the scene's own frame in its levelled frame: what a trace anchored to the scene holds. */
+/** A pose of the scene's own frame in its levelled frame, the frame of traces anchored to the scene. */
 export function toLevelFrame({ position, quaternion }: ScenePose, scene: Pick<SceneInfo, "up">): ScenePose {
   const toLevel = conjugate(levelFor(scene.up));
   return { position: [...rotate(toLevel, position)], quaternion: [...multiply(toLevel, quaternion)] };
@@ -170,10 +162,10 @@ function readPoints(lines: readonly Line[], columns: readonly string[], name: st
     const t_ms = t - start;
     const before = points.at(-1)?.t_ms ?? -1;
     if (t_ms < before) throw refuse("is earlier than the one before it");
-    if (t_ms > MAX_DURATION) throw refuse("comes more than a day after the first");
+    if (t_ms > MAX_DURATION_MS) throw refuse("comes more than a day after the first");
     if (Math.max(...[x, y, z].map(Math.abs)) > MAX_COORDINATE) throw refuse("is farther away than a million");
     const length = Math.hypot(...quaternion);
-    if (length < LENGTHS[0] || length > LENGTHS[1]) {
+    if (length < QUATERNION_LENGTHS[0] || length > QUATERNION_LENGTHS[1]) {
       throw refuse("has a quaternion that is no rotation: its length is not 1");
     }
     if (t_ms === before) continue; // recorders repeat a row now and then
@@ -183,7 +175,7 @@ function readPoints(lines: readonly Line[], columns: readonly string[], name: st
   return points;
 }
 
-/** What a comment says of the two, which is taken out of the others; the scene's, if it says nothing. */
+/** The values of both keys in the comments, which are removed from the metadata; the scene's by default. */
 function take<T extends string>(comments: Map<string, string>, key: string, known: readonly T[], name: string): T {
   const value = comments.get(key) ?? "scene";
   comments.delete(key);
@@ -207,7 +199,7 @@ function tooLarge(name: string): string {
   return `${name} is larger than ${MAX_BYTES / 1e6} MB, the most that this page reads.`;
 }
 
-/** NaN for what is no decimal number, the empty text among it. */
+/** NaN for anything but a decimal number, including empty text. */
 function number(text = ""): number {
   return NUMBER.test(text.trim()) ? Number(text) : Number.NaN;
 }

@@ -3,8 +3,9 @@
 import * as v from "valibot";
 import { readProblem } from "../http/problem";
 import { storeUnreachable } from "../http/reach";
+import { ANCHORS } from "../wire/movement";
 import type { Movement as ListedMovement } from "../wire/store";
-import { ANCHORS, MovementError, readMovement } from "./movement";
+import { MovementError, readMovement } from "./movement";
 import type { NamedMovement } from "./movement-deck";
 
 const Listed = v.object({

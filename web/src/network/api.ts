@@ -50,7 +50,7 @@ export class ShaperApi {
     return this.#call("stop", {});
   }
 
-  /** Stop, while the page is being left: nobody hears the answer. */
+  /** Stops the link while the page unloads, without waiting for an answer. */
   abandon(): void {
     navigator.sendBeacon(`${this.base}/stop`, "{}");
   }
@@ -63,7 +63,7 @@ export class ShaperApi {
     return this.#call("link", setting);
   }
 
-  /** A sentence for a shaper that cannot be reached; browsers do not tell a page that it was refused for its origin. */
+  /** One sentence on an unreachable shaper; browsers do not report a refusal because of the origin. */
   get silence(): string {
     return `The shaper at ${this.base} does not answer, or does not allow this page.`;
   }

@@ -1,4 +1,4 @@
-/** The form for a constant link: from what was typed to a setting, or sentences that say what is wrong. */
+/** The form for a constant link: converts typed text into a setting, or into error messages. */
 import type { LinkSetting } from "../wire/shaper";
 
 export const LINK_FIELDS = [
@@ -25,7 +25,7 @@ export function draftOf({ down_kbps, up_kbps, delay_ms = 0, jitter_ms = 0, loss_
   };
 }
 
-/** The setting, or what is wrong with each field. A round trip is the delay of both directions; jitter varies that of each. */
+/** The setting, or the error of each field. The round trip is the delay of both directions; jitter applies to each. */
 export function parseLink(draft: LinkDraft): { setting: LinkSetting } | { problems: LinkProblems } {
   const values: Partial<Record<LinkField, number>> = {};
   const problems: Partial<Record<LinkField, string>> = {};

@@ -1,4 +1,4 @@
-/** What the network panel draws: the link's rates, our frames, and a trace's outline. */
+/** Series of the network panel: the link's rates, our frames, and a trace's outline. */
 import type { Column } from "../charts/columns";
 import type { Stats } from "../stateless/stats";
 import type { ShaperStatus } from "../wire/shaper";
@@ -7,7 +7,7 @@ export function rates({ down }: ShaperStatus): Column {
   return [down.target_kbps / 1000, down.delivered_kbps / 1000];
 }
 
-/** The newest frame's size in kB and the round trip in ms; nothing where no frame was shown since `shown`. */
+/** The newest frame's size in kB and the round trip in ms; undefined if no frame was shown since `shown`. */
 export function frames({ frame, roundTrip, shown }: Stats, shownBefore: number): Column {
   return frame && shown !== shownBefore ? [frame.bytes / 1000, roundTrip] : [null, null];
 }

@@ -1,4 +1,4 @@
-/** One shaper as the page sees it: its traces, its link live, and what a person does to it, until it is disposed of. */
+/** Client of one shaper: its traces, its live link and the user's actions, until disposed of. */
 
 import { signal } from "@preact/signals";
 import { append, noColumns } from "../charts/columns";
@@ -7,7 +7,7 @@ import type { ShaperStatus, TracePoints, TraceSummary } from "../wire/shaper";
 import { ShaperApi, ShaperError } from "./api";
 import { rates } from "./series";
 
-/** EventSource reconnects by itself, but not after an answer with an error; then we do, after so many ms. */
+/** EventSource reconnects by itself, except after an error response; then we do, after this many milliseconds. */
 const RETRY = 5000;
 
 export class Shaper {
@@ -20,7 +20,7 @@ export class Shaper {
   readonly rates = signal(noColumns(2));
   /** Why the link cannot be seen, in one sentence. */
   readonly connectionError = signal<string | null>(null);
-  /** Why the last thing that a person asked for was not done. */
+  /** Reason why the user's last action failed. */
   readonly actionError = signal<string | null>(null);
   readonly #now: () => number;
   #events: EventSource | undefined;
@@ -35,7 +35,7 @@ export class Shaper {
     if (this.connectionError.value === null) this.#watch();
   }
 
-  /** Does what a person asked for, or says why not. */
+  /** Performs a user's action, or reports the reason of its failure. */
   async act(ask: (api: ShaperApi) => Promise<ShaperStatus>): Promise<void> {
     try {
       this.status.value = await ask(this.api);
@@ -46,7 +46,7 @@ export class Shaper {
     }
   }
 
-  /** Has the shaper keep a trace; its name there, or null if it said why not. */
+  /** Uploads a trace; returns its name on the shaper, or null after reporting a failure. */
   async upload(file: File): Promise<string | null> {
     try {
       const { name } = await this.api.upload(file);

@@ -68,12 +68,11 @@ test("another choice holds at once, and of another connection nothing is known",
 
 test("a camera that is put elsewhere, however near, is not on its way there", () => {
   const shown = (askedAt: number, at: number) => foresight.shown(askedAt, at);
-  chosen = "auto";
   frames(20, shown);
   const [x, y, z] = rig.pose.position;
   rig.drive(() => ({ position: [x + 0.5, y, z], quaternion: [...orientation(10, 0)] }));
   expect(frames(1, shown)).toBe(0);
-  rig.drive(null); // back to the person, who is at the scene's start
+  rig.drive(null); // back to the user, at the scene's start
   expect(frames(1, shown)).toBe(0);
   turning = 1;
   frames(20, shown);

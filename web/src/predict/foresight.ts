@@ -1,4 +1,4 @@
-/** Where the rig's camera will be when a frame that is asked for now is looked at, by the chosen predictor. */
+/** The predicted camera at the time when a frame requested now is on screen. */
 import { FrameClock } from "../abr/frame-clock";
 import { type ScenePose, viewDistance } from "../view/camera";
 import type { NumberedPose, Rig } from "../view/rig";
@@ -16,7 +16,7 @@ export class Foresight {
   readonly #lead = new LeadTime();
   readonly #clock = new FrameClock();
   #sampledAt = Number.NEGATIVE_INFINITY;
-  /** The last time in which the camera rested: frames that were asked for then may be refined ones, which are larger. */
+  /** The last time of a resting camera: its frames may be refinements, which are larger. */
   #rest = { from: 0, until: Number.POSITIVE_INFINITY };
   #name: PredictorName | undefined;
   #predictor: Predictor | undefined;
@@ -46,8 +46,8 @@ export class Foresight {
   }
 
   /**
-   * The pose of the moment in which what is drawn in this animation frame is seen, which is one frame of the display later; it has
-   * the number of the rig's. Where no pose was asked for in this animation frame, it is the rig's.
+   * The pose at which this animation frame is displayed, one display frame later, with the number of the rig's pose.
+   * Without a request in this animation frame, it is the rig's pose.
    */
   onScreen(now: number): NumberedPose {
     const { pose } = this.#rig;
@@ -55,7 +55,7 @@ export class Foresight {
     return { ...this.#current().predict(this.#clock.interval), seq: pose.seq };
   }
 
-  /** A frame that was asked for at a time is on the screen. */
+  /** Records that the frame requested at a given time is on screen. */
   shown(askedAt: number, now: number): void {
     const { from, until } = this.#rest;
     if (!this.#lead.known || askedAt < from || askedAt >= until) this.#lead.shown(askedAt, now);
@@ -79,7 +79,7 @@ export class Foresight {
     if (this.#predictor === undefined || name !== this.#name) {
       this.#name = name;
       const distance = () => viewDistance(this.#rig.scene ?? { camera: null });
-      this.#predictor = new Guarded(createPredictor(name, { rig: this.#rig }), distance);
+      this.#predictor = new Guarded(createPredictor(name), distance);
     }
     return this.#predictor;
   }

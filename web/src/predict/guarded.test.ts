@@ -8,7 +8,7 @@ import { Velocity } from "./velocity";
 const pose = (azimuth: number, x = 0): ScenePose => ({ position: [x, 0, 0], quaternion: [...orientation(azimuth, 0)] });
 const guarded = (predictor: Predictor = new Velocity()) => new Guarded(predictor, () => 4);
 
-/** Turns at 60 degrees a second for half a second, and tells when that ended. */
+/** Turns at 60 degrees per second for half a second, and returns the time of the end. */
 function turning(predictor: Predictor, rate = 60): number {
   for (let i = 0; i <= rate / 2; i++) predictor.observe(pose((i * 60) / rate), 1000 + (i * 1000) / rate);
   return 1500;

@@ -1,15 +1,15 @@
 /**
- * Keeps a predictor within bounds: it starts anew where the camera was put elsewhere or nobody looked for a while, its answer is a
- * pose whatever it computes, and where the camera rests it is exactly the camera's, so that a still view settles.
+ * Guards a predictor: it restarts after a cut or a pause, always answers with a valid pose, and returns exactly the
+ * camera's pose when it rests, so that a still view settles.
  */
 import type { ScenePose } from "../view/camera";
 import { isCut } from "../view/cut";
 import { samePose } from "../view/rig";
 import { NOWHERE, type Predictor } from "./predictor";
 
-/** A camera that nothing moved for this long rests, in milliseconds. */
+/** A camera without movement for this many milliseconds rests. */
 const RESTS_AFTER = 200;
-/** After a longer pause (a hidden page, another mode) what was before says nothing (ms). */
+/** A pause longer than this (a hidden page, another mode) invalidates the history (ms). */
 const LONGEST_PAUSE = 250;
 
 export class Guarded implements Predictor {
@@ -19,7 +19,7 @@ export class Guarded implements Predictor {
   #at = 0;
   #changedAt = Number.NEGATIVE_INFINITY;
 
-  /** `distance`: of what is looked at in the scene, in its units. */
+  /** `distance`: of the focus, in scene units. */
   constructor(predictor: Predictor, distance: () => number) {
     this.#predictor = predictor;
     this.#distance = distance;

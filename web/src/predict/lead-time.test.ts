@@ -1,7 +1,7 @@
 import { expect, test } from "vitest";
 import { LeadTime } from "./lead-time";
 
-/** Frames on the screen every so often, each so long after it was asked for. */
+/** Frames on screen at a fixed interval, each with the same delay after its request. */
 function watched(lead: LeadTime, { delay, every, count = 30, from = 1000 }: Record<string, number>): number {
   let at = from as number;
   for (let i = 0; i < (count as number); i++, at += every as number) lead.shown(at - (delay as number), at);

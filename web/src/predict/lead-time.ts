@@ -1,9 +1,9 @@
 /**
- * How far ahead frames are to be asked for: from the request to the screen, as measured lately, and half the time until the next
- * frame takes its place. Pure: times come in, in milliseconds on one clock.
+ * Prediction horizon of requests: the recent time from request to screen, plus half the time until the next frame
+ * replaces it. Pure: time is an argument, in milliseconds on one clock.
  */
 
-/** So many frames count: few enough to follow the network, enough that a late one does not. */
+/** Number of frames averaged: few enough to follow the network, enough to ignore a late one. */
 const FRAMES = 15;
 /** No pose is predicted farther ahead than this. */
 const LONGEST = 500;
@@ -16,7 +16,7 @@ export class LeadTime {
   #shownAt: number | undefined;
   #askedAt = Number.NEGATIVE_INFINITY;
 
-  /** A frame that was asked for at a time is on the screen; one that answers what another did already (a video at rest) says nothing. */
+  /** A frame requested at a given time is on screen; repeats (a video at rest) are ignored. */
   shown(askedAt: number, at: number): void {
     if (askedAt <= this.#askedAt) return;
     this.#askedAt = askedAt;
@@ -36,7 +36,7 @@ export class LeadTime {
     return Math.min(LONGEST, Math.max(0, median(this.#delays) + median(this.#stays) / 2));
   }
 
-  /** Another connection: nothing is known of it. */
+  /** New connection: resets the estimate. */
   clear(): void {
     this.#delays = [];
     this.#stays = [];

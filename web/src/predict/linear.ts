@@ -1,6 +1,7 @@
 /**
- * Linear autoregression: where the camera goes is a weighted sum of where it came from, in even steps back, for each axis of its own
- * frame. `python -m benchmarks.train_predictor` learned the weights from people with headsets (docs/prediction.md).
+ * Linear autoregression: the future displacement is a weighted sum of past ones, in even steps back, for each axis of
+ * the camera's own frame. `python -m benchmarks.train_predictor` trained the weights on headset recordings
+ * (docs/adaptation.md).
  */
 import type { ScenePose } from "../view/camera";
 import type { Vector3 } from "../view/vector";
@@ -44,7 +45,7 @@ function sum(past: readonly PoseChange[], kind: keyof PoseChange, axes: readonly
   return [along(0), along(1), along(2)];
 }
 
-/** Between the horizons that were learned, and from nothing at the present; the last one's for what is later. */
+/** Interpolates between the trained horizons, from zero at the present; later ones use the last horizon. */
 function between(weights: Weights, ahead: number): readonly number[] {
   const after = HORIZONS.findIndex((horizon) => horizon >= ahead);
   if (after < 0) return weights.at(-1) ?? [];

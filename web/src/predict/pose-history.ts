@@ -1,4 +1,4 @@
-/** Where the camera was lately, at any time: animation frames come at irregular times, and predictors look back in even steps. */
+/** The camera's recent poses at any time: animation frames are irregular, and predictors look back in even steps. */
 import { poseAt, type TimedPose } from "../movement/playback";
 import type { ScenePose } from "../view/camera";
 import { conjugate, multiply, rotate, subtract, type Vector3 } from "../view/vector";
@@ -24,7 +24,7 @@ export class PoseHistory {
   add(pose: ScenePose, at: number): void {
     if (this.#poses.at(-1)?.t_ms === at) this.#poses.pop();
     this.#poses.push({ ...pose, t_ms: at });
-    // The last one before the span is kept: what was at its beginning lies between that and the next.
+    // The last sample before the span is kept to interpolate the pose at its start.
     const within = this.#poses.findIndex(({ t_ms }) => t_ms > at - this.#span);
     if (within > 1) this.#poses.splice(0, within - 1);
   }
@@ -37,7 +37,10 @@ export class PoseHistory {
     return this.#poses.at(-1);
   }
 
-  /** How far the pose of so many milliseconds ago was from the last one; as far as is known, if that was too long ago. */
+  /**
+   * Displacement of the pose this many milliseconds ago from the last one; the earliest known pose if that is too long
+   * ago.
+   */
   since(ago: number): PoseChange {
     const last = this.#poses.at(-1);
     if (last === undefined) return { moved: [0, 0, 0], turned: [0, 0, 0] };

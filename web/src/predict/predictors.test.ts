@@ -1,33 +1,24 @@
-/** What holds for every predictor of the registry, kept within bounds as the page keeps it. */
-import { signal } from "@preact/signals";
+/** Properties of every predictor of the registry, guarded as on the page. */
 import fc from "fast-check";
 import { describe, expect, test } from "vitest";
 import { seeded } from "../abr/random";
 import { EFFORT } from "../fuzz/effort";
 import { orientation, type ScenePose } from "../view/camera";
-import { NO_INPUT } from "../view/motion";
-import type { PoseSource } from "../view/rig";
 import { angleBetween, subtract } from "../view/vector";
 import { Guarded } from "./guarded";
-import type { Predictor, PredictorContext } from "./predictor";
+import type { Predictor } from "./predictor";
 import { createPredictor, PREDICTOR_NAMES, type PredictorName } from "./registry";
 
-/** A rig that a source drives. */
-const DRIVEN: PredictorContext["rig"] = {
-  source: signal<PoseSource>(() => null),
-  input: NO_INPUT,
-  foresee: () => {
-    throw new Error("nobody steers");
-  },
-};
-/** Those that learn from what they see alone. */
-const SEEING = PREDICTOR_NAMES.filter((name) => name !== "off" && name !== "input");
+/** Predictors that extrapolate movement. */
+const MOVING = PREDICTOR_NAMES.filter((name) => name !== "off");
 
 function make(name: PredictorName, distance = 4): Predictor {
-  return new Guarded(createPredictor(name, { rig: DRIVEN }), () => distance);
+  return new Guarded(createPredictor(name), () => distance);
 }
 
-/** Someone who turns and walks in sines, after so many milliseconds; `unit` is that of positions in a metre. */
+/**
+ * A user who turns and walks in sines, after this many milliseconds; `unit` is the number of position units in a metre.
+ */
 function sway(at: number, unit = 1): ScenePose {
   const s = at / 1000;
   return {
@@ -82,7 +73,7 @@ test.each(PREDICTOR_NAMES)("%s answers with a pose, whatever it sees", (name) =>
   );
 });
 
-describe.each(SEEING)("%s", (name) => {
+describe.each(MOVING)("%s", (name) => {
   test.each([30, 60, 120])("foresees at %d Hz, at irregular times, too, far better than nothing does", (rate) => {
     const random = seeded(1);
     const none = errors(make("off"), { rate });

@@ -1,10 +1,10 @@
 /** Rotations as vectors along their axis, as long as their angle in radians: these can be added and scaled. */
 import type { Quaternion, Vector3 } from "../view/vector";
 
-/** Less than this is taken for no rotation at all, so that nothing is divided by zero. */
+/** Smaller angles count as no rotation, to avoid division by zero. */
 const NOTHING = 1e-12;
 
-/** The shorter way round, whichever sign the quaternion has. */
+/** The shorter rotation, for either sign of the quaternion. */
 export function toRotationVector([x, y, z, w]: Quaternion): Vector3 {
   const sine = Math.hypot(x, y, z);
   if (sine < NOTHING) return [0, 0, 0];

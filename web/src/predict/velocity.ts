@@ -1,9 +1,9 @@
-/** Expects the camera to go on as fast as it went lately, in the same direction of its own. */
+/** Extrapolates the camera's recent velocity, constant in its own frame. */
 import type { ScenePose } from "../view/camera";
 import { changed, PoseHistory } from "./pose-history";
 import { NOWHERE, type Predictor } from "./predictor";
 
-/** The speed is measured over so many milliseconds: long enough to be more than noise. */
+/** Milliseconds over which the velocity is measured: long enough to average out noise. */
 const SPAN = 50;
 
 export class Velocity implements Predictor {

@@ -10,7 +10,7 @@ interface Place {
   readonly lens: Intrinsics & Viewport;
 }
 
-/** Asked for by `POST /render`, beside whatever connection the viewer has. Rejects as a transport does. */
+/** Requested by `POST /render`, independently of the viewer's connection. Rejects like a transport. */
 export async function groundTruth(
   { scene, lens }: Place,
   { position, quaternion }: ScenePose,

@@ -1,4 +1,4 @@
-/** How near a picture is to another, as reports measure it (docs/quality.md). */
+/** How near a picture is to another, as reports measure it (docs/experiments.md). */
 
 /** Of pictures that are equal. */
 export const BEST_PSNR = 100;

@@ -37,7 +37,7 @@ beforeEach(() => {
   });
 });
 
-/** Looks so many times a second at a walk of so many seconds; the right side lags by 1, and shows nothing at first. */
+/** Samples a walk at the given rate and length in seconds; the right side lags by 1, and shows nothing at first. */
 function walk(seconds: number): void {
   for (let now = 0; now <= seconds * 1000; now += 250) {
     const x = now / 1000;
@@ -53,7 +53,7 @@ async function scores(signal = new AbortController().signal) {
 
 test("each moment's pictures are held against the view that was due then, one truth for all sides", async () => {
   walk(2);
-  expect(asked).toEqual([]); // nothing while somebody walks
+  expect(asked).toEqual([]); // nothing during a walk
   const all = await scores();
   expect(asked).toEqual([0, 0.5, 1, 1.5, 2]);
   expect(all.map(({ moments }) => moments)).toEqual([1, 2, 3, 4, 5]);

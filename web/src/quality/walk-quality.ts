@@ -1,13 +1,13 @@
 /**
- * What was seen in the course of a walk, against what should have been: pictures of all sides are kept now and then while the camera
- * moves, and when it stands still, each is held against the view from the pose that the viewer had at that moment. Nothing is asked
- * for during the walk, so that link and renderer belong to what is compared; and one ground truth serves all sides.
+ * Quality of the pictures shown during a walk: pictures of all sides are kept at intervals while the camera moves. When
+ * it stands still, each is compared with the view from the viewer's pose at that moment. No ground truth is requested
+ * during the walk, so that it does not compete for link and renderer; one ground truth serves all sides.
  */
 import type { ScenePose } from "../view/camera";
 
-/** More moments of a walk are not kept, so that ground truth is soon there; they lie evenly over it. */
+/** Maximum number of moments kept, evenly spread over the walk, so that ground truth is soon complete. */
 const MOST = 6;
-/** Between the first moments, in milliseconds; in long walks they lie further apart. */
+/** Interval of the first moments in milliseconds; it grows in long walks. */
 const EVERY = 500;
 
 /** Closed when it has been scored. */
@@ -35,7 +35,7 @@ export class WalkQuality {
     this.#options = options;
   }
 
-  /** The camera is at `pose`, of a walk that goes on: keep what each side shows, if it is time to; `now` in milliseconds. */
+  /** Records the camera at `pose` during a walk: keeps the picture of each side at intervals; `now` in milliseconds. */
   walked(pose: ScenePose, pictures: () => readonly (Promise<Picture> | null)[], now: number): void {
     if (now - this.#keptAt < this.#every) return;
     this.#keptAt = now;
@@ -48,8 +48,8 @@ export class WalkQuality {
   }
 
   /**
-   * The walk has ended: the mean of each side in dB, and over how many moments, after each of them. It ends early where there is no
-   * truth to be had, or when the signal aborts; rejects with the reason if there was none at all.
+   * Scores a finished walk: yields the mean of each side in dB and the number of moments, after each of them. It ends
+   * early if ground truth is unavailable or the signal aborts, and rejects with the reason if there was none at all.
    */
   async *scores(signal: AbortSignal): AsyncGenerator<{ readonly psnr: readonly number[]; readonly moments: number }> {
     const moments = this.#moments;
@@ -74,7 +74,7 @@ export class WalkQuality {
     }
   }
 
-  /** What was kept belongs to no walk. */
+  /** Discards the kept pictures. */
   forget(): void {
     this.#drop(this.#moments);
     this.#moments = [];

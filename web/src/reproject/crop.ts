@@ -2,7 +2,7 @@
 import { transfer, transferred } from "./homography";
 import type { View } from "./view";
 
-/** In pixels. What is displaced by less is not displaced. */
+/** In pixels; smaller displacements are ignored. */
 const TOLERANCE = 0.02;
 
 export interface Crop {

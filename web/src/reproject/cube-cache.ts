@@ -1,7 +1,7 @@
 /**
- * What was seen around the camera, on the sides of a small cube: it fills the view where the newest frame has nothing. Frames are put
- * there by rotation alone, newer over older. Once the camera has gone a share of the scene's distance from where the cube was begun,
- * what is on it would be seen in the wrong places, and it is begun anew.
+ * Cache of previously seen surroundings, on the sides of a small cube: it fills the view where the newest frame has no
+ * pixels. Frames are projected by rotation alone, newer over older. Once the camera has moved a share of the scene's
+ * distance from the cube's centre, its contents would appear displaced, and the cube is cleared.
  */
 import { subtract, type Vector3 } from "../view/vector";
 import { FACES, facesSeen } from "./cube-faces";
@@ -13,7 +13,10 @@ import type { View } from "./view";
 
 /** Pixels of a side. */
 const SIZE = 512;
-/** Of the scene's distance: at this one, what the camera passes sideways is a quarter of its distance (14°) out of place. */
+/**
+ * Share of the scene's distance: at this one, points abeam of the camera are displaced by a quarter of their distance
+ * (14°).
+ */
 export const FAR = 0.25;
 
 export class CubeCache {

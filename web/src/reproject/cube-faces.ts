@@ -32,7 +32,7 @@ export function facesSeen(view: View): readonly number[] {
   });
 }
 
-/** The inward normals of the four planes that hold what is within -1 to 1 of x / ahead and y / ahead. */
+/** The inward normals of the four planes that bound x / ahead and y / ahead to -1 to 1. */
 function planes([x, y, ahead]: readonly [Vector3, Vector3, Vector3]): readonly Vector3[] {
   return [add(ahead, x), subtract(ahead, x), add(ahead, y), subtract(ahead, y)];
 }

@@ -18,7 +18,7 @@ export async function decodeDepth(frame: Blob): Promise<DepthMap | null> {
 
 /** Throws if it is no image, or too large a one. */
 async function grayValues(encoded: Uint8Array<ArrayBuffer>): Promise<Omit<DepthMap, "nearest">> {
-  // The values are codes, not colours: nothing may adapt them to a screen.
+  // The values are codes, not colours, and must not be colour-managed.
   const image = await createImageBitmap(new Blob([encoded]), {
     colorSpaceConversion: "none",
     premultiplyAlpha: "none",

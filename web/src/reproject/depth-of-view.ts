@@ -4,7 +4,7 @@ import type { DepthMap } from "./depth";
 
 type Lens = Intrinsics & Viewport;
 
-/** As many codes, each the nearest one; what `from` does not show is as deep as its edge. */
+/** The same number of codes, each the nearest one; outside of `from`, the depth of its edge is used. */
 export function depthOfView({ width, height, nearest, codes }: DepthMap, from: Lens, to: Lens): DepthMap {
   const columns = Array.from({ length: width }, (_, i) => {
     const ray = (((i + 0.5) / width) * to.width - to.cx) / to.fx;

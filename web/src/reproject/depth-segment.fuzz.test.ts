@@ -1,4 +1,4 @@
-/** Whatever a frame begins with, it has a depth that can be used, or none. */
+/** Any bytes at the start of a frame yield a usable depth, or none. */
 import fc from "fast-check";
 import { expect, test } from "vitest";
 import { EFFORT } from "../fuzz/effort";

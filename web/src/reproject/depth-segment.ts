@@ -11,7 +11,7 @@ const MARKER_BYTES = 4;
 const LENGTH_BYTES = 2;
 const IMAGE_AT = MARKER_BYTES + LENGTH_BYTES + IDENTIFIER.length + 4;
 
-/** So many bytes of a JPEG are enough to read any segment. */
+/** Bytes of a JPEG that suffice to read any segment. */
 export const DEPTH_SEGMENT_BYTES = MARKER_BYTES + 0xffff;
 
 export interface DepthSegment {

@@ -1,4 +1,4 @@
-/** For tests: a warp that keeps what it was told, and a reprojector that uses it. */
+/** For tests: a warp that records its calls, and a reprojector that uses it. */
 import type { DepthMap } from "./depth";
 import type { Warper } from "./reprojector";
 import type { View } from "./view";
@@ -11,7 +11,7 @@ export class FakeWarp implements Warper {
   drawn: View[] = [];
   /** Of the surround. */
   sides: View[] = [];
-  /** How often it was told to forget. */
+  /** Number of resets. */
   forgotten = 0;
   disposed = false;
   readonly canvas: HTMLCanvasElement;

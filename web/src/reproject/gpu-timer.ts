@@ -1,4 +1,4 @@
-/** How long what was drawn took the graphics processor, where it tells: the answer comes some frames later. */
+/** GPU time of draws, where available: results follow some frames later. */
 
 import { median } from "../enhance/median";
 
@@ -10,7 +10,7 @@ interface TimerExtension {
 
 /** Times that count. */
 const REMEMBERED = 15;
-/** While so many are awaited, nothing is timed. */
+/** Maximum number of pending queries; further draws are not timed. */
 const MOST_AWAITED = 4;
 
 export class GpuTimer {
@@ -49,7 +49,7 @@ export class GpuTimer {
     const gl = this.#gl;
     const waiting = this.#awaited.findIndex((query) => !gl.getQueryParameter(query, gl.QUERY_RESULT_AVAILABLE));
     const done = waiting === -1 ? this.#awaited : this.#awaited.slice(0, waiting);
-    // The clock was interrupted, for instance by a change of the processor's frequency: what it says means nothing.
+    // The clock was interrupted, for instance by a change of the GPU's frequency: the result is meaningless.
     const absurd = done.length > 0 && gl.getParameter(GPU_DISJOINT_EXT);
     for (const query of done) {
       if (!absurd) this.#times.push(gl.getQueryParameter(query, gl.QUERY_RESULT) / 1e6);

@@ -1,7 +1,7 @@
 /**
- * Where a pixel of one view lies in another: at turn · [u, v, 1] + ρ · shift, homogeneous, where ρ is the inverse depth (1/z) of what
- * the pixel shows; 0 is infinitely far. The third component is positive where that is in front of the other view's camera.
- * Hartley and Zisserman, Multiple View Geometry, equation 9.7: x' = K'RK⁻¹x + K't/Z.
+ * Position of a pixel of one view in another: turn · [u, v, 1] + ρ · shift, homogeneous, where ρ is the inverse depth
+ * (1/z) of the pixel; 0 is infinitely far. The third component is positive in front of the other view's camera. Hartley
+ * and Zisserman, Multiple View Geometry, equation 9.7: x' = K'RK⁻¹x + K't/Z.
  */
 import { subtract, type Vector3 } from "../view/vector";
 import { apply, type Matrix3, product, rotationMatrix, scaling, transposed } from "./matrix";
@@ -32,7 +32,7 @@ export function transferred(
   return depth > 0 ? [(x + inverseDepth * shift[0]) / depth, (y + inverseDepth * shift[1]) / depth] : null;
 }
 
-/** From [u, v, 1] to a direction in the scene's frame, whose part along the camera's axis is 1 long. */
+/** From [u, v, 1] to a direction in the scene's frame with a component of 1 along the camera's axis. */
 export function directionOfPixel({ fx, fy, cx, cy, quaternion }: View): Matrix3 {
   return product(rotationMatrix(quaternion), scaling(1 / fx, 1 / fy, -cx / fx, -cy / fy));
 }

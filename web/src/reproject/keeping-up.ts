@@ -1,33 +1,40 @@
 /**
- * Whether a machine keeps up with turning a picture in each animation frame. Without a graphics processor, browsers draw by software,
- * which takes a tenth of a second and slows all of the page down; few of them tell how long it takes, but animation frames come late.
+ * Whether a machine keeps up with turning a picture in each animation frame. Without graphics acceleration, browsers draw in software,
+ * which takes a tenth of a second and slows the whole page. Few of them report draw times, but animation frames come late.
  */
 import { median } from "../enhance/median";
 
-/** So many draws in a row are judged; a few, where they are far too slow. */
+/** How many draws are judged, and how few suffice where they are far too slow. */
 const DRAWS = 30;
-const FEW = 10;
-/** Milliseconds between two that are too many: ten frames a second would be no gain over frames as they come. */
+const FEW = 3;
+/** As few where someone insists on turning: the first draws of a busy page are slow. */
+const FEW_FORCED = 10;
+/** Too many milliseconds between two draws: ten frames a second would be no better than unturned ones. */
 const TOO_LONG = 100;
 const FAR_TOO_LONG = 250;
-/** A longer pause is a hidden page, or one that waited for something else. */
+/** After a longer pause the page was hidden, or waited for something else. */
 const PAUSE = 1000;
 
 export class KeepingUp {
   #last: number | undefined;
   #intervals: readonly number[] = [];
+  readonly #few: number;
 
-  /** A picture was drawn in an animation frame, as in the last one. False once that takes too long. */
+  constructor(forced = false) {
+    this.#few = forced ? FEW_FORCED : FEW;
+  }
+
+  /** A picture is drawn in an animation frame. Returns false once that takes too long. */
   drawn(at: number): boolean {
     const interval = at - (this.#last ?? at);
     this.#last = at;
     if (interval > 0 && interval < PAUSE) this.#intervals = [...this.#intervals, interval].slice(-DRAWS);
     const { length } = this.#intervals;
-    const usual = length < FEW ? 0 : median(this.#intervals);
+    const usual = length < this.#few ? 0 : median(this.#intervals);
     return usual < (length < DRAWS ? FAR_TOO_LONG : TOO_LONG);
   }
 
-  /** Nothing was to be drawn in an animation frame. */
+  /** An animation frame without a draw. */
   rested(): void {
     this.#last = undefined;
   }

@@ -11,7 +11,7 @@ import type { View } from "./view";
 const SPHERE = { width: 48, height: 27 };
 /** Pixels of the view: on smaller cells than this, a triangle costs more than it shows (0.1 dB at most, on recorded heads). */
 const CELL = 8;
-/** What comes so many times as near as the nearest of the frame was is not drawn. */
+/** Geometry nearer than the frame's nearest depth by more than this factor is not drawn. */
 const APPROACH = 16;
 
 export class Mesh {
@@ -50,7 +50,7 @@ export class Mesh {
     gl.activeTexture(gl.TEXTURE0);
   }
 
-  /** The largest inverse depth (1/z) in the frame, where what has no depth is at an inverse distance. */
+  /** The largest inverse depth (1/z) in the frame; pixels without depth are at the given inverse distance. */
   nearest(inverseDistance: number): number {
     return this.#depth?.nearest ?? inverseDistance;
   }
@@ -86,7 +86,7 @@ function fitting(cells: number, pixels: number): number {
   return Math.max(1, Math.min(cells, Math.round(pixels / CELL)));
 }
 
-/** From [u, v, 1] to x, y and w in clip space, whose y points up. */
+/** From [u, v, 1] to x, y and w in clip space, with y up. */
 function clipOfPixel({ width, height }: View): Matrix3 {
   return scaling(2 / width, -2 / height, -1, 1);
 }

@@ -26,7 +26,7 @@ beforeEach(() => {
   azimuth = 0;
 });
 
-/** Turns for so many milliseconds; what is shown was rendered for where the camera was `age` before. */
+/** Turns for this many milliseconds; the shown picture was rendered for the camera's pose `age` earlier. */
 function turn(degreesPerSecond: number, duration: number, age: number): number {
   for (const until = now + duration; now < until; ) {
     now += FRAME;
@@ -64,7 +64,7 @@ test("where frames are rendered for the views that they are shown at, nothing is
 
 test("a faster turn gets more at once, before its pictures have come", () => {
   const before = turn(30, 2000, 100);
-  azimuth += 0.2; // what is shown is still as near as before
+  azimuth += 0.2; // the shown surface is as near as before
   for (let i = 0; i < 5; i++) {
     now += FRAME;
     azimuth += 1.2;

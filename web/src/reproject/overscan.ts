@@ -1,31 +1,31 @@
 /**
- * Auto overscan: how much more than the stage the next frame should show at each side, so that it still covers the views that it
- * will be turned to. The margin that pictures needed lately, in proportion to how fast the camera moved then and moves now:
+ * Auto overscan: the margin of the next frame at each side, so that it still covers the views that it will be warped
+ * to. It is the recently needed margin, scaled by the ratio of the present to the past camera speed:
  *
  *     overscan = P(needed) · ω / P(ω)
  *
- * `P` is the 70th percentile over the last two seconds of movement and ω the camera's speed; ω / P(ω) stays within 1/4 and 2. So
- * latency and prediction need no model: where pictures are rendered for the very views that they are shown at, little was
- * needed. At rest it is 0. Pure: time comes in.
+ * `P` is the 70th percentile over the last two seconds of movement and ω the camera's speed; ω / P(ω) is clamped to 1/4
+ * to 2. Latency and prediction need no model: pictures rendered for exactly the displayed views needed little. At rest
+ * it is 0. Pure: time is an argument.
  */
 import { angleBetween, conjugate, multiply, rotate, subtract, type Vector3 } from "../view/vector";
 import type { View } from "./view";
 
 export const MAX_OVERSCAN = 0.25;
-/** Margins come in such steps, so that few frames differ in size. */
+/** Granularity of margins, so that few frames differ in size. */
 const STEP = 0.025;
 /** Milliseconds of movement that are remembered. */
 const SPAN = 2000;
 const RANK = 0.7;
 const SLOWEST = 0.25;
 const FASTEST = 2;
-/** Below so many degrees a second it is the camera's tremor that pictures needed a margin for. */
+/** Slower rotation, in degrees per second, is the camera's tremor. */
 const LEAST_SPEED = 10;
 /** Weight of the newest speed in the average. */
 const ALPHA = 0.4;
-/** Two equal orientations are up to so many degrees apart when they are compared. */
+/** Tolerance in degrees when orientations are compared. */
 const ROUNDING = 1e-6;
-/** A camera that has not moved for so many milliseconds rests; a longer pause between samples is no movement, either. */
+/** A camera without movement for this many milliseconds rests; a longer gap between samples is no movement either. */
 const REST = 200;
 /** A view that turns further from one sample to the next is a cut, in degrees. */
 const CUT = 30;

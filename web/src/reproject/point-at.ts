@@ -1,4 +1,4 @@
-/** Where what a picture shows in a direction is, by its coarse depth. Pure. */
+/** Position of the visible surface in a direction, from a picture's coarse depth. Pure. */
 import { add, conjugate, rotate, type Vector3 } from "../view/vector";
 import type { DepthMap } from "./depth";
 import type { View } from "./view";

@@ -2,6 +2,7 @@
 import { beforeEach, expect, test } from "vitest";
 import { orientation } from "../view/camera";
 import type { NumberedPose } from "../view/rig";
+import { turning } from "./acceleration";
 import { FakeWarp } from "./fake-warp";
 import { type Content, Reprojector, reprojectionNote } from "./reprojector";
 import { sideView } from "./sides";
@@ -17,6 +18,7 @@ let reprojector: Reprojector<string>;
 let warp: FakeWarp;
 
 beforeEach(() => {
+  turning.value = null;
   now = 0;
   size = { width: 2560, height: 1440 };
   pane = document.createElement("div");
@@ -41,7 +43,7 @@ const pose = (seq: number, degrees = 0): NumberedPose => ({
   quaternion: [...orientation(degrees, 0)],
 });
 
-/** A frame of 640×360 that was asked for at a pose, and shows so much more at each side. */
+/** A frame of 640×360 requested at a pose, with the given margin at each side. */
 function frame(name: string, at: NumberedPose, margin = 0): Content<string> {
   const asked = { ...at, ...LENS };
   const extent = { width: 640 + 2 * margin, height: 360 + 2 * margin, marginX: margin, marginY: margin };
@@ -154,7 +156,7 @@ test("when the graphics processor is lost, what lies below is seen, and a word s
   expect(canvas()).not.toBeNull();
 });
 
-test("a browser without WebGL says so and shows pictures as they come", () => {
+test("a browser without graphics acceleration says so and shows pictures as they come", () => {
   const plain = new Reprojector<string>({
     below: document.createElement("video"),
     size: () => size,
@@ -162,8 +164,8 @@ test("a browser without WebGL says so and shows pictures as they come", () => {
     create: (canvas, options) => Object.assign(new FakeWarp(canvas, options), { working: false }),
   });
   plain.on(10);
-  expect([plain.status.value, plain.working]).toEqual(["missing", false]);
-  expect(reprojectionNote("missing")).toContain("WebGL");
+  expect([plain.status.value, plain.working]).toEqual(["slow", false]);
+  expect(reprojectionNote("slow")).toBe("No graphics acceleration here: smooth turning is off.");
 });
 
 test("a browser that gives a video's pictures away to nobody says so and shows them as they come", () => {
@@ -208,16 +210,20 @@ test("a sharper picture of the same place that comes without depth has the one t
   expect(warp.taken.map((one) => one.depth)).toEqual([depth, depth, null]);
 });
 
-test("a machine that cannot keep up gets frames as they come, and a sentence, until it is switched on again", () => {
+test("a machine that cannot keep up shows frames as they come in every scene and mode, until someone insists", () => {
+  expect(warp.options.accelerated).toBe(true);
   reprojector.take(PICTURE, frame("a", pose(1)));
-  for (let i = 1; i <= 40; i++) {
-    now += 200;
+  for (let i = 1; i <= 4; i++) {
+    now += 300;
     reprojector.turn(pose(i, i), LENS);
   }
   expect([reprojector.status.value, reprojector.working, canvas()]).toEqual(["slow", false, null]);
-  expect(reprojectionNote("slow")).toContain("too slow");
+  expect(sessionStorage.getItem("tigas.turning"), "it is remembered across reloads").toBe("slow");
   reprojector.on(10);
-  expect(reprojector.status.value).toBe("on");
+  expect(reprojector.status.value).toBe("slow");
+  turning.value = "forced";
+  reprojector.on(10);
+  expect([reprojector.status.value, warp.options.accelerated]).toEqual(["on", false]);
 });
 
 const SIDE = sideView(1, [0, 0, 0], [0, -1, 0]);

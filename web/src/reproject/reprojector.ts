@@ -1,7 +1,7 @@
 /**
- * Turns the newest picture to the pose of each animation frame, on a canvas over the element that shows pictures as they come: a
- * canvas or a video. The canvas is there only while it works, and hides what is below; nothing is drawn while neither the view nor
- * the picture changes. Across a cut nothing is turned: the picture of before stays until one of after comes.
+ * Warps the newest picture to the pose of each animation frame, on a canvas over the element that shows plain pictures:
+ * a canvas or a video. The canvas exists only while needed and hides the element below; nothing is drawn while view and
+ * picture are unchanged. Nothing is warped across a cut: the old picture stays until a new one arrives.
  */
 import { type ReadonlySignal, signal } from "@preact/signals";
 import type { Size } from "../enhance/geometry";
@@ -11,6 +11,7 @@ import { isCut } from "../view/cut";
 import type { Intrinsics, Viewport } from "../view/intrinsics";
 import { type NumberedPose, samePose } from "../view/rig";
 import { TimeWindow } from "../view/window";
+import { turning } from "./acceleration";
 import { uncoveredShare } from "./coverage";
 import type { DepthMap } from "./depth";
 import { depthOfView } from "./depth-of-view";
@@ -18,37 +19,35 @@ import { KeepingUp } from "./keeping-up";
 import { resized, type View } from "./view";
 import { Warp, type WarpOptions } from "./warp";
 
-export type ReprojectionStatus = "off" | "on" | "missing" | "unreadable" | "lost" | "slow";
+export type ReprojectionStatus = "off" | "on" | "unreadable" | "lost" | "slow";
 
 const NOTES: Readonly<Record<ReprojectionStatus, string | null>> = {
   off: null,
   on: null,
-  missing: "Reprojection needs WebGL 2, which this browser does not offer. Frames are shown as they come.",
-  unreadable:
-    "Reprojection of a video needs WebCodecs, which this browser does not offer. Frames are shown as they come.",
-  lost: "The graphics processor was lost, so frames are shown as they come.",
-  slow: "This machine is too slow to turn each frame. Frames are shown as they come.",
+  unreadable: "This browser has no WebCodecs: smooth turning of the stream is off.",
+  lost: "The graphics processor was lost: smooth turning is off.",
+  slow: "No graphics acceleration here: smooth turning is off.",
 };
 
-/** What a person should know where pictures of any side are not turned although they are to be; else null. */
+/** Why the pictures of one of the sides are not turned as chosen; null if they are. */
 export function reprojectionNote(...sides: readonly ReprojectionStatus[]): string | null {
   return sides.map((status) => NOTES[status]).find((note) => note !== null) ?? null;
 }
 
-/** A picture, and what it shows. */
+/** A picture with its view. */
 export interface Content<Frame> {
-  /** What is told of it when it is on the screen. */
+  /** Properties reported when it is on screen. */
   readonly frame: Frame;
-  /** The number of the pose at which it was asked for. */
+  /** Number of the pose of its request. */
   readonly pose: number;
-  /** What was asked for, without margins. */
+  /** The requested view, without margins. */
   readonly asked: ScenePose & Lens;
-  /** What it shows, margins included, in its own pixels. */
+  /** The view, margins included, in its own pixels. */
   readonly view: View;
   readonly depth: DepthMap | null;
 }
 
-/** What was drawn in an animation frame. */
+/** Result of an animation frame. */
 export interface Turned<Frame> {
   readonly frame: Frame;
   readonly pose: number;
@@ -83,7 +82,7 @@ interface Drawn extends Size {
   readonly lens: Lens;
 }
 
-/** More pixels are not drawn while the picture is turned, nor more than so many in a row for each of its own: the browser enlarges it. */
+/** Maximum pixels of a warped picture, and maximum pixels per picture pixel in a row: the browser scales it up. */
 const MOST_PIXELS = 4_194_304;
 const MOST_ENLARGED = 2;
 /** How far back the main thread's time is looked at, in milliseconds. */
@@ -97,9 +96,9 @@ export class Reprojector<Frame> {
   #warp: Warper | undefined;
   #distance = Number.POSITIVE_INFINITY;
   #content: Content<Frame> | undefined;
-  /** The content has not been drawn yet, or not as it is by now. */
+  /** The content has changed since the last draw. */
   #changed = false;
-  /** Its frame has not been told of. */
+  /** Its frame has not been reported. */
   #fresh = false;
   #sampled: NumberedPose | undefined;
   /** Since a cut: the first pose after it, until a picture of it comes. */
@@ -108,7 +107,7 @@ export class Reprojector<Frame> {
   #begun = 0;
   /** The sides of the surround that there are, by number. */
   #surround = new Map<number, View>();
-  /** The share of what was drawn last that the newest frame does not cover. */
+  /** The share of the last drawn view not covered by the newest frame. */
   #filled = 0;
   #drawn: Drawn | undefined;
   #untold: Turned<Frame> | undefined;
@@ -133,12 +132,12 @@ export class Reprojector<Frame> {
     return this.#times.percentile(0.5, now);
   }
 
-  /** The graphics processor's time for a draw, in milliseconds; null where it does not tell. */
+  /** GPU time of a draw in milliseconds; null where it is not measured. */
   get gpuMs(): number | null {
     return this.#warp?.gpuMs ?? null;
   }
 
-  /** What the picture on the canvas is; undefined while there is none. */
+  /** Properties of the picture on the canvas; undefined without one. */
   get content(): Content<Frame> | undefined {
     return this.#drawn && this.#content;
   }
@@ -155,13 +154,19 @@ export class Reprojector<Frame> {
       this.#status.value = "unreadable";
       return;
     }
+    if (turning.peek() === "slow") {
+      this.#status.value = "slow";
+      return;
+    }
+    const forced = turning.peek() === "forced";
     const overlay = new Overlay(this.#options.below);
     overlay.canvas.classList.add("reprojected");
     this.#overlay = overlay;
     this.#distance = distance;
-    this.#pace = new KeepingUp();
+    this.#pace = new KeepingUp(forced);
     this.#warp = this.#options.create(overlay.canvas, {
       distance,
+      accelerated: !forced,
       onLost: () => {
         this.#hide();
         this.#status.value = "lost";
@@ -170,7 +175,7 @@ export class Reprojector<Frame> {
         this.#status.value = "on";
       },
     });
-    this.#status.value = this.#warp.working ? "on" : "missing";
+    this.#status.value = this.#warp.working ? "on" : "slow";
   }
 
   off(): void {
@@ -182,8 +187,8 @@ export class Reprojector<Frame> {
   }
 
   /**
-   * The newest picture, which is copied; `fresh`: it is of another frame. One from before a cut is ignored, and one without depth
-   * has that of the picture before, if it was asked for at the same place.
+   * Sets the newest picture, which is copied; `fresh`: it is of another frame. Pictures from before a cut are ignored;
+   * one without depth takes that of the previous picture if requested at the same position.
    */
   take(source: TexImageSource, content: Content<Frame>, fresh = true): void {
     if (!this.working || (this.#cut !== undefined && content.pose < this.#cut)) return;
@@ -201,7 +206,7 @@ export class Reprojector<Frame> {
     this.#changed = true;
   }
 
-  /** A side of the surround, asked for at a pose's number; it is copied. One from before a cut is ignored. */
+  /** Adds a side of the surround, requested at a pose's number; it is copied. Sides from before a cut are ignored. */
   takeSide(source: TexImageSource, side: number, view: View, pose: number): void {
     if (!this.working || this.#cut !== undefined || pose < this.#begun) return;
     const begun = this.#options.now();
@@ -211,7 +216,9 @@ export class Reprojector<Frame> {
     this.#changed ||= this.#filled > 0;
   }
 
-  /** Once per animation frame, after the camera was sampled and the newest picture was taken; `pose` may be one that is foretold. */
+  /**
+   * Called once per animation frame, after sampling the camera and taking the newest picture; `pose` may be predicted.
+   */
   turn(pose: NumberedPose, lens: Lens): void {
     const before = this.#sampled;
     this.#sampled = pose;
@@ -229,6 +236,7 @@ export class Reprojector<Frame> {
     }
     const begun = this.#options.now();
     if (!this.#pace.drawn(begun)) {
+      turning.value = "slow";
       this.off();
       this.#status.value = "slow";
       return;
@@ -246,17 +254,17 @@ export class Reprojector<Frame> {
     this.#overlay?.show();
   }
 
-  /** Once per animation frame, first of all: what is on the screen by now and was not in the last one, if anything. */
+  /** Called at the start of each animation frame: the change on screen since the last one, if any. */
   presented(): Turned<Frame> | null {
     const turned = this.#untold ?? null;
     this.#untold = undefined;
     return turned;
   }
 
-  /** A copy of what is on the screen; null while pictures are shown as they come. Transparent where nothing was ever seen. */
+  /** A copy of the screen; null while pictures are shown without a warp. Unseen directions are transparent. */
   picture(): Promise<ImageBitmap> | null {
     if (!this.#drawn || !this.#overlay || !this.working) return null;
-    this.#draw(this.#drawn); // what was drawn in another animation frame cannot be read
+    this.#draw(this.#drawn); // a drawing of another animation frame cannot be read
     return createImageBitmap(this.#overlay.canvas);
   }
 
@@ -271,7 +279,7 @@ export class Reprojector<Frame> {
     this.#warp?.draw(viewOf(drawn));
   }
 
-  /** A picture that was asked for just so is shown pixel by pixel; others fill the screen's pixels. */
+  /** A picture requested for exactly this view is shown pixel by pixel; others fill the screen's pixels. */
   #sizeFor({ asked, view }: Content<Frame>, pose: NumberedPose, lens: Lens): Size {
     if (samePose(asked, pose) && sameLens(asked, lens)) return innerSize(asked, view);
     const { width, height } = this.#options.size();
@@ -293,7 +301,7 @@ function viewOf({ pose: { position, quaternion }, lens, width, height }: Drawn):
   return resized({ position, quaternion, ...lens }, width, height);
 }
 
-/** The pixels of a picture that are not margins: as many as its pixels per angle make of the view that was asked for. */
+/** The pixels of a picture without margins, from its angular resolution and the requested view. */
 function innerSize(asked: Lens, view: View): Size {
   return {
     width: Math.round((asked.width * view.fx) / asked.fx),

@@ -1,11 +1,11 @@
-/** The shaders of the warp. Pictures lie in textures with their top row first, so that v grows downwards as y does in a view. */
+/** The shaders of the warp. Textures have the picture's top row first, so v grows downwards like y in a view. */
 
 const HEAD = `#version 300 es
 precision highp float;
 precision highp int;
 `;
 
-/** One triangle over the whole target, at the far end of what the depth test tells apart. */
+/** One triangle over the whole target, at the far end of the depth range. */
 export const EVERYWHERE = `${HEAD}
 void main() {
   gl_Position = vec4(4.0 * float(gl_VertexID & 1) - 1.0, 4.0 * float(gl_VertexID >> 1) - 1.0, 1.0, 1.0);
@@ -23,8 +23,9 @@ void main() {
 }`;
 
 /**
- * A grid over the frame, a strip of triangles to each instance: vertices in the middle of its cells and along the edge.
- * Without depth, everything lies on a sphere around the frame's camera. Nothing is divided by depth, so infinitely far is like far.
+ * A grid over the frame, one strip of triangles per instance: vertices at the centres of its cells and along the edge.
+ * Without depth, everything is on a sphere around the frame's camera. There is no division by depth, so infinity needs
+ * no special case.
  */
 export const MESH_VERTEX = `${HEAD}
 uniform mat3 u_turn; // from the frame's (u, v, 1), 0 to 1, to clip space's x, y, w
@@ -33,7 +34,7 @@ uniform vec2 u_cells; // of the grid
 uniform bool u_has_depth;
 uniform sampler2D u_depth;
 uniform float u_nearest; // inverse depth of code 255, or of the sphere's radius
-uniform mat3 u_ray; // from (u, v, 1) to the camera's direction whose z is 1
+uniform mat3 u_ray; // from (u, v, 1) to the camera's direction with z = 1
 uniform float u_limit; // the largest inverse depth that is drawn
 out vec2 v_at;
 void main() {
@@ -46,7 +47,10 @@ void main() {
   gl_Position = vec4(clip.xy, 0.999 * clip.z - 1.999 * inverse_depth / u_limit, clip.z);
 }`;
 
-/** Catmull-Rom where the frame is enlarged (nine bilinear taps), the mean of four bilinear ones where it shrinks; or one, to be quick. */
+/**
+ * Catmull-Rom for magnification (nine bilinear taps), the mean of four bilinear taps for minification; or one tap, for
+ * speed.
+ */
 const SAMPLE = `
 vec3 tap(vec2 at) {
   return textureLod(u_frame, at, 0.0).rgb;
@@ -99,7 +103,7 @@ void main() {
   color = vec4(mean(uv, 0.25 * u_step / vec2(textureSize(u_frame, 0))), 1.0);
 }`;
 
-/** What the cube has where the mesh is not. */
+/** The cube's contents outside the mesh. */
 export const FILL = `${HEAD}
 uniform samplerCube u_cube;
 uniform mat3 u_direction; // from the target's (x, y, 1) in pixels

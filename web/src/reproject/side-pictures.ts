@@ -1,6 +1,6 @@
 /**
- * A picture of each side of a surround, drawn beneath all else that is seen: coarse, but whichever way the view turns, something is
- * there. Each side was taken from a place of its own, and all that it shows counts as on a sphere around that place.
+ * A picture for each side of the surround, drawn below everything else: coarse, but available in every direction. Each
+ * side was rendered from its own position and is treated as a sphere around that position.
  */
 import { subtract, type Vector3 } from "../view/vector";
 import { directionOfPixel, pixelOfDirection } from "./homography";
@@ -9,7 +9,7 @@ import { Program } from "./program";
 import { EVERYWHERE, SIDE } from "./shaders";
 import type { View } from "./view";
 
-/** Of the sphere's radius: a camera that has gone farther sees nothing of a side where it was. */
+/** Share of the sphere's radius beyond which a moved camera makes a side useless. */
 export const FARTHEST = 0.9;
 
 interface Side {

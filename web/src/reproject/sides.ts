@@ -16,7 +16,7 @@ export const SIDES: readonly number[] = [...DIRECTIONS.keys()];
 /** Half of the field of view in degrees: more than 45, so that no gaps open between sides that were taken from different places. */
 const HALF = 49;
 /**
- * In pixels, of the first; each has one more than the one before, so that no two are asked for through the same lens: the server
+ * Size of the first side in pixels; each next one is a pixel larger, so that no two have the same lens: the server
  * drops a view once a newer one through the same lens is being rendered (docs/protocol.md).
  */
 const SIZE = 256;

@@ -9,7 +9,7 @@ export interface View extends Intrinsics, Viewport {
   readonly quaternion: Quaternion;
 }
 
-/** A frame's size in pixels, and how many of them at each side are beyond the view that was asked for. */
+/** A frame's size in pixels, and its margin at each side beyond the requested view. */
 export interface FrameSize extends Viewport {
   readonly marginX: number;
   readonly marginY: number;
@@ -23,7 +23,7 @@ export function resized<Part extends Intrinsics & Viewport>(view: Part, width: n
   return { ...view, ...lens, width, height };
 }
 
-/** What a frame shows that was rendered for a view. */
+/** The extent of a frame rendered for a view. */
 export function viewOfFrame(asked: View, { width, height, marginX, marginY }: FrameSize): View {
   const inner = resized(asked, width - 2 * marginX, height - 2 * marginY);
   return { ...inner, cx: inner.cx + marginX, cy: inner.cy + marginY, width, height };

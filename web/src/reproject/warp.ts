@@ -1,8 +1,9 @@
 /**
- * Late reprojection: shows the newest frame as it would look from where the camera is by now, on a canvas of WebGL2. Where the view is
- * the frame's own, its pixels are shown unchanged; where the frame has nothing, what was seen before, or else the surround; where
- * there is neither, the canvas is transparent.
+ * Late reprojection: shows the newest frame as seen from the present camera, on a WebGL2 canvas. If the view is that of
+ * the frame, its pixels are shown unchanged; where the frame has no pixels, earlier views are used, or else the
+ * surround; elsewhere the canvas is transparent.
  */
+import { drawsInSoftware } from "./acceleration";
 import { cropFor } from "./crop";
 import { CubeCache } from "./cube-cache";
 import type { DepthMap } from "./depth";
@@ -14,8 +15,10 @@ import { SidePictures } from "./side-pictures";
 import { resized, type View } from "./view";
 
 export interface WarpOptions {
-  /** How far away things are that no depth is known of, in scene units; Infinity turns the frame only. */
+  /** Assumed distance of pixels without depth in scene units; Infinity rotates the frame only. */
   readonly distance: number;
+  /** Only with graphics acceleration: drawn in software, the page freezes. */
+  readonly accelerated?: boolean;
   /** Nothing can be drawn any more, and no frame is kept. */
   readonly onLost?: () => void;
   /** It works again, and waits for a frame. */
@@ -31,9 +34,9 @@ interface Resources {
   readonly timer: GpuTimer;
 }
 
-/** Milliseconds: half of what a display of 60 Hz has for a frame. */
+/** Milliseconds: half of a frame interval at 60 Hz. */
 const SLOW = 8;
-/** Opaque pictures come with alpha, and what was never seen is transparent. */
+/** Opaque pictures have alpha as well; unseen directions are transparent. */
 const CONTEXT: WebGLContextAttributes = { alpha: true, premultipliedAlpha: true, antialias: false, depth: true };
 
 export class Warp {
@@ -41,9 +44,9 @@ export class Warp {
   readonly #options: WarpOptions;
   readonly #gl: WebGL2RenderingContext | null;
   #resources: Resources | null = null;
-  /** What the texture shows; null: there is no frame. */
+  /** Content of the texture; null: no frame. */
   #frame: View | null = null;
-  /** The cache has not got it yet. */
+  /** Not in the cache yet. */
   #fresh = false;
   /** The graphics processor is too slow for the sharpest picture. */
   #slow = false;
@@ -52,23 +55,26 @@ export class Warp {
   constructor(canvas: HTMLCanvasElement, options: WarpOptions) {
     this.#canvas = canvas;
     this.#options = options;
-    this.#gl = canvas.getContext("webgl2", CONTEXT);
+    this.#gl = canvas.getContext("webgl2", {
+      ...CONTEXT,
+      failIfMajorPerformanceCaveat: options.accelerated === true,
+    });
     canvas.addEventListener("webglcontextlost", this.#lost);
     canvas.addEventListener("webglcontextrestored", this.#restored);
     this.#build();
   }
 
-  /** False while the browser has no WebGL2, or none any more: then nothing is drawn, and all calls are harmless. */
+  /** False without WebGL 2 or the requested acceleration, and after a lost context: calls then have no effect. */
   get working(): boolean {
     return this.#resources !== null;
   }
 
-  /** The graphics processor's time for a draw, median of the last ones, in milliseconds; null where it does not tell. */
+  /** Median GPU time of recent draws in milliseconds; null where it is not measured. */
   get gpuMs(): number | null {
     return this.#resources?.timer.ms ?? null;
   }
 
-  /** The newest picture: it is copied, so that its owner may close it. A video that has no picture yet is ignored. */
+  /** Sets the newest picture, which is copied and may be closed by its owner. A video without a picture is ignored. */
   take(source: TexImageSource, view: View, depth: DepthMap | null): void {
     const { width, height } = sizeOf(source);
     if (this.#gl === null || this.#resources === null || width === 0 || height === 0) return;
@@ -80,7 +86,7 @@ export class Warp {
     this.#fresh = true;
   }
 
-  /** A side of the surround: it is copied, and takes the place of one of the same direction. */
+  /** Adds a side of the surround, which is copied and replaces one of the same direction. */
   surround(source: TexImageSource, view: View): void {
     this.#resources?.sides.take(source, view);
   }
@@ -96,7 +102,7 @@ export class Warp {
     timer.end();
   }
 
-  /** After a cut: nothing from before will be seen. */
+  /** Discards all earlier pictures after a cut. */
   forget(): void {
     this.#frame = null;
     this.#resources?.cache.clear();
@@ -137,7 +143,7 @@ export class Warp {
 
   #build(): void {
     const gl = this.#gl;
-    if (gl === null || gl.isContextLost()) return;
+    if (gl === null || gl.isContextLost() || (this.#options.accelerated && drawsInSoftware(gl))) return;
     try {
       gl.depthFunc(gl.LEQUAL);
       const frame = gl.createTexture();

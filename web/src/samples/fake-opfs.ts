@@ -1,4 +1,4 @@
-/** A private file system in memory, for tests: with so much room, and handles that exclude one another. */
+/** A private file system in memory, for tests: with a size limit and exclusive handles. */
 
 export class FakeDisk {
   /** Bytes that still fit. */

@@ -1,9 +1,9 @@
 /**
- * What a run's samples are in the browser's private files (OPFS), until a store has them:
+ * Layout of a run's samples in the browser's private files (OPFS), until a store has them:
  *
- *     samples/KEY/run.json             whose they are (`About`)
- *     samples/KEY/samples.ndjson       a Sample a line, written when its pictures are
- *     samples/KEY/000123.jpg           and the rest as in a run's folder of the store (`docs/samples.md`)
+ *     samples/KEY/run.json             the run they belong to (`About`)
+ *     samples/KEY/samples.ndjson       one Sample per line, written after its pictures
+ *     samples/KEY/000123.jpg           and further files as in a run's folder of the store (`docs/experiments.md`)
  */
 import * as v from "valibot";
 import type { Configuration } from "../wire/store";
@@ -22,10 +22,10 @@ const AboutSchema = v.object({
   configuration: v.custom<Configuration>((value) => typeof value === "object" && value !== null),
   started_unix_ms: v.number(),
 });
-/** Whose samples these are. */
+/** The run that samples belong to. */
 export type About = Readonly<v.InferOutput<typeof AboutSchema>>;
 
-/** Null for what is none. */
+/** Null if invalid. */
 export function readAbout(text: string): About | null {
   try {
     return v.parse(AboutSchema, JSON.parse(text));

@@ -1,4 +1,4 @@
-/** What only workers have of the private file system: TypeScript's DOM library leaves it out. */
+/** Worker-only parts of the private file system: TypeScript's DOM library lacks them. */
 interface FileSystemSyncAccessHandle {
   write(bytes: BufferSource, options?: { readonly at: number }): number;
   truncate(size: number): void;

@@ -1,6 +1,6 @@
 /**
- * Writes a run's samples into a folder of the private file system, in a worker: only there are files written without copies of
- * them (`createSyncAccessHandle`). Whatever happens, the index names only samples whose pictures are whole.
+ * Writes a run's samples into a folder of the private file system, in a worker, where files can be written without
+ * copies (`createSyncAccessHandle`). The index only ever names samples with complete pictures.
  */
 import type { Sample } from "../wire/store";
 import { ABOUT, type About, enhancedName, INDEX, jpegName } from "./layout";
@@ -30,7 +30,7 @@ export class SampleFiles {
     return new SampleFiles(folder, index);
   }
 
-  /** Keeps a sample; how many bytes its pictures have. Of one that cannot be kept, nothing is left. */
+  /** Stores a sample and returns the bytes of its pictures. A sample that cannot be stored leaves nothing behind. */
   async keep(sample: Sample, jpeg: Blob, enhanced: Blob | null): Promise<number> {
     const pictures = [{ name: jpegName(sample.seq), picture: jpeg }];
     if (enhanced) pictures.push({ name: enhancedName(sample.seq, enhanced.type), picture: enhanced });
@@ -52,7 +52,7 @@ export class SampleFiles {
   }
 }
 
-/** Says whose samples are in a folder. */
+/** Writes the run of a folder's samples. */
 export function describe(folder: FileSystemDirectoryHandle, about: About): Promise<void> {
   return write(folder, ABOUT, new TextEncoder().encode(JSON.stringify(about)));
 }
@@ -68,7 +68,7 @@ async function write(folder: FileSystemDirectoryHandle, name: string, content: B
   }
 }
 
-/** A disk that is full takes a part, and says nothing. */
+/** A full disk accepts a part without an error. */
 function writeAll(handle: FileSystemSyncAccessHandle, content: BufferSource, at: number): void {
   if (handle.write(content, { at }) < content.byteLength) {
     throw new DOMException("The disk is full.", "QuotaExceededError");

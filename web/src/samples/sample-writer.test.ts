@@ -8,7 +8,7 @@ let room: number;
 let fails: string | null;
 let asked: string[];
 
-/** Does what it is asked to, or fails by an error's name. */
+/** Performs its requests, or fails with an error of the given name. */
 class FakeWorker {
   onmessage: ((event: object) => void) | null = null;
   onerror = null;

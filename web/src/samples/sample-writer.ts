@@ -10,7 +10,7 @@ export type SampleRequest =
   | { readonly kind: "keep"; readonly sample: Sample; readonly jpeg: Blob; readonly enhanced: ImageBitmap | null }
   | { readonly kind: "end" };
 
-/** Why nothing can be kept, or nothing more, in one sentence. */
+/** Reason why storing is impossible, in one sentence. */
 export class SamplesRefused extends Error {}
 
 /** With less room than this, sampling does not begin: a run takes tens of megabytes. */
@@ -64,7 +64,7 @@ export class SampleWriter {
   }
 }
 
-/** Says anew whose samples those of a closed folder are. */
+/** Updates the run of a closed folder's samples. */
 export async function describeSamples(key: string, about: About): Promise<void> {
   const calls = startWorker();
   try {

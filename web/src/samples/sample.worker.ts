@@ -1,4 +1,4 @@
-/** Keeps samples off the main thread: one run after the other. */
+/** Stores samples off the main thread, one run at a time. */
 import { answerTo, type WorkerAnswer, type WorkerCall } from "../async/worker-calls";
 import { describe, SampleFiles } from "./sample-files";
 import type { SampleRequest } from "./sample-writer";
@@ -9,7 +9,7 @@ const scope = globalThis as unknown as {
 };
 
 let files: SampleFiles | undefined;
-/** Requests are done one after the other, in the order in which they came. */
+/** Requests are processed in order. */
 let before: Promise<unknown> = Promise.resolve();
 
 scope.onmessage = ({ data: { id, request } }) => {

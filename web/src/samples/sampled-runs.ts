@@ -1,4 +1,4 @@
-/** The runs whose samples lie in this browser, because no store has them yet. */
+/** The runs whose samples are in this browser, because no store has them yet. */
 import type { Sample } from "../wire/store";
 import { ABOUT, type About, enhancedName, FOLDER, INDEX, jpegName, readAbout } from "./layout";
 
@@ -38,7 +38,7 @@ export async function listSampledRuns(): Promise<readonly SampledRun[]> {
   return found.sort((a, b) => begun(a) - begun(b));
 }
 
-/** One of them; rejects if it is gone. */
+/** Opens one of them; rejects if it was deleted. */
 export async function readSampledRun(key: string): Promise<SampledRun> {
   return readFolder(key, await (await samplesFolder()).getDirectoryHandle(key));
 }
@@ -79,7 +79,7 @@ function pictureNames(sample: Sample, files: ReadonlyMap<string, File>): [string
   return names.map((name) => [name, files.get(name)]);
 }
 
-/** A line that a closed tab left half is none. */
+/** Skips a line truncated by a closed tab. */
 function readIndex(text: string): Sample[] {
   const lines = text.split("\n").slice(0, -1);
   return lines.map((line) => JSON.parse(line) as Sample);

@@ -5,9 +5,9 @@ import type { Sample } from "../wire/store";
 import type { About } from "./layout";
 import { SamplesRefused, SampleWriter } from "./sample-writer";
 
-/** What became of a run's samples. */
+/** Outcome of sampling a run. */
 export interface Sampled {
-  /** Of the folder that they lie in; null if there is none. */
+  /** Key of their folder; null without one. */
   readonly key: string | null;
   readonly kept: number;
   /** That were due and are not there, as of a disk that is too slow. */
@@ -23,7 +23,7 @@ export function whyFewer({ problem, missed, kept }: Sampled): string | null {
 
 /** Samples that are being written; with more of them, a browser's memory would fill. */
 const MOST_WAITING = 16;
-/** Of a run: what a store takes. */
+/** A run's samples, for upload to a store. */
 export const MOST_SAMPLES = 10_000;
 
 type Writer = Pick<SampleWriter, "key" | "keep" | "close">;
@@ -45,7 +45,7 @@ export class Sampler {
     this.#problem = problem;
   }
 
-  /** Where nothing can be kept, the run goes on without. */
+  /** The run continues if nothing can be stored. */
   static async open(
     about: About | null,
     stride: number,

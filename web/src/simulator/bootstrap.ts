@@ -1,15 +1,15 @@
-/** How sure a mean is: percentile bootstrap (Efron 1979). */
+/** Confidence interval of a mean: percentile bootstrap (Efron 1979). */
 
 const RESAMPLES = 4000;
 
 export interface Interval {
   readonly mean: number;
-  /** Between these lies the mean of 95 % of all resamples. */
+  /** Quantiles that enclose 95 % of the resampled means. */
   readonly low: number;
   readonly high: number;
 }
 
-/** Of the mean of values that are independent of each other, such as the differences of paired runs. */
+/** For the mean of independent values, such as differences of paired runs. */
 export function bootstrap(values: readonly number[], random: () => number): Interval {
   const mean = average(values);
   const means = Array.from({ length: RESAMPLES }, () =>

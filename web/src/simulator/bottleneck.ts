@@ -1,12 +1,14 @@
 /**
- * One direction of the shaped link: a first-in-first-out queue of bounded bytes in front of a rate that follows a trace.
+ * One direction of the shaped link: a first-in-first-out queue of bounded bytes in front of a rate that follows a
+ * trace.
  *
- * It counts in capacity: C(t) is what the link could have carried until t. A packet is through when C reaches the sum of all
- * before it and itself, so its departure is known when it arrives, and what is queued is that sum less C(now).
+ * It works in units of capacity: C(t) is the number of bytes that the link could have carried until t. A packet departs
+ * when C reaches the sum of all bytes up to it, so its departure is known on arrival, and the queue is that sum less
+ * C(now).
  */
 import type { NetworkTrace } from "./trace";
 
-/** The shaper's queue takes so long to drain at the trace's mean rate, in milliseconds. */
+/** Time to drain a full queue at the trace's mean rate, in milliseconds. */
 export const QUEUE_MS = 150;
 /** A queue never holds less, in bytes: eight full packets. */
 const MIN_QUEUE = 8 * 1514;
@@ -24,7 +26,7 @@ export class Bottleneck {
     this.#limit = 8 * Math.max(MIN_QUEUE, (this.#capacity.mean * QUEUE_MS) / 8);
   }
 
-  /** A packet of so many bytes arrives; tells when it has left, or null if the queue is full. Times never go back. */
+  /** A packet arrives; returns its departure, or null if the queue is full. Times must not decrease. */
   offer(bytes: number, now: number): number | null {
     const passed = this.#capacity.until(now);
     const queued = Math.max(0, this.#through - passed);

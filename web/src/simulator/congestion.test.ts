@@ -19,7 +19,7 @@ test("slow start doubles a full window, a loss halves it, and then it grows by a
   const [lost, ...others] = fill(congestion, first.length, 10);
   if (lost) congestion.lost(lost, 20);
   expect(congestion.window).toBe(10 * PACKET);
-  for (const packet of others) congestion.acknowledged(packet); // sent before the loss was heard of
+  for (const packet of others) congestion.acknowledged(packet); // sent before the loss was detected
   expect(congestion.window).toBe(10 * PACKET);
   for (const packet of fill(congestion, 100, 30)) congestion.acknowledged(packet);
   expect(congestion.window).toBe(11 * PACKET);

@@ -1,7 +1,8 @@
 /**
- * What one QUIC connection may send and when, as the render service has it (services/render/tigas_render/transport): NewReno
- * (RFC 9002, appendix B) that leaves slow start when round trips grow, whose window grows only for packets sent while it was
- * full, and a pacer of 1.25 windows a round trip that counts in ticks of a millisecond.
+ * Congestion control and pacing of one QUIC connection, as in the render service
+ * (services/render/tigas_render/transport): NewReno (RFC 9002, appendix B) that leaves slow start when round trips
+ * grow, whose window grows only for packets sent while it was full, and a pacer of 1.25 windows per round trip in ticks
+ * of a millisecond.
  */
 
 /** Bytes of a full packet's UDP payload. */
@@ -92,7 +93,7 @@ const GAIN = 1.25;
 const TICK = 1;
 const MAX_IDLE_BURST = 16 * PACKET;
 
-/** Spreads a window over a round trip. Counts in milliseconds' worth of packets; nothing is held before a round trip is known. */
+/** Spreads a window over a round trip, in milliseconds' worth of packets; inactive until a round trip is known. */
 export class Pacer {
   #each = 0;
   #most = 0;

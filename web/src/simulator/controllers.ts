@@ -1,4 +1,6 @@
-/** What the simulator can be told to run: a controller of the registry, the first Budget, a fixed rung, or Latency with another target. */
+/**
+ * Controllers for the simulator: those of the registry, the first Budget, a fixed rung, or Latency with another target.
+ */
 import type { ControllerFactory } from "../abr/controller";
 import { FixedController } from "../abr/fixed";
 import { LatencyController, perRequest, perTransfer, type ThroughputReading } from "../abr/latency";

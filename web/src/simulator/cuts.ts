@@ -1,7 +1,7 @@
 /** Different parts of traces, for comparisons that need many. */
 import { type NetworkTrace, TracePlayer } from "./trace";
 
-/** A part of a trace; the state that it begins with is the one that holds there. */
+/** A part of a trace, with the state at its start. */
 export function cut(trace: NetworkTrace, start: number, duration: number): NetworkTrace {
   const { t_ms: _, ...state } = { t_ms: 0, ...new TracePlayer(trace).at(start) };
   const within = trace.steps.filter(({ t_ms }) => t_ms > start && t_ms < start + duration);
@@ -17,8 +17,8 @@ export interface Segment {
 }
 
 /**
- * So many parts that do not overlap, from all traces in turn, each chosen by chance; fewer if there are no more. A part that
- * never lets anything through is none.
+ * Random non-overlapping parts of all traces in turn; fewer if there are not enough. Parts without any capacity are
+ * skipped.
  */
 export function segments(
   traces: readonly { readonly name: string; readonly trace: NetworkTrace }[],

@@ -1,6 +1,6 @@
 /**
- * Both ends of the network as the simulator needs them: how long the server and the page take for a frame, how large frames
- * are, when the page draws, and how the camera turns. Here those of the paper; `measured.ts` has those of a real visit.
+ * Both ends of the simulated network: frame times of the server and the page, frame sizes, animation frames, and the
+ * rotation of the camera. The defaults are the paper's.
  */
 
 import { normal, seeded } from "../abr/random";
@@ -13,7 +13,7 @@ export interface Endpoints {
   encode(rung: number): number;
   /** Bytes of a frame of a rung at a time; times never go back. */
   bytes(rung: number, now: number): number;
-  /** When the page hears of a packet that arrives now. */
+  /** Time at which the page sees a packet that arrives now. */
   heard(now: number): number;
   /** The page's milliseconds to decode a frame of a rung. */
   decode(rung: number): number;
@@ -30,17 +30,20 @@ const ENCODE = 1;
 /** A frame takes this much more or less to render, at most. */
 const RENDER_VARIATION = 0.15;
 const DECODE = 4;
-/** How much a frame's size varies with the view (standard deviation), and for how long a view stays alike (ms). */
+/** Standard deviation of a frame's size across views, and the correlation time of a view (ms). */
 const SIZE_DEVIATION = 0.12;
 const SIZE_MEMORY = 2000;
 
 export interface PaperOptions {
-  /** Milliseconds to render a frame of no pixels, and one of the best rung; those between by their pixels. Alike if not said. */
+  /**
+   * Milliseconds to render an empty frame, and one of the best rung; linear in pixels between them. Constant by
+   * default.
+   */
   readonly render?: number;
   readonly renderBest?: number;
-  /** Frames are so many times as large as the ladder says. */
+  /** Factor on the frame sizes of the ladder. */
   readonly scale?: number;
-  /** The page hears of what has arrived every so many milliseconds; 0: of each packet at once. */
+  /** Interval in milliseconds at which the page sees arrived packets; 0: each packet at once. */
   readonly batch?: number;
 }
 

@@ -1,4 +1,4 @@
-/** A clock that jumps from one event to the next, and lets promises settle in between. */
+/** A clock that jumps from event to event, and lets promises settle in between. */
 
 interface Event {
   readonly at: number;
@@ -33,7 +33,7 @@ export class EventLoop {
     heap[i] = event;
   }
 
-  /** Something that a promise waits for has happened: let everything settle before time goes on. */
+  /** Lets all promises settle after an event, before time advances. */
   settle(): void {
     this.#awaited = true;
   }

@@ -1,24 +1,24 @@
 /**
- * The first *Budget*, as it was until the present one took its place; kept so that `abr-bench` can compare the two.
+ * The first version of *Budget*, kept as the baseline of `abr-bench`.
  *
- * What the round trip, the server and the page leave of 100 ms is what bytes may take.
+ * The time for transmission is 100 ms less the round trip, the server and the page.
  *
  *     motion-to-photon(ℓ) = trip + server + page + transmission(ℓ)
  *     transmission(ℓ) = S(ℓ) / throughput,  at most one animation frame
  *
- * `trip` is the least time that frames of the last seconds spent outside the server beyond their own transmission: the way
- * there and back, without any queue. `page` is what a pose waits for its request, for decoding and for the screen. A frame that
- * takes longer on the link than an animation frame makes the next ones wait for it, each for a whole transmission, so that is
- * never worth it while a lesser rung is left.
+ * `trip` is the minimum time of recent frames outside the server beyond their own transmission: propagation without any
+ * queue. `page` is a pose's wait for its request, decoding and display. A frame that takes longer on the link than an
+ * animation frame delays the next ones, each by a whole transmission, so that is never worth it while a lower rung is
+ * left.
  *
- * Where the delay beyond trip and server grows from frame to frame (the delay gradient), the queue is filling whatever the
- * throughput seems to be: what is expected a response from now counts. Down at once and as far as needed; up one rung, when it
- * has been possible for a while. An upgrade that had to be taken back soon makes the next one wait twice as long.
+ * If the delay beyond trip and server grows from frame to frame (the delay gradient), the queue is filling whatever the
+ * estimated throughput; the extrapolated delay one response later counts. Down at once and as far as needed; up one
+ * rung, once that has been possible for a while. Reverting an upgrade early doubles the wait before the next one.
  */
 import { type Controller, type ControllerContext, type Observation, responseTime, serverTime } from "../abr/controller";
 import { FrameSizes } from "../abr/sizes";
 
-/** What a person still takes for at once, in milliseconds. */
+/** Latency still perceived as immediate, in milliseconds. */
 const BUDGET = 100;
 const ANIMATION_FRAME = 1000 / 60;
 /** A pose waits for its request for up to an animation frame and for the screen for another; decoding is between (ms). */
@@ -36,7 +36,7 @@ const FILLING = 0.2;
 const TRIP_SPAN = 10_000;
 /** Weight of the newest frame in averages. */
 const ALPHA = 0.3;
-/** An upgrade waits until it has been possible for so long, in milliseconds; at most MAX_HOLD after failures. */
+/** An upgrade must have been possible for this long, in milliseconds; MAX_HOLD is the limit after failures. */
 const MIN_HOLD = 150;
 const MAX_HOLD = 2400;
 /** An upgrade that is taken back within this many milliseconds has failed. */
@@ -101,7 +101,7 @@ export class FirstBudgetController implements Controller {
     }
   }
 
-  /** The queue is filling, and what is in it a response from now will not be in time. */
+  /** The queue is filling, and its extrapolation one response later is too late. */
   #growing(trip: number, allowed: number): boolean {
     if (this.#gradient <= 0 || this.#server === undefined) return false;
     const fixed = trip + this.#server;
@@ -124,8 +124,8 @@ export class FirstBudgetController implements Controller {
 }
 
 /**
- * Milliseconds that a frame may take on the link, where so many are spent whatever it is. Where even an empty frame would come
- * too late there is nothing to win by small ones, and only the next frames must not wait.
+ * Milliseconds available to a frame on the link, less those spent on any frame. If even an empty frame would be late,
+ * small frames gain nothing, and only the next frames must not wait.
  */
 function allowedTransmission(fixed: number): number {
   if (fixed > BUDGET - LEAST_PAGE) return ANIMATION_FRAME;

@@ -2,7 +2,7 @@
 import { poseAt, type TimedPose } from "../movement/playback";
 import { angleBetween } from "../view/vector";
 
-/** Speeds are those of so many milliseconds. */
+/** Window of the speeds, in milliseconds. */
 const SPAN = 1000 / 60;
 
 export class Head {
@@ -10,7 +10,7 @@ export class Head {
   readonly #start: number;
   readonly #duration: number;
 
-  /** A movement from so many milliseconds on; it begins again at its end. */
+  /** A movement from the given milliseconds on, repeated at its end. */
   constructor(points: readonly TimedPose[], start: number) {
     this.#points = points;
     this.#start = start;

@@ -37,7 +37,7 @@ function visitOf(trace: string, surround: boolean, options: Options = {}): Promi
   });
 }
 
-/** The rungs that Budget takes, animation frame by animation frame, in a visit of its own. */
+/** Budget's rungs, animation frame by animation frame, in a separate visit. */
 async function budgetRungs(trace: string, seed: number): Promise<readonly number[]> {
   const rungs: number[] = [];
   const controller: ControllerFactory = (context) => {
@@ -53,7 +53,7 @@ async function budgetRungs(trace: string, seed: number): Promise<readonly number
   return rungs;
 }
 
-/** Takes the same rungs again, whatever happens. */
+/** Replays the same rungs. */
 function replaying(rungs: readonly number[]): ControllerFactory {
   return () => {
     const left = rungs.values();
@@ -72,7 +72,7 @@ test("on a link that takes a second for a picture, who stood still for a moment 
   expect(never).toBeLessThan(0.002);
 });
 
-// The rungs are those of another visit: any small delay leads Budget to others from then on, to better or to worse ones by chance.
+// The rungs of another visit: any small delay would lead Budget to other rungs from then on, better or worse by chance.
 test.each([1000, 4000, 20_000])(
   "at Budget's rungs the view's frames come as soon and as often at %i kbit/s",
   async (kbps) => {

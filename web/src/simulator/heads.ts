@@ -1,6 +1,7 @@
 /**
- * A viewer whose head was recorded, with reprojection and prediction, over a simulated link and server: how much of the picture
- * nobody ever rendered. The page's own pipeline, foresight, overscan and surround; no picture is drawn.
+ * A viewer with recorded head movement, reprojection and prediction, over a simulated link and server: measures the
+ * share of the picture that was never rendered. It uses the page's own pipeline, foresight, overscan and surround,
+ * without drawing.
  */
 import type { ControllerFactory } from "../abr/controller";
 import { seeded } from "../abr/random";
@@ -43,27 +44,19 @@ export interface HeadOptions {
 
 /** Of the time in which the viewer moves. */
 export interface Visit {
-  /** Shares of the picture, means over time: what the newest frame does not show, and what of that nobody ever rendered. */
-  readonly uncovered: number;
+  /** Mean share of the picture that was never rendered. */
   readonly never: number;
-  /** The same where the content is younger than `FRESH`; NaN if it never is. */
-  readonly neverFresh: number;
-  /** Milliseconds: of the content, and from a frame's request to its last byte; means. */
-  readonly contentAge: number;
+  /** Mean milliseconds from a frame's request to its last byte. */
   readonly response: number;
   readonly framesPerSecond: number;
-  /** Mean rung of the frames that came, 0 the best. */
-  readonly rung: number;
-  /** Megabits a second, in all and of the surround. */
-  readonly bandwidth: number;
+  /** Megabits a second of the surround. */
   readonly aside: number;
 }
 
-export const FRESH = 500;
-/** What is looked at is 4 m away, as a movement in metres has it. */
+/** The focus is 4 m away, for movements in metres. */
 const SCENE = { id: "simulated", up: [0, -1, 0], camera: { position: [0, 0, -4], look_at: [0, 0, 0] } } as SceneInfo;
 const VIEWPORT = { width: 1280, height: 720 };
-/** Milliseconds between two looks at what is seen. */
+/** Sampling interval of the seen picture, in milliseconds. */
 const LOOK_EVERY = 50;
 
 export async function visit(options: HeadOptions): Promise<Visit> {
@@ -79,14 +72,14 @@ export async function visit(options: HeadOptions): Promise<Visit> {
   rig.drive((at) => poseAt(points, Math.max(0, at - warmUp)));
   const distance = viewDistance(SCENE);
   const [foresight, overscan, seen] = [
-    new Foresight(rig, () => "auto"),
+    new Foresight(rig, () => "linear"),
     new AutoOverscan(distance),
     new Seen(distance),
   ];
   const rest = new Rest();
   const sides = new Map<number, View>();
-  const counts = { looks: 0, uncovered: 0, never: 0, fresh: 0, neverFresh: 0, age: 0, frames: 0 };
-  const replies = { count: 0, response: 0, rung: 0, bytes: 0, aside: 0 };
+  const counts = { looks: 0, never: 0, frames: 0 };
+  const replies = { count: 0, response: 0, aside: 0 };
   const moving = () => now() >= warmUp;
   let shown: { readonly frame: DecodedFrame; readonly asked: View; readonly at: number } | undefined;
   let presenting: typeof shown;
@@ -117,15 +110,12 @@ export async function visit(options: HeadOptions): Promise<Visit> {
     sent: () => undefined,
     replied: ({ header, arrival }) => {
       throughput.observe(arrival);
-      const profile = header.profile ?? null;
       if (moving()) {
         replies.count++;
         replies.response += arrival.lastByteAt - arrival.sentAt;
-        replies.rung += profile ?? 0;
-        replies.bytes += arrival.bytes;
       }
       controller.observe({
-        profile,
+        profile: header.profile ?? null,
         arrival,
         server: header.timing ?? null,
         throughput: throughput.bitsPerSecond,
@@ -166,30 +156,17 @@ export async function visit(options: HeadOptions): Promise<Visit> {
     if (shown) overscan.observe(shown.asked, onScreen, at);
     if (at < lookedAt + LOOK_EVERY) return;
     lookedAt += LOOK_EVERY;
-    const { uncovered, never } = seen.missing(onScreen, sides.values());
-    const age = shown ? at - shown.frame.askedAt : at;
     counts.looks++;
-    counts.uncovered += uncovered;
-    counts.never += never;
-    counts.age += age;
-    if (age >= FRESH) return;
-    counts.fresh++;
-    counts.neverFresh += never;
+    counts.never += seen.never(onScreen, sides.values());
   };
   events.at(0, tick);
   await events.run(warmUp + duration);
   pipeline.dispose();
-  const megabits = (bytes: number) => (bytes * 8) / 1000 / duration;
   return {
-    uncovered: counts.uncovered / counts.looks,
     never: counts.never / counts.looks,
-    neverFresh: counts.neverFresh / counts.fresh,
-    contentAge: counts.age / counts.looks,
     response: replies.response / replies.count,
     framesPerSecond: (counts.frames * 1000) / duration,
-    rung: replies.rung / replies.count,
-    bandwidth: megabits(replies.bytes + replies.aside),
-    aside: megabits(replies.aside),
+    aside: (replies.aside * 8) / 1000 / duration,
   };
 }
 

@@ -1,4 +1,4 @@
-/** How fast a simulated camera turns: it looks around, stands a little, and now and then turns quickly. */
+/** Rotation of a simulated camera: it looks around, pauses, and turns fast from time to time. */
 
 const LOOKING = 30;
 const QUICK = 150;

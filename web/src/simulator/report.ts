@@ -1,5 +1,5 @@
 /** Results of many simulated visits as a table. */
-import { INTERACTIVE } from "../experiment/figures";
+import { INTERACTIVE_MS } from "../wire/figures";
 import type { Figures } from "./tally";
 
 export interface Run {
@@ -11,8 +11,8 @@ export interface Run {
 }
 
 const COLUMNS: readonly (readonly [string, (figures: Figures) => string])[] = [
-  [`poses ≤ ${INTERACTIVE} ms`, ({ inTime }) => percent(inTime)],
-  [`frames ≤ ${INTERACTIVE} ms`, ({ responsesInTime }) => percent(responsesInTime)],
+  [`poses ≤ ${INTERACTIVE_MS} ms`, ({ inTime }) => percent(inTime)],
+  [`frames ≤ ${INTERACTIVE_MS} ms`, ({ responsesInTime }) => percent(responsesInTime)],
   ["response p50", ({ responseP50 }) => responseP50.toFixed(0)],
   ["p95, ms", ({ responseP95 }) => responseP95.toFixed(0)],
   ["photon p50", ({ photonP50 }) => photonP50.toFixed(0)],
@@ -44,7 +44,7 @@ export function table(runs: readonly Run[]): string {
   return [line(header), `|${widths.map((width) => "-".repeat(width + 2)).join("|")}|`, ...rows.map(line)].join("\n");
 }
 
-/** For each round trip and controller, the mean of each figure over all traces; every trace counts the same. */
+/** For each round trip and controller, the mean of each figure over all traces, equally weighted. */
 export function overTraces(runs: readonly Run[]): Run[] {
   const first = new Map(runs.toReversed().map((run) => [`${run.roundTrip} ${run.controller}`, run]));
   return [...first.values()].toReversed().map((one) => {

@@ -1,7 +1,7 @@
 /**
- * What controllers are judged by: how far what is seen is from what should be seen, as `benchmarks/seen.py` measured it in
- * rendered pictures. No controller decides by it. A picture is off because of its rung and because of its age; the two have
- * different causes, so their mean squared errors are added, and so is what each leaves of an SSIM of 1.
+ * Metric of the controllers: the error of the seen picture against the ideal one, as measured in rendered pictures
+ * (docs/results/2026-11-seen-error.md). No controller uses it to decide. The error has two independent causes, rung and
+ * age, so their mean squared errors are added, as are their losses of SSIM.
  */
 import type { Way } from "../abr/controller";
 import type { Rung } from "../wire/render";
@@ -19,11 +19,11 @@ interface Late extends Seen {
 }
 
 const PEAK = 255 ** 2;
-/** At least; two pictures that have nothing in common. */
+/** Lower bound: two unrelated pictures. */
 const LEAST_SSIM = 0.2;
 const MOST_MSE = 6000;
 
-/** Of a rung's own pictures: of what the ladder says of them, or of their size where it says nothing. */
+/** Error of a rung's pictures: the ladder's value, or an estimate by size. */
 export function seenOfRung({ psnr_db, expected_kb }: Pick<Rung, "psnr_db" | "expected_kb">): Seen {
   const { rungs } = table;
   const bySize = rungs.toSorted((a, b) => a.kb - b.kb).map(({ kb, psnr_db }) => [Math.log(kb), psnr_db] as const);
@@ -32,7 +32,7 @@ export function seenOfRung({ psnr_db, expected_kb }: Pick<Rung, "psnr_db" | "exp
   return { mse: PEAK * 10 ** (-psnr / 10), ssim: along(byQuality, psnr) };
 }
 
-/** Of a picture without other faults whose view has turned by so many degrees since. */
+/** Error of an otherwise perfect picture after a rotation by this many degrees. */
 export function seenLate(way: Way, degrees: number): Seen {
   const measured: readonly Late[] = [{ turn_deg: 0, mse: 0, ssim: 1 }, ...table.late[way]];
   const of = (name: keyof Seen) =>

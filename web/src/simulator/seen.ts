@@ -1,4 +1,4 @@
-/** What a viewer sees of all directions, as the page's warp would show it, on a coarse grid: which of them anybody rendered. */
+/** The seen part of all directions on a coarse grid, as shown by the page's warp: marks the rendered ones. */
 import { FAR } from "../reproject/cube-cache";
 import { FACES } from "../reproject/cube-faces";
 import { directionOfPixel, pixelOfDirection } from "../reproject/homography";
@@ -7,7 +7,7 @@ import { FARTHEST } from "../reproject/side-pictures";
 import type { View } from "../reproject/view";
 import { add, subtract, type Vector3 } from "../view/vector";
 
-/** Of a side of the cube of what was seen; of a view. */
+/** Grid size of a side of the cube, and of a view. */
 const TEXELS = 16;
 const COLUMNS = 32;
 const ROWS = 18;
@@ -37,8 +37,8 @@ export class Seen {
     }
   }
 
-  /** Shares of a view: what the newest frame does not show, and what of that nobody rendered, where there are such `sides`. */
-  missing(view: View, sides: Iterable<View>): { readonly uncovered: number; readonly never: number } {
+  /** The share of a view that was not rendered, given these `sides`. */
+  never(view: View, sides: Iterable<View>): number {
     const frame = this.#frame;
     const toDirection = directionOfPixel(view);
     const spheres = [...sides].map((side) => ({
@@ -47,14 +47,12 @@ export class Seen {
       ...this.#seenFrom(side, view),
     }));
     const newest = frame && { toPixel: pixelOfDirection(frame), ...this.#seenFrom(frame, view) };
-    let uncovered = 0;
     let never = 0;
     for (let row = 0; row < ROWS; row++) {
       for (let column = 0; column < COLUMNS; column++) {
         const pixel: Vector3 = [((column + 0.5) / COLUMNS) * view.width, ((row + 0.5) / ROWS) * view.height, 1];
         const direction = unit(apply(toDirection, pixel));
         if (frame && newest && shows(frame, apply(newest.toPixel, onSphere(direction, newest.offset)))) continue;
-        uncovered++;
         const there = spheres.some(
           ({ side, toPixel, offset, away }) =>
             away < FARTHEST && shows(side, apply(toPixel, onSphere(direction, offset))),
@@ -62,10 +60,10 @@ export class Seen {
         if (!there && !this.#wasSeen(direction)) never++;
       }
     }
-    return { uncovered: uncovered / (ROWS * COLUMNS), never: never / (ROWS * COLUMNS) };
+    return never / (ROWS * COLUMNS);
   }
 
-  /** Where a view stands on the sphere around a picture's place, whose radius is 1. */
+  /** Position of a view on the unit sphere around a picture's position. */
   #seenFrom(picture: View, view: View) {
     const [x, y, z] = subtract(view.position, picture.position);
     const offset: Vector3 = [x / this.#distance, y / this.#distance, z / this.#distance];

@@ -4,7 +4,9 @@ import { EventLoop } from "./events";
 import { Sender } from "./sender";
 import { parseTrace } from "./trace";
 
-/** Sends frames of so many bytes, numbers and times over a constant link; tells in which order they were complete, and when. */
+/**
+ * Sends frames of the given sizes, numbers and times over a constant link; returns their order and times of completion.
+ */
 async function sent(
   frames: readonly { number: number; bytes: number; at: number; cancelAt?: number }[],
   { kbps = 20_000, delay = 10 } = {},

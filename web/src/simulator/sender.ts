@@ -1,8 +1,8 @@
 /**
- * One QUIC connection from the server to the page, as the render service has it: the oldest request's frame goes first, in
- * packets that congestion control and pacing let out. A packet that finds the queue full is lost; the sender hears of it when
- * an acknowledgement would have come, and sends the bytes again. The page acknowledges as Chromium does: every second packet
- * of the first hundred, then every tenth, and none later than a quarter of a round trip.
+ * One QUIC connection from the server to the page, as in the render service: the oldest request's frame goes first, in
+ * packets released by congestion control and pacing. A packet that finds the queue full is lost; the sender learns of
+ * it when the acknowledgement would have arrived, and sends the bytes again. The page acknowledges like Chromium: every
+ * second of the first hundred packets, then every tenth, and none later than a quarter of a round trip.
  */
 import type { Bottleneck } from "./bottleneck";
 import { NewReno, PACKET, Pacer, type Packet } from "./congestion";
@@ -20,7 +20,7 @@ export interface Path {
   readonly link: Bottleneck;
   /** Milliseconds from the link to the page. */
   readonly down: () => number;
-  /** So many bytes go from the page to the sender. */
+  /** Sends bytes from the page to the sender. */
   readonly back: (bytes: number, arrived: () => void) => void;
   /** Whether a packet gets lost at random. */
   readonly loses: () => boolean;
@@ -48,7 +48,7 @@ export class Sender {
   #least = Number.POSITIVE_INFINITY;
   #lastArrival = 0;
   #received = 0;
-  /** Arrived, and not acknowledged yet. */
+  /** Received packets not acknowledged yet. */
   #arrived: Packet[] = [];
 
   constructor(events: EventLoop, path: Path) {
@@ -61,7 +61,7 @@ export class Sender {
     this.#pump();
   }
 
-  /** Forget what was not sent yet. */
+  /** Drops all unsent bytes. */
   cancel(stream: Stream): void {
     this.#cancelled.add(stream);
     this.#streams = this.#streams.filter((other) => other !== stream);

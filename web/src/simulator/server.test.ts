@@ -1,12 +1,12 @@
 import { expect, test } from "vitest";
 import { Bottleneck } from "./bottleneck";
+import type { Endpoints } from "./endpoints";
 import { EventLoop } from "./events";
-import { MeasuredEndpoints } from "./measured";
 import { Sender } from "./sender";
 import { Server } from "./server";
 import { parseTrace } from "./trace";
 
-/** Asks for frames at times; tells what became of each: its queue, or that it was refused. */
+/** Requests frames at the given times; returns each one's queue, or its refusal. */
 async function answers(requests: readonly number[], { render = 20, encode = 5 } = {}) {
   const events = new EventLoop();
   const sender = new Sender(events, {
@@ -15,12 +15,16 @@ async function answers(requests: readonly number[], { render = 20, encode = 5 } 
     back: (_, arrived) => events.at(events.now(), arrived),
     loses: () => false,
   });
-  const measured = {
-    rungs: [{ render_ms: render, encode_ms: encode, page_ms: 0 }],
-    views: [{ t_ms: 0, bytes: [1000] }],
-    animation: [],
+  const endpoints: Endpoints = {
+    render: () => render,
+    encode: () => encode,
+    bytes: () => 1000,
+    heard: (now) => now,
+    decode: () => 0,
+    nextAnimationFrame: (now) => now,
+    turning: () => 0,
   };
-  const server = new Server(events, sender, MeasuredEndpoints.parse(JSON.stringify(measured), 1));
+  const server = new Server(events, sender, endpoints);
   const told: { number: number; at: number; queue: number | null }[] = [];
   for (const [number, at] of requests.entries()) {
     events.at(at, () =>

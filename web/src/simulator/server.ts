@@ -1,6 +1,6 @@
 /**
- * The render service: one frame is rendered while the one before is encoded. Of those that wait the newest goes first, and as
- * many wait as the service keeps of one viewer; one more pushes the oldest out.
+ * The render service: one frame is rendered while the previous one is encoded. The newest waiting request goes first,
+ * with the service's limit per viewer; an additional one displaces the oldest.
  */
 import { RequestProblem } from "../transport/transport";
 import type { ServerTiming } from "../wire/render";
@@ -12,7 +12,7 @@ export interface Job {
   /** Requests are numbered in the order in which they were made. */
   readonly number: number;
   readonly rung: number;
-  /** The answer's bytes came, or some of them. */
+  /** Bytes of the answer arrived. */
   readonly received: (bytes: number) => void;
   /** The header: the whole answer's bytes, and where the time went. */
   readonly answered: (bytes: number, timing: ServerTiming) => void;

@@ -72,6 +72,16 @@ test("the frame rate does not fall with the round trip", async () => {
   expect(responseP50).toBeGreaterThan(310);
 });
 
+test("poses that are never shown are late, and their wait a stall", async () => {
+  const trace = "t_ms,down_kbps,up_kbps\n0,20000,10000\n10000,0,0\n20000,,\n";
+  const { inTime, photonP95, stalls, stalled } = await visit("fixed:3", trace);
+  expect(inTime).toBeGreaterThan(0.45);
+  expect(inTime).toBeLessThan(0.51);
+  expect(photonP95).toBeGreaterThan(8000);
+  expect(stalls).toBe(3); // one in a third of a minute
+  expect(stalled).toBeCloseTo(0.5, 1);
+});
+
 test("an outage is a stall, and frames come again afterwards", async () => {
   const { stalls, framesPerSecond } = await visit(
     "fixed:3",
@@ -147,7 +157,7 @@ describe("the demo scene's ladder", () => {
     expect(viewSsim).toBeGreaterThan((await visit("fixed:0", 1, { ladder: LADDER })).viewSsim);
   });
 
-  // 640×360 in 30 ms, 1280×720 in 102: about what two cores take
+  // 640×360 in 30 ms, 1280×720 in 102: roughly the speed of two cores
   test.each(["stale", "predicted"] as const)(
     "a processor that renders near by is asked for what it can do: %s",
     async (way) => {

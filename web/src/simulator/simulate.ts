@@ -1,6 +1,6 @@
 /**
- * One viewer for some minutes or hours: the page's own pipeline, limit, throughput and meters, and a controller, in front of a
- * simulated link, server and clock. Everything follows from the options; the same options give the same figures.
+ * One viewer for minutes or hours: the page's own pipeline, limit, throughput and meters, and a controller, on a
+ * simulated link, server and clock. Deterministic: the same options give the same figures.
  */
 
 import { type ControllerFactory, responseTime, type Way } from "../abr/controller";
@@ -29,9 +29,9 @@ export interface SimulationOptions {
   readonly roundTrip: number | null;
   /** Fresh ones for each visit. */
   readonly endpoints: Endpoints;
-  /** How the page shows a frame that is older than the view; `predicted` if not said. */
+  /** How the page shows a frame older than the view; `predicted` by default. */
   readonly way?: Way;
-  /** Whose head turns the camera; the endpoints' if not said. */
+  /** The head movement that turns the camera; the endpoints' by default. */
   readonly head?: Head;
   readonly seed: number;
 }
@@ -82,6 +82,8 @@ export async function simulate(options: SimulationOptions): Promise<Figures> {
   /** Of each pose: when it was, and how far the camera had turned by then, in degrees. */
   const poses = [ORIGIN];
   let onScreen: { readonly pose: number; readonly picture: Seen } | undefined;
+  /** The newest that a frame has shown. */
+  let shownPose = 0;
   let presenting: ReturnType<FramePipeline["take"]>;
   const tick = () => {
     events.at(endpoints.nextAnimationFrame(now()), tick);
@@ -90,6 +92,7 @@ export async function simulate(options: SimulationOptions): Promise<Figures> {
       const { header, pose: shown } = presenting;
       const { profile, width, height } = header;
       meter.presented({ at: now(), pose: shown, rung: profile ?? null, width: width ?? 0, height: height ?? 0 });
+      shownPose = Math.max(shownPose, shown);
       const picture = pictures[profile ?? 0];
       if (picture) onScreen = { pose: shown, picture };
     }
@@ -110,6 +113,7 @@ export async function simulate(options: SimulationOptions): Promise<Figures> {
   events.at(0, tick);
   await events.run(duration);
   pipeline.dispose();
+  tally.unanswered(poses.slice(1 + shownPose).map(({ at }) => duration - at));
   return tally.figures(duration, meter.figures(duration).stalls);
 }
 

@@ -1,46 +1,50 @@
 /** Sums a simulated visit up. */
-import { INTERACTIVE } from "../experiment/figures";
+
 import type { PresentedFrame } from "../view/presented";
 import type { Stalls } from "../view/stalls";
+import { INTERACTIVE_MS } from "../wire/figures";
 import type { Rung } from "../wire/render";
 import { decibels, type Seen } from "./seen-error";
 
 export interface Figures {
-  /** Share of poses whose motion-to-photon latency was at most `INTERACTIVE`: every pose counts, whether it was asked for or not. */
+  /**
+   * Share of poses with a motion-to-photon latency of at most `INTERACTIVE_MS`: every pose counts, requested or not, shown
+   * or not.
+   */
   readonly inTime: number;
-  /** Share of frames whose response time (request to last byte) was at most `INTERACTIVE`. */
+  /** Share of frames with a response time (request to last byte) of at most `INTERACTIVE_MS`. */
   readonly responsesInTime: number;
   /** Response time of frames, in milliseconds. */
   readonly responseP50: number;
   readonly responseP95: number;
   readonly responseMean: number;
-  /** Motion-to-photon latency of poses, in milliseconds. */
+  /** Motion-to-photon latency of poses in milliseconds; for poses never shown, their wait at the end. */
   readonly photonP50: number;
   readonly photonP95: number;
   readonly photonMean: number;
-  /** From a frame's own pose to the screen, mean in milliseconds: what its request and answer took, and the page. */
+  /** Mean milliseconds from a frame's own pose to the screen: request, answer and page. */
   readonly age: number;
-  /** What is seen against what should be seen (seen-error.ts), over all animation frames: means of squared error, PSNR and SSIM. */
+  /** Error of the seen picture (seen-error.ts) over all animation frames: means of squared error, PSNR and SSIM. */
   readonly viewError: number;
   readonly viewPsnr: number;
   readonly viewSsim: number;
-  /** How old the pixels are that are seen, mean over all animation frames, in milliseconds. */
+  /** Mean age of the seen pixels over all animation frames, in milliseconds. */
   readonly contentAge: number;
-  /** Lines of the picture that is on the screen half a second, one, two and five seconds after the start; 0: none yet. */
+  /** Lines of the picture on screen half a second, one, two and five seconds after the start; 0: none yet. */
   readonly linesAt500: number;
   readonly linesAt1000: number;
   readonly linesAt2000: number;
   readonly linesAt5000: number;
   /** Mean rung of the frames shown, 0 the best. */
   readonly rung: number;
-  /** Mean rung, each frame counted for as long as it was on the screen. */
+  /** Mean rung, weighted by time on screen. */
   readonly rungOverTime: number;
-  /** How often a best frame's expected bytes are halved to be a shown frame's, mean over the time on the screen. */
+  /** Mean number of halvings from the best frame's expected bytes to those shown, weighted by time on screen. */
   readonly halvings: number;
   /** Changes of rung between frames shown, a minute. */
   readonly switches: number;
   readonly framesPerSecond: number;
-  /** Megabits a second that came in. */
+  /** Received megabits per second. */
   readonly bandwidth: number;
   /** A minute, and their share of the time. */
   readonly stalls: number;
@@ -96,7 +100,15 @@ export class Tally {
     this.#last = frame;
   }
 
-  /** In an animation frame: how far it is from what should be seen, and how old. */
+  /**
+   * At the end of the visit, the wait of each pose never shown, in milliseconds. Poses that could still have been in
+   * time are excluded.
+   */
+  unanswered(waits: readonly number[]): void {
+    for (const wait of waits) if (wait > INTERACTIVE_MS) this.#latencies.push(wait);
+  }
+
+  /** Error and age of the picture in an animation frame. */
   seen({ mse, ssim }: Seen, age: number): void {
     this.#views++;
     this.#errors += mse;
@@ -150,7 +162,7 @@ export class Tally {
 }
 
 function share(sorted: Float64Array): number {
-  return sorted.filter((value) => value <= INTERACTIVE).length / Math.max(1, sorted.length);
+  return sorted.filter((value) => value <= INTERACTIVE_MS).length / Math.max(1, sorted.length);
 }
 
 /** The nearest rank. */

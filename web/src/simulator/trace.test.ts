@@ -1,5 +1,5 @@
 import { expect, test } from "vitest";
-import { from, meanRate, parseTrace, TracePlayer } from "./trace";
+import { meanRate, parseTrace, TracePlayer } from "./trace";
 
 const TEXT =
   "t_ms,down_kbps,up_kbps,delay_ms,jitter_ms,loss_pct\n0,20000,10000,20,,\n1000,0,0,,,\n1500,20000,9000,,,\n2000,,,,,\n";
@@ -38,15 +38,4 @@ test("played round and round", () => {
 
 test("the mean counts each state for as long as it lasts", () => {
   expect(meanRate(parseTrace(TEXT), "down_kbps")).toBe(15_000);
-});
-
-test("from a later time on, a trace goes round from there", () => {
-  const trace = parseTrace("t_ms,down_kbps\n0,1\n100,2\n300,3\n400,");
-  const rates = (begin: number) => {
-    const { steps, duration } = from(trace, begin);
-    return [...steps.map(({ t_ms, down_kbps }) => [t_ms, down_kbps]), duration];
-  };
-  expect(rates(250)).toEqual([[0, 2], [50, 3], [150, 1], [250, 2], 400]);
-  expect(rates(100)).toEqual([[0, 2], [200, 3], [300, 1], 400]);
-  expect(rates(0)).toEqual([[0, 1], [100, 2], [300, 3], 400]);
 });

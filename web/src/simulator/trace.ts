@@ -1,4 +1,4 @@
-/** A network trace in the project's CSV format (docs/traces.md), as the simulator plays it: round and round. */
+/** A network trace in the project's CSV format (docs/network.md), as the simulator plays it: round and round. */
 
 export interface LinkState {
   readonly down_kbps: number;
@@ -45,22 +45,6 @@ export function parseTrace(text: string): NetworkTrace {
   if (end === last.t_ms) end += steps.length > 1 ? last.t_ms - (steps.at(-2)?.t_ms ?? 0) : 1000;
   if (steps.every(({ down_kbps }) => down_kbps === 0)) throw new Error("The trace never lets anything through.");
   return { steps, duration: end };
-}
-
-/** The same trace from a time on, and round and round from there. */
-export function from({ steps, duration }: NetworkTrace, begin: number): NetworkTrace {
-  const before = steps.findLast(({ t_ms }) => t_ms <= begin) ?? (steps[0] as Step);
-  const later = steps.filter(({ t_ms }) => t_ms > begin).map((step) => ({ ...step, t_ms: step.t_ms - begin }));
-  const earlier = steps
-    .filter(({ t_ms }) => t_ms < begin)
-    .map((step) => ({ ...step, t_ms: step.t_ms - begin + duration }));
-  return { steps: [{ ...before, t_ms: 0 }, ...later, ...earlier], duration };
-}
-
-/** The same trace, held at its first state for so many milliseconds before it plays. */
-export function held({ steps, duration }: NetworkTrace, before: number): NetworkTrace {
-  const [first, ...rest] = steps.map((step) => ({ ...step, t_ms: step.t_ms + before }));
-  return { steps: [{ ...(first as Step), t_ms: 0 }, ...rest], duration: duration + before };
 }
 
 /** The state at a time, for times that never go back. */

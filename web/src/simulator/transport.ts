@@ -33,7 +33,7 @@ export class SimulatedTransport implements FrameTransport {
   readonly #player: TracePlayer;
   readonly #up: Bottleneck;
   readonly #server: Server;
-  /** What stands for the images of each rung. */
+  /** Stand-ins for the images of each rung. */
   readonly #images: readonly Blob[];
   #lastUp = 0;
 
@@ -104,7 +104,7 @@ export class SimulatedTransport implements FrameTransport {
     return promise;
   }
 
-  /** The rung of an image that came. */
+  /** The rung of a received image. */
   rungOf(image: Blob): number {
     return Math.max(0, this.#images.indexOf(image));
   }

@@ -15,7 +15,7 @@ function answer(make: (path: string, init: RequestInit) => Response | Promise<Re
 }
 
 test("asks where the protocol says, whatever a scene's name", async () => {
-  const asked = answer(() => Response.json([]));
+  const asked = answer(() => Response.json({ ladder: [] }));
   await fetchConfig();
   await fetchConfig(undefined, { scene: "a/b c", silent: "x&y" });
   await fetchScenes();
@@ -64,3 +64,11 @@ test("aborting rejects with the reason and not with a sentence", async () => {
   abort.abort(new Error("left the page"));
   await expect(loading).rejects.toThrow("left the page");
 });
+
+test.each(["null", "[]", '"ok"'])(
+  "a configuration that is %s, of a proxy in between, counts as no answer",
+  async (body) => {
+    answer(() => new Response(body));
+    await expect(fetchConfig()).rejects.toMatchObject({ unreachable: true });
+  },
+);

@@ -5,12 +5,15 @@ import type { AddedScene, SceneInfo, ServerConfig, Training } from "../wire/rend
 const TIMEOUT = 5000;
 
 /** `viewer`: which scene is viewed, and how its host does, for the director of a cluster. */
-export function fetchConfig(
+export async function fetchConfig(
   signal?: AbortSignal,
   viewer: Readonly<Record<string, string>> = {},
 ): Promise<ServerConfig> {
   const query = new URLSearchParams(viewer).toString();
-  return call<ServerConfig>(query === "" ? "config.json" : `config.json?${query}`, {}, withTimeout(signal));
+  const path = query === "" ? "config.json" : `config.json?${query}`;
+  const config = await call<ServerConfig | null>(path, {}, withTimeout(signal));
+  if (!Array.isArray(config?.ladder)) throw new ApiError("The server's answer cannot be read.", true); // of a proxy
+  return config;
 }
 
 /** All scenes; `scan` has the server look at its directory again first. */
@@ -33,7 +36,7 @@ export function deleteScene(id: string): Promise<void> {
   return call<void>(`scenes/${encodeURIComponent(id)}`, { method: "DELETE" }, withTimeout());
 }
 
-/** The scene under its new name, which is its id, too. */
+/** The renamed scene; its name is also its id. */
 export function renameScene(id: string, name: string): Promise<SceneInfo> {
   const init = { method: "POST", body: JSON.stringify({ name }) };
   return call<SceneInfo>(`scenes/${encodeURIComponent(id)}/rename`, init, withTimeout());

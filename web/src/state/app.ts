@@ -1,4 +1,4 @@
-/** What the whole page shares: settings, the place in it, the server's configuration and its scenes. */
+/** State shared by the whole page: settings, route, the server's configuration and its scenes. */
 
 import { computed, effect, signal } from "@preact/signals";
 import { ApiError } from "../http/problem";
@@ -8,18 +8,24 @@ import { parseRoute, type Route } from "./route";
 import { DEFAULT_SETTINGS, loadSettings, type Settings, saveSettings } from "./settings";
 
 export const settings = signal<Settings>(DEFAULT_SETTINGS);
-/** While an experiment has settings of its own, those are not kept: a page that is closed then opens as the person had it. */
+/** Settings of an experiment are not stored: reopening the page restores the user's own. */
 export const settingsOverridden = signal(false);
 export const route = signal<Route>({ page: "scenes" });
 export const config = signal<ServerConfig | null>(null);
 /** The own ladder of the scene that is visited, if it has one. */
 export const sceneLadder = signal<readonly Rung[] | null>(null);
-/** What profiles count in: the scene's own rungs, or else the server's, the best first; empty until the server has answered. */
+/**
+ * The ladder that profiles index: the scene's own, or else the server's, best first; empty until the server has
+ * answered.
+ */
 export const ladder = computed<readonly Rung[]>(() => sceneLadder.value ?? config.value?.ladder ?? []);
 /** Null until the server has answered. */
 export const scenes = signal<readonly SceneInfo[] | null>(null);
 /** Why the list of scenes is missing or old, or null. */
 export const scenesError = signal<string | null>(null);
+
+/** A part of this page no longer exists on the server, which has been updated. */
+export const outdated = signal(false);
 
 export function changeSettings(part: Partial<Settings>): void {
   settings.value = { ...settings.value, ...part };
@@ -27,9 +33,9 @@ export function changeSettings(part: Partial<Settings>): void {
 
 /** Connects the state with the browser; called once. */
 export function start(): void {
-  settings.value = loadSettings(localStorage);
+  settings.value = loadSettings(() => localStorage);
   effect(() => {
-    if (!settingsOverridden.value) saveSettings(localStorage, settings.value);
+    if (!settingsOverridden.value) saveSettings(() => localStorage, settings.value);
   });
   effect(() => {
     document.documentElement.dataset.theme = settings.value.theme;
@@ -39,6 +45,9 @@ export function start(): void {
   };
   follow();
   addEventListener("hashchange", follow);
+  addEventListener("vite:preloadError", () => {
+    outdated.value = true;
+  });
 }
 
 /** Asks the server for its configuration and scenes; `scan` has it look at its directory again. */
@@ -65,7 +74,7 @@ export async function setSceneLoaded(scene: SceneInfo, loaded: boolean): Promise
   }
 }
 
-/** Puts what is newly known of a scene into the list. */
+/** Updates a scene in the list. */
 export function replaceScene(scene: SceneInfo): void {
   scenes.value = scenes.value?.map((other) => (other.id === scene.id ? scene : other)) ?? null;
 }

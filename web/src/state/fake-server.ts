@@ -1,4 +1,4 @@
-/** What a server tells, for tests. */
+/** Server answers for tests. */
 import { PAPER_LADDER } from "../abr/ladder";
 import type { SceneInfo, ServerConfig } from "../wire/render";
 

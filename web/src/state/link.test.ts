@@ -14,7 +14,7 @@ const asked = (hash: string) => {
 test("a link leads back to the view, with what is not as usual", () => {
   const chosen = {
     mode: "side-by-side",
-    right: "local-ply",
+    right: "local",
     reprojection: false,
     overscan: 0.1,
     prediction: "off",

@@ -1,27 +1,22 @@
-/** Links to a view: where the camera is, and the settings that decide what is seen. Pure. */
+/** Links to a view: the camera pose, and the settings that affect the view. Pure. */
 import type { ScenePose } from "../view/camera";
-import { type Asked, STAMP, sceneHash } from "./route";
+import { type Asked, sceneHash } from "./route";
 import { DEFAULT_SETTINGS, LINKED, type Settings, settingOf } from "./settings";
 
 /** Digits of a place and of a rotation, so that a link stays short. */
 const PLACE_DIGITS = 6;
 const ROTATION_DIGITS = 5;
 
-/** The hash of a link to a view: settings that are not the usual ones, and the mode in any case; with `stamp`, frames carry numbers there, too. */
-export function viewHash(
-  scene: string,
-  { position, quaternion }: ScenePose,
-  settings: Settings,
-  stamp = false,
-): string {
+/** The hash of a link to a view: settings that are not the usual ones, and the mode in any case. */
+export function viewHash(scene: string, { position, quaternion }: ScenePose, settings: Settings): string {
   const rounded = (digits: number) => (value: number) => String(Number(value.toPrecision(digits)));
   const at = [...position.map(rounded(PLACE_DIGITS)), ...quaternion.map(rounded(ROTATION_DIGITS))].join();
   const named = LINKED.filter((name) => name === "mode" || settings[name] !== DEFAULT_SETTINGS[name]);
   const chosen = named.map((name) => `&${name}=${encodeURIComponent(inText(settings[name]))}`);
-  return `${sceneHash(scene)}?at=${at}${chosen.join("")}${stamp ? `&${STAMP}` : ""}`;
+  return `${sceneHash(scene)}?at=${at}${chosen.join("")}`;
 }
 
-/** The settings of a link that make sense; who names a side means two side by side. */
+/** The valid settings of a link; naming a side implies a comparison. */
 export function linkedSettings(asked: Asked): Partial<Settings> {
   const found = LINKED.map((name) => [name, asked[name] === undefined ? undefined : settingOf(name, asked[name])]);
   const settings: Partial<Settings> = Object.fromEntries(found.filter(([, value]) => value !== undefined));
@@ -29,7 +24,7 @@ export function linkedSettings(asked: Asked): Partial<Settings> {
   return { ...(compared && { mode: "side-by-side" }), ...settings };
 }
 
-/** The pose of a link, as `at=x,y,z,qx,qy,qz,qw` says it; null if it says none. */
+/** The pose of a link, from `at=x,y,z,qx,qy,qz,qw`; null without one. */
 export function linkedPose({ at }: Asked): ScenePose | null {
   const [x, y, z, qx, qy, qz, qw, ...more] = (at ?? "")
     .split(",")

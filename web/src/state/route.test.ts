@@ -2,34 +2,23 @@ import { expect, test } from "vitest";
 import { EXPERIMENTS, parseRoute, samplesHash, sceneHash } from "./route";
 
 test.each(["courtyard", "my scene", "a/b", "ünï", "100%", "#?&"])("a link to the scene %s leads to it", (scene) => {
-  expect(parseRoute(sceneHash(scene))).toEqual({ page: "viewer", scene, stamp: false, asked: {} });
-});
-
-test("a link may ask for stamped frames", () => {
-  expect(parseRoute("#/scene/courtyard?stamp")).toEqual({
-    page: "viewer",
-    scene: "courtyard",
-    stamp: true,
-    asked: {},
-  });
+  expect(parseRoute(sceneHash(scene))).toEqual({ page: "viewer", scene, asked: {} });
 });
 
 test.each([
-  ["?restore=anime4k-restore-m&upscale=scene", false, { restore: "anime4k-restore-m", upscale: "scene" }],
-  ["?stamp&upscale=off", true, { upscale: "off" }],
-  ["?upscale", false, { upscale: "" }],
-  ["?reprojection=off&prediction=linear", false, { reprojection: "off", prediction: "linear" }],
-  ["?left=video&right=dash-edge", false, { left: "video", right: "dash-edge" }],
-  ["?", false, {}],
-])("a link with %s names settings", (query, stamp, asked) => {
-  expect(parseRoute(`#/scene/courtyard${query}`)).toEqual({ page: "viewer", scene: "courtyard", stamp, asked });
+  ["?restore=anime4k-restore-m&upscale=scene", { restore: "anime4k-restore-m", upscale: "scene" }],
+  ["?upscale", { upscale: "" }],
+  ["?reprojection=off&prediction=linear", { reprojection: "off", prediction: "linear" }],
+  ["?left=video&right=dash-edge", { left: "video", right: "dash-edge" }],
+  ["?", {}],
+])("a link with %s names settings", (query, asked) => {
+  expect(parseRoute(`#/scene/courtyard${query}`)).toEqual({ page: "viewer", scene: "courtyard", asked });
 });
 
 test("what a link names and nobody knows is told", () => {
   expect(parseRoute("#/scene/courtyard?predicton=linear&upscale=scene&x")).toEqual({
     page: "viewer",
     scene: "courtyard",
-    stamp: false,
     asked: { upscale: "scene" },
     unknown: ["predicton", "x"],
   });

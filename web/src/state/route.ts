@@ -8,24 +8,19 @@ export type Route =
   | {
       readonly page: "viewer";
       readonly scene: string;
-      readonly stamp: boolean;
       readonly asked: Asked;
-      /** Names in the link that mean nothing here, if there are any. */
+      /** Unknown names in the link. */
       readonly unknown?: readonly string[];
     };
 
-/** What a link names, as text: settings, and a pose (`link.ts`). What it leaves out is as it was chosen before. */
+/** Contents of a link as text: settings, and a pose (`link.ts`). Omitted settings keep their previous values. */
 export type Asked = Readonly<Partial<Record<(typeof ASKABLE)[number], string>>>;
 
 export const ASKABLE = ["at", ...LINKED] as const;
-export const STAMP = "stamp";
 
 /** The list of experiments. */
 export const EXPERIMENTS = "#/experiments";
-/**
- * `?stamp` has each frame carry its pose's number, for tests that read from the screen what is shown; `?at=x,y,z,qx,qy,qz,qw` says
- * where the camera is, and `?mode=NAME`, `?reprojection=on|off` and so on what is chosen.
- */
+/** `?at=x,y,z,qx,qy,qz,qw` is the camera pose; `?mode=NAME`, `?reprojection=on|off` and so on are settings. */
 const VIEWER = /^#\/scene\/([^/?]+)(?:\?(.*))?$/;
 
 const SAMPLES = /^#\/experiments\/([^/?]+)\/samples$/;
@@ -40,13 +35,11 @@ export function parseRoute(hash: string): Route {
     const scene = decodeURIComponent(id);
     const parameters = new URLSearchParams(query);
     const asked = ASKABLE.flatMap((name) => (parameters.has(name) ? [[name, parameters.get(name) ?? ""]] : []));
-    const known: readonly string[] = [STAMP, ...ASKABLE];
+    const known: readonly string[] = ASKABLE;
     const unknown = [...parameters.keys()].filter((name) => !known.includes(name));
-    const stamp = parameters.has(STAMP);
     return {
       page: "viewer",
       scene,
-      stamp,
       asked: Object.fromEntries(asked),
       ...(unknown.length > 0 && { unknown }),
     };

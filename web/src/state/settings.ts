@@ -1,4 +1,4 @@
-/** What a person chose, kept in the browser. Anything there that does not make sense is replaced by its default. */
+/** The user's settings, stored in the browser. Invalid stored values are replaced by their defaults. */
 import * as v from "valibot";
 import { CONTROLLER_NAMES } from "../abr/registry";
 import { FRAME_RATES, PRESETS, tuned } from "../dash/presets";
@@ -6,26 +6,22 @@ import { OFF } from "../enhance/model/enhancer";
 import { enhancersOf } from "../enhance/registry";
 import { PREDICTOR_NAMES } from "../predict/registry";
 import { WEBRTC_STREAMS } from "../webrtc/presets";
-import type { SceneDownload } from "../wire/render";
 
 export const MODES = ["stateless", "video", "dash", "webrtc", "side-by-side", "local"] as const;
 export type Mode = (typeof MODES)[number];
 
-/** Whether a stream of the packager's is shown; of `side-by-side`, each side has a mode of its own (`sides.ts`). */
+/** Whether the mode uses a stream of the packager; in `side-by-side`, each side has its own mode (`sides.ts`). */
 export const isStreamed = (mode: Mode): mode is "dash" | "webrtc" => mode === "dash" || mode === "webrtc";
-/** Whether the page asks for each view by itself. */
+/** Whether the mode uses per-pose requests. */
 export const isPerView = (mode: Mode) => mode === "stateless" || mode === "video";
 
-/** Files of a scene that the mode `local` can download. */
-export const LOCAL_FORMS = ["ply", "compressed"] as const satisfies readonly SceneDownload["form"][];
-
-/** What a side may be when two are compared: a mode, and which stream or file it has. */
+/** Choices for a side of a comparison: a mode with its stream. */
 export const SIDE_MODES = [
   "stateless",
   "video",
   ...PRESETS.map((preset) => `dash-${preset}` as const),
   "webrtc",
-  ...LOCAL_FORMS.map((form) => `local-${form}` as const),
+  "local",
 ] as const;
 export type SideMode = (typeof SIDE_MODES)[number];
 
@@ -36,14 +32,14 @@ const Settings = v.object({
   theme: v.fallback(v.picklist(["system", "light", "dark"]), "system"),
   transport: v.fallback(v.picklist(["auto", "webtransport-streams", "webtransport-datagrams", "fetch"]), "auto"),
   /**
-   * What shows the scene: one JPEG per pose, one frame of a video per pose, a stream over DASH or WebRTC, any two beside each other, or this
-   * browser, which downloads the scene.
+   * The mode: one JPEG per pose, one video frame per pose, a stream over DASH or WebRTC, two of them side by side, or a
+   * download rendered in this browser.
    */
   mode: v.fallback(v.picklist(MODES), "stateless"),
-  /** What is compared side by side. */
+  /** Dimension of the comparison. */
   left: v.fallback(v.picklist(SIDE_MODES), "stateless"),
   right: v.fallback(v.picklist(SIDE_MODES), "dash-tuned"),
-  /** What both sides have in common then: a rung of the ladder, or how many kbit/s they may take. */
+  /** Constraint shared by both sides: a rung of the ladder, or a rate in kbit/s. */
   lock: v.fallback(v.picklist(LOCKS), "off"),
   lockRung: v.fallback(v.pipe(v.number(), v.integer(), v.minValue(0), v.maxValue(255)), 0),
   lockKbps: v.fallback(v.pipe(v.number(), v.integer(), v.minValue(50), v.maxValue(100_000)), 3000),
@@ -60,7 +56,7 @@ const Settings = v.object({
     ),
     null,
   ),
-  /** What the preset "custom" means. */
+  /** Parameters of the preset "custom". */
   dashCustom: v.fallback(
     v.object({
       segment_s: v.pipe(v.number(), v.minValue(0.2), v.maxValue(10)),
@@ -71,8 +67,7 @@ const Settings = v.object({
     tuned(30),
   ),
   webrtcStream: v.fallback(v.picklist(WEBRTC_STREAMS), "h264-30"),
-  localForm: v.fallback(v.picklist(LOCAL_FORMS), "compressed"),
-  /** What chooses the ladder's rung; "fixed": the person does. */
+  /** Controller of the ladder's rung; "fixed": chosen by the user. */
   controller: v.fallback(v.picklist(["fixed", ...CONTROLLER_NAMES]), "budget"),
   /** The rung that a person chose. */
   profile: v.fallback(v.pipe(v.number(), v.integer(), v.minValue(0), v.maxValue(255)), 0),
@@ -80,20 +75,20 @@ const Settings = v.object({
   refine: v.fallback(v.boolean(), true),
   /** Whether pictures come as WebP where that is faster. */
   webp: v.fallback(v.boolean(), true),
-  /** The models that enhance each frame before it is shown, by name, or `off`. */
+  /** The models that enhance each frame, by name, or `off`. */
   restore: v.fallback(v.picklist([OFF, ...enhancersOf("restore").map(({ name }) => name)]), OFF),
   upscale: v.fallback(v.picklist([OFF, ...enhancersOf("upscale").map(({ name }) => name)]), OFF),
   /** Whether the newest frame is turned to the pose of each animation frame. */
   reprojection: v.fallback(v.boolean(), true),
-  /** What predicts the poses that frames are asked for, or `off`. */
-  prediction: v.fallback(v.picklist(PREDICTOR_NAMES), "auto"),
+  /** Predictor of the requested poses, or `off`. */
+  prediction: v.fallback(v.picklist(PREDICTOR_NAMES), "velocity"),
   /** Of reprojection: how much more frames show at each side, as a share of the viewport. */
   overscan: v.fallback(v.union([v.literal("auto"), v.pipe(v.number(), v.minValue(0), v.maxValue(0.5))]), "auto"),
-  /** Of reprojection: whether frames are asked for with a coarse depth. */
+  /** For reprojection: whether frames include a coarse depth. */
   depth: v.fallback(v.boolean(), true),
-  /** Of reprojection: whether small pictures of all directions are asked for, too, beside the view. */
+  /** For reprojection: whether small pictures of all directions are requested as well. */
   surround: v.fallback(v.boolean(), true),
-  /** What dragging does: the picture follows the pointer, or what is looked at turns. */
+  /** Effect of dragging: the picture follows the pointer, or the focus turns. */
   drag: v.fallback(v.picklist(["look", "orbit"]), "look"),
   /** Degrees a second. */
   turnSpeed: v.fallback(v.pipe(v.number(), v.minValue(1), v.maxValue(720)), 60),
@@ -108,14 +103,14 @@ export type Settings = v.InferOutput<typeof Settings>;
 
 export const DEFAULT_SETTINGS: Settings = v.parse(Settings, {});
 
-/** Those that links may name: they decide what is seen. */
+/** Settings that links may contain: those that affect the view. */
 export const LINKED = [
   ...(["mode", "left", "right", "lock", "lockRung", "lockKbps"] as const),
-  ...(["dashPreset", "webrtcStream", "localForm", "controller", "profile", "refine", "webp"] as const),
+  ...(["dashPreset", "webrtcStream", "controller", "profile", "refine", "webp"] as const),
   ...(["restore", "upscale", "reprojection", "prediction", "overscan", "depth", "surround", "drag"] as const),
 ] satisfies readonly (keyof Settings)[];
 
-/** What a text means as a setting's value, `on` and `off` among them; undefined if that makes no sense. */
+/** Parses a setting's value, including `on` and `off`; undefined if invalid. */
 export function settingOf<Name extends (typeof LINKED)[number]>(name: Name, text: string): Settings[Name] | undefined {
   const candidates = [
     text,
@@ -142,21 +137,21 @@ export function validSettings(settings: Settings): Settings {
   return valid;
 }
 
-/** The part of localStorage that is used; some browsers throw on any access. */
-export type Store = Pick<Storage, "getItem" | "setItem">;
+/** Gives the part of localStorage that is used; some browsers throw on any access, even to the name, as in frames of other sites. */
+export type Disk = () => Pick<Storage, "getItem" | "setItem">;
 
-export function loadSettings(store: Store): Settings {
+export function loadSettings(disk: Disk): Settings {
   try {
-    const result = v.safeParse(Settings, JSON.parse(store.getItem(KEY) ?? "{}"));
+    const result = v.safeParse(Settings, JSON.parse(disk().getItem(KEY) ?? "{}"));
     return result.success ? result.output : DEFAULT_SETTINGS;
   } catch {
     return DEFAULT_SETTINGS;
   }
 }
 
-export function saveSettings(store: Store, settings: Settings): void {
+export function saveSettings(disk: Disk, settings: Settings): void {
   try {
-    store.setItem(KEY, JSON.stringify(settings));
+    disk().setItem(KEY, JSON.stringify(settings));
   } catch {
     // a private window or a full disk: the settings last as long as the page
   }

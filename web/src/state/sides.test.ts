@@ -3,7 +3,7 @@ import { PAPER_LADDER } from "../abr/ladder";
 import { DEFAULT_SETTINGS, SIDE_MODES } from "./settings";
 import { anyPerView, anyStreamed, modeOf, settingsAt, settingsShown } from "./sides";
 
-test("each choice of a side is a mode, with the stream or the file that it names", () => {
+test("each choice of a side is a mode, with the stream that it names", () => {
   const { mode } = DEFAULT_SETTINGS;
   expect(SIDE_MODES.map((choice) => ({ ...modeOf(choice) }))).toEqual([
     { mode },
@@ -13,8 +13,7 @@ test("each choice of a side is a mode, with the stream or the file that it names
     { mode: "dash", dashPreset: "edge" },
     { mode: "dash", dashPreset: "custom" },
     { mode: "webrtc" },
-    { mode: "local", localForm: "ply" },
-    { mode: "local", localForm: "compressed" },
+    { mode: "local" },
   ]);
 });
 

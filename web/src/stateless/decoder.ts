@@ -1,10 +1,10 @@
-/** Decodes images in a worker. Whoever gets a bitmap closes it. */
+/** Decodes images in a worker. The caller closes the bitmaps. */
 import { type CalledWorker, WorkerCalls } from "../async/worker-calls";
 import type { DepthMap } from "../reproject/depth";
 
 export interface DecodedImage {
   readonly bitmap: ImageBitmap;
-  /** Of the whole frame; null if it came without. */
+  /** Depth of the whole frame; null if it has none. */
   readonly depth: DepthMap | null;
 }
 
@@ -15,7 +15,7 @@ export class Decoder {
     this.#calls = new WorkerCalls(worker, ({ bitmap }) => bitmap.close());
   }
 
-  /** Decodes one image. If nobody wants it any more when it is done, its bitmap is closed and the signal's reason thrown. */
+  /** Decodes one image. If the signal has aborted meanwhile, the bitmap is closed and the signal's reason thrown. */
   async decode(image: Blob, signal: AbortSignal): Promise<DecodedImage> {
     signal.throwIfAborted();
     const decoded = await this.#calls.call(image);

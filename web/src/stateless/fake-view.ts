@@ -1,4 +1,4 @@
-/** For tests: what to show at a place along x. */
+/** A view for tests, at a position along x. */
 import type { ViewRequest } from "./pipeline";
 
 export function view(x: number, profile = 0): ViewRequest {

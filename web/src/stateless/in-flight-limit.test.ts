@@ -49,7 +49,7 @@ test("a slow server gets a few requests to choose the newest from, or no more th
 
 test.each([
   [20, 0, 3], // the link takes no time: a request goes out in every animation frame
-  [70, 50, 2], // one on the link, and one that is on its way there or being rendered
+  [70, 50, 2], // one on the link, and one in transit or being rendered
   [150, 50, 4],
 ])(
   "with %i ms outside the server, %i of them on the link, %i are in flight: one more would wait",

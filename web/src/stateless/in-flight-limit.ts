@@ -1,18 +1,19 @@
 /**
- * How many requests to keep in flight: enough to cover the way there and back, the server's work and the animation frame that
- * the next request may have to wait for, so that the frame rate does not fall with the round trip. More would only queue.
+ * Number of requests to keep in flight: enough to cover the round trip, the server's work and the animation frame that
+ * the next request may have to wait for, so that the frame rate does not fall with the round trip. More would only
+ * queue.
  *
  *     limit = ceil((base + service + animation frame) / interval)
  *
- * `interval` is the time between requests: that of the slowest stage, which always has work then. Where the server renders a
- * viewer's newest request first, a view may go out with every animation frame: what a newer one overtakes is never rendered,
- * and what is rendered was never newer. So that a slow server is not flooded with views that it will never render, `service`
- * counts for two animation frames at most there. Elsewhere requests are served in order, and more than the server can render
- * would only make the others wait.
+ * `interval` is the time between requests, equal to that of the slowest stage, which is thereby always busy. A server
+ * that renders a viewer's newest request first may get a view with every animation frame: an outdated view is dropped
+ * before it is rendered. To keep a slow server from being flooded with views that it never renders, `service` counts
+ * for at most two animation frames there. Other servers answer in order, and requests beyond their capacity would only
+ * wait.
  *
- * `base` is the least time that a frame spends outside the server (network, transmission, decoding). It is a minimum, because
- * anything above it is our own queue on the link, which a larger limit would only lengthen. A minimum never rises on its own,
- * so when no frame has come close to it for a while, the pipeline drains once (limit 1) and measures it anew.
+ * `base` is the minimum time that a frame spends outside the server (network, transmission, decoding). Anything above
+ * it is our own queue on the link, which a larger limit would only lengthen. A minimum never rises, so if no frame has
+ * come close to it for some time, the pipeline drains once (limit 1) and measures it anew.
  */
 import type { FrameClock } from "../abr/frame-clock";
 

@@ -1,4 +1,5 @@
 import { beforeEach, describe, expect, test } from "vitest";
+import { deferred } from "../async/deferred";
 import { FakeTransport, settle } from "../transport/fake";
 import { FrameDropped, RequestProblem } from "../transport/transport";
 import type { DecodedImage } from "./decoder";
@@ -57,6 +58,42 @@ beforeEach(() => {
   unrefined = 0;
 });
 
+test("after a pause no old frame is shown, and the same view is asked for anew", async () => {
+  const subject = pipeline();
+  subject.want(view(1), 0);
+  transport.requests[0]?.reply();
+  await settle();
+  expect(await frame(subject, view(2))).toBe(0);
+  transport.requests[1]?.reply();
+  await settle(); // decoded, but not taken
+  subject.want(view(3), 0);
+  subject.pause();
+  expect(subject.take()).toBeUndefined();
+  expect(bitmaps.map(({ closed }) => closed)).toEqual([false, true]);
+  expect(transport.requests[2]?.signal.aborted).toBe(true);
+  await frame(subject, view(3));
+  expect(sent()).toEqual([1, 2, 3, 3]);
+  transport.requests[3]?.reply();
+  expect(await frame(subject, view(3))).toBe(3);
+});
+
+test("a bitmap that is decoded after its viewer was closed is closed, too", async () => {
+  const decoding = deferred<DecodedImage>();
+  let closed = false;
+  const subject = pipeline(() => decoding.promise);
+  subject.want(view(1), 0);
+  transport.requests[0]?.reply();
+  await settle();
+  subject.dispose();
+  const close = () => {
+    closed = true;
+  };
+  decoding.resolve({ bitmap: { close } as unknown as ImageBitmap, depth: null });
+  await settle();
+  expect(closed).toBe(true);
+  expect(subject.take()).toBeUndefined();
+});
+
 describe("asking for frames", () => {
   test("a view is asked for once, and nothing is asked while it stays the same", async () => {
     const subject = pipeline();
@@ -85,7 +122,6 @@ describe("asking for frames", () => {
     { width: 3 },
     { scene: "other" },
     { profile: 3 },
-    { stamp: 1 },
   ])("a change to %o alone asks for the view again", async (change) => {
     const subject = pipeline();
     subject.want(view(0), 0);

@@ -1,15 +1,15 @@
 /**
- * Keeps frames coming for the view that is wanted now, whatever the round trip.
+ * Keeps frames of the newest view coming, at any round trip.
  *
- * `want` is called once per animation frame with the newest view and never waits. A view that changed is a new version; a
- * request goes out if the newest version is neither on the screen nor on its way and the limit allows, so while the limit is
- * reached the newest view simply waits in its slot and older ones are forgotten. Whatever fails is asked for again as long as
- * it is the newest: the last view is always rendered. A frame that is shown cancels all older requests.
+ * `want` is called once per animation frame with the newest view and never waits. A changed view is a new version; a
+ * request goes out if the newest version is neither on screen nor in flight and the limit allows it. At the limit, the
+ * newest view waits in its slot and older ones are dropped. A failed request is repeated while its view is the newest,
+ * so the last view is always rendered. Showing a frame cancels all older requests.
  *
- * A busy server says how often it may be asked, and that is kept to (request-pace.ts).
+ * The pipeline keeps to the request rate announced by a busy server (request-pace.ts).
  *
- * A request without a rung refines a view that rests (refinement.ts). It may be large, so it is cancelled as soon as another view
- * is wanted, it says nothing of how long frames take otherwise, and one that fails is not asked for again.
+ * A request without a rung refines a resting view (refinement.ts). It may be large, so it is cancelled as soon as
+ * another view is wanted, is left out of the statistics, and is not repeated if it fails.
  */
 import { FrameClock } from "../abr/frame-clock";
 import { FrameDropped, type FrameReply, type FrameTransport, RequestProblem } from "../transport/transport";
@@ -20,10 +20,10 @@ import { InFlightLimit } from "./in-flight-limit";
 import type { PictureFormat } from "./picture-format";
 import { RequestPace } from "./request-pace";
 
-/** What to show: a request without its number. */
+/** A request without its number. */
 export type ViewRequest = Omit<RenderRequest, "seq">;
 
-/** A request that was sent; what became of it changes until it is `shown` or has failed. */
+/** A request in flight; its state changes until it is `shown` or has failed. */
 export interface SentRequest {
   /** On the page's clock. */
   readonly at: number;
@@ -44,25 +44,25 @@ export interface DecodedFrame extends DecodedImage {
   /** The number of the pose that it shows. */
   readonly pose: number;
   readonly header: FrameHeader;
-  /** What was asked for, and the image as it came: only a reference, which is gone once the frame has been shown. */
+  /** The request and the received image: only a reference, invalid once the frame has been shown. */
   readonly asked: ViewRequest & { readonly seq: number };
   readonly image: Blob;
-  /** When it was asked for, on the page's clock. */
+  /** Time of the request on the page's clock. */
   readonly askedAt: number;
 }
 
 export interface PipelineEvents {
   /** A request went out. */
   sent(request: SentRequest): void;
-  /** A frame came of a view of pose number `pose`; it may still be decoding. */
+  /** A frame for pose number `pose` has arrived; it may still be decoding. */
   replied(reply: FrameReply, view: ViewRequest, pose: number): void;
-  /** A refusal that concerns the person: not one of a frame that came too late. */
+  /** A refusal to show to the user; late frames are excluded. */
   refused(problem: RequestProblem): void;
   /** A refinement failed. */
   unrefined(): void;
-  /** What the next picture is to be asked for as. */
+  /** Format of the next picture. */
   format(): PictureFormat;
-  /** Transmission time of so many bytes in milliseconds, 0 if unknown. */
+  /** Transmission time of this many bytes in milliseconds, 0 if unknown. */
   transmission(bytes: number): number;
 }
 
@@ -74,7 +74,7 @@ export interface PipelineCounts {
   readonly dropped: number;
 }
 
-/** The picture of a frame. Rejects with the signal's reason if nobody wants it any more. */
+/** The picture of a frame. Rejects with the signal's reason if aborted. */
 export type Decode = (reply: FrameReply, signal: AbortSignal) => Promise<DecodedImage>;
 
 interface Entry {
@@ -83,16 +83,16 @@ interface Entry {
   readonly abort: AbortController;
 }
 
-/** A picture that was asked for beside the view. Whoever gets it closes its bitmap. */
+/** A picture requested independently of the view. The recipient closes its bitmap. */
 export interface AsidePicture extends DecodedImage, FrameReply {}
 
 type ReadyFrame = DecodedFrame & Pick<Entry, "request">;
 
-/** After a failure the same view is not asked for again before this many milliseconds. */
+/** Milliseconds before a failed view is requested again. */
 const RETRY_AFTER = 150;
-/** Problems of a single frame that came too late: they are counted and not shown. */
+/** Problems of a single late frame: counted and not shown. */
 const LATE = new Set(["tigas:superseded", "tigas:deadline-exceeded"]);
-/** Concerns the page, not the person: the next frame says how often to ask. */
+/** Concerns the page only: the next frame announces the request rate. */
 const TOO_OFTEN = "tigas:asked-too-often";
 
 export class FramePipeline {
@@ -135,14 +135,17 @@ export class FramePipeline {
     if (covered < this.#version && this.#room > 0 && may) void this.#send(view, pose);
   }
 
-  /** Whether there is room that the view does not need now, for something beside it. */
+  /** Whether an additional request fits without delaying the view. */
   get spare(): boolean {
-    // Of datagrams, whichever frame is complete first would push the older ones out.
+    // With datagrams, the first complete frame would push out the older ones.
     if (this.#transport.kind === "webtransport-datagrams" && this.#inFlight.size > 0) return false;
     return this.#room > this.#asides.size && this.#pace.allows(this.#now());
   }
 
-  /** Ask for a picture beside the view: neither shows instead of the other. Rejects as transport and decoder do. */
+  /**
+   * Requests a picture independently of the view; neither replaces the other. Rejects like the transport and the
+   * decoder.
+   */
   async aside(request: ViewRequest): Promise<AsidePicture> {
     const abort = new AbortController();
     this.#asides.add(abort);
@@ -155,7 +158,7 @@ export class FramePipeline {
     }
   }
 
-  /** The newest decoded frame that was not taken yet, for the screen; whatever is older gets cancelled. */
+  /** The newest decoded frame not taken yet, for the screen; older ones are cancelled. */
   take(): DecodedFrame | undefined {
     const frame = this.#ready;
     this.#ready = undefined;
@@ -179,9 +182,20 @@ export class FramePipeline {
     return this.#version > 0 && this.#shown.version === this.#version;
   }
 
+  /** Pauses: drops requests in flight and received frames. Afterwards even the same view is requested anew. */
+  pause(): void {
+    this.#cancel(() => true, "the view is not shown");
+    this.#drop("the view is not shown");
+    this.#shown = { seq: this.#seq - 1, version: 0 };
+  }
+
   dispose(): void {
+    this.#drop("the viewer was closed");
+  }
+
+  #drop(reason: string): void {
     const all = [...[...this.#inFlight.values()].map(({ abort }) => abort), ...this.#asides];
-    for (const abort of all) abort.abort(new FrameDropped("the viewer was closed"));
+    for (const abort of all) abort.abort(new FrameDropped(reason));
     this.#inFlight.clear();
     this.#ready?.bitmap.close();
     this.#ready = undefined;
@@ -218,6 +232,10 @@ export class FramePipeline {
       this.#pace.told(reply.header.requests_per_s ?? null);
       this.#events.replied(reply, view, pose);
       const decoded = await this.#decode(reply, abort.signal);
+      if (abort.signal.aborted) {
+        decoded.bitmap.close();
+        return;
+      }
       if (request.asked !== null) this.#observe(reply, alone);
       const { header, image } = reply;
       const askedAt = request.at;
@@ -272,7 +290,7 @@ export class FramePipeline {
   }
 }
 
-/** Whether two views are the same, number by number: this is asked in every animation frame. */
+/** Whether two views are equal, field by field; called in every animation frame. */
 export function sameView(a: ViewRequest, b: ViewRequest): boolean {
   const names = Object.keys(a) as (keyof ViewRequest)[];
   return names.length === Object.keys(b).length && names.every((name) => sameValue(a[name], b[name]));

@@ -1,4 +1,7 @@
-/** For tests: a stateless player over a made-up transport, display and warp, whose clock and settings the test sets. */
+/**
+ * For tests: a stateless player over fake transport, display and warp, with a clock and settings controlled by the
+ * test.
+ */
 import type { Observation } from "../abr/controller";
 import type { VideoStep } from "../abr/video-ladder";
 import { Display } from "../enhance/display";
@@ -43,7 +46,7 @@ export class PlayerBench {
     () => this.videoDecoder,
     () => this.now,
   );
-  /** What went to the canvas for frames as they come. */
+  /** Frames drawn to the canvas without a warp. */
   readonly drawn: unknown[] = [];
   readonly replies: Reply[] = [];
   readonly shown: ShownFrame[] = [];
@@ -84,7 +87,6 @@ export class PlayerBench {
       bitrateKbps: () => this.bitrateKbps,
       pixelRatio: () => 2,
       prediction: () => this.prediction,
-      stamp: false,
       onPresented: (frame) => this.presented.push(frame),
       onShown: (frame) => this.shown.push(frame),
       onSent: () => undefined,
@@ -97,19 +99,19 @@ export class PlayerBench {
     this.connect();
   }
 
-  /** The stage has so many pixels, which are the screen's. */
+  /** Sets the size of the stage in screen pixels. */
   resize(width: number, height: number): void {
     this.size = { width, height };
     this.rig.resize(width, height);
   }
 
-  /** To a server of which nothing is known. */
+  /** Connects to a server without known figures. */
   connect(): void {
     this.transport = new FakeTransport(() => this.now, { kind: "webtransport-streams" });
     this.player.attach({ transport: this.transport, fallback: null, host: null });
   }
 
-  /** Animation frames; the server answers whatever was asked when `answer` says so. */
+  /** Runs animation frames; the server answers all requests when `answer` allows it. */
   async frames(count: number, { answer = true } = {}): Promise<void> {
     for (let i = 0; i < count; i++) {
       this.now += 1000 / this.rate;
@@ -120,7 +122,7 @@ export class PlayerBench {
     }
   }
 
-  /** What was asked for last. */
+  /** The last request. */
   last() {
     return this.transport.requests.at(-1)?.request;
   }

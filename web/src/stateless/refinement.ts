@@ -1,34 +1,35 @@
 /**
- * "Still means sharp": once the camera rests, the view is asked for again with more pixels, up to those of the screen. Each step
- * is a whole picture: as large as the link takes in a moment, or four times the one before, as long as the server does not work
- * on it for long, because what it has begun it finishes before it turns to new movement. On a link that would take longer than
- * some seconds for the screen's pixels, the largest step that it takes in that time is the last. Pure: times come in.
+ * "Still means sharp": once the camera rests, the view is requested again with more pixels, up to those of the screen.
+ * Each step is a whole picture, as large as the link carries in a moment or four times the previous one, limited by
+ * server time, because the server finishes a started step before it turns to new movement. On a link that would take
+ * longer than a few seconds for the screen's pixels, the largest step that fits that time is the last. Pure: time is an
+ * argument.
  */
 import { resized, type View } from "../reproject/view";
 import type { FrameReply } from "../transport/transport";
 import { type Viewport, viewportFor } from "../view/intrinsics";
 import { sameView, type ViewRequest } from "./pipeline";
 
-/** The camera rests when its view was the same for so long, in milliseconds. */
+/** The camera rests after its view has not changed for this many milliseconds. */
 const STILL_AFTER = 150;
-/** A first step takes the link no longer, unless that is no better than what is shown; in milliseconds. */
+/** Longest link time of a first step in milliseconds, unless it would look no better than the present frame. */
 const MOMENT = 150;
 /** Nor does any step keep the server for longer than this, or the link; in milliseconds. */
 const LONGEST_SERVER = 300;
 const LONGEST_LINK = 3000;
-/** A step has so many times the pixels of the one before, at most, where the link takes longer than a moment, and at least. */
+/** Largest growth in pixels from step to step where the link is slow, and the smallest growth. */
 const GROWTH = 4;
 const LEAST_GROWTH = 1.3;
-/** Bytes a pixel until a step has told: those of the paper's best rung. */
+/** Bytes per pixel before the first step: those of the paper's best rung. */
 const BYTES_A_PIXEL = 240_000 / (1280 * 720);
 
 /** A view as the page asks for it: by a pose, for a viewport. */
 export type PosedRequest = ViewRequest & View;
 
-/** What the next step follows from. */
+/** Inputs of the next step. */
 export interface Circumstances {
   readonly now: number;
-  /** The view that was asked for last is on the screen. */
+  /** The last requested view is on screen. */
   readonly settled: boolean;
   /** Of the link, in bits per second; null while unknown. */
   readonly throughput: number | null;
@@ -38,24 +39,24 @@ export interface Circumstances {
 
 export class Refinement {
   #still: { readonly view: PosedRequest; readonly pixelRatio: number; readonly since: number } | undefined;
-  /** What was asked for last, and what of it was seen. */
+  /** The last request, and the best picture shown of it. */
   #step: PosedRequest | null = null;
   #shown: PosedRequest | null = null;
   #finished = false;
-  /** Of the last frame that came, without margins. */
+  /** Size of the last received frame, without margins. */
   #frame = { pixels: 0, best: false };
   #bytesAPixel = BYTES_A_PIXEL;
   #serverMsAPixel = 0;
 
-  /** Whether the view will be asked for with more pixels, if it stays. */
+  /** Whether a resting view will be requested with more pixels. */
   get pending(): boolean {
     return !this.#finished;
   }
 
-  /** Once per animation frame: what to ask for instead of `view` at its rung; null for that itself. */
+  /** Called once per animation frame: the request that replaces `view` at its rung, or null. */
   next(view: PosedRequest, circumstances: Circumstances): PosedRequest | null {
     const { now, settled, pixelRatio } = circumstances;
-    const { profile: _, overscan: __, depth: ___, format: ____, video: _____, ...plain } = view; // a picture by itself
+    const { profile: _, overscan: __, depth: ___, format: ____, video: _____, ...plain } = view; // a single picture
     if (this.#still?.pixelRatio !== pixelRatio || !sameView(plain, this.#still.view)) {
       this.#still = { view: plain, pixelRatio, since: now };
       this.#step = this.#shown = null;
@@ -69,7 +70,7 @@ export class Refinement {
     return this.#step;
   }
 
-  /** A frame came, of a rung or of a step. */
+  /** Records a received frame of a rung or of a step. */
   observe({ header, arrival }: Pick<FrameReply, "header" | "arrival">): void {
     const { width, height, margin_x, margin_y, profile, timing, video } = header;
     if (!width || !height) return;
@@ -79,13 +80,13 @@ export class Refinement {
     if (profile == null) this.#bytesAPixel = arrival.bytes / (width * height);
   }
 
-  /** The step that was asked for will not come: what was seen stays, until the view is another. */
+  /** The requested step failed: the picture on screen stays until the view changes. */
   failed(): void {
     this.#step = this.#shown;
     this.#finished = true;
   }
 
-  /** Null if there is none that would look better. */
+  /** Null if no step would look better. */
   #larger(view: PosedRequest, { throughput, pixelRatio }: Circumstances): PosedRequest | null {
     if (this.#frame.pixels === 0) return null;
     const screen = viewportFor(view.width * pixelRatio, view.height * pixelRatio);

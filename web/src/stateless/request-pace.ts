@@ -6,7 +6,7 @@ export class RequestPace {
   /** From when on the next request may go out, on the page's clock. */
   #next = Number.NEGATIVE_INFINITY;
 
-  /** What the newest answer says; null: as often as the display shows frames. */
+  /** Interval announced by the newest answer; null: one request per display frame. */
   told(requestsPerS: number | null): void {
     this.#interval = requestsPerS === null ? 0 : 1000 / requestsPerS;
   }

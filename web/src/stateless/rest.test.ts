@@ -15,7 +15,7 @@ const VIEW: ViewRequest = {
 };
 const [CONTROLLER, ANOTHER] = [{}, {}];
 
-/** What is asked for after a view that was asked for. */
+/** The request that follows an earlier one. */
 function then(changes: Partial<ViewRequest>, chooser: unknown = CONTROLLER): ViewRequest {
   const rest = new Rest();
   rest.view(VIEW, CONTROLLER);

@@ -1,6 +1,6 @@
 /**
- * While the view rests, it is asked for anew only to see more of it: a frame of a worse rung, or with narrower margins, shows nothing
- * that the one before does not. On a slow link it would keep others from coming for seconds.
+ * Suppresses requests for a resting view that would not improve it: a frame of a worse rung or with narrower margins
+ * shows nothing new. On a slow link it would delay other frames for seconds.
  */
 import { sameView, type ViewRequest } from "./pipeline";
 
@@ -8,7 +8,7 @@ export class Rest<Request extends ViewRequest> {
   #last: Request | undefined;
   #chooser: unknown;
 
-  /** What to ask for instead of a view, whose rung `chooser` chose: another one's choice counts in any case. */
+  /** The request that replaces a view whose rung `chooser` chose; choices of anything else always count. */
   view(view: Request, chooser: unknown): Request {
     const last = this.#last;
     if (last && chooser === this.#chooser && isLess(view, last)) return last;

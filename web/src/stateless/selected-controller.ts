@@ -14,7 +14,7 @@ const content = computed(() => JSON.stringify(ladder.value)); // the configurati
 const rungs = computed((): Rung[] => JSON.parse(content.value));
 
 /**
- * What the controller chooses from in the mode `video`; null in the others, where it is the server's ladder. `pixels`: as of the
+ * The controller's ladder in the mode `video`; null in the others, which use the server's ladder. `pixels`: see the
  * controller.
  */
 export function videoSteps(

@@ -1,6 +1,6 @@
 /**
- * The modes that ask for each view by itself: wants the view of the rig's pose, one request per pose, and shows what has come. In the mode
- * `stateless` each answer is a picture by itself, in the mode `video` the next frame of a video.
+ * The modes with one request per pose: requests the view of the rig's pose and shows the answer. In the mode
+ * `stateless` each answer is an independent picture, in the mode `video` the next frame of a video.
  */
 
 import { signal } from "@preact/signals";
@@ -28,60 +28,58 @@ import { NO_STATS, type Stats, StatsRecorder, type VideoStats } from "./stats";
 import { SurroundFeed } from "./surround-feed";
 import { type Pictured, pictured, Turning } from "./turning";
 
-/** A frame that came: what controllers hear of it, and what was asked for. */
+/** A received frame: the controllers' observation of it, and its request. */
 export interface Reply extends Observation {
   /** The number of the pose. */
   readonly pose: number;
-  /** The rung; null for a refinement, of which the controller does not hear. */
+  /** The rung; null for a refinement, which the controller does not observe. */
   readonly asked: number | null;
 }
 
-/** A frame that is on the screen, as it came. */
+/** The frame on screen, before any warp. */
 export interface ShownFrame extends Pick<DecodedFrame, "asked" | "header" | "image"> {
   /** When it was on the screen, on the page's clock. */
   readonly at: number;
-  /** Null if it was shown as it came. */
+  /** Null if it was shown without a warp. */
   readonly enhanced: Enhanced | null;
 }
 
 export interface StatelessPlayerOptions {
   readonly display: Display<DecodedFrame>;
-  /** Turns what the display shows to the pose of each animation frame, while it works. */
+  /** Warps the displayed frame to the pose of each animation frame, if enabled. */
   readonly reprojector: Reprojector<Pictured>;
-  /** Whether pictures may come as WebP, too. */
+  /** Whether pictures may be WebP. */
   readonly webp: () => boolean;
   /** Of reprojection: how much more frames show at each side, as a share of the viewport. */
   readonly overscan: () => number | "auto";
   /** Of reprojection: whether frames come with a depth. */
   readonly depth: () => boolean;
-  /** Of reprojection: whether small pictures of all directions are asked for, too. */
+  /** For reprojection: whether small pictures of all directions are requested. */
   readonly surround: () => boolean;
-  /** What the profiles of requests count in; empty until it is known. */
+  /** The ladder that request profiles index; empty until it is known. */
   readonly ladder: () => readonly Rung[];
   readonly rig: Rig;
   readonly decoder: Pick<Decoder, "decode">;
   readonly video: VideoFrames;
-  /** What the controller's choice counts in while frames are to come as a video; null in the mode `stateless`. */
+  /** The ladder that the controller's choice indexes in the mode `video`; null in the mode `stateless`. */
   readonly videoSteps: () => readonly VideoStep[] | null;
   readonly controller: () => Controller;
   /** Whether to ask for the view with all of the screen's pixels once it stands still. */
   readonly refine: () => boolean;
-  /** How much may come in at most; null: as much as does. */
+  /** Upper bound of the received rate; null: unlimited. */
   readonly bitrateKbps: () => number | null;
   /** Pixels of the screen along one of the viewport's. */
   readonly pixelRatio: () => number;
-  /** What foretells the poses that frames are asked for. */
+  /** Predictor of the requested poses. */
   readonly prediction: () => PredictorName;
-  /** Whether frames carry their pose's number, for tests that read it from the screen. */
-  readonly stamp: boolean;
   readonly onPresented: (frame: PresentedFrame) => void;
-  /** The same frame, as it came; it is on the canvas while this is called. */
+  /** The same frame without a warp; it is on the canvas during this call. */
   readonly onShown: (frame: ShownFrame) => void;
   /** A request went out. */
   readonly onSent: (request: SentRequest) => void;
-  /** A frame came, and the controller has heard of it. */
+  /** A frame has arrived, and the controller has observed it. */
   readonly onReplied: (reply: Reply) => void;
-  /** Bytes of frames came in. */
+  /** Bytes of frames were received. */
   readonly onReceived: (bytes: number) => void;
   readonly now: () => number;
 }
@@ -111,6 +109,7 @@ export class StatelessPlayer {
   readonly #rest = new Rest<PosedRequest>();
   readonly #cap = new RateCap();
   #publishedAt = 0;
+  #suspended = false;
 
   constructor(options: StatelessPlayerOptions) {
     this.#options = options;
@@ -126,7 +125,7 @@ export class StatelessPlayer {
     this.#meter = new Meter("stateless", options.onPresented);
   }
 
-  /** Use this transport from now on; null while there is none. */
+  /** Switches to this transport; null while there is no connection. */
   attach(connected: Connected | null): void {
     this.#pipeline?.dispose();
     this.#meter = new Meter("stateless", this.#options.onPresented);
@@ -193,18 +192,32 @@ export class StatelessPlayer {
     return this.#meter.latencies(now);
   }
 
-  /** Instead of `tick`, while another mode shows the scene: what was asked for is awaited no longer. */
+  /** Instead of `tick`, while another mode shows the scene: no old frame may appear when this one does again. */
   suspend(): void {
+    if (this.#suspended) return;
+    this.#suspended = true;
     this.#meter.reset();
+    this.#pipeline?.pause();
+    this.#options.display.clear();
+  }
+
+  /** The page was hidden for the last `gap` milliseconds; before anything else of this animation frame. */
+  resumed(gap: number): void {
+    this.#meter.resumed(gap);
+    this.#foresight.reset();
+    this.#pipeline?.pause();
     this.#options.display.forget();
   }
 
-  /** A copy of what is on the screen, without loss. */
+  /** A lossless copy of the screen. */
   picture(): Promise<ImageBitmap> {
     return this.#options.reprojector.picture() ?? this.#options.display.picture();
   }
 
-  /** Once per animation frame, first of all: the frame that was handed to the display is on the screen by now, or as soon as it is enhanced. */
+  /**
+   * Called at the start of each animation frame: the frame handed to the display is on screen by now, or once it is
+   * enhanced.
+   */
   presented(now: number): void {
     const { display, reprojector, onShown } = this.#options;
     const turned = reprojector.presented();
@@ -222,9 +235,10 @@ export class StatelessPlayer {
     onShown({ at: now, asked, header, image, enhanced });
   }
 
-  /** Once per animation frame, after the rig was sampled; `moved` is what the rig said. */
+  /** Called once per animation frame, after the rig was sampled; `moved` is the rig's result. */
   tick(now: number, moved: boolean): void {
     const { rig, display, video, videoSteps, bitrateKbps } = this.#options;
+    this.#suspended = false;
     this.#meter.sampled(rig.pose.seq, now);
     if (this.#pipeline && rig.scene) {
       if (moved) this.#meter.moved(rig.pose.seq, now);
@@ -245,7 +259,10 @@ export class StatelessPlayer {
   readonly #decode = (reply: FrameReply, signal: AbortSignal) =>
     reply.header.video ? this.#options.video.decode(reply, signal) : this.#options.decoder.decode(reply.image, signal);
 
-  /** What the controller chose for a frame that came: a rung, or a step of the video's ladder; null if it was another one's choice. */
+  /**
+   * The controller's choice for a received frame: a rung, or a step of the video's ladder; null if something else chose
+   * it.
+   */
   #chosen({ video }: ViewRequest, profile: number | null): number | null {
     const steps = this.#options.videoSteps();
     if (steps === null) return video ? null : profile;
@@ -259,7 +276,7 @@ export class StatelessPlayer {
   }
 
   #view(scene: SceneInfo, now: number): PosedRequest {
-    const { rig, refine, pixelRatio, stamp, controller, videoSteps } = this.#options;
+    const { rig, refine, pixelRatio, controller, videoSteps } = this.#options;
     const { position, quaternion } = this.#foresight.pose(now);
     const chosen = controller().decide(now);
     const step = videoSteps()?.[chosen];
@@ -271,7 +288,6 @@ export class StatelessPlayer {
       ...rig.viewport.value,
       ...(step ? { profile: step.rung, format: "h264", video: step.video } : { profile: chosen }),
       ...this.#turning.request(scene, now, step !== undefined),
-      ...(stamp && { stamp: rig.pose.seq % 2 ** 24 }),
     };
     const rested = this.#rest.view(view, controller());
     if (!refine()) return rested;
@@ -280,7 +296,7 @@ export class StatelessPlayer {
     return this.#refinement.next(view, { now, settled, throughput, pixelRatio: pixelRatio() }) ?? rested;
   }
 
-  /** How a frame that is older than the view is shown. */
+  /** How a frame older than the view is shown. */
   get #way(): Way {
     if (!this.#turning.working) return "stale";
     const { depth, prediction, videoSteps } = this.#options;

@@ -1,4 +1,4 @@
-/** What the HUD shows of the stateless mode: its figures, and what its requests and answers tell besides. */
+/** Figures of the stateless mode for the HUD, from its own measurements and from requests and answers. */
 import { ThroughputEstimator } from "../abr/throughput";
 import type { FrameReply, TransportKind } from "../transport/transport";
 import { type Figures, NO_FIGURES } from "../view/meter";
@@ -6,13 +6,13 @@ import { TimeWindow } from "../view/window";
 import type { ServerTiming } from "../wire/render";
 import type { PipelineCounts } from "./pipeline";
 
-/** What is known from the answers alone. */
+/** Figures taken from the answers alone. */
 export interface ReplyStats {
   /** From sending a request to its frame's last byte, median of the last seconds, in milliseconds. */
   readonly roundTrip: number | null;
   /** Where the server's time went, medians as that of the round trip, in milliseconds. */
   readonly server: ServerTiming | null;
-  /** Most of the time until a frame of a moving camera is there goes by at the server, whatever the link. */
+  /** With a moving camera, the server accounts for most of the time to a frame, whatever the link. */
   readonly serverBound: boolean;
   /** Bits per second. */
   readonly throughput: number | null;
@@ -27,9 +27,9 @@ export interface ReplyStats {
 
 /** Of the mode `video`. */
 export interface VideoStats {
-  /** What is asked for, in bits per second. */
+  /** Requested rate in bits per second. */
   readonly bitrate: number;
-  /** That came over this connection. */
+  /** Frames received over this connection. */
   readonly keyFrames: number;
 }
 
@@ -41,7 +41,7 @@ export interface Stats extends Figures, ReplyStats {
   readonly enhanceMs: number | null;
   /** The main thread's time to turn a picture, median of the last seconds; null while none is turned. In milliseconds. */
   readonly warpMs: number | null;
-  /** The graphics processor's time, in milliseconds; null where it does not tell. */
+  /** GPU time in milliseconds; null where it is not measured. */
   readonly gpuMs: number | null;
   readonly inFlight: number;
   readonly counts: PipelineCounts;
@@ -124,7 +124,7 @@ export class StatsRecorder {
   }
 }
 
-/** The median of the last seconds in which frames came: while nothing moves, it can be read. */
+/** The median over the last seconds with frames, so that it stays readable when nothing moves. */
 function lately(window: TimeWindow, now: number): number | null {
   return window.percentile(0.5, window.latest ?? now);
 }

@@ -1,4 +1,4 @@
-/** Asks for the sides of the surround beside the view, and hands their pictures to what turns frames. */
+/** Requests the sides of the surround in addition to the view, and hands their pictures to the warp. */
 import type { Reprojector } from "../reproject/reprojector";
 import { type ScenePose, viewDistance } from "../view/camera";
 import type { Rig } from "../view/rig";
@@ -12,7 +12,7 @@ export interface SurroundFeedOptions {
   /** Whether there is to be one, where frames are turned. */
   readonly surround: () => boolean;
   readonly ladder: () => readonly Rung[];
-  /** Bytes of pictures came in. */
+  /** Bytes of pictures were received. */
   readonly onReceived: (bytes: number) => void;
 }
 
@@ -26,8 +26,8 @@ export class SurroundFeed {
   }
 
   /**
-   * Once per animation frame, after the view was asked for, while there is a connection; `pose`: where the camera will be by the
-   * time of an answer, `throughput`: in bits per second.
+   * Called once per animation frame after the view's request, while connected; `pose`: predicted camera at the time of
+   * the answer, `throughput`: in bits per second.
    */
   tick(pipeline: FramePipeline, pose: ScenePose, throughput: number | null, now: number): void {
     const { reprojector, rig, surround, ladder } = this.#options;
@@ -49,7 +49,7 @@ export class SurroundFeed {
     return this.#surround.hurries({ there: reprojector.surround, throughput, ladder: ladder() });
   }
 
-  /** Another connection: what was asked for will not come. */
+  /** New connection: outstanding requests will not be answered. */
   reset(): void {
     this.#scene = undefined;
   }
@@ -67,7 +67,7 @@ export class SurroundFeed {
       this.#options.reprojector.takeSide(bitmap, side, view, seq);
       bitmap.close();
     } catch {
-      surround.failed(side); // a picture that is not the view's: nobody needs to hear of it
+      surround.failed(side); // failures of additional pictures are not reported
     }
   }
 }

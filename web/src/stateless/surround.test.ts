@@ -40,7 +40,7 @@ function next(changes: Partial<Surroundings> = {}, at: Vector3 = [0, 0, 0], azim
   });
 }
 
-/** Asks as soon as it may, and gets what it asks for, until nothing is wanted any more: which sides. */
+/** Requests and receives sides as soon as allowed, until all are complete; returns the sides. */
 function all(at: Vector3 = [0, 0, 0], azimuth = 0): number[] {
   const sides: number[] = [];
   for (const limit = now + 5000; now < limit; now++) {

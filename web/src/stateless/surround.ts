@@ -1,8 +1,9 @@
 /**
- * Which side of the surround to ask for, and when. A surround is small pictures of all directions: whichever way the view turns and
- * however long the next frame takes, something is there. One side at a time is asked for, and so seldom that link and server have
- * nearly all of their time for the view. The next one is the side that is needed most: it was never seen, or taken far from where
- * the camera is by now, and the camera looks that way. Scenes stand still, so age alone makes no side worse. Pure: times come in.
+ * Schedules the sides of the surround: small pictures of all directions, so that some picture exists wherever the view
+ * turns and however long the next frame takes. One side at a time is requested, rarely enough to leave nearly all of
+ * the link and server to the view. The next side is the most urgent one: never seen, or taken far from the present
+ * position, and in the direction of view. Scenes are static, so age alone makes no side worse. Pure: time is an
+ * argument.
  */
 import { SIDES, sideView } from "../reproject/sides";
 import type { View } from "../reproject/view";
@@ -11,25 +12,28 @@ import { rotate, subtract, type Vector3 } from "../view/vector";
 import type { Rung } from "../wire/render";
 
 /**
- * What it may take while a view is under way, and while none is: a share of the link's time and of the server's, and of the link no
- * longer at a time, in milliseconds. On a link for which its smallest picture is too much, it waits until the view rests.
+ * Budget while a view is in flight, and while none is: a share of the link's and of the server's time, and the longest
+ * time on the link per picture in milliseconds. If even the smallest picture exceeds it, the surround waits until the
+ * view rests.
  */
 const BUSY = { share: 0.05, longest: 35 };
 const IDLE = { share: 0.3, longest: 500 };
-/** So many that were never seen are asked for at once while no view is under way, and without a pause: nothing else is as urgent. */
+/**
+ * This many unseen sides are requested at once, without pauses, while no view is in flight: nothing else is as urgent.
+ */
 const TOGETHER = 2;
 /** A side is taken anew once the camera is such a share of the scene's distance away. */
 const REFRESH = 0.2;
-/** Such a side is as urgent as one that is not there. */
+/** Such a side is as urgent as a missing one. */
 const NEVER_SEEN = 4;
 /** A side so far from where the camera looks, in degrees, is half as urgent as the one ahead. */
 const ASIDE = 45;
 /** Of two rungs, the better one if its picture takes the link no longer than this, in milliseconds, and is no larger, in pixels. */
 const MOMENT = 10;
 const PIXELS = 256 * 256;
-/** Bits per second, while nothing is known of the link. */
+/** Assumed bits per second while the link is unknown. */
 const SLOW_LINK = 1e6;
-/** After a failure, in milliseconds; longer while a view is under way. */
+/** Pause after a failure, in milliseconds; longer while a view is in flight. */
 const RETRY_AFTER = 500;
 const DEGREES = 180 / Math.PI;
 
@@ -40,14 +44,14 @@ export interface WantedSide {
   readonly profile: number;
 }
 
-/** What the next side follows from. */
+/** Inputs of the next side. */
 export interface Surroundings {
   readonly now: number;
-  /** Where the camera is expected to be when what is asked for now comes. */
+  /** Predicted camera position at the time of the answer. */
   readonly pose: ScenePose;
   /** The sides that there are, by number. */
   readonly there: ReadonlyMap<number, View>;
-  /** No view is under way. */
+  /** No view is in flight. */
   readonly idle: boolean;
   /** Of the link, in bits per second; null while unknown. */
   readonly throughput: number | null;
@@ -61,7 +65,7 @@ export class Surround {
   readonly #pending = new Set<number>();
   /** The last one did not come. */
   #failed = false;
-  /** When the last one was asked for, and how long it kept the link or the server. */
+  /** Time of the last request, and how long it occupied the link or the server. */
   #askedAt = Number.NEGATIVE_INFINITY;
   #took = 0;
 
@@ -71,7 +75,7 @@ export class Surround {
     this.#up = up;
   }
 
-  /** The side to ask for now, if any; then `came` or `failed` is called for it. */
+  /** The side to request now, if any; the caller then reports `came` or `failed`. */
   next(surroundings: Surroundings): WantedSide | null {
     const { now, pose, there, idle, throughput, ladder } = surroundings;
     const { share, longest } = idle ? IDLE : BUSY;
@@ -93,7 +97,7 @@ export class Surround {
     return affordable && !this.#failed && SIDES.some((side) => !there.has(side));
   }
 
-  /** A side came, in so many bytes, and took the server so many milliseconds. */
+  /** Records a received side with its bytes and its server time in milliseconds. */
   came(side: number, bytes: number, server: number, throughput: number | null): void {
     this.#pending.delete(side);
     this.#failed = false;
@@ -122,7 +126,10 @@ export class Surround {
   }
 }
 
-/** The best one that is small and quick on this link, or else the last one; null if that takes too long, in milliseconds. */
+/**
+ * The best rung that is small and fast on this link, or else the last one; null if that exceeds the limit, in
+ * milliseconds.
+ */
 function rungFor(ladder: readonly Rung[], throughput: number, longest: number): number | null {
   const takes = ({ expected_kb }: Rung) => (expected_kb * 8e6) / throughput;
   const best = ladder.findIndex((rung) => rung.width * rung.height <= PIXELS && takes(rung) <= MOMENT);

@@ -1,4 +1,7 @@
-/** Reprojection of stateless frames: hands the pictures that the display shows to what turns them, and says what to ask for so that they can be. */
+/**
+ * Reprojection of stateless frames: hands displayed pictures to the warp, and extends requests so that they can be
+ * warped.
+ */
 import type { Display, Enhanced } from "../enhance/display";
 import { AutoOverscan } from "../reproject/overscan";
 import type { Reprojector } from "../reproject/reprojector";
@@ -9,12 +12,12 @@ import type { NumberedPose, Rig } from "../view/rig";
 import type { RenderRequest, SceneInfo } from "../wire/render";
 import type { DecodedFrame } from "./pipeline";
 
-/** What is told of a picture whenever it is turned. */
+/** Properties of a picture, passed on each warp. */
 export type Pictured = Pick<PresentedFrame, "rung" | "width" | "height" | "shownWidth" | "shownHeight" | "enhanceMs">;
 
-/** Models hold what each size of frames needs, so margins of enhanced frames come in few sizes. */
+/** Models allocate memory per frame size, so margins of enhanced frames have few sizes. */
 const COARSE = 0.125;
-/** Of a video, where nobody has chosen it. */
+/** Default margins of a video. */
 const VIDEO_OVERSCAN = 0.1;
 
 export interface TurningOptions {
@@ -42,7 +45,10 @@ export class Turning {
     return this.#options.reprojector.working;
   }
 
-  /** What a request says besides. Of a video, each size begins with a key frame, and none has a depth: margins stay as they are. */
+  /**
+   * Additional fields of a request. In a video, each size starts with a key frame and there is no depth, so margins are
+   * constant.
+   */
   request(scene: SceneInfo, now: number, video: boolean): Pick<RenderRequest, "overscan" | "depth"> {
     if (!this.working) return {};
     const { overscan, depth } = this.#options;
@@ -95,7 +101,7 @@ export class Turning {
   }
 }
 
-/** What is told of a frame that is shown. */
+/** Properties of the displayed frame. */
 export function pictured({ header }: DecodedFrame, enhanced: Enhanced | null): Pictured {
   return {
     rung: header.profile ?? null,

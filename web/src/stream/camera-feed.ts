@@ -1,5 +1,5 @@
 /**
- * Tells the packager of the camera, and remembers what each message said: each frame of the stream names the message that it was
+ * Sends the camera to the packager and remembers each message: every frame of the stream names the message it was
  * rendered from.
  */
 import type { Foresight } from "../predict/foresight";
@@ -12,7 +12,7 @@ import { widened } from "./wider";
 /** A camera at a place, with its lens in pixels of a viewport. */
 export type Camera = ScenePose & Intrinsics & Viewport;
 
-/** What a message said. */
+/** Content of a message. */
 export interface Told {
   /** The number of the rig's pose. */
   readonly pose: number;
@@ -20,19 +20,19 @@ export interface Told {
   readonly at: number;
   /** The camera and its lens, for the stage. */
   readonly asked: Camera;
-  /** What frames show, which may be more at each side: in pixels of the session's viewport. */
+  /** Extent of the frames, margins included, in pixels of the session's viewport. */
   readonly view: Camera;
 }
 
 export interface CameraFeedOptions {
   readonly rig: Rig;
   readonly foresight: Foresight;
-  /** How much more the stream shows at each side; null: it is shown as it comes. */
+  /** Margin of the stream at each side; null: frames are shown without a warp. */
   readonly overscan: number | null;
 }
 
 export class CameraFeed {
-  /** Frames come a few messages after theirs; so many are remembered. */
+  /** Number of messages remembered; frames follow theirs within a few messages. */
   static readonly KEPT = 1200;
   readonly #options: CameraFeedOptions;
   readonly #told = new Map<number, Told>();
@@ -61,7 +61,7 @@ export class CameraFeed {
     return views.view;
   }
 
-  /** Once per animation frame: `send` is called if there is something new, and tells whether it went out. */
+  /** Called once per animation frame: calls `send` if something changed, and returns whether it was sent. */
   follow(now: number, send: (update: PoseUpdate) => boolean): void {
     const { rig, foresight, overscan } = this.#options;
     const camera = foresight.pose(now);
@@ -69,7 +69,7 @@ export class CameraFeed {
     this.#followLens();
     const last = this.#last;
     if (last && last.pose === pose && last.lens === this.#lens && samePose(last.camera, camera)) return;
-    // One pose may be told more than once, as another prediction or through another lens: to turn a frame one must know which it is.
+    // One pose may be sent repeatedly, with another prediction or lens: warping a frame requires its exact message.
     const number = overscan === null ? pose : this.#number + 1;
     const views = this.#views(camera);
     const { fx, fy, cx, cy } = views.view;
@@ -83,7 +83,7 @@ export class CameraFeed {
     }
   }
 
-  /** What the message of this number said; undefined if there was none, or long ago. */
+  /** The content of message `number`; undefined if it is unknown or too old. */
   told(number: number): Told | undefined {
     return this.#told.get(number);
   }

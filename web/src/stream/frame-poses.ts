@@ -1,9 +1,9 @@
 /**
- * Brings together what is told in two ways: the packager says which pose each frame of the stream shows, the browser says
- * when a frame was presented. Either may come first.
+ * Joins two sources: the packager reports the pose of each frame of the stream, the browser the time of its
+ * presentation. Either may arrive first.
  */
 export class FramePoses<Presented> {
-  /** Frames that nobody asks for any more are forgotten: as many are kept. */
+  /** Number of frames kept without a match. */
   static readonly KEPT = 1200;
   readonly #poses = new Map<number, number>();
   readonly #waiting = new Map<number, Presented>();

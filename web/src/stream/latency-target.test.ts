@@ -15,7 +15,7 @@ beforeEach(() => {
   heard = [];
 });
 
-/** A frame is shown: so long after the one before, in milliseconds, and so far on in the stream. */
+/** Shows a frame this many milliseconds after the previous one, and this far on in the stream. */
 function show(after: number, further = FRAME): void {
   at += after;
   mediaTime += further / 1000;

@@ -1,7 +1,7 @@
 /**
- * The lowest latency at which a stream plays smoothly on the link at hand: it starts at the preset's, two stalls within 10 s
- * raise it by 50 ms, and each 30 s without a stall lower it by 25 ms again. The same for every player, since it only looks at
- * what the screen shows. Pure.
+ * The lowest latency at which a stream plays smoothly on the present link: it starts at the preset's, rises by 50 ms on
+ * two stalls within 10 s, and falls by 25 ms after each 30 s without a stall. It applies to every player, since it
+ * depends only on the frames on screen. Pure.
  */
 
 /** Playback that lost this much on the clock stalled, in milliseconds: three frames of a 60 Hz screen. */
@@ -11,7 +11,7 @@ const WITHIN = 10_000;
 const RAISE = 50;
 const LOWER = 25;
 const LOWER_AFTER = 30_000;
-/** Nobody calls a stream smooth that needs more. */
+/** A stream that needs more does not count as smooth. */
 const MAX = 2000;
 /** A stream that begins finds its place first, in milliseconds. */
 const GRACE = 2000;
@@ -34,13 +34,16 @@ export class LatencyTarget {
     return this.#value;
   }
 
-  /** A frame is on the screen: when, in milliseconds, and its place in the stream, in seconds. Tells whether the target changed. */
+  /**
+   * Records a frame on screen: its time in milliseconds, and its position in the stream in seconds. Returns whether the
+   * target changed.
+   */
   presented(at: number, mediaTime: number): boolean {
     const before = this.#last;
     this.#last = { at, mediaTime };
     this.#smoothSince ??= at + GRACE;
     if (before === undefined || at < this.#smoothSince) return false;
-    // A frame that lasts longer in the stream itself, and one that the page did not hear of, are no stalls.
+    // Frames that last longer in the stream itself, and frames that the browser did not report, are no stalls.
     const lost = at - before.at - (mediaTime - before.mediaTime) * 1000;
     if (lost >= STALL) return this.#stalled(at);
     if (at - this.#smoothSince < LOWER_AFTER) return false;
@@ -48,7 +51,7 @@ export class LatencyTarget {
     return this.#set(this.#value - LOWER);
   }
 
-  /** The page was hidden: what was not seen did not stall. */
+  /** The page was hidden: unseen frames are no stalls. */
   forget(): void {
     this.#last = undefined;
   }

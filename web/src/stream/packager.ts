@@ -1,4 +1,4 @@
-/** The packager's API: a stream of one's own, over DASH or WebRTC. */
+/** The packager's API: one stream per viewer, over DASH or WebRTC. */
 
 import { ApiError, readProblem } from "../http/problem";
 import { mixedContent } from "../http/reach";
@@ -18,7 +18,7 @@ export function openWebRtc(base: string, request: WebRtcRequest, signal: AbortSi
   return open("webrtc", base, "webrtc", request, signal);
 }
 
-/** Nobody else can end a stream whose name was never heard: one that is no longer wanted is waited for, and ended. */
+/** Waits for the name of an unwanted stream and ends it; only the name allows that. */
 async function open<Opened extends Pick<SessionInfo, "id">>(
   kind: StreamKind,
   base: string,
@@ -49,11 +49,11 @@ async function open<Opened extends Pick<SessionInfo, "id">>(
     if (signal.aborted) throw error;
     throw new ApiError(`The packager of ${name} streams does not answer.`, true);
   }
-  // Too many streams, or a render service that is away: another try may help, as when nobody answers.
+  // Too many streams, or the render service is down: a retry may help, as without an answer.
   throw new ApiError((await readProblem(response)).detail, response.status >= 500);
 }
 
-/** Ends a stream at once; it would end by itself a little later. Works while the page is being left, too. Never rejects. */
+/** Ends a stream at once instead of by timeout. Works while the page unloads. Never rejects. */
 export async function endSession(base: string, { id }: Pick<SessionInfo, "id">): Promise<void> {
   const limit = AbortSignal.timeout(END_TIMEOUT);
   await fetch(`${base}/sessions/${id}`, { method: "DELETE", keepalive: true, signal: limit }).catch(() => undefined);

@@ -1,4 +1,7 @@
-/** How many of a stream's frames show nothing new although the camera moves: renderer or encoder cannot keep up then, whatever the link. */
+/**
+ * Share of a stream's frames that repeat the view although the camera moves: the renderer or the encoder cannot keep
+ * up.
+ */
 import type { SessionStatus } from "../wire/dash";
 
 type Counts = Pick<SessionStatus, "id" | "frames" | "repeated" | "dropped">;
@@ -6,7 +9,9 @@ type Counts = Pick<SessionStatus, "id" | "frames" | "repeated" | "dropped">;
 /** With a larger share, the server is the limit. */
 export const MANY_REPEATS = 0.25;
 
-/** From `before` to `after`, 0 to 1: frames that repeat the one before for want of a newer view, or were skipped; null without any. */
+/**
+ * Share from `before` to `after`, 0 to 1, of frames repeated for lack of a newer view, or skipped; null without frames.
+ */
 export function repeatedShare(before: Counts | null, after: Counts | null): number | null {
   if (before === null || after === null || before.id !== after.id) return null;
   const ticks = after.frames - before.frames + (after.dropped - before.dropped);

@@ -15,7 +15,7 @@ const SCENE = { up: [0, -1, 0], camera: { position: [0, -2, -8], look_at: [0, -2
 const PLAYED = { webrtc: { codec: "VP8", rung: 2, width: 640, height: 360, frame_rate: 30, lost_packets: 0 } };
 const STILL = { forward: 0, right: 0, up: 0, turnRight: 0, turnUp: 0 };
 
-/** What the video shows, in seconds. */
+/** The video's present media time in seconds. */
 let mediaTimeNow: number;
 
 class FakePicture {
@@ -31,20 +31,20 @@ let axes: typeof STILL;
 let rig: Rig;
 let player: StreamPlayer;
 let shown: PresentedFrame[];
-/** Poses that the packager was told. */
+/** Poses sent to the packager. */
 let told: PoseUpdate[];
 let tab: EventTarget & { hidden: boolean };
-/** What the stream that was opened last tells. */
+/** Callbacks of the last opened stream. */
 let events: ViewEvents;
 /** Streams that were given up. */
 let disposed: number;
 const openViews = vi.fn<OpenViews>();
-/** The poses of the pictures that were to be turned, and those that they were turned to. */
+/** The poses of pictures to warp, and the target poses. */
 let turned: { taken: number[]; to: number[] };
-/** What it drew and has not told of. */
+/** Drawn and not reported. */
 let drawn: Turned<StreamedFrame> | null;
 let reprojector: Reprojector<StreamedFrame>;
-/** Latencies that the stream was told to hold. */
+/** Target latencies set on the stream. */
 let aims: number[];
 /** The browser presents a frame of the video. */
 let present: (mediaTime: number, expectedDisplayTime: number) => void;
@@ -220,7 +220,7 @@ test("with reprojection a stream is wider, its frames are turned, and view and c
   player.presented(1650);
   expect(shown).toHaveLength(1);
   const message = told.at(-1)?.seq ?? -1;
-  present(4 / 30, 1700); // before it is known what it shows
+  present(4 / 30, 1700); // before its pose is known
   expect(turned.taken).toEqual([first]);
   events.told(4, message);
   expect(turned.taken).toEqual([first, first + 2]);
@@ -288,7 +288,7 @@ test("a page that is hidden gives its stream up after a while, and opens another
   expect(disposed).toBe(0);
   await hide(true, 60_000);
   expect(disposed).toBe(1);
-  expect(openViews).toHaveBeenCalledTimes(1); // a place for somebody else
+  expect(openViews).toHaveBeenCalledTimes(1); // a slot for another viewer
   await hide(false);
   expect(openViews).toHaveBeenCalledTimes(2);
   present(0, 80_000);

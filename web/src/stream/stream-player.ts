@@ -1,4 +1,4 @@
-/** The modes with a stream of one's own from the packager, whose camera follows the rig, measured frame by frame. */
+/** The modes with one stream per viewer from the packager, whose camera follows the rig, measured frame by frame. */
 
 import { signal } from "@preact/signals";
 import pRetry from "p-retry";
@@ -28,14 +28,14 @@ import { type StreamedFrame, TurnedVideo } from "./turned-video";
 export interface StreamStats extends Figures {
   /** Behind the live edge, in milliseconds, as the player counts. */
   readonly liveLatency: number | null;
-  /** What it is to be, in milliseconds. */
+  /** Target latency in milliseconds. */
   readonly targetLatency: number | null;
-  /** What the video is encoded with, and how long frames wait in the jitter buffer, in milliseconds: of WebRTC only. */
+  /** Encoder, and time of frames in the jitter buffer in milliseconds; WebRTC only. */
   readonly codec: string | null;
   readonly jitterBuffer: number | null;
   /** The main thread's time to turn a picture, median of the last seconds; null while none is turned. In milliseconds. */
   readonly warpMs: number | null;
-  /** The graphics processor's time, in milliseconds; null where it does not tell. */
+  /** GPU time in milliseconds; null where it is not measured. */
   readonly gpuMs: number | null;
 }
 
@@ -49,7 +49,7 @@ export const NO_STREAM_STATS: StreamStats = {
   gpuMs: null,
 };
 
-/** A page that nobody has looked at for so long gives its stream up, in milliseconds; it comes back with who looks again. */
+/** A page hidden for this many milliseconds ends its stream; showing the page reopens it. */
 const HIDDEN_FOR = 10_000;
 
 /** How it stands; `failed` waits for another setting. */
@@ -64,21 +64,21 @@ export interface StreamOptions {
   readonly rig: Rig;
   readonly side: Side & StreamKind;
   readonly open: OpenViews;
-  /** Whether stalls raise the target (`latency-target.ts`); otherwise it stays as it is. */
+  /** Whether stalls raise the target (`latency-target.ts`); otherwise it is constant. */
   readonly adaptive: boolean;
-  /** What foretells the poses that the packager is told. */
+  /** Predictor of the poses sent to the packager. */
   readonly prediction: () => PredictorName;
   /** Turns the stream's frames to the pose of each animation frame while it works. */
   readonly reprojector: Reprojector<StreamedFrame>;
-  /** How much more frames show at each side, as a share of the viewport; null: they are shown as they come. */
+  /** Margin of frames at each side, as a share of the viewport; null: frames are shown without a warp. */
   readonly overscan: number | null;
   readonly onPresented: (frame: PresentedFrame) => void;
-  /** Bytes of segments came in. */
+  /** Bytes of segments were received. */
   readonly onReceived: (bytes: number) => void;
   readonly now: () => number;
 }
 
-/** A frame of the video, as the browser told of it. */
+/** A frame of the video, as reported by the browser. */
 interface Shown {
   /** Its number. */
   readonly frame: number;
@@ -115,7 +115,7 @@ export class StreamPlayer {
     this.#foresight = new Foresight(rig, prediction);
     this.#feed = new CameraFeed({ rig, foresight: this.#foresight, overscan });
     this.#turned = overscan === null ? null : new TurnedVideo(video, reprojector);
-    video.style.scale = String(1 + 2 * (overscan ?? 0)); // until a frame is turned, its margins lie beyond the pane
+    video.style.scale = String(1 + 2 * (overscan ?? 0)); // the margins extend beyond the pane until a frame is warped
     void this.#run(this.#visit.signal);
     this.#visibilityChanged();
     document.addEventListener("visibilitychange", this.#visibilityChanged);
@@ -133,27 +133,27 @@ export class StreamPlayer {
     return this.#meter.latencies(now);
   }
 
-  /** The stream that plays, for records; null while there is none. */
+  /** The present stream, for records; null without one. */
   get playing(): Played | null {
     return this.#stream?.played ?? null;
   }
 
-  /** The latency that the stream is to have at present, in milliseconds; null while there is none. */
+  /** Present target latency in milliseconds; null without a stream. */
   get targetLatency(): number | null {
     return this.#target?.value ?? this.#stream?.targetLatency ?? null;
   }
 
-  /** How the packager does with the stream; null where that cannot be had. */
+  /** The packager's report on the stream; null if unavailable. */
   async status(signal: AbortSignal): Promise<SessionStatus | null> {
     return this.#stream?.status(signal) ?? null;
   }
 
-  /** A copy of what is on the screen. */
+  /** A copy of the screen. */
   picture(): Promise<ImageBitmap> {
     return this.#options.reprojector.picture() ?? createImageBitmap(this.#options.video);
   }
 
-  /** Once per animation frame, first of all: what was turned in the last one is on the screen by now. */
+  /** Called at the start of each animation frame: the last warped frame is on screen by now. */
   presented(now: number): void {
     const turned = this.#options.reprojector.presented();
     if (turned === null || this.#turned === null) return;
@@ -163,7 +163,13 @@ export class StreamPlayer {
     this.#meter.presented({ at: now, pose, view, filled, warpMs, ...frame }, fresh);
   }
 
-  /** Once per animation frame, after the rig was sampled; `moved` is what the rig said. */
+  /** The page was hidden for the last `gap` milliseconds; before anything else of this animation frame. */
+  resumed(gap: number): void {
+    this.#meter.resumed(gap);
+    this.#foresight.reset();
+  }
+
+  /** Called once per animation frame, after the rig was sampled; `moved` is the rig's result. */
   tick(now: number, moved: boolean): void {
     const { rig, reprojector } = this.#options;
     this.#meter.sampled(rig.pose.seq, now);
@@ -241,7 +247,9 @@ export class StreamPlayer {
     const { video, open, adaptive, now, onReceived } = this.#options;
     const playing = deferred<undefined>();
     const ended = deferred<string>();
-    signal.addEventListener("abort", () => ended.resolve(""), { once: true });
+    const attempt = new AbortController();
+    signal.addEventListener("abort", () => ended.resolve(""), { signal: attempt.signal });
+    void ended.promise.then(() => attempt.abort());
     const frames = new FramePoses<Shown>((message, shown) => this.#present(message, shown));
     const events = {
       told: (frame: number, pose: number) => frames.told(frame, pose),
@@ -251,7 +259,10 @@ export class StreamPlayer {
       },
       failed: ended.resolve,
     };
-    const stream = await open(video, this.#feed.open(now()), events, signal);
+    const stream = await open(video, this.#feed.open(now()), events, signal).catch((error: unknown) => {
+      attempt.abort();
+      throw error;
+    });
     if (signal.aborted) stream.dispose();
     signal.throwIfAborted();
     this.#foresight.reset();
@@ -276,7 +287,7 @@ export class StreamPlayer {
     return { ended: ended.promise };
   }
 
-  /** It is known of which message a frame of the video is. */
+  /** The message of a frame of the video is known. */
   #present(message: number, { frame, at, width, height }: Shown): void {
     const rung = this.#stream?.rung(width, height) ?? null;
     const told = this.#feed.told(message);
@@ -295,7 +306,7 @@ export class StreamPlayer {
   }
 }
 
-/** From what is shown to the end of what has come; null before anything is there. In milliseconds. */
+/** Buffered time ahead of the present frame in milliseconds; null before the first frame. */
 function bufferedMs({ buffered, currentTime }: HTMLVideoElement): number | null {
   if (buffered.length === 0) return null;
   return Math.max(0, (buffered.end(buffered.length - 1) - currentTime) * 1000);

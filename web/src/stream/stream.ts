@@ -1,15 +1,15 @@
-/** What a stream on a video element is, apart from what brings and plays it. */
+/** A stream on a video element, independent of its delivery and player. */
 
 import type { PoseUpdate, SessionStatus } from "../wire/dash";
 import type { PlayedStream, PlayedWebRtc } from "../wire/store";
 import type { Camera } from "./camera-feed";
 
-/** What brings a stream, and what people call it. */
+/** The delivery of a stream, and its label. */
 export type StreamKind = "dash" | "webrtc";
 export const STREAM_NAMES: Readonly<Record<StreamKind, string>> = { dash: "DASH", webrtc: "WebRTC" };
 
 export interface StreamEvents {
-  /** Bytes of segments came in. */
+  /** Bytes of segments were received. */
   received(bytes: number): void;
   /** The stream cannot be played any longer. */
   failed(reason: string): void;
@@ -28,30 +28,30 @@ export interface Stream {
 /** Plays a manifest from its live edge. Raises StreamUnsupported. */
 export type PlayStream = (video: HTMLVideoElement, manifest: string, events: StreamEvents) => Stream;
 
-/** What happens to a stream of views. */
+/** Events of a stream of views. */
 export interface ViewEvents extends StreamEvents {
   /** Frame number `frame` shows the pose of message `pose`. */
   told(frame: number, pose: number): void;
 }
 
-/** What was played, by its kind. */
+/** A played stream, by kind. */
 export type Played = { readonly dash: Omit<PlayedStream, "targets_ms"> } | { readonly webrtc: PlayedWebRtc };
 
-/** A stream of views on a video element, whose camera is told of. */
+/** A stream of views on a video element, with a remote camera. */
 export interface ViewStream extends Stream {
-  /** What it is to have, in milliseconds; null: as little as it can. */
+  /** Target latency in milliseconds; null: as low as possible. */
   readonly targetLatency: number | null;
   /** For records. */
   readonly played: Played;
-  /** How the packager does with it; null where that cannot be had. */
+  /** The packager's report on it; null if unavailable. */
   status(signal: AbortSignal): Promise<SessionStatus | null>;
-  /** What the browser tells of receiving it; null of what it does not receive by itself. */
+  /** The browser's receiver statistics; null if it is not the receiver. */
   receiver(): { readonly codec: string; readonly jitterBuffer: number | null } | null;
   /** Sends a pose, unless an earlier one still waits: then false, and the newest is to be tried again. */
   send(pose: PoseUpdate): boolean;
   /**
-   * The number of the frame that the video has at a media time, in seconds, as the browser tells of the one that it presented last;
-   * null: it does not say.
+   * Number of the frame at a media time in seconds, as reported by the browser for the last presented one; null if
+   * unknown.
    */
   frame(mediaTime: number, presented: VideoFrameCallbackMetadata): number | null;
   /** The ladder's rung, by a frame's size. */

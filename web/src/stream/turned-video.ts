@@ -1,19 +1,19 @@
 /**
- * A stream whose frames are turned to newer views: each one's picture is taken from the video when the browser presents it, waits
- * until it is known which view it shows, and goes to the canvas over the video. Until then the one before stays.
+ * A stream whose frames are warped to newer views: each frame is copied when the browser presents it, waits until its
+ * view is known, and is then drawn to the canvas over the video. Until then the previous frame stays.
  */
 import type { Reprojector } from "../reproject/reprojector";
 import { resized } from "../reproject/view";
 import type { Told } from "./camera-feed";
 import { WaitingPictures } from "./waiting-pictures";
 
-/** What is told of a frame when it is on the screen. */
+/** Properties of a frame on screen. */
 export interface StreamedFrame {
   readonly rung: number | null;
-  /** Pixels, as it was encoded. */
+  /** Encoded size in pixels. */
   readonly width: number;
   readonly height: number;
-  /** When its view was asked for, on the page's clock. */
+  /** Time of the view's request on the page's clock. */
   readonly askedAt: number;
 }
 
@@ -33,8 +33,9 @@ export class TurnedVideo {
   }
 
   /**
-   * Keeps the picture that the video has now, and tells the number of its frame, which `numberAt` knows by its media time in seconds;
-   * null if there is none. It may be newer than the frame that the browser has just told of: a picture must not be taken for another.
+   * Copies the video's present picture and returns the number of its frame, which `numberAt` knows by media time in
+   * seconds; null without a picture. The picture may be newer than the frame just reported by the browser, and must not
+   * be confused with it.
    */
   capture(numberAt: (mediaTime: number) => number | null): number | null {
     let picture: VideoFrame;

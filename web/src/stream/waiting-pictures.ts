@@ -1,4 +1,4 @@
-/** Pictures of a video's frames, each kept until it is known what it shows, and closed if nobody needs it. */
+/** Pictures of a video's frames, each kept until its view is known, and closed if unused. */
 
 export class WaitingPictures<Picture extends { close(): void }> {
   /** A decoder has few pictures to lend. */
@@ -16,7 +16,7 @@ export class WaitingPictures<Picture extends { close(): void }> {
     }
   }
 
-  /** A frame's, for good; null if it has gone. Those that came before it go. */
+  /** Removes and returns a frame's picture, dropping earlier ones; null if it was dropped. */
   take(frame: number): Picture | null {
     const picture = this.#waiting.get(frame);
     if (picture === undefined) return null;

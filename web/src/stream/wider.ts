@@ -1,11 +1,11 @@
-/** A wider lens: what is beyond a view's edges, so that the page can turn the picture later and still fill the view. */
+/** A wider lens: it covers more than the view, so that the page can warp the picture later and still fill the view. */
 import { resized } from "../reproject/view";
 import { type Intrinsics, type Viewport, viewportFor } from "../view/intrinsics";
 
-/** Of a stream, where nobody has chosen it: a stream would have to be opened anew to change it. */
+/** Default margin of a stream; changing it would mean opening another stream. */
 export const AUTO_OVERSCAN = 0.1;
 
-/** The same camera with so much more at each side, as a share of the width and of the height; within the server's limits. */
+/** The same camera with this margin at each side, as a share of width and height; within the server's limits. */
 export function widened<View extends Intrinsics & Viewport>(view: View, overscan: number): View {
   const marginX = Math.round(view.width * overscan);
   const marginY = Math.round(view.height * overscan);

@@ -1,4 +1,4 @@
-/** Picks the transport: WebTransport if it can be had, fetch otherwise, and the reason if that is not what was asked for. */
+/** Picks the transport: WebTransport if available, fetch otherwise, with the reason for a fallback. */
 import type { ServerConfig } from "../wire/render";
 import { DatagramTransport } from "./datagrams";
 import { FetchTransport } from "./fetch";
@@ -13,9 +13,9 @@ export type TransportChoice = "auto" | TransportKind;
 
 export interface Connected {
   readonly transport: FrameTransport;
-  /** Why it is not the transport that was wanted, or null. */
+  /** Reason for falling back, or null. */
   readonly fallback: string | null;
-  /** A session was asked for, and there is none: another host may give one. */
+  /** The session was refused: another host may accept it. */
   readonly refused?: boolean;
   /** The host's name, in a cluster. */
   readonly host: string | null;

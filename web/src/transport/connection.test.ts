@@ -20,13 +20,13 @@ const config = (certificate: string): ServerConfig => ({
 
 let certificate: string;
 let reachable: boolean;
-/** What the server says of its being full, each time that it is asked; afterwards it has room. */
+/** The server's "full" answers, in order; afterwards it has room. */
 let full: (number | null)[];
 let fallback: string | null;
-/** The host that the director names, if there is one, and what it hears of hosts. */
+/** The host named by the director, if any, and the reports sent to it. */
 let named: string | null;
 let reports: (HostReport | undefined)[];
-/** By host: those that QUIC does not reach, and what the director names once it hears that they are lost. */
+/** By host: unreachable hosts, and the director's answer once they are reported as lost. */
 let instead: Map<string, string>;
 /** For how long it was waited, in milliseconds, but for checks. */
 let waits: number[];
@@ -38,6 +38,7 @@ let silence: boolean[];
 let now: number;
 /** Settles when the server's configuration comes. */
 let reply: () => Promise<void>;
+let visible: () => Promise<void>;
 let stop: AbortController;
 
 /** Waits until the connection has been in this state so often. */
@@ -65,6 +66,7 @@ function start(): Promise<void> {
       onState: (state) => states.push(state),
       onSilence: (silent) => silence.push(silent),
       now: () => now,
+      visible: () => visible(),
       sleep: async (milliseconds, signal) => {
         const checking = [CHECK_EVERY, ASK_DIRECTOR_EVERY].includes(milliseconds);
         if (!checking && ![LOOK_EVERY, LOOK_ELSEWHERE_EVERY].includes(milliseconds)) waits.push(milliseconds);
@@ -97,6 +99,7 @@ beforeEach(() => {
   silence = [];
   now = 0;
   reply = async () => undefined;
+  visible = async () => undefined;
   stop = new AbortController();
 });
 
@@ -164,6 +167,37 @@ test("a server that died in silence is noticed", async () => {
   await running;
 });
 
+test("a malformed configuration is no reason to give up", async () => {
+  let malformed = true;
+  reply = async () => {
+    if (malformed) throw new TypeError("Cannot read properties of null");
+  };
+  const running = start();
+  await reached("lost", 3);
+  malformed = false;
+  await reached("connected");
+  stop.abort();
+  await running;
+});
+
+test("a hidden page asks the server for nothing until it is shown", async () => {
+  const shown = deferred<void>();
+  const running = start();
+  await reached("connected");
+  await vi.waitFor(() => expect(checks).toHaveLength(1));
+  const before = reports.length;
+  visible = () => shown.promise;
+  checks[0]?.();
+  transports[0]?.lose("the session ended");
+  await reached("lost");
+  for (let turn = 0; turn < 20; turn++) await new Promise((resolve) => setTimeout(resolve));
+  expect(reports).toHaveLength(before);
+  shown.resolve();
+  await reached("connected", 2);
+  stop.abort();
+  await running;
+});
+
 test("a server that was started again is noticed by its certificate", async () => {
   const running = start();
   await reached("connected");
@@ -183,7 +217,7 @@ const request = { scene: "s", seq: 0, fx: 1, fy: 1, cx: 1, cy: 1, width: 2, heig
 const never = new AbortController().signal;
 let running: Promise<void>;
 
-/** Lets so much time pass, and everything happen that comes of it. */
+/** Advances the time and settles everything that follows. */
 async function pass(milliseconds: number): Promise<void> {
   for (const end = now + milliseconds; now < end; now += LOOK_EVERY) {
     for (const look of looks.splice(0)) look();
@@ -191,7 +225,7 @@ async function pass(milliseconds: number): Promise<void> {
   }
 }
 
-/** Connects, asks for a view, and hears nothing for long enough. */
+/** Connects, requests a view, and gets no answer for long enough. */
 async function fallSilent(): Promise<void> {
   running = start();
   await reached("connected");
@@ -260,7 +294,7 @@ describe("a server that has fallen silent", () => {
 });
 
 describe("in a cluster", () => {
-  /** The hosts that were connected to, in this order; nothing else may have been told. */
+  /** The connected hosts in order; no other state may have been reported. */
   const hosts = () =>
     states.slice(1).map((state) => (state.status === "connected" ? state.host : `${state.status} instead`));
 

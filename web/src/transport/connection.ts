@@ -1,8 +1,8 @@
 /**
- * Keeps a transport to the server: connects, notices when the server is lost, and connects again until it is closed.
- * Each attempt reads the server's configuration anew: after a restart its certificate is another one, and only there a server
- * can say that it is full, since browsers do not tell why a session failed. In a cluster it names the host that is to serve us,
- * and says at once if that is another one.
+ * Maintains a transport to the server: connects, notices a lost server, and reconnects until closed. Each attempt reads
+ * the server's configuration again: a restarted server has another certificate, and only the configuration can say that
+ * the server is full, since browsers do not report why a session failed. In a cluster it names the host to use,
+ * including a replacement.
  */
 import pRetry from "p-retry";
 import type { ServerConfig } from "../wire/render";
@@ -14,10 +14,10 @@ import { WatchedTransport } from "./watched";
 
 export type ConnectionState =
   | { readonly status: "connecting" }
-  /** Also of a transport that replaces one: the other is closed when this has been told. */
+  /** Also reported when a transport replaces another; the old one is closed after this call. */
   | ({ readonly status: "connected" } & Connected)
   | { readonly status: "lost"; readonly reason: string }
-  /** The server takes no new viewers; it is asked again by itself. */
+  /** The server takes no new viewers; the client retries automatically. */
   | { readonly status: "full" };
 
 export interface ConnectionOptions extends WatchOptions {
@@ -30,7 +30,7 @@ export interface ConnectionOptions extends WatchOptions {
   readonly random?: () => number;
 }
 
-/** Those who wait for a full server come back at different times, up to this much later than they were told, as a share of it. */
+/** Viewers of a full server retry at different times: up to this much later than announced, as a share of the delay. */
 const JITTER = 0.5;
 /** A connection that lasted for less, in milliseconds, is not replaced at once: something is wrong there. */
 const LASTING = 1000;
@@ -50,16 +50,20 @@ interface Known {
 /** Runs until the signal aborts, and then closes the transport. */
 export async function maintainConnection(options: ConnectionOptions, signal: AbortSignal): Promise<void> {
   const { onState, sleep, now, retry = { minTimeout: 300, maxTimeout: 2000 }, random = Math.random } = options;
-  /** What is known when another attempt begins: the host that failed, the configuration that names another, or that of the host. */
+  /**
+   * Knowledge carried into the next attempt: the host that failed, the configuration that names another, or the last
+   * configuration.
+   */
   let report: HostReport | undefined;
   let next: ServerConfig | undefined;
   let last: ServerConfig | undefined;
-  /** The transport that is shown until another takes its place. */
+  /** The transport in use until another replaces it. */
   let previous: WatchedTransport | undefined;
   onState({ status: "connecting" });
   while (!signal.aborted) {
     try {
-      const { config, connected } = await pRetry(() => attempt(options, { report, next, last }, signal), {
+      const known = { report, next, last };
+      const { config, connected } = await pRetry(() => attempt(options, known, signal).catch(rethrow), {
         ...retry,
         retries: Number.POSITIVE_INFINITY,
         factor: 1.6,
@@ -99,12 +103,18 @@ export async function maintainConnection(options: ConnectionOptions, signal: Abo
   previous?.close();
 }
 
+/** p-retry aborts on a TypeError, which a malformed configuration also causes. */
+function rethrow(error: unknown): never {
+  throw error instanceof TypeError ? new Error(error.message, { cause: error }) : error;
+}
+
 /** The server's configuration and a transport, in a cluster to the first host that can be reached. */
 async function attempt(
-  { fetchConfig, connect }: ConnectionOptions,
+  { fetchConfig, connect, visible }: ConnectionOptions,
   { report, next, last }: Known,
   signal: AbortSignal,
 ): Promise<Attempt> {
+  await visible(signal);
   const tried = new Set<string | null | undefined>();
   let config = next ?? (await fetchConfig(signal, report).catch(orElse(last, signal)));
   for (;;) {

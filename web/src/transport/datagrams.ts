@@ -1,4 +1,4 @@
-/** WebTransport datagrams: nothing is sent again, so a lost fragment costs one frame and no time. */
+/** WebTransport datagrams: no retransmission, so a lost fragment costs one frame and no time. */
 import { type Deferred, deferred } from "../async/deferred";
 import type { RenderRequest } from "../wire/render";
 import { parseFrame } from "./framing";
@@ -77,7 +77,7 @@ export class DatagramTransport implements FrameTransport {
         this.#receive(value);
       }
     } catch {
-      // the session broke: `lost` says so
+      // the session broke; `lost` reports it
     }
   }
 

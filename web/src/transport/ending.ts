@@ -1,22 +1,26 @@
-/** Waits for the end of a connection: it is lost, the server is another one, or another host of the cluster is to serve us. */
+/**
+ * Waits for the end of a connection: it is lost, the server was replaced, or another host of the cluster takes over.
+ */
 import type { ServerConfig } from "../wire/render";
 import { type HostReport, hostReport, sentElsewhere } from "./host-report";
 import type { WatchedTransport } from "./watched";
 
-/** How often an open connection is checked, in milliseconds: a server that died says nothing, nor one whose scene was deleted. */
+/**
+ * Interval of checks on an open connection, in milliseconds: a dead server sends nothing, nor one with a deleted scene.
+ */
 export const CHECK_EVERY = 2000;
-/** In a cluster, whose director answers the pages of all hosts. */
+/** The same in a cluster, where the director answers the pages of all hosts. */
 export const ASK_DIRECTOR_EVERY = 3000;
-/** How often it is asked whether the server has fallen silent, in milliseconds. */
+/** Interval of checks for a silent server, in milliseconds. */
 export const LOOK_EVERY = 250;
-/** In a cluster this is asked more often: nobody waits for a host that is gone. */
+/** The same in a cluster, where another host can take over at once. */
 export const LOOK_ELSEWHERE_EVERY = 100;
-/** So long after the last answer, in milliseconds, the director of a cluster is asked whether the host is still there. */
+/** Time after the last answer until the director is asked about the host, in milliseconds. */
 export const HOST_PATIENCE = 700;
 
 export interface Ending {
   readonly reason: string;
-  /** The configuration that names another host, whose transport replaces this one, which may still work. */
+  /** The configuration of another host; its transport replaces this one, which may still work. */
   readonly next?: ServerConfig;
 }
 
@@ -24,19 +28,21 @@ export interface WatchOptions {
   readonly fetchConfig: (signal: AbortSignal, report?: HostReport) => Promise<ServerConfig>;
   /** While connected: the server fell silent, or answers again. */
   readonly onSilence: (silent: boolean) => void;
-  /** Settles after so many milliseconds; rejects if aborted. */
+  /** Settles after this many milliseconds; rejects if aborted. */
   readonly sleep: (milliseconds: number, signal: AbortSignal) => Promise<void>;
+  /** Settles once the page is visible, because a hidden page sends no requests. Rejects if aborted. */
+  readonly visible: (signal: AbortSignal) => Promise<void>;
 }
 
 /**
- * Settles when the transport is lost, the server is another one now, or it can be reached and says nothing over the transport;
- * in a cluster also when another host is named. A short outage of the network is none of these: a connection that outlives it is
- * worth more than a new one.
+ * Settles when the transport is lost, the server was replaced, or the server is reachable but silent on the transport;
+ * in a cluster also when another host is named. A short network outage is none of these: a connection that survives it
+ * is worth more than a new one.
  */
 export async function ending(
   config: ServerConfig,
   transport: WatchedTransport,
-  { fetchConfig, sleep, onSilence }: WatchOptions,
+  { fetchConfig, sleep, visible, onSilence }: WatchOptions,
   signal: AbortSignal,
 ): Promise<Ending> {
   const clustered = hostReport("at", config) !== undefined;
@@ -48,7 +54,7 @@ export async function ending(
       now = await fetchConfig(until, hostReport(how, config));
     } catch {
       until.throwIfAborted();
-      // Without its director, a host goes on.
+      // A host continues without its director.
       return clustered ? null : { reason: "The server does not answer." };
     }
     if (sentElsewhere(config, now)) return { reason: "Another host serves the scene now.", next: now };
@@ -58,6 +64,7 @@ export async function ending(
   const check = async (): Promise<Ending> => {
     for (;;) {
       await sleep(clustered ? ASK_DIRECTOR_EVERY : CHECK_EVERY, until);
+      await visible(until);
       const end = await examine("at");
       if (end !== null) return end;
     }
@@ -65,10 +72,11 @@ export async function ending(
   const watch = async (): Promise<Ending> => {
     for (;;) {
       await sleep(LOOK_EVERY, until);
+      await visible(until);
       if (!transport.silent) continue;
       onSilence(true);
       const probed = transport.probe(sleep, until);
-      probed.catch(() => undefined); // aborted; whoever awaits it hears of that
+      probed.catch(() => undefined); // aborted; reported where it is awaited
       const end = await examine("silent");
       if (end !== null) return end;
       // It can be reached, maybe only since now.
@@ -80,6 +88,7 @@ export async function ending(
   const lookElsewhere = async (): Promise<Ending> => {
     for (;;) {
       await sleep(LOOK_ELSEWHERE_EVERY, until);
+      await visible(until);
       if (transport.quietFor <= HOST_PATIENCE) continue;
       const end = await examine("silent");
       if (end !== null) return end;

@@ -2,7 +2,7 @@
 import { type Deferred, deferred } from "../async/deferred";
 
 export interface FakeStream {
-  /** What the client has written, once it closed its side. */
+  /** The client's bytes, once it has closed its side. */
   readonly request: Promise<string>;
   respond(...chunks: Uint8Array[]): void;
   readonly stopped: Promise<void>;

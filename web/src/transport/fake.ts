@@ -7,7 +7,7 @@ export interface FakeRequest {
   readonly request: RenderRequest;
   readonly signal: AbortSignal;
   readonly sentAt: number;
-  /** Answers with a frame whose last byte comes now, and its first one `transmission` milliseconds earlier. */
+  /** Answers with a frame that ends now and started `transmission` milliseconds ago. */
   reply(options?: {
     readonly timing?: ServerTiming;
     readonly bytes?: number;
@@ -107,7 +107,7 @@ export async function settle(): Promise<void> {
 
 const later = globalThis.setTimeout;
 
-/** Lets streams run, too; works while a test has faked the timers. */
+/** Lets streams proceed; works with fake timers. */
 export function turn(): Promise<void> {
   return new Promise((resolve) => later(resolve, 0));
 }

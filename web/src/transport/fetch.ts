@@ -7,7 +7,7 @@ import { frameHeader } from "./http-fields";
 import { type Clock, Receiver, readAll } from "./reception";
 import { type FrameReply, type FrameTransport, RequestProblem } from "./transport";
 
-/** This visit's own name, which tells it from others behind the same gateway. */
+/** Identifier of this visit, to separate viewers behind the same gateway. */
 const VIEWER = crypto.getRandomValues(new Uint32Array(4)).join("-");
 
 export class FetchTransport implements FrameTransport {
@@ -22,7 +22,7 @@ export class FetchTransport implements FrameTransport {
 
   readonly #url: string;
 
-  /** `url`: where frames are asked for, from the page's own address. */
+  /** `url`: frame endpoint, relative to the page's address. */
   constructor(now: Clock, url = "render") {
     const { promise, resolve } = deferred<string>();
     this.lost = promise;

@@ -21,7 +21,7 @@ export function parseFrame(chunks: readonly Bytes[]): { header: FrameHeader; ima
   return { header, image: new Blob(tail as Bytes[], { type: header.content_type }) };
 }
 
-/** The first `count` bytes in one piece, and the rest as it came. */
+/** The first `count` bytes in one piece, and the remaining chunks. */
 function split(chunks: readonly Bytes[], count: number): { head: Bytes; tail: readonly Bytes[] } {
   let end = 0;
   let seen = 0;

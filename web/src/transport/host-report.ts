@@ -1,10 +1,10 @@
-/** What a viewer says of its host when it asks which one serves it; the director of a cluster sends it elsewhere for it. */
+/** A viewer's report on its host, sent with the request for a host; the director of a cluster may name another one. */
 import type { ServerConfig } from "../wire/render";
 
-/** All is well there (`at`), nothing is heard of it (`silent`), or it could not be got into (`lost`). */
+/** The host works (`at`), does not answer (`silent`), or refused the session (`lost`). */
 export type HostReport = { readonly at: string } | { readonly silent: string } | { readonly lost: string };
 
-/** Undefined outside of a cluster, where there is nothing to choose. */
+/** Undefined outside a cluster. */
 export function hostReport(how: "at" | "silent" | "lost", { host }: ServerConfig): HostReport | undefined {
   return typeof host === "string" ? ({ [how]: host } as HostReport) : undefined;
 }

@@ -1,4 +1,4 @@
-/** What a frame's HTTP headers say, as the header that WebTransport puts before it. */
+/** Converts a frame's HTTP headers into the header that precedes it over WebTransport. */
 import type { FrameHeader, ServerTiming } from "../wire/render";
 
 export function frameHeader(status: number, headers: Headers): FrameHeader {
@@ -29,7 +29,7 @@ function serverTiming(field: string): ServerTiming | null {
   return queue === undefined || render === undefined || encode === undefined ? null : { queue, render, encode };
 }
 
-/** Numbers by name from `a=1, b=2`; whatever is no number is left out. */
+/** Numbers by name from `a=1, b=2`; other values are skipped. */
 function parameters(field: string, separator: string): Map<string, number> {
   const found = new Map<string, number>();
   for (const part of field.split(separator)) {

@@ -1,4 +1,4 @@
-/** Puts frames together again that came as datagrams: lost, twice, out of order, or made up by somebody. */
+/** Reassembles frames from datagrams that may be lost, duplicated, reordered or forged. */
 
 /** seq (4 bytes), fragment (2), fragments (2), all unsigned and big-endian. */
 export const FRAGMENT_HEADER_BYTES = 8;
@@ -10,7 +10,7 @@ interface Partial {
   readonly fragments: Map<number, Bytes>;
 }
 
-/** A frame whose fragments are all there. */
+/** A complete frame. */
 export interface WholeFrame {
   readonly seq: number;
   readonly chunks: Bytes[];
@@ -20,12 +20,12 @@ export class Reassembler {
   readonly #wanted: (seq: number) => boolean;
   readonly #frames = new Map<number, Partial>();
 
-  /** Only frames that are `wanted` take memory, so what a sender can make us hold is bounded by what we asked for. */
+  /** Only `wanted` frames take memory, so a sender cannot make us hold more than we requested. */
   constructor(wanted: (seq: number) => boolean) {
     this.#wanted = wanted;
   }
 
-  /** Takes one datagram; returns the frame that it completes, if any. Whatever makes no sense is ignored. */
+  /** Takes one datagram and returns the frame that it completes, if any. Invalid datagrams are ignored. */
   add(datagram: Bytes): WholeFrame | undefined {
     if (datagram.byteLength <= FRAGMENT_HEADER_BYTES) return undefined;
     const view = new DataView(datagram.buffer, datagram.byteOffset);

@@ -1,15 +1,16 @@
-/** Times the bytes of replies that come in side by side. */
+/** Times the bytes of concurrent replies. */
 import type { Arrival } from "./transport";
 
 export type Clock = () => number;
 
 /**
- * The clock starts with a packet. What a first chunk has beyond one came after it, as fast as it was, and was only heard of at
- * once: the browser hands on what has arrived every few milliseconds. (Bytes of a stream in a full packet of ours.)
+ * The clock starts with a packet. Bytes of a first chunk beyond one packet arrived later, at the link's rate, but were
+ * delivered together: the browser hands over received data every few milliseconds. (Stream bytes in a full packet of
+ * our server.)
  */
 const PACKET = 1424;
 
-/** Counts what all replies of one transport receive. */
+/** Counts the bytes received by all replies of one transport. */
 export class Receiver {
   readonly now: Clock;
   total = 0;
@@ -50,7 +51,7 @@ export class Reception {
     }
   }
 
-  /** What has come until now. A stream's end may be heard of long after its last byte, so it does not count. */
+  /** Bytes so far. The end of a stream may be reported long after its last byte, so it does not count. */
   get arrival(): Arrival {
     return {
       sentAt: this.#sentAt,
@@ -62,7 +63,7 @@ export class Reception {
   }
 }
 
-/** Reads a stream to its end. Aborting cancels it, which tells the server to stop sending. */
+/** Reads a stream to its end. Aborting cancels it and makes the server stop sending. */
 export async function readAll(
   stream: ReadableStream<Uint8Array<ArrayBuffer>>,
   reception: Reception,

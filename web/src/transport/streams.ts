@@ -1,4 +1,4 @@
-/** WebTransport, one bidirectional stream per frame: nothing waits for anything else, and a stale frame can be cancelled. */
+/** WebTransport, one bidirectional stream per frame: no head-of-line blocking, and a stale frame can be cancelled. */
 import type { RenderRequest } from "../wire/render";
 import { parseFrame } from "./framing";
 import { type Clock, Receiver, readAll } from "./reception";

@@ -1,16 +1,16 @@
-/** What every way of fetching frames has in common. */
+/** Interface of all ways to fetch frames. */
 import type { FrameHeader, Problem, RenderRequest } from "../wire/render";
 
 export type TransportKind = "webtransport-streams" | "webtransport-datagrams" | "fetch";
 
-/** When and how a reply's bytes came, in milliseconds on the page's clock. */
+/** Reception times and bytes of a reply, in milliseconds on the page's clock. */
 export interface Arrival {
   readonly sentAt: number;
   readonly firstByteAt: number;
   readonly lastByteAt: number;
   /** Bytes of this reply. */
   readonly bytes: number;
-  /** Bytes of all replies of the transport that came after this one's first packet, until `lastByteAt`. */
+  /** Bytes of all replies of the transport received after this reply's first packet, until `lastByteAt`. */
   readonly sharedBytes: number;
 }
 
@@ -25,8 +25,8 @@ export interface FrameTransport {
   /** The most requests that it can carry at a time. */
   readonly maxInFlight: number;
   /**
-   * The server knows that all requests come from one viewer, and renders the newest first. Then a request that gets
-   * overtaken costs next to nothing, and it pays to send every view.
+   * The server attributes all requests to one viewer and renders the newest first. An outdated request then costs next
+   * to nothing, and it pays to send every view.
    */
   readonly overtaking: boolean;
   /** Settles with a reason once the server cannot be reached through it any more; never rejects. */
@@ -39,7 +39,7 @@ export interface FrameTransport {
   close(): void;
 }
 
-/** The server refused a request, and said why. */
+/** The server refused a request and gave a reason. */
 export class RequestProblem extends Error {
   readonly problem: Problem;
 

@@ -18,7 +18,7 @@ function ask(seq: number, signal = new AbortController().signal): void {
   subject.request(request(seq), signal).catch(() => undefined);
 }
 
-/** One request, answered after so long. */
+/** One request, answered after this delay. */
 async function answered(seq: number, after: number): Promise<void> {
   ask(seq);
   now += after;

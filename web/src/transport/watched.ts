@@ -1,12 +1,12 @@
-/** A transport that knows when the server has fallen silent: views were asked for, and nothing is answered. */
+/** A transport that detects a silent server: requests are outstanding and no answer arrives. */
 import type { RenderRequest } from "../wire/render";
 import type { Clock } from "./reception";
 import { type FrameReply, type FrameTransport, RequestProblem, type TransportKind } from "./transport";
 
-/** Silence is what lasts longer than so many of the longest recent answers took, and than MIN_PATIENCE (ms). */
+/** A server is silent after this many times the longest recent response time, at least MIN_PATIENCE (ms). */
 const ANSWERS = 8;
 export const MIN_PATIENCE = 2000;
-/** How often a silent server is asked again, in milliseconds: the first packets after an outage wake a connection up. */
+/** Interval of probes of a silent server, in milliseconds: the first packets after an outage wake a connection up. */
 const PROBE_EVERY = 500;
 /** Refused at once, without a scene to load or a place in a queue. */
 const PROBE: RenderRequest = { scene: "", seq: 2 ** 32 - 1, fx: 1, fy: 1, cx: 1, cy: 1, width: 2, height: 2 };
@@ -18,7 +18,7 @@ export class WatchedTransport implements FrameTransport {
   readonly lost: Promise<string>;
   readonly #transport: FrameTransport;
   readonly #now: Clock;
-  /** When the first request went out that nothing was answered after; undefined if there is none. */
+  /** Time of the first request since the last answer; undefined without outstanding requests. */
   #unansweredSince: number | undefined;
   #outstanding = 0;
   #answers = 0;
@@ -47,21 +47,21 @@ export class WatchedTransport implements FrameTransport {
       throw error;
     } finally {
       this.#outstanding--;
-      if (this.#outstanding === 0 && signal.aborted) this.#unansweredSince = undefined; // nobody waits any more
+      if (this.#outstanding === 0 && signal.aborted) this.#unansweredSince = undefined; // no request is left
     }
   }
 
-  /** For how long nothing has been answered that was asked for, in milliseconds. */
+  /** Time since the first unanswered request, in milliseconds. */
   get quietFor(): number {
     return this.#unansweredSince === undefined ? 0 : this.#now() - this.#unansweredSince;
   }
 
-  /** Whether nothing has been answered for longer than is usual. */
+  /** Whether the present silence is longer than usual. */
   get silent(): boolean {
     return this.quietFor > this.#patience;
   }
 
-  /** Asks the server for a sign of life; whether it gave one in time, to whatever it was asked. */
+  /** Probes the server; resolves to whether any answer arrived in time. */
   async probe(
     sleep: (milliseconds: number, signal: AbortSignal) => Promise<void>,
     signal: AbortSignal,

@@ -1,4 +1,4 @@
-/** A modal dialogue, open for as long as it is there; the focus is where it was before once it is gone. */
+/** A modal dialog, open while mounted; unmounting restores the focus. */
 import { X } from "lucide";
 import type { ComponentChildren, KeyboardEventHandler } from "preact";
 import { useEffect, useId, useRef } from "preact/hooks";
@@ -6,11 +6,11 @@ import { IconButton } from "./icon-button";
 
 interface Props {
   readonly title: string;
-  /** Its class, beside that of all dialogues. */
+  /** Class name in addition to that of all dialogs. */
   readonly kind: string;
-  /** Its button or Escape closed it, or a click beside it where that does. */
+  /** Closed by its button, Escape or, if enabled, a click outside. */
   readonly onClose: () => void;
-  /** Nothing is lost by it: a click beside it closes it. */
+  /** A click outside closes it, because no input is lost. */
   readonly light?: boolean;
   readonly onKeyDown?: KeyboardEventHandler<HTMLDialogElement>;
   readonly children: ComponentChildren;
@@ -22,7 +22,7 @@ export function Dialog({ title, kind, onClose, light, onKeyDown, children }: Pro
   useEffect(() => {
     const before = document.activeElement;
     dialog.current?.showModal();
-    // The browser does so where it closed the dialogue itself, not where that is only taken away.
+    // The browser does this when the user closes the dialog, but not when it is unmounted.
     return () => before instanceof HTMLElement && before.focus({ preventScroll: true });
   }, []);
   return (

@@ -1,4 +1,4 @@
-/** Icons of the Lucide set, drawn in the text's colour. They say nothing to screen readers: their button's name does. */
+/** Icons of the Lucide set in the text colour. Hidden from screen readers, which read the button's label. */
 import type { IconNode } from "lucide";
 import { h } from "preact";
 

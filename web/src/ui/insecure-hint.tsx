@@ -1,4 +1,4 @@
-/** Tells a visitor over plain HTTP from another device where WebTransport works. */
+/** Points visitors over plain HTTP from another device to the address with WebTransport. */
 
 import { LockOpen } from "lucide";
 import { config } from "../state/app";

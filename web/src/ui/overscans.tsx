@@ -5,7 +5,7 @@ type Overscan = Settings["overscan"];
 
 const SHARES = [0, 0.05, 0.1, 0.15, 0.2, 0.25];
 
-/** What is chosen is among them, whatever it is. */
+/** Options of the list, including the present value. */
 export function OverscanOptions({ chosen }: { readonly chosen: Overscan }) {
   const shares = chosen === "auto" || SHARES.includes(chosen) ? SHARES : [...SHARES, chosen];
   return (
@@ -20,7 +20,7 @@ export function OverscanOptions({ chosen }: { readonly chosen: Overscan }) {
   );
 }
 
-/** The one that was chosen of these. */
+/** The selected option. */
 export function overscanOf(value: string): Overscan {
   return value === "auto" ? "auto" : Number(value);
 }

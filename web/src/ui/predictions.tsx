@@ -1,4 +1,4 @@
-/** What predicts the poses that frames are asked for, for a list to choose from. */
+/** Options of the pose predictor. */
 import { PREDICTOR_NAMES, PREDICTORS } from "../predict/registry";
 
 export function PredictionOptions() {

@@ -1,4 +1,4 @@
-/** A dialogue that does something if it is told to, and stays open with a sentence if that fails. */
+/** A confirmation dialog; if the action fails, it stays open with the reason. */
 import { useSignal } from "@preact/signals";
 import type { ComponentChildren } from "preact";
 import { ApiError } from "../http/problem";

@@ -11,7 +11,7 @@ export function save(name: string, content: Blob): void {
   setTimeout(() => URL.revokeObjectURL(url), READ_WITHIN);
 }
 
-/** Has the browser download what another server offers as a file, without asking the person whether to leave the page for it. */
+/** Downloads a file from another server without a prompt about leaving the page. */
 export function download(url: string): void {
   const frame = document.createElement("iframe");
   frame.hidden = true;

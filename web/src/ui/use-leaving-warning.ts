@@ -1,4 +1,4 @@
-/** Has the browser ask who leaves the page whether what would be lost with it may be. */
+/** Makes the browser confirm leaving the page while unsaved work would be lost. */
 import { useEffect } from "preact/hooks";
 
 export function useLeavingWarning(needed: boolean): void {

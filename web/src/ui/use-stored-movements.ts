@@ -1,4 +1,4 @@
-/** The store's list of movements, asked for when a component is first shown. */
+/** The store's list of movements, requested when a component is first shown. */
 import { useSignal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
 import { MovementError } from "../movement/movement";

@@ -1,4 +1,4 @@
-/** One file on its way to become a scene: sent in parts (tus), so that a broken connection costs nothing, then checked. */
+/** Upload of one scene file: sent in parts (tus), so that a broken connection costs nothing, then checked. */
 import { type ReadonlySignal, signal } from "@preact/signals";
 import pRetry from "p-retry";
 import type { DetailedError } from "tus-js-client";
@@ -13,16 +13,16 @@ export type UploadState =
   | { readonly kind: "checking" }
   | { readonly kind: "failed"; readonly message: string };
 
-/** After what times without progress it is tried again, in milliseconds. */
+/** Delays of retries without progress, in milliseconds. */
 const RETRIES = [0, 500, 1000, 2000, 4000, 8000, 15_000, 30_000];
-/** Statuses that pass: no answer, a part of another connection that came first, and a server that is busy or starting. */
+/** Transient statuses: no answer, a part that another connection sent first, and a server that is busy or starting. */
 const PASSING = [0, 409, 502, 503, 504];
 
 let made = 0;
 
 export class SceneUpload {
   readonly file: File;
-  /** Tells it from others in this page. */
+  /** Identifier within this page. */
   readonly number = made++;
   readonly #state = signal<UploadState>({ kind: "waiting" });
   readonly #cancelled = new AbortController();
@@ -39,7 +39,7 @@ export class SceneUpload {
     return this.#cancelled.signal.aborted;
   }
 
-  /** Ends it, and has the server forget what it got. */
+  /** Cancels the upload and makes the server drop its part. */
   cancel(): void {
     this.#cancelled.abort();
   }
@@ -48,7 +48,7 @@ export class SceneUpload {
     this.#state.value = { kind: "failed", message };
   }
 
-  /** Resolves with what it has become; null if it failed, which its state tells of, or was cancelled. */
+  /** Resolves with the new scene; null if it failed, as its state explains, or was cancelled. */
   async run(): Promise<AddedScene | null> {
     const { signal } = this.#cancelled;
     if (signal.aborted) return null;
@@ -85,7 +85,7 @@ export class SceneUpload {
         onError: reject,
       });
       signal.addEventListener("abort", () => {
-        // what cannot be given up now, the server gives up by itself
+        // the server drops an abandoned upload by itself
         upload.abort(true).catch(() => undefined);
         resolve(null);
       });

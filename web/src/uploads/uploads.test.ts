@@ -3,7 +3,7 @@ import { afterEach, beforeEach, expect, test, vi } from "vitest";
 import { ApiError } from "../http/problem";
 import { addUploaded } from "../state/api";
 import { refreshScenes } from "../state/app";
-import { addFiles, dismiss, isUploading, uploads } from "./uploads";
+import { added, addFiles, dismiss, isUploading, uploads } from "./uploads";
 
 interface Callbacks {
   readonly onProgress: (sent: number) => void;
@@ -12,7 +12,7 @@ interface Callbacks {
   readonly onShouldRetry: (error: unknown) => boolean;
 }
 
-/** What tus' client was given, and what became of it, in the order in which uploads began. */
+/** Inputs of tus' client and their outcomes, in order of the uploads. */
 const begun = vi.hoisted(
   () => [] as { readonly name: string; readonly options: Callbacks; resumed: boolean; given: boolean | null }[],
 );
@@ -71,6 +71,7 @@ test("files are sent one after the other, going on with what broke off, and leav
   expect(second.name).toBe("attic.ply");
   second.options.onSuccess();
   await vi.waitFor(() => expect(uploads.value).toEqual([]));
+  expect([...added.value]).toEqual(["garden"]);
 });
 
 test("what the server refuses is said, and nothing is tried again that would be refused again", async () => {

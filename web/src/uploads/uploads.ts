@@ -1,11 +1,14 @@
-/** The files that this page adds as scenes: one after the other, wherever in the page one is meanwhile. */
+/** Files uploaded as scenes, one after the other, also while another part of the page is open. */
 import { computed, signal } from "@preact/signals";
 import { refreshScenes } from "../state/app";
 import { SceneUpload } from "./scene-upload";
 
-/** Those that are under way, wait or have failed, in the order in which they were chosen. */
+/** Active, waiting and failed uploads, in order of selection. */
 export const uploads = signal<readonly SceneUpload[]>([]);
 export const isUploading = computed(() => uploads.value.some(({ state }) => state.value.kind !== "failed"));
+
+/** Ids of scenes that were added and not opened since. */
+export const added = signal<ReadonlySet<string>>(new Set());
 
 let queue: Promise<unknown> = Promise.resolve();
 
@@ -19,14 +22,16 @@ export function addFiles(files: readonly File[], limit: number): void {
   }
 }
 
-/** Takes one off the list; one that is under way is given up. */
+/** Removes an upload from the list and cancels it if it is active. */
 export function dismiss(upload: SceneUpload): void {
   upload.cancel();
   uploads.value = uploads.value.filter((other) => other !== upload);
 }
 
 async function follow(upload: SceneUpload): Promise<void> {
-  if ((await upload.run()) === null) return;
+  const scene = await upload.run();
+  if (scene === null) return;
+  added.value = new Set([...added.value, scene.id]);
   await refreshScenes();
   dismiss(upload);
 }

@@ -1,7 +1,7 @@
 /**
- * The frames of a video in the order in which they were encoded. Each refers to the one before it, and they may come in another order
- * or not at all, so a frame waits for the one before it, and not for long: from then on only a key frame helps, which is asked for once
- * until that request has an answer. Pure: times come in, in milliseconds.
+ * Orders the frames of a video for decoding. Each refers to its predecessor, and they may arrive out of order or not at
+ * all, so a frame waits for its predecessor for a short time. After that only a key frame helps, which is requested
+ * once until that request has an answer. Pure: time is an argument, in milliseconds.
  */
 
 /** A frame's place in the video. */
@@ -9,11 +9,11 @@ export interface Link {
   readonly seq: number;
   /** It refers to no other. */
   readonly key: boolean;
-  /** The number of the one that it refers to; null of a key frame. */
+  /** Number of the reference frame; null for a key frame. */
   readonly after: number | null;
 }
 
-/** What has become of frames with the one that came: in order, those that can be decoded now, and those that never will be. */
+/** Effect of a received frame: frames that can be decoded now, in order, and frames that never can. */
 export interface Outcome<Frame> {
   readonly ready: readonly Frame[];
   readonly lost: readonly Frame[];
@@ -25,12 +25,12 @@ interface Waiting<Frame> {
 }
 
 export class Chain<Frame extends Link> {
-  /** The last one that could be decoded; null: only a key frame can be. */
+  /** The last decodable frame; null: only a key frame can be decoded. */
   #last: number | null = null;
   #waiting: readonly Waiting<Frame>[] = [];
-  /** The request that asked for a key frame and has no answer yet. */
+  /** The unanswered request for a key frame. */
   #asked: number | null = null;
-  /** Requests that ended without a frame: what refers to one of them is of no use. */
+  /** Requests that ended without a frame; frames that refer to them are useless. */
   readonly #without = new Set<number>();
 
   /** Whether only a key frame can be decoded. */
@@ -45,7 +45,7 @@ export class Chain<Frame extends Link> {
     return true;
   }
 
-  /** A frame came. */
+  /** Takes a received frame. */
   add(frame: Frame, now: number): Outcome<Frame> {
     if (frame.seq === this.#asked || frame.key) this.#asked = null;
     if (this.#last !== null && frame.seq <= this.#last) return { ready: [], lost: [frame] };
@@ -57,7 +57,7 @@ export class Chain<Frame extends Link> {
     return { ready: [], lost: this.#orphans() };
   }
 
-  /** A request ended without a frame: it was refused, cancelled, or lost. Returns the frames that waited for it. */
+  /** Takes a request that was refused, cancelled or lost. Returns the frames that waited for it. */
   ended(seq: number): readonly Frame[] {
     if (seq === this.#asked) this.#asked = null;
     if (this.#last !== null && seq < this.#last) return [];
@@ -65,7 +65,7 @@ export class Chain<Frame extends Link> {
     return this.#orphans();
   }
 
-  /** Returns what has waited for longer than `patience`, and all else that waits with it. */
+  /** Returns frames that waited longer than `patience`, and all frames that depend on them. */
   expired(now: number, patience: number): readonly Frame[] {
     return this.#waiting.some(({ since }) => now - since > patience) ? this.break() : [];
   }
@@ -76,7 +76,7 @@ export class Chain<Frame extends Link> {
     return this.#take(() => true);
   }
 
-  /** Those that wait for a frame that will never come. */
+  /** Frames that wait for a missing frame. */
   #orphans(): readonly Frame[] {
     const orphaned = this.#waiting.some(({ frame: { after } }) => after !== null && this.#without.has(after));
     return orphaned ? this.break() : [];

@@ -1,4 +1,4 @@
-/** What the worker gets to decode. */
+/** A frame for the decoder worker. */
 export interface EncodedFrame {
   /** Grows by one with each frame that is handed over. */
   readonly number: number;

@@ -1,4 +1,4 @@
-/** For tests: a worker that gives a picture at once for each frame that it is handed, or fails as the test says. */
+/** For tests: a worker that decodes each frame at once, or fails on demand. */
 import type { CalledWorker, WorkerAnswer, WorkerCall } from "../async/worker-calls";
 import type { EncodedFrame } from "./encoded-frame";
 
@@ -7,7 +7,7 @@ export class FakeDecoder implements CalledWorker {
   onerror: CalledWorker["onerror"] = null;
   readonly decoded: EncodedFrame[] = [];
   readonly pictures: (ImageBitmap & { closed: boolean })[] = [];
-  /** What it fails with from now on. */
+  /** Error of all further frames. */
   failure: { readonly name: string; readonly message: string } | null = null;
   terminated = false;
 

@@ -37,7 +37,7 @@ function frame(seq: number, after: number | null = null): FrameReply {
   const header = { status: 200, seq, content_type: "video/h264", video };
   return { header, image: new Blob(), arrival: { sentAt: 0, firstByteAt: 0, lastByteAt: 0, bytes: 1, sharedBytes: 0 } };
 }
-/** What becomes of a frame: `shown`, or why not. */
+/** Outcome of a frame: `shown`, or the error. */
 const fate = (reply: FrameReply, signal = never) =>
   frames.decode(reply, signal).then(
     () => "shown",
@@ -82,6 +82,17 @@ describe("asking", () => {
     send(1);
     expect(asked()).toEqual([true, true]);
   });
+});
+
+test("leaving the mode gives the decoder back, and coming back begins with a key frame", async () => {
+  send(0);
+  await fate(frame(0));
+  frames.leave();
+  expect(worker.terminated).toBe(true);
+  worker = new FakeDecoder();
+  send(1);
+  expect(asked()).toEqual([true, true]);
+  expect(await fate(frame(1))).toBe("shown");
 });
 
 describe("decoding", () => {

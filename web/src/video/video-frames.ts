@@ -1,6 +1,6 @@
 /**
- * The frames of the mode `video`, from answers to pictures. A picture is decoded once the one that it refers to was, so none is ever
- * shown whose chain is broken; what breaks it makes the next request ask for a key frame.
+ * Decodes the frames of the mode `video`. A picture is decoded after its reference, so a broken chain is never shown;
+ * it makes the next request ask for a key frame.
  */
 import { computed, type ReadonlySignal, signal } from "@preact/signals";
 import { type Deferred, deferred } from "../async/deferred";
@@ -14,13 +14,13 @@ interface Arrived extends Link, Pick<EncodedFrame, "codec" | "image"> {
   readonly picture: Deferred<ImageBitmap>;
 }
 
-/** A picture as other decoders give it; a video has no depth. Whoever gets it closes its bitmap. */
+/** A picture like those of other decoders, without depth. The recipient closes its bitmap. */
 export interface DecodedPicture {
   readonly bitmap: ImageBitmap;
   readonly depth: null;
 }
 
-/** A decoder that failed so many times in so many milliseconds is given up. */
+/** A decoder is abandoned after this many failures within this many milliseconds. */
 const FAILURES = 4;
 const SPAN = 10_000;
 const UNCARRIED = "The mode Video needs WebTransport streams, and this connection has none. Choose another mode.";
@@ -28,7 +28,7 @@ const UNCARRIED = "The mode Video needs WebTransport streams, and this connectio
 export class VideoFrames {
   /** Why there can be no video, in a sentence for a person; null where there can. */
   readonly problem: ReadonlySignal<string | null> = computed(() => this.#undecodable.value ?? this.#uncarried.value);
-  /** Key frames that came over the present transport. */
+  /** Key frames received over the present transport. */
   keyFrames = 0;
   readonly #undecodable = signal<string | null>(null);
   readonly #uncarried = signal<string | null>(null);
@@ -36,7 +36,7 @@ export class VideoFrames {
   readonly #now: () => number;
   #worker: WorkerCalls<EncodedFrame, ImageBitmap> | undefined;
   #chain = new Chain<Arrived>();
-  /** Requests under way, each of which is given up once no frame of the present transport is of use. */
+  /** Requests in flight, each aborted once frames of the present transport are useless. */
   readonly #underWay = new Set<AbortController>();
   #number = 0;
   #failures: readonly number[] = [];
@@ -46,15 +46,22 @@ export class VideoFrames {
     this.#now = now;
   }
 
-  /** The mode was chosen: `problem` says whether this browser can decode video. What failed before may work now. */
+  /** Resets the decoder for a newly chosen mode; `problem` says whether this browser can decode video. */
   async begin(problem: Promise<string | null>): Promise<void> {
     this.#failures = [];
     this.#undecodable.value = await problem;
   }
 
+  /** Another mode was chosen: give the decoder back. The next frame has to be a key frame. */
+  leave(): void {
+    this.#drop(this.#chain.break());
+    this.#worker?.dispose();
+    this.#worker = undefined;
+  }
+
   /**
-   * A transport whose requests for video ask for a key frame when one is needed, and are never cancelled: the server knows by itself
-   * which are overtaken, and whatever it has encoded others refer to. From now on frames come over this one.
+   * A transport for video: it asks for a key frame when needed and never cancels a request, because the server drops
+   * outdated requests itself and later frames refer to all encoded ones. It becomes the source of all further frames.
    */
   over(transport: FrameTransport): FrameTransport {
     this.reset();
@@ -93,8 +100,8 @@ export class VideoFrames {
   }
 
   /**
-   * The picture of a frame of the video, once all that it refers to are decoded. To be called for each that comes, and at once: later
-   * ones may refer to it. Rejects with FrameDropped if it cannot be decoded, and with the signal's reason if nobody wants it any more.
+   * The picture of a frame, once its references are decoded. Must be called for each frame on arrival, because later
+   * ones may refer to it. Rejects with FrameDropped if it cannot be decoded, with the signal's reason if aborted.
    */
   async decode({ header, image }: FrameReply, signal: AbortSignal): Promise<DecodedPicture> {
     const { video, seq } = header;
@@ -132,7 +139,7 @@ export class VideoFrames {
     }
   }
 
-  /** What was handed over with the one that failed fails with it: that counts once. */
+  /** Frames queued together with a failed one fail as well; that counts once. */
   #failed(chain: Chain<Arrived>, error: unknown): void {
     if (chain.broken || chain !== this.#chain) return;
     this.#drop(chain.break());

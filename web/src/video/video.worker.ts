@@ -29,7 +29,7 @@ async function feed({ number, key, codec, image }: EncodedFrame, picture: Deferr
     decoder?.close();
     fail(new Error("another decoder takes over"));
     decoder = new VideoDecoder({ output: take, error: fail });
-    // Without `description`: parameter sets come in band (Annex B).
+    // Without `description`: parameter sets are in band (Annex B).
     decoder.configure({ codec, optimizeForLatency: true });
     configured = codec;
   }
@@ -42,14 +42,17 @@ async function feed({ number, key, codec, image }: EncodedFrame, picture: Deferr
   }
 }
 
-/** A picture came; one before it that did not will not come any more. */
+/** A picture was decoded; missing pictures before it will not follow. */
 function take(frame: VideoFrame): void {
+  let wanted: Deferred<ImageBitmap> | undefined;
   for (const [number, picture] of awaited) {
     if (number > frame.timestamp) break;
     awaited.delete(number);
-    if (number === frame.timestamp) void convert(frame, picture);
+    if (number === frame.timestamp) wanted = picture;
     else picture.reject(Object.assign(new Error("the decoder has left a frame out"), { name: SKIPPED }));
   }
+  if (wanted) void convert(frame, wanted);
+  else frame.close(); // a decoder lends only a few frames at a time
 }
 
 async function convert(frame: VideoFrame, picture: Deferred<ImageBitmap>): Promise<void> {

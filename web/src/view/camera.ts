@@ -1,6 +1,7 @@
 /**
- * The camera as a person moves it: upright, in a levelled frame whose y axis points down and whose x-z plane is the floor.
- * A scene's own frame may be tilted; `Level` converts between the two. Axes are OpenCV's: x right, y down, z forward.
+ * The camera as moved by the user: upright, in a levelled frame with the y axis pointing down and the x-z plane as the
+ * floor. A scene's own frame may be tilted; `Level` converts between the two. Axes are OpenCV's: x right, y down, z
+ * forward.
  */
 import type { SceneInfo } from "../wire/render";
 import { add, conjugate, multiply, type Quaternion, rotate, rotationBetween, subtract, type Vector3 } from "./vector";
@@ -14,7 +15,7 @@ export interface Camera {
   readonly elevation: number;
 }
 
-/** A camera-to-world transform in the scene's own frame, as it is sent. */
+/** A camera-to-world transform in the scene's own frame, as sent to the server. */
 export interface ScenePose {
   readonly position: [number, number, number];
   readonly quaternion: [number, number, number, number];
@@ -25,7 +26,7 @@ export type Level = Quaternion;
 
 /** How far up or down one can look, in degrees: straight up the azimuth would lose its meaning. */
 export const MAX_ELEVATION = 89;
-/** Of what is looked at in a scene that has no start camera. */
+/** Distance of the focus in a scene without a start camera. */
 const UNKNOWN_DISTANCE = 4;
 const RADIAN = Math.PI / 180;
 
@@ -47,7 +48,7 @@ export function toScene(camera: Camera, level: Level): ScenePose {
   return { position: [micro(px), micro(py), micro(pz)], quaternion: [micro(qx), micro(qy), micro(qz), micro(qw)] };
 }
 
-/** Who would see what a pose of the scene's own frame sees: upright, so that a tilt to the side is lost. */
+/** The upright camera with the view of a pose in the scene's own frame; a roll is lost. */
 export function fromScene({ position, quaternion }: ScenePose, level: Level): Camera {
   const toLevel = conjugate(level);
   return { position: rotate(toLevel, position), ...towards(rotate(multiply(toLevel, quaternion), [0, 0, 1])) };
@@ -61,7 +62,7 @@ export function startCamera(scene: Pick<SceneInfo, "camera" | "up">): Camera {
   return { position, ...towards(subtract(rotate(toLevel, scene.camera.look_at), position)) };
 }
 
-/** How far away what the start camera looks at is, in scene units: the size of what a scene shows. */
+/** Distance of the start camera's focus in scene units, as a measure of the scene's size. */
 export function viewDistance({ camera }: Pick<SceneInfo, "camera">): number {
   return camera === null ? UNKNOWN_DISTANCE : Math.hypot(...subtract(camera.position, camera.look_at));
 }

@@ -1,13 +1,13 @@
-/** A camera that was put elsewhere rather than moved: nothing of the view before belongs to the one after. */
+/** Detects a cut: a camera that was placed elsewhere instead of moved, so that successive views are unrelated. */
 import type { ScenePose } from "./camera";
 import { angleBetween, subtract } from "./vector";
 
-/** Between two samples, in degrees: nobody turns as fast. */
+/** Degrees between two samples; no user turns as fast. */
 const FARTHEST_TURN = 30;
-/** And as a share of the distance of what is looked at. */
+/** Movement between two samples, as a share of the distance of the focus. */
 const FARTHEST_MOVE = 0.3;
 
-/** Whether the camera jumped between two samples; `distance` is that of what is looked at, in scene units. */
+/** Whether the camera jumped between two samples; `distance` of the focus is in scene units. */
 export function isCut(before: ScenePose, after: ScenePose, distance: number): boolean {
   return (
     angleBetween(before.quaternion, after.quaternion) > FARTHEST_TURN ||

@@ -52,13 +52,32 @@ test.each([
   expect(p95[0]).toBeGreaterThan(500);
 });
 
-test("a page that was hidden, or showed another mode, was not frozen", () => {
+test("no figure includes the time in which the page was hidden", () => {
   const meter = new Meter("stateless", () => undefined);
-  meter.sampled(1, 0);
+  for (let pose = 1; pose <= 50; pose++) {
+    meter.moved(pose, pose * 20);
+    meter.sampled(pose, pose * 20);
+    if (pose > 2) meter.presented({ ...PICTURE, pose: pose - 2, at: pose * 20 + 8 });
+  }
+  meter.resumed(30_000);
+  meter.sampled(50, 31_010);
+  for (let pose = 51; pose <= 60; pose++) {
+    const at = 31_010 + (pose - 50) * 20;
+    meter.moved(pose, at);
+    meter.sampled(pose, at);
+    meter.presented({ ...PICTURE, pose: pose - 2, at: at + 8 });
+  }
+  const { motionToPhoton, contentAge, frozenFor, stalls } = meter.figures(31_220);
+  expect(motionToPhoton?.p95).toBeLessThan(60);
+  expect(contentAge).toBeLessThan(60);
+  expect(frozenFor).toBeLessThan(60);
+  expect(stalls).toEqual({ count: 0, time: 0 });
+});
+
+test("a mode that was left was not frozen", () => {
+  const meter = new Meter("stateless", () => undefined);
   meter.presented({ ...PICTURE, pose: 1, at: 10 });
   meter.sampled(2, 20);
-  meter.sampled(2, 60_000);
-  expect(meter.figures(60_010).frozenFor).toBe(10);
   meter.reset();
   expect(meter.figures(70_000).frozenFor).toBe(0);
 });

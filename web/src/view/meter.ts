@@ -1,6 +1,6 @@
 /**
- * Measures one side, stateless or DASH, in the same way: what is shown, how late, and what it costs. Where the page turns frames to
- * newer poses, latency is the view's, and the age of the content says how old the pose of its pixels is.
+ * Measures every mode in the same way: frame rate, latency and cost. Where the page warps frames to newer poses,
+ * latency is that of the view, and the age of the content is that of the pose of its pixels.
  */
 import { MotionToPhoton } from "./motion-to-photon";
 import { PoseTimes } from "./pose-times";
@@ -9,27 +9,27 @@ import { StallDetector, type Stalls } from "./stalls";
 import { nearestRank, TimeWindow } from "./window";
 
 export interface Figures {
-  /** Views shown a second that were not there before: a repeated frame is none. */
+  /** New views shown per second; repeated frames do not count. */
   readonly newViewsPerSecond: number;
   /**
-   * Median and 95th percentile of the last seconds of movement, in milliseconds, with inputs that have waited for longer than is usual
-   * and are not shown yet; null before anything moved.
+   * Median and 95th percentile over the last seconds of movement in milliseconds, including inputs that have waited
+   * unusually long and are not on screen; null before any movement.
    */
   readonly motionToPhoton: { readonly p50: number; readonly p95: number } | null;
   /** Pictures are turned to the newest view: the latency is the view's. */
   readonly turned: boolean;
   /**
-   * From the pose of the pixels until they are seen: median of the last seconds of movement, or what it is at present if that is more,
-   * in milliseconds; null before anything was shown.
+   * Time from the pose of the pixels until they are on screen: the median over the last seconds of movement, or the
+   * present value if larger, in milliseconds; null before the first frame.
    */
   readonly contentAge: number | null;
-  /** For how long no new view has come although the camera is elsewhere, in milliseconds; 0 if it is not. */
+  /** Time without a new view although the camera has moved, in milliseconds; 0 otherwise. */
   readonly frozenFor: number;
-  /** Bits a second that came in during the last seconds. */
+  /** Bits per second received during the last seconds. */
   readonly bandwidth: number;
-  /** All bytes that came in so far. */
+  /** Total bytes received. */
   readonly bytes: number;
-  /** What has come and waits for its turn, in milliseconds of the stream; null where pictures are shown as soon as they come. */
+  /** Buffered milliseconds of the stream; null where pictures are shown on arrival. */
   readonly buffered: number | null;
   readonly stalls: Stalls;
   /** All new views shown so far. */
@@ -62,10 +62,11 @@ export const STATS_EVERY = 250;
 const RATE_SPAN = 1000;
 const BANDWIDTH_SPAN = 2000;
 const LATENCY_SPAN = 5000;
-/** A picture that stands still for longer while the camera moved is frozen, in milliseconds: that is said within a second. */
+/**
+ * With the camera moving, a picture unchanged for longer than this is frozen, in milliseconds; reported within a
+ * second.
+ */
 export const FROZEN_AFTER = 700;
-/** A page that takes no sample for so long is not looked at, in milliseconds. */
-const HIDDEN_AFTER = 500;
 
 export class Meter {
   readonly #side: Side;
@@ -83,7 +84,6 @@ export class Meter {
   #last: PresentedFrame | undefined;
   /** Since when a new view may be expected; undefined while none is. */
   #viewAt: number | undefined;
-  #sampledAt = 0;
 
   constructor(side: Side, listener: (frame: PresentedFrame) => void) {
     this.#side = side;
@@ -93,8 +93,6 @@ export class Meter {
   /** Once per animation frame: the camera is at pose number `pose`. */
   sampled(pose: number, at: number): void {
     this.#poses.sampled(pose, at);
-    if (this.#viewAt !== undefined && at - this.#sampledAt > HIDDEN_AFTER) this.#viewAt = at;
-    this.#sampledAt = at;
   }
 
   /** The camera moved, which made pose number `pose`. */
@@ -103,19 +101,20 @@ export class Meter {
     this.#stalls.moved(at);
   }
 
-  /** Bytes of pictures came in. */
+  /** Counts received bytes. */
   received(bytes: number, at: number): void {
     this.#bytes.add(bytes, at);
     this.#received += bytes;
   }
 
-  /** A frame is on the screen, or, unless `fresh`, one that was there is turned to another view. */
+  /** Records a frame on screen; unless `fresh`, it is the previous frame warped to another view. */
   presented(frame: Omit<PresentedFrame, "side" | "latencies">, fresh = true): void {
     const latencies = this.#latency.presented(frame.view ?? frame.pose, frame.at);
     for (const latency of latencies) this.#motionToPhoton.add(latency, frame.at);
     const age = this.#poses.age(frame.pose, frame.at);
     if (age !== null) this.#ages.add(age, frame.at);
-    // A stream repeats its last frame when no new view came in time: the picture stands still then as it does without frames.
+    // A stream repeats its last frame when no new view is ready in time; the picture is then as frozen as without
+    // frames.
     if (frame.pose !== this.#last?.pose) {
       this.#stalls.presented(frame.at);
       this.#views.add(1, frame.at);
@@ -127,10 +126,17 @@ export class Meter {
     this.#listener(this.#last);
   }
 
-  /** Forget poses whose frames will not come, for a reason that is not latency (a lost server, another mode). */
+  /** Drops poses whose frames are lost for reasons other than latency (a lost server, another mode). */
   reset(): void {
     this.#latency.reset();
     this.#viewAt = undefined;
+  }
+
+  /** Excludes the last `gap` milliseconds, in which the page was hidden. Call first in the animation frame. */
+  resumed(gap: number): void {
+    this.#latency.reset();
+    this.#poses.resumed(gap);
+    if (this.#viewAt !== undefined) this.#viewAt += gap;
   }
 
   figures(now: number): Figures {
@@ -144,7 +150,7 @@ export class Meter {
       bandwidth: (bytes * 8000) / BANDWIDTH_SPAN,
       bytes: this.#received,
       buffered: null,
-      stalls: this.#stalls.stalls,
+      stalls: this.#stalls.stalls(now),
       newViews: this.#newViews,
       shown: this.#shown,
       picture: this.#last ?? null,
@@ -153,7 +159,7 @@ export class Meter {
 
   #latencyFigures(now: number): Figures["motionToPhoton"] {
     const shown = this.#motionToPhoton;
-    const latest = shown.latest ?? now; // while the camera rests, figures stay as they were
+    const latest = shown.latest ?? now; // figures are kept while the camera rests
     const usual = shown.percentile(0.5, latest) ?? 0;
     const late = this.#latency.waiting(now).filter((age) => age > usual);
     const all = [...shown.values(late.length > 0 ? now : latest), ...late];
@@ -171,7 +177,7 @@ export class Meter {
     return this.#viewAt === undefined ? 0 : Math.min(this.#elsewhereFor(now), now - this.#viewAt);
   }
 
-  /** For how long the camera has been elsewhere than what is on the screen. */
+  /** Time since the camera left the view on screen. */
   #elsewhereFor(now: number): number {
     if (this.#last === undefined || this.#viewAt === undefined) return 0;
     return this.#poses.age(this.#last.pose, now) ?? now - this.#viewAt; // longer than poses are remembered

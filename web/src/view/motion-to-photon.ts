@@ -3,7 +3,7 @@
  * later one. Views are numbered as they change, so "later" is a larger number.
  */
 export class MotionToPhoton {
-  /** More samples than this without any frame, and the oldest are given up: nobody waits for them any more. */
+  /** Number of samples kept without any frame; beyond it the oldest are dropped. */
   static readonly MAX_WAITING = 4096;
   #waiting: { readonly version: number; readonly at: number }[] = [];
 
@@ -20,12 +20,12 @@ export class MotionToPhoton {
     return shown.map((sample) => at - sample.at);
   }
 
-  /** For how long each input waits that no frame has shown yet, in milliseconds: its latency will be no less. */
+  /** Waiting time of each input not shown yet, in milliseconds: a lower bound of its latency. */
   waiting(now: number): number[] {
     return this.#waiting.map(({ at }) => now - at);
   }
 
-  /** Forget what waits: the frames will not come, for a reason that is not latency (a lost server, a hidden page). */
+  /** Drops waiting inputs, whose frames are lost for reasons other than latency (a lost server, a hidden page). */
   reset(): void {
     this.#waiting = [];
   }

@@ -1,8 +1,8 @@
-/** Turns what was asked since the last sample into a new camera. Pure: the time that passed comes in. */
+/** Turns the input since the last sample into a new camera. Pure: the elapsed time is an argument. */
 import { type Camera, move, orbit, turn } from "./camera";
 import type { Vector3 } from "./vector";
 
-/** What is asked of the camera at a moment, each from -1 to 1. */
+/** Present input to the camera, each from -1 to 1. */
 export interface Axes {
   readonly forward: number;
   readonly right: number;
@@ -20,7 +20,7 @@ export interface Speeds {
   readonly move: number;
 }
 
-/** What pointers, fingers and the wheel asked for, once each. */
+/** Accumulated input of pointers, fingers and the wheel. */
 export interface Nudge {
   /** Degrees. */
   readonly turnRight: number;
@@ -36,7 +36,7 @@ export interface Nudge {
 
 export const NO_NUDGE: Nudge = { turnRight: 0, turnUp: 0, orbitRight: 0, orbitUp: 0, forward: 0, right: 0, up: 0 };
 
-/** What was asked since the last sample. */
+/** Input since the last sample. */
 export interface InputSample {
   readonly axes: Axes;
   readonly nudge: Nudge;
@@ -47,24 +47,10 @@ export const NO_INPUT: InputSample = {
   nudge: NO_NUDGE,
 };
 
-/** So many times as much. */
-export function scaled(nudge: Nudge, factor: number): Nudge {
-  const { turnRight, turnUp, orbitRight, orbitUp, forward, right, up } = nudge;
-  return {
-    turnRight: turnRight * factor,
-    turnUp: turnUp * factor,
-    orbitRight: orbitRight * factor,
-    orbitUp: orbitUp * factor,
-    forward: forward * factor,
-    right: right * factor,
-    up: up * factor,
-  };
-}
-
-/** After a pause (a hidden page, a slow machine) the camera goes on from where it was instead of jumping (ms). */
+/** After a pause (a hidden page, a slow machine) the camera continues without a jump (ms). */
 const LONGEST_STEP = 100;
 
-/** The camera after `elapsed` milliseconds, which may orbit a pivot. It is the same object if nothing was asked. */
+/** The camera after `elapsed` milliseconds, which may orbit a pivot. The same object if there was no input. */
 export function step(
   camera: Camera,
   axes: Axes,

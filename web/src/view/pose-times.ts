@@ -1,4 +1,4 @@
-/** Until when the camera was at each of its last poses, by their numbers: how old a picture of one is. Pure: times come in. */
+/** End times of the camera's last poses, by number, for the age of a picture. Pure: time is an argument. */
 
 /** Poses older than this are forgotten, in milliseconds: no picture of them is looked at any more. */
 const SPAN = 10_000;
@@ -12,6 +12,11 @@ export class PoseTimes {
     if (last?.pose === pose) last.at = at;
     else this.#times.push({ pose, at });
     while (this.#times.length > 1 && (this.#times[0]?.at ?? at) < at - SPAN) this.#times.shift();
+  }
+
+  /** The page was hidden for the last `gap` milliseconds, which do not count. */
+  resumed(gap: number): void {
+    for (const time of this.#times) time.at += gap;
   }
 
   /** For how long the camera has been elsewhere than at this pose, in milliseconds; null if that is not known. */

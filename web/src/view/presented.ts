@@ -1,4 +1,4 @@
-/** What is known of a frame that is on the screen, in every mode alike. */
+/** A frame on screen, in any mode. */
 
 export type Side = "stateless" | "dash" | "webrtc" | "local";
 
@@ -6,9 +6,9 @@ export interface PresentedFrame {
   readonly side: Side;
   /** When it was on the screen, on the page's own clock (performance.now), in milliseconds. */
   readonly at: number;
-  /** The number of the pose at which its pixels were asked for. */
+  /** Number of the pose at which its pixels were requested. */
   readonly pose: number;
-  /** The number of the pose to which the page turned it; left out where it was shown as it came. */
+  /** Number of the pose to which the page warped it; absent without a warp. */
   readonly view?: number;
   /** The estimated share of the picture that the newest frame did not cover; left out where it was not turned. */
   readonly filled?: number;
@@ -18,10 +18,10 @@ export interface PresentedFrame {
   readonly latencies: readonly number[];
   /** The ladder's rung. */
   readonly rung: number | null;
-  /** Pixels, as it was encoded. */
+  /** Encoded size in pixels. */
   readonly width: number;
   readonly height: number;
-  /** Pixels, as it was shown after the page enhanced it; left out where it did not. */
+  /** Size in pixels after enhancement; absent without it. */
   readonly shownWidth?: number;
   readonly shownHeight?: number;
   /** How long that took the graphics processor, in milliseconds. */

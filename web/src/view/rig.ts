@@ -20,8 +20,7 @@ import {
   viewDistance,
 } from "./camera";
 import { defaultIntrinsics, type Intrinsics, type Viewport, viewportFor } from "./intrinsics";
-import type { InputSample } from "./motion";
-import { NO_INPUT, type Speeds, scaled, step, suggestedSpeed } from "./motion";
+import { type InputSample, type Speeds, step, suggestedSpeed } from "./motion";
 import { angleBetween, conjugate, rotate, type Vector3 } from "./vector";
 
 export interface NumberedPose extends ScenePose {
@@ -33,15 +32,13 @@ export interface NumberedPose extends ScenePose {
 export type PoseSource = (now: number) => ScenePose | null;
 
 export interface RigOptions {
-  /** What was asked since the last sample, so many milliseconds ago. */
+  /** Input since the last sample, the given number of milliseconds ago. */
   readonly sampleInput: (elapsed: number) => InputSample;
   /** Degrees a second. */
   readonly turnSpeed: () => number;
 }
 
-/** What walks and turns at once goes along a curve; short steps follow it (ms). */
-const FORESEEN_STEP = 20;
-/** How long the camera takes to what it is to look at, in milliseconds. */
+/** Duration of a flight to a focus, in milliseconds. */
 const FLIGHT = 500;
 const ORIGIN: NumberedPose = { seq: 0, position: [0, 0, 0], quaternion: [0, 0, 0, 1] };
 
@@ -57,17 +54,16 @@ export class Rig {
   readonly moveSpeed = signal(1);
   readonly #options: RigOptions;
   readonly #samples = new Listeners<[pose: NumberedPose, at: number]>();
-  /** Hear of every sample, the pose and when it was taken (performance.now), until the function that this returns is called. */
+  /** Subscribes to every sample, its pose and time (performance.now); returns a function that unsubscribes. */
   readonly onSample = this.#samples.add;
   #scene: SceneInfo | undefined;
   #camera: Camera = { position: [0, 0, 0], azimuth: 0, elevation: 0 };
   readonly #source = signal<PoseSource | null>(null);
-  /** What it orbits, in the levelled frame; null: what is straight ahead. */
+  /** Pivot of the orbit in the levelled frame; null: a point straight ahead. */
   #focus: Vector3 | null = null;
-  /** On the way to what it is to look at. */
+  /** A flight to a focus. */
   #flight: { readonly from: Camera; readonly to: Camera; at: number | null } | null = null;
   #pose = ORIGIN;
-  #input = NO_INPUT;
   #sampledAt = 0;
   #changedAt = 0;
   #turning = 0;
@@ -97,17 +93,12 @@ export class Rig {
     return this.#turning;
   }
 
-  /** How often it was put somewhere else: wherever that was, nothing before it says where the camera will go. */
+  /** Number of cuts: earlier poses do not predict the camera after a cut. */
   get placements(): number {
     return this.#placements;
   }
 
-  /** What the person asked for at the last sample. */
-  get input(): InputSample {
-    return this.#input;
-  }
-
-  /** Whom it follows; null for the person. */
+  /** The source that it follows; null for the user. */
   get source(): ReadonlySignal<PoseSource | null> {
     return this.#source;
   }
@@ -137,7 +128,10 @@ export class Rig {
     this.#placements++;
   }
 
-  /** Go half way to a point of the scene's own frame and look at it, at once or in a moment; what is dragged then orbits it. */
+  /**
+   * Goes half way to a point of the scene's own frame and looks at it, at once or with a flight; drags then orbit that
+   * point.
+   */
   focus(point: Vector3, smooth: boolean): void {
     if (!this.#scene) return;
     this.#focus = rotate(conjugate(levelFor(this.#scene.up)), point);
@@ -157,24 +151,13 @@ export class Rig {
     this.#source.value = source;
   }
 
-  /** The person goes on from where a source has brought the camera, upright. */
+  /** Returns control to the user at the source's last pose, upright. */
   takeOver(): void {
     if (this.#scene) this.#camera = fromScene(this.#pose, levelFor(this.#scene.up));
     this.drive(null);
   }
 
-  /** Where the person's camera would be if so much were asked of it, evenly, in so many milliseconds. It stays where it is. */
-  foresee({ axes, nudge }: InputSample, elapsed: number): ScenePose {
-    if (!this.#scene || this.#source.peek() !== null) return this.#pose;
-    const steps = Math.max(1, Math.ceil(elapsed / FORESEEN_STEP));
-    const part = scaled(nudge, 1 / steps);
-    let camera = this.#camera;
-    const pivot = this.#pivot;
-    for (let i = 0; i < steps; i++) camera = step(camera, axes, part, this.#speeds, elapsed / steps, pivot);
-    return camera === this.#camera ? this.#pose : toScene(camera, levelFor(this.#scene.up));
-  }
-
-  /** Once per animation frame; tells whether the camera moved. */
+  /** Called once per animation frame; returns whether the camera moved. */
   sample(now: number): boolean {
     const moved = this.#sample(now);
     this.#samples.tell(this.#pose, now);
@@ -183,9 +166,9 @@ export class Rig {
 
   #sample(now: number): boolean {
     const elapsed = now - this.#sampledAt;
-    this.#input = this.#options.sampleInput(elapsed);
+    const input = this.#options.sampleInput(elapsed);
     this.#sampledAt = now;
-    const pose = this.#driven(now) ?? this.#walked(elapsed, now);
+    const pose = this.#driven(now) ?? this.#walked(input, elapsed, now);
     this.#turning = 0;
     if (pose === null || samePose(pose, this.#pose)) return false;
     this.#turning = (angleBetween(pose.quaternion, this.#pose.quaternion) * 1000) / Math.max(1, elapsed);
@@ -200,9 +183,8 @@ export class Rig {
     return pose;
   }
 
-  #walked(elapsed: number, now: number): ScenePose | null {
+  #walked({ axes, nudge }: InputSample, elapsed: number, now: number): ScenePose | null {
     if (!this.#scene) return null;
-    const { axes, nudge } = this.#input;
     const walked = step(this.#camera, axes, nudge, this.#speeds, elapsed, this.#pivot);
     if (walked !== this.#camera) this.#flight = null; // the person knows better
     this.#camera = this.#flown(now) ?? walked;
@@ -218,7 +200,7 @@ export class Rig {
     return between(from, to, share * share * (3 - 2 * share));
   }
 
-  /** In the levelled frame: what was focused, unless the camera has left it behind. */
+  /** The focus in the levelled frame, unless the camera has left it. */
   get #pivot(): Vector3 {
     if (this.#focus !== null && seenFrom(this.#camera, this.#focus)[2] > 0) return this.#focus;
     return ahead(this.#camera, this.#scene ? viewDistance(this.#scene) : 1);

@@ -1,7 +1,7 @@
 /**
- * Stalls: while the camera moves, the picture stands still for longer than a person overlooks. The same for every mode: the
- * gap between two presented frames of different poses counts for as long as the camera moved in it, if it moved when the gap
- * began. (If it began to move later, the wait for the first frame is latency.)
+ * Stalls: while the camera moves, the picture stands still long enough to be noticed. The same for every mode: the gap
+ * between two presented frames of different poses counts while the camera moves in it, if the camera moved when the gap
+ * began. (If it started to move later, the wait for the first frame is latency.)
  */
 
 /** A longer gap than this is a stall, in milliseconds: six frames at 30 frames/s. */
@@ -21,8 +21,11 @@ export class StallDetector {
   #presentedAt = Number.NEGATIVE_INFINITY;
   #stalls = { count: 0, time: 0 };
 
-  get stalls(): Stalls {
-    return this.#stalls;
+  /** Includes an ongoing stall at the given time. */
+  stalls(at: number): Stalls {
+    const { count, time } = this.#stalls;
+    const stood = this.#stood(at);
+    return stood > STALL_AFTER ? { count: count + 1, time: time + stood } : this.#stalls;
   }
 
   moved(at: number): void {
@@ -31,11 +34,13 @@ export class StallDetector {
   }
 
   presented(at: number): void {
-    const stood = Math.min(at, this.#movedAt) - this.#presentedAt;
-    const moving = this.#movingSince !== undefined && this.#movingSince <= this.#presentedAt;
-    if (moving && stood > STALL_AFTER) {
-      this.#stalls = { count: this.#stalls.count + 1, time: this.#stalls.time + stood };
-    }
+    this.#stalls = this.stalls(at);
     this.#presentedAt = at;
+  }
+
+  /** For how long the picture has stood while the camera moved, in milliseconds. */
+  #stood(at: number): number {
+    const moving = this.#movingSince !== undefined && this.#movingSince <= this.#presentedAt;
+    return moving ? Math.min(at, this.#movedAt) - this.#presentedAt : 0;
   }
 }

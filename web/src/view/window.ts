@@ -35,7 +35,7 @@ export class TimeWindow {
     return nearestRank(this.values(now), rank);
   }
 
-  /** When the last entry came that is remembered; null without any. */
+  /** Time of the last remembered entry; null without any. */
   get latest(): number | null {
     return this.#entries.at(-1)?.at ?? null;
   }

@@ -29,7 +29,7 @@ afterEach(() => {
   vi.useRealTimers();
 });
 
-/** Animation frames for so long, in milliseconds. */
+/** Animation frames for this many milliseconds. */
 function animate(ms: number): void {
   for (const end = now + ms; now < end; now += 20) {
     session.rig.sample(now);
@@ -62,10 +62,10 @@ test("it follows the camera once that rests, and only then", () => {
 });
 
 test("it names what was chosen, so that reloading does not undo it, and keeps what tests ask for", () => {
-  history.replaceState(null, "", `${SCENE}?mode=dash&stamp`);
+  history.replaceState(null, "", `${SCENE}?mode=dash`);
   settings.value = { ...DEFAULT_SETTINGS, mode: "webrtc", webrtcStream: "vp8-60" };
   animate(600);
-  expect(location.hash).toMatch(/&mode=webrtc&webrtcStream=vp8-60&stamp$/);
+  expect(location.hash).toMatch(/&mode=webrtc&webrtcStream=vp8-60$/);
 });
 
 test("what a script or an experiment does is none of it, and what the person does afterwards is", () => {

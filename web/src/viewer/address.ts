@@ -1,4 +1,6 @@
-/** The page's address as a link to what is seen, so that who reloads, bookmarks or copies it comes back to that. */
+/**
+ * The page's address as a link to the present view, so that reloading, bookmarking or copying it preserves the view.
+ */
 import { effect, untracked } from "@preact/signals";
 import { settings, settingsOverridden } from "../state/app";
 import { viewHash } from "../state/link";
@@ -10,15 +12,15 @@ type Visit = Pick<ViewerSession, "scene" | "rig">;
 /** The camera rests once it has not moved for this long, in milliseconds. Browsers refuse pages that change their address all the time. */
 const RESTS_AFTER = 500;
 
-/** The address becomes a link to what is seen now. */
+/** Sets the address to a link to the present view. */
 export function showAddress(visit: Visit): void {
   const hash = linkTo(visit);
   if (hash !== null) history.replaceState(history.state, "", hash);
 }
 
 /**
- * The address follows the person's camera and settings, each time that they rest, until the function that this returns is called. It stays as
- * it is while a script, an experiment or a movement decides what is seen, and until something of the view has changed.
+ * Updates the address whenever the user's camera and settings come to rest; returns a function that stops it. The
+ * address is kept while a script, an experiment or a movement controls the view, and until the view has changed.
  */
 export function keepAddress(visit: Visit): () => void {
   const { rig, scene } = visit;
@@ -56,10 +58,10 @@ export function keepAddress(visit: Visit): () => void {
   };
 }
 
-/** Null where the scene is not there yet, or the address is already that of somewhere else. */
+/** Null while the scene is not loaded, or if the address already points elsewhere. */
 function linkTo({ scene, rig }: Visit): string | null {
   const info = scene.peek();
   const at = parseRoute(location.hash);
   if (at.page !== "viewer" || at.scene !== info?.id) return null;
-  return viewHash(at.scene, rig.pose, settings.peek(), at.stamp);
+  return viewHash(at.scene, rig.pose, settings.peek());
 }

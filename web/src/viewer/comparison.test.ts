@@ -21,7 +21,7 @@ function fakeSide() {
   const listeners = new Set<(frame: PresentedFrame) => void>();
   return {
     settings: signal(DEFAULT_SETTINGS),
-    figures: NO_FIGURES as Figures,
+    figures: { ...NO_FIGURES, contentAge: 50 } as Figures,
     present: (latency: number) => {
       for (const tell of listeners) tell({ latencies: [latency], at: performance.now() } as unknown as PresentedFrame);
     },

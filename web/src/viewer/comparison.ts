@@ -1,4 +1,4 @@
-/** What the pictures on the stage made of the last minute and, where there are two, of the last walk. */
+/** Figures of the last minute for each picture on the stage and, with two of them, scores of the last walk. */
 import { signal } from "@preact/signals";
 import { ComparisonHistory } from "../charts/history";
 import { WalkRecorder } from "../charts/walk";
@@ -10,11 +10,11 @@ import type { Side } from "./side";
 
 /** How near to ground truth the last walk was. */
 export interface SeenQuality {
-  /** Means of each side, from left to right, in dB; none while nothing is known. */
+  /** Means of each side, from left to right, in dB; empty while unknown. */
   readonly psnr: readonly number[];
-  /** Of the walk, over which these are means. */
+  /** Number of pictures in the means. */
   readonly moments: number;
-  /** Why there is none, in one sentence; null while it is awaited, and where there is. */
+  /** Reason for missing scores, in one sentence; null while scoring, and with scores. */
   readonly problem: string | null;
 }
 
@@ -74,7 +74,7 @@ export class Comparison {
     if (this.sides.length > 1) this.#judge(now);
   }
 
-  /** Keeps what is seen of each walk, and has it scored when the walk has ended and until the next one begins. */
+  /** Records the pictures of each walk and has them scored between its end and the start of the next one. */
   #judge(now: number): void {
     const { walks } = this;
     if (walks.walking) {

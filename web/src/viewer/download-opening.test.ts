@@ -8,12 +8,12 @@ import { DEFAULT_SETTINGS } from "../state/settings";
 import type { SceneInfo, ServerConfig } from "../wire/render";
 import { keepDownload } from "./download-opening";
 
-const opened = vi.hoisted(() => [] as { options: { url: () => string; form: string }; disposed: boolean }[]);
+const opened = vi.hoisted(() => [] as { options: { url: () => string }; disposed: boolean }[]);
 vi.mock("../local/local-player", () => ({
   LocalPlayer: class {
     disposed = false;
-    options: { url: () => string; form: string };
-    constructor(options: { url: () => string; form: string }) {
+    options: { url: () => string };
+    constructor(options: { url: () => string }) {
       this.options = options;
       opened.push(this);
     }
@@ -31,7 +31,7 @@ beforeEach(() => {
   opened.length = 0;
   settings.value = DEFAULT_SETTINGS;
   config.value = null;
-  scene.value = { ...COURTYARD, downloads: [{ form: "ply" }, { form: "compressed" }] };
+  scene.value = { ...COURTYARD, downloads: [{}] };
   stop = keepDownload(current, scene, settings, {} as LocalOptions);
 });
 
@@ -47,13 +47,9 @@ test("there is a download in the mode that needs one, and none before or after",
   changeSettings({ mode: "local" });
   expect(state()).toEqual([["scenes/courtyard/download/compressed", false]]);
   changeSettings({ turnSpeed: 90 });
-  changeSettings({ localForm: "ply" });
-  expect(state()).toEqual([
-    ["scenes/courtyard/download/compressed", true],
-    ["scenes/courtyard/download/ply", false],
-  ]);
+  expect(state()).toEqual([["scenes/courtyard/download/compressed", false]]);
   changeSettings({ mode: "stateless" });
-  expect([opened.at(-1)?.disposed, current.value]).toEqual([true, null]);
+  expect([state(), current.value]).toEqual([[["scenes/courtyard/download/compressed", true]], null]);
 });
 
 test("in a cluster, a scene is downloaded from the host that the page is at by then", () => {
@@ -66,10 +62,10 @@ test("in a cluster, a scene is downloaded from the host that the page is at by t
   expect(opened[0]?.options.url()).toBe("scenes/courtyard/download/compressed?host=west");
 });
 
-test("a form that is not offered gives way to one that is; a scene that is not offered is not asked for", () => {
-  scene.value = { ...COURTYARD, downloads: [{ form: "ply" }] };
-  changeSettings({ mode: "local", localForm: "compressed" });
-  expect(opened.at(-1)?.options.form).toBe("ply");
+test("a scene that is not offered is not asked for", () => {
   scene.value = COURTYARD;
-  expect([current.value, opened.length]).toEqual([null, 1]);
+  changeSettings({ mode: "local" });
+  expect([current.value, opened.length]).toEqual([null, 0]);
+  scene.value = { ...COURTYARD, downloads: [{}] };
+  expect([current.value, opened.length]).toEqual([opened[0], 1]);
 });

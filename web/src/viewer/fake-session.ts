@@ -1,4 +1,4 @@
-/** A visit for tests of what shows it: nothing is connected, and the test says how it stands. */
+/** A visit for tests of its views: no connection, all state set by the test. */
 import { computed, signal } from "@preact/signals";
 import type { EnhancementStatus } from "../enhance/enhancement";
 import { type LocalPhase, type LocalPlayer, type LocalStats, NO_LOCAL_STATS } from "../local/local-player";
@@ -22,7 +22,7 @@ import type { Phase, ViewerSession } from "./session";
 
 const STILL = { forward: 0, right: 0, up: 0, turnRight: 0, turnUp: 0 };
 
-/** A picture of the stage in which nothing is shown yet. */
+/** A side of the stage without a picture. */
 export function fakeSide(place: Place) {
   const status = signal<EnhancementStatus>({ kind: "off" });
   const fake = {
@@ -117,7 +117,7 @@ export function fakeStream(phase: StreamPhase, stats: Partial<StreamStats> = {})
   return { phase: signal(phase), stats: signal({ ...NO_STREAM_STATS, ...stats }), status } as unknown as StreamPlayer;
 }
 
-/** What downloads the scene of a visit. */
+/** Downloads for a fake visit. */
 export function fakeLocal(phase: LocalPhase, stats: Partial<LocalStats> = {}): LocalPlayer {
   return { phase: signal(phase), stats: signal({ ...NO_LOCAL_STATS, ...stats }) } as unknown as LocalPlayer;
 }

@@ -94,7 +94,7 @@ afterEach(() => {
 async function visit(): Promise<void> {
   const [element, left, right] = [0, 1, 2].map(() => document.createElement("div")) as [Div, Div, Div];
   const stage = { element, left, right };
-  session = new ViewerSession("courtyard", stage, false);
+  session = new ViewerSession("courtyard", stage);
   session.rig.resize(1280, 720);
   await settle();
 }
@@ -158,6 +158,26 @@ test("a scene that cannot be had is said in the server's words, and can be tried
   session.retry();
   await settle();
   expect(phase()).toEqual({ kind: "playing" });
+});
+
+test("a scene whose file was replaced is read anew before the next run", async () => {
+  await visit();
+  await drawn(3);
+  const replaced = { ...COURTYARD, file_sha256: "another" };
+  vi.mocked(loadScene).mockResolvedValue(replaced);
+  session.retry();
+  await settle();
+  expect(session.scene.value).toEqual(replaced);
+});
+
+test("no animation frame for a long time means that the page was hidden: no latency is counted", async () => {
+  await visit();
+  session.rig.drive((at) => ({ position: [at / 1000, 0, 0], quaternion: [0, 0, 0, 1] }));
+  await drawn(30);
+  now += 30_000;
+  await drawn(30);
+  expect(session.stateless.stats.value.motionToPhoton?.p95).toBeLessThan(200);
+  expect(session.stateless.stats.value.contentAge).toBeLessThan(200);
 });
 
 test("whoever stands still hears that the scene was deleted, and can come back once it is there again", async () => {

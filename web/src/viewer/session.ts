@@ -1,4 +1,6 @@
-/** One visit to one scene: connects, loads the scene, and shows what the rig sees in the chosen mode, or in two, until it is disposed of. */
+/**
+ * One visit to one scene: connects, loads the scene, and shows the rig's view in one or two modes until disposed of.
+ */
 
 import { computed, effect, signal, untracked } from "@preact/signals";
 import { Listeners } from "../async/listeners";
@@ -18,6 +20,7 @@ import { type Connected, connect } from "../transport/connect";
 import { type ConnectionState, maintainConnection } from "../transport/connection";
 import type { VideoFrames } from "../video/video-frames";
 import { viewDistance } from "../view/camera";
+import { Presence, visible } from "../view/presence";
 import type { PresentedFrame } from "../view/presented";
 import { Rig } from "../view/rig";
 import { add, rotate } from "../view/vector";
@@ -34,10 +37,10 @@ export type Phase =
   | { readonly kind: "full" }
   | { readonly kind: "failed"; readonly message: string };
 
-/** While a scene is loading, the server is asked this often how far it is, in milliseconds. */
+/** Interval of requests for the loading progress of a scene, in milliseconds. */
 const PROGRESS_EVERY = 500;
 
-/** Where a visit is shown: what takes the person's input, with a pane for each picture. */
+/** The elements of a visit: the input target, with a pane for each picture. */
 export interface Stage {
   readonly element: HTMLElement;
   readonly left: HTMLElement;
@@ -59,45 +62,44 @@ export class ViewerSession {
   readonly right = signal<Side | null>(null);
   /** How the right side's own connection stands, where it has one. */
   readonly rightConnection = signal<ConnectionState | null>(null);
-  /** Where a stream is shown, or two modes are compared; else null. */
+  /** Set for a stream and for a comparison of two modes; else null. */
   readonly comparison = signal<Comparison | null>(null);
   /** The first stream on the stage, if there is one, and the first download. */
   readonly stream = computed(() => this.left.stream.value ?? this.right.value?.stream.value ?? null);
   readonly local = computed(() => this.left.local.value ?? this.right.value?.local.value ?? null);
-  /** What a person should know where pictures of any side are to be turned and are not; else null. */
+  /** Notice to the user if the pictures of a side should be warped and are not; else null. */
   readonly unturned = computed(() => this.left.unturned.value ?? this.right.value?.unturned.value ?? null);
   readonly input: StageInput;
   readonly stage: Stage;
   /** Of the controllers' random numbers. */
   readonly seed = signal(1);
   readonly #sceneId: string;
-  readonly #stamp: boolean;
   readonly #presented = new Listeners<[PresentedFrame]>();
   readonly #shown = new Listeners<[ShownFrame]>();
   readonly #sent = new Listeners<[SentRequest]>();
   readonly #replied = new Listeners<[Reply]>();
-  /** Hear of every frame of any side that is on the screen, until the function that this returns is called. */
+  /** Subscribes to every frame on screen, of any side; returns a function that unsubscribes. */
   readonly onPresented = this.#presented.add;
-  /** As `onPresented`, of frames that were asked for one by one, as they came. */
+  /** Like `onPresented`, for frames requested one by one, before any warp. */
   readonly onShown = this.#shown.add;
   /** As `onPresented`, of every request for a frame. */
   readonly onSent = this.#sent.add;
-  /** As `onPresented`, of every frame that came. */
+  /** Like `onPresented`, for every received frame. */
   readonly onReplied = this.#replied.add;
   #loading: Promise<SceneInfo> | undefined;
   /** Where it is loaded, in a cluster. */
   #host: string | null = null;
+  readonly #presence = new Presence();
+  readonly #pixelRatio = signal(devicePixelRatio);
   #animation = 0;
-  /** Bytes of sides that are gone. */
+  /** Bytes of sides that were closed. */
   #receivedBefore = 0;
-  /** Counts connections that a person asked for. */
+  /** Number of connections requested by the user. */
   readonly #attempt = signal(0);
   readonly #cleanups: (() => void)[] = [];
 
-  /** `stamp`: frames carry their pose's number, for tests that read it from the screen. */
-  constructor(sceneId: string, stage: Stage, stamp: boolean) {
+  constructor(sceneId: string, stage: Stage) {
     this.#sceneId = sceneId;
-    this.#stamp = stamp;
     this.stage = stage;
     this.input = new StageInput(stage.element, {
       focal: () => this.rig.intrinsics.value,
@@ -118,7 +120,7 @@ export class ViewerSession {
     this.#animation = requestAnimationFrame(this.#tick);
   }
 
-  /** Of the left side, as all that follow: what experiments measure. */
+  /** The left side's, as are the following: the side that experiments measure. */
   get stateless(): StatelessPlayer {
     return this.left.stateless;
   }
@@ -135,13 +137,14 @@ export class ViewerSession {
     return this.left.reprojector;
   }
 
-  /** Bytes of pictures that have come in, by all modes together. */
+  /** Bytes of pictures received by all modes together. */
   get receivedBytes(): number {
     return this.#receivedBefore + this.#sides.reduce((sum, { receivedBytes }) => sum + receivedBytes, 0);
   }
 
   /** After a failure: connect and load again. */
   retry(): void {
+    this.#loading = undefined; // its file may have been replaced
     this.#attempt.value++;
   }
 
@@ -149,6 +152,7 @@ export class ViewerSession {
     cancelAnimationFrame(this.#animation);
     sceneLadder.value = null;
     for (const cleanup of this.#cleanups) cleanup();
+    this.#presence.dispose();
     this.movement.dispose();
     this.input.dispose();
     this.left.dispose();
@@ -166,7 +170,7 @@ export class ViewerSession {
       scene: this.scene,
       settings: computed(() => settingsAt(place, settings.value, ladder.value)),
       seed: this.seed,
-      stamp: this.#stamp,
+      pixelRatio: this.#pixelRatio,
       onShown: this.#shown.tell,
       onSent: this.#sent.tell,
       onReplied: this.#replied.tell,
@@ -176,10 +180,10 @@ export class ViewerSession {
     return side;
   }
 
-  /** On what is seen where the stage was clicked: as deep as the newest frame says, or as far away as the scene's first view. */
+  /** Focuses the clicked point: at the depth of the newest frame, or at the distance of the scene's first view. */
   #focus({ clientX, clientY }: MouseEvent): void {
     const scene = this.scene.peek();
-    // The stage has captured the pointer, and is all that the event tells of.
+    // The stage has captured the pointer and is the event's only target.
     const pane = [this.stage.left, this.stage.right]
       .map((element) => element.getBoundingClientRect())
       .find(({ left, right, top, bottom }) => clientX >= left && clientX < right && clientY >= top && clientY < bottom);
@@ -194,11 +198,13 @@ export class ViewerSession {
     this.rig.focus((content && pointAt(content.view, content.depth, direction)) ?? usual, smooth);
   }
 
-  /** The loop: one sample of the input per animation frame, for every mode the same. */
+  /** The loop: one sample of the input per animation frame, shared by all modes. */
   readonly #tick = (): void => {
     this.#animation = requestAnimationFrame(this.#tick);
     const time = now();
     const sides = this.#sides;
+    const gap = this.#presence.gap(time);
+    if (gap > 0) for (const side of sides) side.resumed(gap);
     for (const side of sides) side.presented(time);
     const moved = this.rig.sample(time);
     for (const side of sides) side.tick(time, moved);
@@ -208,10 +214,20 @@ export class ViewerSession {
   #follow({ left }: Stage): void {
     const observer = new ResizeObserver(() => this.rig.resize(left.clientWidth, left.clientHeight));
     observer.observe(left);
-    this.#cleanups.push(() => observer.disconnect());
+    const screen = new AbortController();
+    const followScreen = () => {
+      this.#pixelRatio.value = devicePixelRatio;
+      const query = matchMedia(`(resolution: ${devicePixelRatio}dppx)`);
+      query.addEventListener("change", followScreen, { once: true, signal: screen.signal });
+    };
+    followScreen();
+    this.#cleanups.push(() => {
+      observer.disconnect();
+      screen.abort();
+    });
   }
 
-  /** The right side, for as long as two modes are compared. */
+  /** The right side of a comparison of two modes. */
   #compare(): void {
     const compared = computed(() => settings.value.mode === "side-by-side");
     const stop = effect(() => {
@@ -229,7 +245,9 @@ export class ViewerSession {
     this.#cleanups.push(stop);
   }
 
-  /** Measures what is on the stage, and anew when that is something else: what other modes did says nothing of these. */
+  /**
+   * Measures the pictures on the stage, starting over when they change: figures of other modes do not apply to them.
+   */
   #measure(): void {
     const measured = computed(() => {
       const { mode, left, right } = settings.value;
@@ -248,7 +266,9 @@ export class ViewerSession {
     this.#cleanups.push(stop);
   }
 
-  /** Where the right side asks for each view, it is a client by itself: the newest request of a client overtakes its others. */
+  /**
+   * The right side's separate connection for per-pose requests: a client's newest request replaces its earlier ones.
+   */
   #connectRight(right: Side): () => void {
     const choice = computed(() =>
       isPerView(right.settings.value.mode) && this.scene.value !== null ? settings.value.transport : null,
@@ -267,8 +287,9 @@ export class ViewerSession {
               this.rightConnection.value = state;
               right.attach(state.status === "connected" ? state : null);
             }),
-          onSilence: () => undefined, // the left side's connection says it
+          onSilence: () => undefined, // reported by the left side's connection
           sleep,
+          visible,
           now,
         },
         connection.signal,
@@ -281,7 +302,7 @@ export class ViewerSession {
     });
   }
 
-  /** What is refused may be a rung that is gone: the scene's ladder can be another than when it was entered. */
+  /** The refused rung may no longer exist: the scene's ladder can change after it was entered. */
   #followLadder(): void {
     const refused = computed(() => this.left.stateless.problem.value !== null);
     const visit = new AbortController();
@@ -290,7 +311,7 @@ export class ViewerSession {
       const reread = loadScene(this.#sceneId, visit.signal, this.#host).then((scene) => {
         if (!visit.signal.aborted) sceneLadder.value = scene.ladder ?? null;
       });
-      reread.catch(() => undefined); // what was refused is said already
+      reread.catch(() => undefined); // the refusal is already shown
     });
     this.#cleanups.push(() => {
       stop();
@@ -303,7 +324,7 @@ export class ViewerSession {
     const choice = computed(() => settings.value.transport);
     const stop = effect(() => {
       const chosen = choice.value;
-      this.#attempt.value; // an effect runs again when what it read changes
+      this.#attempt.value; // an effect runs again when its inputs change
       const connection = new AbortController();
       void maintainConnection(
         {
@@ -314,8 +335,8 @@ export class ViewerSession {
           },
           connect: async (server, signal) => {
             const loading = this.#loadAt(server.host ?? null, connection.signal);
-            loading.catch(() => undefined); // #play hears of a failure
-            // What is shown goes on until another host is ready; else both happen side by side.
+            loading.catch(() => undefined); // #play reports a failure
+            // The present picture continues until another host is ready; otherwise both steps run concurrently.
             if (this.connected.peek() !== null) await loading.catch(() => undefined);
             return connect(server, chosen, signal, now);
           },
@@ -324,6 +345,7 @@ export class ViewerSession {
             this.silent.value = silent;
           },
           sleep,
+          visible,
           now,
         },
         connection.signal,
@@ -343,7 +365,7 @@ export class ViewerSession {
     else void this.#play(state, signal);
   }
 
-  /** Somebody has deleted or renamed the scene: a camera that rests asks for nothing, and would never hear of it. */
+  /** The scene was deleted or renamed: a resting camera sends no requests and would never notice. */
   #gone(): void {
     const scene = this.scene.peek();
     if (scene === null || this.phase.peek().kind !== "playing") return;
@@ -359,7 +381,7 @@ export class ViewerSession {
     return this.#load(signal);
   }
 
-  /** Asks for the scene once at a time; after a failure it may be asked for again. */
+  /** Requests the scene, once at a time; after a failure it may be requested again. */
   #load(signal: AbortSignal): Promise<SceneInfo> {
     this.#loading ??= loadScene(this.#sceneId, signal, this.#host).catch((error: unknown) => {
       this.#loading = undefined;
@@ -388,14 +410,14 @@ export class ViewerSession {
     try {
       scene = await this.#load(signal);
     } catch (error) {
-      if (signal.aborted || !(error instanceof ApiError) || error.unreachable) return; // the connection will say
+      if (signal.aborted || this.connected.value?.transport !== connected.transport) return; // there is another attempt
+      if (!(error instanceof ApiError) || error.unreachable) return; // the connection will say
       this.phase.value = { kind: "failed", message: error.message };
       return;
     }
-    if (entering) {
-      this.rig.enter(scene);
-      this.scene.value = scene;
-    }
+    if (signal.aborted) return;
+    if (this.scene.value === null) this.rig.enter(scene);
+    this.scene.value = scene;
     sceneLadder.value = scene.ladder ?? null;
     if (this.connected.value?.transport !== connected.transport) return; // it was lost meanwhile
     this.left.attach(connected);

@@ -1,6 +1,6 @@
 /**
- * One picture of the scene in the mode of its own settings: all of the stage, or one of two that are compared. Every mode is at home
- * here, and the settings say which of them works.
+ * One picture of the scene with its own settings: the whole stage, or one side of a comparison. It owns all modes, and
+ * the settings select the active one.
  */
 
 import { computed, effect, type ReadonlySignal, signal, untracked } from "@preact/signals";
@@ -10,6 +10,7 @@ import { Enhancement } from "../enhance/enhancement";
 import { Overlay } from "../enhance/overlay";
 import { chosenEnhancers } from "../enhance/registry";
 import type { LocalPlayer } from "../local/local-player";
+import { turning } from "../reproject/acceleration";
 import { Reprojector, reprojectionNote } from "../reproject/reprojector";
 import { config, ladder } from "../state/app";
 import { isPerView, isStreamed, type Mode } from "../state/settings";
@@ -38,12 +39,12 @@ export interface SideOptions {
   readonly pane: HTMLElement;
   readonly rig: Rig;
   readonly scene: ReadonlySignal<SceneInfo | null>;
-  /** Never those of the mode `side-by-side`. */
+  /** Never the settings of the mode `side-by-side`. */
   readonly settings: ReadonlySignal<SideSettings>;
   /** Of the controller's random numbers. */
   readonly seed: ReadonlySignal<number>;
-  /** Frames carry their pose's number, for tests that read it from the screen. */
-  readonly stamp: boolean;
+  /** Pixels of the screen along one of the viewport's; it changes when the window moves to another screen. */
+  readonly pixelRatio: ReadonlySignal<number>;
   readonly onShown: (frame: ShownFrame) => void;
   readonly onSent: (request: SentRequest) => void;
   readonly onReplied: (reply: Reply) => void;
@@ -62,14 +63,14 @@ export class Side {
   readonly stream = signal<StreamPlayer | null>(null);
   /** Null in the other modes. */
   readonly local = signal<LocalPlayer | null>(null);
-  /** What a person should know where pictures are to be turned and are not; else null. */
+  /** Notice to the user if pictures should be warped and are not; else null. */
   readonly unturned: ReadonlySignal<string | null>;
   readonly #display: Display<DecodedFrame>;
   readonly #decoder = new Decoder(
     new Worker(new URL("../stateless/decode.worker.ts", import.meta.url), { type: "module", name: "decoder" }),
   );
   readonly #presented = new Listeners<[PresentedFrame]>();
-  /** Hear of every frame that is on the screen, until the function that this returns is called. */
+  /** Subscribes to every frame on screen; returns a function that unsubscribes. */
   readonly onPresented = this.#presented.add;
   readonly #elements: readonly HTMLElement[];
   readonly #cleanups: (() => void)[] = [];
@@ -77,7 +78,7 @@ export class Side {
   #received = 0;
 
   constructor(options: SideOptions) {
-    const { pane, rig, scene, settings, seed, stamp, onShown, onSent, onReplied, now } = options;
+    const { pane, rig, scene, settings, seed, pixelRatio, onShown, onSent, onReplied, now } = options;
     this.settings = settings;
     const canvas = document.createElement("canvas");
     const video = silentVideo();
@@ -92,7 +93,8 @@ export class Side {
     this.enhancement = new Enhancement({ overlay, now });
     const size = () => {
       const { width, height } = rig.viewport.peek();
-      return { width: Math.round(width * devicePixelRatio), height: Math.round(height * devicePixelRatio) };
+      const ratio = pixelRatio.peek();
+      return { width: Math.round(width * ratio), height: Math.round(height * ratio) };
     };
     this.#display = new Display({ canvas, overlay, enhancement: this.enhancement, size });
     this.reprojector = new Reprojector({ below: canvas, size, now });
@@ -104,7 +106,7 @@ export class Side {
     );
     const pixels = computed(() => {
       const { width, height } = rig.viewport.value;
-      return width * height * devicePixelRatio ** 2;
+      return width * height * pixelRatio.value ** 2;
     });
     const steps = videoSteps(settings, pixels);
     const controller = selectedController(settings, seed, pixels, steps);
@@ -123,9 +125,8 @@ export class Side {
       controller: () => controller.value,
       refine: () => settings.value.refine,
       bitrateKbps: () => settings.peek().bitrateKbps ?? null,
-      pixelRatio: () => devicePixelRatio,
+      pixelRatio: () => pixelRatio.peek(),
       prediction: () => settings.value.prediction,
-      stamp,
       onPresented: this.#presented.tell,
       onShown,
       onSent,
@@ -142,17 +143,17 @@ export class Side {
     this.#beginVideo();
     const shared = { rig, onPresented: this.#presented.tell, onReceived: this.#count, now };
     this.#cleanups.push(
-      keepStream(this.stream, scene, settings, { ...shared, video, stamp, reprojector: this.videoReprojector }),
+      keepStream(this.stream, scene, settings, { ...shared, video, reprojector: this.videoReprojector }),
       keepDownload(this.local, scene, settings, { ...shared, below: canvas, size }),
     );
   }
 
-  /** Bytes of pictures that have come in, by all modes together. */
+  /** Bytes of pictures received by all modes together. */
   get receivedBytes(): number {
     return this.#received;
   }
 
-  /** What the mode's meter says at present; null while nothing of it is there. */
+  /** Present figures of the mode's meter; null before its first frame. */
   get figures(): Figures | null {
     const { mode } = this.settings.value;
     if (isPerView(mode)) return this.stateless.stats.value;
@@ -164,14 +165,14 @@ export class Side {
     this.stateless.attach(connected);
   }
 
-  /** A copy of what is on the screen; null while that is nothing. */
+  /** A copy of the screen; null before the first picture. */
   picture(): Promise<ImageBitmap> | null {
     const { mode } = this.settings.peek();
     if (isPerView(mode)) return this.stateless.picture();
     return (isStreamed(mode) ? this.stream : this.local).peek()?.picture() ?? null;
   }
 
-  /** Once per animation frame, first of all: whoever hears of it finds on the screen the frame that was told of last. */
+  /** Called at the start of each animation frame: its subscribers find the last reported frame on screen. */
   presented(time: number): void {
     if (isPerView(this.settings.peek().mode)) this.stateless.presented(time);
     else this.stateless.suspend();
@@ -179,7 +180,14 @@ export class Side {
     this.local.peek()?.presented(time);
   }
 
-  /** Once per animation frame, after the rig was sampled; `moved` is what the rig said. */
+  /** The page was hidden for the last `gap` milliseconds; before anything else of this animation frame. */
+  resumed(gap: number): void {
+    this.stateless.resumed(gap);
+    this.stream.peek()?.resumed(gap);
+    this.local.peek()?.resumed(gap);
+  }
+
+  /** Called once per animation frame, after the rig was sampled; `moved` is the rig's result. */
   tick(time: number, moved: boolean): void {
     if (isPerView(this.settings.peek().mode)) this.stateless.tick(time, moved);
     this.stream.peek()?.tick(time, moved);
@@ -223,11 +231,13 @@ export class Side {
     this.#cleanups.push(stop);
   }
 
-  /** Whenever the mode is chosen. */
+  /** Decode video while its mode is chosen. */
   #beginVideo(): void {
     const chosen = computed(() => this.settings.value.mode === "video");
     const stop = effect(() => {
-      if (chosen.value) void this.video.begin(videoProblem());
+      if (!chosen.value) return undefined;
+      void this.video.begin(videoProblem());
+      return () => this.video.leave();
     });
     this.#cleanups.push(stop);
   }
@@ -243,8 +253,10 @@ export class Side {
       const { reprojection, mode } = this.settings.value;
       return reprojection && shows(mode) && scene !== null ? viewDistance(scene) : null;
     });
+    const forced = computed(() => turning.value === "forced");
     const stop = effect(() => {
       const { value } = distance;
+      void forced.value; // it begins anew once someone asks for it
       untracked(() => (value === null ? reprojector.off() : reprojector.on(value)));
     });
     this.#cleanups.push(stop);

@@ -1,6 +1,6 @@
-/** Opens a stream of the packager's where the mode has one, and anew whenever what decides it changes. */
+/** Opens a stream from the packager for modes that need one, again whenever a relevant setting changes. */
 import { computed, effect, type ReadonlySignal, type Signal, signal, untracked } from "@preact/signals";
-import { type DashSource, overDash } from "../dash/dash-views";
+import { overDash } from "../dash/dash-views";
 import { planFor } from "../dash/presets";
 import { config } from "../state/app";
 import { isStreamed } from "../state/settings";
@@ -11,8 +11,8 @@ import { WEBRTC_PLANS, type WebRtcSetup } from "../webrtc/presets";
 import { overWebRtc } from "../webrtc/webrtc-views";
 import type { SceneInfo } from "../wire/render";
 
-/** What all streams of a visit have in common. */
-type Shared = Omit<StreamOptions, "side" | "open" | "adaptive" | "overscan" | "prediction"> & Pick<DashSource, "stamp">;
+/** Parameters shared by all streams of a visit. */
+type Shared = Omit<StreamOptions, "side" | "open" | "adaptive" | "overscan" | "prediction">;
 
 /** A stream is opened anew when the viewport has kept its size for this long, in milliseconds. */
 const RESIZED_AFTER = 400;
@@ -38,13 +38,12 @@ export function keepStream(
         base,
         scene: scene.value.id,
         plan: mode === "dash" ? planFor(settings.value) : webRtcSetup(settings.value),
-        stamp: shared.stamp,
       },
       viewport: viewport.value,
       overscan: turned ? (overscan === "auto" ? AUTO_OVERSCAN : overscan) : null,
     });
   });
-  /** How often the page was left and shown again as it was. */
+  /** Number of times the page was left and restored unchanged. */
   const returned = signal(0);
   const stop = effect(() => {
     returned.value;
@@ -72,12 +71,12 @@ export function keepStream(
   };
 }
 
-/** As the settings have it, and what two sides that are compared have in common. */
+/** The relevant settings, with those shared by both sides of a comparison. */
 function webRtcSetup({ webrtcStream, dashRepresentation, bitrateKbps }: SideSettings): WebRtcSetup {
   return { ...WEBRTC_PLANS[webrtcStream], rung: dashRepresentation?.rung ?? null, bitrateKbps: bitrateKbps ?? null };
 }
 
-/** A signal that follows another once that has kept its value for a while, and what ends that. */
+/** A debounced copy of a signal, and a function that stops it. */
 function settled<T>(source: ReadonlySignal<T>, after: number): [ReadonlySignal<T>, () => void] {
   const result = signal(source.peek());
   let timer: ReturnType<typeof setTimeout>;

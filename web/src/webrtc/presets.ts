@@ -1,4 +1,4 @@
-/** How a stream over WebRTC is encoded: by the packager's aiortc, whose H.264 has 30 frames a second at most. */
+/** Encoding of a WebRTC stream by the packager's aiortc, whose H.264 is limited to 30 frames per second. */
 
 export const WEBRTC_STREAMS = ["h264-30", "vp8-30", "vp8-60"] as const;
 export type WebRtcStream = (typeof WEBRTC_STREAMS)[number];
@@ -10,9 +10,9 @@ export interface WebRtcPlan {
   readonly frameRate: 30 | 60;
 }
 
-/** What a stream is opened with. */
+/** Parameters of a new stream. */
 export interface WebRtcSetup extends WebRtcPlan {
-  /** The ladder's rung whose size it has; null: the largest that fits into the viewport. */
+  /** The ladder's rung with the stream's size; null: the largest that fits into the viewport. */
   readonly rung: number | null;
   /** The most that it may have; null: as much as the browser thinks that the link carries. */
   readonly bitrateKbps: number | null;

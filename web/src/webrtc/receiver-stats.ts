@@ -1,15 +1,15 @@
-/** What the browser tells of a video that comes over RTP, read again and again. */
+/** The browser's statistics of a video received over RTP, polled. */
 
 export interface ReceiverStats {
   /** All bytes of the video's packets so far, their headers among them. */
   readonly bytes: number;
-  /** How long frames lately waited in the jitter buffer, mean, in milliseconds; null before the first. */
+  /** Mean time of recent frames in the jitter buffer in milliseconds; null before the first. */
   readonly jitterBuffer: number | null;
-  /** Packets that never came, so far. */
+  /** Packets lost so far. */
   readonly lost: number;
 }
 
-/** What of the standard's RTCInboundRtpStreamStats is used. */
+/** The fields used of the standard's RTCInboundRtpStreamStats. */
 interface Inbound {
   readonly type: string;
   readonly kind?: string;

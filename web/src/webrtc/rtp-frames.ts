@@ -4,14 +4,14 @@ const RATE = 90_000;
 
 export class RtpFrames {
   readonly #ticks: number;
-  /** The newest timestamp that was asked for, and the number of its frame. */
+  /** The newest timestamp seen, and the number of its frame. */
   #newest: { readonly timestamp: number; readonly frame: number } | null = null;
 
   constructor(frameRate: number) {
     this.#ticks = RATE / frameRate;
   }
 
-  /** The number of the frame with a timestamp; the first that is asked for is in the middle of nowhere. */
+  /** The number of the frame with this timestamp; the first one gets an arbitrary number. */
   number(timestamp: number): number {
     const newest = this.#newest ?? { timestamp, frame: 0 };
     const ahead = (timestamp - newest.timestamp) | 0; // modulo 2³², between -2³¹ and 2³¹

@@ -95,7 +95,7 @@ afterEach(() => {
 });
 
 function open(signal = new AbortController().signal): Promise<ViewStream> {
-  const source = { base: "http://packager", scene: "courtyard", plan: PLAN, stamp: false };
+  const source = { base: "http://packager", scene: "courtyard", plan: PLAN };
   const events = {
     told: (frame: number, pose: number) => void heard.push([frame, pose]),
     received: (bytes: number) => void received.push(bytes),
@@ -169,6 +169,13 @@ test("a session is ended with its connection, and by that alone", async () => {
   expect(FakeConnection.last.closed).toBe(true);
   expect(endSession).toHaveBeenCalledExactlyOnceWith("http://packager", SESSION);
   expect([failures, video.srcObject]).toEqual([[], null]);
+});
+
+test("a packager that does not answer keeps no connection open", async () => {
+  vi.mocked(endSession).mockReturnValue(new Promise(() => undefined));
+  (await open()).dispose();
+  await vi.advanceTimersByTimeAsync(250);
+  expect(FakeConnection.last.closed).toBe(true);
 });
 
 test("a packager that is not reached, or no longer, is lost; a short silence is not", async () => {

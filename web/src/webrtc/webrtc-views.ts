@@ -1,5 +1,6 @@
-/** A stream over WebRTC: the browser receives and decodes the video by itself, and two data channels say what it shows. */
+/** A stream over WebRTC: the browser receives and decodes the video, and two data channels identify its frames. */
 
+import { sleep } from "../async/sleep";
 import type { Camera } from "../stream/camera-feed";
 import { endSession, openWebRtc, sessionStatus } from "../stream/packager";
 import { type OpenViews, StreamUnsupported, type ViewEvents, type ViewStream } from "../stream/stream";
@@ -13,14 +14,15 @@ export interface WebRtcSource {
   readonly base: string;
   readonly scene: string;
   readonly plan: WebRtcSetup;
-  readonly stamp: boolean;
 }
 
+/** A stream that was left is closed after this long even if the packager does not answer, in milliseconds. */
+const CLOSED_WITHIN = 250;
 /** How long the packager may be unreachable before the stream is opened anew, in milliseconds. */
 const SILENT_FOR = 5000;
 const CONNECTED_WITHIN = 10_000;
 const STATS_EVERY = 250;
-/** A pose that no frame shows after so long is sent again, in milliseconds. */
+/** Time until an unanswered pose is sent again, in milliseconds. */
 const REPEATED_AFTER = 300;
 const INTERRUPTED = "The WebRTC stream was interrupted.";
 
@@ -68,17 +70,20 @@ function showAtOnce(receiver: RTCRtpReceiver): void {
   else Object.assign(receiver, { playoutDelayHint: 0 }); // Chromium's before it was a standard
 }
 
-/** Sends the offer and takes the answer. No candidates are waited for: the packager hears where this page is. */
+/**
+ * Sends the offer and takes the answer. It waits for no candidates: the packager learns this page's address from its
+ * packets.
+ */
 async function negotiated(
   connection: RTCPeerConnection,
-  { base, scene, plan, stamp }: WebRtcSource,
+  { base, scene, plan }: WebRtcSource,
   view: Camera,
   signal: AbortSignal,
 ): Promise<WebRtcSession> {
   await connection.setLocalDescription();
   const sdp = connection.localDescription?.sdp ?? "";
   const { frameRate: frame_rate, rung, bitrateKbps: bitrate_kbps } = plan;
-  const request: WebRtcRequest = { scene, ...view, frame_rate, rung, bitrate_kbps, stamp, sdp };
+  const request: WebRtcRequest = { scene, ...view, frame_rate, rung, bitrate_kbps, sdp };
   const session = await openWebRtc(base, request, signal);
   try {
     signal.throwIfAborted();
@@ -154,7 +159,7 @@ class WebRtcViews implements ViewStream {
     return true;
   };
 
-  /** The browser tells the timestamp only of the frame that it presented. */
+  /** The browser reports the timestamp only for the presented frame. */
   frame(mediaTime: number, { mediaTime: presented, rtpTimestamp }: VideoFrameCallbackMetadata): number | null {
     const same = Math.abs(mediaTime - presented) < 0.001;
     return same && rtpTimestamp !== undefined ? this.#numbers.number(rtpTimestamp) : null;
@@ -171,9 +176,13 @@ class WebRtcViews implements ViewStream {
     frames.removeEventListener("close", this.#interrupted);
     connection.removeEventListener("connectionstatechange", this.#changed);
     video.srcObject = null;
-    for (const { track } of connection.getReceivers()) track.stop();
-    // Closing it would end the session, too: then there were none to end.
-    void endSession(base, session).then(() => connection.close());
+    frames.removeEventListener("message", this.#heard);
+    // Closing the connection also ends the session, so DELETE goes first; until then packets load the link.
+    const closing = new AbortController();
+    void Promise.race([endSession(base, session), sleep(CLOSED_WITHIN, closing.signal)]).finally(() => {
+      closing.abort();
+      connection.close();
+    });
   }
 
   readonly #heard = ({ data }: MessageEvent<string>): void => {

@@ -1,19 +1,6 @@
 // Generated from services/common/tigas_common/wire/dash.py by `npm run wire`. Do not edit.
 
 /**
- * All messages between the packager and the page.
- */
-export interface DashWire {
-  SessionRequest: SessionRequest;
-  PoseUpdate: PoseUpdate;
-  WebRtcRequest: WebRtcRequest;
-  SessionInfo: SessionInfo;
-  SessionStatus: SessionStatus;
-  FrameShown: FrameShown;
-  WebRtcSession: WebRtcSession;
-  SentFrame: SentFrame;
-}
-/**
  * A DASH stream for one viewer.
  */
 export interface SessionRequest {
@@ -35,7 +22,6 @@ export interface SessionRequest {
   width: number;
   height: number;
   frame_rate?: number;
-  stamp?: boolean;
   representations?:
     | [RepresentationRequest]
     | [RepresentationRequest, RepresentationRequest]
@@ -129,7 +115,6 @@ export interface WebRtcRequest {
   width: number;
   height: number;
   frame_rate?: 30 | 60;
-  stamp?: boolean;
   sdp: string;
   rung?: number | null;
   bitrate_kbps?: number | null;

@@ -1,18 +1,6 @@
 // Generated from services/common/tigas_common/wire/render.py by `npm run wire`. Do not edit.
 
 /**
- * All messages between client and server.
- */
-export interface Wire {
-  RenderRequest: RenderRequest;
-  FrameHeader: FrameHeader;
-  Problem: Problem;
-  SceneInfo: SceneInfo;
-  ServerConfig: ServerConfig;
-  Training: Training;
-  AddedScene: AddedScene;
-}
-/**
  * One view to render. The pose is either Euler angles and `translation`, or `position` and `quaternion`.
  */
 export interface RenderRequest {
@@ -37,10 +25,9 @@ export interface RenderRequest {
   format?: "jpeg" | "png" | "yuv420p" | "h264" | "webp";
   video?: VideoRequest | null;
   deadline_ms?: number | null;
-  stamp?: number | null;
 }
 /**
- * How a view is to be encoded as the next frame of its session's video.
+ * How to encode a view as the next frame of its session's video.
  */
 export interface VideoRequest {
   bitrate_kbps: number;
@@ -48,7 +35,7 @@ export interface VideoRequest {
   key?: boolean;
 }
 /**
- * Goes before the body on WebTransport. From status 400 on, the body is a Problem and the rest is null.
+ * Precedes the body on WebTransport. From status 400 on, the body is a Problem and the other fields are null.
  */
 export interface FrameHeader {
   status: number;
@@ -89,7 +76,7 @@ export interface Problem {
   detail: string;
 }
 /**
- * What is known of a scene without loading it; `camera` is known once it was loaded, or from its scene.json.
+ * Facts about a scene that need no loading; `camera` is known once it was loaded, or from its scene.json.
  */
 export interface SceneInfo {
   id: string;
@@ -148,18 +135,18 @@ export interface Rung {
   psnr_db?: number | null;
 }
 /**
- * A file of the scene's Gaussians, at `/scenes/{id}/download/{form}`; it is made when somebody first asks for it.
+ * A file of the scene's Gaussians, at `/scenes/{id}/download/compressed`; made on the first request.
  *
- * Its rows are ordered so that whoever has only the first of them has the best picture of so many.
+ * Its rows are ordered so that every prefix gives the best picture of its size.
  */
 export interface SceneDownload {
-  form: "ply" | "compressed";
+  form?: "compressed";
   bytes?: number | null;
   sha256?: string | null;
   gaussians?: number | null;
 }
 /**
- * What the page needs to know of its server (`/config.json`).
+ * The server's configuration for the page (`/config.json`).
  */
 export interface ServerConfig {
   version: string;
@@ -190,7 +177,7 @@ export interface Training {
   problem?: string | null;
 }
 /**
- * What an upload has become.
+ * Result of an upload.
  */
 export interface AddedScene {
   id: string;

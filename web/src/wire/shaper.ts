@@ -1,18 +1,6 @@
 // Generated from services/common/tigas_common/wire/shaper.py by `npm run wire`. Do not edit.
 
 /**
- * All messages between the shaper and the page.
- */
-export interface ShaperWire {
-  StartRequest: StartRequest;
-  SeekRequest: SeekRequest;
-  LoopRequest: LoopRequest;
-  LinkSetting: LinkSetting;
-  TraceList: TraceList;
-  TracePoints: TracePoints;
-  ShaperStatus: ShaperStatus;
-}
-/**
  * Play a trace from its start.
  */
 export interface StartRequest {
@@ -33,7 +21,7 @@ export interface LoopRequest {
   loop: boolean;
 }
 /**
- * What a link does to packets.
+ * Effects of a link on packets.
  */
 export interface LinkSetting {
   down_kbps: number;
@@ -49,7 +37,7 @@ export interface TraceList {
   traces: TraceSummary[];
 }
 /**
- * A trace in the list. Where `error` is not null, the trace cannot be played and the rest is zero.
+ * A trace in the list. If `error` is not null, the trace cannot be played and the other fields are zero.
  */
 export interface TraceSummary {
   name: string;
@@ -64,7 +52,7 @@ export interface TraceSummary {
   error?: string | null;
 }
 /**
- * A trace to be drawn, as means over spans of time.
+ * A trace's outline, as means over spans of time.
  */
 export interface TracePoints {
   name: string;
@@ -74,7 +62,7 @@ export interface TracePoints {
   up_kbps: number[];
 }
 /**
- * The link at one moment, and what plays on it.
+ * The link at one moment, and its playback.
  */
 export interface ShaperStatus {
   time_ms: number;

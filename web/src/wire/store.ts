@@ -3,24 +3,6 @@
 export type JsonValue = unknown;
 
 /**
- * All messages between the experiments' store and the page.
- */
-export interface StoreWire {
-  ExperimentRequest: ExperimentRequest;
-  RunUpload: RunUpload;
-  InterruptedRun: InterruptedRun;
-  SampleIndex: SampleIndex;
-  Sample: Sample;
-  ExperimentCreated: ExperimentCreated;
-  ExperimentList: ExperimentList;
-  Experiment: Experiment;
-  RunRow: RunRow;
-  SampleList: SampleList;
-  Materialisation: Materialisation;
-  UploadedSamples: UploadedSamples;
-  MovementList: MovementList;
-}
-/**
  * An experiment that a page begins.
  */
 export interface ExperimentRequest {
@@ -31,7 +13,7 @@ export interface ExperimentRequest {
   planned?: number | null;
 }
 /**
- * One run, after it has ended. Figures can be computed of whatever is valid here.
+ * One finished run. Figures can be computed from any valid one.
  */
 export interface RunUpload {
   configuration: Configuration;
@@ -82,7 +64,7 @@ export interface Network {
   offset_s?: number;
 }
 /**
- * What a link does to packets.
+ * Effects of a link on packets.
  */
 export interface LinkSetting {
   down_kbps: number;
@@ -124,7 +106,7 @@ export interface Recording {
   traffic: Traffic[];
 }
 /**
- * The stream of the modes with DASH, as the packager made it, and who played it.
+ * The stream of the modes with DASH, as made by the packager, and its player.
  */
 export interface PlayedStream {
   representations: RepresentationInfo[];
@@ -147,7 +129,7 @@ export interface RepresentationInfo {
   codecs: string;
 }
 /**
- * What came over WebRTC.
+ * Statistics of WebRTC.
  */
 export interface PlayedWebRtc {
   codec: string;
@@ -158,10 +140,10 @@ export interface PlayedWebRtc {
   lost_packets: number;
 }
 /**
- * The scene as the mode `local` downloaded and drew it. Times in ms; None: that never came.
+ * Download and rendering of the scene in the mode `local`. Times in ms; None: it never happened.
  */
 export interface PlayedDownload {
-  form: "ply" | "compressed";
+  form: "compressed" | "ply";
   renderer: string | null;
   began_ms: number;
   first_picture_ms: number | null;
@@ -218,7 +200,7 @@ export interface ShownFrame {
   enhance_ms?: number | null;
 }
 /**
- * A frame that came in the modes `stateless` and `video`, shown or not. What was overtaken has none.
+ * A frame received in the modes `stateless` and `video`, shown or not. Superseded requests have none.
  */
 export interface Reply {
   at: number;
@@ -240,7 +222,7 @@ export interface ServerTiming {
   encode: number;
 }
 /**
- * A frame that the mode `stateless` or `video` asked for, and what became of it.
+ * A request of the mode `stateless` or `video`, and its outcome.
  */
 export interface Request {
   at: number;
@@ -249,7 +231,7 @@ export interface Request {
   fate: "shown" | "overtaken" | "cancelled" | "dropped" | "unanswered";
 }
 /**
- * What was on the screen at a tick of the run's clock, whose picture was kept.
+ * The screen at a tick of the run's clock, with its picture kept.
  */
 export interface Capture {
   at: number;
@@ -262,7 +244,7 @@ export interface Capture {
   height: number;
 }
 /**
- * What the page had received by then.
+ * Bytes received by the page so far.
  */
 export interface Traffic {
   at: number;
@@ -281,7 +263,7 @@ export interface LinkSample {
   up_delivered_kbps: number;
 }
 /**
- * A run of which a page has nothing but samples, because it was closed before the run's end.
+ * A run with only samples in the page, which was closed before the run's end.
  */
 export interface InterruptedRun {
   configuration: Configuration;
@@ -298,7 +280,7 @@ export interface SampleIndex {
   samples: [Sample, ...Sample[]];
 }
 /**
- * A shown frame of the mode `stateless` that was kept: the JPEG as it came and, where it was enhanced, as shown.
+ * A kept frame of the mode `stateless`: the JPEG as received and, with enhancement, as shown.
  */
 export interface Sample {
   seq: number;
@@ -338,10 +320,9 @@ export interface RenderRequest {
   format?: "jpeg" | "png" | "yuv420p" | "h264" | "webp";
   video?: VideoRequest | null;
   deadline_ms?: number | null;
-  stamp?: number | null;
 }
 /**
- * How a view is to be encoded as the next frame of its session's video.
+ * How to encode a view as the next frame of its session's video.
  */
 export interface VideoRequest {
   bitrate_kbps: number;
@@ -400,7 +381,7 @@ export interface RunRow {
   saturated_share?: number | null;
 }
 /**
- * What a complete run says.
+ * Figures of a complete run.
  */
 export interface Figures {
   latencies: Latencies;
@@ -426,8 +407,8 @@ export interface Figures {
   quality: QualityFigures | null;
 }
 /**
- * Motion-to-photon latency of the content, in ms: until pixels of a pose or of a later one were on the screen.
- * None: that share of the inputs was never answered, or there are none.
+ * Motion-to-photon latency of the content, in ms: until pixels of a pose or of a later one were on screen. None:
+ * that share of the inputs was never answered, or there are none.
  */
 export interface Latencies {
   inputs: number;
@@ -442,8 +423,8 @@ export interface Latencies {
   share_frame_more: number | null;
 }
 /**
- * Until the picture on the screen had turned to a pose or to a later one, in ms, whatever pixels it was made of;
- * where the page turns nothing, motion-to-photon latency. None: as there.
+ * Time until the picture on screen was warped to a pose or to a later one, in ms, whatever the age of its pixels;
+ * without warping, motion-to-photon latency. None: see there.
  */
 export interface ViewLatencies {
   unanswered: number;
@@ -480,7 +461,7 @@ export interface ResponseTimes {
   p95: number | null;
 }
 /**
- * What became of the requests that were sent during the run (`tigas_common.wire.recording.Fate`).
+ * Outcomes of the requests sent during the run (`tigas_common.wire.recording.Fate`).
  */
 export interface Requests {
   sent: number;
@@ -491,7 +472,7 @@ export interface Requests {
   unanswered: number;
 }
 /**
- * The server's, of the frames that came, in ms; None if it told none.
+ * Server times of received frames, in ms; None if it sent none.
  */
 export interface RenderTimes {
   mean: number | null;
@@ -545,7 +526,7 @@ export interface QualityFigures {
   seen_lpips?: number | null;
 }
 /**
- * What is known of a run's samples.
+ * Summary of a run's samples.
  */
 export interface SampleCounts {
   samples: number;
@@ -590,7 +571,7 @@ export interface Materialisation {
   problem: string | null;
 }
 /**
- * What a store has of a run's samples: whoever goes on sends only the rest.
+ * The store's part of a run's samples: a resumed upload sends only the others.
  */
 export interface UploadedSamples {
   complete: boolean;

@@ -1,7 +1,8 @@
 /**
- * What a model of the enhancement stage is. Each has a file of its own; `registry.ts` lists them and says how to add one.
+ * Interface of a model of the enhancement stage. Each has its own file; `registry.ts` lists them and explains how to
+ * add one.
  *
- * Pictures are textures whose red, green and blue are sRGB-coded, from 0 to 1; alpha means nothing. They are read as
+ * Pictures are textures with sRGB-coded red, green and blue, from 0 to 1; alpha is ignored. They are read as
  * `texture_2d<f32>`, by `textureLoad` or through a sampler.
  */
 import type { Rung, SceneInfo } from "../../wire/render";
@@ -20,16 +21,15 @@ export interface Enhancer {
   /** For people. */
   readonly label: string;
   readonly kind: Kind;
-  /** Pixels that it makes of one, along each side; a model may leave pictures of some sizes as they are. */
+  /** Scale factor per side; a model may leave pictures of some sizes unchanged. */
   readonly scale: number;
   /** Bicubic if it does not say. */
   readonly filter?: Filter;
-  /** The URL of its weights, relative to the page; null if there are none for this scene. Left out: it needs none. */
+  /** URL of its weights, relative to the page; null if the scene has none. Absent: it has no weights. */
   readonly weights?: (scene: SceneInfo) => string | null;
   /**
-   * Makes ready whatever does not depend on a picture's size. `weights` is the content of the URL, null where there is none to
-   * load. Rejects with an `EnhancementError`, whose message a person reads, if the weights are not what they should be, such as
-   * for another ladder than the server's.
+   * Prepares everything independent of a picture's size. `weights` is the content of the URL, or null. Rejects with an
+   * `EnhancementError`, with a message for the user, if the weights are invalid, for example for another ladder.
    */
   readonly load: (device: GPUDevice, weights: ArrayBuffer | null, ladder: readonly Rung[]) => Promise<Loaded>;
 }
@@ -37,26 +37,27 @@ export interface Enhancer {
 /** A model on a device. */
 export interface Loaded {
   /**
-   * Encodes the work on one picture and returns the texture that will have the result: `input` itself where there is nothing to do.
+   * Encodes the work on one picture and returns the texture of the result: `input` itself if there is no work.
    *
-   * Pictures of one size come in the same texture, frame after frame, and sizes change with the ladder's rung while a person
-   * walks: keep pipelines and textures by `input`, in a `WeakMap`. The result must stay as it is until the next call, and
-   * may have any format that shaders can read as `texture_2d<f32>`. `rung` is the frame's place in the ladder, null for one of no
-   * rung: the size does not tell it, since a rung's frames have the shape of the viewport.
+   * Pictures of one size use the same texture, frame after frame, and sizes change with the ladder's rung while the
+   * user walks: key pipelines and textures by `input`, in a `WeakMap`. The result must stay unchanged until the next
+   * call, and may have any format that shaders can read as `texture_2d<f32>`. `rung` is the frame's index in the
+   * ladder, null for a frame without a rung: the size does not determine it, since frames have the viewport's aspect
+   * ratio.
    */
   run(encoder: GPUCommandEncoder, input: GPUTexture, rung: number | null): GPUTexture;
-  /** Whether it changes frames of a rung; those of all if left out. */
+  /** Whether it changes frames of a rung; all frames by default. */
   readonly serves?: (rung: number) => boolean;
-  /** Destroys its textures and buffers; nothing is called afterwards. */
+  /** Destroys its textures and buffers; no method is called afterwards. */
   dispose(): void;
 }
 
-/** Why a picture cannot be enhanced: one sentence for a person. */
+/** Reason why a picture cannot be enhanced: one sentence for the user. */
 export class EnhancementError extends Error {
   override readonly name = "EnhancementError";
 }
 
-/** What a graphics processor's message says first; the rest is for whoever wrote the shader. */
+/** First line of a GPU error message; the remainder is for the shader's author. */
 export function firstLine(message: string): string {
   return message.trim().split("\n", 1)[0] ?? "";
 }

@@ -28,9 +28,9 @@ export const ANIME4K: readonly Enhancer[] = [
 
 class Anime4KModel implements Loaded {
   readonly #network: PipelineOf;
-  /** One for each texture that pictures come in. */
+  /** One per input texture. */
   readonly #pipelines = new Map<GPUTexture, Anime4K.Anime4KPipeline>();
-  /** All that the pipelines made, as the package destroys nothing. */
+  /** All textures made by the pipelines, because the package destroys none. */
   readonly #textures: GPUTexture[] = [];
   readonly #device: GPUDevice;
 
@@ -52,7 +52,7 @@ class Anime4KModel implements Loaded {
   }
 }
 
-/** The same device; what textures it makes is noted. */
+/** A wrapper of the device that records its textures. */
 function noting(device: GPUDevice, textures: GPUTexture[]): GPUDevice {
   const createTexture = (descriptor: GPUTextureDescriptor) => {
     const texture = device.createTexture(descriptor);

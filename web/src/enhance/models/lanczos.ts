@@ -1,4 +1,4 @@
-/** Baseline: the picture as it came, brought to the displayed size by a Lanczos filter. */
+/** Baseline: the picture scaled to the displayed size by a Lanczos filter. */
 import type { Enhancer } from "../model/enhancer";
 import { AS_IT_IS } from "./as-it-is";
 

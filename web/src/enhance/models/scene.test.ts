@@ -1,4 +1,4 @@
-/** That its pictures are right, tests/web/test_scene_network.py checks; here is what it says where there are none. */
+/** Error messages only: tests/web/test_scene_network.py checks the pictures. */
 import { expect, test } from "vitest";
 import { EnhancementError } from "../model/enhancer";
 import { LADDER, ONE, safetensors, weights } from "../network/fake-weights";

@@ -1,6 +1,6 @@
 /**
  * Ours: small networks, one a rung, that were trained on views of the very scene, or on several scenes for one without its own.
- * `docs/enhancement.md` describes them.
+ * `docs/experiments.md` describes them.
  */
 
 import type { Rung } from "../../wire/render";

@@ -1,4 +1,4 @@
-/** Whatever comes as a scene's weights, the page makes shaders of it or refuses it in a sentence. */
+/** Any bytes in place of a scene's weights become shaders or are refused in a sentence. */
 import fc from "fast-check";
 import { expect, test } from "vitest";
 import { EFFORT } from "../../fuzz/effort";
@@ -19,7 +19,7 @@ const edit = fc.record({
   length: fc.constantFrom(0, 0, 1, 2, 8, 200),
   piece: fc.oneof(fc.constantFrom(...PIECES), fc.string({ maxLength: 8 })),
 });
-/** Sound files whose header was edited, or whose bytes. */
+/** Valid files with an edited header, or edited bytes. */
 const files = fc.oneof(
   fc
     .array(edit, { maxLength: 3 })

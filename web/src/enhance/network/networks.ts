@@ -1,6 +1,6 @@
 /**
- * The networks of a file of weights: one for each rung that it was trained for, of the architecture "tigas-sr-1", which
- * docs/enhancement.md describes. Strict: a file is sound as a whole or refused in one sentence. Pure.
+ * The networks of a file of weights: one for each rung in the training, with the architecture "tigas-sr-1" described in
+ * docs/experiments.md. Strict: a file is valid as a whole or refused in one sentence. Pure.
  */
 import * as v from "valibot";
 import type { Rung } from "../../wire/render";
@@ -44,7 +44,7 @@ export interface Network {
   readonly width: number;
   readonly height: number;
   readonly quality: number;
-  /** Its picture has so many times the frame's width and height. */
+  /** Scale factor of width and height. */
   readonly scale: 1 | 2;
   readonly layers: readonly Layer[];
 }
@@ -103,7 +103,7 @@ function take(tensors: Map<string, Tensor>, name: string, shape: readonly number
   return tensor.halves;
 }
 
-/** A network serves rungs of up to so many times its own rung's height, and down to as small a part of it. */
+/** A network serves rungs up to this multiple of its own rung's height, and down to the inverse. */
 const NEAR = 1.25;
 
 /**

@@ -9,7 +9,7 @@ interface Step {
   readonly tile: readonly [width: number, height: number];
 }
 
-/** What the frames in one texture need. */
+/** Resources for the frames of one texture. */
 interface Workspace {
   readonly input: GPUTexture;
   readonly steps: readonly (Step & { readonly bindings: GPUBindGroup })[];

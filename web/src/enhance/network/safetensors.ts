@@ -1,13 +1,14 @@
 /**
- * Reads safetensors, strictly: a length, a JSON header, then the tensors one after the other (github.com/huggingface/safetensors).
- * Weights come from a server that may be another's: whatever is wrong with them is said in one sentence. Pure.
+ * Reads safetensors, strictly: a length, a JSON header, then the tensors in sequence
+ * (github.com/huggingface/safetensors). Weights may come from a foreign server, so every error is reported in one
+ * sentence. Pure.
  */
 import * as v from "valibot";
 import { EnhancementError } from "../model/enhancer";
 
 export interface Tensor {
   readonly shape: readonly number[];
-  /** Half-precision floats (IEEE 754 binary16) as they are stored, row-major; all are finite. */
+  /** Half-precision floats (IEEE 754 binary16) in storage format, row-major; all are finite. */
   readonly halves: Uint16Array;
 }
 
@@ -83,7 +84,7 @@ function inFileOrder(descriptions: Record<string, unknown>) {
     .sort((a, b) => a.description.data_offsets[1] - b.description.data_offsets[1]);
 }
 
-/** A name that somebody else chose, fit for a sentence. */
+/** A foreign name, made fit for a sentence. */
 export function quoted(name: string): string {
   return JSON.stringify(name.length > 40 ? `${name.slice(0, 40)}…` : name);
 }

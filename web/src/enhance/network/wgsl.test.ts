@@ -1,4 +1,4 @@
-/** What the shaders compute, a browser compares with PyTorch in tests/web/test_scene_network.py; here is what they say. */
+/** Checks the text of the shaders; tests/web/test_scene_network.py compares their results with PyTorch in a browser. */
 import { expect, test } from "vitest";
 import { ONE, OTHER, safetensors, weights } from "./fake-weights";
 import { readNetworks } from "./networks";

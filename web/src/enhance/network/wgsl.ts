@@ -1,10 +1,10 @@
 /**
- * Writes a network as WGSL, a compute shader for each layer, with its weights as literals: they then are immediate operands or
- * constants of the compiler's, and no thread loads them.
+ * Writes a network as WGSL, a compute shader for each layer, with its weights as literals: they become immediate
+ * operands or constants of the compiler's, and no thread loads them.
  *
- * A workgroup computes a tile of pixels and every thread all channels of one. The tile's input, a pixel larger on each side, is
- * loaded once into workgroup memory, where all nine taps find it; beyond the picture's edge its outermost pixels repeat. Channels
- * go in fours, as layers of a texture array and as mat4x4 × vec4. Pure.
+ * A workgroup computes a tile of pixels and every thread all channels of one pixel. The tile's input, a pixel larger on
+ * each side, is loaded once into workgroup memory for all nine taps; the picture's outermost pixels repeat beyond its
+ * edge. Channels are processed in fours, as layers of a texture array and as mat4x4 × vec4. Pure.
  */
 import type { Layer, Network } from "./networks";
 
@@ -18,8 +18,8 @@ export interface Shader {
 export type Precision = "f16" | "f32";
 
 /**
- * What a device computes faster. NVIDIA's compiler has no immediate operands in half precision: on an H200 the shaders took up to
- * twice as long with it (docs/enhancement.md).
+ * The faster number format of a device. NVIDIA's compiler has no immediate operands in half precision: on an H200 the
+ * shaders took up to twice as long with it (docs/experiments.md).
  */
 export function fasterPrecision(device: Pick<GPUDevice, "features"> & { adapterInfo?: { vendor: string } }): Precision {
   return device.features.has("shader-f16") && device.adapterInfo?.vendor !== "nvidia" ? "f16" : "f32";
@@ -109,7 +109,7 @@ function vector(layer: Layer, sum: number, number: Precision): string {
   return `vec${rows}<${number}>(${Array.from(bias, literal).join(", ")})`;
 }
 
-/** What four of the inputs add through one tap to four of the outputs. */
+/** Contribution of four inputs through one tap to four outputs. */
 function product(layer: Layer, sum: number, group: number, tap: number, number: Precision): string {
   const { inputs, outputs, weights } = layer;
   const rows = Math.min(4, outputs - 4 * sum);
@@ -133,7 +133,7 @@ function picture(scale: 1 | 2): string {
   if (scale === 1) {
     return `  textureStore(result, pixel, vec4<f32>(saturate(${frameAt("pixel")} + vec3<f32>(sum0)), 1));`;
   }
-  // The four new pixels' centres lie a quarter of an old pixel from the old one's.
+  // The centres of the four new pixels are a quarter of an old pixel from the old centre.
   const pixels = [0, 1, 2, 3].map((i) => {
     const [dx, dy] = [i % 2, i >> 1];
     const [beside, above, across] = [3 + 2 * dx, 1 + 6 * dy, 2 * dx + 6 * dy];

@@ -1,4 +1,4 @@
-/** A place for a chart under its caption. What draws it is loaded when the first chart is shown. */
+/** A chart under its caption. The drawing code is loaded with the first chart. */
 import type { ComponentChildren, RefObject } from "preact";
 import { useEffect, useRef } from "preact/hooks";
 
@@ -9,7 +9,7 @@ interface Props {
   readonly name: string;
   /** Another one has it drawn anew. */
   readonly load: () => Promise<Draw>;
-  /** Has the swatches; the caption, if it is not said. */
+  /** Element with the swatches; by default the caption. */
   readonly legend?: RefObject<HTMLElement | null>;
   /** The caption. */
   readonly children: ComponentChildren;
@@ -21,10 +21,13 @@ export function Chart({ name, load, legend, children }: Props) {
   useEffect(() => {
     let stop: (() => void) | undefined;
     let gone = false;
-    void load().then((draw) => {
-      const swatches = (legend ?? caption).current;
-      if (!gone && place.current && swatches) stop = draw(place.current, swatches);
-    });
+    load().then(
+      (draw) => {
+        const swatches = (legend ?? caption).current;
+        if (!gone && place.current && swatches) stop = draw(place.current, swatches);
+      },
+      () => undefined, // the page reports that it is outdated
+    );
     return () => {
       gone = true;
       stop?.();

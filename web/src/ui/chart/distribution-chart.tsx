@@ -1,4 +1,4 @@
-/** Where the latencies of the pictures on the stage lie, on one logarithmic axis. */
+/** Distribution of the latencies of the pictures on the stage, on one logarithmic axis. */
 import type { ReadonlySignal } from "@preact/signals";
 import { useCallback } from "preact/hooks";
 import type { Columns } from "../../charts/columns";
@@ -7,7 +7,7 @@ import { Chart } from "./chart";
 
 interface Props {
   readonly name: string;
-  /** What the sides are called, from left to right. */
+  /** Labels of the sides, from left to right. */
   readonly labels: readonly string[];
   readonly columns: ReadonlySignal<Columns>;
 }

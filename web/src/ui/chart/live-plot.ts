@@ -7,7 +7,7 @@ import { createChart, filled } from "./uplot";
 export interface Quantity {
   readonly label: string;
   readonly unit: string;
-  /** Whose axis it has: quantities of one unit share one. */
+  /** Name of the axis: quantities of one unit share it. */
   readonly axis: "left" | "right";
   readonly tone: "target" | "measured" | "second" | "left" | "right";
   /** Each value holds until the next one. */

@@ -1,18 +1,18 @@
-/** What all charts of the page share: uPlot in the page's colours, as wide as its place. Loaded on demand. */
+/** Basis of all charts of the page: uPlot in the page's colours, as wide as its container. Loaded on demand. */
 import uPlot from "uplot";
 import "uplot/dist/uPlot.min.css";
 import { LATENCY_RANGE_MS } from "../../charts/histogram";
-import { INTERACTIVE } from "../../experiment/figures";
+import { INTERACTIVE_MS } from "../../wire/figures";
 
 const FONT = "11px system-ui, sans-serif";
 const TICKS = [10, 30, 100, 300, 1000, 3000];
-/** For a narrow axis, whose labels have units, too. */
+/** For a narrow axis, with units in its labels. */
 const FEW_TICKS = [10, 100, 1000];
 
 /** Of an axis's name, which is its unit. */
 const LABEL = { labelFont: FONT, labelSize: 14, labelGap: 0 };
 
-/** Where a chart's colours come from. They are asked for anew at each drawing, so that it follows the theme. */
+/** CSS variables of a chart's colours, read at each drawing to follow the theme. */
 interface Colours {
   /** Of the legend's swatch number `i`. */
   readonly swatch: (i: number) => CSSStyleDeclaration;
@@ -20,7 +20,7 @@ interface Colours {
   readonly grid: { readonly stroke: () => string; readonly width: number };
 }
 
-/** What a chart has beside its size, its legend and its cursor, which it does not have. */
+/** Parts of a chart other than its size, legend and cursor. */
 interface ChartOptions extends Pick<uPlot.Options, "padding" | "scales" | "hooks"> {
   readonly height: number;
   readonly axes: readonly uPlot.Axis[];
@@ -28,7 +28,7 @@ interface ChartOptions extends Pick<uPlot.Options, "padding" | "scales" | "hooks
   readonly series: readonly uPlot.Series[];
 }
 
-/** Draws into `place` in the colours of the legend's swatches, and as wide as it is, until it is disposed of. */
+/** Draws into `place` in the colours of the legend's swatches and at its width, until disposed of. */
 export function createChart(
   place: HTMLElement,
   legend: HTMLElement,
@@ -82,7 +82,7 @@ export function filled({ swatch }: Colours, i: number, stepped: boolean): uPlot.
   };
 }
 
-/** Those of the ticks that the axis reaches: uPlot would draw others beside it, and half of their labels. */
+/** The ticks within the axis: uPlot would also draw some outside, with cut labels. */
 function reached(ticks: readonly number[]): uPlot.Axis.Splits {
   return (_, __, min, max) => ticks.filter((at) => at >= min && at <= max);
 }
@@ -106,7 +106,7 @@ export const LATENCY_SCALE: uPlot.Scale = { time: false, distr: 3, range: [...LA
 /** A line across the chart at the latency that counts as immediate, of the axis that latencies are on. */
 export function interactiveLine(axis: "x" | "y", { text }: Colours): NonNullable<uPlot.Options["hooks"]> {
   const draw = ({ ctx, bbox, valToPos }: uPlot) => {
-    const at = Math.round(valToPos(INTERACTIVE, axis, true));
+    const at = Math.round(valToPos(INTERACTIVE_MS, axis, true));
     ctx.save();
     ctx.strokeStyle = text();
     ctx.setLineDash([4, 4]);

@@ -6,6 +6,7 @@ import { ApiError } from "../../http/problem";
 import { deleteScene, fetchConfig, fetchScenes, loadScene, renameScene, unloadScene } from "../../state/api";
 import { config, scenes, scenesError } from "../../state/app";
 import { COURTYARD, serverConfig } from "../../state/fake-server";
+import { added } from "../../uploads/uploads";
 import { Dashboard } from "./dashboard";
 
 vi.mock("../../state/api");
@@ -18,6 +19,7 @@ beforeEach(() => {
   config.value = null;
   scenes.value = null;
   scenesError.value = null;
+  added.value = new Set();
   vi.mocked(fetchConfig).mockResolvedValue(serverConfig());
   vi.mocked(fetchScenes).mockResolvedValue([COURTYARD, PEBBLES, BROKEN]);
 });
@@ -39,6 +41,45 @@ test("each scene says what it is and opens the viewer; a broken one says why it 
   const broken = within(await card("Torn"));
   expect(broken.getByText("Its PLY file ends early.")).toBeTruthy();
   expect(broken.queryByRole("link")).toBeNull();
+  expect(screen.getByRole("status").textContent).toBe("3 scenes on this server");
+});
+
+test("a scene that was just added comes first, and leads to the viewer", async () => {
+  added.value = new Set(["pebbles"]);
+  render(<Dashboard />);
+  const pebbles = await card("Pebbles");
+  expect(screen.getAllByRole("heading", { level: 2 }).map(({ textContent }) => textContent)).toEqual([
+    "Pebbles",
+    "Courtyard",
+    "Torn",
+  ]);
+  expect(within(pebbles).getByRole("link", { name: "Open" }).getAttribute("href")).toBe("#/scene/pebbles");
+  expect(screen.getAllByRole("link", { name: "Open" })).toHaveLength(1);
+});
+
+test("a scene whose picture has come is in memory, and the list says so", async () => {
+  vi.useFakeTimers();
+  render(<Dashboard />);
+  await vi.advanceTimersByTimeAsync(1100);
+  expect(fetchScenes).toHaveBeenCalledTimes(1);
+  vi.mocked(fetchScenes).mockResolvedValue([COURTYARD, { ...PEBBLES, state: "loaded" }, BROKEN]);
+  const pebbles = screen.getByRole("heading", { name: "Pebbles" }).closest("li") as HTMLElement;
+  pebbles.querySelector("img")?.dispatchEvent(new Event("load"));
+  await vi.advanceTimersByTimeAsync(1100);
+  expect(within(pebbles).getByText("In memory")).toBeTruthy();
+  await vi.advanceTimersByTimeAsync(5000);
+  expect(fetchScenes).toHaveBeenCalledTimes(2);
+});
+
+test("what a rescan has found is said for a while", async () => {
+  vi.useFakeTimers();
+  vi.mocked(fetchScenes).mockResolvedValueOnce([COURTYARD]);
+  render(<Dashboard />);
+  await vi.advanceTimersByTimeAsync(10);
+  screen.getByRole("button", { name: "Rescan folder" }).click();
+  await vi.advanceTimersByTimeAsync(10);
+  expect(screen.getByRole("status").textContent).toContain("New: Pebbles.");
+  await vi.advanceTimersByTimeAsync(11_000);
   expect(screen.getByRole("status").textContent).toBe("3 scenes on this server");
 });
 
@@ -98,7 +139,7 @@ test("a server without scenes says where they go, and looks again on request", a
   vi.mocked(fetchScenes).mockResolvedValueOnce([]);
   render(<Dashboard />);
   expect(await screen.findByText("No scenes yet")).toBeTruthy();
-  await user.click(screen.getByRole("button", { name: "Look for new scenes" }));
+  await user.click(screen.getByRole("button", { name: "Rescan folder" }));
   await card("Pebbles");
   expect(fetchScenes).toHaveBeenLastCalledWith({ scan: true });
 });

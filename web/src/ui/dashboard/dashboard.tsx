@@ -1,10 +1,10 @@
-/** All scenes of the server: look for one, load it, open it. */
+/** All scenes of the server: find one, load it, open it. */
 import { useSignal } from "@preact/signals";
 import { RefreshCw, Search, Upload } from "lucide";
 import { useEffect, useRef } from "preact/hooks";
 import { config, refreshScenes, scenes, scenesError } from "../../state/app";
 import { EXPERIMENTS } from "../../state/route";
-import { addFiles, uploads } from "../../uploads/uploads";
+import { added, addFiles, uploads } from "../../uploads/uploads";
 import type { SceneInfo } from "../../wire/render";
 import { Icon } from "../icon";
 import { IconButton } from "../icon-button";
@@ -18,8 +18,10 @@ import { DeleteQuestion, RenameQuestion } from "./questions";
 import { SceneCard, SkeletonCard } from "./scene-card";
 import { UploadCard } from "./upload-card";
 
-/** While a scene loads or the server is away, the list is read again this often, in milliseconds. */
+/** How often the list is read again while a scene loads or the server is away, in milliseconds. */
 const REFRESH_EVERY = 1000;
+/** Display time of a rescan's result, in milliseconds. */
+const NEWS_FOR = 10_000;
 
 export function Dashboard() {
   const filter = useSignal("");
@@ -28,13 +30,16 @@ export function Dashboard() {
   const question = useSignal<{ readonly kind: "rename" | "delete"; readonly scene: SceneInfo } | null>(null);
   const search = useRef<HTMLInputElement>(null);
   const files = useRef<HTMLInputElement>(null);
+  /** A scene was loaded for its picture since the list was read. */
+  const stale = useRef(false);
 
   useEffect(() => {
     document.title = "Scenes · TIGAS";
     void refreshScenes();
     const timer = setInterval(() => {
       const waiting = scenesError.value !== null || scenes.value?.some(({ state }) => state === "loading");
-      if (waiting) void refreshScenes();
+      if (waiting || stale.current) void refreshScenes();
+      stale.current = false;
     }, REFRESH_EVERY);
     const focusSearch = (event: KeyboardEvent) => {
       if (event.key !== "/" || event.target instanceof HTMLInputElement) return;
@@ -47,6 +52,14 @@ export function Dashboard() {
       removeEventListener("keydown", focusSearch);
     };
   }, []);
+
+  useEffect(() => {
+    if (news.value === "") return undefined;
+    const timer = setTimeout(() => {
+      news.value = "";
+    }, NEWS_FOR);
+    return () => clearTimeout(timer);
+  }, [news.value, news]);
 
   const rescan = async () => {
     const before = scenes.peek();
@@ -69,7 +82,8 @@ export function Dashboard() {
   };
 
   const all = scenes.value;
-  const found = all && filterScenes(all, filter.value);
+  const isAdded = ({ id }: SceneInfo) => added.value.has(id);
+  const found = all && filterScenes(all, filter.value).toSorted((a, b) => Number(isAdded(b)) - Number(isAdded(a)));
 
   return (
     <div class="dashboard">
@@ -119,7 +133,7 @@ export function Dashboard() {
             )}
             <IconButton
               icon={RefreshCw}
-              label="Look for new scenes"
+              label="Rescan folder"
               busy={scanning.value}
               disabled={scanning.value}
               onClick={() => void rescan()}
@@ -152,6 +166,10 @@ export function Dashboard() {
                   <SceneCard
                     key={scene.id}
                     scene={scene}
+                    added={isAdded(scene)}
+                    onRendered={() => {
+                      stale.current ||= scene.state === "unloaded";
+                    }}
                     onRename={ask("rename", scene)}
                     onDelete={ask("delete", scene)}
                   />

@@ -1,11 +1,11 @@
-/** Takes files that are dropped anywhere on the page, and says so while they are held over it. */
+/** Accepts files dropped anywhere on the page, with a hint while they are dragged over it. */
 import { useSignal } from "@preact/signals";
 import { Upload } from "lucide";
 import { useEffect } from "preact/hooks";
 import { Icon } from "../icon";
 
 interface Props {
-  /** Whether the server takes any. If it does not, the browser must not open what is dropped instead. */
+  /** Whether the server accepts uploads. If not, the browser must not open the dropped file instead. */
   readonly allowed: boolean;
   readonly onFiles: (files: Iterable<File>) => void;
 }

@@ -1,4 +1,4 @@
-/** What the list of scenes says when it is empty. */
+/** Placeholder of the empty list of scenes. */
 import { Box, SearchX } from "lucide";
 import { Icon } from "../icon";
 

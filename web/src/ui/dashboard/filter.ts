@@ -1,7 +1,7 @@
-/** Finds scenes by what a person types. */
+/** Filters scenes by typed text. */
 import type { SceneInfo } from "../../wire/render";
 
-/** Scenes whose name or id holds every typed word, whatever its case and accents. */
+/** Scenes whose name or id contains every typed word, ignoring case and accents. */
 export function filterScenes(scenes: readonly SceneInfo[], text: string): SceneInfo[] {
   const words = fold(text).split(/\s+/).filter(Boolean);
   return scenes.filter(({ name, id }) => {

@@ -1,7 +1,7 @@
-/** What a look at the models directory has found. */
+/** Result of a rescan of the models directory. */
 import type { SceneInfo } from "../../wire/render";
 
-/** Names in one group; the rest is a number. */
+/** Names shown per group; further ones are counted. */
 const NAMED = 3;
 
 /** A sentence about how the list of scenes has changed. */

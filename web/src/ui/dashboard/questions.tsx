@@ -1,4 +1,4 @@
-/** What is asked before a scene is renamed or deleted. */
+/** Confirmations before a scene is renamed or deleted. */
 import { useSignal } from "@preact/signals";
 import { deleteScene, renameScene } from "../../state/api";
 import { refreshScenes } from "../../state/app";
@@ -33,7 +33,7 @@ export function RenameQuestion({ scene, onClose }: Props) {
           }}
         />
       </label>
-      <p class="muted small">Links with its old name no longer work, and whoever views it has to open it again.</p>
+      <p class="muted small">Links with the old name stop working, and anyone viewing it has to open it again.</p>
     </Question>
   );
 }
@@ -48,8 +48,8 @@ export function DeleteQuestion({ scene, onClose }: Props) {
       onClose={onClose}
     >
       <p>
-        Its file, or its folder with everything in it, is deleted from the server's disk. Whoever views it can go no
-        further. This cannot be undone.
+        Its file, or its folder with everything in it, is deleted from the server's disk. Anyone viewing it will be
+        disconnected. This cannot be undone.
       </p>
     </Question>
   );

@@ -1,4 +1,4 @@
-/** One scene in the list: its picture, what is known of it, and whether it is in memory. */
+/** One scene in the list: its picture, facts about it, and whether it is in memory. */
 import { useSignal } from "@preact/signals";
 import { ImageOff, Pencil, Trash2 } from "lucide";
 import { setSceneLoaded } from "../../state/app";
@@ -17,19 +17,32 @@ const STATES: Record<SceneInfo["state"], string> = {
 
 interface Props {
   readonly scene: SceneInfo;
+  /** It was added from this page and not opened since. */
+  readonly added: boolean;
+  /** The server has rendered its picture, for which it loads scenes. */
+  readonly onRendered: () => void;
   /** Null where scenes cannot be changed. */
   readonly onRename: (() => void) | null;
   readonly onDelete: (() => void) | null;
 }
 
-export function SceneCard({ scene, onRename, onDelete }: Props) {
+export function SceneCard({ scene, added, onRendered, onRename, onDelete }: Props) {
   const broken = scene.state === "broken";
   return (
-    <li class="card" data-scene={scene.id} data-state={scene.state}>
-      <Thumbnail scene={scene} />
+    <li class="card" data-scene={scene.id} data-state={scene.state} data-added={added}>
+      <Thumbnail scene={scene} onRendered={onRendered} />
       <div class="card-body">
-        <h2>{broken ? scene.name : <a href={sceneHash(scene.id)}>{scene.name}</a>}</h2>
+        <div class="card-head">
+          <h2>{broken ? scene.name : <a href={sceneHash(scene.id)}>{scene.name}</a>}</h2>
+          {onRename && <IconButton icon={Pencil} label={`Rename: ${scene.name}`} onClick={onRename} />}
+          {onDelete && <IconButton icon={Trash2} label={`Delete: ${scene.name}`} onClick={onDelete} />}
+        </div>
         {broken ? <p class="card-error">{scene.error}</p> : <p class="muted facts">{facts(scene)}</p>}
+        {added && !broken && (
+          <p class="facts">
+            Just added · <a href={sceneHash(scene.id)}>Open</a>
+          </p>
+        )}
       </div>
       <div class="card-foot">
         <span class="state" data-state={scene.state}>
@@ -39,11 +52,7 @@ export function SceneCard({ scene, onRename, onDelete }: Props) {
         {scene.state === "loading" && (
           <progress max={1} value={scene.progress ?? 0} aria-label={`Loading ${scene.name}`} />
         )}
-        <div class="card-buttons">
-          {onRename && <IconButton icon={Pencil} label={`Rename: ${scene.name}`} onClick={onRename} />}
-          {onDelete && <IconButton icon={Trash2} label={`Delete: ${scene.name}`} onClick={onDelete} />}
-          <LoadButton scene={scene} />
-        </div>
+        <LoadButton scene={scene} />
       </div>
     </li>
   );
@@ -66,7 +75,7 @@ function LoadButton({ scene }: { scene: SceneInfo }) {
 }
 
 /** The preview; the server may take seconds to render it the first time. */
-function Thumbnail({ scene }: { scene: SceneInfo }) {
+function Thumbnail({ scene, onRendered }: Pick<Props, "scene" | "onRendered">) {
   const state = useSignal<"waiting" | "there" | "missing">(scene.state === "broken" ? "missing" : "waiting");
   return (
     <div class="thumbnail" data-state={state.value}>
@@ -80,6 +89,7 @@ function Thumbnail({ scene }: { scene: SceneInfo }) {
           decoding="async"
           onLoad={() => {
             state.value = "there";
+            onRendered();
           }}
           onError={() => {
             state.value = "missing";

@@ -1,4 +1,4 @@
-/** A file that is becoming a scene: how far it is, or why it is none. */
+/** A file being uploaded and checked: its progress, or its problem. */
 import type { SceneUpload } from "../../uploads/scene-upload";
 import { dismiss } from "../../uploads/uploads";
 import { bytes } from "../format";

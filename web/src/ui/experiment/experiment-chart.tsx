@@ -14,7 +14,7 @@ const TITLES: Readonly<Record<ChartKind, string>> = {
 interface Props {
   readonly kind: ChartKind;
   readonly columns: Columns;
-  /** Has the swatches whose colours the lines have. */
+  /** Element with the swatches that colour the lines. */
   readonly legend: RefObject<HTMLElement | null>;
 }
 

@@ -1,4 +1,4 @@
-/** Goes on with an experiment that the store has and that lacks runs: says how many, and has its movement chosen again if need be. */
+/** Resumes a stored experiment that lacks runs: shows their number, and asks for the movement if necessary. */
 import { useSignal } from "@preact/signals";
 import type { TargetedSubmitEvent } from "preact";
 import type { ResumedExperiment } from "../../experiment/experiment";

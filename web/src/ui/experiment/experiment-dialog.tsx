@@ -1,4 +1,4 @@
-/** Experiments in the viewer: the dialogue that sets one up and shows what it found, and what is seen while it runs. */
+/** Experiments in the viewer: the dialog for setup and results, and the progress display. */
 
 import { computed, type Signal, signal, useSignal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
@@ -12,7 +12,7 @@ import type { Runner } from "../../experiment/runner";
 import { uploadSamples } from "../../experiment/sample-upload";
 import { StoreApi } from "../../experiment/store-api";
 import { Shaper } from "../../network/shaper";
-import { config } from "../../state/app";
+import { config, settings } from "../../state/app";
 import type { ViewerSession } from "../../viewer/session";
 import { Dialog } from "../dialog";
 import { download, fileName, save } from "../save";
@@ -26,17 +26,17 @@ import { ExperimentResults } from "./experiment-results";
 interface Props {
   readonly session: ViewerSession;
   readonly runner: Runner;
-  /** Whether the dialogue is open. */
+  /** Whether the dialog is open. */
   readonly open: Signal<boolean>;
   /** Whether a person's input is to be ignored. */
   readonly locked: Signal<boolean>;
 }
 
-/** The last one, for as long as the page is open: its results outlast a visit to a scene. */
+/** The last experiment of this page: its results survive a change of scene. */
 const experiment = signal<Experiment | null>(null);
-/** What a person wants to go on with, in its own scene. */
+/** The experiment to resume, in its own scene. */
 const unfinished = signal<UnfinishedExperiment | null>(null);
-/** It is under way, or not saved. */
+/** Running, or not saved. */
 export const experimentAtRisk = computed(
   () => experiment.value !== null && (experiment.value.progress.value !== null || experiment.value.unsaved.value),
 );
@@ -55,9 +55,11 @@ export function ExperimentDialog({ session, runner, open, locked }: Props) {
   const draft = useSignal<Draft | null>(null);
   const rest = unfinished.value?.plan.scene === session.scene.value?.id ? unfinished.value : null;
   useEffect(() => () => experiment.peek()?.cancel(), []);
+  const { name = "" } = session.scene.value ?? {};
   useEffect(() => {
     if (open.value) draft.value ??= initialDraft(session);
-  }, [open.value, draft, session]);
+    if (draft.value?.name === "") draft.value = { ...draft.value, name }; // the scene may come after the dialog was opened
+  }, [open.value, draft, session, name]);
   useEffect(() => {
     if (rest) open.value = true;
   }, [rest, open]);
@@ -79,9 +81,12 @@ export function ExperimentDialog({ session, runner, open, locked }: Props) {
     experiment.value = current;
     open.value = false;
     locked.value = lock;
-    await conduct(current, context);
-    locked.value = false;
-    open.value = true;
+    try {
+      await conduct(current, context);
+    } finally {
+      locked.value = false;
+      open.value = true;
+    }
     if (exportAtEnd) exportResults(current, store);
   };
   const shown = experiment.value ?? rest;
@@ -133,9 +138,10 @@ export function ExperimentDialog({ session, runner, open, locked }: Props) {
   );
 }
 
-/** What is filled in before a person does. */
-function initialDraft({ scene, movement }: ViewerSession): Draft {
+/** Initial values of the form: reprojection and prediction as in the viewer. */
+function initialDraft({ scene, movement, unturned }: ViewerSession): Draft {
   const chosen = movement.movement.peek();
+  const { reprojection, prediction, overscan, depth, surround } = settings.peek();
   return {
     name: scene.peek()?.name ?? "",
     movement: chosen && keyOf(chosen),
@@ -146,11 +152,11 @@ function initialDraft({ scene, movement }: ViewerSession): Draft {
     frameRate: null,
     restore: OFF,
     upscale: OFF,
-    reprojection: false,
-    prediction: OFF,
-    overscan: "auto",
-    depth: true,
-    surround: true,
+    reprojection: reprojection && unturned.peek() === null,
+    prediction,
+    overscan,
+    depth,
+    surround,
     segments: "1",
     repeats: "1",
     duration: "20",
@@ -161,7 +167,7 @@ function initialDraft({ scene, movement }: ViewerSession): Draft {
   };
 }
 
-/** The shaper, for as long as it is of use. */
+/** The shaper, if usable. */
 function useShaper(base: string | undefined, wanted: boolean): Shaper | null {
   const shaper = useSignal<Shaper | null>(null);
   useEffect(() => {
@@ -176,7 +182,7 @@ function useShaper(base: string | undefined, wanted: boolean): Shaper | null {
   return shaper.value;
 }
 
-/** Saves the store's archive, and in a file of its own whatever the store does not have. */
+/** Saves the store's archive, and a separate file with everything not in the store. */
 function exportResults({ plan, created, results, id, saved }: Experiment, store: StoreApi | null): void {
   const kept = id.peek();
   if (results.peek().some(({ unstored }) => unstored !== null) || kept === null) {

@@ -39,7 +39,7 @@ interface SelectProps {
   readonly value: string;
   readonly onValue: (value: string) => void;
   readonly disabled?: boolean;
-  /** What must be known of it. */
+  /** Notices about it. */
   readonly note?: string | undefined;
   readonly children: ComponentChildren;
 }

@@ -5,6 +5,7 @@ import userEvent from "@testing-library/user-event";
 import { useState } from "preact/hooks";
 import { afterEach, beforeEach, expect, test, vi } from "vitest";
 import type { Draft } from "../../experiment/draft";
+import type { Runner } from "../../experiment/runner";
 import { MovementError, type MovementTrace } from "../../movement/movement";
 import { addFile, movements } from "../../movement/movement-deck";
 import { fetchMovement, listMovements } from "../../movement/stored-movements";
@@ -13,6 +14,7 @@ import { config, settings } from "../../state/app";
 import { serverConfig } from "../../state/fake-server";
 import { DEFAULT_SETTINGS } from "../../state/settings";
 import { asSession, fakeSession } from "../../viewer/fake-session";
+import { ExperimentDialog } from "./experiment-dialog";
 import { ExperimentForm, type ExperimentSetup } from "./experiment-form";
 
 vi.mock("../../movement/stored-movements");
@@ -95,12 +97,9 @@ test("without a movement nothing starts; what is missing is said until something
   expect(problems()).toEqual([]);
 });
 
-test("a movement of the store starts an experiment of what was chosen", async () => {
+test("the first movement of the store is chosen, and starts an experiment of what was filled in", async () => {
   render(<Filled store="http://store.test" />);
-  await userEvent.selectOptions(
-    screen.getByRole("combobox", { name: /Movement/ }),
-    await screen.findByRole("option", { name: "stroll · 1:00" }),
-  );
+  await screen.findByRole("option", { name: "stroll · 1:00", selected: true });
   await userEvent.click(screen.getByRole("checkbox", { name: "LoL+" }));
   await userEvent.click(screen.getByRole("checkbox", { name: "Budget" }));
   await userEvent.click(screen.getByRole("checkbox", { name: /Save all files/ }));
@@ -213,7 +212,7 @@ test("a shaper that has not told of its link cannot be used as it is", async () 
   render(<Filled shaper={SHAPER} />);
   await userEvent.selectOptions(screen.getByRole("combobox", { name: /Movement/ }), "walk.csv · 0:04");
   await start();
-  expect(problems()).toEqual(["The shaper has not told of its link yet."]);
+  expect(problems()).toEqual(["The shaper has not reported its link yet."]);
 });
 
 test("says how many runs it is and how long they take, and where they will be", async () => {
@@ -236,4 +235,19 @@ test.each([
   config.value = serverConfig(services);
   render(<Filled />);
   expect(screen.getByRole("checkbox", { name: "DASH, tuned" })).toHaveProperty("disabled", disabled);
+});
+
+test("the name is the scene's, also if the scene comes after the dialog was opened", async () => {
+  const session = fakeSession();
+  const scene = session.scene.value;
+  session.scene.value = null;
+  render(
+    <ExperimentDialog session={asSession(session)} runner={{} as Runner} open={signal(true)} locked={signal(false)} />,
+  );
+  const name = await screen.findByRole<HTMLInputElement>("textbox", { name: "Name" });
+  expect(name.value).toBe("");
+  session.scene.value = scene;
+  await vi.waitFor(() => expect(name.value).toBe(scene?.name));
+  await userEvent.clear(name);
+  expect(name.value).toBe("");
 });

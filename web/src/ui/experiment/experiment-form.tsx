@@ -1,4 +1,4 @@
-/** Sets up an experiment: what moves the camera, over which network, what is compared, and how often. */
+/** Setup of an experiment: movement, network, compared modes or controllers, and repetitions. */
 
 import { useSignal } from "@preact/signals";
 import type { ComponentChildren, TargetedSubmitEvent } from "preact";
@@ -16,8 +16,6 @@ import {
   isPerView,
   isStreamed,
   type Profile,
-  RUN_MODE_NAMES,
-  RUN_MODES,
   runsOf,
   timeFor,
   UNSHAPED,
@@ -29,6 +27,7 @@ import { PREDICTOR_NAMES } from "../../predict/registry";
 import { config, ladder, settings } from "../../state/app";
 import { EXPERIMENTS } from "../../state/route";
 import type { ViewerSession } from "../../viewer/session";
+import { MODE_NAMES, MODES } from "../../wire/run";
 import { KIND_NAMES, ModelOptions } from "../enhancement-models";
 import { bitrate, clock } from "../format";
 import { OverscanOptions, overscanOf } from "../overscans";
@@ -36,14 +35,14 @@ import { PredictionOptions } from "../predictions";
 import { Select, TextField } from "./experiment-fields";
 import { MovementChoice, useMovementOpening, useMovements } from "./experiment-movement";
 
-/** What an experiment is started with. */
+/** Parameters of a new experiment. */
 export interface ExperimentSetup {
   readonly plan: ExperimentPlan;
   /** The movement, in the scene's own frame. */
   readonly points: readonly TimedPose[];
   readonly locked: boolean;
   readonly exportAtEnd: boolean;
-  /** What is missing of an experiment that was begun before. */
+  /** Missing parts of an experiment being resumed. */
   readonly resumed?: ResumedExperiment;
 }
 
@@ -62,7 +61,7 @@ export function ExperimentForm({ session, shaper, store, draft, onDraft, onStart
   const opening = useMovementOpening(store);
   const list = useMovements(store);
   const scene = session.scene.value;
-  const movement = list.listed.find(({ key }) => key === draft.movement);
+  const movement = list.listed.find(({ key }) => key === draft.movement) ?? list.listed[0];
   const set = (part: Partial<Draft>) => {
     onDraft({ ...draft, ...part });
     problems.value = [];
@@ -96,7 +95,7 @@ export function ExperimentForm({ session, shaper, store, draft, onDraft, onStart
       <TextField label="Name" value={name} wide onValue={(typed) => set({ name: typed })} />
       <MovementChoice
         list={list}
-        chosen={draft.movement}
+        chosen={movement?.key ?? null}
         onChoose={(movement) => set({ movement })}
         onProblem={(sentence) => {
           problems.value = [sentence];
@@ -104,7 +103,13 @@ export function ExperimentForm({ session, shaper, store, draft, onDraft, onStart
       />
       <NetworkChoice shaper={shaper} draft={draft} onChange={set} />
       <ConditionChoice draft={draft} onChange={set} />
-      <TextField label="Different parts" numeric value={segments} onValue={(typed) => set({ segments: typed })} />
+      <TextField
+        label="Vary the movement"
+        unit="parts"
+        numeric
+        value={segments}
+        onValue={(typed) => set({ segments: typed })}
+      />
       <TextField label="Runs of each" numeric value={repeats} onValue={(typed) => set({ repeats: typed })} />
       <TextField
         label="Each run lasts"
@@ -115,8 +120,8 @@ export function ExperimentForm({ session, shaper, store, draft, onDraft, onStart
       />
       <TextField label="Seed" numeric value={seed} onValue={(typed) => set({ seed: typed })} />
       <TextField
-        label="Sample every n-th frame"
-        unit="0: none"
+        label="Save every n-th frame"
+        unit="0 = off"
         numeric
         value={stride}
         disabled={!draft.modes.includes("stateless")}
@@ -167,7 +172,7 @@ function NetworkChoice({ shaper, draft, onChange }: PartProps & { readonly shape
         onValue={(value) => onChange({ trace: value === "" ? null : value })}
         note={shaper?.connectionError.value ?? (shaper === null ? "There is no shaper behind this page." : undefined)}
       >
-        <option value="">The link as it is</option>
+        <option value="">Current link</option>
         {!known && <option value={draft.trace ?? ""}>{draft.trace}</option>}
         {traces.map(({ name, mean_down_kbps = 0 }) => (
           <option key={name} value={name}>
@@ -179,7 +184,7 @@ function NetworkChoice({ shaper, draft, onChange }: PartProps & { readonly shape
         label="Round trip"
         unit="ms"
         numeric
-        placeholder={draft.trace === null ? "as it is" : "the trace’s own"}
+        placeholder={draft.trace === null ? "current" : "the trace’s"}
         disabled={draft.trace === null}
         value={draft.trace === null ? "" : draft.rtt}
         onValue={(rtt) => onChange({ rtt })}
@@ -191,20 +196,20 @@ function NetworkChoice({ shaper, draft, onChange }: PartProps & { readonly shape
 function ConditionChoice({ draft, onChange }: PartProps) {
   const streams = Boolean(config.value?.services.dash);
   const rung = Math.min(settings.value.profile, ladder.value.length - 1);
-  const profiles = [...new Set<Profile>([...CONTROLLER_NAMES, rung, ...draft.profiles])]; // nothing hidden is chosen
+  const profiles = [...new Set<Profile>([...CONTROLLER_NAMES, rung, ...draft.profiles])]; // hidden options are never selected
   const perView = draft.modes.some(isPerView);
   return (
     <>
       <fieldset>
         <legend>Modes</legend>
-        {RUN_MODES.map((mode) => (
+        {MODES.map((mode) => (
           <Check
             key={mode}
             checked={draft.modes.includes(mode)}
             disabled={isStreamed(mode) && !streams}
-            onChange={() => onChange({ modes: toggled(draft.modes, mode, RUN_MODES) })}
+            onChange={() => onChange({ modes: toggled(draft.modes, mode, MODES) })}
           >
-            {RUN_MODE_NAMES[mode]}
+            {MODE_NAMES[mode]}
           </Check>
         ))}
         {!streams && <p class="muted small">This server has no packager for DASH and WebRTC streams.</p>}

@@ -1,8 +1,9 @@
 // @vitest-environment happy-dom
+
 import { cleanup, render, screen, within } from "@testing-library/preact";
 import userEvent from "@testing-library/user-event";
 import { afterEach, beforeEach, expect, test, vi } from "vitest";
-import { type ExperimentPlan, FROM_THE_START, UNSHAPED } from "../../experiment/plan";
+import { experimentPlan } from "../../experiment/fake-plan";
 import { fetchConfig, fetchScenes } from "../../state/api";
 import { config } from "../../state/app";
 import { serverConfig } from "../../state/fake-server";
@@ -10,29 +11,7 @@ import { ExperimentList } from "./experiment-list";
 
 vi.mock("../../state/api");
 
-const PLAN: ExperimentPlan = {
-  name: "Bus",
-  scene: "courtyard",
-  movement: "stroll",
-  network: UNSHAPED,
-  modes: ["stateless"],
-  profiles: ["budget"],
-  segments: FROM_THE_START,
-  dash_frame_rate: null,
-  restore: "off",
-  upscale: "off",
-  reprojection: false,
-  prediction: "off",
-  overscan: "auto",
-  depth: true,
-  surround: true,
-  seed: 1,
-  shuffled: false,
-  repeats: 4,
-  duration_s: 10,
-  warm_up_s: 3,
-  sample_stride: 0,
-};
+const PLAN = experimentPlan({ name: "Bus", profiles: ["budget"], repeats: 4, warm_up_s: 3 });
 const SUMMARY = {
   id: "e1",
   name: "Bus",
@@ -45,7 +24,7 @@ const SUMMARY = {
 const UNFINISHED = { ...SUMMARY, id: "e2", name: "Train", complete: 1 };
 const BY_COMMAND = { ...UNFINISHED, id: "e3", name: "Tram", source: "command" };
 
-/** What the store answers, by path. */
+/** The store's answers, by path. */
 let answers: Record<string, unknown>;
 let deleted: string[];
 
@@ -82,6 +61,7 @@ test("each experiment says how far it is, with its report and its files", async 
   expect(bus.getByRole("link", { name: "Report" }).getAttribute("href")).toBe(
     "http://store.test/experiments/e1/report",
   );
+  expect(bus.getByRole("link", { name: "Bus" }).getAttribute("href")).toBe("http://store.test/experiments/e1/report");
   expect(bus.getByRole("link", { name: "ZIP" }).getAttribute("href")).toBe("http://store.test/experiments/e1/zip");
   const train = await row(/^Train/);
   expect(train.getAllByRole("cell")[0]?.textContent).toBe("1 of 4, incomplete");
@@ -100,7 +80,7 @@ test("a plan of another version cannot be continued, and that is said", async ()
   answers["/experiments/e2"] = { ...UNFINISHED, plan: { ...PLAN, modes: ["telepathy"] }, runs: [] };
   render(<ExperimentList />);
   await userEvent.click((await row(/^Train/)).getByRole("button", { name: "Continue" }));
-  expect((await screen.findByRole("alert")).textContent).toContain("its plan is not one that this version makes");
+  expect((await screen.findByRole("alert")).textContent).toContain("another version made its plan");
   expect(location.hash).toBe("#/experiments");
 });
 
@@ -122,7 +102,7 @@ test("one is deleted once a person says yes", async () => {
 });
 
 test.each<[string, () => void, RegExp]>([
-  ["is empty", () => Object.assign(answers, { "/experiments": { experiments: [] } }), /There is none yet/],
+  ["is empty", () => Object.assign(answers, { "/experiments": { experiments: [] } }), /No experiments yet/],
   ["does not answer", () => delete answers["/experiments"], /The store at http:\/\/store.test does not answer/],
   ["is not there", () => Object.assign(config, { value: serverConfig() }), /This server has no store/],
 ])("a store that %s is said", async (_, prepare, sentence) => {

@@ -18,7 +18,7 @@ import { LocalSamples } from "./local-samples";
 
 export function ExperimentList() {
   const base = config.value?.services.store;
-  /** How often samples came to the store. */
+  /** Counter of samples uploaded to the store. */
   const uploads = useSignal(0);
   useEffect(() => {
     document.title = "Experiments · TIGAS";
@@ -59,7 +59,7 @@ function StoredExperiments({ base }: { base: string }) {
       const { plan: stored, runs } = await store.get(id);
       const plan = readPlan(stored);
       if (plan === null) {
-        problem.value = "This page cannot go on with that experiment: its plan is not one that this version makes.";
+        problem.value = "This page cannot resume that experiment: another version made its plan.";
         return;
       }
       continueExperiment({ id, plan, runs: missingRuns(plan, runs) });
@@ -80,7 +80,7 @@ function StoredExperiments({ base }: { base: string }) {
   useEffect(() => void look(), [look]);
   if (list.value === null && problem.value === null) return <p class="muted">Asking the store…</p>;
   if (list.value?.length === 0)
-    return <p>There is none yet. To make one, open a scene and choose Experiment at its top, or press X.</p>;
+    return <p>No experiments yet. To start one, open a scene and choose Experiment in the toolbar, or press X.</p>;
   return (
     <>
       {problem.value && (
@@ -185,7 +185,9 @@ function Row({ store, experiment, onContinue, onDelete }: RowProps) {
   return (
     <tr>
       <th scope="row">
-        {name}
+        <a href={store.reportUrl(id)} target="_blank" rel="noreferrer">
+          {name}
+        </a>
         <time class="muted small" dateTime={created}>
           {dateOf(created)}
         </time>

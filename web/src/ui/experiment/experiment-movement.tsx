@@ -1,4 +1,4 @@
-/** The movement of an experiment: one of the store's, or a file or recording of this visit. */
+/** The movement of an experiment: from the store, or a file or recording of this visit. */
 
 import { useSignal } from "@preact/signals";
 import { FolderOpen } from "lucide";
@@ -14,12 +14,12 @@ import { useStoredMovements } from "../use-stored-movements";
 import { Select } from "./experiment-fields";
 
 export interface ListedMovement extends Pick<NamedMovement, "origin" | "name"> {
-  /** What the form knows it by. */
+  /** Value of the form's option. */
   readonly key: string;
   readonly duration: number;
 }
 
-/** The store's movements and this visit's, as far as they are known, and why the store's are not. */
+/** Known movements of the store and of this visit, and the reason if the store's are missing. */
 export function useMovements(store: string | undefined): { listed: readonly ListedMovement[]; silence: string | null } {
   const { stored, silence } = useStoredMovements(store);
   const ofVisit = movements.value.map(({ origin, name, trace }) => listed({ origin, name }, trace.duration));
@@ -27,7 +27,7 @@ export function useMovements(store: string | undefined): { listed: readonly List
   return { listed: [...ofStore, ...ofVisit], silence };
 }
 
-/** What a form knows a movement by. */
+/** A movement's value in a form. */
 export function keyOf({ origin, name }: Pick<NamedMovement, "origin" | "name">): string {
   return `${origin}/${name}`;
 }
@@ -42,7 +42,7 @@ export interface OpenedMovement {
   readonly points: readonly TimedPose[];
 }
 
-/** Opens the movement of a form. Whoever closes the form while a movement is on its way wants none. */
+/** Opens the movement of a form. Closing the form cancels it. */
 export function useMovementOpening(store: string | undefined) {
   const busy = useSignal(false);
   const closing = useMemo(() => new AbortController(), []);

@@ -1,4 +1,4 @@
-/** What is seen of an experiment while it runs: which run it is, what goes on, how long it takes, and a way to end it. */
+/** Progress of a running experiment: the present run and step, the time left, and a button to cancel. */
 import { useSignal } from "@preact/signals";
 import { useEffect, useRef } from "preact/hooks";
 import type { Experiment } from "../../experiment/experiment";
@@ -6,7 +6,7 @@ import { conditionLabel } from "../../experiment/plan";
 import { ladder } from "../../state/app";
 import { clock } from "../format";
 
-/** How often the time left is told anew, in milliseconds. */
+/** Update interval of the time left, in milliseconds. */
 const TELL_EVERY = 1000;
 
 export function ExperimentProgress({ experiment }: { experiment: Experiment }) {

@@ -120,7 +120,7 @@ test("what must be known of single runs is said", () => {
   expect(screen.getAllByRole("listitem").map(({ textContent }) => textContent)).toEqual([
     "Run 1, Budget: The page was hidden, so that the browser may have held frames back.",
     "Run 2, Budget: No frame came during the run.",
-    "Run 3, Budget: All processors were busy for 42 % of the time, so its latencies tell of the machine, too.",
+    "Run 3, Budget: The machine was out of processor time for 42 % of the run, so the latencies include its delays.",
   ]);
 });
 

@@ -1,11 +1,10 @@
-/** What an experiment found: figures per controller and mode, how latencies are distributed and went on, and where all is kept. */
+/** Results of an experiment: figures per controller and mode, latency charts, and links to the records. */
 
 import { useSignal } from "@preact/signals";
 import { Download, FileText } from "lucide";
 import type { RefObject } from "preact";
 import { useMemo, useRef } from "preact/hooks";
 import type { Experiment } from "../../experiment/experiment";
-import { INTERACTIVE } from "../../experiment/figures";
 import { looksOf } from "../../experiment/looks";
 import { conditionLabel } from "../../experiment/plan";
 import {
@@ -18,6 +17,7 @@ import {
 import type { StoreApi } from "../../experiment/store-api";
 import { ladder } from "../../state/app";
 import { EXPERIMENTS } from "../../state/route";
+import { INTERACTIVE_MS } from "../../wire/figures";
 import { Icon } from "../icon";
 import { ExperimentChart } from "./experiment-chart";
 
@@ -96,7 +96,7 @@ const COLUMNS = [
   { title: "p90", unit: "ms", of: "p90", digits: 0, factor: 1 },
   { title: "p95", unit: "ms", of: "p95", digits: 0, factor: 1 },
   { title: "p99", unit: "ms", of: "p99", digits: 0, factor: 1 },
-  { title: `≤ ${INTERACTIVE} ms`, unit: "%", of: "interactive", digits: 0, factor: 100 },
+  { title: `≤ ${INTERACTIVE_MS} ms`, unit: "%", of: "interactive", digits: 0, factor: 100 },
   { title: "a frame less", unit: "%", of: "interactiveFrameLess", digits: 0, factor: 100 },
   { title: "a frame more", unit: "%", of: "interactiveFrameMore", digits: 0, factor: 100 },
   { title: "Content age", unit: "ms", of: "contentAge", digits: 0, factor: 1 },
@@ -147,14 +147,14 @@ function Figures({ rows, legend }: { rows: readonly ConditionSummary[]; legend: 
   );
 }
 
-/** What must be known of single runs. */
+/** Notices about single runs. */
 function Remarks({ results }: { results: readonly RunResult[] }) {
   const remarks = results.flatMap(({ run, problem, samplesProblem, hidden, saturatedShare }, i) => {
     const said = [
       problem,
       saturatedShare == null
         ? null
-        : `All processors were busy for ${Math.round(100 * saturatedShare)} % of the time, so its latencies tell of the machine, too.`,
+        : `The machine was out of processor time for ${Math.round(100 * saturatedShare)} % of the run, so the latencies include its delays.`,
       samplesProblem,
       hidden ? "The page was hidden, so that the browser may have held frames back." : null,
     ];

@@ -12,9 +12,9 @@ import { Icon } from "../icon";
 import { Question } from "../question";
 
 interface Props {
-  /** Null where there is none. */
+  /** Null without a store. */
   readonly store: StoreApi | null;
-  /** Samples have come to the store. */
+  /** Samples were uploaded to the store. */
   readonly onUploaded: () => void;
 }
 
@@ -27,7 +27,7 @@ export function LocalSamples({ store, onUploaded }: Props) {
   }, [runs]);
   useEffect(() => {
     void look();
-    const onFocus = () => void look(); // another tab may have gone, or have uploaded some
+    const onFocus = () => void look(); // another tab may have deleted or uploaded some
     addEventListener("focus", onFocus);
     return () => removeEventListener("focus", onFocus);
   }, [look]);

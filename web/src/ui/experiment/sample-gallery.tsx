@@ -1,19 +1,21 @@
-/** The samples of a run: what came, what was shown and ground truth side by side, a slider between two, and differences. */
+/**
+ * The samples of a run: received frame, shown frame and ground truth in a row, a slider between two, and differences.
+ */
 import { useSignal } from "@preact/signals";
 import { useEffect, useMemo } from "preact/hooks";
 import { ApiError } from "../../http/problem";
 import type { SampleRow } from "../../wire/store";
 
 const PICTURES = {
-  original: "As it came",
+  original: "Received",
   enhanced: "Enhanced",
   truth: "Ground truth",
-  replayed: "As it comes now",
+  replayed: "Rendered again",
 } as const;
 type Picture = keyof typeof PICTURES;
 const VIEWS = {
   ...PICTURES,
-  "original-difference": "As it came, difference × 4",
+  "original-difference": "Received, difference × 4",
   "enhanced-difference": "Enhanced, difference × 4",
 } as const;
 type View = keyof typeof VIEWS;
@@ -169,7 +171,7 @@ function Remarks({ sample: { identical, problem, truth } }: { sample: SampleRow 
   );
 }
 
-/** Object URLs of a sample's pictures, which are there once they have come; let go of with the component. */
+/** Object URLs of a sample's pictures, available once loaded; revoked on unmount. */
 function useUrls(sample: SampleRow, load: Props["load"]): { urls: Urls; problem: string | null } {
   const urls = useSignal<Urls>({});
   const problem = useSignal<string | null>(null);

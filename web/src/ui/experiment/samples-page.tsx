@@ -9,7 +9,7 @@ import type { Materialisation, RunRow, SampleList, Experiment as StoredExperimen
 import { TopBar } from "../top-bar";
 import { SampleGallery } from "./sample-gallery";
 
-/** How often the store is asked how far it is, in milliseconds. */
+/** Polling interval of the store's progress, in milliseconds. */
 const ASK_EVERY = 1000;
 
 export function SamplesPage({ id }: { id: string }) {
@@ -60,7 +60,7 @@ function Samples({ base, id }: { base: string; id: string }) {
       {experiment.value && runs.length === 0 && <p>No run of this experiment has samples.</p>}
       {run && (
         <>
-          <p class="small muted">Each frame was asked for again: identical are those that came again byte for byte.</p>
+          <p class="small muted">Each frame was requested again; identical frames match byte for byte.</p>
           <Runs
             runs={runs}
             chosen={run.folder}
@@ -194,7 +194,7 @@ function Run({ run: { folder, samples }, store, id }: { run: RunRow; store: Stor
   const problem = useSignal<string | null>(null);
   const attempt = useAttempt(problem);
   const load = useCallback((name: string) => store.picture(id, folder, name), [store, id, folder]);
-  // More is known of them whenever the counts have changed.
+  // A change of the counts means new figures.
   const known = JSON.stringify(samples);
   // biome-ignore lint/correctness/useExhaustiveDependencies: asked again when `known` changes
   useEffect(() => {

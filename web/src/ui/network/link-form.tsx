@@ -1,11 +1,11 @@
-/** Sets a constant link. What is wrong is said under its field; nothing that was typed is lost. */
+/** Sets a constant link. Errors are shown under their fields; typed values are kept. */
 import { useSignal } from "@preact/signals";
 import type { TargetedSubmitEvent } from "preact";
 import { draftOf, LINK_FIELDS, type LinkProblems, parseLink } from "../../network/link-form";
 import type { LinkSetting } from "../../wire/shaper";
 
 interface Props {
-  /** What the fields show at first. */
+  /** Initial values of the fields. */
   readonly link: LinkSetting;
   readonly onLink: (setting: LinkSetting) => void;
 }

@@ -37,7 +37,7 @@ let events: {
   readyState: number;
   closed: boolean;
 };
-/** What the shaper was asked to do. */
+/** Requests to the shaper. */
 let asked: [path: string, body: unknown][];
 let refusal: string | null;
 /** Traces that were uploaded. */

@@ -1,4 +1,4 @@
-/** The shaped link: what plays on it, what it carries, and how our frames fare. */
+/** The shaped link: its trace, its load, and the frames' delays. */
 
 import { effect, type Signal, useSignal } from "@preact/signals";
 import { FolderOpen, Pause, Play, Square } from "lucide";

@@ -58,7 +58,7 @@ function Charts({ names, comparison }: Props) {
   );
 }
 
-/** What each chart draws, of the sides that have these names. */
+/** Lines of each chart, for sides with these labels. */
 function chartsOf(names: readonly string[]) {
   const sides = names.flatMap((label, i) => (PLACES[i] ? [{ label, tone: PLACES[i], axis: "left" as const }] : []));
   return CHARTS.map(({ unit, stepped, ...chart }) => ({

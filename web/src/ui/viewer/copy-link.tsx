@@ -1,11 +1,11 @@
-/** A link to what is seen: into the clipboard and the address. */
+/** Copies a link to the present view to the clipboard and the address bar. */
 import { useSignal } from "@preact/signals";
 import { Check, Link2 } from "lucide";
 import { showAddress } from "../../viewer/address";
 import type { ViewerSession } from "../../viewer/session";
 import { IconButton } from "../icon-button";
 
-/** How long it is said that it was copied, in milliseconds. */
+/** Duration of the confirmation, in milliseconds. */
 const SAID = 2000;
 
 export function CopyLink({ session }: { session: ViewerSession }) {

@@ -7,7 +7,8 @@ import { changeSettings, settings } from "../../state/app";
 import type { ViewerSession } from "../../viewer/session";
 import { KIND_NAMES, ModelOptions } from "../enhancement-models";
 import { Icon } from "../icon";
-import { enhancementNote, milliseconds } from "./hud";
+import { milliseconds } from "./hud";
+import { enhancementNote } from "./notes";
 import { SceneTraining } from "./scene-training";
 
 export function EnhancementPanel({ session }: { session: ViewerSession }) {

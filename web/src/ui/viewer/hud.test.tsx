@@ -34,9 +34,9 @@ beforeEach(() => {
 
 afterEach(cleanup);
 
-const show = (stats: Partial<Stats> = {}, wide = true) => {
+const show = (stats: Partial<Stats> = {}, detailed = true) => {
   session.stateless.stats.value = { ...STATS, ...stats };
-  return render(<Hud session={asSession(session)} wide={wide} />).container;
+  return render(<Hud session={asSession(session)} detailed={detailed} />).container;
 };
 const stat = (root: Element, name: string) => root.querySelector(`[data-stat="${name}"]`)?.textContent;
 
@@ -147,7 +147,19 @@ test("a fallback says why it is one", () => {
 
 test("a server that is the limit is named", () => {
   expect(stat(show(), "server-note")).toBeUndefined();
-  expect(stat(show({ serverBound: true }), "server-note")).toContain("The server is the limit");
+  expect(stat(show({ serverBound: true }), "server-note")).toBe(
+    "The server is slow to draw this scene; your connection is fine.",
+  );
+});
+
+test("no more than the two most important notes are shown", () => {
+  session.reprojector.status.value = "slow";
+  session.enhancement.giveUp("It took 40 ms a frame.");
+  show({ serverBound: true });
+  expect(screen.getAllByRole("status").map((note) => note.dataset.stat)).toEqual([
+    "reprojection-note",
+    "enhancement-note",
+  ]);
 });
 
 test("a server that has fallen silent is named while it is", async () => {
@@ -162,10 +174,10 @@ test("a server that has fallen silent is named while it is", async () => {
 test.each([
   [true, "Fewer measurements"],
   [false, "More measurements"],
-])("a wide window (%s) offers %s, and remembers the choice", async (wide, offer) => {
-  const hud = show({}, wide);
-  expect(stat(hud, "frame") !== undefined).toBe(wide);
+])("a window with room for details (%s) offers %s, and remembers the choice", async (detailed, offer) => {
+  const hud = show({}, detailed);
+  expect(stat(hud, "frame") !== undefined).toBe(detailed);
   await userEvent.click(screen.getByRole("button", { name: offer }));
-  expect(stat(hud, "frame") !== undefined).toBe(!wide);
-  expect(settings.value.hudDetails).toBe(!wide);
+  expect(stat(hud, "frame") !== undefined).toBe(!detailed);
+  expect(settings.value.hudDetails).toBe(!detailed);
 });

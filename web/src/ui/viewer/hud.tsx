@@ -9,19 +9,21 @@ import { bitrate, bytes } from "../format";
 import { Icon } from "../icon";
 import { EXPLANATIONS, type Explained } from "./explanations";
 import { TRANSPORT_NAMES } from "./names";
+import { enhancementNote, Notes, serverNote } from "./notes";
 
 const NONE = "–";
 
 interface HudProps {
   readonly session: ViewerSession;
-  readonly wide: boolean;
-  /** What of the link that led here makes no sense. */
+  /** Whether all figures are shown unless the person chose otherwise. */
+  readonly detailed: boolean;
+  /** Problem with the link that opened this view. */
   readonly linkNote?: string | null;
 }
 
-export function Hud({ session, wide, linkNote }: HudProps) {
+export function Hud({ session, detailed, linkNote }: HudProps) {
   const stats = session.stateless.stats.value;
-  const details = settings.value.hudDetails ?? wide;
+  const details = settings.value.hudDetails ?? detailed;
   const enhancement = session.enhancement.status.value;
   const { fallback, host } = session.connected.value ?? {};
   return (
@@ -38,16 +40,7 @@ export function Hud({ session, wide, linkNote }: HudProps) {
         {stats.turned && (
           <Figure name="content-age" label="content age" value={milliseconds(stats.contentAge)} unit="ms" />
         )}
-        <button
-          type="button"
-          class="icon-button"
-          aria-expanded={details}
-          aria-label={details ? "Fewer measurements" : "More measurements"}
-          title={details ? "Fewer measurements" : "More measurements"}
-          onClick={() => changeSettings({ hudDetails: !details })}
-        >
-          <Icon of={details ? ChevronDown : ChevronUp} />
-        </button>
+        <DetailsButton details={details} />
       </div>
       {details && <Details stats={stats} enhancement={enhancement} />}
       <p class="hud-transport" title={EXPLANATIONS.transport}>
@@ -67,53 +60,36 @@ export function Hud({ session, wide, linkNote }: HudProps) {
         )}
         {session.silent.value && <span data-stat="silence"> – no answer, asking again…</span>}
       </p>
-      {linkNote && (
-        <p class="hud-note" role="status" data-stat="link-note">
-          {linkNote}
-        </p>
-      )}
-      <ServerNote stats={stats} />
-      <EnhancementNote status={enhancement} />
-      <ReprojectionNote note={session.unturned.value} />
+      <Notes
+        most={details ? 2 : 1}
+        of={{
+          "link-note": linkNote ?? null,
+          "reprojection-note": session.unturned.value,
+          "enhancement-note": enhancementNote(enhancement),
+          "server-note": serverNote(stats),
+        }}
+      />
     </section>
   );
 }
 
-/** What a person should know: enhancement is off by itself, or starts again. */
-export function EnhancementNote({ status }: { status: EnhancementStatus }) {
-  const note = enhancementNote(status);
+export function DetailsButton({ details }: { details: boolean }) {
+  const label = details ? "Fewer measurements" : "More measurements";
   return (
-    note && (
-      <p class="hud-note" role="status" data-stat="enhancement-note">
-        {note}
-      </p>
-    )
+    <button
+      type="button"
+      class="icon-button"
+      aria-expanded={details}
+      aria-label={label}
+      title={label}
+      onClick={() => changeSettings({ hudDetails: !details })}
+    >
+      <Icon of={details ? ChevronDown : ChevronUp} />
+    </button>
   );
 }
 
-/** Frames would not come sooner over any other link. */
-export function ServerNote({ stats }: { stats: Stats }) {
-  return (
-    stats.serverBound && (
-      <p class="hud-note" role="status" data-stat="server-note">
-        The server is the limit, not the link: most of the response time is spent there.
-      </p>
-    )
-  );
-}
-
-/** Frames are to be turned and are not. */
-export function ReprojectionNote({ note }: { note: string | null }) {
-  return (
-    note && (
-      <p class="hud-note" role="status" data-stat="reprojection-note">
-        {note}
-      </p>
-    )
-  );
-}
-
-/** What it takes to turn a picture. */
+/** The time it takes to turn a picture. */
 export function ReprojectionRow({ stats }: { stats: Pick<Stats, "turned" | "warpMs" | "gpuMs"> }) {
   return (
     stats.turned && (
@@ -124,13 +100,7 @@ export function ReprojectionRow({ stats }: { stats: Pick<Stats, "turned" | "warp
   );
 }
 
-/** Null where all is as it was chosen. */
-export function enhancementNote(status: EnhancementStatus): string | null {
-  if (status.kind === "failed") return `Enhancement is off. ${status.message}`;
-  return status.kind === "starting" ? status.message : null;
-}
-
-/** What enhances the newest frame: not every model has something for each rung, and refinements are shown as they came. */
+/** The enhancement of the newest frame: not every model covers every rung, and refinements are not enhanced. */
 export function EnhancementRow({ status, stats }: { status: EnhancementStatus; stats: Stats }) {
   if (status.kind !== "on") return null;
   const rung = stats.frame?.profile;
@@ -198,7 +168,7 @@ function Details({ stats, enhancement }: { stats: Stats; enhancement: Enhancemen
   );
 }
 
-/** One of a HUD's figures with its name; what it means is told where one points at it. */
+/** A labelled figure of the HUD, explained by a tooltip. */
 export function Row({ name, label, children }: { name: Explained; label: string; children: ComponentChildren }) {
   return (
     <div title={EXPLANATIONS[name]}>
@@ -211,7 +181,7 @@ export function Row({ name, label, children }: { name: Explained; label: string;
 interface FigureProps {
   readonly name: Explained;
   readonly label: string;
-  /** Whose meaning it has; its name's, if it is not said. */
+  /** Key of the tooltip; by default the label. */
   readonly explanation?: Explained;
   readonly value: string;
   readonly unit?: string;

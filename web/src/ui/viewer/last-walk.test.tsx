@@ -8,6 +8,7 @@ afterEach(cleanup);
 
 const SIDE: WalkedSide = {
   inputs: 600,
+  contentAge: 60,
   latency: { p50: 48, p95: 96 },
   newViewsPerSecond: 47.6,
   bandwidth: 10_200_000,
@@ -25,23 +26,32 @@ const walk = ({ left = {}, right = {} }: { left?: Changes; right?: Changes }): W
 
 test.each<[{ left?: Changes; right?: Changes }, string]>([
   [
-    { right: { latency: { p50: 738, p95: 900 }, newViewsPerSecond: 24.8, bandwidth: 3_000_000 } },
-    "Stateless followed you 690 ms sooner than DASH, tuned: 48 against 25 new views a second, for 10 Mbit/s against 3 Mbit/s.",
+    { right: { contentAge: 750, newViewsPerSecond: 24.8, bandwidth: 3_000_000 } },
+    "Stateless was 690 ms more up to date than DASH, tuned: 48 against 25 new views per second, for 10 Mbit/s against 3 Mbit/s.",
   ],
   [
-    { left: { latency: { p50: 90, p95: 900 }, newViewsPerSecond: 5 } },
-    "DASH, tuned followed you 42 ms sooner than Stateless: 48 against 5.0 new views a second, for 10 Mbit/s against 10 Mbit/s.",
+    { left: { contentAge: 102, newViewsPerSecond: 5 } },
+    "DASH, tuned was 42 ms more up to date than Stateless: 48 against 5.0 new views per second, for 10 Mbit/s against 10 Mbit/s.",
   ],
   [
-    { right: { latency: { p50: 50, p95: 99 }, bandwidth: 3_000_000 } },
-    "Stateless and DASH, tuned followed you equally soon: 48 against 48 new views a second, for 10 Mbit/s against 3 Mbit/s.",
+    { right: { contentAge: 62, bandwidth: 3_000_000 } },
+    "Stateless and DASH, tuned were equally up to date: 48 against 48 new views per second, for 10 Mbit/s against 3 Mbit/s.",
   ],
   [
-    { right: { inputs: 12, latency: { p50: 30, p95: 40 }, newViewsPerSecond: 0.3, bandwidth: 500_000 } },
-    "Stateless followed you, and DASH, tuned hardly did: 48 against 0.3 new views a second, for 10 Mbit/s against 500 kbit/s.",
+    { right: { inputs: 12, contentAge: 30, newViewsPerSecond: 0.3, bandwidth: 500_000 } },
+    "Stateless followed you, and DASH, tuned hardly did: 48 against 0.3 new views per second, for 10 Mbit/s against 500 kbit/s.",
   ],
-  [{ right: "nothing" }, "Only Stateless showed anything of this walk."],
-  [{ left: "nothing", right: "nothing" }, "Neither side showed anything of this walk."],
+  [
+    { right: { newViewsPerSecond: 0.3, bandwidth: 500_000 } }, // turned at once, but from old pictures
+    "Stateless followed you, and DASH, tuned hardly did: 48 against 0.3 new views per second, for 10 Mbit/s against 500 kbit/s.",
+  ],
+  [
+    { left: { newViewsPerSecond: 1.1, bandwidth: 176_000 }, right: { newViewsPerSecond: 0, bandwidth: 1000 } },
+    "DASH, tuned showed nothing new during this walk; Stateless showed 1.1 new views per second.",
+  ],
+  [{ left: "nothing" }, "Stateless showed nothing new during this walk; DASH, tuned showed 48 new views per second."],
+  [{ left: "nothing", right: "nothing" }, "Neither side showed anything new during this walk."],
+  [{ left: { newViewsPerSecond: 0 }, right: "nothing" }, "Neither side showed anything new during this walk."],
   [{ right: "restarted" }, "DASH, tuned restarted during this walk; walk again to compare."],
   [
     { left: "restarted", right: "restarted" },
@@ -52,15 +62,15 @@ test.each<[{ left?: Changes; right?: Changes }, string]>([
 });
 
 test.each([
-  [[31.24, 28.1], "new views a second, with Stateless 3.1 dB nearer to the truth, for"],
-  [[28.1, 31.24], "new views a second, with DASH, tuned 3.1 dB nearer to the truth, for"],
-  [[28.1, 28.3], "new views a second, as near to the truth, for"],
-])("of pictures that were held against the truth, the verdict says which were nearer: %j", (psnr, said) => {
-  expect(verdict(walk({ right: { latency: { p50: 738, p95: 900 } } }), NAMES, { psnr })).toContain(said);
+  [[31.24, 28.1], "new views per second, with Stateless 3.1 dB closer to the reference, for"],
+  [[28.1, 31.24], "new views per second, with DASH, tuned 3.1 dB closer to the reference, for"],
+  [[28.1, 28.3], "new views per second, equally close to the reference, for"],
+])("once pictures are compared with ground truth, the verdict says which were closer: %j", (psnr, said) => {
+  expect(verdict(walk({ right: { contentAge: 750 } }), NAMES, { psnr })).toContain(said);
 });
 
 test("each side has its figures", () => {
-  const right = { latency: { p50: 738, p95: 900 }, stalled: 1440 };
+  const right = { contentAge: 750, latency: { p50: 738, p95: 900 }, stalled: 1440 };
   render(
     <LastWalk
       names={NAMES}
@@ -72,6 +82,7 @@ test("each side has its figures", () => {
   const rows = screen.getAllByRole("row").map((row) => [...row.children].map((cell) => cell.textContent));
   expect(rows).toEqual([
     ["12 s", "Stateless", "DASH, tuned"],
+    ["Content age", "60 ms", "750 ms"],
     ["Latency, p50 · p95", "48 · 96 ms", "738 · 900 ms"],
     ["New views/s", "48", "48"],
     ["Stalled", "0.0 s", "1.4 s"],

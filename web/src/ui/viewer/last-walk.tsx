@@ -1,20 +1,24 @@
-/** Side by side: what each side made of the last walk, and that in one sentence. It stays until the next walk has ended. */
+/** Side by side: the figures of each side for the last walk, and a sentence that sums them up. They stay until the next walk ends. */
 import type { ComponentChildren } from "preact";
 import type { Unmeasured, Walk, WalkedSide } from "../../charts/walk";
 import { PLACES } from "../../state/sides";
 import type { SeenQuality } from "../../viewer/comparison";
 import { bitrate, bytes } from "../format";
 
-/** Smaller differences are those of one picture on the display (ms). */
+/** Smaller differences are one frame of the display (ms). */
 const ALIKE = 17;
-/** Smaller differences of quality are hardly seen (dB). */
+/** Smaller differences of quality are hardly visible (dB). */
 const ALIKE_DB = 0.5;
 
-/** Who has answered a smaller share of what the other has hardly showed the walk: latencies say nothing of what never came. */
-const HARDLY = 0.5;
+/**
+ * Below this share of the other side's answered inputs or new views, a side hardly showed the walk, and its age means
+ * little.
+ */
+const HARDLY_ANSWERED = 0.5;
+const HARDLY_NEW = 0.1;
 
 interface Props {
-  /** What the sides are called, from left to right. */
+  /** Labels of the sides, from left to right. */
   readonly names: readonly string[];
   readonly walk: Walk | null;
   readonly quality: SeenQuality;
@@ -27,7 +31,7 @@ export function LastWalk({ names, walk, quality, local }: Props) {
     <section class="last-walk" aria-label="The last walk">
       <h4>The last walk</h4>
       {walk === null ? (
-        <p class="muted small">Walk for a few seconds and stand still: what each side made of it is summed up here.</p>
+        <p class="muted small">Walk for a few seconds and stand still: a summary of each side appears here.</p>
       ) : (
         <>
           <p role="status">{verdict(walk, names, quality)}</p>
@@ -64,6 +68,7 @@ function Table({ walk: { duration, sides }, names, quality }: Omit<Props, "walk"
         </tr>
       </thead>
       <tbody>
+        {row("Content age", ({ contentAge }) => `${Math.round(contentAge)} ms`)}
         {row("Latency, p50 · p95", ({ latency: { p50, p95 } }) => `${Math.round(p50)} · ${Math.round(p95)} ms`)}
         {row("New views/s", ({ newViewsPerSecond }) => rate(newViewsPerSecond))}
         {row("Stalled", ({ stalled }) => `${(stalled / 1000).toFixed(1)} s`)}
@@ -71,7 +76,9 @@ function Table({ walk: { duration, sides }, names, quality }: Omit<Props, "walk"
         {row("Received", (of) => bytes(of.bytes))}
         <Row
           label="PSNR as seen"
-          title={problem ?? `What was on the screen against the view that was due, at ${moments} moments of the walk`}
+          title={
+            problem ?? `What was on the screen compared with the view of that moment, at ${moments} moments of the walk`
+          }
         >
           {sides.map((_, i) => (
             <td key={PLACES[i]} data-side={PLACES[i]} data-stat="psnr">
@@ -101,27 +108,35 @@ function isMeasured(side: WalkedSide | Unmeasured): side is WalkedSide {
   return typeof side !== "string";
 }
 
-/** Who followed the camera sooner, who was nearer to the truth, and what that took. */
+/** Verdict: the fresher side, the side closer to the reference, and their cost. */
 export function verdict({ sides }: Walk, names: readonly string[], { psnr }: Pick<SeenQuality, "psnr">): string {
   const restarted = names.filter((_, i) => sides[i] === "restarted");
   if (restarted.length > 0) return `${restarted.join(" and ")} restarted during this walk; walk again to compare.`;
   const shown = sides
-    .flatMap((of, i) => (isMeasured(of) ? [{ name: names[i] ?? "", of, psnr: psnr[i] }] : []))
-    .toSorted((a, b) => a.of.latency.p50 - b.of.latency.p50);
-  const [sooner, later] = shown;
-  if (sooner === undefined) return "Neither side showed anything of this walk.";
-  if (later === undefined) return `Only ${sooner.name} showed anything of this walk.`;
-  const broken = sooner.of.inputs < HARDLY * later.of.inputs || later.of.inputs < HARDLY * sooner.of.inputs;
-  const [first, second] = broken && sooner.of.inputs < later.of.inputs ? [later, sooner] : [sooner, later];
-  const behind = Math.round(second.of.latency.p50 - first.of.latency.p50);
+    .flatMap((of, i) => (isMeasured(of) ? [{ i, name: names[i] ?? "", of, psnr: psnr[i] }] : []))
+    .toSorted((a, b) => a.of.contentAge - b.of.contentAge);
+  const fresh = shown.filter(({ of }) => of.newViewsPerSecond > 0);
+  const [newer, older] = fresh;
+  if (newer === undefined) return "Neither side showed anything new during this walk.";
+  if (older === undefined) {
+    const other = names[1 - newer.i];
+    return `${other} showed nothing new during this walk; ${newer.name} showed ${rate(newer.of.newViewsPerSecond)} new views per second.`;
+  }
+  const broken = hardly(newer.of, older.of) || hardly(older.of, newer.of);
+  const [first, second] = broken && hardly(newer.of, older.of) ? [older, newer] : [newer, older];
+  const behind = Math.round(second.of.contentAge - first.of.contentAge);
   const who = broken
     ? `${first.name} followed you, and ${second.name} hardly did`
     : behind < ALIKE
-      ? `${first.name} and ${second.name} followed you equally soon`
-      : `${first.name} followed you ${behind} ms sooner than ${second.name}`;
+      ? `${first.name} and ${second.name} were equally up to date`
+      : `${first.name} was ${behind} ms more up to date than ${second.name}`;
   const [views, others] = [first, second].map(({ of }) => rate(of.newViewsPerSecond));
-  const seen = nearer(first, second);
-  return `${who}: ${views} against ${others} new views a second${seen}, for ${bitrate(first.of.bandwidth)} against ${bitrate(second.of.bandwidth)}.`;
+  const seen = closer(first, second);
+  return `${who}: ${views} against ${others} new views per second${seen}, for ${bitrate(first.of.bandwidth)} against ${bitrate(second.of.bandwidth)}.`;
+}
+
+function hardly(side: WalkedSide, other: WalkedSide): boolean {
+  return side.inputs < HARDLY_ANSWERED * other.inputs || side.newViewsPerSecond < HARDLY_NEW * other.newViewsPerSecond;
 }
 
 interface Judged {
@@ -129,19 +144,19 @@ interface Judged {
   readonly psnr: number | undefined;
 }
 
-/** Which of them was nearer to ground truth; empty while that is not known. */
-function nearer(first: Judged, second: Judged): string {
+/** Which side was closer to ground truth; empty until that is known. */
+function closer(first: Judged, second: Judged): string {
   if (first.psnr === undefined || second.psnr === undefined) return "";
   const ahead = first.psnr - second.psnr;
-  if (Math.abs(ahead) < ALIKE_DB) return ", as near to the truth";
+  if (Math.abs(ahead) < ALIKE_DB) return ", equally close to the reference";
   const { name } = ahead > 0 ? first : second;
-  return `, with ${name} ${Math.abs(ahead).toFixed(1)} dB nearer to the truth`;
+  return `, with ${name} ${Math.abs(ahead).toFixed(1)} dB closer to the reference`;
 }
 
-/** Who draws: what slows one side may slow the other. */
+/** Device that renders the sides: it may slow down both. */
 function renderers(names: readonly string[], local: readonly boolean[]): string {
   const own = names.filter((_, i) => local[i]);
   if (own.length === names.length) return "This browser draws both sides: each slows the other.";
   if (own.length > 0) return `This browser draws ${own.join()}; the server draws the other side.`;
-  return "One renderer draws both sides. Where it is what limits them, look at one side alone.";
+  return "One renderer draws both sides. If it is the limit, look at one side alone.";
 }

@@ -1,13 +1,13 @@
-/** What of a link's settings makes no sense, in one sentence: it changes nothing, and nobody should take it for done. */
+/** One sentence on invalid settings in a link: they have no effect, and the user should know. */
 import { PREDICTOR_NAMES } from "../../predict/registry";
 import { linkedPose } from "../../state/link";
 import { ASKABLE, type Asked } from "../../state/route";
 import { LINKED, MODES, SIDE_MODES, settingOf } from "../../state/settings";
 
-/** What shows the scene, and what is compared: the values that a link may give them. */
+/** Values of modes and comparisons accepted in a link. */
 const CHOICES = { mode: MODES, left: SIDE_MODES, right: SIDE_MODES } as const;
 
-/** Null if all of it does; models are told of where they would enhance. */
+/** Null if all settings are valid; missing models are reported where they would be used. */
 export function linkNote(asked: Asked, unknown: readonly string[] = []): string | null {
   const { at, reprojection, prediction, restore: _, upscale: __, ...others } = asked;
   if (unknown.length > 0) {

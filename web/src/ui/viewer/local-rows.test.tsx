@@ -54,13 +54,13 @@ test.each([
   expect(screen.getByRole("status").textContent).toBe(said);
 });
 
-test("only forms that the server offers can be chosen", () => {
-  changeSettings({ mode: "local", localForm: "compressed" });
+test("the panel says what is downloaded, or that nothing is offered", () => {
+  changeSettings({ mode: "local" });
   const session = fakeSession();
-  session.scene.value = { ...COURTYARD, downloads: [{ form: "ply" }] };
+  session.scene.value = { ...COURTYARD, downloads: [{}] };
   render(<ModePanel session={asSession(session)} />);
-  expect(screen.getByRole("radio", { name: "PLY" })).toHaveProperty("checked", true);
-  expect(screen.queryByRole("radio", { name: "Compressed" })).toBeNull();
+  expect(screen.getByText(/^The compressed scene is downloaded/)).toBeTruthy();
+  expect(screen.queryByRole("alert")).toBeNull();
   cleanup();
   session.scene.value = COURTYARD;
   render(<ModePanel session={asSession(session)} />);

@@ -1,4 +1,4 @@
-/** The measurements of a download beside those that every mode has: how far it is, and what is drawn of it. */
+/** Figures of a download, in addition to those of every mode: its progress and the rendered part. */
 import type { LocalStats } from "../../local/local-player";
 import { bytes } from "../format";
 import { Row } from "./hud";

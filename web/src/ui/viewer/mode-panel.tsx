@@ -1,12 +1,10 @@
-/** What shows the scene, and how its stream is set up. */
+/** Selects the mode and the parameters of its stream. */
 
 import type { ComponentChildren } from "preact";
 import { type DashPlan, type DashSetup, FRAME_RATES, PRESETS, type Preset, planFor } from "../../dash/presets";
-import type { DownloadForm } from "../../local/local-player";
 import { changeSettings, config, settings } from "../../state/app";
-import { isStreamed, LOCAL_FORMS, MODES } from "../../state/settings";
+import { isStreamed, MODES } from "../../state/settings";
 import { settingsShown } from "../../state/sides";
-import { offeredForm } from "../../viewer/download-opening";
 import type { ViewerSession } from "../../viewer/session";
 import { CODEC_NAMES, WEBRTC_PLANS, WEBRTC_STREAMS } from "../../webrtc/presets";
 import { ComparisonPanel } from "./comparison-panel";
@@ -19,12 +17,6 @@ const PRESET_NAMES: Readonly<Record<Preset, string>> = {
   tuned: "Tuned",
   edge: "Edge",
   custom: "Custom",
-};
-
-const FORM_NAMES: Readonly<Record<DownloadForm, string>> = { ply: "PLY", compressed: "Compressed" };
-const FORM_SENTENCES: Readonly<Record<DownloadForm, string>> = {
-  ply: "All numbers of each Gaussian as they are, the most important Gaussians first; this browser draws them.",
-  compressed: "Each Gaussian in fewer bits, the most important ones first; this browser draws them.",
 };
 
 export function ModePanel({ session }: { session: ViewerSession }) {
@@ -56,7 +48,7 @@ export function ModePanel({ session }: { session: ViewerSession }) {
   );
 }
 
-/** How DASH streams are set up: which there is, unless each side says so, and what all have in common. */
+/** DASH settings: the preset, unless each side has one, and shared parameters. */
 function Streams() {
   const { mode, dashPreset, dashCustom } = settings.value;
   const plans = settingsShown(settings.value).flatMap((shown) => (shown.mode === "dash" ? [planFor(shown)] : []));
@@ -121,13 +113,11 @@ function WebRtc() {
   );
 }
 
-/** Which of the scene's files is downloaded. */
+/** Selects the form of the download. */
 function Download({ session }: { session: ViewerSession }) {
   const scene = session.scene.value;
-  const forms = LOCAL_FORMS.filter((form) => scene?.downloads?.some((one) => one.form === form));
-  const chosen = offeredForm(scene, settings.value.localForm);
   if (scene === null) return null;
-  if (chosen === null) {
+  if (!scene.downloads?.length) {
     return (
       <p class="notice" role="alert" data-notice="no-download">
         This server does not offer the scene for download.
@@ -135,22 +125,9 @@ function Download({ session }: { session: ViewerSession }) {
     );
   }
   return (
-    <>
-      <h4 class="segments-name">Download</h4>
-      <Segments name="form" label="Download">
-        {forms.map((form) => (
-          <Segment
-            key={form}
-            name="form"
-            checked={form === chosen}
-            onChoose={() => changeSettings({ localForm: form })}
-          >
-            {FORM_NAMES[form]}
-          </Segment>
-        ))}
-      </Segments>
-      <p class="muted small">{FORM_SENTENCES[chosen]}</p>
-    </>
+    <p class="muted small">
+      The compressed scene is downloaded, the most important Gaussians first; this browser draws them.
+    </p>
   );
 }
 

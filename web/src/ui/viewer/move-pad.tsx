@@ -1,4 +1,4 @@
-/** Walking by thumb, on devices whose main pointer is a finger: a pad to walk, and two buttons to rise and sink. */
+/** On-screen controls for touch devices: a pad to walk, and two buttons to rise and sink. */
 import { useSignal } from "@preact/signals";
 import { ChevronDown, ChevronUp } from "lucide";
 import type { StageInput } from "../../input/stage-input";

@@ -54,7 +54,7 @@ function useEscape(deck: MovementDeck): void {
   }, [deck]);
 }
 
-/** A file may be dropped anywhere; what happens then is shown in the settings. */
+/** A file may be dropped anywhere; the settings show the result. */
 function useDrop(deck: MovementDeck): void {
   useEffect(() => {
     const listening = new AbortController();

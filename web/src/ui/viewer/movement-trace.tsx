@@ -209,7 +209,7 @@ function describe(deck: MovementDeck): string {
   const states = {
     playing: "The movement has the camera, and your input waits. Stop or Esc gives it back, where it is then.",
     paused: "Paused: the camera stays, and your input waits. Stop or Esc gives it back, where it is then.",
-    recording: `Recording what the camera does: ${clock(deck.position.value)}.`,
+    recording: `Recording the camera: ${clock(deck.position.value)}.`,
     stopped: deck.busy.value ? "Something else moves the camera now, such as an experiment." : idle(deck),
   };
   return states[deck.state.value];

@@ -15,7 +15,7 @@ export const MODE_NAMES: Readonly<Record<Mode, string>> = {
 /** Where the server names no packager. */
 export const noPackager = (kind: StreamKind) => `This server has no packager for ${STREAM_NAMES[kind]} streams`;
 
-/** What two sides are compared by. */
+/** Options of a comparison. */
 export const SIDE_MODE_NAMES: Readonly<Record<SideMode, string>> = {
   stateless: MODE_NAMES.stateless,
   video: MODE_NAMES.video,
@@ -24,11 +24,10 @@ export const SIDE_MODE_NAMES: Readonly<Record<SideMode, string>> = {
   "dash-edge": "DASH, edge",
   "dash-custom": "DASH, custom",
   webrtc: MODE_NAMES.webrtc,
-  "local-ply": "Local, PLY",
-  "local-compressed": "Local, compressed",
+  local: MODE_NAMES.local,
 };
 
-/** What the pictures on the stage are called: as the mode, or as the choices that are compared. */
+/** Labels of the pictures on the stage: the mode, or the compared options. */
 export function sideNames({ mode, left, right }: Settings): readonly string[] {
   if (mode !== "side-by-side") return [MODE_NAMES[mode]];
   return [SIDE_MODE_NAMES[left], SIDE_MODE_NAMES[right]];

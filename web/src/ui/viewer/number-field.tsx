@@ -1,4 +1,4 @@
-/** A number with its unit, taken over when it is complete and in range; anything else is put back. */
+/** A number with its unit, applied once complete and in range; invalid input is reverted. */
 import { useSignal } from "@preact/signals";
 
 interface Props {
@@ -12,7 +12,7 @@ interface Props {
 }
 
 export function NumberField({ label, unit, value, min, max, locked, onValue }: Props) {
-  /** What is being typed: it stays, however often the page is drawn meanwhile. */
+  /** Text being typed; kept across renders. */
   const typed = useSignal<string | null>(null);
   const rest = () => {
     typed.value = null;

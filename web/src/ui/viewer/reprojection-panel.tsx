@@ -1,7 +1,8 @@
-/** How movement is met: whether frames are turned to the newest view, what is asked for so that they can be, and how that goes. */
+/** Settings of reprojection and prediction, and how reprojection is doing. */
 import { ChevronDown } from "lucide";
 import type { ComponentChildren } from "preact";
 import type { PredictorName } from "../../predict/registry";
+import { turning } from "../../reproject/acceleration";
 import { changeSettings, settings } from "../../state/app";
 import { isPerView, isStreamed } from "../../state/settings";
 import { settingsShown } from "../../state/sides";
@@ -21,18 +22,18 @@ export function ReprojectionPanel({ session }: { session: ViewerSession }) {
   const { warpMs } = (streamed ? session.stream.value : session.stateless)?.stats.value ?? NO_STREAM_STATS;
   return (
     <>
-      <label
-        class="check"
-        title="Turns the newest frame to where the camera is now, each time the display shows a picture"
-      >
+      <label class="check" title="Turns the newest frame to the current view each time the display is refreshed">
         <input
           type="checkbox"
           checked={reprojection}
-          onChange={() => changeSettings({ reprojection: !reprojection })}
+          onChange={() => {
+            changeSettings({ reprojection: !reprojection });
+            if (!reprojection) turning.value = "forced";
+          }}
         />
-        Turn frames to the view
+        Smooth turning (reprojection)
       </label>
-      <label class="check" title="With a coarse depth, near things shift more than far ones as you walk">
+      <label class="check" title="Near things shift more than distant ones as you walk, by a coarse depth map">
         <input
           type="checkbox"
           checked={depth}
@@ -41,19 +42,19 @@ export function ReprojectionPanel({ session }: { session: ViewerSession }) {
         />
         Use depth
       </label>
-      <label class="check" title="Small pictures of all directions, so that a quick turn has no dark borders">
+      <label class="check" title="Small pictures of all directions fill what a quick turn would leave dark">
         <input
           type="checkbox"
           checked={surround}
           disabled={!reprojection || !modes.some(isPerView)}
           onChange={() => changeSettings({ surround: !surround })}
         />
-        Surround
+        Fill the edges on fast turns
       </label>
       <div class="models">
         <Choice
           label="Overscan"
-          title="How much more each frame shows beyond its edges, as a share of the picture"
+          title="How far each frame extends beyond the view, as a share of its size"
           value={String(overscan)}
           disabled={!reprojection}
           onValue={(value) => changeSettings({ overscan: overscanOf(value) })}
@@ -62,7 +63,7 @@ export function ReprojectionPanel({ session }: { session: ViewerSession }) {
         </Choice>
         <Choice
           label="Prediction"
-          title="Asks for the view where the camera will be when the frame is shown"
+          title="Requests the view from the predicted camera position"
           value={prediction}
           onValue={(value) => changeSettings({ prediction: value as PredictorName })}
         >
@@ -71,7 +72,7 @@ export function ReprojectionPanel({ session }: { session: ViewerSession }) {
       </div>
       {(note || (status === "on" && warpMs !== null)) && (
         <p class="muted small" role="status" data-reprojection={status}>
-          {note ?? `On: ${milliseconds(warpMs)} ms a picture.`}
+          {note ?? `On: ${milliseconds(warpMs)} ms per picture.`}
         </p>
       )}
     </>

@@ -31,7 +31,7 @@ afterEach(() => {
 });
 
 const show = () => render(<SceneTraining session={asSession(session)} />);
-/** The next question, which is asked by a timer once the page knows that a training runs. */
+/** The next poll, triggered by a timer once the page knows that a training is running. */
 const next = async () => {
   await vi.waitFor(() => expect(vi.getTimerCount()).toBe(1));
   await act(async () => {
@@ -79,7 +79,7 @@ test("a server that cannot train says why, and offers nothing", async () => {
 });
 
 test("what went wrong is said, and another try is offered", async () => {
-  const changed = "These are weights for a scene whose file has changed since; train them again.";
+  const changed = "The scene's file has changed since these weights were trained; train them again.";
   vi.mocked(training).mockResolvedValue({ ...IDLE, problem: changed });
   show();
   expect((await screen.findByRole("alert")).textContent).toBe(changed);

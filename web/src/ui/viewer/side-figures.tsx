@@ -1,4 +1,4 @@
-/** The measurements of each picture on the stage, over it: the same figures in the same places, and what its mode has besides. */
+/** Figures over each picture on the stage: the same ones at the same positions, followed by those of its mode. */
 
 import { NO_LOCAL_STATS } from "../../local/local-player";
 import { ladder, settings } from "../../state/app";
@@ -11,20 +11,22 @@ import type { ViewerSession } from "../../viewer/session";
 import type { Side } from "../../viewer/side";
 import { bitrate, bytes } from "../format";
 import { EXPLANATIONS } from "./explanations";
-import { EnhancementNote, EnhancementRow, latencyName, ReprojectionNote, ReprojectionRow, Row } from "./hud";
-import { LimitNote } from "./limit-note";
+import { DetailsButton, EnhancementRow, latencyName, ReprojectionRow, Row } from "./hud";
 import { LocalRows } from "./local-rows";
 import { sideNames } from "./names";
+import { enhancementNote, Notes } from "./notes";
+import { useLimits } from "./use-limits";
 
 const NONE = "–";
 
-export function SideFigures({ session }: { session: ViewerSession }) {
+export function SideFigures({ session, detailed }: { session: ViewerSession; detailed: boolean }) {
+  const details = settings.value.hudDetails ?? detailed;
   const [left, right] = sideNames(settings.value);
   return (
     <div class="sides">
-      <SideHud place="left" title={left ?? ""} side={session.left} rig={session.rig} />
+      <SideHud place="left" title={left ?? ""} side={session.left} rig={session.rig} details={details} />
       {session.right.value && (
-        <SideHud place="right" title={right ?? ""} side={session.right.value} rig={session.rig} />
+        <SideHud place="right" title={right ?? ""} side={session.right.value} rig={session.rig} details={details} />
       )}
     </div>
   );
@@ -35,59 +37,71 @@ interface HudProps {
   readonly title: string;
   readonly side: Side;
   readonly rig: Rig;
+  readonly details: boolean;
 }
 
-function SideHud({ place, title, side, rig }: HudProps) {
+function SideHud({ place, title, side, rig, details }: HudProps) {
   const figures = side.figures ?? NO_FIGURES;
   const { motionToPhoton, newViewsPerSecond, bandwidth, stalls, picture } = figures;
   const rung = picture?.rung == null ? undefined : ladder.value[picture.rung];
   const { mode } = side.settings.value;
+  const limits = useLimits(side, rig);
   return (
     <div class="side">
       <section class="floating side-hud" aria-label={`Measurements: ${title}`} data-side={place} data-mode={mode}>
-        <h2>
-          <i class="swatch" data-tone={place} />
-          {title}
-        </h2>
+        <div class="hud-main">
+          <h2>
+            <i class="swatch" data-tone={place} />
+            {title}
+          </h2>
+          <DetailsButton details={details} />
+        </div>
         <p class="figure" title={EXPLANATIONS[figures.turned ? "view-latency" : "motion-to-photon"]}>
           <strong data-stat="motion-to-photon">{milliseconds(motionToPhoton?.p50)}</strong>
           <span class="muted">{latencyName(figures)}</span>
         </p>
-        <dl class="hud-details">
-          <Row name="motion-to-photon-p95" label="p95">
-            {milliseconds(motionToPhoton?.p95)}
-          </Row>
-          {figures.turned && (
-            <Row name="content-age" label="Content age">
-              {milliseconds(figures.contentAge)}
+        {details && (
+          <dl class="hud-details">
+            <Row name="motion-to-photon-p95" label="p95">
+              {milliseconds(motionToPhoton?.p95)}
             </Row>
-          )}
-          <Row name="new-views" label="New views/s">
-            {Math.round(newViewsPerSecond)}
-          </Row>
-          <Row name="bandwidth" label="Bandwidth">
-            {bitrate(bandwidth)}
-          </Row>
-          <Row name="received" label="Received">
-            {bytes(figures.bytes)}
-          </Row>
-          <Row name="resolution" label={rung?.name ?? "Resolution"}>
-            {picture ? `${picture.width} × ${picture.height}` : NONE}
-          </Row>
-          <Row name="stalls" label="Stalls">
-            {stalls.count === 0 ? "none" : `${stalls.count}, ${(stalls.time / 1000).toFixed(1)} s`}
-          </Row>
-          <ModeRows side={side} />
-        </dl>
-        <LimitNote side={side} rig={rig} />
-        {isPerView(mode) && <EnhancementNote status={side.enhancement.status.value} />}
-        <ReprojectionNote note={side.unturned.value} />
+            {figures.turned && (
+              <Row name="content-age" label="Content age">
+                {milliseconds(figures.contentAge)}
+              </Row>
+            )}
+            <Row name="new-views" label="New views/s">
+              {Math.round(newViewsPerSecond)}
+            </Row>
+            <Row name="bandwidth" label="Bandwidth">
+              {bitrate(bandwidth)}
+            </Row>
+            <Row name="received" label="Received">
+              {bytes(figures.bytes)}
+            </Row>
+            <Row name="resolution" label={rung?.name ?? "Resolution"}>
+              {picture ? `${picture.width} × ${picture.height}` : NONE}
+            </Row>
+            <Row name="stalls" label="Stalls">
+              {stalls.count === 0 ? "none" : `${stalls.count}, ${(stalls.time / 1000).toFixed(1)} s`}
+            </Row>
+            <ModeRows side={side} />
+          </dl>
+        )}
+        <Notes
+          most={details ? 2 : 1}
+          of={{
+            "reprojection-note": side.unturned.value,
+            "enhancement-note": isPerView(mode) ? enhancementNote(side.enhancement.status.value) : null,
+            ...limits,
+          }}
+        />
       </section>
     </div>
   );
 }
 
-/** What a mode has besides. */
+/** Additional figures of a mode. */
 function ModeRows({ side }: { side: Side }) {
   const { mode } = side.settings.value;
   if (mode === "local") return <LocalRows stats={side.local.value?.stats.value ?? NO_LOCAL_STATS} />;

@@ -2,6 +2,7 @@
 import { cleanup, render, screen, within } from "@testing-library/preact";
 import userEvent from "@testing-library/user-event";
 import { afterEach, beforeEach, expect, test, vi } from "vitest";
+import { turning } from "../../reproject/acceleration";
 import { config, sceneLadder, settings } from "../../state/app";
 import { serverConfig } from "../../state/fake-server";
 import { DEFAULT_SETTINGS } from "../../state/settings";
@@ -17,6 +18,7 @@ const onClose = vi.fn();
 const onReset = vi.fn();
 
 beforeEach(() => {
+  turning.value = null;
   vi.clearAllMocks();
   settings.value = DEFAULT_SETTINGS;
   config.value = serverConfig();
@@ -26,7 +28,8 @@ beforeEach(() => {
 
 afterEach(cleanup);
 
-const show = () => render(<Sidebar session={asSession(session)} onClose={onClose} onReset={onReset} />);
+const show = () =>
+  render(<Sidebar session={asSession(session)} onClose={onClose} onReset={onReset} onSkip={() => undefined} />);
 const section = (name: string) =>
   within(screen.getByRole("heading", { name, level: 3 }).closest("section") as HTMLElement);
 
@@ -41,7 +44,7 @@ test("a controller that adapts shows the rung that it has chosen; a fixed profil
   await user.selectOptions(quality.getByRole("combobox", { name: "Adaptation" }), "fixed");
   await user.click(quality.getByRole("radio", { name: /^Low/ }));
   expect(settings.value).toMatchObject({ controller: "fixed", profile: 3 });
-  await user.click(quality.getByRole("checkbox", { name: "Refine when still" }));
+  await user.click(quality.getByRole("checkbox", { name: "Sharpen when you stop" }));
   await user.click(quality.getByRole("checkbox", { name: "WebP on slow links" }));
   expect(settings.value).toMatchObject({ refine: false, webp: false });
 });
@@ -68,10 +71,13 @@ test("how movement is met is chosen by keyboard, and what needs reprojection wai
   await user.selectOptions(overscan, "10 %");
   await user.selectOptions(panel.getByRole("combobox", { name: "Prediction" }), "Linear");
   await user.click(depth);
-  panel.getByRole("checkbox", { name: "Turn frames to the view" }).focus();
+  panel.getByRole("checkbox", { name: "Smooth turning (reprojection)" }).focus();
   await user.keyboard(" ");
   expect(settings.value).toMatchObject({ reprojection: false, prediction: "linear", overscan: 0.1, depth: false });
   expect([depth, overscan].map((field) => (field as HTMLInputElement).disabled)).toEqual([true, true]);
+  turning.value = "slow";
+  await user.keyboard(" ");
+  expect(turning.value, "whoever switches it on insists on it").toBe("forced");
 });
 
 test("an overscan that an experiment set is offered, too", () => {
@@ -81,9 +87,9 @@ test("an overscan that an experiment set is offered, too", () => {
 });
 
 test("a browser that cannot turn frames says so in the panel", () => {
-  session.reprojector.status.value = "missing";
+  session.reprojector.status.value = "slow";
   show();
-  expect(section("Reprojection").getByRole("status").textContent).toContain("WebGL 2");
+  expect(section("Reprojection").getByRole("status").textContent).toContain("No graphics acceleration");
 });
 
 test("a browser that cannot turn the stream's frames says so, beside frames that are turned, too", () => {
@@ -113,7 +119,7 @@ test("the lens is set field by field and reset; numbers that make no lens are pu
   };
   await type("1500");
   expect(session.rig.intrinsics.value.fx).toBe(1500);
-  expect(lens.getByText(/What you set stays/)).toBeTruthy();
+  expect(lens.getByText(/Your choice is kept/)).toBeTruthy();
   await type("-3");
   expect(fx.value).toBe("1500");
   await user.click(lens.getByRole("button", { name: "Reset lens" }));
@@ -176,8 +182,8 @@ test("any two modes are compared, and what their streams have in common is set o
   expect(screen.queryByRole("radio", { name: "Typical" })).toBeNull();
   await user.click(screen.getByRole("radio", { name: "60 frames/s" }));
   await user.selectOptions(screen.getByRole("combobox", { name: "Left" }), "Video");
-  await user.selectOptions(screen.getByRole("combobox", { name: "Right" }), "Local, compressed");
-  expect(settings.value).toMatchObject({ left: "video", right: "local-compressed", dashFrameRate: 60 });
+  await user.selectOptions(screen.getByRole("combobox", { name: "Right" }), "Local");
+  expect(settings.value).toMatchObject({ left: "video", right: "local", dashFrameRate: 60 });
   expect(screen.queryByRole("radio", { name: "60 frames/s" })).toBeNull();
   expect(screen.getByRole("checkbox", { name: "Use depth" })).toHaveProperty("disabled", true);
 });
@@ -185,14 +191,14 @@ test("any two modes are compared, and what their streams have in common is set o
 test("both sides are given one resolution or one bit rate, and of a download it is said that it has neither", async () => {
   const user = userEvent.setup();
   config.value = serverConfig({ dash: "http://dash.test" });
-  settings.value = { ...DEFAULT_SETTINGS, mode: "side-by-side", right: "local-ply" };
+  settings.value = { ...DEFAULT_SETTINGS, mode: "side-by-side", right: "local" };
   session.right.value = fakeSide("right");
   show();
-  await user.selectOptions(screen.getByRole("combobox", { name: "Held equal" }), "Resolution");
+  await user.selectOptions(screen.getByRole("combobox", { name: "Keep the same" }), "Resolution");
   await user.selectOptions(screen.getByRole("combobox", { name: "Rung" }), "640 × 360, Medium-Low");
   expect(settings.value).toMatchObject({ lock: "resolution", lockRung: 2 });
-  expect(screen.getByText(/A download knows neither/)).toBeTruthy();
-  await user.selectOptions(screen.getByRole("combobox", { name: "Held equal" }), "Bit rate");
+  expect(screen.getByText(/Neither applies to a download/)).toBeTruthy();
+  await user.selectOptions(screen.getByRole("combobox", { name: "Keep the same" }), "Bit rate");
   const rate = screen.getByRole("spinbutton", { name: /At most/ });
   await user.clear(rate);
   await user.type(rate, "1500{Tab}");

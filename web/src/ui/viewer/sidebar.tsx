@@ -3,7 +3,7 @@ import { ChevronDown, X } from "lucide";
 import type { ComponentChildren } from "preact";
 import { CONTROLLER_NAMES, CONTROLLERS, type ControllerName } from "../../abr/registry";
 import { changeSettings, config, ladder, settings } from "../../state/app";
-import { isPerView } from "../../state/settings";
+import { DEFAULT_SETTINGS, isPerView } from "../../state/settings";
 import { settingsShown } from "../../state/sides";
 import type { TransportChoice } from "../../transport/connect";
 import type { Intrinsics } from "../../view/intrinsics";
@@ -27,14 +27,19 @@ interface Props {
   readonly session: ViewerSession;
   readonly onClose: () => void;
   readonly onReset: () => void;
+  /** Give the focus to the stage. */
+  readonly onSkip: () => void;
 }
 
-export function Sidebar({ session, onClose, onReset }: Props) {
+export function Sidebar({ session, onClose, onReset, onSkip }: Props) {
   const shaper = config.value?.services.shaper;
   const modes = settingsShown(settings.value).map(({ mode }) => mode);
   const rendered = modes.some((mode) => mode !== "local");
   return (
     <aside class="sidebar" aria-label="Settings">
+      <button type="button" class="visually-hidden quiet-button" onClick={onSkip}>
+        Skip to the view
+      </button>
       <header>
         <h2>Settings</h2>
         <CopyLink session={session} />
@@ -105,7 +110,8 @@ function Quality({ session }: { session: ViewerSession }) {
         >
           {CONTROLLER_NAMES.map((name) => (
             <option key={name} value={name}>
-              Adaptive: {CONTROLLERS[name].title}
+              Automatic: {CONTROLLERS[name].title}
+              {name === DEFAULT_SETTINGS.controller && " (recommended)"}
             </option>
           ))}
           <option value="fixed">Fixed profile</option>
@@ -129,7 +135,7 @@ function Quality({ session }: { session: ViewerSession }) {
       </fieldset>
       <label class="check">
         <input type="checkbox" checked={refine} onChange={() => changeSettings({ refine: !refine })} />
-        Refine when still
+        Sharpen when you stop
       </label>
       <label class="check" title="Fewer bytes for the same picture, which takes the server a few milliseconds longer">
         <input type="checkbox" checked={webp} onChange={() => changeSettings({ webp: !webp })} />
@@ -143,7 +149,7 @@ function Quality({ session }: { session: ViewerSession }) {
   );
 }
 
-/** What its name does not tell: a rung of a scene's own ladder is named after its size and quality. */
+/** Explains a rung's name: rungs of a scene's own ladder are named after size and quality. */
 function detail({ name, width, height, quality, expected_kb }: Rung): string {
   if (!name.startsWith(`${width}×${height} `)) return `${width} × ${height} · q${quality}`;
   return `about ${bytes(1000 * expected_kb)}`;
@@ -166,8 +172,8 @@ function Movement({ session, onReset }: Pick<Props, "session" | "onReset">) {
           value={settings.value.drag}
           onChange={(event) => changeSettings({ drag: event.currentTarget.value as "look" | "orbit" })}
         >
-          <option value="look">Dragging looks around</option>
-          <option value="orbit">Dragging orbits what is looked at</option>
+          <option value="look">Drag to look around</option>
+          <option value="orbit">Drag to orbit</option>
         </select>
         <Icon of={ChevronDown} size={16} />
       </div>
@@ -233,7 +239,7 @@ function Lens({ session }: { session: ViewerSession }) {
         ))}
       </div>
       <p class="muted small">
-        For a stage of {width} × {height} pixels. {locked ? "What you set stays when the window changes." : ""}
+        For a stage of {width} × {height} pixels. {locked ? "Your choice is kept when the window is resized." : ""}
       </p>
     </Section>
   );

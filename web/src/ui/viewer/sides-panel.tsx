@@ -1,4 +1,4 @@
-/** What is compared side by side, and what both sides have in common. */
+/** Settings of a comparison, and those shared by both sides. */
 import { ChevronDown } from "lucide";
 import type { ComponentChildren } from "preact";
 import { changeSettings, ladder, settings } from "../../state/app";
@@ -35,7 +35,7 @@ export function SidesPanel() {
             ))}
           </Choice>
         ))}
-        <Choice label="Held equal" value={lock} onValue={(value) => changeSettings({ lock: value as SideLock })}>
+        <Choice label="Keep the same" value={lock} onValue={(value) => changeSettings({ lock: value as SideLock })}>
           {LOCKS.map((each) => (
             <option key={each} value={each}>
               {LOCK_NAMES[each]}
@@ -71,7 +71,7 @@ export function SidesPanel() {
   );
 }
 
-/** What a lock means, where it is not plain. */
+/** Explanation of a lock. */
 function LockNote() {
   const { lock } = settings.value;
   if (lock === "off") return null;
@@ -79,7 +79,7 @@ function LockNote() {
   return (
     <p class="muted small">
       {lock === "bitrate" && "A stream is encoded at this rate; of single frames, so many come as fit into it. "}
-      {free && "A download knows neither: it takes what the link gives."}
+      {free && "Neither applies to a download, which uses the whole link."}
     </p>
   );
 }

@@ -1,4 +1,4 @@
-/** What the stage has to say: what is awaited, that a server is away, or why there is no picture. */
+/** Message over the stage: loading, a lost server, or the reason for a missing picture. */
 import { CircleAlert, LoaderCircle, Unplug } from "lucide";
 import type { ComponentChildren } from "preact";
 import type { LocalPlayer } from "../../local/local-player";
@@ -24,7 +24,9 @@ export function StageMessage({ session }: { session: ViewerSession }) {
           {progress !== undefined && <progress max={1} value={progress} aria-label="Loading" />}
         </Waiting>
       )}
-      {kind === "full" && <Waiting>The server is full. The scene opens by itself as soon as there is room.</Waiting>}
+      {kind === "full" && (
+        <Waiting>The server is full. The scene opens automatically as soon as there is room.</Waiting>
+      )}
       {kind === "lost" && <Lost>{message}</Lost>}
       {kind === "failed" && (
         <div class="floating message tall" data-tone="danger">
@@ -57,7 +59,7 @@ export function StageMessage({ session }: { session: ViewerSession }) {
   );
 }
 
-/** Why a picture is not there, or not as it is to be. */
+/** Reason for a missing or degraded picture. */
 function SideMessage({ side, session }: { side: Side; session: ViewerSession }) {
   const { mode } = side.settings.value;
   if (isStreamed(mode)) return <Stream kind={mode} phase={side.stream.value?.phase.value} />;
@@ -66,7 +68,7 @@ function SideMessage({ side, session }: { side: Side; session: ViewerSession }) 
   return problem && <Failed>{problem}</Failed>;
 }
 
-/** Of a side that has one of its own. */
+/** For a side with its own message. */
 function Connection({ state }: { state: ConnectionState | null }) {
   if (state?.status === "connecting") return <Waiting>Connecting…</Waiting>;
   if (state?.status === "full")

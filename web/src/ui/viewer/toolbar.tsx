@@ -1,4 +1,4 @@
-/** What floats at the top of the stage: the way back, the scene's name, and the switches. */
+/** Toolbar at the top of the stage: back button, scene name and switches. */
 import { Activity, ArrowLeft, CircleHelp, Columns2, FlaskConical, Maximize, SlidersHorizontal } from "lucide";
 import type { Mode } from "../../state/settings";
 import { Icon } from "../icon";
@@ -8,13 +8,15 @@ import type { ViewerActions } from "./use-shortcuts";
 
 interface Props {
   readonly name: string;
+  /** There is a scene to look at. */
+  readonly usable: boolean;
   readonly actions: ViewerActions;
   readonly mode: Mode;
   readonly hud: boolean;
   readonly sidebar: boolean;
 }
 
-export function Toolbar({ name, actions, mode, hud, sidebar }: Props) {
+export function Toolbar({ name, usable, actions, mode, hud, sidebar }: Props) {
   return (
     <header class="toolbar">
       <div class="floating title">
@@ -23,26 +25,30 @@ export function Toolbar({ name, actions, mode, hud, sidebar }: Props) {
         </a>
         <h1>{name}</h1>
       </div>
-      <div class="floating" role="toolbar" aria-label="View">
-        <IconButton icon={CircleHelp} label="Help" shortcut="H" onClick={actions.help} />
-        <IconButton
-          icon={Columns2}
-          label={`Mode: ${MODE_NAMES[mode]}`}
-          shortcut="M"
-          pressed={mode !== "stateless"}
-          onClick={actions.mode}
-        />
-        <IconButton icon={Activity} label="Measurements" shortcut="I" pressed={hud} onClick={actions.hud} />
-        <IconButton icon={FlaskConical} label="Experiment" shortcut="X" onClick={actions.experiment} />
-        <IconButton icon={Maximize} label="Fullscreen" shortcut="F" onClick={actions.fullscreen} />
-        <IconButton
-          icon={SlidersHorizontal}
-          label="Settings"
-          shortcut="P"
-          pressed={sidebar}
-          onClick={actions.sidebar}
-        />
-      </div>
+      {usable && (
+        <div class="floating" role="toolbar" aria-label="View">
+          <IconButton icon={CircleHelp} label="Help" shortcut="H" onClick={actions.help} />
+          <IconButton
+            icon={Columns2}
+            label={`Mode: ${MODE_NAMES[mode]}`}
+            shortcut="M"
+            pressed={mode !== "stateless"}
+            onClick={actions.mode}
+          />
+          <IconButton icon={Activity} label="Measurements" shortcut="I" pressed={hud} onClick={actions.hud} />
+          <IconButton icon={FlaskConical} label="Experiment" shortcut="X" onClick={actions.experiment} />
+          {actions.fullscreen && (
+            <IconButton icon={Maximize} label="Fullscreen" shortcut="F" onClick={actions.fullscreen} />
+          )}
+          <IconButton
+            icon={SlidersHorizontal}
+            label="Settings"
+            shortcut="P"
+            pressed={sidebar}
+            onClick={actions.sidebar}
+          />
+        </div>
+      )}
     </header>
   );
 }

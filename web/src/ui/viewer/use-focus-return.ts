@@ -1,4 +1,4 @@
-/** What is used by pointer gives the keys back to the camera; who came by keyboard keeps the focus while there is what has it. */
+/** Returns the keyboard to the camera after pointer use; keyboard users keep their focus while its element exists. */
 import type { RefObject } from "preact";
 import { useEffect } from "preact/hooks";
 

@@ -5,7 +5,8 @@ import { useEffect } from "preact/hooks";
 
 export interface Fullscreen {
   readonly on: boolean;
-  readonly toggle: () => void;
+  /** Null where the browser has none, as on iPhones. */
+  readonly toggle: (() => void) | null;
 }
 
 export function useFullscreen(element: RefObject<HTMLElement | null>): Fullscreen {
@@ -17,13 +18,13 @@ export function useFullscreen(element: RefObject<HTMLElement | null>): Fullscree
     document.addEventListener("fullscreenchange", follow);
     return () => document.removeEventListener("fullscreenchange", follow);
   }, [on]);
-  return { on: on.value, toggle: () => void toggle(element.current) };
+  return { on: on.value, toggle: document.fullscreenEnabled ? () => void toggle(element.current) : null };
 }
 
 async function toggle(element: HTMLElement | null): Promise<void> {
   try {
     await (document.fullscreenElement ? document.exitFullscreen() : element?.requestFullscreen());
   } catch {
-    // phones that have no fullscreen for pages: the frame fills the window as it is
+    // refused: the stage fills the window as before
   }
 }

@@ -39,12 +39,12 @@ beforeEach(() => {
 
 afterEach(cleanup);
 
-const show = (asked: Asked = {}) => render(<Viewer sceneId="courtyard" stamp={false} asked={asked} />);
+const show = (asked: Asked = {}) => render(<Viewer sceneId="courtyard" asked={asked} />);
 const stage = () => screen.getByRole("application");
 
 test("opens the scene, names it, and gives the keys to the stage", () => {
   show();
-  expect(visits.opened.map(([scene, , stamp]) => [scene, stamp])).toEqual([["courtyard", false]]);
+  expect(visits.opened.map(([scene]) => scene)).toEqual(["courtyard"]);
   expect(document.title).toBe("Courtyard · TIGAS");
   expect(screen.getByRole("heading", { name: "Courtyard", level: 1 })).toBeTruthy();
   expect(document.activeElement).toBe(stage());
@@ -91,7 +91,36 @@ test("keys open help, hide the measurements, open the settings and change the mo
   expect(modes).toEqual(["video", "dash", "webrtc", "side-by-side", "local"]);
 });
 
-test("a dialogue gives the focus back to what opened it, and the settings give it to the stage", async () => {
+test("help names the keys as the keyboard in use does", async () => {
+  const layout = new Map([
+    ["KeyW", "z"],
+    ["KeyA", "q"],
+  ]);
+  vi.stubGlobal(
+    "navigator",
+    Object.assign(Object.create(navigator), { keyboard: { getLayoutMap: async () => layout } }),
+  );
+  show();
+  await userEvent.keyboard("h");
+  const walk = screen.getByText("Walk").parentElement;
+  await waitFor(() => expect(walk?.textContent).toBe("WalkZQSD"));
+  vi.unstubAllGlobals();
+});
+
+test.each([
+  [{ reprojection: true, prediction: "linear" }, "on", true],
+  [{ reprojection: false, prediction: "linear" }, "off", false],
+  [{ reprojection: true, prediction: "linear" }, "slow", false],
+] as const)("an experiment begins with the viewer's own settings: %o, turning %s", async (chosen, status, checked) => {
+  settings.value = { ...settings.value, ...chosen };
+  session.reprojector.status.value = status;
+  show();
+  await userEvent.keyboard("x");
+  expect((await screen.findByRole<HTMLInputElement>("checkbox", { name: "Reprojection" })).checked).toBe(checked);
+  expect(screen.getByRole<HTMLSelectElement>("combobox", { name: "Prediction" }).value).toBe("linear");
+});
+
+test("a dialog gives the focus back to what opened it, and the settings give it to the stage", async () => {
   const user = userEvent.setup();
   show();
   const help = screen.getByRole("button", { name: "Help" });
@@ -168,19 +197,22 @@ test("what is typed into a field, or with a modifier, is no shortcut", async () 
 test("the measurements are those of the mode", async () => {
   show();
   await act(() => {
-    settings.value = { ...settings.value, mode: "side-by-side", left: "local-ply", right: "dash-edge" };
+    settings.value = { ...settings.value, mode: "side-by-side", left: "local", right: "dash-edge" };
     session.local.value = fakeLocal({ kind: "playing" }, { drawn: 300 });
     const right = fakeSide("right");
     right.stream.value = fakeStream({ kind: "playing" }, { liveLatency: 320, stalls: { count: 2, time: 1500 } });
     session.right.value = right;
   });
   const names = screen.getAllByRole("region").map((region) => region.getAttribute("aria-label"));
-  expect(names).toEqual(["Measurements: Local, PLY", "Measurements: DASH, edge"]);
-  const local = screen.getByRole("region", { name: "Measurements: Local, PLY" });
+  expect(names).toEqual(["Measurements: Local", "Measurements: DASH, edge"]);
+  const local = screen.getByRole("region", { name: "Measurements: Local" });
   expect(local.querySelector("[data-stat=gaussians]")?.textContent).toBe("–");
   const dash = screen.getByRole("region", { name: "Measurements: DASH, edge" });
   expect(dash.querySelector("[data-stat=live-latency]")?.textContent).toBe("320 ms");
   expect(dash.querySelector("[data-stat=stalls]")?.textContent).toBe("2, 1.5 s");
+  await userEvent.click(screen.getAllByRole("button", { name: "Fewer measurements" })[0] as HTMLElement);
+  expect(dash.querySelector("[data-stat=stalls]"), "both sides keep their main figure only").toBeNull();
+  expect(dash.querySelector("[data-stat=motion-to-photon]")).not.toBeNull();
   await act(() => {
     settings.value = { ...settings.value, mode: "dash" };
     session.right.value = null;
@@ -192,13 +224,14 @@ test("while the settings are closed, the last walk is summed up over the stage, 
   settings.value = { ...settings.value, mode: "side-by-side", right: "video" };
   const side = {
     inputs: 9,
+    contentAge: 40,
     latency: { p50: 40, p95: 90 },
     newViewsPerSecond: 12,
     bandwidth: 1e6,
     bytes: 1e6,
     stalled: 0,
   };
-  const walk = { duration: 5000, sides: [side, { ...side, latency: { p50: 90, p95: 99 } }] };
+  const walk = { duration: 5000, sides: [side, { ...side, contentAge: 90 }] };
   session.comparison.value = {
     sides: [session.left, fakeSide("right")],
     history: new ComparisonHistory(2),
@@ -206,9 +239,9 @@ test("while the settings are closed, the last walk is summed up over the stage, 
     quality: signal(UNSCORED),
   } as unknown as Comparison;
   show();
-  const said = screen.getByRole("button", { name: /^Stateless followed you 50 ms sooner than Video/ });
+  const said = screen.getByRole("button", { name: /^Stateless was 50 ms more up to date than Video/ });
   await userEvent.click(said);
-  expect(screen.getByRole("region", { name: "The last walk" }).textContent).toContain("Stateless followed you 50 ms");
+  expect(screen.getByRole("region", { name: "The last walk" }).textContent).toContain("Stateless was 50 ms");
   expect(said.isConnected).toBe(false);
 });
 
@@ -225,8 +258,8 @@ test("a stream whose frames show nothing new says that the server is the limit, 
     await act(async () => void (await vi.advanceTimersByTimeAsync(100)));
   }
   vi.useRealTimers();
-  expect(screen.getByText(/limit, not the link: 75 % of the stream’s frames/)).toBeTruthy();
-  expect(screen.getByText("This machine is the limit: its browser draws 10 pictures a second.")).toBeTruthy();
+  expect(screen.getByText(/^The server is slow, not your connection: 75 % of the stream’s frames/)).toBeTruthy();
+  expect(screen.getByText("This computer is slow: it shows only 10 pictures per second.")).toBeTruthy();
 });
 
 test("where this browser cannot decode video, the mode Video says so, and the others do not", async () => {
@@ -244,7 +277,7 @@ test.each([
   [{ kind: "connecting" }, "Connecting…"],
   [{ kind: "loading" }, "Loading the scene…"],
   [{ kind: "lost", message: "The server does not answer." }, "The server does not answer. Trying again…"],
-  [{ kind: "full" }, "The server is full. The scene opens by itself as soon as there is room."],
+  [{ kind: "full" }, "The server is full. The scene opens automatically as soon as there is room."],
 ] as const)("a visit that is %j says: %s", (phase, sentence) => {
   session.phase.value = phase;
   show();
@@ -259,6 +292,64 @@ test("a visit that failed says why, can be tried again, and offers the way back"
   expect(screen.getByRole("link", { name: "All scenes" }).getAttribute("href")).toBe("#/");
   await userEvent.click(screen.getByRole("button", { name: "Try again" }));
   expect(session.retries).toBe(1);
+});
+
+test("a scene that there is not has nothing to set, to measure or to walk in", async () => {
+  settings.value = { ...DEFAULT_SETTINGS, sidebar: true };
+  session.phase.value = { kind: "failed", message: "There is no scene courtyard." };
+  const { container } = show();
+  expect(screen.queryByRole("toolbar")).toBeNull();
+  expect(screen.queryByRole("complementary", { name: "Settings" })).toBeNull();
+  expect(container.querySelector(".move-pad")).toBeNull();
+  expect(screen.getByRole("link", { name: "Back to all scenes" })).toBeTruthy();
+  await userEvent.keyboard("ip");
+  expect(settings.value, "no shortcut changes what cannot be seen").toMatchObject({ hud: true, sidebar: true });
+  await act(() => {
+    session.phase.value = { kind: "playing" };
+  });
+  expect(screen.getByRole("toolbar")).toBeTruthy();
+});
+
+test("fullscreen is offered only where the browser has it", () => {
+  show();
+  expect(screen.queryByRole("button", { name: "Fullscreen" })).toBeNull();
+  cleanup();
+  Object.assign(document, { fullscreenEnabled: true });
+  show();
+  expect(screen.getByRole("button", { name: "Fullscreen" })).toBeTruthy();
+  Reflect.deleteProperty(document, "fullscreenEnabled");
+});
+
+test("from the settings, keys get back to the view in one step", async () => {
+  settings.value = { ...DEFAULT_SETTINGS, sidebar: true };
+  show();
+  screen.getByRole("button", { name: "Skip to the view" }).focus();
+  await userEvent.keyboard("{Enter}");
+  expect(document.activeElement).toBe(stage());
+});
+
+/** A screen on which these media queries match; the viewer on it. */
+function showOn(matching: (query: string) => boolean) {
+  vi.stubGlobal("matchMedia", (query: string) => Object.assign(new EventTarget(), { matches: matching(query) }));
+  settings.value = DEFAULT_SETTINGS;
+  const { container } = show();
+  vi.unstubAllGlobals();
+  return {
+    sidebar: screen.queryByRole("complementary", { name: "Settings" }) !== null,
+    details: container.querySelector(".hud-details") !== null,
+  };
+}
+
+test("settings and details begin open only where there is room, and details not on touch screens", () => {
+  const wide = (query: string) => query === "(min-width: 800px) and (min-height: 500px)";
+  expect(showOn(wide)).toEqual({ sidebar: true, details: true });
+  cleanup();
+  expect(showOn((query) => wide(query) || query === "(pointer: coarse)")).toEqual({ sidebar: true, details: false });
+  cleanup();
+  expect(
+    showOn((query) => query === "(pointer: coarse)"),
+    "a phone",
+  ).toEqual({ sidebar: false, details: false });
 });
 
 test.each([
@@ -288,86 +379,6 @@ test("scripts can drive the viewer for as long as it is open", async () => {
   unmount();
   await waitFor(() => expect(session.disposed).toBe(true));
   expect(window.tigas).toBeUndefined();
-});
-
-test("models that the URL names are chosen, and remembered", () => {
-  show({ restore: "anime4k-restore-m" });
-  expect(settings.value).toMatchObject({ restore: "anime4k-restore-m", upscale: "off" });
-});
-
-test("a URL may say where the camera is, and what is shown how", async () => {
-  show({ at: "1,2,3,0,0,0,1", mode: "local", drag: "orbit" });
-  await act(() => void session.rig.sample(20));
-  expect(session.rig.pose.position).toEqual([1, 2, 3]);
-  expect(settings.value).toMatchObject({ mode: "local", drag: "orbit" });
-});
-
-test("a link to the view is copied, and is the page's address", async () => {
-  history.replaceState(null, "", "#/scene/courtyard?stamp");
-  settings.value = { ...DEFAULT_SETTINGS, sidebar: true, depth: false };
-  const copied: string[] = [];
-  vi.stubGlobal("navigator", {
-    ...navigator,
-    clipboard: { writeText: async (text: string) => void copied.push(text) },
-  });
-  show();
-  await userEvent.click(screen.getByRole("button", { name: "Copy a link to this view" }));
-  await screen.findByRole("button", { name: "The link is copied" });
-  expect(copied).toEqual([location.href]);
-  expect(location.hash).toMatch(/^#\/scene\/courtyard\?at=[-\d.,]+&mode=stateless&depth=off&stamp$/);
-  vi.unstubAllGlobals();
-});
-
-test("a URL that names a model which there is not says so, and chooses none", () => {
-  settings.value = { ...settings.value, restore: "anime4k-restore-m", upscale: "bicubic" };
-  show({ upscale: "magic" });
-  expect(settings.value).toMatchObject({ restore: "anime4k-restore-m", upscale: "off" });
-  expect(screen.getByText(/Enhancement is off. There is no model “magic” to upscale with, only off, /)).toBeTruthy();
-});
-
-test("a URL may say how movement is met, and what makes no sense in it changes nothing", () => {
-  show({ reprojection: "off", prediction: "linear" });
-  expect(settings.value).toMatchObject({ reprojection: false, prediction: "linear" });
-  expect(document.querySelector("[data-stat=link-note]")).toBeNull();
-  cleanup();
-  show({ reprojection: "maybe", prediction: "magic" });
-  expect(settings.value).toMatchObject({ reprojection: false, prediction: "linear" });
-  expect(screen.getByText("The link sets reprojection to “maybe”: it is either on or off.")).toBeTruthy();
-});
-
-test.each([
-  [{ mode: "video" }, { mode: "video", left: "stateless", right: "dash-tuned" }],
-  [{ right: "video" }, { mode: "side-by-side", left: "stateless", right: "video" }],
-  [
-    { left: "local-ply", right: "dash-edge" },
-    { mode: "side-by-side", left: "local-ply", right: "dash-edge" },
-  ],
-  [
-    { mode: "magic", left: "magic" },
-    { mode: "stateless", left: "stateless" },
-  ],
-])("a URL with %o names what shows the scene, or what is compared", (asked, chosen) => {
-  show(asked);
-  expect(settings.value).toMatchObject(chosen);
-});
-
-test.each([
-  [
-    { left: "magic" },
-    undefined,
-    /^The link sets left to “magic”, which does not exist; choose one of stateless, video, /,
-  ],
-  [
-    { prediction: "magic" },
-    undefined,
-    /^The link names a prediction that does not exist, “magic”; choose one of off, velocity, /,
-  ],
-  [{ at: "here" }, undefined, /^The link's place cannot be read/],
-  [{ profile: "-2" }, undefined, "The link sets profile to “-2”, which it cannot be."],
-  [{}, ["predicton"], /^The link names “predicton”, which means nothing here; it may name at, mode, /],
-])("a URL with %o and %o says what makes no sense in it", (asked, unknown, sentence) => {
-  render(<Viewer sceneId="courtyard" stamp={false} asked={asked} unknown={unknown} />);
-  expect(screen.getByText(sentence)).toBeTruthy();
 });
 
 test("what a person should know of enhancement is said", async () => {

@@ -1,4 +1,4 @@
-/** The viewer: the stage with its frame, what floats over it, and the sidebar. */
+/** The viewer: the stage with its frame, overlays, and the sidebar. */
 
 import { useSignal } from "@preact/signals";
 import { useEffect, useRef } from "preact/hooks";
@@ -6,13 +6,16 @@ import { KINDS, OFF } from "../../enhance/model/enhancer";
 import { nameProblem } from "../../enhance/registry";
 import { offerBridge } from "../../experiment/bridge";
 import { Runner } from "../../experiment/runner";
+import { turning } from "../../reproject/acceleration";
 import { changeSettings, settings } from "../../state/app";
 import { linkedPose, linkedSettings } from "../../state/link";
 import type { Asked } from "../../state/route";
 import { isPerView, MODES } from "../../state/settings";
+import { added } from "../../uploads/uploads";
 import { keepAddress } from "../../viewer/address";
 import { ViewerSession } from "../../viewer/session";
 import { ExperimentDialog } from "../experiment/experiment-dialog";
+import { TOUCH, useMedia, WIDE } from "../use-media";
 import { Freeze } from "./freeze";
 import { HelpDialog } from "./help";
 import { Hud } from "./hud";
@@ -26,20 +29,17 @@ import { Toolbar } from "./toolbar";
 import { useFocusReturn } from "./use-focus-return";
 import { useFullscreen } from "./use-fullscreen";
 import { useShortcuts } from "./use-shortcuts";
-import { useWide } from "./use-wide";
 import { WalkVerdict } from "./walk-verdict";
 
 interface Props {
   readonly sceneId: string;
-  /** Frames carry their pose's number. */
-  readonly stamp: boolean;
   /** That the URL asks for. */
   readonly asked: Asked;
-  /** That it names, too, and that means nothing. */
+  /** Unknown values in the link. */
   readonly unknown?: readonly string[] | undefined;
 }
 
-export function Viewer({ sceneId, stamp, asked, unknown }: Props) {
+export function Viewer({ sceneId, asked, unknown }: Props) {
   const root = useRef<HTMLDivElement>(null);
   const stage = useRef<HTMLDivElement>(null);
   const left = useRef<HTMLDivElement>(null);
@@ -49,9 +49,10 @@ export function Viewer({ sceneId, stamp, asked, unknown }: Props) {
   const help = useSignal(false);
   const experiment = useSignal(false);
   const locked = useSignal(false);
-  const wide = useWide();
+  const wide = useMedia(WIDE);
+  const detailed = !useMedia(TOUCH) && wide;
   const fullscreen = useFullscreen(root);
-  /** Fullscreen is for the picture: the settings are there once they are asked for. */
+  /** Fullscreen shows only the picture; the settings open on demand. */
   const besideFullscreen = useSignal(false);
   useEffect(() => {
     if (!fullscreen.on) besideFullscreen.value = false;
@@ -60,7 +61,7 @@ export function Viewer({ sceneId, stamp, asked, unknown }: Props) {
   useEffect(() => {
     if (!stage.current || !left.current || !right.current) return undefined;
     const place = { element: stage.current, left: left.current, right: right.current };
-    const current = new ViewerSession(sceneId, place, stamp);
+    const current = new ViewerSession(sceneId, place);
     session.value = current;
     const movementRunner = new Runner(current);
     runner.value = movementRunner;
@@ -75,13 +76,16 @@ export function Viewer({ sceneId, stamp, asked, unknown }: Props) {
       movementRunner.dispose();
       current.dispose();
     };
-  }, [sceneId, stamp, session, runner]);
+  }, [sceneId, session, runner]);
 
   const live = session.value;
   useEffect(() => {
     if (live) choose(asked, live);
   }, [asked, live]);
   const entered = live?.scene.value != null;
+  useEffect(() => {
+    if (entered) added.value = new Set([...added.peek()].filter((id) => id !== sceneId));
+  }, [entered, sceneId]);
   useEffect(() => {
     const pose = linkedPose(asked);
     if (live && entered && pose) live.rig.place(pose);
@@ -107,17 +111,18 @@ export function Viewer({ sceneId, stamp, asked, unknown }: Props) {
     lock: () => void session.value?.input.lock(),
     fullscreen: fullscreen.toggle,
   };
-  useShortcuts(actions, locked.value);
+  const phase = live?.phase.value.kind ?? "connecting";
+  const usable = phase !== "failed";
+  useShortcuts(actions, locked.value || !usable);
   useFocusReturn(root, stage);
 
-  const phase = live?.phase.value.kind ?? "connecting";
   const name = live?.scene.value?.name ?? sceneId;
   useEffect(() => {
     document.title = `${name} · TIGAS`;
   }, [name]);
 
   return (
-    <div class="viewer" ref={root} data-sidebar={sidebarOpen ? "open" : "closed"}>
+    <div class="viewer" ref={root} data-sidebar={usable && sidebarOpen ? "open" : "closed"}>
       <main class="stage-area" inert={locked.value}>
         <div
           class="stage"
@@ -139,18 +144,25 @@ export function Viewer({ sceneId, stamp, asked, unknown }: Props) {
           <div class="pane" ref={left} />
           <div class="pane" ref={right} />
         </div>
-        <Toolbar name={name} actions={actions} mode={mode} hud={hud} sidebar={sidebarOpen} />
-        {live && entered && hud && phase !== "failed" && isPerView(mode) && (
-          <Hud session={live} wide={wide} linkNote={linkNote(asked, unknown)} />
+        <Toolbar name={name} usable={usable} actions={actions} mode={mode} hud={hud} sidebar={sidebarOpen} />
+        {live && entered && hud && usable && isPerView(mode) && (
+          <Hud session={live} detailed={detailed} linkNote={linkNote(asked, unknown)} />
         )}
-        {live && entered && hud && phase !== "failed" && !isPerView(mode) && <SideFigures session={live} />}
-        {live && <MovePad input={live.input} />}
+        {live && entered && hud && usable && !isPerView(mode) && <SideFigures session={live} detailed={detailed} />}
+        {live && usable && <MovePad input={live.input} />}
         {live && <MovementStatus deck={live.movement} />}
         {live && <StageMessage session={live} />}
         {live && <Freeze session={live} />}
         {live && !sidebarOpen && <WalkVerdict session={live} onOpen={actions.sidebar} />}
       </main>
-      {live && sidebarOpen && <Sidebar session={live} onClose={actions.sidebar} onReset={actions.reset} />}
+      {live && usable && sidebarOpen && (
+        <Sidebar
+          session={live}
+          onClose={actions.sidebar}
+          onReset={actions.reset}
+          onSkip={() => stage.current?.focus({ preventScroll: true })}
+        />
+      )}
       {help.value && (
         <HelpDialog
           onClose={() => {
@@ -165,7 +177,7 @@ export function Viewer({ sceneId, stamp, asked, unknown }: Props) {
   );
 }
 
-/** As the URL asks, and remembered as what a person chooses; unless it names what there is not. */
+/** The link's setting, stored like one chosen by the user, unless its value is unavailable. */
 function choose(asked: Asked, session: ViewerSession): void {
   const named = KINDS.flatMap((kind) => (asked[kind] === undefined ? [] : [{ kind, name: asked[kind] }]));
   const problem = named.map(({ kind, name }) => nameProblem(kind, name)).find((one) => one !== null);
@@ -173,5 +185,6 @@ function choose(asked: Asked, session: ViewerSession): void {
     ...linkedSettings(asked),
     ...(problem && Object.fromEntries(named.map(({ kind }) => [kind, OFF]))),
   });
+  if (asked.reprojection === "on") turning.value = "forced";
   if (problem) session.enhancement.giveUp(problem);
 }

@@ -1,4 +1,4 @@
-/** Over the stage, while the settings are closed: what became of the last walk, in one sentence that leads to all of it. */
+/** Over the stage, while the settings are closed: the last walk in one sentence, which opens all of its figures. */
 import { settings } from "../../state/app";
 import type { ViewerSession } from "../../viewer/session";
 import { verdict } from "./last-walk";

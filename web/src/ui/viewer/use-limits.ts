@@ -1,4 +1,4 @@
-/** What limits a picture on the stage, where it is not the link: renderer or encoder, or this machine. */
+/** Bottlenecks other than the link: the renderer or encoder, or this computer. */
 import { useSignal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
 import { isPerView } from "../../state/settings";
@@ -7,38 +7,36 @@ import type { StreamPlayer } from "../../stream/stream-player";
 import type { Rig } from "../../view/rig";
 import type { Side } from "../../viewer/side";
 import type { SessionStatus } from "../../wire/dash";
-import { ServerNote } from "./hud";
+import { type Said, serverNote } from "./notes";
 
-/** How often the packager is asked how it does, in milliseconds. */
+/** Polling interval of the packager's status, in milliseconds. */
 const ASK_EVERY = 2000;
-/** How often pictures of the display are counted, in milliseconds. */
+/** How often drawn pictures are counted, in milliseconds. */
 const COUNT_EVERY = 2000;
 /** With fewer a second, no mode can look smooth here. */
 const FEW_PICTURES = 30;
 
-export function LimitNote({ side, rig }: { side: Side; rig: Rig }) {
-  const { mode } = side.settings.value;
+export function useLimits(side: Side, rig: Rig): Said {
   const drawn = useDrawn(rig);
   const repeated = useRepeats(side.stream.value);
-  return (
-    <>
-      {isPerView(mode) && <ServerNote stats={side.stateless.stats.value} />}
-      {repeated !== null && repeated > MANY_REPEATS && (
-        <p class="hud-note" role="status" data-stat="server-note">
-          Renderer or encoder is the limit, not the link: {Math.round(repeated * 100)} % of the stream’s frames show
-          nothing new.
-        </p>
-      )}
-      {drawn !== null && drawn < FEW_PICTURES && (
-        <p class="hud-note" role="status" data-stat="browser-note">
-          This machine is the limit: its browser draws {Math.round(drawn)} pictures a second.
-        </p>
-      )}
-    </>
-  );
+  return {
+    "server-note": isPerView(side.settings.value.mode) ? serverNote(side.stateless.stats.value) : streamNote(repeated),
+    "browser-note": browserNote(drawn),
+  };
 }
 
-/** How many pictures a second this browser draws, whatever they show; null before that is known, and after the page was hidden. */
+function streamNote(repeated: number | null): string | null {
+  if (repeated === null || repeated <= MANY_REPEATS) return null;
+  return `The server is slow, not your connection: ${Math.round(repeated * 100)} % of the stream’s frames show nothing new.`;
+}
+
+function browserNote(drawn: number | null): string | null {
+  if (drawn === null || drawn >= FEW_PICTURES) return null;
+  const pictures = Math.round(drawn);
+  return `This computer is slow: it shows only ${pictures} ${pictures === 1 ? "picture" : "pictures"} per second.`;
+}
+
+/** The browser's frames per second; null until known and after the page was hidden. */
 function useDrawn(rig: Rig): number | null {
   const rate = useSignal<number | null>(null);
   useEffect(() => {
@@ -60,7 +58,7 @@ function useDrawn(rig: Rig): number | null {
   return rate.value;
 }
 
-/** The share of the stream's newest frames that show nothing new although the camera moved; null before that is known. */
+/** Share of the stream's newest frames that repeat the view although the camera moved; null until known. */
 function useRepeats(stream: StreamPlayer | null): number | null {
   const share = useSignal<number | null>(null);
   useEffect(() => {

@@ -1,0 +1,32 @@
+// Generated from services/common/tigas_common/wire/run.py by `npm run wire`. Do not edit.
+
+export const PER_VIEW = ["stateless", "video"] as const;
+export const DASH = ["dash-typical", "dash-tuned", "dash-edge"] as const;
+export const LOCAL = ["local-ply", "local-compressed"] as const;
+export const MODE_NAMES = {
+  stateless: "Stateless",
+  video: "Video",
+  "dash-typical": "DASH, typical",
+  "dash-tuned": "DASH, tuned",
+  "dash-edge": "DASH, edge",
+  webrtc: "WebRTC",
+  "local-ply": "Local, PLY",
+  "local-compressed": "Local, compressed",
+} as const;
+export const MODES = [
+  "stateless",
+  "video",
+  "dash-typical",
+  "dash-tuned",
+  "dash-edge",
+  "webrtc",
+  "local-compressed",
+] as const;
+export const UNSHAPED = "unshaped";
+export const LINK_TERMS = [
+  { field: "down_kbps", unit: "mbit", scale: 1000, usual: null },
+  { field: "up_kbps", unit: "mbit-up", scale: 1000, usual: 10000 },
+  { field: "jitter_ms", unit: "ms-jitter", scale: 1, usual: 0 },
+  { field: "loss_pct", unit: "%-loss", scale: 1, usual: 0 },
+  { field: "delay_ms", unit: "ms-rtt", scale: 0.5, usual: 0 },
+] as const;
